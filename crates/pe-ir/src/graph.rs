@@ -1,0 +1,318 @@
+//! The step graph: one solver step as chains of products, and its number formats.
+//!
+//! A *chain* is a sum of products; the write side adds it to a base word. Every value is written once per step.
+//! The unit of mapping is the *equation*, which owns chains.
+
+use std::fmt;
+use std::ops::Range;
+
+use crate::model::Model;
+use crate::source::Span;
+use crate::word::WordFormat;
+
+/// Index into [`StepGraph::values`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ValueId(pub u32);
+
+impl ValueId {
+    /// As an index.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// How the stages of a step are arranged; see `docs/decisions/0001-number-path.md`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StageForm {
+    /// One stage, `y+ = y + h f(y)`.
+    Euler,
+    /// Classic RK4 by increments: each stage adds its increment to a running sum, `4 f + 1` products per state.
+    Increments,
+    /// The same polynomial by Horner's rule, for models affine in the state: `4 f` products.
+    Horner,
+}
+
+/// What a value is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Role {
+    /// A state at the start of the step.
+    State(u32),
+    /// A state in an intermediate stage (counted from 2).
+    Stage(u32, u8),
+    /// Running sum of a state's increments after a stage.
+    Sum(u32, u8),
+    /// A state at the end of the step.
+    Next(u32),
+    /// A shared algebraic variable in a stage (counted from 1).
+    Algebraic(u32, u8),
+    /// An inner factor of a product, private to its chain: equation and serial number.
+    Inner(u32, u32),
+    /// An external input, held over the step.
+    Input(u32),
+    /// A constant in memory.
+    Constant(f64),
+    /// An output computed at the end of the step: index into the model's outputs.
+    Published(u32),
+}
+
+/// A stored value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Value {
+    /// What it is.
+    pub role: Role,
+    /// The equation that computes or owns it; `u32::MAX` for inputs.
+    pub equation: u32,
+    /// Whether the coefficient port reads it; such a value is read by nothing else.
+    pub factor: bool,
+}
+
+/// The second factor of a term.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Factor {
+    /// A number.
+    Coefficient(f64),
+    /// A stored value of the same equation with [`Value::factor`] set.
+    Value(ValueId),
+}
+
+/// One product of a chain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Term {
+    /// The data operand.
+    pub operand: ValueId,
+    /// The coefficient operand.
+    pub factor: Factor,
+}
+
+/// `value := base + 2^weight * sum`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Write {
+    /// The value that is written.
+    pub value: ValueId,
+    /// The base, of the same number format; none means zero.
+    pub base: Option<ValueId>,
+    /// Binary logarithm of the weight of the chain's sum.
+    pub weight: i32,
+}
+
+/// A sum of products with one or two writes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chain {
+    /// The equation it belongs to.
+    pub equation: u32,
+    /// Its terms in [`StepGraph::terms`]; at least one.
+    pub terms: Range<u32>,
+    /// First write; the only one that may be sent to other PEs.
+    pub write: Write,
+    /// Second write.
+    pub second: Option<Write>,
+}
+
+impl Chain {
+    /// Both writes in order.
+    pub fn writes(&self) -> impl Iterator<Item = &Write> {
+        std::iter::once(&self.write).chain(self.second.as_ref())
+    }
+
+    /// Number of terms.
+    pub fn len(&self) -> u32 {
+        self.terms.end - self.terms.start
+    }
+
+    /// Whether there are no terms; never true in a valid graph.
+    pub fn is_empty(&self) -> bool {
+        self.terms.is_empty()
+    }
+}
+
+/// A unit of mapping.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Equation {
+    /// Name of its left-hand side.
+    pub name: String,
+    /// Where the spec states it.
+    pub span: Span,
+}
+
+/// One solver step.
+#[derive(Clone, Debug)]
+pub struct StepGraph {
+    /// Stage form.
+    pub form: StageForm,
+    /// Step in seconds.
+    pub step: f64,
+    /// Units of mapping.
+    pub equations: Vec<Equation>,
+    /// Values.
+    pub values: Vec<Value>,
+    /// Chains; each reads only what earlier chains write, states, inputs and constants.
+    pub chains: Vec<Chain>,
+    /// Terms of all chains.
+    pub terms: Vec<Term>,
+    /// For each state its value at the start and at the end of the step.
+    pub states: Vec<(ValueId, ValueId)>,
+    /// Initial value of each state.
+    pub initial: Vec<f64>,
+    /// For each input its value.
+    pub inputs: Vec<ValueId>,
+    /// For each output the value to publish.
+    pub outputs: Vec<ValueId>,
+    /// Names: states, inputs, algebraic variables, outputs.
+    pub names: Names,
+}
+
+/// Names of a model's variables.
+#[derive(Clone, Debug, Default)]
+pub struct Names {
+    /// States.
+    pub states: Vec<String>,
+    /// Inputs.
+    pub inputs: Vec<String>,
+    /// Algebraic variables.
+    pub algebraics: Vec<String>,
+    /// Outputs.
+    pub outputs: Vec<String>,
+}
+
+impl Names {
+    /// Collects the names of a model.
+    pub fn of(model: &Model) -> Names {
+        Names {
+            states: model.states.iter().map(|s| s.name.clone()).collect(),
+            inputs: model.inputs.iter().map(|s| s.name.clone()).collect(),
+            algebraics: model.algebraics.iter().map(|s| s.name.clone()).collect(),
+            outputs: model.outputs.iter().map(|s| s.name.clone()).collect(),
+        }
+    }
+}
+
+impl StepGraph {
+    /// A value.
+    pub fn value(&self, id: ValueId) -> &Value {
+        &self.values[id.index()]
+    }
+
+    /// Terms of a chain.
+    pub fn chain_terms(&self, chain: &Chain) -> &[Term] {
+        &self.terms[chain.terms.start as usize..chain.terms.end as usize]
+    }
+
+    /// Products per step.
+    pub fn macs(&self) -> u64 {
+        self.terms.len() as u64
+    }
+
+    /// Display name of a value.
+    pub fn value_name(&self, id: ValueId) -> String {
+        let value = self.value(id);
+        match value.role {
+            Role::State(s) => self.names.states[s as usize].clone(),
+            Role::Stage(s, stage) => format!("{}.stage{stage}", self.names.states[s as usize]),
+            Role::Sum(s, stage) => format!("{}.sum{stage}", self.names.states[s as usize]),
+            Role::Next(s) => format!("{}.next", self.names.states[s as usize]),
+            Role::Algebraic(a, stage) => format!("{}.stage{stage}", self.names.algebraics[a as usize]),
+            Role::Inner(_, serial) => format!("{}.factor{serial}", self.equations[value.equation as usize].name),
+            Role::Input(i) => self.names.inputs[i as usize].clone(),
+            Role::Constant(c) => format!("{c:e}"),
+            Role::Published(o) => format!("{}.published", self.names.outputs[o as usize]),
+        }
+    }
+
+    /// For each value the chain that writes it; `u32::MAX` for states, inputs and constants.
+    pub fn producers(&self) -> Vec<u32> {
+        let mut producers = vec![u32::MAX; self.values.len()];
+        for (index, chain) in self.chains.iter().enumerate() {
+            for write in chain.writes() {
+                producers[write.value.index()] = index as u32;
+            }
+        }
+        producers
+    }
+
+    /// The arcs of the ODE-dependency graph: `(read, reader)` pairs of distinct equations, sorted, without repeats.
+    pub fn dependencies(&self) -> Vec<(u32, u32)> {
+        let mut arcs: Vec<(u32, u32)> = Vec::new();
+        for chain in &self.chains {
+            for term in self.chain_terms(chain) {
+                let source = self.value(term.operand).equation;
+                if source != u32::MAX && source != chain.equation {
+                    arcs.push((source, chain.equation));
+                }
+            }
+        }
+        arcs.sort_unstable();
+        arcs.dedup();
+        arcs
+    }
+
+    /// Issue slots that each equation needs per step: its products, or its writes where those are more.
+    pub fn loads(&self) -> Vec<u32> {
+        let mut loads = vec![0; self.equations.len()];
+        for chain in &self.chains {
+            loads[chain.equation as usize] += chain.len().max(chain.writes().count() as u32);
+        }
+        loads
+    }
+}
+
+/// Number formats of a step graph: the fixed-point form of every value, coefficient and write.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FixedPoint {
+    /// Word widths.
+    pub format: WordFormat,
+    /// For each value the exponent of its stored word's LSB.
+    pub exponents: Vec<i32>,
+    /// For each term the quantised coefficient; 0 for products of two values.
+    pub coefficients: Vec<i64>,
+    /// For each chain the exponent of the product LSB.
+    pub products: Vec<i32>,
+    /// For each chain the right shifts of its writes.
+    pub shifts: Vec<[u8; 2]>,
+    /// For each chain the accumulator bits that its sum can need.
+    pub accumulator_bits: Vec<u8>,
+}
+
+impl FixedPoint {
+    /// The offset that a value's stored words carry.
+    pub fn offset(&self, value: &Value) -> i64 {
+        if value.factor { self.format.factor_offset() } else { self.format.data_offset() }
+    }
+
+    /// The stored word of a constant value.
+    pub fn constant_word(&self, graph: &StepGraph, id: ValueId) -> i64 {
+        let value = graph.value(id);
+        match value.role {
+            Role::Constant(number) => self.format.encode(number, self.exponents[id.index()], self.offset(value)).0,
+            _ => panic!("{} is not a constant", graph.value_name(id)),
+        }
+    }
+
+    /// The real number that a term's quantised coefficient stands for.
+    pub fn coefficient_value(&self, graph: &StepGraph, chain: usize, term: usize) -> f64 {
+        let operand = graph.terms[term].operand.index();
+        let operand_exponent = self.exponents[operand] + self.format.data_drop() as i32;
+        libm::scalbn(self.coefficients[term] as f64, self.products[chain] - operand_exponent)
+    }
+}
+
+impl fmt::Display for StepGraph {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "step graph: {:?}, {} equations, {} products", self.form, self.equations.len(), self.macs())?;
+        for chain in &self.chains {
+            let terms: Vec<String> = self
+                .chain_terms(chain)
+                .iter()
+                .map(|term| match term.factor {
+                    Factor::Coefficient(c) => format!("{c:e}*{}", self.value_name(term.operand)),
+                    Factor::Value(v) => format!("{}*{}", self.value_name(v), self.value_name(term.operand)),
+                })
+                .collect();
+            for write in chain.writes() {
+                let base = write.base.map_or(String::new(), |base| format!("{} + ", self.value_name(base)));
+                let weight = if write.weight == 0 { String::new() } else { format!("2^{} * ", write.weight) };
+                writeln!(f, "  {} = {base}{weight}({})", self.value_name(write.value), terms.join(" + "))?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,13 @@
+//! The data that the stages of pe-synth exchange, and the rules that belong to the data alone.
+//!
+//! Modules in pipeline order; each uses only those before it: [`source`], [`model`], [`word`], [`graph`],
+//! [`mapping`], [`schedule`], [`program`], [`verify`].
+
+pub mod graph;
+pub mod mapping;
+pub mod model;
+pub mod program;
+pub mod schedule;
+pub mod source;
+pub mod verify;
+pub mod word;

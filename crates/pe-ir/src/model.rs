@@ -1,0 +1,214 @@
+//! A model: flat equations with resolved names, as the front end hands them on.
+//!
+//! Every array element is a variable of its own here; parameters and constants are folded into the expressions.
+
+use crate::source::Span;
+
+/// A numerical method that advances the model by one step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solver {
+    /// Explicit Euler, `y+ = y + h f(y)`.
+    Euler,
+    /// Classic fourth-order Runge-Kutta.
+    Rk4,
+}
+
+impl Solver {
+    /// The name used in the spec, on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Solver::Euler => "euler",
+            Solver::Rk4 => "rk4",
+        }
+    }
+
+    /// Order of the global error in the step size.
+    pub fn order(self) -> u32 {
+        match self {
+            Solver::Euler => 1,
+            Solver::Rk4 => 4,
+        }
+    }
+}
+
+/// A variable of the flat model: indices into [`Model::states`], [`Model::inputs`] and [`Model::algebraics`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Variable {
+    /// A state variable.
+    State(u32),
+    /// An external input.
+    Input(u32),
+    /// The left-hand side of an algebraic equation.
+    Algebraic(u32),
+}
+
+/// A right-hand side over the flat variables; constants are already folded.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Expr {
+    /// A finite number.
+    Constant(f64),
+    /// A variable.
+    Variable(Variable),
+    /// Sum of all members.
+    Sum(Vec<Expr>),
+    /// Product of all members.
+    Product(Vec<Expr>),
+    /// Integer power, exponent at least 2.
+    Power(Box<Expr>, u32),
+}
+
+/// A state variable and its derivative equation.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Name with indices, for example `V[3]`.
+    pub name: String,
+    /// Number of the declared quantity (array) it belongs to; scalars have one of their own.
+    pub quantity: u32,
+    /// Value at time zero.
+    pub initial: f64,
+    /// Range the user states, if any.
+    pub range: Option<(f64, f64)>,
+    /// Unit as written, without brackets.
+    pub unit: Option<String>,
+    /// Right-hand side of `state' = ...`.
+    pub derivative: Expr,
+    /// The derivative equation in the spec.
+    pub span: Span,
+}
+
+/// An algebraic equation `name = expr`.
+#[derive(Clone, Debug)]
+pub struct Algebraic {
+    /// Name with indices.
+    pub name: String,
+    /// Unit as written.
+    pub unit: Option<String>,
+    /// Right-hand side.
+    pub expr: Expr,
+    /// The equation in the spec.
+    pub span: Span,
+}
+
+/// Declared signal of an external input over time; drives the runs and the test bench.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Waveform {
+    /// Constant value.
+    Constant(f64),
+    /// `offset + amplitude * sin(2 pi frequency t + phase)`, frequency in Hz, phase in radians.
+    Sine {
+        /// Peak value above the offset.
+        amplitude: f64,
+        /// Frequency in Hz.
+        frequency: f64,
+        /// Mean value.
+        offset: f64,
+        /// Phase at time zero in radians.
+        phase: f64,
+    },
+    /// `offset + amplitude` during the first `duty` part of each period, `offset - amplitude` in the rest.
+    Square {
+        /// Half of the peak-to-peak value.
+        amplitude: f64,
+        /// Frequency in Hz.
+        frequency: f64,
+        /// Mean of the two levels.
+        offset: f64,
+        /// Part of the period spent on the high level, between 0 and 1.
+        duty: f64,
+    },
+}
+
+impl Waveform {
+    /// Value at `time` in seconds. Uses `libm`, so that every platform gives the same bits.
+    pub fn at(&self, time: f64) -> f64 {
+        match *self {
+            Waveform::Constant(value) => value,
+            Waveform::Sine { amplitude, frequency, offset, phase } => {
+                offset + amplitude * libm::sin(2.0 * std::f64::consts::PI * frequency * time + phase)
+            }
+            Waveform::Square { amplitude, frequency, offset, duty } => {
+                let cycle = frequency * time;
+                if cycle - libm::floor(cycle) < duty { offset + amplitude } else { offset - amplitude }
+            }
+        }
+    }
+
+    /// Smallest and largest value the signal can take.
+    pub fn bounds(&self) -> (f64, f64) {
+        match *self {
+            Waveform::Constant(value) => (value, value),
+            Waveform::Sine { amplitude, offset, .. } | Waveform::Square { amplitude, offset, .. } => {
+                (offset - amplitude.abs(), offset + amplitude.abs())
+            }
+        }
+    }
+}
+
+/// An external input, sampled once per step and held over it.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Name with indices.
+    pub name: String,
+    /// Unit as written.
+    pub unit: Option<String>,
+    /// Declared signal.
+    pub waveform: Waveform,
+    /// Range the user states (`in lo .. hi`).
+    pub range: Option<(f64, f64)>,
+    /// The declaration.
+    pub span: Span,
+}
+
+/// A variable that the user wants to see.
+#[derive(Clone, Debug)]
+pub struct Output {
+    /// Name with indices, equal to the variable's own name.
+    pub name: String,
+    /// The variable.
+    pub variable: Variable,
+    /// Where it is asked for.
+    pub span: Span,
+}
+
+/// A flat model. Algebraic equations are in dependency order: each reads only earlier ones.
+///
+/// Invariants: at least one state and one output; no duplicate names; every number finite; step and span positive.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Identifier from the `model` line, `[A-Za-z][A-Za-z0-9_]*`.
+    pub name: String,
+    /// Text after the name.
+    pub title: String,
+    /// Numerical method.
+    pub solver: Solver,
+    /// Step in seconds.
+    pub step: f64,
+    /// Span in seconds over which ranges, error and stability are judged.
+    pub span: f64,
+    /// State variables with their derivative equations.
+    pub states: Vec<State>,
+    /// Algebraic equations.
+    pub algebraics: Vec<Algebraic>,
+    /// External inputs.
+    pub inputs: Vec<Input>,
+    /// Outputs.
+    pub outputs: Vec<Output>,
+    /// Names of equations and inputs that no output depends on, in source order; they are gone from the lists above.
+    pub left_out: Vec<String>,
+}
+
+impl Model {
+    /// Number of steps over the span, at least one.
+    pub fn steps(&self) -> u64 {
+        libm::round(self.span / self.step).max(1.0) as u64
+    }
+
+    /// The name of a variable.
+    pub fn variable_name(&self, variable: Variable) -> &str {
+        match variable {
+            Variable::State(i) => &self.states[i as usize].name,
+            Variable::Input(i) => &self.inputs[i as usize].name,
+            Variable::Algebraic(i) => &self.algebraics[i as usize].name,
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! Bit layout of the control word, derived from a PE's features.
+
+use super::{Address, ControlWord, Multiplier, PeFeatures};
+use crate::word::WordFormat;
+
+/// Fields of a control word, from the most significant end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs)]
+pub enum FieldName {
+    OwnEnable,
+    OwnSwap,
+    OwnAddress,
+    ImportedEnable,
+    ImportedSwap,
+    ImportedAddress,
+    FactorEnable,
+    FactorAddress,
+    Coefficient,
+    Close,
+    BaseEnable,
+    BaseSwap,
+    BaseAddress,
+    Shift,
+    WriteEnable,
+    WriteSwap,
+    WriteAddress,
+    Send,
+    ReceiveEnable,
+    ReceiveSwap,
+    ReceiveAddress,
+    Port,
+}
+
+impl FieldName {
+    /// Name in the datasheet and in program listings.
+    pub fn text(self) -> &'static str {
+        use FieldName::*;
+        match self {
+            OwnEnable => "own_enable",
+            OwnSwap => "own_swap",
+            OwnAddress => "own_address",
+            ImportedEnable => "imported_enable",
+            ImportedSwap => "imported_swap",
+            ImportedAddress => "imported_address",
+            FactorEnable => "factor_enable",
+            FactorAddress => "factor_address",
+            Coefficient => "coefficient",
+            Close => "close",
+            BaseEnable => "base_enable",
+            BaseSwap => "base_swap",
+            BaseAddress => "base_address",
+            Shift => "shift",
+            WriteEnable => "write_enable",
+            WriteSwap => "write_swap",
+            WriteAddress => "write_address",
+            Send => "send",
+            ReceiveEnable => "receive_enable",
+            ReceiveSwap => "receive_swap",
+            ReceiveAddress => "receive_address",
+            Port => "port",
+        }
+    }
+}
+
+/// One field that is present.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Which field.
+    pub name: FieldName,
+    /// Width in bits, at least 1.
+    pub width: u32,
+    /// Position of its least significant bit.
+    pub lsb: u32,
+}
+
+/// The control-word layout of a PE: the fields that its features need, most significant first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Present fields.
+    pub fields: Vec<Field>,
+    /// Width of the control word.
+    pub bits: u32,
+}
+
+/// Bits that count `n` things: `ceil(log2 n)`.
+pub fn index_bits(n: u32) -> u32 {
+    n.max(1).next_power_of_two().trailing_zeros()
+}
+
+impl Layout {
+    /// Derives the layout from the features.
+    pub fn new(features: &PeFeatures, format: &WordFormat) -> Layout {
+        use FieldName::*;
+        let own = index_bits(features.own_words);
+        let imports = u32::from(features.imported_words > 0);
+        let imported = if imports > 0 { index_bits(features.imported_words) } else { 0 };
+        let swap = u32::from(features.swap);
+        let factor = u32::from(features.factor);
+        let widths = [
+            (OwnEnable, 1),
+            (OwnSwap, swap),
+            (OwnAddress, own),
+            (ImportedEnable, imports),
+            (ImportedSwap, swap * imports),
+            (ImportedAddress, imported),
+            (FactorEnable, factor),
+            (FactorAddress, factor * own),
+            (Coefficient, format.coefficient_bits),
+            (Close, 1),
+            (BaseEnable, 1),
+            (BaseSwap, swap),
+            (BaseAddress, own),
+            (Shift, index_bits(features.shifts.len() as u32)),
+            (WriteEnable, 1),
+            (WriteSwap, swap),
+            (WriteAddress, own),
+            (Send, u32::from(features.send)),
+            (ReceiveEnable, imports),
+            (ReceiveSwap, swap * imports),
+            (ReceiveAddress, imported),
+            (Port, index_bits(features.ports)),
+        ];
+        let bits: u32 = widths.iter().map(|(_, width)| width).sum();
+        assert!(bits <= 128, "control word of {bits} bits");
+        let mut lsb = bits;
+        let mut fields = Vec::new();
+        for (name, width) in widths {
+            lsb -= width;
+            if width > 0 {
+                fields.push(Field { name, width, lsb });
+            }
+        }
+        Layout { fields, bits }
+    }
+
+    /// Packs a control word.
+    ///
+    /// # Panics
+    /// If a group needs a field that the PE does not have, or a value does not fit its field.
+    pub fn encode(&self, word: &ControlWord) -> u128 {
+        use FieldName::*;
+        let mut bits = 0u128;
+        let mut put = |name: FieldName, value: u64| match self.fields.iter().find(|field| field.name == name) {
+            Some(field) => {
+                assert!(field.width >= 64 || value >> field.width == 0, "{} = {value}", name.text());
+                bits |= u128::from(value) << field.lsb;
+            }
+            None => assert_eq!(value, 0, "no field {}", name.text()),
+        };
+        let mut address = |enable: FieldName, swap: FieldName, index: FieldName, address: Option<Address>| {
+            put(enable, u64::from(address.is_some()));
+            let address = address.unwrap_or_default();
+            put(swap, u64::from(address.swap));
+            put(index, u64::from(address.word));
+        };
+        address(OwnEnable, OwnSwap, OwnAddress, word.own);
+        address(ImportedEnable, ImportedSwap, ImportedAddress, word.imported);
+        address(BaseEnable, BaseSwap, BaseAddress, word.base);
+        address(WriteEnable, WriteSwap, WriteAddress, word.write);
+        address(ReceiveEnable, ReceiveSwap, ReceiveAddress, word.receive.map(|(_, address)| address));
+        match word.multiplier {
+            Multiplier::Coefficient(value) => {
+                let width = self.width(Coefficient);
+                assert!(value >= -(1 << (width - 1)) && value < 1 << (width - 1), "coefficient {value}");
+                put(Coefficient, value as u64 & (u64::MAX >> (64 - width)));
+            }
+            Multiplier::Factor(index) => {
+                put(FactorEnable, 1);
+                put(FactorAddress, u64::from(index));
+            }
+        }
+        put(Close, u64::from(word.close));
+        put(Shift, u64::from(word.shift));
+        put(Send, u64::from(word.send));
+        put(Port, word.receive.map_or(0, |(port, _)| u64::from(port)));
+        bits
+    }
+
+    /// Unpacks a control word; fields without effect are normalised away.
+    pub fn decode(&self, bits: u128) -> ControlWord {
+        use FieldName::*;
+        let get = |name: FieldName| {
+            let field = self.fields.iter().find(|field| field.name == name);
+            field.map_or(0, |field| (bits >> field.lsb) as u64 & (u64::MAX >> (64 - field.width)))
+        };
+        let address = |enable: FieldName, swap: FieldName, index: FieldName| {
+            (get(enable) == 1).then(|| Address { word: get(index) as u16, swap: get(swap) == 1 })
+        };
+        let width = self.width(Coefficient);
+        ControlWord {
+            own: address(OwnEnable, OwnSwap, OwnAddress),
+            imported: address(ImportedEnable, ImportedSwap, ImportedAddress),
+            multiplier: if get(FactorEnable) == 1 {
+                Multiplier::Factor(get(FactorAddress) as u16)
+            } else {
+                Multiplier::Coefficient(((get(Coefficient) << (64 - width)) as i64) >> (64 - width))
+            },
+            close: get(Close) == 1,
+            base: address(BaseEnable, BaseSwap, BaseAddress),
+            shift: get(Shift) as u8,
+            write: address(WriteEnable, WriteSwap, WriteAddress),
+            send: get(Send) == 1,
+            receive: address(ReceiveEnable, ReceiveSwap, ReceiveAddress).map(|address| (get(Port) as u8, address)),
+        }
+    }
+
+    fn width(&self, name: FieldName) -> u32 {
+        self.fields.iter().find(|field| field.name == name).map_or(0, |field| field.width)
+    }
+}

@@ -1,0 +1,230 @@
+//! The program: control words, memory images and links of every PE, and the only input of VHDL, Rust reference
+//! and simulator.
+
+mod layout;
+mod text;
+
+pub use layout::{Field, FieldName, Layout};
+pub use text::ParseError;
+
+use crate::word::{Latency, WordFormat};
+
+/// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Address {
+    /// Index within the memory.
+    pub word: u16,
+    /// Whether the word lies in a pair of buffers that change roles every step.
+    pub swap: bool,
+}
+
+/// What the coefficient port of the multiplier gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Multiplier {
+    /// The coefficient in the control word.
+    Coefficient(i64),
+    /// A word of the own memory (PEs with the `factor` feature).
+    Factor(u16),
+}
+
+/// One control word. Its groups act in the cycle in which the word is in the control register; the scheduler
+/// places each group at the distance that [`Latency`] prescribes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ControlWord {
+    /// Operand group: word of the own memory on the data port.
+    pub own: Option<Address>,
+    /// Operand group: word of the imported memory on the data port. At most one of `own` and `imported` is set.
+    pub imported: Option<Address>,
+    /// Operand group: the other multiplier port.
+    pub multiplier: Multiplier,
+    /// Accumulate group: hands the finished sum to the hold register and starts the next one.
+    pub close: bool,
+    /// Scale group: base word; without one the rounding offset is the base.
+    pub base: Option<Address>,
+    /// Scale group: index into [`PeFeatures::shifts`].
+    pub shift: u8,
+    /// Write group: own memory word that takes the result.
+    pub write: Option<Address>,
+    /// Write group: puts the result on the PE's link.
+    pub send: bool,
+    /// Receive group: input port and imported memory word.
+    pub receive: Option<(u8, Address)>,
+}
+
+impl Default for ControlWord {
+    fn default() -> Self {
+        ControlWord {
+            own: None,
+            imported: None,
+            multiplier: Multiplier::Coefficient(0),
+            close: false,
+            base: None,
+            shift: 0,
+            write: None,
+            send: false,
+            receive: None,
+        }
+    }
+}
+
+/// The hardware features of one PE. Control-word fields, simulator and VHDL generics follow from this record.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PeFeatures {
+    /// Depth of the own memory, a power of two, at least 2.
+    pub own_words: u32,
+    /// Depth of the imported memory, zero or a power of two, at least 2.
+    pub imported_words: u32,
+    /// Number of input ports.
+    pub ports: u32,
+    /// Right-shift positions of the write side, ascending, at least one.
+    pub shifts: Vec<u8>,
+    /// Accumulator bits in use; products and sums provably fit.
+    pub accumulator_bits: u32,
+    /// Product of two stored words.
+    pub factor: bool,
+    /// Buffers that change roles every step.
+    pub swap: bool,
+    /// Output link.
+    pub send: bool,
+}
+
+/// What an input port is wired to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum LinkSource {
+    /// The output link of another PE.
+    Pe(u32),
+    /// An external input.
+    Input(u32),
+}
+
+/// Where a control word comes from: indices into [`Program::names`], `Note::NONE` where nothing happens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Note {
+    /// Value on the data port.
+    pub operand: u32,
+    /// Value whose chain the product belongs to (its first write).
+    pub chain: u32,
+    /// Value that the write group stores.
+    pub write: u32,
+    /// Value that the receive group stores.
+    pub receive: u32,
+}
+
+impl Note {
+    /// No value.
+    pub const NONE: u32 = u32::MAX;
+}
+
+impl Default for Note {
+    fn default() -> Self {
+        Note { operand: Self::NONE, chain: Self::NONE, write: Self::NONE, receive: Self::NONE }
+    }
+}
+
+/// Program and memory images of one PE.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PeProgram {
+    /// Hardware features.
+    pub features: PeFeatures,
+    /// Wiring of the input ports.
+    pub ports: Vec<LinkSource>,
+    /// Names of the equations mapped to this PE.
+    pub equations: Vec<String>,
+    /// [`Program::period`] control words.
+    pub words: Vec<ControlWord>,
+    /// Provenance of each control word.
+    pub notes: Vec<Note>,
+    /// Initial own memory, stored words.
+    pub own_image: Vec<i64>,
+    /// Initial imported memory, data operands.
+    pub imported_image: Vec<i64>,
+}
+
+/// An external input port of the network, `storage_bits` wide.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InputPort {
+    /// Name in the spec.
+    pub name: String,
+    /// Unit in the spec, if any.
+    pub unit: Option<String>,
+    /// The port's LSB is worth `2^exponent`.
+    pub exponent: i32,
+}
+
+/// An output port of the network, `storage_bits` wide.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OutputPort {
+    /// Name in the spec.
+    pub name: String,
+    /// Unit in the spec, if any.
+    pub unit: Option<String>,
+    /// The PE that computes it.
+    pub pe: u32,
+    /// Index of the control word whose write group holds the value.
+    pub word: u32,
+    /// The port's LSB is worth `2^exponent`.
+    pub exponent: i32,
+}
+
+/// Where a state lives; used to start a run from any state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StateRegister {
+    /// Name in the spec.
+    pub name: String,
+    /// The stored word's LSB is worth `2^exponent`.
+    pub exponent: i32,
+    /// PE and own memory word.
+    pub own: (u32, u16),
+    /// PEs and imported memory words that hold a copy at the start of a step.
+    pub imported: Vec<(u32, u16)>,
+}
+
+/// A network of PEs with everything they run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Program {
+    /// Model name.
+    pub model: String,
+    /// Word widths.
+    pub format: WordFormat,
+    /// Control words per step, equal to clock cycles per step.
+    pub period: u32,
+    /// The PEs.
+    pub pes: Vec<PeProgram>,
+    /// External inputs.
+    pub inputs: Vec<InputPort>,
+    /// Outputs.
+    pub outputs: Vec<OutputPort>,
+    /// Registers of the states.
+    pub states: Vec<StateRegister>,
+    /// Names of values, for notes.
+    pub names: Vec<String>,
+}
+
+impl Program {
+    /// The latency table.
+    pub fn latency(&self) -> Latency {
+        Latency::of(&self.format)
+    }
+
+    /// Name of a noted value; empty for [`Note::NONE`].
+    pub fn name(&self, note: u32) -> &str {
+        self.names.get(note as usize).map_or("", String::as_str)
+    }
+
+    /// Memory writes in each step, own and imported: the length of a trace, known without running anything.
+    pub fn writes_per_step(&self) -> u64 {
+        let words = self.pes.iter().flat_map(|pe| &pe.words);
+        words.map(|word| u64::from(word.write.is_some()) + u64::from(word.receive.is_some())).sum()
+    }
+}
+
+impl StateRegister {
+    /// Writes a stored word into every image that holds the state at the start of a step.
+    pub fn set(&self, pes: &mut [PeProgram], format: &WordFormat, word: i64) {
+        let (pe, address) = self.own;
+        pes[pe as usize].own_image[usize::from(address)] = word;
+        for (pe, address) in &self.imported {
+            pes[*pe as usize].imported_image[usize::from(*address)] = format.data_operand(word);
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! Text form of a program: for dumps, for files, and to read back.
+//!
+//! One line per item, one line per control word. After `#` a control-word line names the values it handles; the
+//! names are read back as notes. Numbers are decimal, memory words hexadecimal in two's complement.
+
+use std::collections::HashMap;
+use std::fmt::{self, Display};
+
+use super::{
+    Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
+    StateRegister,
+};
+use crate::word::WordFormat;
+
+const HEADER: &str = "pe-synth program 1";
+
+/// A line that is not part of a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParseError {
+    /// 1-based line.
+    pub line: usize,
+    /// What was expected there.
+    pub expected: String,
+}
+
+impl Display for ParseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}: expected {}", self.line, self.expected)
+    }
+}
+
+impl std::error::Error for ParseError {}
+
+impl Display for Program {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits } = self.format;
+        writeln!(f, "{HEADER}\nmodel {}\nperiod {}", self.model, self.period)?;
+        writeln!(
+            f,
+            "format storage {storage_bits} guard {guard_bits} data {data_bits} coefficient {coefficient_bits}"
+        )?;
+        let unit = |unit: &Option<String>| unit.as_ref().map_or(String::new(), |unit| format!(" unit {unit}"));
+        for input in &self.inputs {
+            writeln!(f, "input {} exponent {}{}", input.name, input.exponent, unit(&input.unit))?;
+        }
+        for output in &self.outputs {
+            let OutputPort { name, pe, word, exponent, .. } = output;
+            writeln!(f, "output {name} pe {pe} word {word} exponent {exponent}{}", unit(&output.unit))?;
+        }
+        for state in &self.states {
+            write!(f, "state {} exponent {} own {}:{}", state.name, state.exponent, state.own.0, state.own.1)?;
+            state.imported.iter().try_for_each(|(pe, word)| write!(f, " imported {pe}:{word}"))?;
+            writeln!(f)?;
+        }
+        for (index, pe) in self.pes.iter().enumerate() {
+            write_pe(f, self, index, pe)?;
+        }
+        Ok(())
+    }
+}
+
+fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &PeProgram) -> fmt::Result {
+    let features = &pe.features;
+    let shifts: Vec<String> = features.shifts.iter().map(u8::to_string).collect();
+    write!(f, "pe {index} own {} imported {}", features.own_words, features.imported_words)?;
+    write!(f, " shifts {} accumulator {}", shifts.join(","), features.accumulator_bits)?;
+    for (present, name) in [(features.factor, "factor"), (features.swap, "swap"), (features.send, "send")] {
+        if present {
+            write!(f, " {name}")?;
+        }
+    }
+    writeln!(f)?;
+    for port in &pe.ports {
+        match port {
+            LinkSource::Pe(pe) => writeln!(f, "port pe {pe}")?,
+            LinkSource::Input(input) => writeln!(f, "port input {input}")?,
+        }
+    }
+    for equation in &pe.equations {
+        writeln!(f, "equation {equation}")?;
+    }
+    for (name, image) in [("own", &pe.own_image), ("imported", &pe.imported_image)] {
+        for (word, value) in image.iter().enumerate().filter(|(_, value)| **value != 0) {
+            writeln!(f, "{name} {word} {value:x}")?;
+        }
+    }
+    for (number, (word, note)) in pe.words.iter().zip(&pe.notes).enumerate() {
+        write!(f, "word {number}")?;
+        write_word(f, word)?;
+        if *note != Note::default() {
+            let name = |value| match program.name(value) {
+                "" => "-",
+                name => name,
+            };
+            let names = [note.operand, note.chain, note.write, note.receive].map(name);
+            write!(f, " # {}", names.join(" "))?;
+        }
+        writeln!(f)?;
+    }
+    Ok(())
+}
+
+fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
+    if word.own.is_some() || word.imported.is_some() || word.multiplier != Multiplier::Coefficient(0) {
+        match word.multiplier {
+            Multiplier::Coefficient(value) => write!(f, " times {value}")?,
+            Multiplier::Factor(index) => write!(f, " factor {index}")?,
+        }
+    }
+    let address = |name: &str, address: Option<Address>| {
+        address.map_or(String::new(), |a| format!(" {name} {}{}", a.word, if a.swap { "~" } else { "" }))
+    };
+    write!(f, "{}{}", address("own", word.own), address("imported", word.imported))?;
+    if word.close {
+        write!(f, " close")?;
+    }
+    write!(f, "{}", address("base", word.base))?;
+    if word.shift != 0 {
+        write!(f, " shift {}", word.shift)?;
+    }
+    write!(f, "{}", address("write", word.write))?;
+    if word.send {
+        write!(f, " send")?;
+    }
+    if let Some((port, a)) = word.receive {
+        write!(f, " port {port}{}", address("receive", Some(a)))?;
+    }
+    Ok(())
+}
+
+impl std::str::FromStr for Program {
+    type Err = ParseError;
+
+    fn from_str(text: &str) -> Result<Program, ParseError> {
+        let mut parser = Parser { line: 0, names: HashMap::new(), program: Program::empty() };
+        for (index, line) in text.lines().enumerate() {
+            parser.line = index + 1;
+            parser.line(line)?;
+        }
+        let complete = parser.program.pes.iter().all(|pe| pe.words.len() == parser.program.period as usize);
+        if !complete || parser.program.period == 0 {
+            return Err(parser.error("as many control words in each PE as the period says"));
+        }
+        Ok(parser.program)
+    }
+}
+
+impl Program {
+    fn empty() -> Program {
+        Program {
+            model: String::new(),
+            format: WordFormat { storage_bits: 0, guard_bits: 0, data_bits: 0, coefficient_bits: 0 },
+            period: 0,
+            pes: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            states: Vec::new(),
+            names: Vec::new(),
+        }
+    }
+}
+
+struct Parser {
+    line: usize,
+    names: HashMap<String, u32>,
+    program: Program,
+}
+
+/// Fields of a line, read one after another.
+struct Fields<'a>(&'a str);
+
+impl<'a> Fields<'a> {
+    fn next(&mut self) -> Option<&'a str> {
+        let text = self.0.trim_start();
+        let end = text.find(' ').unwrap_or(text.len());
+        self.0 = &text[end..];
+        (end > 0).then(|| &text[..end])
+    }
+}
+
+impl Parser {
+    fn error(&self, expected: &str) -> ParseError {
+        ParseError { line: self.line, expected: expected.to_owned() }
+    }
+
+    fn number<T: std::str::FromStr>(&self, field: Option<&str>) -> Result<T, ParseError> {
+        field.and_then(|field| field.parse().ok()).ok_or_else(|| self.error("a number"))
+    }
+
+    /// The keyword, then a number.
+    fn keyed<T: std::str::FromStr>(&self, fields: &mut Fields<'_>, keyword: &str) -> Result<T, ParseError> {
+        if fields.next() != Some(keyword) {
+            return Err(self.error(keyword));
+        }
+        self.number(fields.next())
+    }
+
+    fn pair<T: std::str::FromStr>(&self, field: Option<&str>) -> Result<(u32, T), ParseError> {
+        let (first, second) = field.and_then(|f| f.split_once(':')).ok_or_else(|| self.error("`pe:word`"))?;
+        Ok((self.number(Some(first))?, self.number(Some(second))?))
+    }
+
+    fn unit(&self, fields: &mut Fields<'_>) -> Option<String> {
+        fields.0.strip_prefix(" unit ").map(str::to_owned)
+    }
+
+    fn pe(&mut self) -> Result<&mut PeProgram, ParseError> {
+        let error = self.error("a `pe` line before it");
+        self.program.pes.last_mut().ok_or(error)
+    }
+
+    fn line(&mut self, line: &str) -> Result<(), ParseError> {
+        if self.line == 1 {
+            return if line == HEADER { Ok(()) } else { Err(self.error(HEADER)) };
+        }
+        let mut fields = Fields(line);
+        match fields.next() {
+            Some("model") => self.program.model = fields.next().ok_or_else(|| self.error("a name"))?.to_owned(),
+            Some("period") => self.program.period = self.number(fields.next())?,
+            Some("format") => {
+                self.program.format = WordFormat {
+                    storage_bits: self.keyed(&mut fields, "storage")?,
+                    guard_bits: self.keyed(&mut fields, "guard")?,
+                    data_bits: self.keyed(&mut fields, "data")?,
+                    coefficient_bits: self.keyed(&mut fields, "coefficient")?,
+                };
+            }
+            Some("input") => {
+                let name = fields.next().unwrap_or_default().to_owned();
+                let exponent = self.keyed(&mut fields, "exponent")?;
+                self.program.inputs.push(InputPort { name, exponent, unit: self.unit(&mut fields) });
+            }
+            Some("output") => {
+                let name = fields.next().unwrap_or_default().to_owned();
+                let pe = self.keyed(&mut fields, "pe")?;
+                let word = self.keyed(&mut fields, "word")?;
+                let exponent = self.keyed(&mut fields, "exponent")?;
+                self.program.outputs.push(OutputPort { name, pe, word, exponent, unit: self.unit(&mut fields) });
+            }
+            Some("state") => self.state(&mut fields)?,
+            Some("pe") => self.features(&mut fields)?,
+            Some("port") => {
+                let source = match fields.next() {
+                    Some("pe") => LinkSource::Pe(self.number(fields.next())?),
+                    Some("input") => LinkSource::Input(self.number(fields.next())?),
+                    _ => return Err(self.error("`pe` or `input`")),
+                };
+                self.pe()?.ports.push(source);
+            }
+            Some("equation") => {
+                let name = fields.next().unwrap_or_default().to_owned();
+                self.pe()?.equations.push(name);
+            }
+            Some(memory @ ("own" | "imported")) => {
+                let word: usize = self.number(fields.next())?;
+                let value = fields.next().and_then(|field| u64::from_str_radix(field, 16).ok());
+                let value = value.ok_or_else(|| self.error("a hexadecimal word"))? as i64;
+                let error = self.error("a word within the memory");
+                let pe = self.pe()?;
+                let image = if memory == "own" { &mut pe.own_image } else { &mut pe.imported_image };
+                *image.get_mut(word).ok_or(error)? = value;
+            }
+            Some("word") => self.word(&mut fields)?,
+            _ => return Err(self.error("a program line")),
+        }
+        Ok(())
+    }
+
+    fn state(&mut self, fields: &mut Fields<'_>) -> Result<(), ParseError> {
+        let name = fields.next().unwrap_or_default().to_owned();
+        let exponent = self.keyed(fields, "exponent")?;
+        if fields.next() != Some("own") {
+            return Err(self.error("own"));
+        }
+        let own = self.pair(fields.next())?;
+        let mut imported = Vec::new();
+        while fields.next().is_some() {
+            imported.push(self.pair(fields.next())?);
+        }
+        self.program.states.push(StateRegister { name, exponent, own, imported });
+        Ok(())
+    }
+
+    fn features(&mut self, fields: &mut Fields<'_>) -> Result<(), ParseError> {
+        let index: usize = self.number(fields.next())?;
+        if index != self.program.pes.len() {
+            return Err(self.error("PEs in order"));
+        }
+        let own_words: u32 = self.keyed(fields, "own")?;
+        let imported_words: u32 = self.keyed(fields, "imported")?;
+        if fields.next() != Some("shifts") {
+            return Err(self.error("shifts"));
+        }
+        let list = fields.next().unwrap_or_default();
+        let shifts = list.split(',').map(|shift| self.number(Some(shift))).collect::<Result<Vec<u8>, _>>()?;
+        let accumulator_bits = self.keyed(fields, "accumulator")?;
+        let rest: Vec<&str> = std::iter::from_fn(|| fields.next()).collect();
+        let has = |name: &str| rest.contains(&name);
+        let features = PeFeatures {
+            own_words,
+            imported_words,
+            ports: 0,
+            shifts,
+            accumulator_bits,
+            factor: has("factor"),
+            swap: has("swap"),
+            send: has("send"),
+        };
+        if own_words > 1 << 16 || imported_words > 1 << 16 {
+            return Err(self.error("memories of at most 65536 words"));
+        }
+        self.program.pes.push(PeProgram {
+            own_image: vec![0; own_words as usize],
+            imported_image: vec![0; imported_words as usize],
+            features,
+            ports: Vec::new(),
+            equations: Vec::new(),
+            words: Vec::new(),
+            notes: Vec::new(),
+        });
+        Ok(())
+    }
+
+    fn word(&mut self, fields: &mut Fields<'_>) -> Result<(), ParseError> {
+        let number: usize = self.number(fields.next())?;
+        let mut word = ControlWord::default();
+        let mut note = Note::default();
+        let mut port = 0;
+        while let Some(field) = fields.next() {
+            match field {
+                "times" => word.multiplier = Multiplier::Coefficient(self.number(fields.next())?),
+                "factor" => word.multiplier = Multiplier::Factor(self.number(fields.next())?),
+                "own" => word.own = Some(self.address(fields.next())?),
+                "imported" => word.imported = Some(self.address(fields.next())?),
+                "close" => word.close = true,
+                "base" => word.base = Some(self.address(fields.next())?),
+                "shift" => word.shift = self.number(fields.next())?,
+                "write" => word.write = Some(self.address(fields.next())?),
+                "send" => word.send = true,
+                "port" => port = self.number(fields.next())?,
+                "receive" => word.receive = Some((port, self.address(fields.next())?)),
+                "#" => {
+                    for slot in [&mut note.operand, &mut note.chain, &mut note.write, &mut note.receive] {
+                        *slot = self.note(fields.next());
+                    }
+                }
+                _ => return Err(self.error("an operation")),
+            }
+        }
+        let error = self.error("control words in order");
+        let pe = self.pe()?;
+        if number != pe.words.len() {
+            return Err(error);
+        }
+        pe.words.push(word);
+        pe.notes.push(note);
+        pe.features.ports = pe.ports.len() as u32;
+        Ok(())
+    }
+
+    fn address(&self, field: Option<&str>) -> Result<Address, ParseError> {
+        let field = field.unwrap_or_default();
+        let (number, swap) = field.strip_suffix('~').map_or((field, false), |number| (number, true));
+        Ok(Address { word: self.number(Some(number))?, swap })
+    }
+
+    fn note(&mut self, name: Option<&str>) -> u32 {
+        match name {
+            None | Some("-") => Note::NONE,
+            Some(name) => *self.names.entry(name.to_owned()).or_insert_with(|| {
+                self.program.names.push(name.to_owned());
+                self.program.names.len() as u32 - 1
+            }),
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! Checks a program by running it on symbols instead of numbers.
+//!
+//! The checker follows every control word through the pipeline of the datasheet, with names of values in place of
+//! words, and compares what is written with what the step graph says. It knows nothing of schedules or register
+//! allocation. What it enforces:
+//!
+//! 1. each write stores exactly the products, base and shift of the chain of the value it claims to write;
+//! 2. each operand, factor and base is that value of that step: nothing read too early, nothing overwritten too soon;
+//! 3. a received word is the one its link carries at that time;
+//! 4. every value is written once per step, every output is captured when its value is in the result register;
+//! 5. before the pause point of the first round nothing is written.
+
+use std::collections::{HashMap, VecDeque};
+use std::rc::Rc;
+
+use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
+use crate::program::{Address, ControlWord, LinkSource, Multiplier, PeProgram, Program};
+
+const NONE: u32 = u32::MAX;
+
+/// What a register or memory word holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+enum Cell {
+    /// Nothing known.
+    Unknown,
+    /// A word of the initial image.
+    Image(i64),
+    /// A value of a step. The end value of a state is its start value in the next step.
+    Value(u32, i64),
+}
+
+/// A product: data operand and second factor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Product {
+    operand: Cell,
+    coefficient: i64,
+    factor: Option<Cell>,
+}
+
+type Sum = Rc<Vec<Product>>;
+
+/// A finished sum on its way to memory.
+#[derive(Clone, Debug)]
+struct Result {
+    base: Option<Cell>,
+    sum: Sum,
+    shift: u8,
+}
+
+struct Pe<'a> {
+    program: &'a PeProgram,
+    own: Vec<Cell>,
+    imported: Vec<Cell>,
+    products: VecDeque<Option<Product>>,
+    accumulator: Vec<Product>,
+    hold: Sum,
+    scaled: Option<Result>,
+    result: Option<Result>,
+    link: Cell,
+}
+
+/// Runs `rounds` rounds of the program on symbols; returns what is wrong, at most a few dozen findings.
+pub fn check(program: &Program, graph: &StepGraph, fixed: &FixedPoint, rounds: u32) -> Vec<String> {
+    let mut checker = Checker::new(program, graph, fixed);
+    for round in 0..rounds {
+        for word in 0..program.period {
+            checker.clock(round, word);
+            if checker.violations.len() > 24 {
+                return checker.violations;
+            }
+        }
+        checker.count(round);
+    }
+    checker.violations
+}
+
+struct Checker<'a> {
+    program: &'a Program,
+    graph: &'a StepGraph,
+    fixed: &'a FixedPoint,
+    producers: Vec<u32>,
+    /// Start value of a state for its end value.
+    start_of: HashMap<u32, u32>,
+    pes: Vec<Pe<'a>>,
+    written: Vec<u32>,
+    violations: Vec<String>,
+}
+
+impl<'a> Checker<'a> {
+    fn new(program: &'a Program, graph: &'a StepGraph, fixed: &'a FixedPoint) -> Self {
+        let accumulate = program.latency().accumulate() as usize;
+        let pes = program.pes.iter().map(|pe| Pe {
+            program: pe,
+            own: pe.own_image.iter().map(|word| Cell::Image(*word)).collect(),
+            imported: vec![Cell::Unknown; pe.imported_image.len()],
+            products: std::iter::repeat_n(None, accumulate).collect(),
+            accumulator: Vec::new(),
+            hold: Rc::default(),
+            scaled: None,
+            result: None,
+            link: Cell::Unknown,
+        });
+        let mut checker = Checker {
+            program,
+            graph,
+            fixed,
+            producers: graph.producers(),
+            start_of: graph.states.iter().map(|(state, next)| (next.0, state.0)).collect(),
+            pes: pes.collect(),
+            written: vec![0; graph.values.len()],
+            violations: Vec::new(),
+        };
+        for (register, (state, _)) in program.states.iter().zip(&graph.states) {
+            let cell = Cell::Value(state.0, 0);
+            checker.pes[register.own.0 as usize].own[usize::from(register.own.1)] = cell;
+            for (pe, word) in &register.imported {
+                checker.pes[*pe as usize].imported[usize::from(*word)] = cell;
+            }
+        }
+        checker
+    }
+
+    fn fail(&mut self, pe: usize, round: u32, word: u32, text: String) {
+        self.violations.push(format!("round {round}, word {word}, PE {pe}: {text}"));
+    }
+
+    /// The cell that a value of a step is.
+    fn cell(&self, value: ValueId, step: i64) -> Cell {
+        match self.graph.value(value).role {
+            Role::Constant(_) => Cell::Image(self.fixed.constant_word(self.graph, value)),
+            _ => match self.start_of.get(&value.0) {
+                Some(state) => Cell::Value(*state, step + 1),
+                None => Cell::Value(value.0, step),
+            },
+        }
+    }
+
+    fn clock(&mut self, round: u32, word: u32) {
+        let parity = round % 2 == 1;
+        let pause = self.program.latency().pause();
+        let settled = round > 0 || word >= pause;
+        let step = i64::from(round);
+        // Writes before the pause point finish the step before.
+        let finishing = if word < pause { step - 1 } else { step };
+        let links: Vec<Cell> = self.pes.iter().map(|pe| pe.link).collect();
+        for index in 0..self.pes.len() {
+            let control = self.pes[index].program.words[word as usize];
+            let note = self.pes[index].program.notes[word as usize];
+            if control.own.is_some() && control.imported.is_some() {
+                self.fail(index, round, word, "two operands".into());
+            }
+            if note.write != NONE && control.write.is_none() {
+                self.fail(index, round, word, "a noted write is missing".into());
+            }
+            let operands = self.pes[index].read(&control, parity);
+            self.capture(index, round, word, finishing);
+            if let Some(address) = control.write.filter(|_| settled) {
+                let cell = self.written_cell(index, round, word, note.write, finishing);
+                let slot = physical(address, self.pes[index].own.len(), parity);
+                self.pes[index].own[slot] = cell;
+            }
+            if control.send {
+                let claimed =
+                    if note.write == NONE { Cell::Unknown } else { self.cell(ValueId(note.write), finishing) };
+                self.pes[index].link = claimed;
+            }
+            if let Some((port, address)) = control.receive.filter(|_| settled) {
+                let cell = match self.pes[index].program.ports.get(usize::from(port)) {
+                    Some(LinkSource::Pe(source)) => links[*source as usize],
+                    // Inputs of a step are sampled at its pause point.
+                    Some(LinkSource::Input(input)) if word > pause => {
+                        Cell::Value(self.graph.inputs[*input as usize].0, step)
+                    }
+                    _ => Cell::Unknown,
+                };
+                if note.receive == NONE
+                    || cell != self.cell(ValueId(note.receive), self.received_step(note.receive, finishing, step))
+                {
+                    let name = self.program.name(note.receive).to_owned();
+                    self.fail(index, round, word, format!("receives {cell:?} instead of `{name}`"));
+                }
+                let slot = physical(address, self.pes[index].imported.len(), parity);
+                self.pes[index].imported[slot] = cell;
+            }
+            self.pes[index].advance(&control, operands);
+        }
+    }
+
+    /// Inputs belong to the running step, everything else to the step whose writes are under way.
+    fn received_step(&self, value: u32, finishing: i64, step: i64) -> i64 {
+        match self.graph.values.get(value as usize).map(|value| value.role) {
+            Some(Role::Input(_)) => step,
+            _ => finishing,
+        }
+    }
+
+    fn capture(&mut self, pe: usize, round: u32, word: u32, step: i64) {
+        if round == 0 && word < self.program.latency().pause() {
+            return;
+        }
+        for (output, value) in self.program.outputs.iter().zip(&self.graph.outputs) {
+            if output.pe == pe as u32 && output.word == word {
+                let noted = self.pes[pe].program.notes[word as usize].write;
+                if noted != value.0 {
+                    let text = format!("output `{}` captured from another value, step {step}", output.name);
+                    self.violations.push(format!("round {round}, word {word}, PE {pe}: {text}"));
+                }
+            }
+        }
+    }
+
+    /// Checks that the result register holds what the note claims; returns what the memory word becomes.
+    fn written_cell(&mut self, pe: usize, round: u32, word: u32, value: u32, step: i64) -> Cell {
+        if value == NONE {
+            self.fail(pe, round, word, "writes a value without a name".into());
+            return Cell::Unknown;
+        }
+        let id = ValueId(value);
+        let producer = self.producers[id.index()] as usize;
+        let Some(chain) = self.graph.chains.get(producer) else {
+            self.fail(pe, round, word, format!("`{}` has no chain", self.graph.value_name(id)));
+            return Cell::Unknown;
+        };
+        let position = chain.writes().position(|write| write.value == id).unwrap_or(0);
+        let write = chain.writes().nth(position).expect("position found above");
+        let mut expected: Vec<Product> = chain
+            .terms
+            .clone()
+            .map(|term| {
+                let (coefficient, factor) = match self.graph.terms[term as usize].factor {
+                    Factor::Coefficient(_) => (self.fixed.coefficients[term as usize], None),
+                    Factor::Value(factor) => (0, Some(self.cell(factor, step))),
+                };
+                Product { operand: self.cell(self.graph.terms[term as usize].operand, step), coefficient, factor }
+            })
+            .collect();
+        expected.sort_unstable();
+        let expected_base = write.base.map(|base| self.cell(base, step));
+        let problem = match &self.pes[pe].result {
+            None => Some("no result".to_owned()),
+            Some(result) => {
+                let mut sum = result.sum.as_ref().clone();
+                sum.sort_unstable();
+                let wrong = sum.iter().zip(&expected).find(|(is, should)| is != should);
+                if sum.len() != expected.len() || wrong.is_some() {
+                    Some(format!("{} products instead of {}, first difference {wrong:?}", sum.len(), expected.len()))
+                } else if result.base != expected_base {
+                    Some(format!("base {:?} instead of {expected_base:?}", result.base))
+                } else if result.shift != self.fixed.shifts[producer][position] {
+                    Some(format!("shift {} instead of {}", result.shift, self.fixed.shifts[producer][position]))
+                } else {
+                    None
+                }
+            }
+        };
+        if let Some(problem) = problem {
+            self.fail(pe, round, word, format!("`{}` of step {step}: {problem}", self.graph.value_name(id)));
+        }
+        self.written[id.index()] += 1;
+        self.cell(id, step)
+    }
+
+    /// After a round every value has been written once per finished step.
+    fn count(&mut self, round: u32) {
+        if round == 0 {
+            // The writes of the last words are still to come; from here on each round sees every value once.
+            self.written.iter_mut().for_each(|count| *count = 0);
+            return;
+        }
+        for (index, count) in self.written.iter_mut().enumerate() {
+            let expected = u32::from(self.producers[index] != NONE);
+            if *count != expected {
+                let name = self.graph.value_name(ValueId(index as u32));
+                self.violations.push(format!("round {round}: `{name}` written {count} times instead of {expected}"));
+            }
+            *count = 0;
+        }
+    }
+}
+
+impl Pe<'_> {
+    /// What a control word reads from the memories, before this word's writes.
+    fn read(&self, control: &ControlWord, parity: bool) -> (Option<Product>, Option<Cell>) {
+        let own = |address: Address| self.own[physical(address, self.own.len(), parity)];
+        let imported = |address: Address| self.imported[physical(address, self.imported.len(), parity)];
+        let operand = control.own.map(own).or(control.imported.map(imported));
+        let product = operand.map(|operand| match control.multiplier {
+            Multiplier::Coefficient(coefficient) => Product { operand, coefficient, factor: None },
+            Multiplier::Factor(word) => Product { operand, coefficient: 0, factor: Some(self.own[usize::from(word)]) },
+        });
+        (product, control.base.map(own))
+    }
+
+    /// Moves the pipeline on by one word.
+    fn advance(&mut self, control: &ControlWord, (product, base): (Option<Product>, Option<Cell>)) {
+        self.result = self.scaled.take();
+        let shift = self.program.features.shifts.get(usize::from(control.shift)).copied().unwrap_or(u8::MAX);
+        self.scaled = Some(Result { base, sum: Rc::clone(&self.hold), shift });
+        let arriving = self.products.pop_front().flatten();
+        if control.close {
+            self.hold = Rc::new(std::mem::take(&mut self.accumulator));
+        }
+        self.accumulator.extend(arriving);
+        self.products.push_back(product);
+    }
+}
+
+fn physical(address: Address, depth: usize, parity: bool) -> usize {
+    let index = usize::from(address.word);
+    if address.swap && parity { index ^ (depth / 2) } else { index }
+}

@@ -1,0 +1,213 @@
+//! Word widths, the arithmetic of stored words, and the latency table.
+//!
+//! This module is the one place that defines rounding, saturation and operand extraction; the datasheet
+//! (`docs/hardware.md`, section "Arithmetic") states the same rules in prose, and `hdl/` implements them.
+
+/// Widths of stored words and multiplier ports of a design.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WordFormat {
+    /// Bits of a stored word without guard bits (`--storage`).
+    pub storage_bits: u32,
+    /// Extra low bits that only additions see.
+    pub guard_bits: u32,
+    /// Bits of the multiplier's data port.
+    pub data_bits: u32,
+    /// Bits of the multiplier's coefficient port.
+    pub coefficient_bits: u32,
+}
+
+impl WordFormat {
+    /// Guard bits below a stored word. Eight suffice: sixteen measure no better in `docs/decisions/0001`.
+    pub const GUARD_BITS: u32 = 8;
+
+    /// Bits of a word in the own memory, guard bits included.
+    pub fn word_bits(&self) -> u32 {
+        self.storage_bits + self.guard_bits
+    }
+
+    /// Bits of the accumulator that a program may use: a DSP block's 48, or, where logic adds, room for 16 products.
+    pub fn accumulator_limit(&self) -> u32 {
+        if self.single_multiplier() { 48 } else { self.data_bits + self.coefficient_bits + 4 }
+    }
+
+    /// Whether one 25x18 multiplier block (either way round) forms the product.
+    pub fn single_multiplier(&self) -> bool {
+        let (small, large) = (self.data_bits.min(self.coefficient_bits), self.data_bits.max(self.coefficient_bits));
+        small <= 18 && large <= 25
+    }
+
+    /// DSP blocks per PE on a device with 25x18 multipliers.
+    pub fn dsp_per_pe(&self) -> u32 {
+        let blocks = |wide: u32, narrow: u32| wide.div_ceil(24).max(1) * narrow.div_ceil(17).max(1);
+        if self.single_multiplier() {
+            1
+        } else {
+            blocks(self.data_bits, self.coefficient_bits).min(blocks(self.coefficient_bits, self.data_bits))
+        }
+    }
+
+    /// Low bits that the data port does not see.
+    pub fn data_drop(&self) -> u32 {
+        self.word_bits() - self.data_bits
+    }
+
+    /// Low bits that the coefficient port does not see of a stored factor.
+    pub fn factor_drop(&self) -> u32 {
+        self.word_bits() - self.coefficient_bits
+    }
+
+    /// Half an LSB of the data port in stored words: every stored word carries it, so that dropping bits rounds.
+    pub fn data_offset(&self) -> i64 {
+        half(self.data_drop())
+    }
+
+    /// Half an LSB of the coefficient port: the offset of words that are read as factors.
+    pub fn factor_offset(&self) -> i64 {
+        half(self.factor_drop())
+    }
+
+    /// Largest stored word.
+    pub fn max_word(&self) -> i64 {
+        (1 << (self.word_bits() - 1)) - 1
+    }
+
+    /// Smallest stored word.
+    pub fn min_word(&self) -> i64 {
+        -(1 << (self.word_bits() - 1))
+    }
+
+    /// What the data port sees of a stored word.
+    pub fn data_operand(&self, word: i64) -> i64 {
+        word >> self.data_drop()
+    }
+
+    /// What the coefficient port sees of a stored word.
+    pub fn factor_operand(&self, word: i64) -> i64 {
+        word >> self.factor_drop()
+    }
+
+    /// Write side: adds the shifted and rounded accumulator to the base word. The flag tells whether it saturated.
+    pub fn write(&self, base: i64, accumulator: i64, shift: u32) -> (i64, bool) {
+        let rounded = round_shift(accumulator, shift);
+        let sum = base as i128 + rounded as i128;
+        let word = sum.clamp(self.min_word() as i128, self.max_word() as i128);
+        (word as i64, word != sum)
+    }
+
+    /// The stored word of a real number: `value / 2^exponent` rounded to nearest, plus `offset`, saturated.
+    pub fn encode(&self, value: f64, exponent: i32, offset: i64) -> (i64, bool) {
+        let scaled = libm::round(libm::scalbn(value, -exponent));
+        let sum = scaled + offset as f64;
+        let word = sum.clamp(self.min_word() as f64, self.max_word() as f64);
+        // Exact: words have at most 56 bits, and a clamped value below 2^53 is an integer already.
+        let exact = if scaled.abs() < 9.0e15 { scaled as i64 + offset } else { word as i64 };
+        let bounded = exact.clamp(self.min_word(), self.max_word());
+        (bounded, word != sum)
+    }
+
+    /// The real number a stored word stands for.
+    pub fn decode(&self, word: i64, exponent: i32, offset: i64) -> f64 {
+        libm::scalbn((word - offset) as f64, exponent)
+    }
+
+    /// What an input PE port receives of a `storage_bits` wide input word: the rounded data operand.
+    pub fn input_operand(&self, word: i64) -> i64 {
+        let stored = ((word << self.guard_bits) + self.data_offset()).min(self.max_word());
+        self.data_operand(stored)
+    }
+}
+
+fn half(dropped: u32) -> i64 {
+    if dropped == 0 { 0 } else { 1 << (dropped - 1) }
+}
+
+/// `accumulator / 2^shift`, rounded to nearest, halves up.
+pub fn round_shift(accumulator: i64, shift: u32) -> i64 {
+    if shift == 0 {
+        accumulator
+    } else {
+        // Shift by all but one bit first: adding before the shift could overflow 64 bits.
+        ((accumulator >> (shift - 1)) + 1) >> 1
+    }
+}
+
+/// Distances in control words between the parts of one operation; shared by scheduler, simulator and VHDL.
+///
+/// A product issued in word `k` is accumulated in word `k + accumulate`, and so on; see the datasheet, "Timing".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Latency {
+    /// Clock cycles from operands to product register.
+    pub multiplier: u32,
+}
+
+impl Latency {
+    /// The latency table of a word format.
+    pub fn of(format: &WordFormat) -> Latency {
+        Latency { multiplier: if format.single_multiplier() { 1 } else { 3 } }
+    }
+
+    /// Operand word to the word whose `close` field sees its product.
+    pub fn accumulate(&self) -> u32 {
+        self.multiplier + 1
+    }
+
+    /// Last operand word of a chain to the word whose `close` field ends the chain.
+    pub fn close(&self) -> u32 {
+        self.accumulate() + 1
+    }
+
+    /// Last operand word of a chain to its first possible scale word (base read and shift).
+    pub fn scale(&self) -> u32 {
+        self.close() + 1
+    }
+
+    /// Scale word to write word (own write, send).
+    pub const SCALE_TO_WRITE: u32 = 2;
+
+    /// Last operand word of a chain to its first possible write word.
+    pub fn write(&self) -> u32 {
+        self.scale() + Self::SCALE_TO_WRITE
+    }
+
+    /// Write word (or receive word) to the first word that may read the value.
+    pub const WRITE_TO_READ: u32 = 1;
+
+    /// Write word with `send` to the first word that may receive the value.
+    pub const SEND_TO_RECEIVE: u32 = 1;
+
+    /// Number of leading words in which a program finishes the previous step; the network pauses before this word.
+    ///
+    /// Own writes of the previous step end at word `write() - 1`, its receives one word later.
+    pub fn pause(&self) -> u32 {
+        self.write() + 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NARROW: WordFormat = WordFormat { storage_bits: 32, guard_bits: 8, data_bits: 25, coefficient_bits: 18 };
+
+    #[test]
+    fn dropping_bits_of_an_offset_word_rounds_to_nearest() {
+        for value in [-3.49, -2.51, -0.5, 0.49, 0.5, 1.7] {
+            let (word, _) = NARROW.encode(value, -(NARROW.data_drop() as i32), NARROW.data_offset());
+            assert_eq!(NARROW.data_operand(word), (value + 0.5).floor() as i64, "{value}");
+        }
+    }
+
+    #[test]
+    fn writes_saturate_and_say_so() {
+        assert_eq!(NARROW.write(NARROW.max_word(), 1 << 20, 20), (NARROW.max_word(), true));
+        assert_eq!(NARROW.write(NARROW.min_word(), -3, 1), (NARROW.min_word(), true));
+        assert_eq!(NARROW.write(5, 3, 1), (7, false));
+    }
+
+    #[test]
+    fn shifts_round_halves_up_without_overflow() {
+        assert_eq!(round_shift(-3, 1), -1);
+        assert_eq!(round_shift(3, 1), 2);
+        assert_eq!(round_shift(i64::MAX, 1), 1 << 62);
+    }
+}
