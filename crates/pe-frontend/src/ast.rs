@@ -1,0 +1,298 @@
+//! The syntax tree: what the spec says, statement by statement, before any name is looked up.
+//!
+//! Chains of one operator are lists, not nested pairs: a sum of a hundred thousand terms is as deep as one of two, so
+//! every later pass may recurse. The depth that remains is bounded by the nesting limit of the splitter.
+
+use pe_ir::source::Span;
+
+/// A spec file.
+#[derive(Clone, Debug, Default)]
+pub struct Spec {
+    /// Statements without syntax errors, in source order.
+    pub statements: Vec<Statement>,
+    /// Statements with syntax errors, as far as they could be made out.
+    pub broken: Vec<Broken>,
+}
+
+/// What is known of a statement that could not be parsed; keeps one mistake from being reported many times.
+#[derive(Clone, Debug)]
+pub struct Broken {
+    /// The keyword it begins with, empty for an equation.
+    pub section: String,
+    /// Names that it may define.
+    pub names: Vec<String>,
+}
+
+/// A name and its place.
+#[derive(Clone, Debug)]
+pub struct Name {
+    /// The identifier.
+    pub text: String,
+    /// Its place.
+    pub span: Span,
+}
+
+/// A statement and its place, comments excluded at both ends.
+#[derive(Clone, Debug)]
+pub struct Statement {
+    /// What it says.
+    pub kind: StatementKind,
+    /// First to last character.
+    pub span: Span,
+}
+
+/// The kinds of statements.
+#[derive(Clone, Debug)]
+pub enum StatementKind {
+    /// `model NAME "title"`.
+    Model {
+        /// Identifier of the model.
+        name: Name,
+        /// Free text, empty if not given.
+        title: String,
+    },
+    /// `solver NAME`.
+    Solver(Name),
+    /// `step 100 us`.
+    Step(Measure),
+    /// `span 2 s`.
+    Span(Measure),
+    /// `const NAME = expr`.
+    Const {
+        /// The constant.
+        name: Name,
+        /// Its value.
+        value: Expr,
+    },
+    /// `index i in 1..80, j in 1..80`; every binder has a range.
+    Index(Vec<Binder>),
+    /// `param R[b] [unit] = expr`.
+    Param {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// Value of an element.
+        value: Expr,
+    },
+    /// `input u [unit] = signal in lo .. hi`.
+    Input {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// The signal over time.
+        signal: Signal,
+        /// Stated range.
+        within: Option<Range>,
+    },
+    /// `state V[b] [unit] = expr in lo .. hi`.
+    State {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// Value at time zero.
+        initial: Expr,
+        /// Stated range.
+        within: Option<Range>,
+    },
+    /// `V[b]' = expr where condition`.
+    Equation(Equation),
+    /// `output V[1], w`.
+    Output(Vec<OutputItem>),
+}
+
+/// A declared name with its dimensions and unit.
+#[derive(Clone, Debug)]
+pub struct Declared {
+    /// The name.
+    pub name: Name,
+    /// One index per dimension, with a range of its own or that of the `index` statement.
+    pub dimensions: Vec<Binder>,
+    /// Text in the unit bracket.
+    pub unit: Option<String>,
+}
+
+/// An index and, where it is given on the spot, its range.
+#[derive(Clone, Debug)]
+pub struct Binder {
+    /// The index.
+    pub name: Name,
+    /// Its range, `None` for the default range.
+    pub range: Option<Range>,
+}
+
+/// `low..high`, both ends included.
+#[derive(Clone, Debug)]
+pub struct Range {
+    /// First value.
+    pub low: Expr,
+    /// Last value.
+    pub high: Expr,
+    /// The place of both.
+    pub span: Span,
+}
+
+/// A number with an optional unit of time or frequency.
+#[derive(Clone, Debug)]
+pub struct Measure {
+    /// The number.
+    pub value: Expr,
+    /// The unit as written.
+    pub unit: Option<Name>,
+}
+
+/// The right-hand side of an `input`.
+#[derive(Clone, Debug)]
+pub enum Signal {
+    /// `sine(5, 0.25 Hz)`; also a lone function call such as `min(2, 3)`.
+    Call {
+        /// Waveform or function.
+        function: Name,
+        /// Arguments in order.
+        arguments: Vec<Measure>,
+        /// The whole call.
+        span: Span,
+    },
+    /// A constant expression.
+    Value(Expr),
+}
+
+/// A derivative or algebraic equation.
+#[derive(Clone, Debug)]
+pub struct Equation {
+    /// The left-hand side without the prime.
+    pub target: Reference,
+    /// Whether the left-hand side carries a prime.
+    pub derivative: bool,
+    /// Unit of an algebraic quantity.
+    pub unit: Option<String>,
+    /// The right-hand side.
+    pub value: Expr,
+    /// Ranges given with `for`.
+    pub ranges: Vec<Binder>,
+    /// Condition given with `where`.
+    pub condition: Option<Expr>,
+}
+
+/// One item of an `output` statement.
+#[derive(Clone, Debug)]
+pub struct OutputItem {
+    /// Element, elements, or whole array.
+    pub target: Reference,
+    /// Ranges given with `for`.
+    pub ranges: Vec<Binder>,
+    /// Condition given with `where`.
+    pub condition: Option<Expr>,
+}
+
+/// A name with subscripts.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// The name.
+    pub name: Name,
+    /// Subscripts, empty for a scalar or a whole array.
+    pub subscripts: Vec<Expr>,
+    /// Name and subscripts.
+    pub span: Span,
+}
+
+/// An expression and its place.
+#[derive(Clone, Debug)]
+pub struct Expr {
+    /// What it is.
+    pub kind: ExprKind,
+    /// First to last character, enclosing parentheses excluded.
+    pub span: Span,
+}
+
+/// The kinds of expressions.
+#[derive(Clone, Debug)]
+pub enum ExprKind {
+    /// A literal.
+    Number(f64),
+    /// A name with or without subscripts.
+    Reference(Reference),
+    /// Terms with their signs, at least two.
+    Sum(Vec<(Sign, Expr)>),
+    /// First factor, then operators and operands from left to right.
+    Product(Box<Expr>, Vec<(Factor, Expr)>),
+    /// `base ^ exponent`.
+    Power(Box<Expr>, Box<Expr>),
+    /// `-operand`.
+    Negate(Box<Expr>),
+    /// `if condition then yes else no`.
+    If {
+        /// Decides.
+        condition: Box<Expr>,
+        /// Value where the condition holds.
+        yes: Box<Expr>,
+        /// Value elsewhere.
+        no: Box<Expr>,
+    },
+    /// `sum(k in a..b where condition: body)`.
+    SumOver {
+        /// The index.
+        binder: Box<Binder>,
+        /// Restricts the index values.
+        condition: Option<Box<Expr>>,
+        /// Summed up.
+        body: Box<Expr>,
+    },
+    /// `function(arguments)`.
+    Call {
+        /// The function.
+        function: Name,
+        /// Arguments in order.
+        arguments: Vec<Expr>,
+    },
+    /// `left < right` and its like.
+    Compare(Comparison, Box<Expr>, Box<Expr>),
+    /// Conditions joined by one operator, at least two.
+    Logical(Connective, Vec<Expr>),
+    /// `not operand`.
+    Not(Box<Expr>),
+}
+
+/// The sign of a term.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Added.
+    Plus,
+    /// Subtracted.
+    Minus,
+}
+
+/// An operator of multiplication rank.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Factor {
+    /// `*`.
+    Multiply,
+    /// `/`.
+    Divide,
+    /// `div`, integer quotient rounded down.
+    IntegerDivide,
+    /// `mod`, remainder of `div`.
+    Modulo,
+}
+
+/// A comparison operator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Comparison {
+    /// `==`.
+    Equal,
+    /// `!=`.
+    NotEqual,
+    /// `<`.
+    Less,
+    /// `<=`.
+    LessEqual,
+    /// `>`.
+    Greater,
+    /// `>=`.
+    GreaterEqual,
+}
+
+/// A logical operator that joins conditions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Connective {
+    /// `and`.
+    And,
+    /// `or`.
+    Or,
+}

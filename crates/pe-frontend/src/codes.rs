@@ -1,0 +1,122 @@
+//! The diagnostic codes of the front end, in one table, and their long explanations.
+
+/// The reference with one section per code, embedded so that the program can print it.
+const REFERENCE: &str = include_str!("../../../docs/diagnostics.md");
+
+/// A code and what it stands for in a few words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// `E0xxx` or `W0xxx`.
+    pub code: &'static str,
+    /// Title of its section in `docs/diagnostics.md`.
+    pub title: &'static str,
+}
+
+/// Declares each code once: a constant for the code that reports it, and a row of the table.
+macro_rules! codes {
+    ($($name:ident = $code:literal, $title:literal;)*) => {
+        $(#[doc = $title] pub(crate) const $name: &str = $code;)*
+
+        /// All codes of the front end in ascending order, errors before warnings.
+        pub const CODES: &[Code] = &[$(Code { code: $code, title: $title },)*];
+    };
+}
+
+codes! {
+    SYNTAX = "E0101", "syntax error";
+    BAD_CHARACTER = "E0102", "unexpected character";
+    BRACKETS = "E0103", "bracket or text not closed";
+    TOO_DEEP = "E0104", "nested too deeply";
+    FILE_TOO_LARGE = "E0105", "file too large";
+    KEYWORD_AS_NAME = "E0106", "keyword used as a name";
+    BAD_LITERAL = "E0107", "number or name too large";
+    TOO_MANY_ERRORS = "E0108", "too many errors";
+
+    UNKNOWN_NAME = "E0201", "unknown name";
+    UNKNOWN_FUNCTION = "E0202", "unknown function or waveform";
+    DUPLICATE = "E0203", "defined twice";
+    UNKNOWN_UNIT = "E0204", "unknown or unsuitable unit";
+    UNKNOWN_SOLVER = "E0205", "unknown solver";
+    UNBOUND_INDEX = "E0206", "index without a value here";
+    SUBSCRIPT_COUNT = "E0207", "wrong number of subscripts";
+    WRONG_KIND = "E0208", "name cannot be used here";
+    OVERRIDE = "E0209", "value from the command line does not fit";
+
+    MISSING_SECTION = "E0301", "missing section";
+    NO_STATE = "E0302", "no state variable";
+    NO_OUTPUT = "E0303", "no output";
+    NO_EQUATION = "E0304", "state without equation";
+    DEFINED_TWICE = "E0305", "two equations for one element";
+    BAD_LEFT_SIDE = "E0306", "left-hand side cannot be defined";
+    ALGEBRAIC_LOOP = "E0307", "algebraic loop";
+    CIRCULAR_CONSTANT = "E0308", "constant defined by itself";
+
+    ARGUMENT_COUNT = "E0401", "wrong number of arguments";
+    NUMBER_OR_CONDITION = "E0402", "number and condition mixed up";
+    VARIABLE_DIVISOR = "E0403", "division by a variable";
+    BAD_POWER = "E0404", "power that is no product";
+    VARIABLE_CONDITION = "E0405", "condition on a variable";
+    VARIABLE_ARGUMENT = "E0406", "function of a variable";
+    NOT_CONSTANT = "E0407", "constant expected";
+    NOT_INTEGER = "E0408", "integer expected";
+
+    OUT_OF_RANGE = "E0501", "subscript out of range";
+    NO_SUCH_ELEMENT = "E0502", "element without equation";
+    NOT_FINITE = "E0503", "value not finite";
+    NOT_POSITIVE = "E0504", "step or span not positive";
+    BAD_STEP_COUNT = "E0505", "span and step do not fit together";
+    BAD_BOUNDS = "E0506", "empty range of values";
+    BAD_WAVEFORM = "E0507", "waveform argument out of range";
+
+    TOO_MANY_ELEMENTS = "E0601", "too many elements";
+    TOO_MUCH_WORK = "E0602", "model too large";
+
+    UNUSED = "W0001", "name never used";
+    LEFT_OUT = "W0002", "no output depends on it";
+    OUTSIDE_BOUNDS = "W0003", "value outside the stated range";
+    REPEATED_OUTPUT = "W0004", "output asked for twice";
+}
+
+/// The long explanation of a code: its section of `docs/diagnostics.md`, heading included. Case does not matter.
+pub fn explain(code: &str) -> Option<&'static str> {
+    let known = CODES.iter().find(|known| known.code.eq_ignore_ascii_case(code))?;
+    let start = sections().find(|(_, title)| title.starts_with(known.code))?.0;
+    let body = &REFERENCE[start..];
+    let end = body[2..].find("\n## ").map_or(body.len(), |at| at + 2);
+    Some(body[..end].trim_end())
+}
+
+/// Byte offset and title of each section of the reference.
+fn sections() -> impl Iterator<Item = (usize, &'static str)> {
+    REFERENCE.match_indices("\n## ").map(|(at, mark)| {
+        let title = REFERENCE[at + mark.len()..].lines().next().unwrap_or("");
+        (at + 1, title)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_code_has_a_section_and_every_section_a_code() {
+        let documented: Vec<String> = sections().map(|(_, title)| title.to_owned()).collect();
+        let declared: Vec<String> = CODES.iter().map(|code| format!("{}: {}", code.code, code.title)).collect();
+        assert_eq!(documented, declared);
+    }
+
+    #[test]
+    fn a_section_holds_meaning_example_and_remedy() {
+        for code in CODES {
+            let text = explain(code.code).expect(code.code);
+            assert!(text.starts_with(&format!("## {}", code.code)), "{text}");
+            assert!(text.contains("\n```text\n") && text.contains("**Remedy:**"), "{} is incomplete", code.code);
+        }
+    }
+
+    #[test]
+    fn explain_ignores_case_and_knows_nothing_else() {
+        assert_eq!(explain("e0101"), explain("E0101"));
+        assert_eq!(explain("E9999"), None);
+    }
+}

@@ -1,0 +1,206 @@
+//! Values of constants and parameters.
+//!
+//! An element may read elements of any other constant and of its own array (`r[b] = 0.8*r[b div 2]`), so values are
+//! computed on demand. Chains can be as long as arrays, hence an explicit stack instead of recursion.
+
+use crate::ast::StatementKind;
+use crate::bound::Node;
+use crate::codes;
+use crate::elaborate::Elaborator;
+use crate::evaluate::{Fault, Purpose};
+use crate::names::{Kind, PREDEFINED, Symbol};
+use crate::nearest::suggestion;
+use crate::resolve::Reads;
+use pe_ir::source::{Diagnostic, Span};
+
+/// Names of a cycle that are shown; the rest is left to dots.
+const SHOWN_OF_CYCLE: usize = 8;
+
+/// Something to be computed.
+#[derive(Clone, Copy)]
+enum Task {
+    /// The elements of a quantity from an offset on.
+    Array(usize, usize),
+    /// One element, because another one waits for it.
+    Element(usize, usize),
+}
+
+/// The definitions of the constants of one kind.
+struct Definitions {
+    /// Per quantity; `None` for other kinds and after errors.
+    nodes: Vec<Option<Node>>,
+    /// Per quantity and element: being computed.
+    visiting: Vec<Vec<bool>>,
+}
+
+impl<'a> Elaborator<'a> {
+    /// Checks the values from the command line; gives them by quantity.
+    pub(crate) fn check_overrides(&mut self, overrides: &[(String, f64)]) -> Vec<Option<f64>> {
+        let mut values = vec![None; self.names.quantities.len()];
+        for (name, value) in overrides {
+            let constant = |number: usize| matches!(self.names.quantities[number].kind, Kind::Const | Kind::Param);
+            let problem = match self.names.find(name) {
+                Some(Symbol::Quantity(number)) if constant(number) && value.is_finite() => {
+                    values[number] = Some(*value);
+                    continue;
+                }
+                Some(Symbol::Quantity(number)) if constant(number) => {
+                    Diagnostic::global(codes::OVERRIDE, format!("`{name}` cannot be set to {value}"))
+                        .with_help("give a finite number")
+                }
+                Some(Symbol::Quantity(number)) => {
+                    let quantity = &self.names.quantities[number];
+                    let message = format!("`{name}` is {} and cannot be set", quantity.kind.describe());
+                    Diagnostic::error(codes::OVERRIDE, quantity.name.span, message)
+                        .with_help("only `const` and `param` can be set from outside")
+                }
+                Some(Symbol::Index(number)) => {
+                    let message = format!("`{name}` is an index and cannot be set");
+                    Diagnostic::error(codes::OVERRIDE, self.names.indices[number].name.span, message)
+                        .with_help("set the constant that its range depends on")
+                }
+                None if self.names.is_poisoned(name) => continue,
+                None if PREDEFINED.iter().any(|(word, _)| word == name) => {
+                    Diagnostic::global(codes::OVERRIDE, format!("`{name}` is predefined and cannot be set"))
+                }
+                None => {
+                    let constants =
+                        self.names.quantities.iter().filter(|q| matches!(q.kind, Kind::Const | Kind::Param));
+                    let error =
+                        Diagnostic::global(codes::OVERRIDE, format!("no constant or parameter `{name}` to set"));
+                    Diagnostic { help: suggestion(name, constants.map(|q| q.name.text.as_str())), ..error }
+                }
+            };
+            self.report.push(problem);
+        }
+        values
+    }
+
+    /// Computes all constants of a kind, or marks them broken.
+    pub(crate) fn constants(&mut self, kind: Kind, overrides: &[Option<f64>]) {
+        let mut definitions = self.definitions(kind, overrides);
+        for number in 0..self.names.quantities.len() {
+            if definitions.nodes[number].is_some() {
+                self.compute(number, &mut definitions);
+            }
+        }
+    }
+
+    /// Binds the definitions of a kind.
+    fn definitions(&mut self, kind: Kind, overrides: &[Option<f64>]) -> Definitions {
+        let count = self.names.quantities.len();
+        let mut definitions = Definitions { nodes: Vec::new(), visiting: vec![Vec::new(); count] };
+        definitions.nodes.resize_with(count, || None);
+        for statement in &self.spec.statements {
+            let (name, binders, value) = match &statement.kind {
+                StatementKind::Const { name, value } if kind == Kind::Const => (name, &[][..], value),
+                StatementKind::Param { declared, value } if kind == Kind::Param => {
+                    (&declared.name, &declared.dimensions[..], value)
+                }
+                _ => continue,
+            };
+            let reads = if kind == Kind::Const { Reads::Consts } else { Reads::Constants };
+            // Bound even if overridden: what the spec says must be correct with and without `--set`.
+            let node = self.bind_element(value, binders, reads);
+            let Some(Symbol::Quantity(number)) = self.names.find(&name.text) else { continue };
+            let quantity = &mut self.names.quantities[number];
+            if quantity.name.span != name.span {
+                continue;
+            }
+            if kind == Kind::Const {
+                quantity.length = 1;
+            }
+            match (overrides[number], node) {
+                _ if quantity.broken => {}
+                (Some(value), _) => quantity.values = vec![value; quantity.length],
+                (None, Some(node)) => {
+                    quantity.values = vec![f64::NAN; quantity.length];
+                    definitions.visiting[number] = vec![false; quantity.length];
+                    definitions.nodes[number] = Some(node);
+                }
+                (None, None) => quantity.broken = true,
+            }
+        }
+        definitions
+    }
+
+    /// Computes a quantity and whatever it waits for.
+    fn compute(&mut self, number: usize, definitions: &mut Definitions) {
+        let mut stack = vec![Task::Array(number, 0)];
+        while let Some(task) = stack.pop() {
+            let (number, offset) = match task {
+                Task::Array(number, offset) | Task::Element(number, offset) => (number, offset),
+            };
+            let quantity = &self.names.quantities[number];
+            let Some(node) = &definitions.nodes[number] else { continue };
+            if quantity.broken || offset >= quantity.length {
+                continue;
+            }
+            if quantity.values[offset].is_nan() {
+                self.evaluator.frame = quantity.subscripts(offset);
+                definitions.visiting[number][offset] = true;
+                match self.evaluator.number(&self.names, node, Purpose::Constant) {
+                    Ok(value) => self.names.quantities[number].values[offset] = value,
+                    Err(Fault::Missing(other, place)) if definitions.visiting[other][place] => {
+                        self.report_cycle(&stack, (number, offset), (other, place));
+                        continue;
+                    }
+                    Err(Fault::Missing(other, place)) => {
+                        // A quantity is computed as a whole if possible: waiting for its elements one by one would
+                        // evaluate a sum over them as many times.
+                        let begun = definitions.visiting[other].iter().any(|visiting| *visiting);
+                        stack.push(task);
+                        stack.push(if begun { Task::Element(other, place) } else { Task::Array(other, 0) });
+                        continue;
+                    }
+                    Err(fault) => {
+                        let quantity = &mut self.names.quantities[number];
+                        quantity.broken = true;
+                        let (span, name) = (quantity.name.span, quantity.name_at(offset));
+                        self.settle::<f64>(Err(fault), |error| {
+                            error.with_label(span, format!("in the value of `{name}`"))
+                        });
+                        continue;
+                    }
+                }
+            }
+            if let Task::Array(number, offset) = task {
+                stack.push(Task::Array(number, offset + 1));
+            }
+        }
+    }
+
+    /// Reports that an element waits for itself, and gives up the quantities involved.
+    fn report_cycle(&mut self, stack: &[Task], last: (usize, usize), first: (usize, usize)) {
+        let mut cycle: Vec<(usize, usize)> = stack
+            .iter()
+            .map(|task| match task {
+                Task::Array(number, offset) | Task::Element(number, offset) => (*number, *offset),
+            })
+            .skip_while(|waiting| *waiting != first)
+            .collect();
+        cycle.push(last);
+        let mut names: Vec<String> = cycle
+            .iter()
+            .take(SHOWN_OF_CYCLE)
+            .map(|(number, offset)| format!("`{}`", self.names.quantities[*number].name_at(*offset)))
+            .collect();
+        if cycle.len() > SHOWN_OF_CYCLE {
+            names.push("...".to_owned());
+        }
+        names.push(format!("`{}`", self.names.quantities[first.0].name_at(first.1)));
+        let mut places: Vec<Span> = Vec::new();
+        for (number, _) in &cycle {
+            let quantity = &mut self.names.quantities[*number];
+            quantity.broken = true;
+            if !places.contains(&quantity.name.span) && places.len() < SHOWN_OF_CYCLE {
+                places.push(quantity.name.span);
+            }
+        }
+        let message = format!("the value depends on itself: {}", names.join(" reads "));
+        let mut places = places.into_iter();
+        let mut error = Diagnostic::error(codes::CIRCULAR_CONSTANT, places.next().unwrap_or_default(), message);
+        error.labels.extend(places.map(|span| (span, "and this one".to_owned())));
+        self.report.push(error);
+    }
+}

@@ -1,0 +1,235 @@
+//! Turns the syntax tree into a flat model, in steps that each need only what the steps before have found.
+//!
+//! Constants come first, then index ranges (so the sizes of arrays are known), parameters, values fixed before time
+//! zero, equations, outputs. A quantity whose definition has an error is marked broken; whoever reads it stays
+//! silent, so that each mistake is reported once.
+
+use crate::ast::{Binder, Expr as Tree, Name, Spec, StatementKind};
+use crate::bound::{BoundRange, Node};
+use crate::codes;
+use crate::evaluate::{Evaluator, Fault, Purpose};
+use crate::names::{Index, Kind, Names};
+use crate::prune::Parts;
+use crate::report::Report;
+use crate::resolve::{Reads, Resolver};
+use crate::settings::Settings;
+use pe_ir::model::Model;
+use pe_ir::source::{Diagnostic, Span};
+
+/// How large a model may become before it is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Elements of all parameters, inputs, states and algebraic quantities together.
+    pub elements: usize,
+    /// Expressions evaluated for all elements together.
+    pub evaluations: u64,
+    /// Variables read by all flat equations together.
+    pub reads: u64,
+}
+
+impl Default for Limits {
+    /// Five million elements, about ten seconds of work, about three gigabytes of equations.
+    fn default() -> Self {
+        Limits { elements: 5_000_000, evaluations: 500_000_000, reads: 50_000_000 }
+    }
+}
+
+/// Builds the flat model of a spec. `overrides` set constants and parameters (all elements of an array), whatever
+/// the spec says about them; of several for one name the last counts.
+///
+/// The model is there exactly if neither the syntax tree nor the elaboration has an error.
+pub fn elaborate(spec: &Spec, overrides: &[(String, f64)]) -> (Option<Model>, Vec<Diagnostic>) {
+    elaborate_within(spec, overrides, &Limits::default())
+}
+
+/// [`elaborate`] with limits of the caller's.
+pub fn elaborate_within(spec: &Spec, overrides: &[(String, f64)], limits: &Limits) -> (Option<Model>, Vec<Diagnostic>) {
+    let mut report = Report::default();
+    let names = Names::collect(spec, &mut report);
+    let mut elaborator = Elaborator {
+        spec,
+        names,
+        report,
+        evaluator: Evaluator::new(limits.evaluations, limits.reads),
+        elements_left: limits.elements,
+        out_of_work: false,
+    };
+    let model = elaborator.run(overrides);
+    (model, elaborator.report.finish())
+}
+
+/// The state that the steps share.
+pub(crate) struct Elaborator<'a> {
+    pub(crate) spec: &'a Spec,
+    pub(crate) names: Names<'a>,
+    pub(crate) report: Report,
+    pub(crate) evaluator: Evaluator,
+    /// Elements that may still be created.
+    pub(crate) elements_left: usize,
+    /// Whether the work limit has been reported; it concerns every later expression.
+    out_of_work: bool,
+}
+
+impl<'a> Elaborator<'a> {
+    fn run(&mut self, overrides: &[(String, f64)]) -> Option<Model> {
+        let settings = Settings::collect(self.spec, &mut self.report);
+        let overrides = self.check_overrides(overrides);
+        self.constants(Kind::Const, &overrides);
+        self.index_ranges();
+        self.extents();
+        self.constants(Kind::Param, &overrides);
+        let times = self.times(&settings);
+        let initials = self.initial_values();
+        let inputs = self.inputs();
+        let flat = self.equations();
+        let outputs = self.outputs();
+        let order = self.dependency_order(&flat);
+        if self.report.failed() || !self.spec.broken.is_empty() {
+            return None;
+        }
+        self.unused_names();
+        let parts = Parts { flat, order: order?, initials, inputs, outputs };
+        self.assemble(settings.header(times?)?, parts)
+    }
+
+    /// A resolver without indices in scope.
+    pub(crate) fn resolver(&mut self, reads: Reads) -> Resolver<'_, 'a> {
+        Resolver { names: &mut self.names, report: &mut self.report, scope: Vec::new(), reads }
+    }
+
+    /// Binds an expression in which the dimensions of a declaration have values.
+    pub(crate) fn bind_element(&mut self, expr: &'a Tree, binders: &'a [Binder], reads: Reads) -> Option<Node> {
+        let mut resolver = self.resolver(reads);
+        resolver.scope = binders.iter().map(|binder| binder.name.text.as_str()).collect();
+        resolver.number(expr)
+    }
+
+    /// Binds and evaluates a constant outside of any index.
+    pub(crate) fn constant(&mut self, expr: &'a Tree) -> Option<f64> {
+        let node = self.resolver(Reads::Constants).number(expr)?;
+        self.evaluator.frame.clear();
+        let value = self.evaluator.number(&self.names, &node, Purpose::Constant);
+        self.settle(value, |diagnostic| diagnostic)
+    }
+
+    /// Binds and evaluates the range of an index.
+    pub(crate) fn binder_range(&mut self, binder: &'a Binder, reads: Reads) -> Option<(i64, i64)> {
+        let range = self.resolver(reads).range(binder)?;
+        self.known_range(&range)
+    }
+
+    fn known_range(&mut self, range: &BoundRange) -> Option<(i64, i64)> {
+        self.evaluator.frame.clear();
+        let range = self.evaluator.range(&self.names, range);
+        self.settle(range, |diagnostic| diagnostic)
+    }
+
+    /// The value of a result; its fault is reported after `dress` has told more about its place.
+    pub(crate) fn settle<T>(
+        &mut self,
+        result: Result<T, Fault>,
+        dress: impl FnOnce(Diagnostic) -> Diagnostic,
+    ) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(Fault::Report(diagnostic)) => {
+                let about_work = diagnostic.code == codes::TOO_MUCH_WORK;
+                if !(about_work && std::mem::replace(&mut self.out_of_work, about_work)) {
+                    self.report.push(dress(*diagnostic));
+                }
+                None
+            }
+            // Only constants wait for one another, and what has no value by now has been reported.
+            Err(Fault::Silent | Fault::Missing(..)) => None,
+        }
+    }
+
+    /// Whether the work limit has been met, after which evaluating on is pointless.
+    pub(crate) fn is_exhausted(&self) -> bool {
+        self.out_of_work
+    }
+
+    /// Takes `count` elements from the limit, or reports that there are too many.
+    pub(crate) fn take_elements(&mut self, count: usize, what: &str, span: Span) -> bool {
+        if let Some(left) = self.elements_left.checked_sub(count) {
+            self.elements_left = left;
+            return true;
+        }
+        let message =
+            format!("`{what}` has {} elements; together with those before it the model is too large", shown(count));
+        self.report.push(
+            Diagnostic::error(codes::TOO_MANY_ELEMENTS, span, message).with_help("look at the ranges of its indices"),
+        );
+        false
+    }
+
+    /// Index ranges of `index` statements.
+    fn index_ranges(&mut self) {
+        for statement in &self.spec.statements {
+            let StatementKind::Index(binders) = &statement.kind else { continue };
+            for binder in binders {
+                let Some(range) = self.binder_range(binder, Reads::Consts) else { continue };
+                // Of two definitions the first counts; the second has been reported.
+                let own = |index: &&mut Index| index.name.span == binder.name.span;
+                if let Some(index) = self.names.indices.iter_mut().find(own) {
+                    index.range = Some(range);
+                }
+            }
+        }
+    }
+
+    /// Sizes of the declared arrays, and the numbers of their first elements.
+    fn extents(&mut self) {
+        let (mut states, mut inputs) = (0, 0);
+        for number in 0..self.names.quantities.len() {
+            let quantity = &self.names.quantities[number];
+            let (kind, binders, name) = (quantity.kind, quantity.binders, quantity.name);
+            if matches!(kind, Kind::Const | Kind::Algebraic) {
+                continue;
+            }
+            let mut extents = Vec::with_capacity(binders.len());
+            for binder in binders {
+                extents.extend(self.binder_range(binder, Reads::Consts));
+            }
+            let complete = extents.len() == binders.len();
+            let quantity = &mut self.names.quantities[number];
+            quantity.set_extents(&extents);
+            let length = quantity.length;
+            if !complete || !self.take_elements(length, &name.text, name.span) {
+                let quantity = &mut self.names.quantities[number];
+                quantity.broken = true;
+                quantity.length = 0;
+                continue;
+            }
+            let quantity = &mut self.names.quantities[number];
+            match kind {
+                Kind::State => {
+                    quantity.base = states;
+                    states += length as u32;
+                }
+                Kind::Input => {
+                    quantity.base = inputs;
+                    inputs += length as u32;
+                }
+                Kind::Const | Kind::Param | Kind::Algebraic => {}
+            }
+        }
+    }
+
+    /// Warns about constants, parameters and indices that nothing reads.
+    fn unused_names(&mut self) {
+        let quantities = self.names.quantities.iter().filter(|quantity| !quantity.used);
+        let constants = quantities.filter(|quantity| matches!(quantity.kind, Kind::Const | Kind::Param));
+        let indices = self.names.indices.iter().filter(|index| !index.used).map(|index| index.name);
+        let unused: Vec<&Name> = constants.map(|quantity| quantity.name).chain(indices).collect();
+        for name in unused.into_iter().filter(|name| !name.text.starts_with('_')) {
+            let message = format!("`{}` is never used", name.text);
+            self.report.push(Diagnostic::error(codes::UNUSED, name.span, message).into_warning());
+        }
+    }
+}
+
+/// A count for messages; astronomically large ones are not counted out.
+fn shown(count: usize) -> String {
+    if count == usize::MAX { "more than 10^18".to_owned() } else { count.to_string() }
+}

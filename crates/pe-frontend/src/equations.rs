@@ -1,0 +1,317 @@
+//! Writes out the equations: which element each one defines first, then the right-hand sides.
+
+use crate::ast::{Equation, StatementKind};
+use crate::bound::Node;
+use crate::codes;
+use crate::elaborate::Elaborator;
+use crate::evaluate::{Fault, fault};
+use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, PREDEFINED, Symbol};
+use crate::nearest::suggestion;
+use crate::pattern::{Pattern, Seen};
+use crate::resolve::Reads;
+use pe_ir::model::Expr;
+use pe_ir::source::{Diagnostic, Span};
+
+/// Elements without equation that are named in a message.
+const SHOWN_ELEMENTS: usize = 3;
+
+/// A flat equation.
+#[derive(Debug)]
+pub(crate) struct Row {
+    pub(crate) quantity: usize,
+    pub(crate) offset: usize,
+    pub(crate) expr: Expr,
+    /// The equation in the spec.
+    pub(crate) span: Span,
+}
+
+/// The flat equations; variables are numbered as the rows stand in the lists.
+#[derive(Default, Debug)]
+pub(crate) struct Flat {
+    /// One per state, in declaration order.
+    pub(crate) states: Vec<Option<Row>>,
+    /// One per element of the box around each algebraic quantity, `None` where no equation defines it.
+    pub(crate) algebraics: Vec<Option<Row>>,
+}
+
+/// A bound equation and the elements it defines.
+struct BoundEquation<'a> {
+    pattern: Pattern<'a>,
+    body: Option<Node>,
+    span: Span,
+    target: Span,
+    /// Combination of index values and offset of each element.
+    instances: Vec<(usize, usize)>,
+}
+
+impl<'a> Elaborator<'a> {
+    /// All flat equations.
+    pub(crate) fn equations(&mut self) -> Flat {
+        let mut equations = Vec::new();
+        for statement in &self.spec.statements {
+            let StatementKind::Equation(equation) = &statement.kind else { continue };
+            equations.extend(self.bind_left_side(equation, statement.span).map(|bound| (bound, equation)));
+        }
+        self.size_algebraics(&equations);
+        self.prepare_definitions();
+        for number in 0..equations.len() {
+            let (done, rest) = equations.split_at_mut(number);
+            if let Some((bound, equation)) = rest.first_mut() {
+                self.define(number, bound, equation, done);
+            }
+        }
+        self.check_all_defined();
+        for (bound, equation) in &mut equations {
+            let mut resolver = self.resolver(Reads::Variables);
+            resolver.scope = bound.pattern.indices.clone();
+            bound.body = resolver.number(&equation.value);
+        }
+        self.write_out(equations.into_iter().map(|(bound, _)| bound))
+    }
+
+    /// Checks what an equation defines, and binds its left-hand side.
+    fn bind_left_side(&mut self, equation: &'a Equation, span: Span) -> Option<BoundEquation<'a>> {
+        let name = &equation.target.name;
+        let number = match self.names.find(&name.text) {
+            Some(Symbol::Quantity(number)) => number,
+            _ if self.names.is_poisoned(&name.text) => return None,
+            Some(Symbol::Index(_)) => {
+                let message = format!("`{}` is an index and has no equation", name.text);
+                self.report.push(Diagnostic::error(codes::BAD_LEFT_SIDE, name.span, message));
+                return None;
+            }
+            None if PREDEFINED.iter().any(|(word, _)| *word == name.text) => {
+                let message = format!("`{}` is predefined and has no equation", name.text);
+                self.report.push(Diagnostic::error(codes::BAD_LEFT_SIDE, name.span, message));
+                return None;
+            }
+            None => {
+                let states = self.names.quantities.iter().filter(|quantity| quantity.kind == Kind::State);
+                let help = suggestion(&name.text, states.map(|state| state.name.text.as_str()))
+                    .unwrap_or_else(|| format!("declare it: `state {} = 0`", name.text));
+                let message = format!("`{}` is not declared as a state", name.text);
+                self.report.push(Diagnostic::error(codes::BAD_LEFT_SIDE, name.span, message).with_help(help));
+                return None;
+            }
+        };
+        let quantity = &mut self.names.quantities[number];
+        let help = match (quantity.kind, equation.derivative) {
+            (Kind::State, true) | (Kind::Algebraic, false) => None,
+            (Kind::State, false) => Some(format!("its equation gives the derivative: `{}' = ...`", name.text)),
+            (Kind::Algebraic, true) => Some(format!("declare it as a state, or drop the mark: `{} = ...`", name.text)),
+            (Kind::Const | Kind::Param, _) => Some("its value stands in its declaration".to_owned()),
+            (Kind::Input, _) => Some("its signal stands in its declaration".to_owned()),
+        };
+        if let Some(help) = help {
+            let message = format!("`{}` is {}", name.text, quantity.kind.describe());
+            let error = Diagnostic::error(codes::BAD_LEFT_SIDE, name.span, message);
+            self.report.push(error.with_label(quantity.name.span, "defined here").with_help(help));
+            return None;
+        }
+        let pattern = if self.check_plain_subscripts(&equation.target, &equation.ranges) {
+            self.pattern(number, &equation.target, &equation.ranges, equation.condition.as_ref())
+        } else {
+            None
+        };
+        if pattern.is_none() {
+            // Which elements it was to define is not known: nothing is said about missing ones.
+            self.names.quantities[number].broken = true;
+        }
+        Some(BoundEquation { pattern: pattern?, body: None, span, target: equation.target.span, instances: Vec::new() })
+    }
+
+    /// Extents of algebraic quantities: the box around all left-hand sides.
+    fn size_algebraics(&mut self, equations: &[(BoundEquation<'a>, &'a Equation)]) {
+        let mut boxes: Vec<Option<Vec<(i64, i64)>>> = vec![None; self.names.quantities.len()];
+        for (equation, _) in equations {
+            let number = equation.pattern.quantity;
+            if self.names.quantities[number].kind != Kind::Algebraic || equation.pattern.combinations() == 0 {
+                continue;
+            }
+            let Some(reach) = self.reach(&equation.pattern) else {
+                self.names.quantities[number].broken = true;
+                continue;
+            };
+            boxes[number] = Some(match boxes[number].take() {
+                None => reach,
+                Some(known) => known.iter().zip(&reach).map(|(a, b)| (a.0.min(b.0), a.1.max(b.1))).collect(),
+            });
+        }
+        let mut base = 0;
+        for (number, extents) in boxes.iter().enumerate() {
+            if self.names.quantities[number].kind != Kind::Algebraic {
+                continue;
+            }
+            let rank = self.names.quantities[number].rank;
+            if rank > MOST_DIMENSIONS {
+                let name = self.names.quantities[number].name;
+                let message = format!("`{}` has {rank} subscripts; the most allowed is {MOST_DIMENSIONS}", name.text);
+                self.report.push(Diagnostic::error(codes::SUBSCRIPT_COUNT, name.span, message));
+                self.names.quantities[number].broken = true;
+            }
+            let nothing = vec![(1, 0); rank];
+            let quantity = &mut self.names.quantities[number];
+            quantity.set_extents(extents.as_ref().unwrap_or(&nothing));
+            let (length, name) = (quantity.length, quantity.name);
+            if self.names.quantities[number].broken || !self.take_elements(length, &name.text, name.span) {
+                self.names.quantities[number].broken = true;
+                self.names.quantities[number].length = 0;
+                continue;
+            }
+            self.names.quantities[number].base = base;
+            base += length as u32;
+        }
+    }
+
+    fn prepare_definitions(&mut self) {
+        for quantity in &mut self.names.quantities {
+            if matches!(quantity.kind, Kind::State | Kind::Algebraic) {
+                quantity.defined_by = vec![NO_EQUATION; quantity.length];
+            }
+        }
+    }
+
+    /// Finds the elements that an equation defines.
+    fn define(
+        &mut self,
+        number: usize,
+        bound: &mut BoundEquation<'a>,
+        equation: &'a Equation,
+        earlier: &[(BoundEquation<'a>, &'a Equation)],
+    ) {
+        let combinations = bound.pattern.combinations();
+        let name = &equation.target.name;
+        // Ranges may be larger than the array if `where` cuts them down, but not without limit.
+        let spare = self.elements_left.saturating_add(self.names.quantities[bound.pattern.quantity].length);
+        if combinations > spare {
+            self.take_elements(combinations, &name.text, bound.target);
+            self.names.quantities[bound.pattern.quantity].broken = true;
+            return;
+        }
+        let mut seen = Seen::default();
+        for combination in 0..combinations {
+            bound.pattern.set_frame(combination, &mut self.evaluator.frame);
+            let result = self.subscripts_of(&bound.pattern);
+            let quantity = &self.names.quantities[bound.pattern.quantity];
+            let offset = result.and_then(|subscripts| match subscripts {
+                None => Ok(None),
+                // The reason why a broken quantity has no elements has been reported.
+                Some(_) if quantity.defined_by.is_empty() && quantity.broken => Err(Fault::Silent),
+                Some(values) => quantity.offset(&values).map(Some).map_err(|_| {
+                    let message = format!("`{}` does not exist", quantity.element_name(&values));
+                    let error = Diagnostic::error(codes::OUT_OF_RANGE, bound.target, message);
+                    fault(error.with_label(quantity.name.span, "defined here"))
+                }),
+            });
+            match offset {
+                Ok(None) => {}
+                Ok(Some(offset)) => {
+                    let quantity = &mut self.names.quantities[bound.pattern.quantity];
+                    let other = quantity.defined_by[offset];
+                    if other == NO_EQUATION {
+                        quantity.defined_by[offset] = number as u32;
+                        bound.instances.push((combination, offset));
+                    } else {
+                        let element = quantity.name_at(offset);
+                        let first = earlier.get(other as usize).map_or(bound.target, |(other, _)| other.target);
+                        let message = format!("`{element}` has two equations");
+                        let error = Diagnostic::error(codes::DEFINED_TWICE, bound.target, message)
+                            .with_label(first, "the first one")
+                            .with_help("restrict one of them with `where`");
+                        let error = bound.pattern.explain(error, bound.target, &self.evaluator.frame);
+                        let fault = fault(error);
+                        let (new, go_on) = seen.judge(&fault);
+                        if new {
+                            self.settle::<()>(Err(fault), |error| error);
+                        }
+                        if !go_on {
+                            break;
+                        }
+                    }
+                }
+                Err(fault) => {
+                    self.names.quantities[bound.pattern.quantity].broken = true;
+                    let (new, go_on) = seen.judge(&fault);
+                    if new {
+                        let frame = self.evaluator.frame.clone();
+                        let explain = |error| bound.pattern.explain(error, bound.target, &frame);
+                        self.settle::<()>(Err(fault), explain);
+                    }
+                    if !go_on {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Reports states without equation.
+    fn check_all_defined(&mut self) {
+        if !self.declares(Kind::State, "state") {
+            let help = "declare one, for example `state x = 0`, and give it an equation `x' = ...`";
+            self.report.push(Diagnostic::global(codes::NO_STATE, "the spec has no state variable").with_help(help));
+        }
+        for quantity in &self.names.quantities {
+            if quantity.kind != Kind::State || quantity.broken || self.names.is_poisoned(&quantity.name.text) {
+                continue;
+            }
+            let missing = quantity.defined_by.iter().enumerate().filter(|(_, equation)| **equation == NO_EQUATION);
+            let shown: Vec<String> = missing
+                .clone()
+                .take(SHOWN_ELEMENTS)
+                .map(|(offset, _)| format!("`{}`", quantity.name_at(offset)))
+                .collect();
+            if shown.is_empty() {
+                continue;
+            }
+            let more = missing.count() - shown.len();
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let message = format!("no equation for the derivative of {}{more}", shown.join(", "));
+            let help = format!("add an equation, for example `{}' = 0`", quantity.name_at(0));
+            self.report.push(Diagnostic::error(codes::NO_EQUATION, quantity.name.span, message).with_help(help));
+        }
+    }
+
+    /// Evaluates the right-hand sides of all elements.
+    fn write_out(&mut self, equations: impl Iterator<Item = BoundEquation<'a>>) -> Flat {
+        let total =
+            |kind: Kind| self.names.quantities.iter().filter(|q| q.kind == kind).map(|q| q.defined_by.len()).sum();
+        let mut flat = Flat::default();
+        flat.states.resize_with(total(Kind::State), || None);
+        flat.algebraics.resize_with(total(Kind::Algebraic), || None);
+        for equation in equations {
+            let Some(body) = &equation.body else { continue };
+            let mut seen = Seen::default();
+            let (kind, base) = {
+                let quantity = &self.names.quantities[equation.pattern.quantity];
+                (quantity.kind, quantity.base as usize)
+            };
+            for (combination, offset) in &equation.instances {
+                if self.is_exhausted() {
+                    return flat;
+                }
+                equation.pattern.set_frame(*combination, &mut self.evaluator.frame);
+                match self.evaluator.expr(&self.names, body) {
+                    Ok(expr) => {
+                        let quantity = equation.pattern.quantity;
+                        let row = Row { quantity, offset: *offset, expr, span: equation.span };
+                        let rows = if kind == Kind::State { &mut flat.states } else { &mut flat.algebraics };
+                        rows[base + offset] = Some(row);
+                    }
+                    Err(fault) => {
+                        let (new, go_on) = seen.judge(&fault);
+                        if new {
+                            let frame = self.evaluator.frame.clone();
+                            let explain = |error| equation.pattern.explain(error, equation.target, &frame);
+                            self.settle::<()>(Err(fault), explain);
+                        }
+                        if !go_on {
+                            break;
+                        }
+                    }
+                }
+            }
+        }
+        flat
+    }
+}

@@ -1,0 +1,360 @@
+//! Evaluates bound expressions for given index values: to a number where everything is constant, else to an
+//! expression over the flat variables.
+
+use crate::ast::{Comparison, Connective, Factor, Sign};
+use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
+use crate::codes;
+use crate::fold::{ProductBuilder, SumBuilder, negate};
+use crate::functions::{Function, modulo};
+use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names};
+use pe_ir::model::{Expr, Variable};
+use pe_ir::source::{Diagnostic, Span};
+
+/// Largest power of a variable; more is a mistake, and would be that many multiplications.
+const LARGEST_POWER: f64 = 255.0;
+
+/// Integers up to this size are exact in double precision.
+const LARGEST_INTEGER: f64 = 9_007_199_254_740_992.0;
+
+/// Why an expression has no value.
+#[derive(Debug)]
+pub(crate) enum Fault {
+    /// The reason has been reported elsewhere.
+    Silent,
+    /// A constant is needed whose value is not computed yet: quantity and offset.
+    Missing(usize, usize),
+    /// To be reported.
+    Report(Box<Diagnostic>),
+}
+
+/// What a constant is needed for.
+#[derive(Clone, Copy)]
+pub(crate) enum Purpose {
+    Divisor,
+    Exponent,
+    Condition,
+    Argument(&'static str),
+    Integer,
+    /// Values before time zero, bounds, waveform arguments.
+    Constant,
+}
+
+/// Index values and remaining work.
+#[derive(Debug)]
+pub(crate) struct Evaluator {
+    /// Values of the indices in scope, outermost first.
+    pub(crate) frame: Vec<i64>,
+    /// Expressions that may still be evaluated.
+    work: u64,
+    /// Variables that may still be read; bounds the memory of the result.
+    reads: u64,
+}
+
+impl Evaluator {
+    pub(crate) fn new(work: u64, reads: u64) -> Self {
+        Evaluator { frame: Vec::new(), work, reads }
+    }
+
+    /// The value of an expression over variables.
+    pub(crate) fn expr(&mut self, names: &Names, node: &Node) -> Result<Expr, Fault> {
+        self.spend(node.span)?;
+        match &node.kind {
+            NodeKind::Number(value) => Ok(Expr::Constant(*value)),
+            NodeKind::Index(place) => Ok(Expr::Constant(self.frame[*place] as f64)),
+            NodeKind::Element(quantity, subscripts) => self.element(names, *quantity, subscripts, node.span),
+            NodeKind::Sum(terms) => {
+                let mut sum = SumBuilder::default();
+                for (sign, term) in terms {
+                    sum.add(self.expr(names, term)?, *sign == Sign::Minus);
+                }
+                finish_sum(sum, node.span)
+            }
+            NodeKind::Product(first, rest) => self.product(names, first, rest, node.span),
+            NodeKind::Power(base, exponent) => self.power(names, base, exponent, node.span),
+            NodeKind::Negate(operand) => Ok(negate(self.expr(names, operand)?)),
+            NodeKind::If(condition, yes, no) => {
+                let taken = if self.condition(names, condition)? { yes } else { no };
+                self.expr(names, taken)
+            }
+            NodeKind::SumOver(sum) => self.sum_over(names, sum, node.span),
+            NodeKind::Call(function, arguments) => self.call(names, function, arguments, node.span),
+        }
+    }
+
+    /// The value of an expression that must be constant.
+    pub(crate) fn number(&mut self, names: &Names, node: &Node, purpose: Purpose) -> Result<f64, Fault> {
+        match self.expr(names, node)? {
+            Expr::Constant(value) => Ok(value),
+            _ => Err(fault(not_constant(node.span, purpose))),
+        }
+    }
+
+    /// The value of an expression that must be a constant integer.
+    pub(crate) fn integer(&mut self, names: &Names, node: &Node) -> Result<i64, Fault> {
+        let value = self.number(names, node, Purpose::Integer)?;
+        if value != libm::floor(value) {
+            let message = format!("{value} is not an integer");
+            let help = "round it with `floor`, `ceil` or `round`, or divide with `div`";
+            return Err(fault(Diagnostic::error(codes::NOT_INTEGER, node.span, message).with_help(help)));
+        }
+        if value.abs() > LARGEST_INTEGER {
+            let message = format!("{value:e} is too large for an integer");
+            return Err(fault(Diagnostic::error(codes::NOT_INTEGER, node.span, message)));
+        }
+        Ok(value as i64)
+    }
+
+    /// Whether a condition holds.
+    pub(crate) fn condition(&mut self, names: &Names, condition: &Condition) -> Result<bool, Fault> {
+        match condition {
+            Condition::Compare(comparison, left, right) => {
+                let left = self.number(names, left, Purpose::Condition)?;
+                let right = self.number(names, right, Purpose::Condition)?;
+                Ok(match comparison {
+                    Comparison::Equal => left == right,
+                    Comparison::NotEqual => left != right,
+                    Comparison::Less => left < right,
+                    Comparison::LessEqual => left <= right,
+                    Comparison::Greater => left > right,
+                    Comparison::GreaterEqual => left >= right,
+                })
+            }
+            Condition::Logical(connective, operands) => {
+                // Stops at the first operand that decides: the others may be out of range.
+                let decisive = *connective == Connective::Or;
+                for operand in operands {
+                    if self.condition(names, operand)? == decisive {
+                        return Ok(decisive);
+                    }
+                }
+                Ok(!decisive)
+            }
+            Condition::Not(operand) => Ok(!self.condition(names, operand)?),
+        }
+    }
+
+    /// First and last value of an index.
+    pub(crate) fn range(&mut self, names: &Names, range: &BoundRange) -> Result<(i64, i64), Fault> {
+        match range {
+            BoundRange::Index(number) => names.indices[*number].range.ok_or(Fault::Silent),
+            BoundRange::Own(low, high) => Ok((self.integer(names, low)?, self.integer(names, high)?)),
+        }
+    }
+
+    fn spend(&mut self, span: Span) -> Result<(), Fault> {
+        match self.work.checked_sub(1) {
+            Some(left) => self.work = left,
+            None => return Err(fault(too_large(span))),
+        }
+        Ok(())
+    }
+
+    fn element(&mut self, names: &Names, number: usize, subscripts: &[Node], span: Span) -> Result<Expr, Fault> {
+        let quantity = &names.quantities[number];
+        if quantity.broken {
+            return Err(Fault::Silent);
+        }
+        let mut values = [0; MOST_DIMENSIONS];
+        for (value, subscript) in values.iter_mut().zip(subscripts) {
+            *value = self.integer(names, subscript)?;
+        }
+        let values = &values[..subscripts.len().min(MOST_DIMENSIONS)];
+        let offset = match quantity.offset(values) {
+            Ok(offset) => offset,
+            Err(_) if quantity.kind == Kind::Algebraic => {
+                return Err(fault(no_such_element(names, number, values, span)));
+            }
+            Err(dimension) => {
+                let span = subscripts.get(dimension).map_or(span, |subscript| subscript.span);
+                return Err(fault(out_of_range(names, number, values, dimension, span)));
+            }
+        };
+        let variable = match quantity.kind {
+            Kind::Const | Kind::Param => {
+                let value = quantity.values[offset];
+                return if value.is_nan() { Err(Fault::Missing(number, offset)) } else { Ok(Expr::Constant(value)) };
+            }
+            Kind::Input => Variable::Input(quantity.base + offset as u32),
+            Kind::State => Variable::State(quantity.base + offset as u32),
+            Kind::Algebraic if quantity.defined_by[offset] == NO_EQUATION => {
+                return Err(fault(no_such_element(names, number, values, span)));
+            }
+            Kind::Algebraic => Variable::Algebraic(quantity.base + offset as u32),
+        };
+        match self.reads.checked_sub(1) {
+            Some(left) => self.reads = left,
+            None => return Err(fault(too_large(span))),
+        }
+        Ok(Expr::Variable(variable))
+    }
+
+    fn product(&mut self, names: &Names, first: &Node, rest: &[(Factor, Node)], span: Span) -> Result<Expr, Fault> {
+        let mut product = ProductBuilder::new(self.expr(names, first)?);
+        for (factor, operand) in rest {
+            match factor {
+                Factor::Multiply => product.multiply(self.expr(names, operand)?),
+                Factor::Divide => {
+                    let divisor = self.number(names, operand, Purpose::Divisor)?;
+                    if divisor == 0.0 {
+                        return Err(fault(not_finite(operand.span, "division by zero")));
+                    }
+                    product.divide(divisor);
+                }
+                Factor::IntegerDivide | Factor::Modulo => {
+                    let divisor = self.integer(names, operand)? as f64;
+                    let dividend =
+                        product.constant().ok_or_else(|| fault(not_constant(first.span, Purpose::Integer)))?;
+                    if dividend != libm::floor(dividend) {
+                        let message = format!("{dividend} is not an integer");
+                        return Err(fault(Diagnostic::error(codes::NOT_INTEGER, first.span, message)));
+                    }
+                    if divisor == 0.0 {
+                        return Err(fault(not_finite(operand.span, "division by zero")));
+                    }
+                    let remainder = modulo(dividend, divisor);
+                    // Exact: the difference is a multiple of the divisor.
+                    let quotient = (dividend - remainder) / divisor;
+                    product.set_constant(if *factor == Factor::Modulo { remainder } else { quotient });
+                }
+            }
+            if !product.is_finite() {
+                return Err(fault(not_finite(span, "the product is too large")));
+            }
+        }
+        Ok(product.finish())
+    }
+
+    fn power(&mut self, names: &Names, base: &Node, exponent: &Node, span: Span) -> Result<Expr, Fault> {
+        let power = self.number(names, exponent, Purpose::Exponent)?;
+        let base = match self.expr(names, base)? {
+            Expr::Constant(value) => {
+                let result = libm::pow(value, power);
+                if result.is_finite() {
+                    return Ok(Expr::Constant(result));
+                }
+                return Err(fault(not_finite(span, &format!("{value}^{power} is no finite number"))));
+            }
+            base => base,
+        };
+        if power != libm::floor(power) || !(0.0..=LARGEST_POWER).contains(&power) {
+            let message = format!("a variable cannot be raised to the power {power}");
+            let help = format!("powers of variables are products: integers from 0 to {LARGEST_POWER}");
+            return Err(fault(Diagnostic::error(codes::BAD_POWER, exponent.span, message).with_help(help)));
+        }
+        Ok(match power as u32 {
+            0 => Expr::Constant(1.0),
+            1 => base,
+            power => Expr::Power(Box::new(base), power),
+        })
+    }
+
+    fn sum_over(&mut self, names: &Names, sum_over: &SumOver, span: Span) -> Result<Expr, Fault> {
+        let (low, high) = self.range(names, &sum_over.range)?;
+        let mut sum = SumBuilder::default();
+        let place = self.frame.len();
+        for value in low..=high {
+            self.frame.push(value);
+            let term = self.term(names, sum_over);
+            self.frame.truncate(place);
+            if let Some(term) = term? {
+                sum.add(term, false);
+            }
+        }
+        finish_sum(sum, span)
+    }
+
+    /// One term of a sum, `None` where its condition does not hold.
+    fn term(&mut self, names: &Names, sum: &SumOver) -> Result<Option<Expr>, Fault> {
+        if let Some(condition) = &sum.condition
+            && !self.condition(names, condition)?
+        {
+            // Conditions cost work, too, or an empty sum could run for ever.
+            self.spend(sum.body.span)?;
+            return Ok(None);
+        }
+        self.expr(names, &sum.body).map(Some)
+    }
+
+    fn call(&mut self, names: &Names, function: &Function, arguments: &[Node], span: Span) -> Result<Expr, Fault> {
+        let mut values = Vec::with_capacity(arguments.len());
+        for argument in arguments {
+            values.push(self.number(names, argument, Purpose::Argument(function.name))?);
+        }
+        let result = function.apply(&values);
+        if result.is_finite() {
+            return Ok(Expr::Constant(result));
+        }
+        let shown: Vec<String> = values.iter().take(4).map(f64::to_string).collect();
+        let message = format!("{}({}) is no finite number", function.name, shown.join(", "));
+        Err(fault(not_finite(span, &message)))
+    }
+}
+
+fn finish_sum(sum: SumBuilder, span: Span) -> Result<Expr, Fault> {
+    if sum.is_finite() { Ok(sum.finish()) } else { Err(fault(not_finite(span, "the sum is too large"))) }
+}
+
+pub(crate) fn fault(diagnostic: Diagnostic) -> Fault {
+    Fault::Report(Box::new(diagnostic))
+}
+
+fn not_finite(span: Span, reason: &str) -> Diagnostic {
+    Diagnostic::error(codes::NOT_FINITE, span, reason)
+}
+
+fn too_large(span: Span) -> Diagnostic {
+    Diagnostic::error(codes::TOO_MUCH_WORK, span, "the model takes too much work to write out; the limit is met here")
+        .with_help("look for a sum or an index range that is larger than intended")
+}
+
+fn not_constant(span: Span, purpose: Purpose) -> Diagnostic {
+    let (code, message, help) = match purpose {
+        Purpose::Divisor => (
+            codes::VARIABLE_DIVISOR,
+            "the divisor depends on a variable".to_owned(),
+            "only constants can divide; make its inverse a state with an equation of its own, or approximate it by a polynomial",
+        ),
+        Purpose::Exponent => (
+            codes::BAD_POWER,
+            "the exponent depends on a variable".to_owned(),
+            "powers of variables are products: constant integers from 0 on",
+        ),
+        Purpose::Condition => (
+            codes::VARIABLE_CONDITION,
+            "the condition depends on a variable".to_owned(),
+            "conditions choose between equations when the model is built; they can read indices and constants only",
+        ),
+        Purpose::Argument(function) => (
+            codes::VARIABLE_ARGUMENT,
+            format!("`{function}` of a variable cannot be computed"),
+            "functions take constants; write the function as the solution of equations of its own, or as a polynomial",
+        ),
+        Purpose::Integer => (
+            codes::NOT_CONSTANT,
+            "an integer is needed here, this depends on a variable".to_owned(),
+            "subscripts, ranges, `div` and `mod` can read indices and constants only",
+        ),
+        Purpose::Constant => (
+            codes::NOT_CONSTANT,
+            "a constant is needed here, this depends on a variable".to_owned(),
+            "a value fixed before time zero can only read constants and parameters",
+        ),
+    };
+    Diagnostic::error(code, span, message).with_help(help)
+}
+
+fn out_of_range(names: &Names, number: usize, subscripts: &[i64], dimension: usize, span: Span) -> Diagnostic {
+    let quantity = &names.quantities[number];
+    let place = ["first", "second", "third"].get(dimension).filter(|_| quantity.rank > 1);
+    let which = place.map_or_else(|| "its subscript".to_owned(), |place| format!("the {place} subscript"));
+    let (low, high) = quantity.dimensions.get(dimension).map_or((0, 0), |extent| (extent.low, extent.high));
+    let message = format!("`{}` does not exist: {which} runs from {low} to {high}", quantity.element_name(subscripts));
+    Diagnostic::error(codes::OUT_OF_RANGE, span, message).with_label(quantity.name.span, "defined here")
+}
+
+fn no_such_element(names: &Names, number: usize, subscripts: &[i64], span: Span) -> Diagnostic {
+    let quantity = &names.quantities[number];
+    let message = format!("no equation defines `{}`", quantity.element_name(subscripts));
+    Diagnostic::error(codes::NO_SUCH_ELEMENT, span, message)
+        .with_label(quantity.name.span, "other elements are defined here")
+}

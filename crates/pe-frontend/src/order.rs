@@ -1,0 +1,115 @@
+//! Dependency order of the algebraic equations, and the loops that prevent one.
+
+use crate::codes;
+use crate::elaborate::Elaborator;
+use crate::equations::{Flat, Row};
+use pe_ir::model::{Expr, Variable};
+use pe_ir::source::{Diagnostic, Span};
+
+/// Members of a loop that are shown; the rest is left to dots.
+const SHOWN: usize = 8;
+
+/// Where the walk stands with an equation.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Mark {
+    New,
+    Open,
+    Done,
+}
+
+impl Elaborator<'_> {
+    /// The algebraic equations in an order in which each reads only earlier ones, in source order as far as possible.
+    /// Loops are reported and give `None`.
+    pub(crate) fn dependency_order(&mut self, flat: &Flat) -> Option<Vec<u32>> {
+        let (starts, reads) = reads_of(&flat.algebraics);
+        let count = flat.algebraics.len();
+        let mut marks = vec![Mark::New; count];
+        let mut order = Vec::with_capacity(count);
+        // Equation and next of its reads to look at. A stack of our own: chains can be as long as arrays.
+        let mut path: Vec<(usize, usize)> = Vec::new();
+        // Loops through the same equations of the spec are one finding.
+        let mut seen: Vec<Vec<Span>> = Vec::new();
+        for root in 0..count {
+            if marks[root] != Mark::New || flat.algebraics[root].is_none() {
+                continue;
+            }
+            marks[root] = Mark::Open;
+            path.push((root, starts[root]));
+            while let Some((equation, next)) = path.last_mut() {
+                if *next == starts[*equation + 1] {
+                    marks[*equation] = Mark::Done;
+                    order.push(*equation as u32);
+                    path.pop();
+                    continue;
+                }
+                let read = reads[*next] as usize;
+                *next += 1;
+                match marks[read] {
+                    Mark::New => {
+                        marks[read] = Mark::Open;
+                        path.push((read, starts[read]));
+                    }
+                    Mark::Open => {
+                        let cycle: Vec<usize> =
+                            path.iter().map(|(equation, _)| *equation).skip_while(|open| *open != read).collect();
+                        self.report_loop(flat, &cycle, &mut seen);
+                    }
+                    Mark::Done => {}
+                }
+            }
+        }
+        seen.is_empty().then_some(order)
+    }
+
+    fn report_loop(&mut self, flat: &Flat, cycle: &[usize], seen: &mut Vec<Vec<Span>>) {
+        let rows: Vec<&Row> = cycle.iter().filter_map(|equation| flat.algebraics[*equation].as_ref()).collect();
+        let mut places: Vec<Span> = rows.iter().map(|row| row.span).collect();
+        places.sort_unstable();
+        places.dedup();
+        if rows.is_empty() || seen.contains(&places) {
+            return;
+        }
+        seen.push(places);
+        let name = |row: &Row| self.names.quantities[row.quantity].name_at(row.offset);
+        let mut shown: Vec<String> = rows.iter().take(SHOWN).map(|row| format!("`{}`", name(row))).collect();
+        if rows.len() > SHOWN {
+            shown.push(format!("... ({} equations)", rows.len()));
+        }
+        shown.push(format!("`{}`", name(rows[0])));
+        let message = format!("algebraic loop: {}", shown.join(" reads "));
+        let mut error = Diagnostic::error(codes::ALGEBRAIC_LOOP, rows[0].span, message)
+            .with_help("break it: solve the equations by hand, or make one quantity a state");
+        for (at, row) in rows.iter().take(SHOWN).enumerate() {
+            let next = rows[(at + 1) % rows.len()];
+            error = error.with_label(row.span, format!("`{}` reads `{}`", name(row), name(next)));
+        }
+        self.report.push(error);
+    }
+}
+
+/// The algebraic equations that each one reads: those of equation `i` are `reads[starts[i]..starts[i + 1]]`.
+fn reads_of(rows: &[Option<Row>]) -> (Vec<usize>, Vec<u32>) {
+    let mut starts = vec![0];
+    let mut reads = Vec::new();
+    for row in rows {
+        if let Some(row) = row {
+            each_variable(&row.expr, &mut |variable| {
+                if let Variable::Algebraic(read) = variable {
+                    reads.push(read);
+                }
+            });
+        }
+        starts.push(reads.len());
+    }
+    (starts, reads)
+}
+
+/// Calls `visit` for each variable of an expression, in order.
+pub(crate) fn each_variable(expr: &Expr, visit: &mut impl FnMut(Variable)) {
+    match expr {
+        Expr::Constant(_) => {}
+        Expr::Variable(variable) => visit(*variable),
+        Expr::Sum(members) | Expr::Product(members) => members.iter().for_each(|member| each_variable(member, visit)),
+        Expr::Power(base, _) => each_variable(base, visit),
+    }
+}

@@ -1,0 +1,228 @@
+//! Leaves out what no output depends on, and puts the model together with dense numbers.
+
+use crate::codes;
+use crate::declarations::{Driven, Initial};
+use crate::elaborate::Elaborator;
+use crate::equations::{Flat, Row};
+use crate::names::{Kind, Quantity};
+use crate::order::each_variable;
+use crate::settings::Header;
+use pe_ir::model::{Algebraic, Expr, Input, Model, Output, State, Variable};
+use pe_ir::source::Diagnostic;
+
+/// Marks a variable that is left out.
+const LEFT_OUT: u32 = u32::MAX;
+
+/// The pieces of a model, numbered as they were written out.
+pub(crate) struct Parts {
+    pub(crate) flat: Flat,
+    /// Algebraic equations in dependency order.
+    pub(crate) order: Vec<u32>,
+    pub(crate) initials: Vec<Initial>,
+    pub(crate) inputs: Vec<Driven>,
+    pub(crate) outputs: Vec<Output>,
+}
+
+/// New numbers of the variables, [`LEFT_OUT`] for those that are gone.
+struct Numbers {
+    states: Vec<u32>,
+    inputs: Vec<u32>,
+    algebraics: Vec<u32>,
+}
+
+impl Numbers {
+    fn of(&mut self, variable: Variable) -> &mut u32 {
+        match variable {
+            Variable::State(i) => &mut self.states[i as usize],
+            Variable::Input(i) => &mut self.inputs[i as usize],
+            Variable::Algebraic(i) => &mut self.algebraics[i as usize],
+        }
+    }
+
+    fn renumber(&mut self, expr: &mut Expr) {
+        match expr {
+            Expr::Constant(_) => {}
+            Expr::Variable(variable) => *variable = self.renumbered(*variable),
+            Expr::Sum(members) | Expr::Product(members) => members.iter_mut().for_each(|member| self.renumber(member)),
+            Expr::Power(base, _) => self.renumber(base),
+        }
+    }
+
+    fn renumbered(&mut self, variable: Variable) -> Variable {
+        let number = *self.of(variable);
+        match variable {
+            Variable::State(_) => Variable::State(number),
+            Variable::Input(_) => Variable::Input(number),
+            Variable::Algebraic(_) => Variable::Algebraic(number),
+        }
+    }
+}
+
+impl Elaborator<'_> {
+    /// The model of what the outputs depend on.
+    pub(crate) fn assemble(&mut self, header: Header, parts: Parts) -> Option<Model> {
+        let mut numbers = self.needed(&parts);
+        let left_out = self.left_out(&parts, &numbers);
+        let Parts { flat, order, initials, inputs: driven, outputs } = parts;
+
+        // Numbers in the order of the lists: states and inputs as declared, algebraic equations as computed.
+        number(numbers.states.iter_mut());
+        number(numbers.inputs.iter_mut());
+        let mut next = 0;
+        for equation in &order {
+            let slot = &mut numbers.algebraics[*equation as usize];
+            if *slot != LEFT_OUT {
+                *slot = next;
+                next += 1;
+            }
+        }
+
+        let mut states = Vec::new();
+        let quantity_numbers = self.state_numbers();
+        for (at, (row, initial)) in flat.states.into_iter().zip(initials).enumerate() {
+            let Some(mut row) = row.filter(|_| numbers.states[at] != LEFT_OUT) else { continue };
+            numbers.renumber(&mut row.expr);
+            let quantity = &self.names.quantities[row.quantity];
+            states.push(State {
+                name: quantity.name_at(row.offset),
+                quantity: quantity_numbers[row.quantity],
+                initial: initial.value,
+                range: initial.range,
+                unit: unit(quantity),
+                derivative: row.expr,
+                span: row.span,
+            });
+        }
+        if states.is_empty() {
+            let help = "a model computes state variables; name one in `output`, or let an output read one";
+            self.report
+                .push(Diagnostic::global(codes::NO_STATE, "no output depends on a state variable").with_help(help));
+            return None;
+        }
+
+        let mut rows = flat.algebraics;
+        let mut algebraics = Vec::with_capacity(next as usize);
+        for equation in order {
+            let kept = numbers.algebraics[equation as usize] != LEFT_OUT;
+            let Some(mut row) = rows[equation as usize].take().filter(|_| kept) else { continue };
+            numbers.renumber(&mut row.expr);
+            let quantity = &self.names.quantities[row.quantity];
+            algebraics.push(Algebraic {
+                name: quantity.name_at(row.offset),
+                unit: unit(quantity),
+                expr: row.expr,
+                span: row.span,
+            });
+        }
+
+        let mut inputs = Vec::new();
+        for quantity in self.names.quantities.iter().filter(|quantity| quantity.kind == Kind::Input) {
+            for offset in 0..quantity.length {
+                let flat = quantity.base as usize + offset;
+                let Some(driven) = driven.get(flat).filter(|_| numbers.inputs[flat] != LEFT_OUT) else { continue };
+                inputs.push(Input {
+                    name: quantity.name_at(offset),
+                    unit: unit(quantity),
+                    waveform: driven.waveform,
+                    range: driven.range,
+                    span: driven.span,
+                });
+            }
+        }
+
+        let outputs = outputs
+            .into_iter()
+            .map(|output| Output { variable: numbers.renumbered(output.variable), ..output })
+            .collect();
+        let Header { name, title, solver, step, span } = header;
+        Some(Model { name, title, solver, step, span, states, algebraics, inputs, outputs, left_out })
+    }
+
+    /// Marks whatever an output depends on with zero, everything else as left out.
+    fn needed(&self, parts: &Parts) -> Numbers {
+        let mut numbers = Numbers {
+            states: vec![LEFT_OUT; parts.flat.states.len()],
+            inputs: vec![LEFT_OUT; parts.inputs.len()],
+            algebraics: vec![LEFT_OUT; parts.flat.algebraics.len()],
+        };
+        let mut waiting: Vec<Variable> = Vec::new();
+        let mut need = |variable: Variable, waiting: &mut Vec<Variable>| {
+            let slot = numbers.of(variable);
+            if *slot == LEFT_OUT {
+                *slot = 0;
+                waiting.push(variable);
+            }
+        };
+        for output in &parts.outputs {
+            need(output.variable, &mut waiting);
+        }
+        while let Some(variable) = waiting.pop() {
+            let row = match variable {
+                Variable::State(i) => &parts.flat.states[i as usize],
+                Variable::Algebraic(i) => &parts.flat.algebraics[i as usize],
+                Variable::Input(_) => continue,
+            };
+            if let Some(row) = row {
+                each_variable(&row.expr, &mut |read| need(read, &mut waiting));
+            }
+        }
+        numbers
+    }
+
+    /// Names of what is left out in source order, with a warning for each quantity that is gone as a whole.
+    fn left_out(&mut self, parts: &Parts, numbers: &Numbers) -> Vec<String> {
+        let mut gone: Vec<(u32, usize, usize)> = Vec::new();
+        let mut kept = vec![0usize; self.names.quantities.len()];
+        let mut sort = |row: &Row, number: u32| match number {
+            LEFT_OUT => gone.push((row.span.start, row.quantity, row.offset)),
+            _ => kept[row.quantity] += 1,
+        };
+        let states = parts.flat.states.iter().zip(&numbers.states);
+        for (row, number) in states.chain(parts.flat.algebraics.iter().zip(&numbers.algebraics)) {
+            if let Some(row) = row {
+                sort(row, *number);
+            }
+        }
+        for (at, quantity) in self.names.quantities.iter().enumerate().filter(|(_, q)| q.kind == Kind::Input) {
+            for offset in 0..quantity.length {
+                let flat = quantity.base as usize + offset;
+                match (numbers.inputs.get(flat), parts.inputs.get(flat)) {
+                    (Some(&LEFT_OUT), Some(driven)) => gone.push((driven.span.start, at, offset)),
+                    _ => kept[at] += 1,
+                }
+            }
+        }
+        gone.sort_unstable();
+        let mut warned = vec![false; self.names.quantities.len()];
+        for (_, at, _) in &gone {
+            let name = self.names.quantities[*at].name;
+            if kept[*at] == 0 && !std::mem::replace(&mut warned[*at], true) {
+                let message = format!("`{}` is left out: no output depends on it", name.text);
+                self.report.push(Diagnostic::error(codes::LEFT_OUT, name.span, message).into_warning());
+            }
+        }
+        gone.into_iter().map(|(_, at, offset)| self.names.quantities[at].name_at(offset)).collect()
+    }
+
+    /// Running number of each state quantity among the states.
+    fn state_numbers(&self) -> Vec<u32> {
+        let mut next = 0;
+        let mut numbers = Vec::with_capacity(self.names.quantities.len());
+        for quantity in &self.names.quantities {
+            numbers.push(next);
+            next += u32::from(quantity.kind == Kind::State);
+        }
+        numbers
+    }
+}
+
+/// Gives dense numbers to what is kept.
+fn number<'a>(slots: impl Iterator<Item = &'a mut u32>) {
+    for (next, slot) in slots.filter(|slot| **slot != LEFT_OUT).enumerate() {
+        *slot = next as u32;
+    }
+}
+
+fn unit(quantity: &Quantity) -> Option<String> {
+    quantity.unit.map(str::to_owned)
+}

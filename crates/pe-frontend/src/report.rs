@@ -1,0 +1,49 @@
+//! Collects diagnostics, with a cap so that a binary file does not yield a million of them.
+
+use crate::codes;
+use pe_ir::source::{Diagnostic, Severity};
+
+/// Findings shown per run and severity; more help nobody.
+const MOST: usize = 100;
+
+/// The findings of one stage.
+#[derive(Debug, Default)]
+pub(crate) struct Report {
+    findings: Vec<Diagnostic>,
+    errors: usize,
+    warnings: usize,
+}
+
+impl Report {
+    /// Takes a finding; beyond the cap it is only counted.
+    pub(crate) fn push(&mut self, finding: Diagnostic) {
+        let count = match finding.severity {
+            Severity::Error => &mut self.errors,
+            Severity::Warning => &mut self.warnings,
+        };
+        *count += 1;
+        if *count <= MOST {
+            self.findings.push(finding);
+        }
+    }
+
+    /// Whether an error was found.
+    pub(crate) fn failed(&self) -> bool {
+        self.errors > 0
+    }
+
+    /// The findings in source order, those about the whole model last.
+    pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
+        sort(&mut self.findings);
+        if self.errors > MOST {
+            let message = format!("{} more errors are not shown", self.errors - MOST);
+            self.findings.push(Diagnostic::global(codes::TOO_MANY_ERRORS, message));
+        }
+        self.findings
+    }
+}
+
+/// Sorts findings by place, those about the whole model last; equal places keep their order.
+pub(crate) fn sort(findings: &mut [Diagnostic]) {
+    findings.sort_by_key(|finding| finding.span.map_or((true, 0), |span| (false, span.start)));
+}

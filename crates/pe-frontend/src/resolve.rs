@@ -1,0 +1,276 @@
+//! Binds the names of an expression and checks what is number and what is condition.
+//!
+//! Every function returns `None` after it has reported an error, and goes on with the other parts first so that all
+//! errors of an expression are found in one run.
+
+use crate::ast::{Binder, Expr, ExprKind, Name, Reference};
+use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
+use crate::codes;
+use crate::functions::{self, FUNCTIONS};
+use crate::names::{Kind, Names, PREDEFINED, Symbol};
+use crate::nearest::suggestion;
+use crate::report::Report;
+use pe_ir::source::{Diagnostic, Span};
+
+/// What an expression may read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reads {
+    /// Only `const`: what index ranges, and so the sizes of arrays, depend on.
+    Consts,
+    /// `const` and `param`.
+    Constants,
+    /// Everything.
+    Variables,
+}
+
+/// Binds expressions within a scope of indices.
+pub(crate) struct Resolver<'r, 'a> {
+    pub(crate) names: &'r mut Names<'a>,
+    pub(crate) report: &'r mut Report,
+    /// Names of the indices in the frame, outermost first.
+    pub(crate) scope: Vec<&'a str>,
+    pub(crate) reads: Reads,
+}
+
+impl<'a> Resolver<'_, 'a> {
+    /// Binds a number.
+    pub(crate) fn number(&mut self, expr: &'a Expr) -> Option<Node> {
+        let kind = match &expr.kind {
+            ExprKind::Number(value) => NodeKind::Number(*value),
+            ExprKind::Reference(reference) => self.reference(reference)?,
+            ExprKind::Sum(terms) => {
+                let bound = terms.iter().map(|(sign, term)| self.number(term).map(|term| (*sign, term)));
+                NodeKind::Sum(all(bound)?)
+            }
+            ExprKind::Product(first, rest) => {
+                let first = self.number(first);
+                let rest = all(rest.iter().map(|(factor, operand)| self.number(operand).map(|node| (*factor, node))));
+                NodeKind::Product(Box::new(first?), rest?)
+            }
+            ExprKind::Power(base, exponent) => {
+                let (base, exponent) = (self.number(base), self.number(exponent));
+                NodeKind::Power(Box::new(base?), Box::new(exponent?))
+            }
+            ExprKind::Negate(operand) => NodeKind::Negate(Box::new(self.number(operand)?)),
+            ExprKind::If { condition, yes, no } => {
+                let (condition, yes, no) = (self.condition(condition), self.number(yes), self.number(no));
+                NodeKind::If(Box::new(condition?), Box::new(yes?), Box::new(no?))
+            }
+            ExprKind::SumOver { binder, condition, body } => self.sum_over(binder, condition.as_deref(), body)?,
+            ExprKind::Call { function, arguments } => self.call(function, arguments, expr.span)?,
+            ExprKind::Compare(..) | ExprKind::Logical(..) | ExprKind::Not(_) => {
+                let message = "a number is needed here, this is a condition";
+                self.report.push(
+                    Diagnostic::error(codes::NUMBER_OR_CONDITION, expr.span, message)
+                        .with_help("turn it into a number with `if condition then 1 else 0`"),
+                );
+                return None;
+            }
+        };
+        Some(Node { kind, span: expr.span })
+    }
+
+    /// Binds a condition.
+    pub(crate) fn condition(&mut self, expr: &'a Expr) -> Option<Condition> {
+        match &expr.kind {
+            ExprKind::Compare(comparison, left, right) => {
+                if matches!(left.kind, ExprKind::Compare(..)) {
+                    let message = "comparisons cannot be chained";
+                    let help = "compare twice and join with `and`: `1 < b and b < 5`";
+                    self.report.push(Diagnostic::error(codes::NUMBER_OR_CONDITION, expr.span, message).with_help(help));
+                    return None;
+                }
+                let (left, right) = (self.number(left), self.number(right));
+                Some(Condition::Compare(*comparison, left?, right?))
+            }
+            ExprKind::Logical(connective, operands) => {
+                let bound = all(operands.iter().map(|operand| self.condition(operand)));
+                Some(Condition::Logical(*connective, bound?))
+            }
+            ExprKind::Not(operand) => Some(Condition::Not(Box::new(self.condition(operand)?))),
+            _ => {
+                let message = "a condition is needed here, this is a number";
+                self.report.push(
+                    Diagnostic::error(codes::NUMBER_OR_CONDITION, expr.span, message)
+                        .with_help("compare it with something, for example `... != 0`"),
+                );
+                None
+            }
+        }
+    }
+
+    /// Binds the range of an index: its own one, or the default one of its name.
+    pub(crate) fn range(&mut self, binder: &'a Binder) -> Option<BoundRange> {
+        if let Some(range) = &binder.range {
+            self.names.check_index_name(&binder.name, self.report);
+            let (low, high) = (self.number(&range.low), self.number(&range.high));
+            return Some(BoundRange::Own(low?, high?));
+        }
+        match self.names.find(&binder.name.text) {
+            Some(Symbol::Index(number)) => {
+                self.names.indices[number].used = true;
+                Some(BoundRange::Index(number))
+            }
+            _ if self.names.is_poisoned(&binder.name.text) => None,
+            _ => {
+                let name = &binder.name;
+                let known = self.names.indices.iter().map(|index| index.name.text.as_str());
+                let help = suggestion(&name.text, known).unwrap_or_else(|| {
+                    let text = &name.text;
+                    format!("define it with `index {text} in 1..n`, or give it a range here; a unit needs a blank before its bracket")
+                });
+                let message = format!("unknown index `{}`", name.text);
+                self.report.push(Diagnostic::error(codes::UNKNOWN_NAME, name.span, message).with_help(help));
+                None
+            }
+        }
+    }
+
+    fn sum_over(&mut self, binder: &'a Binder, condition: Option<&'a Expr>, body: &'a Expr) -> Option<NodeKind> {
+        if self.scope.contains(&binder.name.text.as_str()) {
+            let message = format!("index `{}` already has a value here", binder.name.text);
+            self.report.push(
+                Diagnostic::error(codes::DUPLICATE, binder.name.span, message)
+                    .with_help("sum over an index of another name"),
+            );
+        }
+        let range = self.range(binder);
+        self.scope.push(&binder.name.text);
+        let condition = condition.map(|condition| self.condition(condition));
+        let body = self.number(body);
+        self.scope.pop();
+        let condition = match condition {
+            Some(condition) => Some(condition?),
+            None => None,
+        };
+        Some(NodeKind::SumOver(Box::new(SumOver { range: range?, condition, body: body? })))
+    }
+
+    fn call(&mut self, name: &'a Name, arguments: &'a [Expr], span: Span) -> Option<NodeKind> {
+        let bound = all(arguments.iter().map(|argument| self.number(argument)));
+        let Some(function) = functions::find(&name.text) else {
+            let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
+            let known = FUNCTIONS.iter().map(|function| function.name);
+            let help = suggestion(&name.text, known).or_else(|| {
+                let array = matches!(self.names.find(&name.text), Some(Symbol::Quantity(_)));
+                array.then(|| {
+                    format!("subscripts stand in brackets, products need a sign: `{0}[...]`, `{0}*(...)`", name.text)
+                })
+            });
+            self.report.push(Diagnostic { help, ..error });
+            return None;
+        };
+        let (fewest, most) = function.arguments;
+        if arguments.len() < fewest || arguments.len() > most {
+            let wanted = if fewest == most { fewest.to_string() } else { format!("at least {fewest}") };
+            let message = format!("`{}` takes {wanted} argument(s), found {}", function.name, arguments.len());
+            self.report.push(Diagnostic::error(codes::ARGUMENT_COUNT, span, message));
+            return None;
+        }
+        Some(NodeKind::Call(function, bound?))
+    }
+
+    fn reference(&mut self, reference: &'a Reference) -> Option<NodeKind> {
+        let name = &reference.name;
+        let subscripts = all(reference.subscripts.iter().map(|subscript| self.number(subscript)));
+        // The innermost index wins; equal names have been reported.
+        let index = self.scope.iter().rposition(|index| *index == name.text);
+        let number = index.map(NodeKind::Index).or_else(|| {
+            PREDEFINED.iter().find(|(word, _)| *word == name.text).map(|(_, value)| NodeKind::Number(*value))
+        });
+        if let Some(number) = number {
+            if !reference.subscripts.is_empty() {
+                let message = format!("`{}` is a number and takes no subscripts", name.text);
+                self.report.push(Diagnostic::error(codes::SUBSCRIPT_COUNT, reference.span, message));
+                return None;
+            }
+            return Some(number);
+        }
+        match self.names.find(&name.text) {
+            Some(Symbol::Quantity(number)) => {
+                self.names.quantities[number].used = true;
+                self.check_kind(number, name)?;
+                self.check_rank(number, reference)?;
+                Some(NodeKind::Element(number, subscripts?))
+            }
+            _ if self.names.is_poisoned(&name.text) => None,
+            Some(Symbol::Index(number)) => {
+                self.names.indices[number].used = true;
+                let text = &name.text;
+                let help = format!(
+                    "only indices on the left-hand side have a value; sum over `{text}` with `sum({text}: ...)`"
+                );
+                self.report.push(
+                    Diagnostic::error(codes::UNBOUND_INDEX, name.span, format!("index `{text}` has no value here"))
+                        .with_help(help),
+                );
+                None
+            }
+            None => {
+                self.report.push(self.names.unknown(name, &self.scope));
+                None
+            }
+        }
+    }
+
+    /// Reports a quantity that an expression of this place cannot read.
+    fn check_kind(&mut self, number: usize, name: &Name) -> Option<()> {
+        let quantity = &self.names.quantities[number];
+        let allowed = match self.reads {
+            Reads::Consts => quantity.kind == Kind::Const,
+            Reads::Constants => matches!(quantity.kind, Kind::Const | Kind::Param),
+            Reads::Variables => true,
+        };
+        if allowed {
+            return Some(());
+        }
+        let message = format!("`{}` is {} and cannot be read here", name.text, quantity.kind.describe());
+        let help = match self.reads {
+            Reads::Consts => "constants and index ranges can only read constants defined with `const`",
+            _ => "a value fixed before time zero can only read constants and parameters",
+        };
+        let error = Diagnostic::error(codes::WRONG_KIND, name.span, message);
+        self.report.push(error.with_label(quantity.name.span, "defined here").with_help(help));
+        None
+    }
+
+    /// Reports a wrong number of subscripts.
+    pub(crate) fn check_rank(&mut self, number: usize, reference: &Reference) -> Option<()> {
+        let quantity = &self.names.quantities[number];
+        let (found, wanted) = (reference.subscripts.len(), quantity.rank);
+        if found == wanted {
+            return Some(());
+        }
+        let name = &quantity.name.text;
+        let message = match wanted {
+            0 => format!("`{name}` is a scalar, found {found} subscript(s)"),
+            _ => format!("`{name}` has {wanted} subscript(s), found {found}"),
+        };
+        let error = Diagnostic::error(codes::SUBSCRIPT_COUNT, reference.span, message)
+            .with_label(quantity.name.span, "defined here");
+        self.report.push(match quantity.unit {
+            Some(unit) if wanted == 0 => {
+                error.with_help(format!("`[{unit}]` was read as a unit; indices follow the name without a blank"))
+            }
+            _ => error,
+        });
+        None
+    }
+}
+
+/// The message for a function that does not exist.
+pub(crate) fn unknown_function(name: &str) -> String {
+    format!("unknown function `{name}`")
+}
+
+/// All items, or `None` if one is missing; unlike `collect` it visits all of them.
+fn all<T>(items: impl Iterator<Item = Option<T>>) -> Option<Vec<T>> {
+    let mut complete = true;
+    let items: Vec<T> = items
+        .filter_map(|item| {
+            complete &= item.is_some();
+            item
+        })
+        .collect();
+    complete.then_some(items)
+}

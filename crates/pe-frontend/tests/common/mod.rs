@@ -1,0 +1,72 @@
+//! Shared by the integration tests: spec files, and a direct evaluator of right-hand sides.
+
+// Each test binary uses a part of this.
+#![allow(dead_code)]
+
+use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::source::SourceFile;
+use std::path::{Path, PathBuf};
+
+/// A source file from text.
+pub fn source(text: &str) -> SourceFile {
+    SourceFile { name: "test.spec".to_owned(), text: text.to_owned() }
+}
+
+/// The model of a text that must compile.
+pub fn model(text: &str) -> Model {
+    model_with(text, &[])
+}
+
+/// The model of a text that must compile with these values set.
+pub fn model_with(text: &str, overrides: &[(String, f64)]) -> Model {
+    let source = source(text);
+    match pe_frontend::compile(&source, overrides) {
+        Ok((model, _)) => model,
+        Err(errors) => panic!("{}", errors.iter().map(|error| error.render(&source)).collect::<String>()),
+    }
+}
+
+/// The repository.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// All `.spec` files below a folder, sorted.
+pub fn specs(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    for entry in entries {
+        let path = entry.expect("the folder can be read").path();
+        if path.is_dir() {
+            found.extend(specs(&path));
+        } else if path.extension().is_some_and(|extension| extension == "spec") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Derivatives of all states for given values of states and inputs.
+pub fn derivatives(model: &Model, states: &[f64], inputs: &[f64]) -> Vec<f64> {
+    let mut algebraics: Vec<f64> = Vec::new();
+    for algebraic in &model.algebraics {
+        // Fails if an equation reads one that comes later.
+        let value = evaluate(&algebraic.expr, states, inputs, &algebraics);
+        algebraics.push(value);
+    }
+    model.states.iter().map(|state| evaluate(&state.derivative, states, inputs, &algebraics)).collect()
+}
+
+fn evaluate(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[f64]) -> f64 {
+    let value = |member: &Expr| evaluate(member, states, inputs, algebraics);
+    match expr {
+        Expr::Constant(value) => *value,
+        Expr::Variable(Variable::State(i)) => states[*i as usize],
+        Expr::Variable(Variable::Input(i)) => inputs[*i as usize],
+        Expr::Variable(Variable::Algebraic(i)) => algebraics[*i as usize],
+        Expr::Sum(members) => members.iter().map(value).sum(),
+        Expr::Product(members) => members.iter().map(value).product(),
+        Expr::Power(base, exponent) => value(base).powi(*exponent as i32),
+    }
+}

@@ -1,0 +1,232 @@
+//! Behaviour of the front end as a whole: what models look like, and how fast and how robust their making is.
+
+mod common;
+
+use common::{derivatives, model, model_with, source};
+use pe_frontend::{Limits, compile, elaborate_within, parse};
+use pe_ir::model::{Expr, Solver, Variable, Waveform};
+use pe_ir::source::Diagnostic;
+use std::time::{Duration, Instant};
+
+/// A spec with these statements after the usual head.
+fn spec(statements: &str) -> String {
+    format!("model m \"title\"\nsolver rk4\nstep 1 ms\nspan 1 s\n{statements}")
+}
+
+fn errors(text: &str) -> Vec<Diagnostic> {
+    match compile(&source(text), &[]) {
+        Ok(_) => Vec::new(),
+        Err(errors) => errors,
+    }
+}
+
+fn codes(text: &str) -> Vec<&'static str> {
+    errors(text).iter().map(|error| error.code).collect()
+}
+
+#[test]
+fn header_values_reach_the_model() {
+    let model = model("model a \"b c\"\nsolver euler\nstep 1/44100 s\nspan 100 us\nstate x = 1\nx' = -x\noutput x");
+    assert_eq!((model.name.as_str(), model.title.as_str(), model.solver), ("a", "b c", Solver::Euler));
+    assert_eq!((model.step, model.span), (1.0 / 44100.0, 1e-4));
+}
+
+#[test]
+fn line_ends_of_windows_and_a_byte_order_mark_do_not_matter() {
+    let text = spec("state x = 1 +\n  2 // note\nx' = -x\noutput x");
+    let other = format!("\u{FEFF}{}", text.replace('\n', "\r\n"));
+    assert_eq!(model(&other).states[0].initial, 3.0);
+    assert_eq!(model(&other).states[0].derivative, model(&text).states[0].derivative);
+}
+
+#[test]
+fn the_same_text_gives_the_same_model() {
+    let text =
+        spec("param b = 2\nparam a = b\nstate y = a\nstate x = b\nx' = p\ny' = q\np = q - y\nq = a*x\noutput y, x");
+    assert_eq!(format!("{:?}", model(&text)), format!("{:?}", model(&text)));
+}
+
+#[test]
+fn parameters_fold_into_coefficients() {
+    let model = model(&spec("index b in 1..2\nparam R[b] = 2*b\nstate F[b] = 0\nF[b]' = 1 - R[b]*F[b]/4\noutput F"));
+    let product = Expr::Product(vec![Expr::Constant(-0.5), Expr::Variable(Variable::State(0))]);
+    assert_eq!(model.states[0].derivative, Expr::Sum(vec![product, Expr::Constant(1.0)]));
+    assert_eq!(model.states[1].name, "F[2]");
+}
+
+#[test]
+fn products_are_not_multiplied_out() {
+    let model = model(&spec("state x = 0\nstate y = 0\nx' = 2*(x + y)*(x - 1)^2\ny' = 0\noutput x"));
+    let Expr::Product(factors) = &model.states[0].derivative else { panic!("{:?}", model.states[0].derivative) };
+    assert!(matches!(factors.as_slice(), [Expr::Constant(2.0), Expr::Sum(_), Expr::Power(_, 2)]), "{factors:?}");
+}
+
+#[test]
+fn the_branch_not_taken_may_be_out_of_range() {
+    let model = model(&spec(
+        "index i in 1..3\nstate x[i] = 0\nx[i]' = (if i > 1 then x[i - 1] else 7) - x[i]*(if i < 3 then x[i + 1] else 0)\noutput x",
+    ));
+    assert_eq!(derivatives(&model, &[1.0, 2.0, 3.0], &[]), [5.0, -5.0, 2.0]);
+}
+
+#[test]
+fn equations_of_one_array_may_be_split() {
+    let model = model(&spec(
+        "const n = 4\nstate x[k in 1..n] = k\nx[n]' = 1\nx[1]' = 2\nx[k]' = 10*k where k > 1 and k < n\noutput x",
+    ));
+    assert_eq!(derivatives(&model, &[0.0; 4], &[]), [2.0, 20.0, 30.0, 1.0]);
+    assert_eq!(model.states.iter().map(|state| state.initial).collect::<Vec<_>>(), [1.0, 2.0, 3.0, 4.0]);
+}
+
+#[test]
+fn sums_nest_and_may_be_empty() {
+    let model = model(&spec(
+        "state x = 1\nx' = sum(i in 1..3: sum(j in i..3 where i + j != 4: 10*i + j))*x + sum(k in 5..4: k)\noutput x",
+    ));
+    // Pairs (1,1) (1,2) (2,3) (3,3).
+    assert_eq!(derivatives(&model, &[1.0], &[]), [11.0 + 12.0 + 23.0 + 33.0]);
+}
+
+#[test]
+fn algebraic_equations_come_in_dependency_order() {
+    let model = model(&spec("state x = 1\nx' = c\nc = a + b\nb = 2*a\na = x\noutput x"));
+    assert_eq!(model.algebraics.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), ["a", "b", "c"]);
+    assert_eq!(derivatives(&model, &[5.0], &[]), [15.0]);
+}
+
+#[test]
+fn what_no_output_depends_on_is_left_out_and_numbers_stay_dense() {
+    let model = model(&spec(
+        "input unused = 1\ninput u = 2\nindex i in 1..2\nstate a = 0\nstate x[i] = 0\nspare = a\na' = unused\nx[i]' = u*x[i]\noutput x[2]",
+    ));
+    assert_eq!(model.left_out, ["unused", "spare", "a", "x[1]"]);
+    assert_eq!(model.states.len(), 1);
+    let product = Expr::Product(vec![Expr::Variable(Variable::Input(0)), Expr::Variable(Variable::State(0))]);
+    assert_eq!(model.states[0].derivative, product);
+    assert_eq!((model.states[0].quantity, model.outputs[0].variable), (1, Variable::State(0)));
+}
+
+#[test]
+fn waveforms_take_units_and_defaults() {
+    let model = model(&spec(
+        "input a = sine(5, 0.25 Hz)\ninput b = square(1, 2 kHz, 3)\ninput c = 4*2\nstate x = 0\nx' = a + b + c\noutput x",
+    ));
+    let waveforms: Vec<Waveform> = model.inputs.iter().map(|input| input.waveform).collect();
+    let sine = Waveform::Sine { amplitude: 5.0, frequency: 0.25, offset: 0.0, phase: 0.0 };
+    let square = Waveform::Square { amplitude: 1.0, frequency: 2000.0, offset: 3.0, duty: 0.5 };
+    assert_eq!(waveforms, [sine, square, Waveform::Constant(8.0)]);
+}
+
+#[test]
+fn values_can_be_set_from_outside() {
+    let text = spec("const n = 2\nparam R[k in 1..n] = k\nstate x[k in 1..n] = 0\nx[k]' = -R[k]*x[k]\noutput x");
+    let set = |name: &str, value: f64| (name.to_owned(), value);
+    let model = model_with(&text, &[set("n", 3.0), set("R", 5.0)]);
+    assert_eq!(derivatives(&model, &[1.0; 3], &[]), [-5.0; 3]);
+
+    let errors = compile(&source(&text), &[set("nn", 1.0), set("x", 1.0), set("R", f64::NAN)]).unwrap_err();
+    assert_eq!(errors.iter().map(|error| error.code).collect::<Vec<_>>(), ["E0209"; 3]);
+    assert!(errors.iter().any(|error| error.help.as_deref() == Some("did you mean `n`?")), "{errors:?}");
+}
+
+#[test]
+fn messages_name_the_element_and_the_index_values() {
+    let errors = errors(&spec("index i in 1..80\nstate w[i] = 0\nw[i]' = w[i + 1]\noutput w"));
+    assert_eq!(errors.len(), 1);
+    assert_eq!(errors[0].message, "`w[81]` does not exist: its subscript runs from 1 to 80");
+    assert!(errors[0].labels.iter().any(|(_, label)| label == "for i = 80"), "{errors:?}");
+}
+
+#[test]
+fn loops_are_shown_as_cycles() {
+    let errors = errors(&spec("state x = 0\nx' = a\na = b\nb = c + x\nc = a\noutput x"));
+    assert_eq!(errors[0].message, "algebraic loop: `a` reads `b` reads `c` reads `a`");
+    assert_eq!(errors[0].labels.len(), 3);
+}
+
+#[test]
+fn a_long_chain_of_definitions_is_no_danger_to_the_stack() {
+    let text = spec(
+        "const n = 200000\nparam r[k in 1..n] = if k == n then 1 else r[k + 1]\nstate x = r[1]\nx' = a[1]\na[k] = if k == n then x else a[k + 1] for k in 1..n\noutput x",
+    );
+    let model = model(&text);
+    assert_eq!((model.states[0].initial, model.algebraics.len()), (1.0, 200_000));
+    assert_eq!(model.algebraics[0].name, "a[200000]");
+}
+
+#[test]
+fn deep_nesting_is_refused_at_once() {
+    let begin = Instant::now();
+    let many = 700_000;
+    for (open, close) in
+        [("(", ")"), ("-", ""), ("sin(", ")"), ("if 1 < 2 then 1 else ", ""), ("2^", ""), ("not ", ""), ("x[", "]")]
+    {
+        let text = spec(&format!("state x = {}1{}\nx' = -x\noutput x", open.repeat(many), close.repeat(many)));
+        assert!(codes(&text).contains(&"E0104"), "{open}");
+    }
+    let unclosed = spec(&"(".repeat(many));
+    assert!(!codes(&unclosed).is_empty());
+    assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
+}
+
+#[test]
+fn nesting_up_to_the_limit_is_accepted() {
+    let value = format!("{}1{}", "(-".repeat(90), ")".repeat(90));
+    let chain = format!("{}3", "if 1 > 2 then 1 else ".repeat(190));
+    let powers = format!("{}1", "1^".repeat(190));
+    for value in [value, chain, powers] {
+        assert_eq!(codes(&spec(&format!("state x = {value}\nx' = -x*({value})\noutput x"))), Vec::<&str>::new());
+    }
+}
+
+#[test]
+fn a_sum_of_many_terms_is_as_flat_as_a_short_one() {
+    let text = spec(&format!("state x = 0\nx' = {}1\noutput x", "x + 1 - ".repeat(100_000)));
+    assert!(matches!(&model(&text).states[0].derivative, Expr::Sum(terms) if terms.len() == 100_000 + 1));
+}
+
+#[test]
+fn large_files_and_floods_of_errors_are_cut_short() {
+    assert_eq!(codes(&" ".repeat((16 << 20) + 1)), ["E0105"]);
+    let flood = codes(&"$\n".repeat(1_000_000));
+    assert_eq!(flood.len(), 101 + 6, "{flood:?}");
+    assert!(flood.contains(&"E0108"));
+}
+
+#[test]
+fn models_beyond_the_limits_are_refused_by_name() {
+    let errors_of = |statements: &str, limits: Limits| {
+        let (spec, errors) = parse(&source(&spec(statements)));
+        assert!(errors.is_empty(), "{errors:?}");
+        let (model, errors) = elaborate_within(&spec, &[], &limits);
+        assert!(model.is_none());
+        errors
+    };
+    let array = "state x[i in 1..3000, j in 1..3000] = 0\nx[i, j]' = 1\noutput x";
+    let errors = errors_of(array, Limits::default());
+    assert_eq!(errors[0].code, "E0601");
+    assert!(errors[0].message.contains("`x`"), "{errors:?}");
+
+    let few = Limits { evaluations: 1000, ..Limits::default() };
+    let errors = errors_of("state x = 0\nx' = sum(i in 1..1e12: i)\noutput x", few);
+    assert_eq!(errors.iter().map(|error| error.code).collect::<Vec<_>>(), ["E0602"]);
+
+    let errors = errors_of("y[i] = 1 for i in 1..1e15\nstate x = 0\nx' = y[1]\noutput x", Limits::default());
+    assert_eq!(errors[0].code, "E0601");
+}
+
+#[test]
+fn a_hundred_thousand_equations_take_about_a_second() {
+    let begin = Instant::now();
+    let model = model(&spec(
+        "const n = 320\nindex i in 1..n, j in 1..n\nstate v[i, j] = exp(-((i - 40)^2 + (j - 60)^2)/100)
+         v[i, j]' = 4410*((if i > 1 then v[i - 1, j] else 0) + (if i < n then v[i + 1, j] else 0)
+                        + (if j > 1 then v[i, j - 1] else 0) + (if j < n then v[i, j + 1] else 0)) - 17660*v[i, j]
+         output v[1, 1]",
+    ));
+    let taken = begin.elapsed();
+    println!("{} ODEs in {taken:?}", model.states.len());
+    assert_eq!(model.states.len(), 320 * 320);
+    // Generous: the machine may be busy.
+    assert!(taken < Duration::from_secs(5), "{taken:?}");
+}
