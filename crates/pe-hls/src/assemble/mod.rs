@@ -1,0 +1,287 @@
+//! Assembles the program: registers, control words, memory images, links.
+
+mod memory;
+mod registers;
+
+use std::collections::BTreeSet;
+
+use pe_ir::graph::{Factor, FixedPoint, Role, StageForm, StepGraph, ValueId};
+use pe_ir::mapping::Mapping;
+use pe_ir::model::Model;
+use pe_ir::program::{
+    Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
+    StateRegister,
+};
+use pe_ir::schedule::Schedule;
+use pe_ir::word::Latency;
+
+use memory::Memories;
+
+const NONE: u32 = u32::MAX;
+
+/// Assembles a scheduled step graph.
+pub fn assemble(
+    model: &Model,
+    graph: &StepGraph,
+    fixed: &FixedPoint,
+    mapping: &Mapping,
+    schedule: &Schedule,
+) -> Program {
+    let memories = Memories::allocate(graph, fixed, mapping, schedule);
+    Assembler { model, graph, fixed, mapping, schedule, memories, latency: Latency::of(&fixed.format) }.program()
+}
+
+struct Assembler<'a> {
+    model: &'a Model,
+    graph: &'a StepGraph,
+    fixed: &'a FixedPoint,
+    mapping: &'a Mapping,
+    schedule: &'a Schedule,
+    memories: Memories,
+    latency: Latency,
+}
+
+impl Assembler<'_> {
+    fn program(&self) -> Program {
+        let ports = self.ports();
+        let senders: BTreeSet<u32> = ports
+            .iter()
+            .flatten()
+            .filter_map(|source| match source {
+                LinkSource::Pe(pe) => Some(*pe),
+                LinkSource::Input(_) => None,
+            })
+            .collect();
+        let mut pes: Vec<PeProgram> = (0..self.mapping.pes)
+            .map(|pe| {
+                let ports = ports[pe as usize].clone();
+                let features = PeFeatures {
+                    own_words: self.memories.own_words[pe as usize],
+                    imported_words: self.memories.imported_words[pe as usize],
+                    ports: ports.len() as u32,
+                    shifts: Vec::new(),
+                    accumulator_bits: self.fixed.format.data_bits + self.fixed.format.coefficient_bits,
+                    factor: false,
+                    swap: self.graph.form == StageForm::Euler,
+                    send: senders.contains(&pe),
+                };
+                self.blank(features, ports)
+            })
+            .collect();
+        for (equation, pe) in self.mapping.pe_of.iter().enumerate() {
+            pes[*pe as usize].equations.push(self.graph.equations[equation].name.clone());
+        }
+        self.collect_features(&mut pes);
+        let sent: BTreeSet<u32> = self.schedule.transfers.iter().map(|transfer| transfer.value.0).collect();
+        for chain in 0..self.graph.chains.len() {
+            self.emit_chain(chain, &mut pes, &sent);
+        }
+        self.emit_receives(&mut pes);
+        let states = self.states(&mut pes);
+        Program {
+            model: self.model.name.clone(),
+            format: self.fixed.format,
+            period: self.schedule.period,
+            pes,
+            inputs: self.inputs(),
+            outputs: self.outputs(),
+            states,
+            names: (0..self.graph.values.len() as u32).map(|id| self.graph.value_name(ValueId(id))).collect(),
+        }
+    }
+
+    fn blank(&self, features: PeFeatures, ports: Vec<LinkSource>) -> PeProgram {
+        let period = self.schedule.period as usize;
+        // Words nothing is stored in hold the number zero.
+        PeProgram {
+            own_image: vec![self.fixed.format.data_offset(); features.own_words as usize],
+            imported_image: vec![0; features.imported_words as usize],
+            features,
+            ports,
+            equations: Vec::new(),
+            words: vec![ControlWord::default(); period],
+            notes: vec![Note::default(); period],
+        }
+    }
+
+    fn home(&self, value: ValueId) -> Option<u32> {
+        match self.graph.value(value).equation {
+            NONE => None,
+            equation => Some(self.mapping.pe_of[equation as usize]),
+        }
+    }
+
+    /// Links into each PE: other PEs first, then inputs, each in order.
+    fn ports(&self) -> Vec<Vec<LinkSource>> {
+        let mut ports: Vec<BTreeSet<LinkSource>> = vec![BTreeSet::new(); self.mapping.pes as usize];
+        for transfer in &self.schedule.transfers {
+            ports[transfer.to as usize].insert(self.source(transfer.value));
+        }
+        ports.into_iter().map(|set| set.into_iter().collect()).collect()
+    }
+
+    fn source(&self, value: ValueId) -> LinkSource {
+        match (self.home(value), self.graph.value(value).role) {
+            (Some(pe), _) => LinkSource::Pe(pe),
+            (None, Role::Input(input)) => LinkSource::Input(input),
+            (None, role) => panic!("{role:?} has no PE"),
+        }
+    }
+
+    fn collect_features(&self, pes: &mut [PeProgram]) {
+        let mut shifts: Vec<BTreeSet<u8>> = vec![BTreeSet::new(); pes.len()];
+        for (index, chain) in self.graph.chains.iter().enumerate() {
+            let pe = self.mapping.pe_of[chain.equation as usize] as usize;
+            for (_, shift) in chain.writes().zip(self.fixed.shifts[index]) {
+                shifts[pe].insert(shift);
+            }
+            let features = &mut pes[pe].features;
+            features.accumulator_bits = features.accumulator_bits.max(u32::from(self.fixed.accumulator_bits[index]));
+            let factors = self.graph.chain_terms(chain).iter().any(|t| matches!(t.factor, Factor::Value(_)));
+            features.factor |= factors;
+        }
+        for (pe, shifts) in pes.iter_mut().zip(shifts) {
+            pe.features.shifts = shifts.into_iter().collect();
+        }
+    }
+
+    /// Control word of a time; times beyond the period belong to the next round.
+    fn word(&self, time: u32) -> usize {
+        debug_assert!(time < self.schedule.period + self.latency.pause());
+        (if time >= self.schedule.period { time - self.schedule.period } else { time }) as usize
+    }
+
+    /// Address of a value in its own PE, for an access at `time`.
+    fn own_address(&self, value: ValueId, time: u32) -> Address {
+        let place = self.memories.own[value.index()];
+        let pe = self.home(value).expect("own values have a PE");
+        self.address(place, self.memories.own_words[pe as usize], time)
+    }
+
+    fn address(&self, place: memory::Place, depth: u32, time: u32) -> Address {
+        // In a round that has already begun its parity, the two buffers have changed roles.
+        let other = place.swap && (place.second != (time >= self.schedule.period));
+        let word = if other { place.word + depth / 2 } else { place.word };
+        Address { word: u16::try_from(word).expect("memory depth"), swap: place.swap }
+    }
+
+    fn emit_chain(&self, index: usize, pes: &mut [PeProgram], sent: &BTreeSet<u32>) {
+        let chain = &self.graph.chains[index];
+        let number = self.mapping.pe_of[chain.equation as usize];
+        let start = self.schedule.starts[index];
+        let last = start + chain.len() - 1;
+        let pe = &mut pes[number as usize];
+        for (time, position) in (start..).zip(chain.terms.clone()) {
+            let term_index = self.schedule.order[position as usize] as usize;
+            let term = &self.graph.terms[term_index];
+            let at = self.word(time);
+            let word = &mut pe.words[at];
+            if self.home(term.operand) == Some(number) {
+                word.own = Some(self.own_address(term.operand, time));
+            } else {
+                let place = self.memories.import(term.operand, number);
+                word.imported = Some(self.address(place, self.memories.imported_words[number as usize], time));
+            }
+            word.multiplier = match term.factor {
+                Factor::Coefficient(_) => Multiplier::Coefficient(self.fixed.coefficients[term_index]),
+                Factor::Value(value) => Multiplier::Factor(self.own_address(value, time).word),
+            };
+            pe.notes[at].operand = term.operand.0;
+            pe.notes[at].chain = chain.write.value.0;
+        }
+        pe.words[self.word(last + self.latency.close())].close = true;
+        for (position, write) in chain.writes().enumerate() {
+            let scale = last + self.latency.scale() + position as u32;
+            let store = scale + Latency::SCALE_TO_WRITE;
+            let shift = self.fixed.shifts[index][position];
+            let slot = pe.features.shifts.binary_search(&shift).expect("collected from all chains");
+            let word = &mut pe.words[self.word(scale)];
+            word.base = write.base.map(|base| self.own_address(base, scale));
+            word.shift = slot as u8;
+            let word = &mut pe.words[self.word(store)];
+            word.write = Some(self.own_address(write.value, store));
+            word.send = position == 0 && sent.contains(&write.value.0);
+            pe.notes[self.word(store)].write = write.value.0;
+        }
+    }
+
+    fn emit_receives(&self, pes: &mut [PeProgram]) {
+        for transfer in &self.schedule.transfers {
+            let pe = &mut pes[transfer.to as usize];
+            let port = pe.ports.binary_search(&self.source(transfer.value)).expect("collected from all transfers");
+            let place = self.memories.import(transfer.value, transfer.to);
+            let address = self.address(place, pe.features.imported_words, transfer.receive);
+            let at = self.word(transfer.receive);
+            pe.words[at].receive = Some((port as u8, address));
+            pe.notes[at].receive = transfer.value.0;
+        }
+    }
+
+    /// Registers of the states; writes constants and initial values into the images.
+    fn states(&self, pes: &mut [PeProgram]) -> Vec<StateRegister> {
+        for (index, value) in self.graph.values.iter().enumerate() {
+            if let Role::Constant(_) = value.role {
+                let id = ValueId(index as u32);
+                let pe = self.home(id).expect("constants have a PE");
+                pes[pe as usize].own_image[self.memories.own[index].word as usize] =
+                    self.fixed.constant_word(self.graph, id);
+            }
+        }
+        let mut states: Vec<StateRegister> = Vec::with_capacity(self.graph.states.len());
+        for (index, (state, _)) in self.graph.states.iter().enumerate() {
+            let pe = self.home(*state).expect("states have a PE");
+            let address = self.own_address(*state, 0);
+            states.push(StateRegister {
+                name: self.graph.names.states[index].clone(),
+                exponent: self.fixed.exponents[state.index()],
+                own: (pe, address.word),
+                imported: Vec::new(),
+            });
+        }
+        for (value, pe, place) in self.memories.imports() {
+            if let Role::State(state) = self.graph.value(value).role {
+                let depth = self.memories.imported_words[pe as usize];
+                states[state as usize].imported.push((pe, self.address(place, depth, 0).word));
+            }
+        }
+        for (state, initial) in states.iter().zip(&self.graph.initial) {
+            let (word, _) = self.fixed.format.encode(*initial, state.exponent, self.fixed.format.data_offset());
+            state.set(pes, &self.fixed.format, word);
+        }
+        states
+    }
+
+    fn inputs(&self) -> Vec<InputPort> {
+        let inputs = self.model.inputs.iter().zip(&self.graph.inputs);
+        inputs
+            .map(|(input, value)| InputPort {
+                name: input.name.clone(),
+                unit: input.unit.clone(),
+                exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
+            })
+            .collect()
+    }
+
+    fn outputs(&self) -> Vec<OutputPort> {
+        let producers = self.graph.producers();
+        let output = |(index, value): (usize, &ValueId)| {
+            let chain_index = producers[value.index()] as usize;
+            let chain = &self.graph.chains[chain_index];
+            let position = chain.writes().position(|write| write.value == *value).expect("its producer writes it");
+            let last = self.schedule.starts[chain_index] + chain.len() - 1;
+            let unit = match self.model.outputs[index].variable {
+                pe_ir::model::Variable::State(s) => self.model.states[s as usize].unit.clone(),
+                pe_ir::model::Variable::Input(i) => self.model.inputs[i as usize].unit.clone(),
+                pe_ir::model::Variable::Algebraic(a) => self.model.algebraics[a as usize].unit.clone(),
+            };
+            OutputPort {
+                name: self.model.outputs[index].name.clone(),
+                unit,
+                pe: self.mapping.pe_of[chain.equation as usize],
+                word: self.word(last + self.latency.write() + position as u32) as u32,
+                exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
+            }
+        };
+        self.graph.outputs.iter().enumerate().map(output).collect()
+    }
+}

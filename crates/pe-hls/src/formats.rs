@@ -1,0 +1,254 @@
+//! Chooses the number format of every value, coefficient and write.
+//!
+//! Each value has a binary point of its own. Within a chain all products share one (the *product point*), as fine as
+//! the coefficient port and the accumulator allow; what remains per write is one right shift.
+
+use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, Term, ValueId};
+use pe_ir::source::Diagnostic;
+use pe_ir::word::WordFormat;
+
+/// Head room of the measured ranges (Kum, Kang, Sung 2000 use the same idea; the figure is ours, see
+/// `docs/decisions/0001-number-path.md`).
+pub const RANGE_MARGIN: f64 = 1.2;
+
+/// Accumulator bits that keep sums of coefficient products in a machine word of the reference and simulator.
+const SOFT_ACCUMULATOR_LIMIT: u32 = 64;
+
+/// A right shift never needs more: what lies further below the result's LSB cannot be seen in it.
+const MAX_SHIFT: i32 = 40;
+
+/// What is known about the values of a step graph.
+#[derive(Clone, Debug)]
+pub struct Ranges {
+    /// Largest magnitude of each value over the runs.
+    pub largest: Vec<f64>,
+    /// Extra bits of each value's range, after a fixed-point run saturated there.
+    pub widened: Vec<i32>,
+}
+
+/// Chooses formats for the measured ranges.
+///
+/// # Errors
+/// `E0802` if a chain has no product point (coefficients too large against the widths), naming its equation.
+pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<FixedPoint, Diagnostic> {
+    let mut chooser = Chooser::new(graph, ranges, format);
+    // Raising one exponent can ask for another; 64 rounds would move every point across the whole word.
+    for _ in 0..64 {
+        chooser.changed = false;
+        for chain in (0..graph.chains.len()).rev() {
+            chooser.settle(chain)?;
+        }
+        if !chooser.changed {
+            return Ok(chooser.finish());
+        }
+    }
+    Err(Diagnostic::global("E0802", "no number format fits: the step is too large for the model's rates")
+        .with_help("choose a smaller step"))
+}
+
+struct Chooser<'a> {
+    graph: &'a StepGraph,
+    format: WordFormat,
+    /// Group of each value: values added to one another share a format.
+    group: Vec<u32>,
+    /// Exponent of each group.
+    exponent: Vec<i32>,
+    products: Vec<i32>,
+    changed: bool,
+}
+
+impl<'a> Chooser<'a> {
+    fn new(graph: &'a StepGraph, ranges: &Ranges, format: WordFormat) -> Self {
+        let group = groups(graph);
+        let mut largest = vec![0.0f64; graph.values.len()];
+        let mut widened = vec![0; graph.values.len()];
+        for (index, group) in group.iter().enumerate() {
+            let number = match graph.values[index].role {
+                Role::Constant(number) => number.abs(),
+                _ => ranges.largest[index],
+            };
+            largest[*group as usize] = largest[*group as usize].max(number);
+            widened[*group as usize] = widened[*group as usize].max(ranges.widened[index]);
+        }
+        let full_scale = format.word_bits() as i32 - 1;
+        let exponent = |(largest, widened): (&f64, &i32)| {
+            // A value that is always zero gets the finest format; the floor rule below raises it.
+            let magnitude = if *largest > 0.0 { ceil_log2(RANGE_MARGIN * largest) } else { -200 };
+            magnitude - full_scale + widened
+        };
+        let exponent = largest.iter().zip(&widened).map(exponent).collect();
+        Chooser { graph, format, group, exponent, products: vec![0; graph.chains.len()], changed: false }
+    }
+
+    fn of(&self, id: ValueId) -> i32 {
+        self.exponent[self.group[id.index()] as usize]
+    }
+
+    fn operand_exponent(&self, term: &Term) -> i32 {
+        self.of(term.operand) + self.format.data_drop() as i32
+    }
+
+    fn raise(&mut self, id: ValueId, exponent: i32) {
+        let slot = &mut self.exponent[self.group[id.index()] as usize];
+        if *slot < exponent {
+            *slot = exponent;
+            self.changed = true;
+        }
+    }
+
+    /// Settles the product point of a chain and the exponents that it asks for.
+    fn settle(&mut self, index: usize) -> Result<(), Diagnostic> {
+        let chain = &self.graph.chains[index];
+        self.floor(chain);
+        let mut product = self.finest_product(chain);
+        for write in chain.writes() {
+            product = product.max(self.of(write.value) - write.weight - MAX_SHIFT);
+        }
+        // A second factor of a product takes the format that puts the product on the chain's point.
+        for term in self.graph.chain_terms(chain) {
+            if let Factor::Value(factor) = term.factor {
+                let exponent = product - self.operand_exponent(term) - self.format.factor_drop() as i32;
+                self.raise(factor, exponent);
+            }
+        }
+        let soft = SOFT_ACCUMULATOR_LIMIT.min(self.format.accumulator_limit());
+        let finest = product;
+        while self.accumulator_bits(chain, product) > soft && product < finest + 3 && !has_factors(self.graph, chain) {
+            product += 1;
+        }
+        while self.accumulator_bits(chain, product) > self.format.accumulator_limit() {
+            product += 1;
+            if product > finest + 40 {
+                let name = &self.graph.equations[chain.equation as usize].name;
+                let message = format!("the products of `{name}` do not fit the accumulator");
+                return Err(Diagnostic::error("E0803", self.graph.equations[chain.equation as usize].span, message)
+                    .with_help("split the equation into algebraic equations"));
+            }
+        }
+        if product > finest {
+            for term in self.graph.chain_terms(chain) {
+                if let Factor::Value(factor) = term.factor {
+                    let exponent = product - self.operand_exponent(term) - self.format.factor_drop() as i32;
+                    self.raise(factor, exponent);
+                }
+            }
+        }
+        for write in chain.writes() {
+            self.raise(write.value, product + write.weight);
+        }
+        self.products[index] = product;
+        Ok(())
+    }
+
+    /// Floor rule: a sum spans at least four LSB of its coarsest operand, or noise alone would overflow it.
+    fn floor(&mut self, chain: &Chain) {
+        let noise = |term: &Term| match term.factor {
+            Factor::Coefficient(c) if c != 0.0 => ceil_log2(c.abs()) + self.operand_exponent(term),
+            Factor::Coefficient(_) => i32::MIN / 2,
+            Factor::Value(_) => i32::MIN / 2,
+        };
+        let coarsest = self.graph.chain_terms(chain).iter().map(noise).max().unwrap_or(i32::MIN / 2);
+        for write in chain.writes() {
+            self.raise(write.value, coarsest + write.weight + 2 - (self.format.word_bits() as i32 - 1));
+        }
+    }
+
+    /// The finest product point: every coefficient fits its port, and every stored factor its range.
+    fn finest_product(&self, chain: &Chain) -> i32 {
+        let coefficient_bits = self.format.coefficient_bits as i32;
+        let of_term = |term: &Term| match term.factor {
+            Factor::Coefficient(0.0) => i32::MIN / 2,
+            Factor::Coefficient(c) => {
+                let exponent = self.operand_exponent(term);
+                let mut product = exponent + ceil_log2(c.abs()) - (coefficient_bits - 1);
+                if quantise(c, exponent, product) >= 1i64 << (coefficient_bits - 1) {
+                    product += 1;
+                }
+                product
+            }
+            Factor::Value(factor) => self.operand_exponent(term) + self.of(factor) + self.format.factor_drop() as i32,
+        };
+        let finest = self.graph.chain_terms(chain).iter().map(of_term).max().unwrap_or(0);
+        if finest < -100_000 { self.of(chain.write.value) } else { finest }
+    }
+
+    /// Bits that hold any sum of the chain, whatever its operands.
+    fn accumulator_bits(&self, chain: &Chain, product: i32) -> u32 {
+        let data = 1i128 << (self.format.data_bits - 1);
+        let bound: i128 = self
+            .graph
+            .chain_terms(chain)
+            .iter()
+            .map(|term| match term.factor {
+                Factor::Coefficient(c) => data * i128::from(quantise(c, self.operand_exponent(term), product)),
+                Factor::Value(_) => data << (self.format.coefficient_bits - 1),
+            })
+            .sum();
+        // One bit for the sign, one value more for the rounding increment.
+        (bound + 1).ilog2() + 2
+    }
+
+    fn finish(self) -> FixedPoint {
+        let graph = self.graph;
+        let mut coefficients = vec![0; graph.terms.len()];
+        let mut shifts = Vec::with_capacity(graph.chains.len());
+        let mut accumulator_bits = Vec::with_capacity(graph.chains.len());
+        for (chain, product) in graph.chains.iter().zip(&self.products) {
+            for position in chain.terms.clone() {
+                let term = &graph.terms[position as usize];
+                if let Factor::Coefficient(c) = term.factor {
+                    let magnitude = quantise(c, self.operand_exponent(term), *product);
+                    coefficients[position as usize] = if c < 0.0 { -magnitude } else { magnitude };
+                }
+            }
+            let mut shift = [0; 2];
+            for (write, slot) in chain.writes().zip(&mut shift) {
+                *slot = u8::try_from(self.of(write.value) - product - write.weight).expect("settled by `settle`");
+            }
+            shifts.push(shift);
+            accumulator_bits.push(self.accumulator_bits(chain, *product) as u8);
+        }
+        let exponents = self.group.iter().map(|group| self.exponent[*group as usize]).collect();
+        FixedPoint { format: self.format, exponents, coefficients, products: self.products, shifts, accumulator_bits }
+    }
+}
+
+fn has_factors(graph: &StepGraph, chain: &Chain) -> bool {
+    graph.chain_terms(chain).iter().any(|term| matches!(term.factor, Factor::Value(_)))
+}
+
+/// Magnitude of a coefficient in units of the product point, rounded to nearest.
+fn quantise(coefficient: f64, operand_exponent: i32, product: i32) -> i64 {
+    libm::round(libm::scalbn(coefficient.abs(), operand_exponent - product)) as i64
+}
+
+/// Smallest integer `n` with `x <= 2^n`, for positive finite `x`.
+fn ceil_log2(x: f64) -> i32 {
+    let (mantissa, exponent) = libm::frexp(x);
+    if mantissa == 0.5 { exponent - 1 } else { exponent }
+}
+
+/// Joins values that a write adds to one another, and each state with its successor. Returns a representative each.
+fn groups(graph: &StepGraph) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..graph.values.len() as u32).collect();
+    fn find(parent: &mut [u32], mut x: u32) -> u32 {
+        while parent[x as usize] != x {
+            parent[x as usize] = parent[parent[x as usize] as usize];
+            x = parent[x as usize];
+        }
+        x
+    }
+    let mut join = |a: ValueId, b: ValueId| {
+        let (a, b) = (find(&mut parent, a.0), find(&mut parent, b.0));
+        parent[a.max(b) as usize] = a.min(b);
+    };
+    for (state, next) in &graph.states {
+        join(*state, *next);
+    }
+    for write in graph.chains.iter().flat_map(Chain::writes) {
+        if let Some(base) = write.base {
+            join(write.value, base);
+        }
+    }
+    (0..graph.values.len() as u32).map(|index| find(&mut parent, index)).collect()
+}

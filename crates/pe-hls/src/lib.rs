@@ -1,0 +1,11 @@
+//! From model to program: step graph, number formats, mapping, schedule, assembly.
+//!
+//! ```text
+//! Model -> step -> StepGraph -> formats -> FixedPoint -> mapping -> schedule -> assemble -> Program
+//! ```
+
+pub mod assemble;
+pub mod formats;
+pub mod mapping;
+pub mod schedule;
+pub mod step;

@@ -1,0 +1,198 @@
+//! The mapping problem in flat arrays, and its views as petgraph graphs.
+
+use pe_ir::graph::{Role, StepGraph};
+use pe_ir::mapping::{Mapping, MappingCost};
+use petgraph::graph::DiGraph;
+
+/// What the mapper knows of a step graph: loads, dependencies and reads of external inputs.
+///
+/// The dependencies are stored undirected, once per pair of equations, as [`Neighbour`]s. External inputs are further
+/// nodes behind the equations; the mapper gives each a place of its own outside the network, so that the same counts
+/// serve links between PEs and input ports.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    loads: Vec<u32>,
+    inputs: u32,
+    /// Start of each equation's part of `neighbours`; one more than there are equations.
+    offsets: Vec<u32>,
+    neighbours: Vec<Neighbour>,
+}
+
+/// A node next to an equation, and whether the equation reads it, is read by it, or both.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Neighbour(u32);
+
+impl Neighbour {
+    const READ: u32 = 1;
+    const READER: u32 = 2;
+
+    /// Index of an equation, or number of equations + index of an input.
+    pub(super) fn node(self) -> usize {
+        (self.0 >> 2) as usize
+    }
+
+    /// 1 if the equation reads the node, else 0.
+    pub(super) fn reads(self) -> u32 {
+        self.0 & 1
+    }
+
+    /// 1 if the node reads the equation, else 0.
+    pub(super) fn is_reader(self) -> u32 {
+        self.0 >> 1 & 1
+    }
+}
+
+impl Problem {
+    /// The problem of a step graph.
+    pub fn of(graph: &StepGraph) -> Problem {
+        let mut input_reads = Vec::new();
+        for chain in &graph.chains {
+            for term in graph.chain_terms(chain) {
+                if let Role::Input(input) = graph.value(term.operand).role {
+                    input_reads.push((input, chain.equation));
+                }
+            }
+        }
+        Problem::new(graph.loads(), &graph.dependencies(), &input_reads)
+    }
+
+    /// The problem with these loads, arcs `(read equation, reader)` and pairs `(input, reader)`; repeats are allowed.
+    ///
+    /// # Panics
+    /// If an index is out of range or there are 2^30 nodes or more.
+    pub fn new(loads: Vec<u32>, arcs: &[(u32, u32)], input_reads: &[(u32, u32)]) -> Problem {
+        let equations = loads.len() as u32;
+        let inputs = input_reads.iter().map(|&(input, _)| input + 1).max().unwrap_or(0);
+        assert!(equations + inputs < 1 << 30, "too many equations");
+        let mut sides: Vec<(u32, u32)> = Vec::with_capacity(2 * arcs.len() + input_reads.len());
+        for &(read, reader) in arcs.iter().filter(|(read, reader)| read != reader) {
+            assert!(read < equations && reader < equations, "arc out of range");
+            sides.push((reader, read << 2 | Neighbour::READ));
+            sides.push((read, reader << 2 | Neighbour::READER));
+        }
+        for &(input, reader) in input_reads {
+            assert!(reader < equations, "reader of an input out of range");
+            sides.push((reader, (equations + input) << 2 | Neighbour::READ));
+        }
+        sides.sort_unstable();
+        let mut offsets = vec![0; loads.len() + 1];
+        let mut neighbours: Vec<Neighbour> = Vec::with_capacity(sides.len());
+        let mut last = (u32::MAX, u32::MAX);
+        for (equation, packed) in sides {
+            if last == (equation, packed >> 2) {
+                let merged = neighbours.last_mut().expect("a neighbour before its repetition");
+                merged.0 |= packed;
+            } else {
+                neighbours.push(Neighbour(packed));
+                last = (equation, packed >> 2);
+            }
+            offsets[equation as usize + 1] = neighbours.len() as u32;
+        }
+        for equation in 0..loads.len() {
+            offsets[equation + 1] = offsets[equation + 1].max(offsets[equation]);
+        }
+        Problem { loads, inputs, offsets, neighbours }
+    }
+
+    /// Number of equations.
+    pub fn equations(&self) -> u32 {
+        self.loads.len() as u32
+    }
+
+    /// Issue slots of each equation.
+    pub fn loads(&self) -> &[u32] {
+        &self.loads
+    }
+
+    /// Number of external inputs, up to the last one read.
+    pub fn inputs(&self) -> u32 {
+        self.inputs
+    }
+
+    /// Issue slots of all equations.
+    pub fn total_load(&self) -> u64 {
+        self.loads.iter().map(|&load| u64::from(load)).sum()
+    }
+
+    /// Nodes next to an equation, by rising index, so that inputs come last.
+    pub(super) fn neighbours(&self, equation: usize) -> &[Neighbour] {
+        &self.neighbours[self.offsets[equation] as usize..self.offsets[equation + 1] as usize]
+    }
+
+    /// Equations next to an equation.
+    pub(super) fn adjacent(&self, equation: usize) -> impl DoubleEndedIterator<Item = usize> + '_ {
+        self.neighbours(equation).iter().map(|neighbour| neighbour.node()).filter(|&node| node < self.loads.len())
+    }
+
+    /// What each PE of a mapping reads, as sorted pairs (PE, other PE or number of PEs + index of an input).
+    pub(super) fn sources(&self, mapping: &Mapping) -> Vec<(u32, u32)> {
+        let mut sources: Vec<(u32, u32)> = Vec::new();
+        for (equation, &pe) in mapping.pe_of.iter().enumerate() {
+            for neighbour in self.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
+                let node = neighbour.node();
+                let source = match node.checked_sub(self.loads.len()) {
+                    Some(input) => mapping.pes + input as u32,
+                    None => mapping.pe_of[node],
+                };
+                if source != pe {
+                    sources.push((pe, source));
+                }
+            }
+        }
+        sources.sort_unstable();
+        sources.dedup();
+        sources
+    }
+
+    /// The cost of a mapping, computed from nothing.
+    pub fn cost(&self, mapping: &Mapping) -> MappingCost {
+        let mut loads = vec![0; mapping.pes as usize];
+        for (&pe, &load) in mapping.pe_of.iter().zip(&self.loads) {
+            loads[pe as usize] += load;
+        }
+        let sources = self.sources(mapping);
+        let degrees = sources.chunk_by(|left, right| left.0 == right.0).map(<[_]>::len);
+        let max_in_degree = degrees.max().unwrap_or(0) as u32;
+        let between_pes = sources.iter().filter(|&&(_, source)| source < mapping.pes);
+        let mut pairs: Vec<(u32, u32)> = between_pes.map(|&(pe, source)| (pe.min(source), pe.max(source))).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        MappingCost { max_load: loads.into_iter().max().unwrap_or(0), connections: pairs.len() as u32, max_in_degree }
+    }
+
+    /// The ODE-dependency graph: equations weighted by load, arcs from the read equation to its reader.
+    pub fn ode_graph(&self) -> DiGraph<u32, ()> {
+        let mut graph = DiGraph::with_capacity(self.loads.len(), self.neighbours.len());
+        let nodes: Vec<_> = self.loads.iter().map(|&load| graph.add_node(load)).collect();
+        for (equation, &reader) in nodes.iter().enumerate() {
+            for neighbour in self.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
+                if let Some(&read) = nodes.get(neighbour.node()) {
+                    graph.add_edge(read, reader, ());
+                }
+            }
+        }
+        graph
+    }
+
+    /// The PE-dependency graph of a mapping: PEs weighted by load, links by the number of dependencies they carry.
+    pub fn pe_graph(&self, mapping: &Mapping) -> DiGraph<u32, u32> {
+        let mut graph = DiGraph::new();
+        let nodes: Vec<_> = (0..mapping.pes).map(|_| graph.add_node(0)).collect();
+        let mut arcs = Vec::new();
+        for (equation, &pe) in mapping.pe_of.iter().enumerate() {
+            graph[nodes[pe as usize]] += self.loads[equation];
+            for neighbour in self.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
+                match mapping.pe_of.get(neighbour.node()) {
+                    Some(&source) if source != pe => arcs.push((source, pe)),
+                    _ => {}
+                }
+            }
+        }
+        arcs.sort_unstable();
+        for link in arcs.chunk_by(|left, right| left == right) {
+            let (source, reader) = link[0];
+            graph.add_edge(nodes[source as usize], nodes[reader as usize], link.len() as u32);
+        }
+        graph
+    }
+}

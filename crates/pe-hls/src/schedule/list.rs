@@ -1,0 +1,317 @@
+//! The list scheduler.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use pe_ir::graph::{Factor, Role};
+use pe_ir::word::Latency;
+
+use super::problem::{Place, Problem};
+
+/// Times of one step, before it is closed into a loop.
+pub(super) struct Placement {
+    /// First operand of each chain.
+    pub starts: Vec<u32>,
+    /// Terms in issue order.
+    pub order: Vec<u32>,
+    /// Receive time of each import.
+    pub receives: Vec<u32>,
+    /// First read of each release slot (own values, then imports) of values that stem from the step before.
+    pub first_reads: Vec<u32>,
+}
+
+/// How many chains are tried when the most urgent one has to wait for a write or link slot.
+const ALTERNATIVES: usize = 8;
+
+/// Places all chains. `release` bounds the first reads of values from the step before.
+pub(super) fn place(problem: &Problem, release: &[u32]) -> Placement {
+    let mut list = List::new(problem, release);
+    list.receive_inputs();
+    for chain in 0..problem.graph.chains.len() {
+        if problem.predecessors[chain] == 0 {
+            list.make_ready(chain as u32, 0);
+        }
+    }
+    while let Some(Reverse((time, pe))) = list.events.pop() {
+        list.visit(pe as usize, time);
+    }
+    debug_assert!(list.waiting.iter().all(|count| *count == 0));
+    list.placement
+}
+
+/// State of one PE.
+#[derive(Default)]
+struct Pe {
+    /// Chains whose operands will be there: earliest start, chain.
+    coming: BinaryHeap<Reverse<(u32, u32)>>,
+    /// Chains that could start now: priority, chain (earlier chains first).
+    ready: BinaryHeap<(u32, Reverse<u32>)>,
+    /// First word without an operand so far.
+    free: u32,
+    /// Earliest last operand of the next chain: the writes of the chain before it need the hold register.
+    next_last: u32,
+    /// Earliest next send: all receivers have taken the word before.
+    next_send: u32,
+    /// Words in which a receive is placed.
+    receives: Slots,
+    /// Time of the pending event; later ones are stale.
+    event: u32,
+}
+
+struct List<'a> {
+    problem: &'a Problem<'a>,
+    pes: Vec<Pe>,
+    events: BinaryHeap<Reverse<(u32, u32)>>,
+    waiting: Vec<u32>,
+    /// First word that may read each value in its own PE.
+    own_ready: Vec<u32>,
+    /// First word that may read each import, in the step that the import's current word belongs to.
+    import_ready: Vec<u32>,
+    /// Last read of each import's old word so far.
+    import_read: Vec<u32>,
+    placement: Placement,
+}
+
+impl<'a> List<'a> {
+    fn new(problem: &'a Problem, release: &'a [u32]) -> Self {
+        let values = problem.graph.values.len();
+        let mut pes: Vec<Pe> = Vec::new();
+        pes.resize_with(problem.pes, Pe::default);
+        for pe in &mut pes {
+            // Nothing may be written before the pause point, so no chain may end in word 0.
+            pe.next_last = 1;
+            pe.event = u32::MAX;
+        }
+        List {
+            problem,
+            pes,
+            events: BinaryHeap::new(),
+            waiting: problem.predecessors.clone(),
+            own_ready: release[..values].to_vec(),
+            import_ready: release[values..].to_vec(),
+            import_read: vec![0; problem.imports.len()],
+            placement: Placement {
+                starts: vec![0; problem.graph.chains.len()],
+                order: vec![0; problem.graph.terms.len()],
+                receives: vec![0; problem.imports.len()],
+                first_reads: vec![u32::MAX; problem.resident_count()],
+            },
+        }
+    }
+
+    /// Inputs are sampled at the pause point; each PE takes its own in the first words after it.
+    fn receive_inputs(&mut self) {
+        let first = self.problem.latency.pause() + 1;
+        for (index, import) in self.problem.imports.iter().enumerate() {
+            if let Role::Input(_) = self.problem.graph.values[import.resident as usize].role {
+                let receive = self.pes[import.pe as usize].receives.take(first);
+                self.placement.receives[index] = receive;
+                self.import_ready[index] = receive + Latency::WRITE_TO_READ;
+            }
+        }
+    }
+
+    fn ready_time(&self, place: Place) -> u32 {
+        match place {
+            Place::Own(value) => self.own_ready[value as usize],
+            Place::Import(import) => self.import_ready[import as usize],
+        }
+    }
+
+    /// A chain's predecessors are placed: orders its terms by arrival and computes its earliest start.
+    fn make_ready(&mut self, chain: u32, now: u32) {
+        let problem = self.problem;
+        let code = &problem.graph.chains[chain as usize];
+        let arrival = |term: &u32| {
+            let mut ready = self.ready_time(problem.places[*term as usize]);
+            if let Factor::Value(value) = problem.graph.terms[*term as usize].factor {
+                ready = ready.max(self.own_ready[value.index()]);
+            }
+            ready
+        };
+        let mut order: Vec<(u32, u32)> = code.terms.clone().map(|term| (arrival(&term), term)).collect();
+        order.sort_unstable();
+        let mut start = now;
+        for (position, (ready, term)) in order.iter().enumerate() {
+            start = start.max(ready.saturating_sub(position as u32));
+            self.placement.order[code.terms.start as usize + position] = *term;
+        }
+        let last_offset = code.len() - 1;
+        for (position, write) in code.writes().enumerate() {
+            if let Some(base) = write.base {
+                let scale = last_offset + problem.latency.scale() + position as u32;
+                start = start.max(self.own_ready[base.index()].saturating_sub(scale));
+            }
+        }
+        let pe = problem.pe_of[chain as usize] as usize;
+        self.pes[pe].coming.push(Reverse((start, chain)));
+        self.wake(pe, start);
+    }
+
+    /// Has a PE looked at again at `time`.
+    fn wake(&mut self, pe: usize, time: u32) {
+        let time = time.max(self.pes[pe].free);
+        if time < self.pes[pe].event {
+            self.pes[pe].event = time;
+            self.events.push(Reverse((time, pe as u32)));
+        }
+    }
+
+    fn visit(&mut self, pe: usize, time: u32) {
+        if self.pes[pe].event != time {
+            return;
+        }
+        self.pes[pe].event = u32::MAX;
+        while let Some(Reverse((start, chain))) = self.pes[pe].coming.peek().copied() {
+            if start > time {
+                break;
+            }
+            self.pes[pe].coming.pop();
+            self.pes[pe].ready.push((self.problem.priority[chain as usize], Reverse(chain)));
+        }
+        let mut passed = Vec::new();
+        let mut earliest = u32::MAX;
+        let mut chosen = None;
+        while passed.len() < ALTERNATIVES {
+            let Some(entry) = self.pes[pe].ready.pop() else { break };
+            let possible = self.earliest_start(pe, entry.1.0);
+            if possible <= time {
+                chosen = Some(entry.1.0);
+                break;
+            }
+            earliest = earliest.min(possible);
+            passed.push(entry);
+        }
+        self.pes[pe].ready.extend(passed);
+        if let Some(chain) = chosen {
+            self.issue(pe, chain, time);
+        }
+        let state = &self.pes[pe];
+        let coming = state.coming.peek().map_or(u32::MAX, |Reverse((start, _))| *start);
+        let next = if chosen.is_some() && !state.ready.is_empty() { state.free } else { earliest.min(coming) };
+        if next != u32::MAX {
+            self.wake(pe, next);
+        }
+    }
+
+    /// When the hold register, the write port and the link allow a chain to start.
+    fn earliest_start(&self, pe: usize, chain: u32) -> u32 {
+        let state = &self.pes[pe];
+        let code = &self.problem.graph.chains[chain as usize];
+        let last_offset = code.len() - 1;
+        let mut start = state.free.max(state.next_last.saturating_sub(last_offset));
+        if !self.problem.imports_of(code.write.value.0).is_empty() {
+            start = start.max(state.next_send.saturating_sub(last_offset + self.problem.latency.write()));
+        }
+        start
+    }
+
+    fn issue(&mut self, pe: usize, chain: u32, start: u32) {
+        let problem = self.problem;
+        let code = &problem.graph.chains[chain as usize];
+        let last = start + code.len() - 1;
+        self.placement.starts[chain as usize] = start;
+        self.pes[pe].free = last + 1;
+        self.pes[pe].next_last = last + code.writes().count() as u32;
+        self.note_reads(chain, start);
+        for (position, write) in code.writes().enumerate() {
+            let time = last + problem.latency.write() + position as u32;
+            // A swapped end value has a word of its own; an in-place one is read under its own name.
+            self.own_ready[write.value.index()] = time + Latency::WRITE_TO_READ;
+        }
+        self.send(pe, code.write.value.0, last + problem.latency.write());
+        for successor in &problem.successors[chain as usize] {
+            self.waiting[*successor as usize] -= 1;
+            if self.waiting[*successor as usize] == 0 {
+                self.make_ready(*successor, start);
+            }
+        }
+    }
+
+    /// Records reads of words from the step before, and of imports.
+    fn note_reads(&mut self, chain: u32, start: u32) {
+        let problem = self.problem;
+        let values = problem.graph.values.len();
+        let code = &problem.graph.chains[chain as usize];
+        let from_before = |value: u32| matches!(problem.graph.values[value as usize].role, Role::State(_));
+        for position in 0..code.len() {
+            let term = self.placement.order[(code.terms.start + position) as usize] as usize;
+            let time = start + position;
+            let slot = match problem.places[term] {
+                Place::Own(value) => value as usize,
+                Place::Import(import) => {
+                    let read = &mut self.import_read[import as usize];
+                    *read = (*read).max(time);
+                    values + import as usize
+                }
+            };
+            if from_before(problem.graph.terms[term].operand.0) {
+                self.placement.first_reads[slot] = self.placement.first_reads[slot].min(time);
+            }
+        }
+        for (position, write) in code.writes().enumerate() {
+            if let Some(base) = write.base.filter(|base| from_before(base.0)) {
+                let time = start + code.len() - 1 + problem.latency.scale() + position as u32;
+                let slot = &mut self.placement.first_reads[base.index()];
+                *slot = (*slot).min(time);
+            }
+        }
+    }
+
+    /// Places the receives of a value that is sent in word `sent`.
+    fn send(&mut self, pe: usize, value: u32, sent: u32) {
+        let problem = self.problem;
+        let resident_in_place = problem.in_place && problem.resident[value as usize] != value;
+        for import in problem.imports_of(value) {
+            let mut first = sent + Latency::SEND_TO_RECEIVE;
+            if resident_in_place {
+                first = first.max(self.import_read[import] + 1);
+            }
+            let receive = self.pes[problem.imports[import].pe as usize].receives.take(first);
+            self.placement.receives[import] = receive;
+            self.import_ready[import] = receive + Latency::WRITE_TO_READ;
+            self.pes[pe].next_send = self.pes[pe].next_send.max(receive);
+        }
+    }
+}
+
+/// Occupied words, with the first free one found in near-constant time.
+#[derive(Default)]
+struct Slots {
+    /// For each word the next one to try; a word is free if it points to itself.
+    next: Vec<u32>,
+}
+
+impl Slots {
+    /// Takes the first free word from `from` on.
+    fn take(&mut self, from: u32) -> u32 {
+        while self.next.len() <= from as usize + 1 {
+            self.next.push(self.next.len() as u32);
+        }
+        let mut slot = from;
+        while self.next[slot as usize] != slot {
+            slot = self.next[slot as usize];
+            if self.next.len() <= slot as usize + 1 {
+                self.next.push(self.next.len() as u32);
+            }
+        }
+        let mut visited = from;
+        while visited != slot {
+            visited = std::mem::replace(&mut self.next[visited as usize], slot + 1);
+        }
+        self.next[slot as usize] = slot + 1;
+        slot
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Slots;
+
+    #[test]
+    fn slots_are_given_out_once_and_in_order() {
+        let mut slots = Slots::default();
+        let taken: Vec<u32> = [3, 3, 0, 4, 3, 4].into_iter().map(|from| slots.take(from)).collect();
+        assert_eq!(taken, [3, 4, 0, 5, 6, 7]);
+    }
+}

@@ -1,0 +1,45 @@
+//! Schedules chains and transfers, all PEs at once, and closes the step into a loop.
+//!
+//! A list scheduler places chains in time order, the one with the longest way to the end of the step first. Transfers
+//! cost no issue slot: a value is sent as it is written and received by its own write port. The step then becomes a
+//! loop of the smallest period at which the next step finds every state in place; a few repetitions feed the times
+//! at which the states arrive back into the placement.
+
+mod bound;
+mod list;
+mod period;
+mod problem;
+
+use pe_ir::graph::StepGraph;
+use pe_ir::mapping::Mapping;
+use pe_ir::schedule::Schedule;
+use pe_ir::word::Latency;
+
+pub use bound::Bound;
+use problem::Problem;
+
+/// Repetitions of the placement; more brought nothing on any of the shipped models.
+const REPETITIONS: usize = 6;
+
+/// Schedules a mapped step graph.
+pub fn schedule(graph: &StepGraph, mapping: &Mapping, latency: Latency) -> Schedule {
+    let problem = Problem::new(graph, mapping, latency);
+    let mut release = vec![0; problem.resident_count()];
+    let mut best: Option<Schedule> = None;
+    let bound = problem.load_bound();
+    for repetition in 0..REPETITIONS {
+        let placement = list::place(&problem, &release);
+        let period = period::smallest(&problem, &placement);
+        // Aim between the bound and what was reached: asking for the bound at once delays chains for nothing.
+        let aim = bound.max(period.saturating_sub(1 + repetition as u32));
+        release = period::releases(&problem, &placement, aim);
+        let better = best.as_ref().is_none_or(|best| period < best.period);
+        if better {
+            best = Some(problem.finish(placement, period));
+        }
+        if period <= bound {
+            break;
+        }
+    }
+    best.expect("at least one repetition")
+}

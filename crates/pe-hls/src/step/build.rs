@@ -1,0 +1,305 @@
+//! Solver stages as chains.
+
+use std::collections::HashMap;
+
+use pe_ir::graph::{Chain, Equation, Factor, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::model::{Model, Solver, Variable};
+use pe_ir::source::Diagnostic;
+
+use super::polynomial::{Nested, NestedFactor};
+use super::prune::prune;
+use super::sharing::{self, Expanded};
+
+/// One stage of a solver: where its chains read, how they are scaled, and what they write.
+struct Stage {
+    /// Number of the stage, from 1.
+    number: u8,
+    /// Factor of the right-hand side.
+    factor: f64,
+    /// Whether this is the last stage, which writes the next state.
+    last: bool,
+    /// Weight of the increment in the running sum (binary logarithm); `None` if the form keeps no sum.
+    sum_weight: Option<i32>,
+    /// Factor of the running sum in the chain of the last stage.
+    sum_factor: Option<f64>,
+}
+
+/// The stages of a form for step `h`.
+///
+/// Increments: `d2 = h/2 f(y)`, `d3 = h/2 f(y + d2)`, `d4 = h f(y + d3)`,
+/// `y+ = y + (d2 + 2 d3 + d4)/3 + h/6 f(y + d4)`: classic RK4, rearranged so that only increments are multiplied.
+/// Horner: `y + h/1 f(y + h/2.. )`, the same polynomial in the Jacobian if `f` is affine.
+fn stages(form: StageForm, h: f64) -> Vec<Stage> {
+    let stage = |number, factor, last, sum_weight, sum_factor| Stage { number, factor, last, sum_weight, sum_factor };
+    match form {
+        StageForm::Euler => vec![stage(1, h, true, None, None)],
+        StageForm::Horner => vec![
+            stage(1, h / 4.0, false, None, None),
+            stage(2, h / 3.0, false, None, None),
+            stage(3, h / 2.0, false, None, None),
+            stage(4, h, true, None, None),
+        ],
+        StageForm::Increments => vec![
+            stage(1, h / 2.0, false, Some(0), None),
+            stage(2, h / 2.0, false, Some(1), None),
+            stage(3, h, false, Some(0), None),
+            stage(4, h / 6.0, true, None, Some(1.0 / 3.0)),
+        ],
+    }
+}
+
+/// Builds the step graph of a model with its own solver and step.
+///
+/// # Errors
+/// `E0801` for an equation that expands to too many products.
+pub fn build(model: &Model) -> Result<StepGraph, Vec<Diagnostic>> {
+    let expanded = sharing::expand(model)?;
+    let form = match model.solver {
+        Solver::Euler => StageForm::Euler,
+        Solver::Rk4 if is_affine(&expanded) => StageForm::Horner,
+        Solver::Rk4 => StageForm::Increments,
+    };
+    let mut builder = Builder::new(model, form);
+    let derivatives: Vec<Nested> = expanded.derivatives.iter().map(Nested::of).collect();
+    let algebraics: Vec<Nested> = expanded.algebraics.iter().map(Nested::of).collect();
+    let used = shared_by_derivatives(&expanded);
+    let mut current: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
+    for stage in stages(form, model.step) {
+        let mut operands = Operands { states: &current, algebraics: HashMap::new() };
+        for (index, nested) in algebraics.iter().enumerate().filter(|(index, _)| used[*index]) {
+            builder.algebraic(index, stage.number, nested, &mut operands);
+        }
+        let next: Vec<ValueId> = (0..derivatives.len())
+            .map(|index| builder.derivative(index, &stage, &derivatives[index], &operands))
+            .collect();
+        current = next;
+    }
+    builder.outputs(model, &expanded, &algebraics, &current);
+    Ok(prune(builder.graph))
+}
+
+/// Whether every derivative is affine in the states when the inputs are held: then Horner's form equals RK4.
+fn is_affine(expanded: &Expanded) -> bool {
+    let mut degrees: Vec<usize> = Vec::with_capacity(expanded.algebraics.len());
+    let degree = |polynomial: &super::polynomial::Polynomial, degrees: &[usize]| {
+        let of_variable = |variable: &Variable| match variable {
+            Variable::State(_) => 1,
+            Variable::Input(_) => 0,
+            Variable::Algebraic(a) => degrees[*a as usize],
+        };
+        polynomial.terms().map(|(monomial, _)| monomial.iter().map(of_variable).sum()).max().unwrap_or(0)
+    };
+    for polynomial in &expanded.algebraics {
+        let own = degree(polynomial, &degrees);
+        degrees.push(own);
+    }
+    expanded.derivatives.iter().all(|polynomial| degree(polynomial, &degrees) <= 1)
+}
+
+/// Shared algebraic equations that some derivative reads, directly or through others.
+fn shared_by_derivatives(expanded: &Expanded) -> Vec<bool> {
+    let mut used = vec![false; expanded.algebraics.len()];
+    mark(expanded.derivatives.iter().flat_map(|polynomial| polynomial.variables()), &mut used);
+    close(expanded, &mut used);
+    used
+}
+
+fn mark(variables: impl Iterator<Item = Variable>, used: &mut [bool]) {
+    for variable in variables {
+        if let Variable::Algebraic(a) = variable {
+            used[a as usize] = true;
+        }
+    }
+}
+
+/// Adds what the marked equations read. Algebraic equations read only earlier ones, so one backward pass suffices.
+fn close(expanded: &Expanded, used: &mut [bool]) {
+    for index in (0..used.len()).rev() {
+        if used[index] {
+            mark(expanded.algebraics[index].variables(), used);
+        }
+    }
+}
+
+/// The values that stand for variables in a stage.
+struct Operands<'a> {
+    states: &'a [ValueId],
+    algebraics: HashMap<u32, ValueId>,
+}
+
+struct Builder {
+    graph: StepGraph,
+    /// Equation of each algebraic variable that has one.
+    algebraic_equations: HashMap<usize, u32>,
+    /// Number of inner sums of each equation so far.
+    inner_serials: HashMap<u32, u32>,
+    /// Latest running sum of each state's increments.
+    sums: Vec<Option<ValueId>>,
+}
+
+impl Builder {
+    fn new(model: &Model, form: StageForm) -> Builder {
+        let mut graph = StepGraph {
+            form,
+            step: model.step,
+            equations: Vec::new(),
+            values: Vec::new(),
+            chains: Vec::new(),
+            terms: Vec::new(),
+            states: Vec::new(),
+            initial: model.states.iter().map(|state| state.initial).collect(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            names: Names::of(model),
+        };
+        for (index, state) in model.states.iter().enumerate() {
+            let equation = index as u32;
+            graph.equations.push(Equation { name: state.name.clone(), span: state.span });
+            let start = push(&mut graph, Role::State(equation), equation, false);
+            let next = push(&mut graph, Role::Next(equation), equation, false);
+            graph.states.push((start, next));
+        }
+        for index in 0..model.inputs.len() {
+            let value = push(&mut graph, Role::Input(index as u32), u32::MAX, false);
+            graph.inputs.push(value);
+        }
+        for (index, algebraic) in model.algebraics.iter().enumerate() {
+            // Unused ones go again when the graph is pruned.
+            graph.equations.push(Equation { name: algebraic.name.clone(), span: algebraic.span });
+            debug_assert_eq!(graph.equations.len(), model.states.len() + index + 1);
+        }
+        let states = model.states.len();
+        let algebraic_equations = (0..model.algebraics.len()).map(|a| (a, (states + a) as u32)).collect();
+        Builder { graph, algebraic_equations, inner_serials: HashMap::new(), sums: vec![None; states] }
+    }
+
+    /// Chain of an algebraic equation in one stage.
+    fn algebraic(&mut self, index: usize, stage: u8, nested: &Nested, operands: &mut Operands) {
+        let equation = self.algebraic_equations[&index];
+        let value = push(&mut self.graph, Role::Algebraic(index as u32, stage), equation, false);
+        self.sum(equation, nested, value, operands);
+        operands.algebraics.insert(index as u32, value);
+    }
+
+    /// Chain of a derivative equation in one stage; returns the value that the next stage reads.
+    fn derivative(&mut self, index: usize, stage: &Stage, nested: &Nested, operands: &Operands) -> ValueId {
+        let equation = index as u32;
+        let (start, next) = self.graph.states[index];
+        let mut terms = self.terms(equation, nested, stage.factor, operands);
+        if nested.constant != 0.0 {
+            let one = push(&mut self.graph, Role::Constant(1.0), equation, false);
+            terms.push(Term { operand: one, factor: Factor::Coefficient(nested.constant * stage.factor) });
+        }
+        let previous_sum = self.sums[index];
+        if let (Some(factor), Some(sum)) = (stage.sum_factor, previous_sum) {
+            terms.push(Term { operand: sum, factor: Factor::Coefficient(factor) });
+        }
+        if terms.is_empty() {
+            terms.push(Term { operand: start, factor: Factor::Coefficient(0.0) });
+        }
+        let value = if stage.last {
+            next
+        } else {
+            push(&mut self.graph, Role::Stage(equation, stage.number + 1), equation, false)
+        };
+        let second = stage.sum_weight.map(|weight| {
+            let sum = push(&mut self.graph, Role::Sum(equation, stage.number + 1), equation, false);
+            self.sums[index] = Some(sum);
+            Write { value: sum, base: previous_sum, weight }
+        });
+        self.chain(equation, terms, Write { value, base: Some(start), weight: 0 }, second);
+        value
+    }
+
+    /// Values to publish at the end of the step, computed from the next states where they are not states.
+    fn outputs(&mut self, model: &Model, expanded: &Expanded, algebraics: &[Nested], states: &[ValueId]) {
+        let mut wanted = vec![false; algebraics.len()];
+        mark(model.outputs.iter().map(|output| output.variable), &mut wanted);
+        let mut used = wanted.clone();
+        close(expanded, &mut used);
+        let published = u8::MAX;
+        let mut operands = Operands { states, algebraics: HashMap::new() };
+        for (index, nested) in algebraics.iter().enumerate() {
+            if used[index] && (wanted[index] || expanded.shared[index]) {
+                self.algebraic(index, published, nested, &mut operands);
+            }
+        }
+        for (index, output) in model.outputs.iter().enumerate() {
+            let value = match output.variable {
+                Variable::State(s) => states[s as usize],
+                Variable::Algebraic(a) => operands.algebraics[&a],
+                Variable::Input(i) => {
+                    let equation = self.graph.equations.len() as u32;
+                    self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
+                    let value = push(&mut self.graph, Role::Published(index as u32), equation, false);
+                    let operand = self.graph.inputs[i as usize];
+                    let terms = vec![Term { operand, factor: Factor::Coefficient(1.0) }];
+                    self.chain(equation, terms, Write { value, base: None, weight: 0 }, None);
+                    value
+                }
+            };
+            self.graph.outputs.push(value);
+        }
+    }
+
+    /// Chain `value := constant + products`.
+    fn sum(&mut self, equation: u32, nested: &Nested, value: ValueId, operands: &Operands) {
+        let mut terms = self.terms(equation, nested, 1.0, operands);
+        let mut base = None;
+        if terms.is_empty() {
+            let one = push(&mut self.graph, Role::Constant(1.0), equation, false);
+            terms.push(Term { operand: one, factor: Factor::Coefficient(nested.constant) });
+        } else if nested.constant != 0.0 {
+            base = Some(self.constant(nested.constant, equation, value));
+        }
+        self.chain(equation, terms, Write { value, base, weight: 0 }, None);
+    }
+
+    /// A base constant; it takes the role of port of the value it is the base of.
+    fn constant(&mut self, number: f64, equation: u32, destination: ValueId) -> ValueId {
+        let factor = self.graph.value(destination).factor;
+        push(&mut self.graph, Role::Constant(number), equation, factor)
+    }
+
+    /// The products of a nested sum, times `scale`; inner sums get chains of their own.
+    fn terms(&mut self, equation: u32, nested: &Nested, scale: f64, operands: &Operands) -> Vec<Term> {
+        let mut terms = Vec::with_capacity(nested.products.len() + 2);
+        for (variable, factor) in &nested.products {
+            let operand = match variable {
+                Variable::State(s) => operands.states[*s as usize],
+                Variable::Input(i) => self.graph.inputs[*i as usize],
+                Variable::Algebraic(a) => operands.algebraics[a],
+            };
+            let factor = match factor {
+                NestedFactor::Coefficient(c) => Factor::Coefficient(c * scale),
+                NestedFactor::Inner(inner) => Factor::Value(self.inner(equation, inner, scale, operands)),
+            };
+            terms.push(Term { operand, factor });
+        }
+        terms
+    }
+
+    fn inner(&mut self, equation: u32, nested: &Nested, scale: f64, operands: &Operands) -> ValueId {
+        let terms = self.terms(equation, nested, scale, operands);
+        let serial = self.inner_serials.entry(equation).or_default();
+        *serial += 1;
+        let role = Role::Inner(equation, *serial);
+        let value = push(&mut self.graph, role, equation, true);
+        // A factor always has a base constant: it carries the rounding offset of the coefficient port.
+        let base = Some(self.constant(nested.constant * scale, equation, value));
+        self.chain(equation, terms, Write { value, base, weight: 0 }, None);
+        value
+    }
+
+    fn chain(&mut self, equation: u32, terms: Vec<Term>, write: Write, second: Option<Write>) {
+        let start = self.graph.terms.len() as u32;
+        self.graph.terms.extend(terms);
+        let terms = start..self.graph.terms.len() as u32;
+        self.graph.chains.push(Chain { equation, terms, write, second });
+    }
+}
+
+fn push(graph: &mut StepGraph, role: Role, equation: u32, factor: bool) -> ValueId {
+    graph.values.push(Value { role, equation, factor });
+    ValueId(graph.values.len() as u32 - 1)
+}

@@ -1,0 +1,94 @@
+//! Leaves out what nothing reads: writes, chains, values and equations.
+
+use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, ValueId, Write};
+
+const NONE: u32 = u32::MAX;
+
+/// Removes dead writes and everything that only they need, and numbers the rest densely in the old order.
+pub fn prune(graph: StepGraph) -> StepGraph {
+    let live = live_values(&graph);
+    let values = dense(graph.values.iter().enumerate().map(|(index, value)| {
+        // Inputs and states stay: they are ports and memory of the model, read or not.
+        live[index] || matches!(value.role, Role::State(_) | Role::Next(_) | Role::Input(_))
+    }));
+    let mut owns_chain = vec![false; graph.equations.len()];
+    let mut terms = Vec::with_capacity(graph.terms.len());
+    let mut chains = Vec::with_capacity(graph.chains.len());
+    for chain in &graph.chains {
+        let mut writes = chain.writes().filter(|write| live[write.value.index()]).copied();
+        let Some(write) = writes.next() else { continue };
+        let second = writes.next();
+        owns_chain[chain.equation as usize] = true;
+        let start = terms.len() as u32;
+        terms.extend_from_slice(graph.chain_terms(chain));
+        chains.push(Chain { equation: chain.equation, terms: start..terms.len() as u32, write, second });
+    }
+    let equations = dense(owns_chain.iter().copied());
+    let value_id = |id: ValueId| ValueId(values[id.index()]);
+    let write_id = |write: Write| Write { value: value_id(write.value), base: write.base.map(value_id), ..write };
+    for chain in &mut chains {
+        chain.equation = equations[chain.equation as usize];
+        chain.write = write_id(chain.write);
+        chain.second = chain.second.map(write_id);
+    }
+    for Term { operand, factor } in &mut terms {
+        *operand = value_id(*operand);
+        if let Factor::Value(value) = factor {
+            *value = value_id(*value);
+        }
+    }
+    let mut kept = Vec::with_capacity(graph.values.len());
+    for (index, value) in graph.values.iter().enumerate().filter(|(index, _)| values[*index] != NONE) {
+        debug_assert_eq!(values[index] as usize, kept.len());
+        let equation = if value.equation == NONE { NONE } else { equations[value.equation as usize] };
+        kept.push(pe_ir::graph::Value { equation, ..*value });
+    }
+    StepGraph {
+        values: kept,
+        chains,
+        terms,
+        equations: keep(graph.equations, &equations),
+        states: graph.states.iter().map(|(state, next)| (value_id(*state), value_id(*next))).collect(),
+        inputs: graph.inputs.iter().copied().map(value_id).collect(),
+        outputs: graph.outputs.iter().copied().map(value_id).collect(),
+        ..graph
+    }
+}
+
+/// Values that the next step or an output needs. Chains are in topological order, so one backward pass suffices.
+fn live_values(graph: &StepGraph) -> Vec<bool> {
+    let mut live = vec![false; graph.values.len()];
+    for (state, next) in &graph.states {
+        live[state.index()] = true;
+        live[next.index()] = true;
+    }
+    for output in &graph.outputs {
+        live[output.index()] = true;
+    }
+    for chain in graph.chains.iter().rev() {
+        let mut needed = false;
+        for write in chain.writes().filter(|write| live[write.value.index()]).copied().collect::<Vec<_>>() {
+            needed = true;
+            if let Some(base) = write.base {
+                live[base.index()] = true;
+            }
+        }
+        for term in graph.chain_terms(chain).iter().filter(|_| needed) {
+            live[term.operand.index()] = true;
+            if let Factor::Value(value) = term.factor {
+                live[value.index()] = true;
+            }
+        }
+    }
+    live
+}
+
+/// Numbers the kept members; `NONE` for the others.
+fn dense(keep: impl Iterator<Item = bool>) -> Vec<u32> {
+    let mut next = 0;
+    keep.map(|keep| if keep { (next, next += 1).0 } else { NONE }).collect()
+}
+
+fn keep<T>(items: Vec<T>, numbers: &[u32]) -> Vec<T> {
+    items.into_iter().zip(numbers).filter(|(_, number)| **number != NONE).map(|(item, _)| item).collect()
+}

@@ -1,0 +1,141 @@
+//! Which algebraic equations are computed once and shared, and which are put into every equation that reads them.
+
+use std::collections::HashMap;
+
+use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::source::Diagnostic;
+
+use super::polynomial::{Nested, Polynomial};
+
+/// Expanded equations of a model after the decision.
+pub struct Expanded {
+    /// Right-hand side of each state's derivative.
+    pub derivatives: Vec<Polynomial>,
+    /// Right-hand side of each algebraic equation.
+    pub algebraics: Vec<Polynomial>,
+    /// Whether an algebraic variable is computed on its own; the others occur in no polynomial.
+    pub shared: Vec<bool>,
+}
+
+/// Above this product of terms and readers inlining is not even priced: it would cost more than it could save.
+const PRICING_LIMIT: usize = 4096;
+
+/// Inlines an algebraic equation unless sharing it costs fewer products. Ties are inlined: no transfer, no waiting.
+///
+/// # Errors
+/// `E0801` for an equation with too many monomials.
+pub fn expand(model: &Model) -> Result<Expanded, Vec<Diagnostic>> {
+    let readers = Readers::of(model);
+    let mut algebraics: Vec<Polynomial> = Vec::with_capacity(model.algebraics.len());
+    let mut shared = vec![false; model.algebraics.len()];
+    let mut errors = Vec::new();
+    for (index, algebraic) in model.algebraics.iter().enumerate() {
+        let polynomial = match Polynomial::expand(&algebraic.expr, &inlined(&algebraics, &shared)) {
+            Ok(polynomial) => polynomial,
+            Err(_) => {
+                errors.push(too_many_terms(&algebraic.name, algebraic.span));
+                Polynomial::default()
+            }
+        };
+        algebraics.push(polynomial);
+        shared[index] = sharing_pays(model, &readers, index, &algebraics, &mut shared);
+    }
+    let mut derivatives = Vec::with_capacity(model.states.len());
+    for state in &model.states {
+        match Polynomial::expand(&state.derivative, &inlined(&algebraics, &shared)) {
+            Ok(polynomial) => derivatives.push(polynomial),
+            Err(_) => errors.push(too_many_terms(&state.name, state.span)),
+        }
+    }
+    if errors.is_empty() { Ok(Expanded { derivatives, algebraics, shared }) } else { Err(errors) }
+}
+
+fn inlined<'a>(algebraics: &'a [Polynomial], shared: &'a [bool]) -> impl Fn(Variable) -> Option<&'a Polynomial> {
+    |variable| match variable {
+        Variable::Algebraic(a) if !shared[a as usize] => algebraics.get(a as usize),
+        _ => None,
+    }
+}
+
+fn sharing_pays(
+    model: &Model,
+    readers: &Readers,
+    index: usize,
+    algebraics: &[Polynomial],
+    shared: &mut [bool],
+) -> bool {
+    let own = &algebraics[index];
+    let readers = readers.of_algebraic(index);
+    if readers.len() < 2 && own.variables().count() <= own.len() {
+        return false;
+    }
+    if own.len() > 2 && own.len() * readers.len() > PRICING_LIMIT {
+        return true;
+    }
+    let mut price = |share: bool| -> Option<usize> {
+        shared[index] = share;
+        let mut cost = if share { Nested::of(own).cost() } else { 0 };
+        for reader in readers {
+            let expr = match *reader {
+                Variable::State(s) => &model.states[s as usize].derivative,
+                Variable::Algebraic(a) => &model.algebraics[a as usize].expr,
+                Variable::Input(_) => continue,
+            };
+            cost += Nested::of(&Polynomial::expand(expr, &inlined(algebraics, shared)).ok()?).cost();
+        }
+        Some(cost)
+    };
+    match (price(false), price(true)) {
+        (Some(inline), Some(share)) => share < inline,
+        (None, _) => true,
+        (Some(_), None) => false,
+    }
+}
+
+/// For each algebraic variable the equations that read it, directly.
+struct Readers {
+    readers: HashMap<usize, Vec<Variable>>,
+}
+
+impl Readers {
+    fn of(model: &Model) -> Readers {
+        let mut readers: HashMap<usize, Vec<Variable>> = HashMap::new();
+        let mut visit = |expr: &Expr, reader: Variable| {
+            for_each_variable(expr, &mut |variable| {
+                if let Variable::Algebraic(a) = variable {
+                    let list = readers.entry(a as usize).or_default();
+                    if list.last() != Some(&reader) {
+                        list.push(reader);
+                    }
+                }
+            });
+        };
+        for (index, algebraic) in model.algebraics.iter().enumerate() {
+            visit(&algebraic.expr, Variable::Algebraic(index as u32));
+        }
+        for (index, state) in model.states.iter().enumerate() {
+            visit(&state.derivative, Variable::State(index as u32));
+        }
+        Readers { readers }
+    }
+
+    fn of_algebraic(&self, index: usize) -> &[Variable] {
+        self.readers.get(&index).map_or(&[], Vec::as_slice)
+    }
+}
+
+fn for_each_variable(expr: &Expr, visit: &mut impl FnMut(Variable)) {
+    match expr {
+        Expr::Constant(_) => {}
+        Expr::Variable(variable) => visit(*variable),
+        Expr::Sum(members) | Expr::Product(members) => {
+            members.iter().for_each(|member| for_each_variable(member, visit));
+        }
+        Expr::Power(base, _) => for_each_variable(base, visit),
+    }
+}
+
+fn too_many_terms(name: &str, span: pe_ir::source::Span) -> Diagnostic {
+    let message = format!("the equation of `{name}` expands to more than {} products", Polynomial::LIMIT);
+    Diagnostic::error("E0801", span, message).with_help("give a part of it a name of its own as an algebraic equation")
+}
