@@ -1,0 +1,93 @@
+//! Comparison of a run with a reference run, state by state.
+
+/// States of a run at sample times.
+#[derive(Clone, Debug, Default)]
+pub struct Trajectory {
+    /// Number of states.
+    pub states: usize,
+    /// Samples one after another, `states` numbers each.
+    pub samples: Vec<f64>,
+}
+
+impl Trajectory {
+    /// An empty trajectory of `states` states.
+    pub fn new(states: usize) -> Self {
+        Trajectory { states, samples: Vec::new() }
+    }
+
+    /// Appends a sample.
+    pub fn push(&mut self, state: impl Fn(usize) -> f64) {
+        self.samples.extend((0..self.states).map(state));
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.samples.len() / self.states.max(1)
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    /// Scale of each state for relative errors: its own largest magnitude, but at least `FLOOR` times the largest
+    /// of its quantity, so that a state that hardly moves is not judged by its noise.
+    pub fn scales(&self, quantity: &[u32]) -> Vec<f64> {
+        const FLOOR: f64 = 1e-6;
+        let mut own = vec![0.0f64; self.states];
+        for sample in self.samples.chunks_exact(self.states.max(1)) {
+            for (largest, number) in own.iter_mut().zip(sample) {
+                *largest = largest.max(number.abs());
+            }
+        }
+        let quantities = quantity.iter().max().map_or(0, |q| *q as usize + 1);
+        let mut shared = vec![0.0f64; quantities];
+        for (number, quantity) in own.iter().zip(quantity) {
+            shared[*quantity as usize] = shared[*quantity as usize].max(*number);
+        }
+        own.iter().zip(quantity).map(|(own, quantity)| own.max(FLOOR * shared[*quantity as usize])).collect()
+    }
+
+    /// The state in which `other` deviates most, and its relative error.
+    pub fn worst_deviation(&self, other: &Trajectory, scales: &[f64]) -> (usize, f64) {
+        let mut meter = ErrorMeter::new(self);
+        for sample in other.samples.chunks_exact(self.states.max(1)) {
+            meter.push(|state| sample[state]);
+        }
+        meter.worst(scales)
+    }
+}
+
+/// Largest deviation of each state from a trajectory.
+pub struct ErrorMeter<'a> {
+    reference: &'a Trajectory,
+    sample: usize,
+    deviation: Vec<f64>,
+}
+
+impl<'a> ErrorMeter<'a> {
+    /// Starts a comparison.
+    pub fn new(reference: &'a Trajectory) -> Self {
+        ErrorMeter { reference, sample: 0, deviation: vec![0.0; reference.states] }
+    }
+
+    /// Compares the next sample.
+    pub fn push(&mut self, state: impl Fn(usize) -> f64) {
+        let from = self.sample * self.reference.states;
+        let reference = &self.reference.samples[from..from + self.reference.states];
+        for (index, (deviation, number)) in self.deviation.iter_mut().zip(reference).enumerate() {
+            let difference = (state(index) - number).abs();
+            // A difference that is not a number must not vanish in `max`.
+            *deviation = if difference.is_nan() { f64::INFINITY } else { deviation.max(difference) };
+        }
+        self.sample += 1;
+    }
+
+    /// The worst state and its relative error.
+    pub fn worst(&self, scales: &[f64]) -> (usize, f64) {
+        assert!(self.sample > 0, "no sample was compared");
+        let relative = |(deviation, scale): (&f64, &f64)| if *deviation == 0.0 { 0.0 } else { deviation / scale };
+        let errors = self.deviation.iter().zip(scales).map(relative);
+        errors.enumerate().fold((0, 0.0), |worst, (index, error)| if error > worst.1 { (index, error) } else { worst })
+    }
+}

@@ -1,0 +1,13 @@
+//! Runs a model at every level, from double precision to single clock cycles.
+//!
+//! * [`double`]: the step graph in double precision, the yardstick of ranges and errors;
+//! * [`fixed`]: the step graph in fixed point, what the hardware computes;
+//! * [`machine`]: the program, control word by control word, what the hardware does;
+//! * [`error`]: comparison of runs.
+
+mod code;
+pub mod double;
+pub mod error;
+pub mod fixed;
+pub mod machine;
+pub mod trace;

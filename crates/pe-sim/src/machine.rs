@@ -1,0 +1,241 @@
+//! The network, control word by control word: registers and memories as the datasheet describes them.
+
+use pe_ir::program::{Address, ControlWord, Layout, LinkSource, Multiplier, Program};
+use pe_ir::word::{Latency, WordFormat};
+
+use crate::trace::TraceLine;
+
+/// Registers and memories of one PE.
+struct Pe {
+    /// Control words, decoded from their bits.
+    words: Vec<ControlWord>,
+    shifts: Vec<u8>,
+    ports: Vec<LinkSource>,
+    own: Vec<i64>,
+    imported: Vec<i64>,
+    /// Products on their way: the front one is accumulated next.
+    products: std::collections::VecDeque<i64>,
+    accumulator: i128,
+    accumulator_bits: u32,
+    hold: i128,
+    scaled: (i64, i128),
+    /// Sum of the adder and whether it saturated.
+    result: (i64, bool),
+    link: i64,
+    overflow: bool,
+}
+
+/// The whole network.
+pub struct Machine<'a> {
+    program: &'a Program,
+    pes: Vec<Pe>,
+    inputs: Vec<i64>,
+    input_overflow: bool,
+    word: u32,
+    cycle: u64,
+    parity: bool,
+    settle: bool,
+    captured: Vec<i64>,
+    outputs: Vec<i64>,
+}
+
+impl<'a> Machine<'a> {
+    /// A network after configuration: the pipeline is filled up to the pause point.
+    ///
+    /// The control words pass through their bits, so that what runs is what the hardware's memory holds.
+    pub fn new(program: &'a Program) -> Self {
+        let bits: Vec<Vec<u128>> = program
+            .pes
+            .iter()
+            .map(|pe| {
+                let layout = Layout::new(&pe.features, &program.format);
+                pe.words.iter().map(|word| layout.encode(word)).collect()
+            })
+            .collect();
+        Self::with_bits(program, &bits)
+    }
+
+    /// A network that runs the given control-word bits in place of the program's own.
+    pub fn with_bits(program: &'a Program, bits: &[Vec<u128>]) -> Self {
+        let latency = program.latency();
+        let pe = |(pe, bits): (&pe_ir::program::PeProgram, &Vec<u128>)| {
+            let layout = Layout::new(&pe.features, &program.format);
+            Pe {
+                words: bits.iter().map(|bits| layout.decode(*bits)).collect(),
+                shifts: pe.features.shifts.clone(),
+                ports: pe.ports.clone(),
+                own: pe.own_image.clone(),
+                imported: pe.imported_image.clone(),
+                products: std::iter::repeat_n(0, latency.accumulate() as usize).collect(),
+                accumulator: 0,
+                accumulator_bits: pe.features.accumulator_bits,
+                hold: 0,
+                scaled: (0, 0),
+                result: (0, false),
+                link: 0,
+                overflow: false,
+            }
+        };
+        let mut machine = Machine {
+            program,
+            pes: program.pes.iter().zip(bits).map(pe).collect(),
+            inputs: vec![0; program.inputs.len()],
+            input_overflow: false,
+            word: 0,
+            cycle: 0,
+            parity: false,
+            settle: true,
+            captured: vec![0; program.outputs.len()],
+            outputs: vec![0; program.outputs.len()],
+        };
+        for _ in 0..latency.pause() {
+            machine.clock(&mut |_| {});
+        }
+        machine.settle = false;
+        machine
+    }
+
+    /// Runs one step with the given input port words; every memory write goes to `trace`.
+    pub fn step(&mut self, inputs: &[i64], trace: &mut impl FnMut(TraceLine)) {
+        let pause = self.program.latency().pause();
+        for (slot, word) in self.inputs.iter_mut().zip(inputs) {
+            *slot = *word;
+            let stored =
+                (i128::from(*word) << self.program.format.guard_bits) + i128::from(self.program.format.data_offset());
+            self.input_overflow |= stored > i128::from(self.program.format.max_word());
+        }
+        loop {
+            self.clock(trace);
+            if self.word == pause {
+                break;
+            }
+        }
+        self.outputs.clone_from(&self.captured);
+    }
+
+    /// Published outputs, port words.
+    pub fn outputs(&self) -> &[i64] {
+        &self.outputs
+    }
+
+    /// Whether the overflow output is set.
+    pub fn overflow(&self) -> bool {
+        self.input_overflow || self.pes.iter().any(|pe| pe.overflow)
+    }
+
+    /// Stored word of a state as the next step starts.
+    pub fn state(&self, index: usize) -> i64 {
+        let (pe, word) = self.program.states[index].own;
+        let swap = self.program.pes[pe as usize].features.swap;
+        // At the pause point the next step has begun, so the current parity is that of its reads.
+        let address = Address { word, swap };
+        let pe = &self.pes[pe as usize];
+        pe.own[physical(address, pe.own.len(), self.parity)]
+    }
+
+    /// Executes one control word in every PE.
+    fn clock(&mut self, trace: &mut impl FnMut(TraceLine)) {
+        let format = self.program.format;
+        let links: Vec<i64> = self.pes.iter().map(|pe| pe.link).collect();
+        let word_index = self.word as usize;
+        for (index, pe) in self.pes.iter_mut().enumerate() {
+            let word = pe.words[word_index];
+            let own_depth = pe.own.len();
+            let write = |address: u32, value: i64, bits: u32| TraceLine {
+                cycle: self.cycle,
+                pe: index as u32,
+                address,
+                value: value as u64 & (u64::MAX >> (64 - bits)),
+            };
+            // Reads come before the writes at the end of the word.
+            let own_operand = word.own.map_or(0, |a| format.data_operand(pe.own[physical(a, own_depth, self.parity)]));
+            let imported_operand =
+                word.imported.map_or(0, |a| pe.imported[physical(a, pe.imported.len(), self.parity)]);
+            let second = match word.multiplier {
+                Multiplier::Coefficient(value) => value,
+                Multiplier::Factor(address) => format.factor_operand(pe.own[usize::from(address)]),
+            };
+            let base = match word.base {
+                Some(a) => pe.own[physical(a, own_depth, self.parity)],
+                None => format.data_offset(),
+            };
+            if let Some(a) = word.write.filter(|_| !self.settle) {
+                let slot = physical(a, own_depth, self.parity);
+                pe.own[slot] = pe.result.0;
+                pe.overflow |= pe.result.1;
+                trace(write(slot as u32, pe.result.0, format.word_bits()));
+            }
+            if let Some((port, a)) = word.receive.filter(|_| !self.settle) {
+                let value = match pe.ports[usize::from(port)] {
+                    LinkSource::Pe(source) => links[source as usize],
+                    LinkSource::Input(input) => format.input_operand(self.inputs[input as usize]),
+                };
+                let slot = physical(a, pe.imported.len(), self.parity);
+                pe.imported[slot] = value;
+                trace(write((own_depth + slot) as u32, value, format.data_bits));
+            }
+            if word.send {
+                pe.link = format.data_operand(pe.result.0);
+            }
+            for (output, slot) in self.program.outputs.iter().zip(&mut self.captured) {
+                if output.pe == index as u32 && output.word == self.word {
+                    *slot = output_word(&format, pe.result.0);
+                }
+            }
+            pe.result = add(&format, pe.scaled);
+            let shift = pe.shifts.get(usize::from(word.shift)).copied().unwrap_or(0);
+            pe.scaled = (base, round(pe.hold, u32::from(shift)));
+            let product = pe.products.pop_front().unwrap_or(0);
+            if word.close {
+                pe.hold = pe.accumulator;
+                pe.accumulator = 0;
+            }
+            pe.accumulator = wrap(pe.accumulator + i128::from(product), pe.accumulator_bits);
+            pe.products.push_back((own_operand + imported_operand) * second);
+        }
+        self.cycle += 1;
+        self.word += 1;
+        if self.word == self.program.period {
+            self.word = 0;
+            self.parity = !self.parity;
+        }
+    }
+}
+
+/// Memory index of an address: the top bit of a swapping address is inverted in odd steps.
+fn physical(address: Address, depth: usize, parity: bool) -> usize {
+    let index = usize::from(address.word);
+    if address.swap && parity { index ^ (depth / 2) } else { index }
+}
+
+/// The low `bits` of a sum as a signed number; the formats keep valid programs clear of it.
+fn wrap(sum: i128, bits: u32) -> i128 {
+    (sum << (128 - bits)) >> (128 - bits)
+}
+
+fn round(hold: i128, shift: u32) -> i128 {
+    if shift == 0 { hold } else { ((hold >> (shift - 1)) + 1) >> 1 }
+}
+
+fn add(format: &WordFormat, (base, rounded): (i64, i128)) -> (i64, bool) {
+    let sum = i128::from(base) + rounded;
+    let word = sum.clamp(i128::from(format.min_word()), i128::from(format.max_word()));
+    (word as i64, word != sum)
+}
+
+/// What an output port shows of a stored word.
+pub fn output_word(format: &WordFormat, word: i64) -> i64 {
+    let rounding = if format.guard_bits == 0 { 0 } else { 1 << (format.guard_bits - 1) };
+    let rounded = (word - format.data_offset() + rounding) >> format.guard_bits;
+    rounded.clamp(-(1 << (format.storage_bits - 1)), (1 << (format.storage_bits - 1)) - 1)
+}
+
+/// Trace lines of one step of a program, computed without running it.
+pub fn expected_writes(program: &Program, steps: u64) -> u64 {
+    program.writes_per_step() * steps
+}
+
+/// The pause point; the first word after the words that finish the step before.
+pub fn pause_point(program: &Program) -> u32 {
+    Latency::of(&program.format).pause()
+}
