@@ -1,0 +1,157 @@
+//! What runs a design: VHDL test bench, Verilator driver, stimulus, compile order; and the list of PE shapes.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use askama::Template;
+use pe_ir::program::{Layout, PeFeatures, Program};
+
+use crate::names::Names;
+use crate::{EmitOptions, Header, LIBRARY};
+
+/// An instance port and its slice of the drivers' vectors.
+struct Slice {
+    port: String,
+    index: usize,
+    msb: u32,
+    lsb: u32,
+}
+
+fn slices(names: &[String], width: u32) -> Vec<Slice> {
+    let slice = |(index, port): (usize, &String)| {
+        let lsb = index as u32 * width;
+        Slice { port: port.clone(), index, msb: lsb + width - 1, lsb }
+    };
+    names.iter().enumerate().map(slice).collect()
+}
+
+fn own_depths(program: &Program) -> Vec<u32> {
+    program.pes.iter().map(|pe| pe.features.own_words).collect()
+}
+
+#[derive(Template)]
+#[template(path = "testbench.vhd")]
+struct Testbench<'a> {
+    header: &'a Header,
+    model: &'a str,
+    default_steps: u32,
+    pe_count: usize,
+    inputs: Vec<Slice>,
+    outputs: Vec<Slice>,
+    /// Aggregate of the own memories' depths.
+    own_words: String,
+}
+
+/// The text of `<model>_tb.vhd`.
+pub fn testbench(program: &Program, names: &Names, header: &Header, options: &EmitOptions) -> String {
+    let width = program.format.storage_bits;
+    let depths = own_depths(program);
+    let own_words = depths.iter().enumerate().map(|(index, words)| format!("{index} => {words}"));
+    let bench = Testbench {
+        header,
+        model: &names.model,
+        default_steps: options.default_steps.max(1),
+        pe_count: program.pes.len(),
+        inputs: slices(&names.inputs, width),
+        outputs: slices(&names.outputs, width),
+        own_words: own_words.collect::<Vec<_>>().join(", "),
+    };
+    bench.render().expect("templates render into strings")
+}
+
+#[derive(Template)]
+#[template(path = "verilator.cpp")]
+struct Verilator<'a> {
+    header: &'a Header,
+    model: &'a str,
+    default_steps: u32,
+    word_bits: u32,
+    data_bits: u32,
+    storage_bits: u32,
+    pe_count: usize,
+    inputs: Vec<Slice>,
+    outputs: Vec<Slice>,
+    own_words: String,
+}
+
+/// The text of `<model>_verilator.cpp`.
+pub fn verilator(program: &Program, names: &Names, header: &Header, options: &EmitOptions) -> String {
+    let format = &program.format;
+    let driver = Verilator {
+        header,
+        model: &names.model,
+        default_steps: options.default_steps.max(1),
+        word_bits: format.word_bits(),
+        data_bits: format.data_bits,
+        storage_bits: format.storage_bits,
+        pe_count: program.pes.len(),
+        inputs: slices(&names.inputs, format.storage_bits),
+        outputs: slices(&names.outputs, format.storage_bits),
+        own_words: own_depths(program).iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
+    };
+    driver.render().expect("templates render into strings")
+}
+
+#[derive(Template)]
+#[template(path = "files.f")]
+struct FileList<'a> {
+    model: &'a str,
+    library: Vec<&'static str>,
+}
+
+/// The text of `<model>.f`: library and file of every VHDL unit, in compile order.
+pub fn file_list(names: &Names) -> String {
+    let list = FileList { model: &names.model, library: LIBRARY.iter().map(|(file, _)| *file).collect() };
+    list.render().expect("templates render into strings")
+}
+
+/// The text of `<model>_stimulus.txt`: one line per step, one hex word per input; at least one line.
+pub fn stimulus(program: &Program, options: &EmitOptions) -> String {
+    let bits = program.format.storage_bits;
+    let digits = bits.div_ceil(4) as usize;
+    let mut text = String::new();
+    for step in 0..options.stimulus.len().max(1) {
+        let words = options.stimulus.get(step).map_or(&[][..], Vec::as_slice);
+        let word = |index: usize| words.get(index).copied().unwrap_or(0) as u64 & (u64::MAX >> (64 - bits));
+        let line: Vec<String> = (0..program.inputs.len()).map(|index| format!("{:0digits$x}", word(index))).collect();
+        text.push_str(&line.join(" "));
+        text.push('\n');
+    }
+    text
+}
+
+/// The text of `<model>_shapes.txt`: one `key=value` line per set of PEs that differ only in content.
+pub fn shapes(program: &Program) -> String {
+    let mut shapes: BTreeMap<&PeFeatures, Vec<usize>> = BTreeMap::new();
+    for (index, pe) in program.pes.iter().enumerate() {
+        shapes.entry(&pe.features).or_default().push(index);
+    }
+    let mut text = String::new();
+    for (number, (features, members)) in shapes.iter().enumerate() {
+        let format = &program.format;
+        let shifts = features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(",");
+        let bits = Layout::new(features, format).bits;
+        writeln!(
+            text,
+            "shape={number} count={} example={} storage_bits={} word_bits={} data_bits={} coefficient_bits={} \
+             own_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} swap={} send={} \
+             program_words={} program_bits={bits}",
+            members.len(),
+            members[0],
+            format.storage_bits,
+            format.word_bits(),
+            format.data_bits,
+            format.coefficient_bits,
+            features.own_words,
+            features.imported_words,
+            features.ports,
+            features.accumulator_bits,
+            features.factor,
+            features.swap,
+            features.send,
+            program.period,
+        )
+        .expect("writing to a string succeeds");
+    }
+    text
+}

@@ -1,0 +1,117 @@
+//! The network entity: PE instances and links, nothing else.
+
+use askama::Template;
+use pe_ir::program::{Layout, LinkSource, Program};
+
+use crate::Header;
+use crate::names::{Names, comment_text};
+
+#[derive(Template)]
+#[template(path = "network.vhd")]
+struct Network<'a> {
+    header: &'a Header,
+    model: &'a str,
+    pe_count: usize,
+    inputs: Vec<Port>,
+    outputs: Vec<Output>,
+    pes: Vec<Pe>,
+}
+
+struct Port {
+    index: usize,
+    port: String,
+    comment: String,
+}
+
+struct Output {
+    port: Port,
+    pe: u32,
+    word: u32,
+}
+
+struct Pe {
+    index: usize,
+    equations: String,
+    control_bits: u32,
+    own_words: u32,
+    imported_words: u32,
+    port_count: u32,
+    port_width: u32,
+    /// Aggregate of the shift positions.
+    shifts: String,
+    accumulator_bits: u32,
+    factor: bool,
+    swap: bool,
+    send: bool,
+    /// Concatenation of what the ports are wired to, port 0 rightmost.
+    wiring: String,
+    wiring_comment: String,
+    /// Whether an output shows a word of this PE.
+    shown: bool,
+}
+
+/// The text of `<model>.vhd`.
+pub fn render(program: &Program, names: &Names, header: &Header) -> String {
+    let comment = |name: &str, unit: &Option<String>, exponent: i32| {
+        let unit = unit.as_deref().map_or(String::new(), |unit| format!(" [{}]", comment_text(unit)));
+        format!("{}{unit}, LSB 2^{exponent}", comment_text(name))
+    };
+    let inputs = program.inputs.iter().zip(&names.inputs).enumerate();
+    let outputs = program.outputs.iter().zip(&names.outputs).enumerate();
+    let network = Network {
+        header,
+        model: &names.model,
+        pe_count: program.pes.len(),
+        inputs: inputs
+            .map(|(index, (port, name))| {
+                let comment = comment(&port.name, &port.unit, port.exponent);
+                Port { index, port: name.clone(), comment }
+            })
+            .collect(),
+        outputs: outputs
+            .map(|(index, (port, name))| {
+                let comment = comment(&port.name, &port.unit, port.exponent);
+                Output { port: Port { index, port: name.clone(), comment }, pe: port.pe, word: port.word }
+            })
+            .collect(),
+        pes: (0..program.pes.len()).map(|index| describe(program, index)).collect(),
+    };
+    network.render().expect("templates render into strings")
+}
+
+fn describe(program: &Program, index: usize) -> Pe {
+    let pe = &program.pes[index];
+    let signal = |source: &LinkSource| match source {
+        LinkSource::Pe(pe) => format!("link_{pe}"),
+        LinkSource::Input(input) => format!("input_{input}"),
+    };
+    let wired = |source: &LinkSource| match source {
+        LinkSource::Pe(pe) => format!("PE {pe}"),
+        LinkSource::Input(input) => format!("input {}", comment_text(&program.inputs[*input as usize].name)),
+    };
+    let features = &pe.features;
+    let wiring = if pe.ports.is_empty() {
+        "(others => '0')".to_owned()
+    } else {
+        pe.ports.iter().rev().map(signal).collect::<Vec<_>>().join(" & ")
+    };
+    let equations = if pe.equations.is_empty() { "no equation".to_owned() } else { pe.equations.join(", ") };
+    let shifts = features.shifts.iter().enumerate().map(|(index, shift)| format!("{index} => {shift}"));
+    Pe {
+        index,
+        equations: comment_text(&equations),
+        control_bits: Layout::new(features, &program.format).bits,
+        own_words: features.own_words,
+        imported_words: features.imported_words,
+        port_count: features.ports,
+        port_width: features.ports.max(1) * program.format.data_bits,
+        shifts: shifts.collect::<Vec<_>>().join(", "),
+        accumulator_bits: features.accumulator_bits,
+        factor: features.factor,
+        swap: features.swap,
+        send: features.send,
+        wiring,
+        wiring_comment: pe.ports.iter().map(wired).collect::<Vec<_>>().join(", "),
+        shown: program.outputs.iter().any(|output| output.pe as usize == index),
+    }
+}

@@ -1,0 +1,206 @@
+//! The program package: control words and memory images of every PE, one line per word, with provenance.
+
+use askama::Template;
+use pe_ir::program::{ControlWord, Layout, LinkSource, Multiplier, Note, PeProgram, Program, StateRegister};
+
+use crate::Header;
+use crate::names::{Names, comment_text};
+
+/// Longest name in a comment of a control word.
+const LONGEST_NAME: usize = 40;
+
+#[derive(Template)]
+#[template(path = "program_pkg.vhd")]
+struct ProgramPackage<'a> {
+    header: &'a Header,
+    model: &'a str,
+    storage_bits: u32,
+    word_bits: u32,
+    data_bits: u32,
+    coefficient_bits: u32,
+    period: u32,
+    pes: Vec<Pe>,
+}
+
+struct Pe {
+    index: usize,
+    equations: String,
+    control_bits: u32,
+    last_word: u32,
+    /// One line per field: its name at its column, bars for the fields before it.
+    columns: Vec<String>,
+    words: Vec<Line>,
+    own: Vec<Line>,
+    last_own: usize,
+    imported: Vec<Line>,
+    last_imported: usize,
+    shifts: String,
+}
+
+/// One element of an array constant.
+struct Line {
+    index: String,
+    bits: String,
+    /// Comma, or nothing on the last line; with a comment, padded to its column.
+    comma: &'static str,
+    comment: String,
+}
+
+/// The text of `<model>_program_pkg.vhd`.
+pub fn render(program: &Program, names: &Names, header: &Header) -> String {
+    let pes = program.pes.iter().enumerate().map(|(index, pe)| describe(program, index, pe)).collect();
+    let format = &program.format;
+    let package = ProgramPackage {
+        header,
+        model: &names.model,
+        storage_bits: format.storage_bits,
+        word_bits: format.word_bits(),
+        data_bits: format.data_bits,
+        coefficient_bits: format.coefficient_bits,
+        period: program.period,
+        pes,
+    };
+    package.render().expect("templates render into strings")
+}
+
+fn describe(program: &Program, index: usize, pe: &PeProgram) -> Pe {
+    let layout = Layout::new(&pe.features, &program.format);
+    let comments = pe.words.iter().enumerate().map(|(k, word)| {
+        let note = pe.notes.get(k).copied().unwrap_or_default();
+        word_comment(program, pe, word, &note)
+    });
+    let words = pe.words.iter().map(|word| fields_in_binary(&layout, layout.encode(word))).zip(comments).collect();
+    let word_bits = program.format.word_bits();
+    let own_comment = |word: usize| {
+        let here = |state: &&StateRegister| state.own == (index as u32, word as u16);
+        program.states.iter().find(here).map_or(String::new(), |state| state_comment(state, "state"))
+    };
+    let imported_comment = |word: usize| {
+        let here = |state: &&StateRegister| state.imported.contains(&(index as u32, word as u16));
+        program.states.iter().find(here).map_or(String::new(), |state| state_comment(state, "copy of state"))
+    };
+    let image = |image: &[i64], bits: u32, comment: &dyn Fn(usize) -> String| {
+        lines(image.iter().enumerate().map(|(k, word)| (binary(*word as u128, bits), comment(k))).collect())
+    };
+    Pe {
+        index,
+        equations: comment_text(&list(&pe.equations)),
+        control_bits: layout.bits,
+        last_word: program.period - 1,
+        columns: columns(&layout, program.period as usize - 1),
+        words: lines(words),
+        last_own: pe.own_image.len() - 1,
+        own: image(&pe.own_image, word_bits, &own_comment),
+        last_imported: pe.imported_image.len().max(1) - 1,
+        imported: image(&pe.imported_image, program.format.data_bits, &imported_comment),
+        shifts: pe.features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
+    }
+}
+
+fn list(equations: &[String]) -> String {
+    if equations.is_empty() { "no equation".to_owned() } else { equations.join(", ") }
+}
+
+fn state_comment(state: &StateRegister, what: &str) -> String {
+    format!("{what} {}, LSB 2^{}", short(&state.name), state.exponent)
+}
+
+fn short(name: &str) -> String {
+    let mut text = comment_text(name);
+    if text.len() > LONGEST_NAME {
+        text.truncate(LONGEST_NAME);
+        text.push_str("..");
+    }
+    text
+}
+
+fn lines(words: Vec<(String, String)>) -> Vec<Line> {
+    let count = words.len();
+    let width = count.saturating_sub(1).to_string().len();
+    let line = |(index, (bits, comment)): (usize, (String, String))| {
+        let last = index + 1 == count;
+        let comma = match (last, comment.is_empty()) {
+            (true, true) => "",
+            (true, false) => " ",
+            (false, _) => ",",
+        };
+        Line { index: format!("{index:<width$}"), bits, comma, comment }
+    };
+    words.into_iter().enumerate().map(line).collect()
+}
+
+fn binary(value: u128, bits: u32) -> String {
+    (0..bits).rev().map(|bit| if value >> bit & 1 == 1 { '1' } else { '0' }).collect()
+}
+
+fn fields_in_binary(layout: &Layout, bits: u128) -> String {
+    let fields = layout.fields.iter().map(|field| binary(bits >> field.lsb, field.width));
+    fields.collect::<Vec<_>>().join("_")
+}
+
+/// Names above the columns of the fields, as a staircase.
+fn columns(layout: &Layout, last_index: usize) -> Vec<String> {
+    // Two levels of indentation, `index => b"`; the comment mark and a blank are in the template.
+    let start = 4 + last_index.to_string().len() + " => b\"".len() - "    --".len();
+    let mut starts = Vec::new();
+    let mut column = start;
+    for field in &layout.fields {
+        starts.push(column);
+        column += field.width as usize + 1;
+    }
+    let row = |(index, field): (usize, &pe_ir::program::Field)| {
+        let mut text = String::new();
+        for start in &starts[..index] {
+            text.push_str(&" ".repeat(start - text.len()));
+            text.push('|');
+        }
+        text.push_str(&" ".repeat(starts[index] - text.len()));
+        text.push_str(field.name.text());
+        text
+    };
+    // From the right, so that no bar crosses a name.
+    layout.fields.iter().enumerate().rev().map(row).collect()
+}
+
+/// What a control word does: `F[3].u2 * c -> F[3].u3; write V[1].u2; receive V[2].y from PE 4`.
+fn word_comment(program: &Program, pe: &PeProgram, word: &ControlWord, note: &Note) -> String {
+    let name = |id: u32, otherwise: &str| match program.name(id) {
+        "" => otherwise.to_owned(),
+        name => short(name),
+    };
+    let mut parts = Vec::new();
+    if word.own.is_some() || word.imported.is_some() {
+        let place = match (word.own, word.imported) {
+            (Some(address), _) => format!("own {}", address.word),
+            (_, address) => format!("imported {}", address.map_or(0, |address| address.word)),
+        };
+        let second = match word.multiplier {
+            Multiplier::Coefficient(value) => value.to_string(),
+            Multiplier::Factor(index) => format!("own {index}"),
+        };
+        let chain = match program.name(note.chain) {
+            "" => String::new(),
+            chain => format!(" -> {}", short(chain)),
+        };
+        parts.push(format!("{} * {second}{chain}", name(note.operand, &place)));
+    }
+    if word.close {
+        parts.push("close".to_owned());
+    }
+    match (word.write, word.send) {
+        (Some(address), send) => {
+            let verb = if send { "write and send" } else { "write" };
+            parts.push(format!("{verb} {}", name(note.write, &format!("own {}", address.word))));
+        }
+        (None, true) => parts.push(format!("send {}", name(note.write, "the sum"))),
+        (None, false) => {}
+    }
+    if let Some((port, address)) = word.receive {
+        let source = match pe.ports[usize::from(port)] {
+            LinkSource::Pe(source) => format!("PE {source}"),
+            LinkSource::Input(input) => format!("input {}", short(&program.inputs[input as usize].name)),
+        };
+        parts.push(format!("receive {} from {source}", name(note.receive, &format!("imported {}", address.word))));
+    }
+    parts.join("; ")
+}

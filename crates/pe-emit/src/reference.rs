@@ -1,0 +1,89 @@
+//! The Rust reference: one file that builds with plain `rustc` and simulates the network from its bits.
+
+use askama::Template;
+use pe_ir::program::{Layout, LinkSource, PeProgram, Program};
+
+use crate::names::vhdl_identifier;
+use crate::{EmitOptions, Header};
+
+#[derive(Template)]
+#[template(path = "reference.rs")]
+struct Reference<'a> {
+    header: &'a Header,
+    model: String,
+    default_steps: u32,
+    storage_bits: u32,
+    guard_bits: u32,
+    data_bits: u32,
+    coefficient_bits: u32,
+    multiplier_latency: u32,
+    period: u32,
+    input_count: usize,
+    /// Tuples of PE and control word.
+    outputs: String,
+    pes: Vec<Pe>,
+}
+
+struct Pe {
+    own_words: u32,
+    imported_words: u32,
+    ports: String,
+    shifts: String,
+    accumulator_bits: u32,
+    factor: bool,
+    swap: bool,
+    send: bool,
+    own_image: String,
+    imported_image: String,
+    /// Control words in hexadecimal.
+    words: Vec<String>,
+}
+
+/// The text of `<model>_reference.rs`.
+pub fn render(program: &Program, header: &Header, options: &EmitOptions) -> String {
+    let format = &program.format;
+    let outputs: Vec<String> =
+        program.outputs.iter().map(|output| format!("({}, {})", output.pe, output.word)).collect();
+    let reference = Reference {
+        header,
+        model: vhdl_identifier(&program.model),
+        default_steps: options.default_steps.max(1),
+        storage_bits: format.storage_bits,
+        guard_bits: format.guard_bits,
+        data_bits: format.data_bits,
+        coefficient_bits: format.coefficient_bits,
+        multiplier_latency: program.latency().multiplier,
+        period: program.period,
+        input_count: program.inputs.len(),
+        outputs: outputs.join(", "),
+        pes: program.pes.iter().map(|pe| describe(program, pe)).collect(),
+    };
+    reference.render().expect("templates render into strings")
+}
+
+fn describe(program: &Program, pe: &PeProgram) -> Pe {
+    let features = &pe.features;
+    let layout = Layout::new(features, &program.format);
+    let digits = layout.bits.div_ceil(4) as usize;
+    let port = |source: &LinkSource| match source {
+        LinkSource::Pe(pe) => format!("Source::Pe({pe})"),
+        LinkSource::Input(input) => format!("Source::Input({input})"),
+    };
+    Pe {
+        own_words: features.own_words,
+        imported_words: features.imported_words,
+        ports: joined(pe.ports.iter().map(port)),
+        shifts: joined(features.shifts.iter()),
+        accumulator_bits: features.accumulator_bits,
+        factor: features.factor,
+        swap: features.swap,
+        send: features.send,
+        own_image: joined(pe.own_image.iter()),
+        imported_image: joined(pe.imported_image.iter()),
+        words: pe.words.iter().map(|word| format!("{:0digits$x}", layout.encode(word))).collect(),
+    }
+}
+
+fn joined<T: ToString>(items: impl Iterator<Item = T>) -> String {
+    items.map(|item| item.to_string()).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,283 @@
+//! Random programs, and the engines that run an emitted design: Rust reference, GHDL, Verilator.
+
+#![allow(dead_code)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use pe_emit::{EmitOptions, design_name, emit};
+use pe_ir::program::{
+    Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
+};
+use pe_ir::word::WordFormat;
+
+/// A small generator of reproducible numbers (splitmix64).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub fn below(&mut self, limit: u64) -> u64 {
+        self.next() % limit
+    }
+
+    pub fn chance(&mut self, percent: u64) -> bool {
+        self.below(100) < percent
+    }
+
+    /// A signed number of `bits` bits; now and then an extreme one.
+    pub fn signed(&mut self, bits: u32) -> i64 {
+        match self.below(12) {
+            0 => (1 << (bits - 1)) - 1,
+            1 => -(1 << (bits - 1)),
+            _ => self.next() as i64 >> (64 - bits) >> self.below(u64::from(bits / 2)),
+        }
+    }
+}
+
+/// What a random program is made of; one PE per entry of `pes`.
+pub struct Case {
+    pub name: &'static str,
+    pub storage: u32,
+    pub multiplier: (u32, u32),
+    pub pes: Vec<PeFeatures>,
+    pub period: u32,
+    pub inputs: u32,
+    pub seed: u64,
+}
+
+/// Shorthand for a feature record: own words, imported words, ports, shifts, and the flags among `fws` for factor,
+/// swap and send.
+pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_bits: u32, flags: &str) -> PeFeatures {
+    PeFeatures {
+        own_words: own,
+        imported_words: imported,
+        ports,
+        shifts: shifts.to_vec(),
+        accumulator_bits,
+        factor: flags.contains('f'),
+        swap: flags.contains('w'),
+        send: flags.contains('s'),
+    }
+}
+
+/// A program of random legal control words.
+pub fn random_program(case: &Case) -> Program {
+    let mut random = Random(case.seed);
+    let format = WordFormat {
+        storage_bits: case.storage,
+        guard_bits: WordFormat::GUARD_BITS,
+        data_bits: case.multiplier.0,
+        coefficient_bits: case.multiplier.1,
+    };
+    let senders: Vec<u32> = (0..case.pes.len() as u32).filter(|pe| case.pes[*pe as usize].send).collect();
+    let pes = case.pes.iter().map(|features| random_pe(&mut random, case, &format, features, &senders)).collect();
+    let mut program = Program {
+        model: case.name.to_owned(),
+        format,
+        period: case.period,
+        pes,
+        inputs: Vec::new(),
+        outputs: Vec::new(),
+        states: Vec::new(),
+        names: vec!["V[1].u2".to_owned(), "hostile\n\"; end; -- */ \\".to_owned(), "x".repeat(100)],
+    };
+    for index in 0..case.inputs {
+        let unit = (index == 0).then(|| "mV\n".to_owned());
+        program.inputs.push(InputPort {
+            name: ["signal", "V[1]", "v(1)"][index as usize % 3].to_owned(),
+            unit,
+            exponent: -3,
+        });
+    }
+    let pause = program.latency().pause();
+    for (index, pe) in (0..case.pes.len() as u32).chain([0]).enumerate() {
+        // The word before the pause point belongs to the next step already.
+        let word = match random.below(u64::from(case.period)) as u32 {
+            word if word == pause - 1 => 0,
+            word => word,
+        };
+        let name = ["y", "Y", "clk", ""][index % 4].to_owned();
+        program.outputs.push(OutputPort { name, unit: None, pe, word, exponent: -20 });
+    }
+    program
+}
+
+fn random_pe(
+    random: &mut Random,
+    case: &Case,
+    format: &WordFormat,
+    features: &PeFeatures,
+    senders: &[u32],
+) -> PeProgram {
+    let ports = (0..features.ports).map(|port| {
+        if case.inputs > 0 && (senders.is_empty() || (port == 0 && random.chance(70))) {
+            LinkSource::Input(random.below(u64::from(case.inputs)) as u32)
+        } else {
+            LinkSource::Pe(senders[random.below(senders.len() as u64) as usize])
+        }
+    });
+    let ports = ports.collect();
+    let words = (0..case.period).map(|_| random_word(random, format, features)).collect();
+    let note = |random: &mut Random| match random.below(4) {
+        3 => Note::NONE,
+        id => id as u32,
+    };
+    let notes = (0..case.period).map(|_| Note {
+        operand: note(random),
+        chain: note(random),
+        write: note(random),
+        receive: note(random),
+    });
+    let notes = notes.collect();
+    PeProgram {
+        features: features.clone(),
+        ports,
+        equations: vec!["V[1]".to_owned(), "h\u{e9}\n--".to_owned()],
+        words,
+        notes,
+        own_image: (0..features.own_words).map(|_| random.signed(format.word_bits())).collect(),
+        imported_image: (0..features.imported_words).map(|_| random.signed(format.data_bits)).collect(),
+    }
+}
+
+fn random_word(random: &mut Random, format: &WordFormat, features: &PeFeatures) -> ControlWord {
+    let imports = features.imported_words > 0;
+    let address = |random: &mut Random, depth: u32| Address {
+        word: random.below(u64::from(depth)) as u16,
+        swap: features.swap && random.chance(50),
+    };
+    let mut word = ControlWord::default();
+    match random.below(5) {
+        0 => {}
+        1 | 2 if imports => word.imported = Some(address(random, features.imported_words)),
+        _ => word.own = Some(address(random, features.own_words)),
+    }
+    word.multiplier = if features.factor && random.chance(30) {
+        Multiplier::Factor(random.below(u64::from(features.own_words)) as u16)
+    } else {
+        Multiplier::Coefficient(random.signed(format.coefficient_bits))
+    };
+    word.close = random.chance(30);
+    word.base = random.chance(60).then(|| address(random, features.own_words));
+    word.shift = random.below(features.shifts.len() as u64) as u8;
+    word.write = random.chance(50).then(|| address(random, features.own_words));
+    word.send = features.send && random.chance(50);
+    if imports && features.ports > 0 && random.chance(50) {
+        let port = random.below(u64::from(features.ports)) as u8;
+        word.receive = Some((port, address(random, features.imported_words)));
+    }
+    word
+}
+
+/// An emitted design in a directory of its own.
+pub struct Design {
+    pub directory: PathBuf,
+    pub model: String,
+}
+
+/// Random input words.
+pub fn stimulus(program: &Program, steps: u32, seed: u64) -> Vec<Vec<i64>> {
+    let mut random = Random(seed);
+    let mut word = || random.signed(program.format.storage_bits);
+    (0..steps).map(|_| program.inputs.iter().map(|_| word()).collect()).collect()
+}
+
+impl Design {
+    /// Emits a program; the directory is emptied first.
+    pub fn new(program: &Program, directory: &str, steps: u32) -> Design {
+        let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join(directory);
+        let _ = fs::remove_dir_all(&directory);
+        let options = EmitOptions {
+            command: "pe-synth build \\".to_owned(),
+            spec: "tests".to_owned(),
+            version: "0".to_owned(),
+            stimulus: stimulus(program, steps, 7),
+            default_steps: steps,
+        };
+        for artefact in emit(program, &options) {
+            let path = directory.join(&artefact.path);
+            fs::create_dir_all(path.parent().expect("artefacts have a directory")).expect("test directory");
+            fs::write(path, artefact.text).expect("test directory takes files");
+        }
+        Design { directory, model: design_name(program) }
+    }
+
+    /// Lines of the Rust reference.
+    pub fn reference(&self) -> Vec<String> {
+        let source = format!("{}_reference.rs", self.model);
+        self.run("rustc", &["-O", "--edition", "2021", "-D", "warnings", "-o", "reference", &source], "rust");
+        let program = self.directory.join("reference");
+        self.run(program.to_str().expect("paths are text"), &[], "rust")
+    }
+
+    /// Analyses the design in the order of its file list.
+    pub fn analyse(&self) {
+        let list = fs::read_to_string(self.directory.join(format!("{}.f", self.model))).expect("the file list");
+        for line in list.lines() {
+            let (library, file) = line.split_once(' ').expect("library and file");
+            self.run("ghdl", &["-a", "--std=08", &format!("--work={library}"), file], "ghdl");
+        }
+    }
+
+    /// Lines of the GHDL test bench; the design must have been analysed.
+    pub fn ghdl(&self, generics: &[&str]) -> Vec<String> {
+        let bench = format!("{}_tb", self.model);
+        let mut arguments = vec!["--elab-run", "--std=08", bench.as_str()];
+        arguments.extend(generics);
+        arguments.push("--assert-level=error");
+        let mut lines = self.run("ghdl", &arguments, "ghdl");
+        // `finish` announces itself.
+        lines.retain(|line| !line.starts_with("simulation finished"));
+        lines
+    }
+
+    /// Verilog of the analysed network, as GHDL synthesises it.
+    pub fn synthesised(&self) -> String {
+        self.run("ghdl", &["--synth", "--std=08", "--out=verilog", "-gTRACE=true", &self.model], "ghdl").join("\n")
+    }
+
+    /// Lines of the Verilator driver; the design must have been analysed.
+    pub fn verilator(&self) -> Vec<String> {
+        fs::write(self.directory.join("network.v"), self.synthesised()).expect("test directory takes files");
+        let driver = format!("{}_verilator.cpp", self.model);
+        let top =
+            ["--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-INITIALDLY", "--top-module", &self.model];
+        let files = ["network.v", &driver, "-CFLAGS", "-O1", "-o", "network"];
+        self.run("verilator", &[&top[..], &files[..]].concat(), "verilator");
+        let program = self.directory.join("obj_dir/network");
+        self.run(program.to_str().expect("paths are text"), &[], "verilator")
+    }
+
+    fn run(&self, program: &str, arguments: &[&str], package: &str) -> Vec<String> {
+        let output = Command::new(program).args(arguments).current_dir(&self.directory).output();
+        let output = output.unwrap_or_else(|error| panic!("{program}: {error}; Debian package `{package}`"));
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{program} {arguments:?} in {:?}\n{text}\n{errors}", self.directory);
+        text.lines().map(str::to_owned).collect()
+    }
+}
+
+/// Compares line by line; an empty run is a failure.
+pub fn assert_same(what: &str, expected: &[String], found: &[String]) {
+    assert!(expected.iter().any(|line| line.starts_with("t ")), "{what}: no memory writes");
+    assert!(expected.iter().any(|line| line.starts_with("o ")), "{what}: no outputs");
+    let difference = expected.iter().zip(found).position(|(expected, found)| expected != found);
+    if let Some(line) = difference {
+        panic!("{what}: line {line}: expected `{}`, found `{}`", expected[line], found[line]);
+    }
+    assert_eq!(expected.len(), found.len(), "{what}: number of lines");
+}
+
+/// Lines without the clock count, which differs when the network pauses.
+pub fn without_clocks(lines: Vec<String>) -> Vec<String> {
+    lines.into_iter().filter(|line| !line.starts_with("c ")).collect()
+}

@@ -1,0 +1,470 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library pe_lib;
+  use pe_lib.pe_pkg.all;
+
+-- One processing element. Each group of the control word acts in the clock in which the word is in the control
+-- register; docs/hardware.md, "Timing", tells the distances between the groups of one operation.
+
+entity pe is
+  generic (
+    WORD_BITS        : positive;        -- stored word, guard bits included
+    DATA_BITS        : positive;        -- data port of the multiplier
+    COEFFICIENT_BITS : positive;        -- coefficient port of the multiplier
+    CONTROL_BITS     : positive;        -- control word
+    OWN_WORDS        : positive;        -- own memory, a power of two
+    IMPORTED_WORDS   : natural;         -- imported memory, 0 or a power of two
+    PORT_COUNT       : natural;         -- input ports
+    SHIFTS           : natural_array_t; -- right shifts of the write side
+    ACCUMULATOR_BITS : positive;        -- running sum
+    FACTOR           : boolean;         -- products of two stored words
+    SWAP             : boolean;         -- buffers that change roles
+    SEND             : boolean;         -- link register
+    OWN_IMAGE        : word_array_t;    -- initial own memory
+    IMPORTED_IMAGE   : word_array_t;    -- initial imported memory
+    TRACE            : boolean := false -- drives trace_o
+  );
+  port (
+    clk_i      : in    std_ulogic;                                                        -- clock
+    advance_i  : in    std_ulogic;                                                        -- executes the control word
+    settle_i   : in    std_ulogic;                                                        -- first pass: memories keep their images
+    parity_i   : in    std_ulogic;                                                        -- 1 in odd steps
+    control_i  : in    std_ulogic_vector(CONTROL_BITS - 1 downto 0);                      -- control register
+    ports_i    : in    std_ulogic_vector(larger(PORT_COUNT, 1) * DATA_BITS - 1 downto 0); -- port 0 rightmost
+    link_o     : out   std_ulogic_vector(DATA_BITS - 1 downto 0);                         -- link register
+    word_o     : out   std_ulogic_vector(WORD_BITS - 1 downto 0);                         -- word of the write group
+    overflow_o : out   std_ulogic;                                                        -- sticky: a written word saturated
+    trace_o    : out   std_ulogic_vector(TRACE_BITS - 1 downto 0)                         -- memory writes, for test benches
+  );
+end entity pe;
+
+architecture rtl of pe is
+
+  constant LAYOUT : layout_t := control_layout(OWN_WORDS, IMPORTED_WORDS, PORT_COUNT, SHIFTS'length,
+                                               COEFFICIENT_BITS, FACTOR, SWAP, SEND);
+
+  constant OWN_BITS : positive := index_bits(OWN_WORDS);
+
+  constant PADDED_BITS : positive := larger(ACCUMULATOR_BITS, DATA_BITS + COEFFICIENT_BITS);
+
+  -- Shifted sums keep one bit below the word's LSB, which rounds; the sum keeps every upper bit.
+  constant SHIFTED_BITS : positive := ACCUMULATOR_BITS - smallest(SHIFTS) + 1;
+  constant SUM_BITS     : positive := larger(WORD_BITS + 1, SHIFTED_BITS) + 1;
+
+  -- Up to four shift positions cost one six-input lookup table per bit, and the adder's tables have room for one
+  -- more choice of two; so two positions, or the top half of more than four, are chosen at the adder.
+  constant SHIFT_COUNT : positive := SHIFTS'length;
+  constant SHIFT_BITS  : natural  := index_bits(SHIFT_COUNT);
+
+  function low_shift_count return positive is
+  begin
+
+    if (SHIFT_COUNT = 2 or SHIFT_COUNT > 4) then
+      return 2 ** (SHIFT_BITS - 1);
+    end if;
+
+    return SHIFT_COUNT;
+
+  end function low_shift_count;
+
+  constant LOW_SHIFTS  : positive := low_shift_count;
+  constant HIGH_SHIFTS : natural  := SHIFT_COUNT - LOW_SHIFTS;
+
+  -- The shifted sums of `count` shift positions from `first` on, the first one rightmost.
+
+  function shifted (
+    value : signed(ACCUMULATOR_BITS - 1 downto 0);
+    first : natural;
+    count : positive
+  ) return std_ulogic_vector is
+
+    variable entries : std_ulogic_vector(count * SHIFTED_BITS - 1 downto 0);
+    variable source  : integer;
+
+  begin
+
+    for entry in 0 to count - 1 loop
+
+      for i in 0 to SHIFTED_BITS - 1 loop
+
+        source := i + SHIFTS(SHIFTS'low + first + entry) - 1;
+
+        if (source < 0) then
+          entries(entry * SHIFTED_BITS + i) := '0';
+        elsif (source >= ACCUMULATOR_BITS) then
+          entries(entry * SHIFTED_BITS + i) := value(ACCUMULATOR_BITS - 1);
+        else
+          entries(entry * SHIFTED_BITS + i) := value(source);
+        end if;
+
+      end loop;
+
+    end loop;
+
+    return entries;
+
+  end function shifted;
+
+  -- Operand group
+  signal own_operand         : std_ulogic_vector(DATA_BITS - 1 downto 0);
+  signal imported_operand    : std_ulogic_vector(DATA_BITS - 1 downto 0);
+  signal coefficient         : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0);
+  signal coefficient_operand : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0);
+
+  -- Accumulate group
+  signal product     : signed(DATA_BITS + COEFFICIENT_BITS - 1 downto 0);
+  signal accumulator : signed(ACCUMULATOR_BITS - 1 downto 0) := (others => '0');
+  signal hold        : signed(ACCUMULATOR_BITS - 1 downto 0) := (others => '0');
+
+  -- Scale group
+  signal offset   : std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal base     : std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal low_sum  : std_ulogic_vector(SHIFTED_BITS - 1 downto 0) := (others => '0');
+  signal high_sum : std_ulogic_vector(SHIFTED_BITS - 1 downto 0) := (others => '0');
+  signal use_high : std_ulogic                                   := '0';
+
+  -- Write group
+  signal sum           : signed(SUM_BITS - 1 downto 1)             := (others => '0');
+  signal saturated     : std_ulogic;
+  signal word          : std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal write_enable  : std_ulogic;
+  signal write_address : std_ulogic_vector(OWN_BITS - 1 downto 0);
+  signal link          : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
+  signal overflow      : std_ulogic                                := '0';
+
+begin
+
+  assert LAYOUT.bits = CONTROL_BITS
+    report "pe: control words have " & integer'image(CONTROL_BITS) & " bits, the features need "
+           & integer'image(LAYOUT.bits)
+    severity failure;
+
+  -- Operand group -------------------------------------------------------------------------------------------------
+
+  u_own_operand : entity pe_lib.pe_ram
+    generic map (
+      WORDS      => OWN_WORDS,
+      WORD_BITS  => DATA_BITS,
+      IMAGE_BITS => WORD_BITS,
+      IMAGE      => OWN_IMAGE
+    )
+    port map (
+      clk_i           => clk_i,
+      ce_i            => advance_i,
+      write_enable_i  => write_enable,
+      write_address_i => write_address,
+      write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - DATA_BITS),
+      read_enable_i   => flag(control_i, LAYOUT.own.enable),
+      read_address_i  => steered(control_i, LAYOUT.own, OWN_BITS, parity_i),
+      default_i       => (others => '0'),
+      read_data_o     => own_operand
+    );
+
+  coefficient <= bits(control_i, LAYOUT.coefficient, COEFFICIENT_BITS);
+
+  g_factor : if FACTOR generate
+
+    u_factor : entity pe_lib.pe_ram
+      generic map (
+        WORDS      => OWN_WORDS,
+        WORD_BITS  => COEFFICIENT_BITS,
+        IMAGE_BITS => WORD_BITS,
+        IMAGE      => OWN_IMAGE
+      )
+      port map (
+        clk_i           => clk_i,
+        ce_i            => advance_i,
+        write_enable_i  => write_enable,
+        write_address_i => write_address,
+        write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - COEFFICIENT_BITS),
+        read_enable_i   => flag(control_i, LAYOUT.factor.enable),
+        read_address_i  => bits(control_i, LAYOUT.factor.address, OWN_BITS),
+        default_i       => coefficient,
+        read_data_o     => coefficient_operand
+      );
+
+  end generate g_factor;
+
+  g_coefficient : if not FACTOR generate
+
+    signal coefficient_register : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
+
+  begin
+
+    p_coefficient : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (advance_i = '1') then
+          coefficient_register <= coefficient;
+        end if;
+      end if;
+
+    end process p_coefficient;
+
+    coefficient_operand <= coefficient_register;
+
+  end generate g_coefficient;
+
+  u_multiplier : entity pe_lib.pe_multiplier
+    generic map (
+      DATA_BITS        => DATA_BITS,
+      COEFFICIENT_BITS => COEFFICIENT_BITS,
+      LATENCY          => multiplier_latency(DATA_BITS, COEFFICIENT_BITS)
+    )
+    port map (
+      clk_i         => clk_i,
+      ce_i          => advance_i,
+      own_i         => signed(own_operand),
+      imported_i    => signed(imported_operand),
+      coefficient_i => signed(coefficient_operand),
+      product_o     => product
+    );
+
+  -- Accumulate group ----------------------------------------------------------------------------------------------
+
+  p_accumulate : process (clk_i) is
+
+    variable kept : signed(ACCUMULATOR_BITS - 1 downto 0);
+
+  begin
+
+    if rising_edge(clk_i) then
+      if (advance_i = '1') then
+        -- The feedback must be on the else branch: yosys 0.70 inverts the select of the other form.
+        if (flag(control_i, LAYOUT.close) = '1') then
+          kept := (others => '0');
+        else
+          kept := accumulator;
+        end if;
+
+        accumulator <= kept + resize(product, PADDED_BITS)(ACCUMULATOR_BITS - 1 downto 0);
+
+        if (flag(control_i, LAYOUT.close) = '1') then
+          hold <= accumulator;
+        end if;
+      end if;
+    end if;
+
+  end process p_accumulate;
+
+  -- Scale group ---------------------------------------------------------------------------------------------------
+
+  -- Half an LSB of the data port is the base of a word without one. Bit by bit: GHDL 2.0 writes wide constants as
+  -- character strings into Verilog.
+
+  g_offset : for i in 0 to WORD_BITS - 1 generate
+
+    offset(i) <= '1' when i = WORD_BITS - DATA_BITS - 1 else
+                 '0';
+
+  end generate g_offset;
+
+  u_base : entity pe_lib.pe_ram
+    generic map (
+      WORDS      => OWN_WORDS,
+      WORD_BITS  => WORD_BITS,
+      IMAGE_BITS => WORD_BITS,
+      IMAGE      => OWN_IMAGE
+    )
+    port map (
+      clk_i           => clk_i,
+      ce_i            => advance_i,
+      write_enable_i  => write_enable,
+      write_address_i => write_address,
+      write_data_i    => word,
+      read_enable_i   => flag(control_i, LAYOUT.base.enable),
+      read_address_i  => steered(control_i, LAYOUT.base, OWN_BITS, parity_i),
+      default_i       => offset,
+      read_data_o     => base
+    );
+
+  p_scale : process (clk_i) is
+
+    variable index : std_ulogic_vector(larger(SHIFT_BITS, 1) - 1 downto 0);
+
+  begin
+
+    if rising_edge(clk_i) then
+      if (advance_i = '1') then
+        index   := bits(control_i, LAYOUT.shift, larger(SHIFT_BITS, 1));
+        low_sum <= chosen(shifted(hold, 0, LOW_SHIFTS), index, SHIFTED_BITS);
+
+        if (HIGH_SHIFTS > 0) then
+          high_sum <= chosen(shifted(hold, LOW_SHIFTS, larger(HIGH_SHIFTS, 1)), index, SHIFTED_BITS);
+          use_high <= index(index'high);
+        end if;
+      end if;
+    end if;
+
+  end process p_scale;
+
+  p_add : process (clk_i) is
+
+    variable increment : signed(SHIFTED_BITS - 1 downto 0);
+    variable total     : signed(SUM_BITS - 1 downto 0);
+
+  begin
+
+    if rising_edge(clk_i) then
+      if (advance_i = '1') then
+        if (HIGH_SHIFTS > 0 and use_high = '1') then
+          increment := signed(high_sum);
+        else
+          increment := signed(low_sum);
+        end if;
+
+        -- The 1 below the base rounds to nearest.
+        total := resize(increment, SUM_BITS) + resize(signed(base & '1'), SUM_BITS);
+        sum   <= total(SUM_BITS - 1 downto 1);
+      end if;
+    end if;
+
+  end process p_add;
+
+  -- Write group ---------------------------------------------------------------------------------------------------
+
+  p_saturate : process (sum) is
+
+    variable differs : std_ulogic;
+
+  begin
+
+    differs := '0';
+
+    for i in WORD_BITS to SUM_BITS - 2 loop
+
+      differs := differs or (sum(i) xor sum(SUM_BITS - 1));
+
+    end loop;
+
+    if (differs = '1') then
+      word <= (others => not sum(SUM_BITS - 1));
+    else
+      word <= std_ulogic_vector(sum(WORD_BITS downto 1));
+    end if;
+
+    word(WORD_BITS - 1) <= sum(SUM_BITS - 1);
+    saturated           <= differs;
+
+  end process p_saturate;
+
+  write_enable  <= flag(control_i, LAYOUT.write.enable) and not settle_i;
+  write_address <= steered(control_i, LAYOUT.write, OWN_BITS, parity_i);
+
+  p_flag : process (clk_i) is
+  begin
+
+    if rising_edge(clk_i) then
+      if (advance_i = '1') then
+        if (saturated = '1' and settle_i = '0'
+            and (flag(control_i, LAYOUT.write.enable) = '1' or flag(control_i, LAYOUT.send) = '1')) then
+          overflow <= '1';
+        end if;
+      end if;
+    end if;
+
+  end process p_flag;
+
+  g_link : if SEND generate
+
+    p_link : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (advance_i = '1') then
+          if (flag(control_i, LAYOUT.send) = '1') then
+            link <= word(WORD_BITS - 1 downto WORD_BITS - DATA_BITS);
+          end if;
+        end if;
+      end if;
+
+    end process p_link;
+
+  end generate g_link;
+
+  link_o     <= link;
+  word_o     <= word;
+  overflow_o <= overflow;
+
+  -- Receive group -------------------------------------------------------------------------------------------------
+
+  g_imported : if IMPORTED_WORDS > 0 generate
+
+    constant IMPORTED_BITS : positive := larger(index_bits(IMPORTED_WORDS), 1);
+    constant PORT_BITS     : positive := larger(index_bits(PORT_COUNT), 1);
+
+    signal receive_enable  : std_ulogic;
+    signal receive_address : std_ulogic_vector(IMPORTED_BITS - 1 downto 0);
+    signal received        : std_ulogic_vector(DATA_BITS - 1 downto 0);
+
+  begin
+
+    receive_enable  <= flag(control_i, LAYOUT.receive.enable) and not settle_i;
+    receive_address <= steered(control_i, LAYOUT.receive, IMPORTED_BITS, parity_i);
+    received        <= chosen(ports_i, bits(control_i, LAYOUT.port_index, PORT_BITS), DATA_BITS);
+
+    u_imported_operand : entity pe_lib.pe_ram
+      generic map (
+        WORDS      => IMPORTED_WORDS,
+        WORD_BITS  => DATA_BITS,
+        IMAGE_BITS => DATA_BITS,
+        IMAGE      => IMPORTED_IMAGE
+      )
+      port map (
+        clk_i           => clk_i,
+        ce_i            => advance_i,
+        write_enable_i  => receive_enable,
+        write_address_i => receive_address,
+        write_data_i    => received,
+        read_enable_i   => flag(control_i, LAYOUT.imported.enable),
+        read_address_i  => steered(control_i, LAYOUT.imported, IMPORTED_BITS, parity_i),
+        default_i       => (others => '0'),
+        read_data_o     => imported_operand
+      );
+
+    g_trace_imported : if TRACE generate
+
+      trace_o(80)           <= receive_enable;
+      trace_o(79 downto 64) <= std_ulogic_vector(resize(unsigned(receive_address), 16));
+      trace_o(63 downto 0)  <= std_ulogic_vector(resize(signed(received), 64));
+
+    end generate g_trace_imported;
+
+  end generate g_imported;
+
+  g_alone : if IMPORTED_WORDS = 0 generate
+
+    imported_operand     <= (others => '0');
+    trace_o(80 downto 0) <= (others => '0');
+
+  end generate g_alone;
+
+  -- Trace ---------------------------------------------------------------------------------------------------------
+
+  g_trace : if TRACE generate
+
+    trace_o(162)            <= overflow;
+    trace_o(161)            <= write_enable;
+    trace_o(160 downto 145) <= std_ulogic_vector(resize(unsigned(write_address), 16));
+    trace_o(144 downto 81)  <= std_ulogic_vector(resize(signed(word), 64));
+
+  end generate g_trace;
+
+  g_silent : if not TRACE generate
+
+    trace_o(162 downto 81) <= (others => '0');
+
+    g_silent_imported : if IMPORTED_WORDS > 0 generate
+
+      trace_o(80 downto 0) <= (others => '0');
+
+    end generate g_silent_imported;
+
+  end generate g_silent;
+
+end architecture rtl;

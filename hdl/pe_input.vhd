@@ -1,0 +1,68 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+-- Samples an external input when a step begins and rounds it to a data operand.
+
+entity pe_input is
+  generic (
+    STORAGE_BITS : positive; -- width of the input
+    WORD_BITS    : positive; -- stored word, guard bits included
+    DATA_BITS    : positive  -- data operand
+  );
+  port (
+    clk_i      : in    std_ulogic;                                   -- clock
+    sample_i   : in    std_ulogic;                                   -- takes the input
+    value_i    : in    std_ulogic_vector(STORAGE_BITS - 1 downto 0); -- external input
+    operand_o  : out   std_ulogic_vector(DATA_BITS - 1 downto 0);    -- what the ports of PEs see
+    overflow_o : out   std_ulogic                                    -- sticky: an input was too large
+  );
+end entity pe_input;
+
+architecture rtl of pe_input is
+
+  constant GUARD_BITS : natural := WORD_BITS - STORAGE_BITS;
+  constant DROPPED    : integer := WORD_BITS - DATA_BITS;
+
+  -- Half an LSB of the operand; bit by bit, because GHDL 2.0 writes wide constants as character strings into Verilog.
+  signal half : signed(WORD_BITS downto 0);
+
+  signal operand  : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
+  signal overflow : std_ulogic                                := '0';
+
+begin
+
+  g_half : for i in 0 to WORD_BITS generate
+
+    half(i) <= '1' when i = DROPPED - 1 else
+               '0';
+
+  end generate g_half;
+
+  p_sample : process (clk_i) is
+
+    variable word : signed(WORD_BITS downto 0);
+
+  begin
+
+    if rising_edge(clk_i) then
+      if (sample_i = '1') then
+        word    := shift_left(resize(signed(value_i), WORD_BITS + 1), GUARD_BITS) + half;
+        operand <= std_ulogic_vector(word(WORD_BITS - 1 downto DROPPED));
+
+        if (word(WORD_BITS) /= word(WORD_BITS - 1)) then
+          operand                <= (others => '1');
+          operand(DATA_BITS - 1) <= '0';
+          overflow               <= '1';
+        end if;
+      end if;
+    end if;
+
+  end process p_sample;
+
+  operand_o  <= operand;
+  overflow_o <= overflow;
+
+end architecture rtl;

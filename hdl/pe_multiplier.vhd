@@ -1,0 +1,130 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+-- Signed product of a data operand and a coefficient, both registered by the memories. The data operand arrives as
+-- two words of which at most one is not 0: the pre-adder of a multiplier block joins them, which saves a
+-- multiplexer. The product register is loaded LATENCY clocks after the operands. May be replaced by a vendor's
+-- multiplier of the same behaviour.
+
+entity pe_multiplier is
+  generic (
+    DATA_BITS        : positive; -- width of the data operand
+    COEFFICIENT_BITS : positive; -- width of the coefficient operand
+    LATENCY          : positive  -- 1 or 3
+  );
+  port (
+    clk_i         : in    std_ulogic;                                       -- clock
+    ce_i          : in    std_ulogic;                                       -- clock enable
+    own_i         : in    signed(DATA_BITS - 1 downto 0);                   -- operand of the own memory, or 0
+    imported_i    : in    signed(DATA_BITS - 1 downto 0);                   -- operand of the imported memory, or 0
+    coefficient_i : in    signed(COEFFICIENT_BITS - 1 downto 0);            -- coefficient operand
+    product_o     : out   signed(DATA_BITS + COEFFICIENT_BITS - 1 downto 0) -- product register
+  );
+end entity pe_multiplier;
+
+architecture rtl of pe_multiplier is
+
+  constant PRODUCT_BITS : positive := DATA_BITS + COEFFICIENT_BITS;
+
+  signal product : signed(PRODUCT_BITS - 1 downto 0) := (others => '0');
+
+  -- Low bits that a second block multiplies, unsigned: at most 24 on a block's wide port, 17 on the narrow one.
+
+  function low_bits (
+    width : positive;
+    block_bits : positive
+  ) return natural is
+  begin
+
+    if (width <= block_bits + 1) then
+      return 0;
+    end if;
+
+    return block_bits;
+
+  end function low_bits;
+
+begin
+
+  assert LATENCY = 1 or LATENCY = 3
+    report "pe_multiplier: LATENCY must be 1 or 3"
+    severity failure;
+
+  g_single : if LATENCY = 1 generate
+
+    p_multiply : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (ce_i = '1') then
+          product <= (own_i + imported_i) * coefficient_i;
+        end if;
+      end if;
+
+    end process p_multiply;
+
+  end generate g_single;
+
+  -- Four partial products of one block each, joined by two registered additions.
+
+  g_split : if LATENCY /= 1 generate
+
+    constant DATA_SPLIT        : natural := low_bits(DATA_BITS, 24);
+    constant COEFFICIENT_SPLIT : natural := low_bits(COEFFICIENT_BITS, 17);
+    constant OUTER_SPLIT       : natural := DATA_SPLIT + COEFFICIENT_SPLIT;
+
+    subtype data_high_t is signed(DATA_BITS - DATA_SPLIT - 1 downto 0);
+
+    subtype data_low_t is signed(DATA_SPLIT downto 0);
+
+    subtype coefficient_high_t is signed(COEFFICIENT_BITS - COEFFICIENT_SPLIT - 1 downto 0);
+
+    subtype coefficient_low_t is signed(COEFFICIENT_SPLIT downto 0);
+
+    signal high_high : signed(PRODUCT_BITS - OUTER_SPLIT - 1 downto 0)        := (others => '0');
+    signal high_low  : signed(DATA_BITS - DATA_SPLIT + COEFFICIENT_SPLIT downto 0) := (others => '0');
+    signal low_high  : signed(COEFFICIENT_BITS - COEFFICIENT_SPLIT + DATA_SPLIT downto 0) := (others => '0');
+    signal low_low   : signed(OUTER_SPLIT + 1 downto 0)                       := (others => '0');
+    signal outer     : signed(PRODUCT_BITS - 1 downto 0)                       := (others => '0');
+    signal inner     : signed(PRODUCT_BITS - 1 downto 0)                       := (others => '0');
+
+  begin
+
+    p_multiply : process (clk_i) is
+
+      variable data_high        : data_high_t;
+      variable data_low         : data_low_t;
+      variable coefficient_high : coefficient_high_t;
+      variable coefficient_low  : coefficient_low_t;
+
+    begin
+
+      if rising_edge(clk_i) then
+        if (ce_i = '1') then
+          data_high        := own_i(DATA_BITS - 1 downto DATA_SPLIT) + imported_i(DATA_BITS - 1 downto DATA_SPLIT);
+          data_low         := ('0' & own_i(DATA_SPLIT - 1 downto 0)) + ('0' & imported_i(DATA_SPLIT - 1 downto 0));
+          coefficient_high := coefficient_i(COEFFICIENT_BITS - 1 downto COEFFICIENT_SPLIT);
+          coefficient_low  := '0' & coefficient_i(COEFFICIENT_SPLIT - 1 downto 0);
+          high_high        <= data_high * coefficient_high;
+          high_low         <= data_high * coefficient_low;
+          low_high         <= data_low * coefficient_high;
+          low_low          <= data_low * coefficient_low;
+
+          -- The outer products do not overlap.
+          outer   <= high_high & low_low(OUTER_SPLIT - 1 downto 0);
+          inner   <= shift_left(resize(high_low, PRODUCT_BITS), DATA_SPLIT)
+                     + shift_left(resize(low_high, PRODUCT_BITS), COEFFICIENT_SPLIT);
+          product <= outer + inner;
+        end if;
+      end if;
+
+    end process p_multiply;
+
+  end generate g_split;
+
+  product_o <= product;
+
+end architecture rtl;

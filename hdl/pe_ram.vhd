@@ -1,0 +1,83 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library pe_lib;
+  use pe_lib.pe_pkg.all;
+
+-- Memory with one write port and one registered read port. A disabled read loads `default_i` instead; where that is
+-- a constant, the read register's synchronous set and reset do it. A word that is read and written in the same clock
+-- reads as before the write. May be replaced by a vendor's memory of the same behaviour.
+
+entity pe_ram is
+  generic (
+    WORDS      : positive;    -- depth, a power of two
+    WORD_BITS  : positive;    -- width of a word
+    IMAGE_BITS : positive;    -- width of an image word, >= WORD_BITS
+    IMAGE      : word_array_t -- initial content: its top bits
+  );
+  port (
+    clk_i           : in    std_ulogic;                                        -- clock
+    ce_i            : in    std_ulogic;                                        -- clock enable
+    write_enable_i  : in    std_ulogic;                                        -- write, only with ce_i
+    write_address_i : in    std_ulogic_vector(index_bits(WORDS) - 1 downto 0); -- word to write
+    write_data_i    : in    std_ulogic_vector(WORD_BITS - 1 downto 0);         -- new content
+    read_enable_i   : in    std_ulogic;                                        -- 0 loads default_i
+    read_address_i  : in    std_ulogic_vector(index_bits(WORDS) - 1 downto 0); -- word to read
+    default_i       : in    std_ulogic_vector(WORD_BITS - 1 downto 0);         -- value of a disabled read
+    read_data_o     : out   std_ulogic_vector(WORD_BITS - 1 downto 0)          -- read register
+  );
+end entity pe_ram;
+
+architecture rtl of pe_ram is
+
+  type memory_t is array (WORDS - 1 downto 0) of std_ulogic_vector(WORD_BITS - 1 downto 0);
+
+  function initial_memory return memory_t is
+
+    variable memory : memory_t;
+
+  begin
+
+    for i in 0 to WORDS - 1 loop
+
+      memory(i) := IMAGE(i)(IMAGE_BITS - 1 downto IMAGE_BITS - WORD_BITS);
+
+    end loop;
+
+    return memory;
+
+  end function initial_memory;
+
+  signal read_data : std_ulogic_vector(WORD_BITS - 1 downto 0) := (others => '0');
+
+begin
+
+  -- The memory is a variable: as a signal it would cost a simulator far more time and space.
+  p_memory : process (clk_i) is
+
+    variable memory : memory_t := initial_memory;
+
+  begin
+
+    if rising_edge(clk_i) then
+      if (ce_i = '1') then
+        if (read_enable_i = '1') then
+          read_data <= memory(to_integer(unsigned(read_address_i)));
+        else
+          read_data <= default_i;
+        end if;
+
+        if (write_enable_i = '1') then
+          memory(to_integer(unsigned(write_address_i))) := write_data_i;
+        end if;
+      end if;
+    end if;
+
+  end process p_memory;
+
+  read_data_o <= read_data;
+
+end architecture rtl;

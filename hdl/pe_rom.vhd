@@ -1,0 +1,65 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library pe_lib;
+  use pe_lib.pe_pkg.all;
+
+-- The program of one PE; the registered output is the PE's control register.
+
+entity pe_rom is
+  generic (
+    CONTROL_BITS : positive;    -- width of a control word
+    PERIOD       : positive;    -- number of control words
+    CONTENT      : word_array_t -- the control words
+  );
+  port (
+    clk_i     : in    std_ulogic;                                                    -- clock
+    fetch_i   : in    std_ulogic;                                                    -- loads the control register
+    address_i : in    std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0); -- control word to load
+    control_o : out   std_ulogic_vector(CONTROL_BITS - 1 downto 0)                   -- control register
+  );
+end entity pe_rom;
+
+architecture rtl of pe_rom is
+
+  constant DEPTH : positive := 2 ** larger(index_bits(PERIOD), 1);
+
+  type rom_t is array (DEPTH - 1 downto 0) of std_ulogic_vector(CONTROL_BITS - 1 downto 0);
+
+  function filled return rom_t is
+
+    variable rom : rom_t;
+
+  begin
+
+    rom := (others => (others => '0'));
+
+    for i in 0 to PERIOD - 1 loop
+
+      rom(i) := CONTENT(i);
+
+    end loop;
+
+    return rom;
+
+  end function filled;
+
+  constant ROM : rom_t := filled;
+
+begin
+
+  p_fetch : process (clk_i) is
+  begin
+
+    if rising_edge(clk_i) then
+      if (fetch_i = '1') then
+        control_o <= ROM(to_integer(unsigned(address_i)));
+      end if;
+    end if;
+
+  end process p_fetch;
+
+end architecture rtl;

@@ -1,0 +1,111 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library pe_lib;
+  use pe_lib.pe_pkg.all;
+
+-- Broadcasts the word index to all PEs and runs the step handshake. The first pass over the words before the pause
+-- word only fills the pipelines (settle).
+
+entity pe_sequencer is
+  generic (
+    PERIOD     : positive; -- control words per step
+    PAUSE_WORD : positive  -- the network waits before it
+  );
+  port (
+    clk_i     : in    std_ulogic;                                                    -- clock
+    ce_i      : in    std_ulogic;                                                    -- clock enable
+    step_i    : in    std_ulogic;                                                    -- lets the next step begin
+    fetch_o   : out   std_ulogic;                                                    -- loads the control registers
+    address_o : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0); -- control word to load
+    advance_o : out   std_ulogic;                                                    -- executes the control words
+    index_o   : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0); -- word that is executed
+    parity_o  : out   std_ulogic;                                                    -- 1 in odd steps
+    settle_o  : out   std_ulogic;                                                    -- first pass
+    sample_o  : out   std_ulogic;                                                    -- inputs load their registers
+    publish_o : out   std_ulogic;                                                    -- outputs load their ports
+    busy_o    : out   std_ulogic;                                                    -- not waiting for step_i
+    done_o    : out   std_ulogic                                                     -- outputs are new
+  );
+end entity pe_sequencer;
+
+architecture rtl of pe_sequencer is
+
+  constant INDEX_WIDTH : positive := larger(index_bits(PERIOD), 1);
+
+  signal address : unsigned(INDEX_WIDTH - 1 downto 0) := (others => '0');
+  signal index   : unsigned(INDEX_WIDTH - 1 downto 0) := (others => '0');
+  signal valid   : std_ulogic                         := '0';
+  signal waiting : std_ulogic                         := '0';
+  signal settle  : std_ulogic                         := '1';
+  signal parity  : std_ulogic                         := '0';
+  signal done    : std_ulogic                         := '0';
+  signal fetch   : std_ulogic;
+  signal publish : std_ulogic;
+
+begin
+
+  assert PERIOD > PAUSE_WORD
+    report "pe_sequencer: a step needs more than PAUSE_WORD control words"
+    severity failure;
+
+  fetch <= ce_i and (step_i or not waiting);
+
+  p_publish : process (fetch, settle, address) is
+  begin
+
+    publish <= '0';
+
+    if (address = PAUSE_WORD) then
+      publish <= fetch and not settle;
+    end if;
+
+  end process p_publish;
+
+  p_sequence : process (clk_i) is
+  begin
+
+    if rising_edge(clk_i) then
+      if (ce_i = '1') then
+        done <= publish;
+      end if;
+
+      if (fetch = '1') then
+        index   <= address;
+        valid   <= '1';
+        waiting <= '0';
+
+        if (address = PERIOD - 1) then
+          address <= (others => '0');
+        else
+          address <= address + 1;
+        end if;
+
+        if (address = PAUSE_WORD) then
+          waiting <= '1';
+          settle  <= '0';
+        end if;
+
+        if (address = 0 and valid = '1') then
+          parity <= not parity;
+        end if;
+      end if;
+    end if;
+
+  end process p_sequence;
+
+  fetch_o   <= fetch;
+  address_o <= std_ulogic_vector(address);
+  advance_o <= fetch and valid;
+  index_o   <= std_ulogic_vector(index);
+  parity_o  <= parity;
+  settle_o  <= settle;
+  sample_o  <= fetch and waiting;
+  publish_o <= publish;
+  busy_o    <= not waiting;
+  done_o    <= done;
+
+end architecture rtl;

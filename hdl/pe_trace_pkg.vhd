@@ -1,0 +1,155 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library std;
+  use std.textio.all;
+
+library pe_lib;
+  use pe_lib.pe_pkg.all;
+
+-- Text output of test benches; docs/hardware.md, "Trace". Not for synthesis.
+
+package pe_trace_pkg is
+
+  -- Hex digits without leading zeros, lower case.
+
+  function hex (
+    value : std_ulogic_vector
+  ) return string;
+
+  -- Prints `t` lines for the memory writes in a network's trace and adds their number to `checks`.
+
+  procedure print_trace (
+    trace     : in    std_ulogic_vector;
+    cycle     : in    natural;
+    own_words : in    natural_array_t;
+    word_bits : in    positive;
+    data_bits : in    positive;
+    checks    : inout natural
+  );
+
+  -- Prints a `v` line for every PE whose sticky flag is set.
+
+  procedure print_overflow (
+    trace : in std_ulogic_vector;
+    pes   : in positive
+  );
+
+  -- Prints one line.
+
+  procedure print (
+    text_line : in string
+  );
+
+end package pe_trace_pkg;
+
+package body pe_trace_pkg is
+
+  function hex (
+    value : std_ulogic_vector
+  ) return string is
+
+    constant DIGITS : string(1 to 16)                           := "0123456789abcdef";
+    constant COUNT  : positive                                  := (value'length + 3) / 4;
+    constant PADDED : std_ulogic_vector(4 * COUNT - 1 downto 0) := std_ulogic_vector(resize(unsigned(value), 4 * COUNT));
+
+    variable text_value : string(1 to COUNT);
+    variable first      : positive;
+
+  begin
+
+    assert not is_x(value)
+      report "undefined value"
+      severity failure;
+
+    for i in 1 to COUNT loop
+
+      text_value(i) := DIGITS(to_integer(unsigned(PADDED(4 * (COUNT - i) + 3 downto 4 * (COUNT - i)))) + 1);
+
+    end loop;
+
+    first := 1;
+    while first < COUNT and text_value(first) = '0' loop
+      first := first + 1;
+    end loop;
+    return text_value(first to COUNT);
+
+  end function hex;
+
+  procedure print (
+    text_line : in string
+  ) is
+
+    variable buffered : line;
+
+  begin
+
+    write(buffered, text_line);
+    writeline(output, buffered);
+
+  end procedure print;
+
+  procedure print_trace (
+    trace     : in    std_ulogic_vector;
+    cycle     : in    natural;
+    own_words : in    natural_array_t;
+    word_bits : in    positive;
+    data_bits : in    positive;
+    checks    : inout natural
+  ) is
+
+    variable first   : natural;
+    variable address : natural;
+
+  begin
+
+    if (trace(trace'high) /= '1') then
+      return;
+    end if;
+
+    for pe in own_words'range loop
+
+      first := pe * TRACE_BITS;
+
+      if (trace(first + 161) = '1') then
+        print("t " & integer'image(cycle) & " " & integer'image(pe) & " " & hex(trace(first + 160 downto first + 145))
+              & " " & hex(trace(first + 80 + word_bits downto first + 81)));
+        checks := checks + 1;
+      end if;
+
+      if (trace(first + 80) = '1') then
+        address := own_words(pe) + to_integer(unsigned(trace(first + 79 downto first + 64)));
+        print("t " & integer'image(cycle) & " " & integer'image(pe) & " "
+              & hex(std_ulogic_vector(to_unsigned(address, 17))) & " "
+              & hex(trace(first + data_bits - 1 downto first)));
+        checks  := checks + 1;
+      end if;
+
+    end loop;
+
+  end procedure print_trace;
+
+  procedure print_overflow (
+    trace : in std_ulogic_vector;
+    pes   : in positive
+  ) is
+  begin
+
+    if (trace'length > 1) then
+
+      for pe in 0 to pes - 1 loop
+
+        if (trace(pe * TRACE_BITS + 162) = '1') then
+          print("v " & integer'image(pe));
+        end if;
+
+      end loop;
+
+    end if;
+
+  end procedure print_overflow;
+
+end package body pe_trace_pkg;

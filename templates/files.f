@@ -1,0 +1,6 @@
+{%- for file in library -%}
+pe_lib hdl/{{ file }}
+{% endfor -%}
+work {{ model }}_program_pkg.vhd
+work {{ model }}.vhd
+work {{ model }}_tb.vhd

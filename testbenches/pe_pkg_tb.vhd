@@ -1,0 +1,98 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library std;
+  use std.env.all;
+
+library pe_lib;
+  use pe_lib.pe_pkg.all;
+  use pe_lib.pe_trace_pkg.all;
+
+-- Functions of pe_pkg: layout, selection, latency.
+
+entity pe_pkg_tb is
+end entity pe_pkg_tb;
+
+architecture bench of pe_pkg_tb is
+
+begin
+
+  p_check : process is
+
+    variable checks  : natural;
+    variable layout  : layout_t;
+    variable entries : std_ulogic_vector(8 * 4 - 1 downto 0);
+
+    procedure check (
+      constant what : in string;
+      constant holds : in boolean
+    ) is
+    begin
+
+      checks := checks + 1;
+
+      assert holds
+        report what
+        severity failure;
+
+    end procedure check;
+
+  begin
+
+    checks := 0;
+
+    -- Widths
+    check("index_bits(1)", index_bits(1) = 0);
+    check("index_bits(2)", index_bits(2) = 1);
+    check("index_bits(5)", index_bits(5) = 3);
+    check("index_bits(64)", index_bits(64) = 6);
+
+    -- own 1+5, imported 1+5, coefficient 18, close 1, base 1+5, shift 2, write 1+5, send 1, receive 1+5, port 2
+    layout := control_layout(32, 32, 4, 4, 18, false, false, true);
+    check("plain layout", layout.bits = 54);
+    check("own_enable is the top bit", layout.own.enable.lsb = 53 and layout.own.enable.width = 1);
+    check("port is at the bottom", layout.port_index.lsb = 0 and layout.port_index.width = 2);
+    check("coefficient", layout.coefficient.lsb = 24 and layout.coefficient.width = 18);
+    check("absent factor", layout.factor.enable.width = 0);
+    check("absent flag reads 0", flag((53 downto 0 => '1'), layout.factor.enable) = '0');
+    layout := control_layout(32, 32, 4, 4, 18, true, true, true);
+    check("full layout", layout.bits = 54 + 6 + 5);
+    layout := control_layout(2, 0, 0, 1, 25, false, false, false);
+    check("smallest layout", layout.bits = 2 + 25 + 1 + 2 + 2);
+
+    -- Selection
+    for i in 0 to 7 loop
+
+      entries((i + 1) * 4 - 1 downto i * 4) := std_ulogic_vector(to_unsigned(15 - i, 4));
+
+    end loop;
+
+    for count in 1 to 8 loop
+
+      for i in 0 to count - 1 loop
+
+        check("chosen", chosen(entries(count * 4 - 1 downto 0),
+                               std_ulogic_vector(to_unsigned(i, larger(index_bits(count), 1))), 4)
+              = std_ulogic_vector(to_unsigned(15 - i, 4)));
+
+      end loop;
+
+    end loop;
+
+    -- Latency
+    check("single block", multiplier_latency(25, 18) = 1 and multiplier_latency(18, 25) = 1);
+    check("several blocks", multiplier_latency(32, 18) = 3 and multiplier_latency(25, 25) = 3);
+    check("pause word", pause_word(1) = 7 and pause_word(3) = 9);
+
+    -- Text
+    check("hex", hex("0000000000101111") = "2f" and hex("00000") = "0" and hex("1000000000000000000000000") = "1000000");
+
+    print("checks " & integer'image(checks));
+    finish;
+
+  end process p_check;
+
+end architecture bench;

@@ -1,0 +1,146 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
+
+library std;
+  use std.env.all;
+
+library pe_lib;
+  use pe_lib.pe_pkg.all;
+  use pe_lib.pe_trace_pkg.all;
+
+-- Word order, pause, settle, parity and handshake of the sequencer, in free run and with waits.
+
+entity pe_sequencer_tb is
+end entity pe_sequencer_tb;
+
+architecture bench of pe_sequencer_tb is
+
+  constant PERIOD : positive := 11;
+  constant PAUSE  : positive := 7;
+
+  signal clk     : std_ulogic := '0';
+  signal ce      : std_ulogic := '1';
+  signal step    : std_ulogic := '1';
+  signal fetch   : std_ulogic;
+  signal address : std_ulogic_vector(3 downto 0);
+  signal advance : std_ulogic;
+  signal index   : std_ulogic_vector(3 downto 0);
+  signal parity  : std_ulogic;
+  signal settle  : std_ulogic;
+  signal sample  : std_ulogic;
+  signal publish : std_ulogic;
+  signal busy    : std_ulogic;
+  signal done    : std_ulogic;
+
+begin
+
+  clk <= not clk after 5 ns;
+
+  u_sequencer : entity pe_lib.pe_sequencer
+    generic map (
+      PERIOD     => PERIOD,
+      PAUSE_WORD => PAUSE
+    )
+    port map (
+      clk_i     => clk,
+      ce_i      => ce,
+      step_i    => step,
+      fetch_o   => fetch,
+      address_o => address,
+      advance_o => advance,
+      index_o   => index,
+      parity_o  => parity,
+      settle_o  => settle,
+      sample_o  => sample,
+      publish_o => publish,
+      busy_o    => busy,
+      done_o    => done
+    );
+
+  p_check : process is
+
+    variable checks   : natural;
+    variable executed : natural;
+    variable samples  : natural;
+    variable finished : natural;
+    variable round    : natural;
+
+    procedure check (
+      constant what  : in string;
+      constant holds : in boolean
+    ) is
+    begin
+
+      checks := checks + 1;
+
+      assert holds
+        report what & " after " & integer'image(executed) & " words"
+        severity failure;
+
+    end procedure check;
+
+  begin
+
+    checks   := 0;
+    executed := 0;
+    samples  := 0;
+    finished := 0;
+
+    for clock in 0 to 999 loop
+
+      wait until rising_edge(clk);
+
+      if (advance = '1') then
+        round := executed / PERIOD;
+        check("word index", to_integer(unsigned(index)) = executed mod PERIOD);
+        check("next word", to_integer(unsigned(address)) = (executed + 1) mod PERIOD);
+        check("parity", (parity = '1') = (round mod 2 = 1));
+        check("settle", (settle = '1') = (executed < PAUSE));
+        check("sample at the pause point", (sample = '1') = (executed mod PERIOD = PAUSE));
+        check("publish before it", (publish = '1') = (executed mod PERIOD = PAUSE - 1 and executed > PAUSE));
+        check("idle only at the pause point", (busy = '0') = (executed mod PERIOD = PAUSE));
+        check("enabled", ce = '1');
+        executed := executed + 1;
+
+        if (sample = '1') then
+          samples := samples + 1;
+        end if;
+      else
+        check("nothing sampled", sample = '0');
+      end if;
+
+      if (ce = '1' and done = '1') then
+        finished := finished + 1;
+        check("one step finished per sample", finished = samples or finished = samples - 1);
+        check("at the pause point", busy = '0');
+      end if;
+
+      -- Free run, then pseudo-random enable and step.
+      if (clock > 200) then
+
+        if (clock * 7919 mod 13 < 9) then
+          ce <= '1';
+        else
+          ce <= '0';
+        end if;
+
+        if (clock * 104729 mod 11 < 3) then
+          step <= '1';
+        else
+          step <= '0';
+        end if;
+
+      end if;
+
+    end loop;
+
+    check("steps were made", finished > 30);
+    print("checks " & integer'image(checks));
+    finish;
+
+  end process p_check;
+
+end architecture bench;
