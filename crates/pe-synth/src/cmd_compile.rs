@@ -1,0 +1,142 @@
+//! `pe-synth compile`: model to hardware, reference and report.
+
+use std::path::PathBuf;
+
+use pe_emit::EmitOptions;
+use pe_sim::machine::Machine;
+
+use crate::failure::{Failure, MessageFormat};
+use crate::options::ModelOptions;
+use crate::output::OutputFolder;
+use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
+use crate::report::{self, Clock};
+
+/// Lines of the reference trace that is written with a design, roughly.
+const TRACE_LINES: u64 = 120_000;
+
+/// Compiles a model to VHDL, test bench, Rust reference, reference trace and report
+#[derive(clap::Args, Debug)]
+pub struct Compile {
+    #[command(flatten)]
+    model: ModelOptions,
+    #[command(flatten)]
+    mapping: MappingOptions,
+    /// Output folder; replaced if it is one of ours [default: out/MODEL]
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Clock for the speed in the report [default: 150, marked as assumed]
+    #[arg(long, value_name = "MHZ", value_parser = positive)]
+    clock: Option<f64>,
+    /// Prints errors and warnings only
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite() && *number > 0.0)
+        .ok_or("expected a positive number".into())
+}
+
+impl Compile {
+    /// Form of messages.
+    pub fn message_format(&self) -> MessageFormat {
+        self.model.message_format
+    }
+
+    /// Runs the command.
+    pub fn run(&self, command: &str) -> Result<(), Failure> {
+        let quiet = self.quiet || self.message_format() == MessageFormat::Json;
+        let mut watch = Stopwatch::new(quiet);
+        let loaded = watch.stage(
+            "read",
+            || self.model.load(),
+            |loaded| match loaded {
+                Ok(loaded) => {
+                    format!("{}: {} ODEs, {}", loaded.model.name, loaded.model.states.len(), loaded.model.title)
+                }
+                Err(_) => "refused".to_owned(),
+            },
+        )?;
+        let model = &loaded.model;
+        let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&model.name));
+        let folder = OutputFolder::create(&target)?;
+        let design = pipeline::design(&loaded, &self.model, &self.mapping, &mut watch)?;
+        let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
+        let report = report::report(model, &design, clock, self.model.seed, command);
+        let written = watch.stage(
+            "write",
+            || write_design(&folder, &loaded.source.name, model, &design, command),
+            |_| target.display().to_string(),
+        );
+        written?;
+        folder.write("report.json", &pretty(&report))?;
+        folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
+        folder.finish()?;
+        if !quiet {
+            // A closed pipe (`| head`) is not an error of the compilation.
+            let _ = std::io::Write::write_all(&mut std::io::stdout(), report::table(model, &design, clock).as_bytes());
+        }
+        Ok(())
+    }
+}
+
+fn pretty(value: &serde_json::Value) -> String {
+    format!("{value:#}\n")
+}
+
+fn write_design(
+    folder: &OutputFolder,
+    spec: &str,
+    model: &pe_ir::model::Model,
+    design: &Design,
+    command: &str,
+) -> Result<(), Failure> {
+    let steps = trace_steps(&design.program, model.steps());
+    let stimulus = pipeline::stimulus(model, design, 0, steps);
+    let options = EmitOptions {
+        command: command.to_owned(),
+        spec: spec.to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        stimulus: stimulus.clone(),
+        default_steps: steps as u32,
+    };
+    for artefact in pe_emit::emit(&design.program, &options) {
+        folder.write(&artefact.path, &artefact.text)?;
+    }
+    let name = pe_emit::design_name(&design.program);
+    folder.write(&format!("{name}_program.txt"), &design.program.to_string())?;
+    let (trace, outputs) = reference_trace(design, &stimulus);
+    folder.write(&format!("{name}_trace.txt"), &trace)?;
+    folder.write(&format!("{name}_outputs.txt"), &outputs)?;
+    let checkpoint = &design.judged.checkpoint;
+    let words: String = checkpoint.words.iter().map(|word| format!("{word:x}\n")).collect();
+    folder.write(&format!("{name}_checkpoint.txt"), &format!("step {}\n{words}", checkpoint.step))?;
+    let stimulus = pipeline::stimulus(model, design, checkpoint.step, steps);
+    let line = |words: &Vec<i64>| {
+        let mask = u64::MAX >> (64 - design.program.format.storage_bits);
+        words.iter().map(|word| format!("{:x}", *word as u64 & mask)).collect::<Vec<_>>().join(" ") + "\n"
+    };
+    folder.write(&format!("{name}_checkpoint_stimulus.txt"), &stimulus.iter().map(line).collect::<String>())
+}
+
+/// Steps of the reference trace: enough to see the model move, few enough to stay readable.
+fn trace_steps(program: &pe_ir::program::Program, span: u64) -> u64 {
+    (TRACE_LINES / program.writes_per_step().max(1)).clamp(2, 24).min(span)
+}
+
+/// Memory writes and outputs of the first steps, in the trace format.
+fn reference_trace(design: &Design, stimulus: &[Vec<i64>]) -> (String, String) {
+    let mut machine = Machine::new(&design.program);
+    let mut trace = String::new();
+    let mut outputs = String::new();
+    let mask = u64::MAX >> (64 - design.program.format.storage_bits);
+    for (step, inputs) in stimulus.iter().enumerate() {
+        machine.step(inputs, &mut |line| trace += &format!("{line}\n"));
+        for (index, word) in machine.outputs().iter().enumerate() {
+            outputs += &format!("{step} {index} {:x}\n", *word as u64 & mask);
+        }
+    }
+    (trace, outputs)
+}

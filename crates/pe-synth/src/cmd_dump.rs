@@ -1,0 +1,83 @@
+//! `pe-synth dump`: what a stage hands on, as text.
+
+use std::io::Write;
+
+use pe_hls::mapping::Problem;
+use petgraph::dot::{Config, Dot};
+
+use crate::failure::{Failure, MessageFormat};
+use crate::options::ModelOptions;
+use crate::pipeline::{self, MappingOptions, Stopwatch};
+
+/// Prints what a stage of the compiler hands on
+#[derive(clap::Args, Debug)]
+pub struct Dump {
+    #[command(flatten)]
+    model: ModelOptions,
+    #[command(flatten)]
+    mapping: MappingOptions,
+    /// The stage
+    #[arg(long, value_enum)]
+    stage: Stage,
+}
+
+/// Stages that can be dumped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Stage {
+    /// Flat equations with folded constants
+    Model,
+    /// Chains of one solver step
+    Step,
+    /// ODE-dependency graph, in DOT
+    OdeGraph,
+    /// PE-dependency graph, in DOT
+    PeGraph,
+    /// PE of each equation
+    Mapping,
+    /// Control words, memory images and links
+    Program,
+}
+
+impl Dump {
+    /// Form of messages.
+    pub fn message_format(&self) -> MessageFormat {
+        self.model.message_format
+    }
+
+    /// Runs the command.
+    pub fn run(&self) -> Result<(), Failure> {
+        let text = self.text()?;
+        // A closed pipe (`| head`) ends the output, not with an error.
+        let _ = std::io::stdout().write_all(text.as_bytes());
+        Ok(())
+    }
+
+    fn text(&self) -> Result<String, Failure> {
+        let loaded = self.model.load()?;
+        if self.stage == Stage::Model {
+            return Ok(format!("{:#?}\n", loaded.model));
+        }
+        let mut watch = Stopwatch::new(true);
+        let graph = pipeline::build(&loaded, &mut watch)?;
+        match self.stage {
+            Stage::Step => return Ok(graph.to_string()),
+            Stage::OdeGraph => {
+                let named = Problem::of(&graph).ode_graph().map_owned(
+                    |index, load| format!("{} ({load} slots)", graph.equations[index.index()].name),
+                    |_, ()| "",
+                );
+                return Ok(Dot::with_config(&named, &[Config::EdgeNoLabel]).to_string());
+            }
+            _ => {}
+        }
+        let design = pipeline::design(&loaded, &self.model, &self.mapping, &mut watch)?;
+        Ok(match self.stage {
+            Stage::PeGraph => Dot::new(&Problem::of(&design.graph).pe_graph(&design.mapping)).to_string(),
+            Stage::Mapping => {
+                let line = |(equation, pe): (&pe_ir::graph::Equation, &u32)| format!("{} {pe}\n", equation.name);
+                design.graph.equations.iter().zip(&design.mapping.pe_of).map(line).collect()
+            }
+            _ => design.program.to_string(),
+        })
+    }
+}

@@ -1,0 +1,97 @@
+//! `pe-synth sim`: outputs over time, from the cycle-accurate simulator or in double precision.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use pe_ir::source::Diagnostic;
+use pe_sim::double::DoubleRun;
+use pe_sim::machine::Machine;
+
+use crate::failure::{Failure, MessageFormat};
+use crate::options::{LoadedModel, ModelOptions};
+use crate::pipeline::{self, MappingOptions, Stopwatch};
+
+/// Simulates the outputs over the span and writes them as CSV
+#[derive(clap::Args, Debug)]
+pub struct Sim {
+    #[command(flatten)]
+    model: ModelOptions,
+    #[command(flatten)]
+    mapping: MappingOptions,
+    /// CSV file [default: standard output]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Runs the model in double precision in place of the hardware's fixed point
+    #[arg(long)]
+    double: bool,
+}
+
+impl Sim {
+    /// Form of messages.
+    pub fn message_format(&self) -> MessageFormat {
+        self.model.message_format
+    }
+
+    /// Runs the command.
+    pub fn run(&self) -> Result<(), Failure> {
+        let loaded = self.model.load()?;
+        let rows = if self.double { self.double_rows(&loaded)? } else { self.machine_rows(&loaded)? };
+        let mut csv = String::from("t");
+        for output in &loaded.model.outputs {
+            csv += &format!(",{}", quoted(&output.name));
+        }
+        csv.push('\n');
+        for (step, row) in rows.iter().enumerate() {
+            csv += &format!("{:e}", (step + 1) as f64 * loaded.model.step);
+            for number in row {
+                csv += &format!(",{number:e}");
+            }
+            csv.push('\n');
+        }
+        match &self.output {
+            Some(path) => std::fs::write(path, csv).map_err(|error| Failure::file("write", path, error)),
+            None => {
+                // A closed pipe (`| head`) ends the output, not with an error.
+                let _ = std::io::stdout().write_all(csv.as_bytes());
+                Ok(())
+            }
+        }
+    }
+
+    fn double_rows(&self, loaded: &LoadedModel) -> Result<Vec<Vec<f64>>, Failure> {
+        let model = &loaded.model;
+        let graph = pipeline::build(loaded, &mut Stopwatch::new(true))?;
+        let mut run = DoubleRun::new(&graph);
+        let mut rows = Vec::new();
+        for step in 0..model.steps() {
+            let time = step as f64 * model.step;
+            let inputs: Vec<f64> = model.inputs.iter().map(|input| input.waveform.at(time)).collect();
+            run.step(&inputs).map_err(|diverged| {
+                let message =
+                    format!("`{}` is no longer a finite number at t = {time:.6e} s", graph.value_name(diverged.value));
+                let finding = Diagnostic::global("E0901", message).with_help("try a smaller `--step`");
+                Failure::Spec(vec![finding], loaded.source.clone())
+            })?;
+            rows.push((0..model.outputs.len()).map(|output| run.output(output)).collect());
+        }
+        Ok(rows)
+    }
+
+    fn machine_rows(&self, loaded: &LoadedModel) -> Result<Vec<Vec<f64>>, Failure> {
+        let model = &loaded.model;
+        let design = pipeline::design(loaded, &self.model, &self.mapping, &mut Stopwatch::new(true))?;
+        let mut machine = Machine::new(&design.program);
+        let mut rows = Vec::new();
+        for inputs in pipeline::stimulus(model, &design, 0, model.steps()) {
+            machine.step(&inputs, &mut |_| {});
+            let number = |(word, port): (&i64, &pe_ir::program::OutputPort)| *word as f64 * 2f64.powi(port.exponent);
+            rows.push(machine.outputs().iter().zip(&design.program.outputs).map(number).collect());
+        }
+        Ok(rows)
+    }
+}
+
+/// A CSV field; names with indices contain commas.
+fn quoted(name: &str) -> String {
+    if name.contains(',') { format!("\"{name}\"") } else { name.to_owned() }
+}

@@ -1,0 +1,263 @@
+//! Runs a written design in the engines that must agree, and compares what they print.
+//!
+//! Every engine prints the same lines: `t` and a memory write, `o` and a published output, `v` and an overflow flag,
+//! `c` and the clocks between the last two steps.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use pe_ir::program::Program;
+use pe_sim::machine::Machine;
+use pe_sim::trace::TraceLine;
+
+use crate::failure::Failure;
+
+/// What a run showed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Run {
+    /// Memory writes, sorted.
+    pub trace: Vec<TraceLine>,
+    /// Published outputs: step, index, word.
+    pub outputs: Vec<(u64, usize, u64)>,
+    /// Whether an overflow flag was set.
+    pub overflow: bool,
+    /// Clocks between the last two `done_o`; zero after a single step.
+    pub clocks: u64,
+}
+
+/// An engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Engine {
+    /// The generated Rust program, built with `rustc`.
+    Reference,
+    /// The generated VHDL in GHDL.
+    Ghdl,
+    /// GHDL's synthesised netlist in Verilator.
+    Verilator,
+}
+
+impl Engine {
+    /// Name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Engine::Reference => "Rust reference",
+            Engine::Ghdl => "GHDL",
+            Engine::Verilator => "Verilator",
+        }
+    }
+}
+
+/// A design's files and a folder for what the engines build.
+pub struct Bench<'a> {
+    /// Folder with the design.
+    pub folder: &'a Path,
+    /// Design name: the files' common prefix.
+    pub design: &'a str,
+    /// Folder for build products.
+    pub scratch: &'a Path,
+    /// Steps to run.
+    pub steps: u64,
+}
+
+impl Bench<'_> {
+    /// Runs an engine.
+    pub fn run(&self, engine: Engine) -> Result<Run, Failure> {
+        let text = match engine {
+            Engine::Reference => self.reference()?,
+            Engine::Ghdl => self.ghdl()?,
+            Engine::Verilator => self.verilator()?,
+        };
+        parse(&text).map_err(|line| Failure::Mismatch(format!("{} printed `{line}`", engine.name())))
+    }
+
+    fn stimulus(&self) -> PathBuf {
+        absolute(&self.folder.join(format!("{}_stimulus.txt", self.design)))
+    }
+
+    fn reference(&self) -> Result<String, Failure> {
+        let source = self.folder.join(format!("{}_reference.rs", self.design));
+        let program = self.scratch.join("reference");
+        let mut build = Command::new("rustc");
+        build.args(["--edition", "2021", "-O", "-o"]).arg(&program).arg(&source);
+        execute(&mut build, "rustc", "install Rust from https://rustup.rs")?;
+        let mut run = Command::new(&program);
+        run.arg("--stimulus").arg(self.stimulus()).args(["--steps", &self.steps.to_string()]);
+        execute(&mut run, "reference", "it was just built")
+    }
+
+    /// Analyses the files of the design's list, without the test bench if `library_only`.
+    fn analyse(&self, library_only: bool) -> Result<(), Failure> {
+        let list = self.folder.join(format!("{}.f", self.design));
+        let text = fs::read_to_string(&list).map_err(|error| Failure::file("read", &list, error))?;
+        for line in text.lines().filter(|line| !line.trim().is_empty()) {
+            let (library, file) = line.split_once(' ').unwrap_or(("work", line));
+            if library_only && file.ends_with("_tb.vhd") {
+                continue;
+            }
+            let mut analyse = Command::new("ghdl");
+            analyse.args(["-a", "--std=08", &format!("--work={library}")]).args(self.work_folder());
+            analyse.arg(self.folder.join(file));
+            execute(&mut analyse, "ghdl", GHDL_INSTALL)?;
+        }
+        Ok(())
+    }
+
+    fn work_folder(&self) -> [String; 2] {
+        let scratch = self.scratch.display();
+        [format!("--workdir={scratch}"), format!("-P{scratch}")]
+    }
+
+    fn ghdl(&self) -> Result<String, Failure> {
+        self.analyse(false)?;
+        let bench = format!("{}_tb", self.design);
+        // With the mcode back end this does nothing, with the others it links.
+        let mut elaborate = Command::new("ghdl");
+        elaborate.args(["-e", "--std=08"]).args(self.work_folder()).arg(&bench).current_dir(self.scratch);
+        execute(&mut elaborate, "ghdl", GHDL_INSTALL)?;
+        let mut run = Command::new("ghdl");
+        run.args(["-r", "--std=08"]).args(self.work_folder()).arg(&bench);
+        run.arg(format!("-gSTEPS={}", self.steps)).arg(format!("-gSTIMULUS={}", self.stimulus().display()));
+        run.arg("--ieee-asserts=disable-at-0").current_dir(self.scratch);
+        execute(&mut run, "ghdl", GHDL_INSTALL)
+    }
+
+    fn verilator(&self) -> Result<String, Failure> {
+        self.analyse(true)?;
+        let mut synthesise = Command::new("ghdl");
+        synthesise.args(["--synth", "--std=08", "--out=verilog", "-gTRACE=true"]).args(self.work_folder());
+        let netlist = execute(synthesise.arg(self.design), "ghdl", GHDL_INSTALL)?;
+        let file = self.scratch.join(format!("{}.v", self.design));
+        fs::write(&file, netlist).map_err(|error| Failure::file("write", &file, error))?;
+        let driver = absolute(&self.folder.join(format!("{}_verilator.cpp", self.design)));
+        let mut build = Command::new("verilator");
+        build.args(["--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", self.design]);
+        build.arg("--Mdir").arg(self.scratch.join("verilated")).args(["-o", "netlist"]).arg(&file).arg(driver);
+        execute(&mut build, "verilator", "apt-get install verilator g++ make")?;
+        let mut run = Command::new(self.scratch.join("verilated").join("netlist"));
+        run.arg("--stimulus").arg(self.stimulus()).args(["--steps", &self.steps.to_string()]);
+        execute(&mut run, "netlist", "it was just built")
+    }
+}
+
+const GHDL_INSTALL: &str = "apt-get install ghdl";
+
+/// Engines run in a folder of their own, so paths they get must not depend on it.
+fn absolute(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// Runs a program and returns what it printed.
+fn execute(command: &mut Command, tool: &str, install: &str) -> Result<String, Failure> {
+    let output = command.output().map_err(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => Failure::MissingTool(format!("`{tool}` is not installed: {install}")),
+        _ => Failure::File(format!("cannot run {tool}: {error}")),
+    })?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    if output.status.success() {
+        return Ok(text);
+    }
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let first: Vec<&str> = errors.lines().chain(text.lines()).take(6).collect();
+    Err(Failure::Mismatch(format!("{tool} failed ({}):\n{}", output.status, first.join("\n"))))
+}
+
+/// Reads an engine's lines; the error is a line that is none of them.
+fn parse(text: &str) -> Result<Run, String> {
+    let mut run = Run::default();
+    for line in text.lines() {
+        let parsed = match line.split_once(' ') {
+            Some(("t", rest)) => TraceLine::parse(rest).map(|line| run.trace.push(line)),
+            Some(("o", rest)) => output_line(rest).map(|line| run.outputs.push(line)),
+            Some(("v", _)) => Some(run.overflow = true),
+            Some(("c", rest)) => rest.parse().ok().map(|clocks| run.clocks = clocks),
+            Some(("checks", _)) => Some(()),
+            // The simulator's own notes, for example where the test bench finished.
+            _ => Some(()),
+        };
+        parsed.ok_or_else(|| line.to_owned())?;
+    }
+    run.trace.sort_unstable();
+    run.outputs.sort_unstable();
+    Ok(run)
+}
+
+fn output_line(text: &str) -> Option<(u64, usize, u64)> {
+    let mut fields = text.split_ascii_whitespace();
+    let step = fields.next()?.parse().ok()?;
+    let index = fields.next()?.parse().ok()?;
+    let word = u64::from_str_radix(fields.next()?, 16).ok()?;
+    fields.next().is_none().then_some((step, index, word))
+}
+
+/// Runs the program in the simulator of this process.
+pub fn simulate(program: &Program, stimulus: &[Vec<i64>], steps: u64) -> Run {
+    let mut machine = Machine::new(program);
+    let mut run = Run::default();
+    let mask = u64::MAX >> (64 - program.format.storage_bits);
+    let idle = vec![0; program.inputs.len()];
+    for step in 0..steps {
+        let inputs = stimulus.get(step as usize).or(stimulus.last()).unwrap_or(&idle);
+        machine.step(inputs, &mut |line| run.trace.push(line));
+        let outputs = machine.outputs().iter().enumerate();
+        run.outputs.extend(outputs.map(|(index, word)| (step, index, *word as u64 & mask)));
+    }
+    run.trace.sort_unstable();
+    run.overflow = machine.overflow();
+    run.clocks = if steps < 2 { 0 } else { u64::from(program.period) };
+    run
+}
+
+/// Compares a run with the simulator's; the error names the first difference.
+///
+/// `expected_writes` is counted from the control words, not taken from a run.
+pub fn compare(program: &Program, engine: &str, run: &Run, expected: &Run, expected_writes: u64) -> Result<(), String> {
+    for (is, should) in run.trace.iter().zip(&expected.trace) {
+        if is != should {
+            let pe = &program.pes[should.pe.min(program.pes.len() as u32 - 1) as usize];
+            let word = (should.cycle % u64::from(program.period)) as usize;
+            let note = pe.notes[word];
+            let value = if should.address < pe.features.own_words { note.write } else { note.receive };
+            return Err(format!(
+                "{engine}: first difference in cycle {} (word {word}), PE {}, address {:x} (`{}`): `{is}` instead of `{should}`",
+                should.cycle,
+                should.pe,
+                should.address,
+                program.name(value)
+            ));
+        }
+    }
+    if run.trace.is_empty() {
+        return Err(format!("{engine}: nothing was compared"));
+    }
+    if run.trace.len() as u64 != expected_writes || expected.trace.len() as u64 != expected_writes {
+        return Err(format!("{engine}: {} memory writes instead of {expected_writes}", run.trace.len()));
+    }
+    if run.outputs != expected.outputs {
+        let pair = run.outputs.iter().zip(&expected.outputs).find(|(is, should)| is != should);
+        return Err(match pair {
+            Some((is, should)) => {
+                let name = &program.outputs[should.1].name;
+                format!("{engine}: output `{name}` of step {} is {:x} instead of {:x}", should.0, is.2, should.2)
+            }
+            None => format!("{engine}: {} outputs instead of {}", run.outputs.len(), expected.outputs.len()),
+        });
+    }
+    if run.overflow != expected.overflow {
+        return Err(format!("{engine}: overflow flag is {} instead of {}", run.overflow, expected.overflow));
+    }
+    if run.clocks != expected.clocks {
+        return Err(format!("{engine}: {} clocks per step instead of {}", run.clocks, expected.clocks));
+    }
+    Ok(())
+}
+
+/// Share of the traced words that are not zero and differ from what their memory word held before.
+pub fn liveliness(run: &Run) -> f64 {
+    let mut last = std::collections::HashMap::new();
+    let live = run.trace.iter().filter(|line| {
+        let before = last.insert((line.pe, line.address), line.value);
+        line.value != 0 && before != Some(line.value)
+    });
+    live.count() as f64 / run.trace.len().max(1) as f64
+}

@@ -1,0 +1,158 @@
+//! Options that mean the same in every command.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use pe_ir::model::{Model, Solver};
+use pe_ir::source::{Diagnostic, SourceFile};
+use pe_ir::word::WordFormat;
+
+use crate::failure::{Failure, MessageFormat};
+
+/// The model and how it is computed.
+#[derive(Args, Clone, Debug)]
+pub struct ModelOptions {
+    /// Model specification
+    pub spec: PathBuf,
+    /// Number of processing elements; all of them are used [default: one for every 200 issue slots]
+    #[arg(long, value_name = "N")]
+    pub pes: Option<u32>,
+    /// Numerical method, in place of the spec's
+    #[arg(long, value_enum)]
+    pub solver: Option<SolverName>,
+    /// Step, in place of the spec's, for example `1e-4` or `100us`
+    #[arg(long, value_name = "T", value_parser = duration)]
+    pub step: Option<f64>,
+    /// Time over which ranges and errors are judged, in place of the spec's
+    #[arg(long, value_name = "T", value_parser = duration)]
+    pub span: Option<f64>,
+    /// Bits of a stored word, without its 8 guard bits
+    #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = clap::value_parser!(u32).range(12..=40))]
+    pub storage: u32,
+    /// Multiplier: bits of its data port x bits of its coefficient port
+    #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier)]
+    pub multiplier: (u32, u32),
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Sets a constant or parameter of the spec; may be repeated
+    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<(String, f64)>,
+    /// Lets a refusal through as a warning; may be repeated
+    #[arg(long, value_name = "CODE")]
+    pub allow: Vec<String>,
+    /// Form of errors and warnings on standard error
+    #[arg(long, value_enum, default_value_t)]
+    pub message_format: MessageFormat,
+}
+
+/// Names of the numerical methods.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum SolverName {
+    /// Explicit Euler
+    Euler,
+    /// Classic Runge-Kutta of fourth order
+    Rk4,
+}
+
+/// A model with the text it comes from.
+pub struct LoadedModel {
+    /// The model, with the command line's solver, step and span.
+    pub model: Model,
+    /// Its text.
+    pub source: SourceFile,
+}
+
+impl ModelOptions {
+    /// Reads and elaborates the spec; prints its warnings.
+    pub fn load(&self) -> Result<LoadedModel, Failure> {
+        let source = read_source(&self.spec)?;
+        let (mut model, warnings) = match pe_frontend::compile(&source, &self.set) {
+            Ok(result) => result,
+            Err(findings) => return Err(Failure::Spec(findings, source)),
+        };
+        crate::failure::print_findings(&warnings, &source, self.message_format);
+        if let Some(solver) = self.solver {
+            model.solver = match solver {
+                SolverName::Euler => Solver::Euler,
+                SolverName::Rk4 => Solver::Rk4,
+            };
+        }
+        model.step = self.step.unwrap_or(model.step);
+        model.span = self.span.unwrap_or(model.span);
+        if model.span < model.step {
+            let message = format!("the span of {:e} s is shorter than the step of {:e} s", model.span, model.step);
+            return Err(Failure::Usage(message));
+        }
+        Ok(LoadedModel { model, source })
+    }
+
+    /// Word widths.
+    pub fn format(&self) -> Result<WordFormat, Failure> {
+        let (data_bits, coefficient_bits) = self.multiplier;
+        let guard_bits = WordFormat::GUARD_BITS;
+        let format = WordFormat { storage_bits: self.storage, guard_bits, data_bits, coefficient_bits };
+        let widest = data_bits.max(coefficient_bits);
+        if widest > format.word_bits() {
+            let message = format!(
+                "a {data_bits}x{coefficient_bits} multiplier reads more bits than a word of {} + {guard_bits} has",
+                self.storage
+            );
+            return Err(Failure::Usage(message));
+        }
+        Ok(format)
+    }
+
+    /// Turns allowed errors into warnings; what remains is a failure.
+    pub fn permit(&self, findings: Vec<Diagnostic>) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
+        if findings.iter().all(|finding| self.allow.iter().any(|code| code == finding.code)) {
+            Ok(findings.into_iter().map(Diagnostic::into_warning).collect())
+        } else {
+            Err(findings)
+        }
+    }
+}
+
+fn read_source(path: &Path) -> Result<SourceFile, Failure> {
+    let bytes = std::fs::read(path).map_err(|error| Failure::file("read", path, error))?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        Failure::file("read", path, format!("it is not UTF-8 text (byte {at})"))
+    })?;
+    Ok(SourceFile { name: path.display().to_string(), text })
+}
+
+/// Parses a time: a number with an optional unit.
+fn duration(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let units = [("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3), ("s", 1.0)];
+    let (number, factor) = units
+        .iter()
+        .find_map(|(unit, factor)| text.strip_suffix(unit).map(|number| (number.trim_end(), *factor)))
+        .unwrap_or((text, 1.0));
+    let quotient = |(a, b): (&str, &str)| Some(a.trim().parse::<f64>().ok()? / b.trim().parse::<f64>().ok()?);
+    let value = number.split_once('/').map_or_else(|| number.parse().ok(), quotient);
+    match value.map(|value| value * factor) {
+        Some(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("expected a positive time such as 1e-4, 100us or 1/44100".into()),
+    }
+}
+
+fn multiplier(text: &str) -> Result<(u32, u32), String> {
+    let parsed = text.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    match parsed {
+        Some((data, coefficient)) if (9..=35).contains(&data) && (9..=35).contains(&coefficient) => {
+            Ok((data, coefficient))
+        }
+        _ => Err("expected AxB with 9 to 35 bits each, for example 25x18".into()),
+    }
+}
+
+fn assignment(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
+    let value: f64 = value.trim().parse().map_err(|_| format!("`{value}` is not a number"))?;
+    if !value.is_finite() {
+        return Err(format!("`{name}` must be finite"));
+    }
+    Ok((name.trim().to_owned(), value))
+}

@@ -1,0 +1,246 @@
+//! The way from model to program, stage after stage.
+
+use std::time::Instant;
+
+use pe_hls::mapping::{self, Candidate, MapOptions, Problem};
+use pe_hls::schedule::Bound;
+use pe_ir::graph::StepGraph;
+use pe_ir::mapping::{Mapping, MappingCost};
+use pe_ir::model::Model;
+use pe_ir::program::Program;
+use pe_ir::schedule::Schedule;
+use pe_ir::source::Diagnostic;
+use pe_ir::verify;
+use pe_ir::word::{Latency, WordFormat};
+
+use crate::failure::{Failure, print_findings};
+use crate::options::{LoadedModel, ModelOptions};
+use crate::runs::{self, Judged};
+
+/// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
+const DEFAULT_SLOTS_PER_PE: u64 = 200;
+
+/// Schedules that are this much longer than the shortest are not considered, however few connections they have.
+const PERIOD_TOLERANCE: f64 = 1.02;
+
+/// Rounds that the program checker runs: the first fills the pipeline, the second and third see both parities.
+const CHECKED_ROUNDS: u32 = 3;
+
+/// Options of the mapping.
+#[derive(clap::Args, Clone, Debug)]
+pub struct MappingOptions {
+    /// Annealing budget in tries [default: grows with the number of equations]
+    #[arg(long, value_name = "N")]
+    pub tries: Option<u64>,
+    /// Most input ports a PE may have
+    #[arg(long, value_name = "N", default_value_t = 15)]
+    pub max_in_degree: u32,
+}
+
+/// What annealing made of one start.
+#[derive(Clone, Debug)]
+pub struct StartResult {
+    /// Name of the start.
+    pub start: &'static str,
+    /// Before annealing.
+    pub before: MappingCost,
+    /// After annealing.
+    pub after: MappingCost,
+    /// Cycles per step of its schedule.
+    pub period: u32,
+}
+
+/// Everything that was decided about a model.
+pub struct Design {
+    /// Step graph.
+    pub graph: StepGraph,
+    /// Formats, errors, checkpoint.
+    pub judged: Judged,
+    /// The mapping that was taken.
+    pub mapping: Mapping,
+    /// Its cost.
+    pub cost: MappingCost,
+    /// Its schedule.
+    pub schedule: Schedule,
+    /// Lower bounds.
+    pub bound: Bound,
+    /// The program.
+    pub program: Program,
+    /// All starts, the one that was taken first.
+    pub starts: Vec<StartResult>,
+    /// Whether the number of PEs is the default.
+    pub default_pes: bool,
+}
+
+/// Seconds of each stage, in order.
+#[derive(Default)]
+pub struct Stopwatch {
+    /// Stage and seconds.
+    pub seconds: Vec<(&'static str, f64)>,
+    quiet: bool,
+}
+
+impl Stopwatch {
+    /// A stopwatch; unless `quiet` every stage is reported on standard error as it ends.
+    pub fn new(quiet: bool) -> Self {
+        Stopwatch { seconds: Vec::new(), quiet }
+    }
+
+    /// Times a stage; `figure` says in a few words what came out of it.
+    pub fn stage<T>(&mut self, name: &'static str, work: impl FnOnce() -> T, figure: impl FnOnce(&T) -> String) -> T {
+        let clock = Instant::now();
+        let result = work();
+        let seconds = clock.elapsed().as_secs_f64();
+        self.seconds.push((name, seconds));
+        if !self.quiet {
+            eprintln!("{name:>10}  {}  ({seconds:.2} s)", figure(&result));
+        }
+        result
+    }
+}
+
+/// Designs the hardware of a model.
+pub fn design(
+    loaded: &LoadedModel,
+    options: &ModelOptions,
+    mapping_options: &MappingOptions,
+    watch: &mut Stopwatch,
+) -> Result<Design, Failure> {
+    let spec = |findings: Vec<Diagnostic>| Failure::Spec(findings, loaded.source.clone());
+    let format = options.format()?;
+    let graph = build(loaded, watch)?;
+    let judged =
+        watch.stage("runs", || runs::judge(&loaded.model, &graph, format, options), runs_figure).map_err(spec)?;
+    print_findings(&judged.warnings, &loaded.source, options.message_format);
+    let problem = Problem::of(&graph);
+    let pes = options.pes.unwrap_or_else(|| default_pes(&graph));
+    let latency = Latency::of(&format);
+    let candidates = map(&problem, pes, options, mapping_options, watch)?;
+    let schedules: Vec<Schedule> = watch.stage(
+        "schedule",
+        || candidates.iter().map(|candidate| pe_hls::schedule::schedule(&graph, &candidate.mapping, latency)).collect(),
+        |schedules: &Vec<Schedule>| {
+            format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
+        },
+    );
+    let order = rank(&candidates, &schedules);
+    let starts: Vec<StartResult> = order
+        .iter()
+        .map(|index| StartResult {
+            start: candidates[*index].start,
+            before: candidates[*index].start_cost,
+            after: candidates[*index].cost,
+            period: schedules[*index].period,
+        })
+        .collect();
+    let taken = order[0];
+    let schedule = schedules.into_iter().nth(taken).expect("ranked above");
+    let candidate = candidates.into_iter().nth(taken).expect("ranked above");
+    let program = watch.stage(
+        "assemble",
+        || pe_hls::assemble::assemble(&loaded.model, &graph, &judged.fixed, &candidate.mapping, &schedule),
+        |program| format!("{} PEs, {} writes per step", program.pes.len(), program.writes_per_step()),
+    );
+    let design = Design {
+        bound: Bound::of(&graph, pes, latency),
+        mapping: candidate.mapping,
+        cost: candidate.cost,
+        default_pes: options.pes.is_none(),
+        graph,
+        judged,
+        schedule,
+        program,
+        starts,
+    };
+    watch.stage("check", || check(&design, latency, mapping_options), |_| "mapping, schedule, program".to_owned())?;
+    Ok(design)
+}
+
+/// Builds the step graph.
+pub fn build(loaded: &LoadedModel, watch: &mut Stopwatch) -> Result<StepGraph, Failure> {
+    let graph = watch.stage(
+        "step",
+        || pe_hls::step::build(&loaded.model),
+        |graph| match graph {
+            Ok(graph) => format!("{:?} form, {} products per step", graph.form, graph.macs()),
+            Err(_) => "refused".to_owned(),
+        },
+    );
+    graph.map_err(|findings| Failure::Spec(findings, loaded.source.clone()))
+}
+
+fn runs_figure(judged: &Result<Judged, Vec<Diagnostic>>) -> String {
+    match judged {
+        Ok(judged) => {
+            format!("word-length error {:.1e}, method error {:.1e}", judged.errors.word_length, judged.errors.method)
+        }
+        Err(_) => "refused".to_owned(),
+    }
+}
+
+/// The default number of PEs.
+pub fn default_pes(graph: &StepGraph) -> u32 {
+    let slots: u64 = graph.loads().iter().map(|load| u64::from(*load)).sum();
+    slots.div_ceil(DEFAULT_SLOTS_PER_PE).clamp(1, graph.equations.len() as u64) as u32
+}
+
+fn map(
+    problem: &Problem,
+    pes: u32,
+    options: &ModelOptions,
+    mapping_options: &MappingOptions,
+    watch: &mut Stopwatch,
+) -> Result<Vec<Candidate>, Failure> {
+    let equations = problem.equations();
+    let map_options = MapOptions {
+        pes,
+        seed: options.seed,
+        tries: mapping_options.tries.unwrap_or_else(|| MapOptions::default_tries(equations)),
+        max_in_degree: mapping_options.max_in_degree,
+    };
+    let candidates = watch.stage(
+        "map",
+        || mapping::map(problem, &map_options),
+        |candidates| match candidates {
+            Ok(candidates) => format!("{equations} equations on {pes} PEs, {} starts", candidates.len()),
+            Err(_) => "impossible".to_owned(),
+        },
+    );
+    candidates.map_err(|error| Failure::Usage(error.to_string()))
+}
+
+/// Candidates from best to worst: cycles x connections (the paper's objective) among the fastest.
+fn rank(candidates: &[Candidate], schedules: &[Schedule]) -> Vec<usize> {
+    let shortest = schedules.iter().map(|schedule| schedule.period).min().unwrap_or(0);
+    let longest = f64::from(shortest) * PERIOD_TOLERANCE;
+    let mut order: Vec<usize> = (0..candidates.len()).collect();
+    order.sort_by_key(|index| {
+        let period = schedules[*index].period;
+        let slow = f64::from(period) > longest;
+        (slow, u64::from(period) * u64::from(candidates[*index].cost.connections.max(1)), *index)
+    });
+    order
+}
+
+/// Proves mapping, schedule and program with the independent checkers.
+fn check(design: &Design, latency: Latency, options: &MappingOptions) -> Result<(), Failure> {
+    let Design { graph, judged, mapping, schedule, program, cost, .. } = design;
+    let mut violations = verify::mapping::check(graph, mapping, cost, options.max_in_degree);
+    violations.extend(verify::schedule::check(graph, mapping, schedule, latency));
+    violations.extend(verify::program::check(program, graph, &judged.fixed, CHECKED_ROUNDS));
+    match violations.first() {
+        None => Ok(()),
+        Some(first) => Err(Failure::Internal(format!("{} violations, first: {first}", violations.len()))),
+    }
+}
+
+/// Stimulus of a run: input port words of each step.
+pub fn stimulus(model: &Model, design: &Design, from: u64, steps: u64) -> Vec<Vec<i64>> {
+    let run = pe_sim::fixed::FixedRun::new(&design.graph, &design.judged.fixed);
+    (from..from + steps).map(|step| runs::port_words(model, &run, step)).collect()
+}
+
+/// Word widths as the report names them.
+pub fn multiplier_name(format: &WordFormat) -> String {
+    format!("{}x{}", format.data_bits, format.coefficient_bits)
+}

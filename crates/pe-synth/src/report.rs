@@ -1,0 +1,237 @@
+//! The report: `report.json`, `report-timing.json`, and the table on the terminal.
+
+use std::collections::BTreeSet;
+
+use pe_ir::graph::Role;
+use pe_ir::mapping::MappingCost;
+use pe_ir::model::Model;
+use pe_ir::program::{LinkSource, Program};
+use serde_json::{Value, json};
+
+use crate::area::{self, Area};
+use crate::pipeline::{Design, Stopwatch, multiplier_name};
+
+/// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
+pub const ASSUMED_CLOCK_MHZ: f64 = 150.0;
+
+/// The clock and where it comes from.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock {
+    /// Frequency in MHz.
+    pub mhz: f64,
+    /// Whether the user gave it.
+    pub given: bool,
+}
+
+/// Largest indices and counts of a program.
+struct Sizes {
+    connections: usize,
+    max_in_degree: usize,
+    distinct_programs: usize,
+    instruction_words: usize,
+    data_words: u32,
+    transfers: usize,
+}
+
+impl Sizes {
+    fn of(design: &Design) -> Sizes {
+        let program = &design.program;
+        let transfers = design.schedule.transfers.iter();
+        let is_input = |value| matches!(design.graph.value(value).role, Role::Input(_));
+        Sizes {
+            connections: connections(program),
+            max_in_degree: program.pes.iter().map(|pe| pe.ports.len()).max().unwrap_or(0),
+            distinct_programs: distinct_programs(program),
+            instruction_words: program.period as usize,
+            data_words: program.pes.iter().map(|p| p.features.own_words + p.features.imported_words).max().unwrap_or(0),
+            transfers: transfers.filter(|transfer| !is_input(transfer.value)).count(),
+        }
+    }
+}
+
+/// Pairs of PEs joined by a link in either direction.
+fn connections(program: &Program) -> usize {
+    let mut pairs = BTreeSet::new();
+    for (to, pe) in program.pes.iter().enumerate() {
+        for source in &pe.ports {
+            if let LinkSource::Pe(from) = source {
+                let to = to as u32;
+                pairs.insert((to.min(*from), to.max(*from)));
+            }
+        }
+    }
+    pairs.len()
+}
+
+/// Programs that differ when coefficients are left aside: they could come from one memory.
+fn distinct_programs(program: &Program) -> usize {
+    let structure = |pe: &pe_ir::program::PeProgram| {
+        let words = pe.words.iter().map(|word| {
+            let mut word = *word;
+            if let pe_ir::program::Multiplier::Coefficient(_) = word.multiplier {
+                word.multiplier = pe_ir::program::Multiplier::Coefficient(0);
+            }
+            format!("{word:?}")
+        });
+        words.collect::<Vec<String>>()
+    };
+    program.pes.iter().map(structure).collect::<BTreeSet<_>>().len()
+}
+
+/// Builds `report.json`. The same command gives the same bytes; machine timings are in [`timing`].
+pub fn report(model: &Model, design: &Design, clock: Clock, seed: u64, command: &str) -> Value {
+    let program = &design.program;
+    let format = program.format;
+    let errors = design.judged.errors;
+    let sizes = Sizes::of(design);
+    let (bound, binds) = design.bound.binding();
+    let area = area::estimate(program);
+    let per_step_us = f64::from(program.period) / clock.mhz;
+    let cost = |cost: &MappingCost| json!({"max_load": cost.max_load, "connections": cost.connections, "max_in_degree": cost.max_in_degree});
+    let starts: Vec<Value> = design
+        .starts
+        .iter()
+        .map(|start| {
+            json!({"start": start.start, "before": cost(&start.before), "after": cost(&start.after),
+                   "cycles_per_step": start.period})
+        })
+        .collect();
+    let bottleneck = bottleneck(program);
+    json!({
+        "generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")),
+        "model": model.name,
+        "odes": model.states.len(),
+        "pes": program.pes.len(),
+        "pes_default": design.default_pes,
+        "solver": model.solver.name(),
+        "stage_form": format!("{:?}", design.graph.form).to_lowercase(),
+        "step_s": model.step,
+        "span_s": model.span,
+        "cycles_per_step": program.period,
+        "macs_per_step": design.graph.macs(),
+        "bound_cycles": bound,
+        "bound_binds": binds,
+        "bottleneck": {"pe": bottleneck, "equations": program.pes[bottleneck].equations.len()},
+        "connections": sizes.connections,
+        "max_in_degree": sizes.max_in_degree,
+        "transfers_per_step": sizes.transfers,
+        "writes_per_step": program.writes_per_step(),
+        "distinct_programs": sizes.distinct_programs,
+        "starts": starts,
+        "word": {
+            "storage_bits": format.storage_bits,
+            "guard_bits": format.guard_bits,
+            "mul_a_bits": format.data_bits,
+            "mul_b_bits": format.coefficient_bits,
+            "dsp_per_pe": format.dsp_per_pe(),
+        },
+        "instruction_words_max": sizes.instruction_words,
+        "data_words_max": sizes.data_words,
+        "area": {"lut": area.lut.round(), "ff": area.ff.round(), "dsp": area.dsp, "bram18": area.bram18,
+                 "basis": "estimated"},
+        "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
+        "time_per_simulated_second_ms": per_step_us * 1e-3 / model.step,
+        "error": {
+            "worst_state": model.states[errors.worst_state].name,
+            "total": null,
+            "total_reason": "no reference solution was computed",
+            "method": errors.method,
+            "word_length": errors.word_length,
+            "coefficient": errors.coefficient,
+            "function": null,
+            "function_reason": "the model has no elementary function of a variable",
+            "input_hold": errors.input_hold,
+            "samples": design.judged.samples,
+        },
+        "saturations": 0,
+        "widenings": design.judged.widenings,
+        "left_out": model.left_out,
+        "seed": seed,
+        "command": command,
+    })
+}
+
+/// The PE with most products.
+fn bottleneck(program: &Program) -> usize {
+    let busy = |pe: &pe_ir::program::PeProgram| {
+        pe.words.iter().filter(|word| word.own.is_some() || word.imported.is_some()).count()
+    };
+    let mut best = (0, 0);
+    for (index, pe) in program.pes.iter().enumerate() {
+        best = best.max((busy(pe), usize::MAX - index));
+    }
+    usize::MAX - best.1
+}
+
+/// Builds `report-timing.json`.
+pub fn timing(watch: &Stopwatch, design: &Design) -> Value {
+    let seconds: serde_json::Map<String, Value> =
+        watch.seconds.iter().map(|(stage, seconds)| ((*stage).to_owned(), json!(seconds))).collect();
+    json!({
+        "seconds": seconds,
+        "seconds_without_runs": watch.seconds.iter().filter(|(stage, _)| *stage != "runs").map(|s| s.1).sum::<f64>(),
+        "double_ns_per_mac": design.judged.ns_per_mac.0,
+        "fixed_ns_per_mac": design.judged.ns_per_mac.1,
+        "peak_memory_mb": peak_memory_mb(),
+    })
+}
+
+/// Peak resident memory of this process, where the system tells.
+fn peak_memory_mb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    line.split_ascii_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
+}
+
+/// The summary table.
+pub fn table(model: &Model, design: &Design, clock: Clock) -> String {
+    let program = &design.program;
+    let errors = design.judged.errors;
+    let sizes = Sizes::of(design);
+    let (bound, binds) = design.bound.binding();
+    let Area { lut, dsp, bram18, .. } = area::estimate(program);
+    let time_ms = f64::from(program.period) / clock.mhz * 1e-3 / model.step;
+    let defaulted = if design.default_pes { " (default)" } else { "" };
+    let rows = [
+        ("equations", format!("{} ODEs, {} left out", model.states.len(), model.left_out.len())),
+        (
+            "network",
+            format!(
+                "{} PEs{defaulted}, {} connections, at most {} ports",
+                program.pes.len(),
+                sizes.connections,
+                sizes.max_in_degree
+            ),
+        ),
+        (
+            "word",
+            format!(
+                "{} + {} bits, multiplier {}",
+                program.format.storage_bits,
+                program.format.guard_bits,
+                multiplier_name(&program.format)
+            ),
+        ),
+        ("cycles per step", format!("{} (bound {bound}: {binds})", program.period)),
+        (
+            "speed",
+            format!(
+                "{time_ms:.3} ms per simulated second, {:.1} x real time at {} MHz ({})",
+                1e3 / time_ms,
+                clock.mhz,
+                if clock.given { "given" } else { "assumed" }
+            ),
+        ),
+        ("size", format!("{:.0} LUT, {dsp} DSP, {bram18} BRAM18 (estimated)", lut)),
+        (
+            "word-length error",
+            format!(
+                "{:.1e}, of it coefficients {:.1e}; worst `{}`",
+                errors.word_length, errors.coefficient, model.states[errors.worst_state].name
+            ),
+        ),
+        ("method error", format!("{:.1e} (half-step estimate)", errors.method)),
+        ("input-hold error", format!("{:.1e}", errors.input_hold)),
+    ];
+    rows.iter().map(|(name, text)| format!("  {name:<18} {text}\n")).collect()
+}
