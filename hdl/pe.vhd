@@ -318,8 +318,9 @@ begin
           increment := signed(low_sum);
         end if;
 
-        -- The 1 below the base rounds to nearest.
-        total := resize(increment, SUM_BITS) + resize(signed(base & '1'), SUM_BITS);
+        -- base & '1' + increment, where the 1 below the base rounds to nearest. Written as a difference, because
+        -- synthesis sorts the operands of a sum, and only next to the second one the choice above is free.
+        total := resize(signed(base & '0'), SUM_BITS) - resize(not increment, SUM_BITS);
         sum   <= total(SUM_BITS - 1 downto 1);
       end if;
     end if;

@@ -313,6 +313,7 @@ package body pe_pkg is
 
     variable tree    : std_ulogic_vector(2 ** LEVELS * width - 1 downto 0);
     variable picked  : std_ulogic_vector(width - 1 downto 0);
+    variable masked  : std_ulogic_vector(width - 1 downto 0);
     variable hits    : std_ulogic_vector(3 downto 0);
     variable ordinal : natural;
 
@@ -345,13 +346,8 @@ package body pe_pkg is
         ordinal := 4 * group_index + i;
 
         if (ordinal < COUNT) then
-
-          for bit_index in 0 to width - 1 loop
-
-            picked(bit_index) := picked(bit_index) or (entries(ordinal * width + bit_index) and hits(i));
-
-          end loop;
-
+          masked := entries((ordinal + 1) * width - 1 downto ordinal * width) and (width - 1 downto 0 => hits(i));
+          picked := picked or masked;
         end if;
 
       end loop;

@@ -19,10 +19,9 @@ while read -r library file; do
 done < "$design/$model.f"
 ghdl --synth --std=08 --out=verilog -gTRACE=true "$model" > network.v 2> /dev/null
 "$yosys" -q -p "read_verilog network.v; synth_xilinx -family xc6v -flatten -noiopad -noclkbuf -top $model
-                write_verilog -noattr netlist.v; read_verilog -specify -lib +/xilinx/cells_sim.v" > yosys.log 2>&1 ||
+                write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
   { cat yosys.log >&2; exit 1; }
 # yosys carries the simulation models of the cells.
-"$yosys" -q -p "tee -q -o datdir.txt !true" > /dev/null 2>&1 || true
 cells=${CELLS_SIM:-}
 if [[ -z $cells ]]; then
   cells=$(find "$(dirname "$(dirname "$(realpath "$yosys")")")" -path '*/xilinx/cells_sim.v' 2> /dev/null | head -n 1)
@@ -79,7 +78,6 @@ pes=${#depths[@]}
   echo '  end'
   echo 'endmodule'
 } > bench.v
-touch glbl.v
 iverilog -g2012 -s bench -o bench netlist.v bench.v "$cells" 2> iverilog.log || { cat iverilog.log >&2; exit 1; }
 vvp -n bench | grep -E '^[to] ' > netlist.txt
 rustc -O --edition 2021 -o reference "$design/${model}_reference.rs"

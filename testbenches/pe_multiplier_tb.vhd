@@ -21,8 +21,8 @@ architecture bench of pe_multiplier_tb is
 
   constant LENGTH : positive := 2000;
 
-  signal clk         : std_ulogic := '0';
-  signal ce          : std_ulogic := '1';
+  signal clk         : std_ulogic          := '0';
+  signal ce          : std_ulogic          := '1';
   signal own         : signed(31 downto 0) := (others => '0');
   signal imported    : signed(31 downto 0) := (others => '0');
   signal coefficient : signed(31 downto 0) := (others => '0');

@@ -27,7 +27,7 @@ begin
     variable entries : std_ulogic_vector(8 * 4 - 1 downto 0);
 
     procedure check (
-      constant what : in string;
+      constant what  : in string;
       constant holds : in boolean
     ) is
     begin

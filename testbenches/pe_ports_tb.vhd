@@ -18,15 +18,15 @@ end entity pe_ports_tb;
 
 architecture bench of pe_ports_tb is
 
-  signal clk       : std_ulogic                    := '0';
-  signal enable    : std_ulogic                    := '1';
-  signal publish   : std_ulogic                    := '0';
+  signal clk       : std_ulogic                     := '0';
+  signal enable    : std_ulogic                     := '1';
+  signal publish   : std_ulogic                     := '0';
   signal value_in  : std_ulogic_vector(15 downto 0) := (others => '0');
   signal narrow    : std_ulogic_vector(13 downto 0);
   signal exact     : std_ulogic_vector(17 downto 0);
   signal too_large : std_ulogic;
   signal fits      : std_ulogic;
-  signal index     : std_ulogic_vector(2 downto 0) := "101";
+  signal index     : std_ulogic_vector(2 downto 0)  := "101";
   signal word      : std_ulogic_vector(23 downto 0) := (others => '0');
   signal value_out : std_ulogic_vector(15 downto 0);
 

@@ -94,7 +94,7 @@ begin
       wait until rising_edge(clk);
 
       if (advance = '1') then
-        round := executed / PERIOD;
+        round    := executed / PERIOD;
         check("word index", to_integer(unsigned(index)) = executed mod PERIOD);
         check("next word", to_integer(unsigned(address)) = (executed + 1) mod PERIOD);
         check("parity", (parity = '1') = (round mod 2 = 1));
@@ -120,7 +120,6 @@ begin
 
       -- Free run, then pseudo-random enable and step.
       if (clock > 200) then
-
         if (clock * 7919 mod 13 < 9) then
           ce <= '1';
         else
@@ -132,7 +131,6 @@ begin
         else
           step <= '0';
         end if;
-
       end if;
 
     end loop;

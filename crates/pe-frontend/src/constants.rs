@@ -5,12 +5,12 @@
 
 use crate::ast::StatementKind;
 use crate::bound::Node;
-use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, Purpose};
 use crate::names::{Kind, PREDEFINED, Symbol};
 use crate::nearest::suggestion;
 use crate::resolve::Reads;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Names of a cycle that are shown; the rest is left to dots.

@@ -2,7 +2,6 @@
 
 use crate::ast::{Binder, Declared, Measure, Name, Range, Signal, StatementKind};
 use crate::bound::{Node, NodeKind};
-use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, Purpose, fault};
 use crate::functions;
@@ -10,6 +9,7 @@ use crate::names::{Kind, Symbol};
 use crate::nearest::suggestion;
 use crate::resolve::{Reads, unknown_function};
 use crate::settings::{FREQUENCIES, scaled, unit_scale};
+use pe_ir::codes;
 use pe_ir::model::Waveform;
 use pe_ir::source::{Diagnostic, Span};
 

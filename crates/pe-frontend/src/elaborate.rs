@@ -6,13 +6,13 @@
 
 use crate::ast::{Binder, Expr as Tree, Name, Spec, StatementKind};
 use crate::bound::{BoundRange, Node};
-use crate::codes;
 use crate::evaluate::{Evaluator, Fault, Purpose};
 use crate::names::{Index, Kind, Names};
 use crate::prune::Parts;
 use crate::report::Report;
 use crate::resolve::{Reads, Resolver};
 use crate::settings::Settings;
+use pe_ir::codes;
 use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Span};
 

@@ -2,13 +2,13 @@
 
 use crate::ast::{Equation, StatementKind};
 use crate::bound::Node;
-use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, fault};
 use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, PREDEFINED, Symbol};
 use crate::nearest::suggestion;
 use crate::pattern::{Pattern, Seen};
 use crate::resolve::Reads;
+use pe_ir::codes;
 use pe_ir::model::Expr;
 use pe_ir::source::{Diagnostic, Span};
 

@@ -3,10 +3,10 @@
 
 use crate::ast::{Comparison, Connective, Factor, Sign};
 use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
-use crate::codes;
 use crate::fold::{ProductBuilder, SumBuilder, negate};
 use crate::functions::{Function, modulo};
 use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names};
+use pe_ir::codes;
 use pe_ir::model::{Expr, Variable};
 use pe_ir::source::{Diagnostic, Span};
 

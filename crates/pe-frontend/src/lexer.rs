@@ -1,7 +1,7 @@
 //! Words of a spec, only as far as finding the ends of statements needs them; pest reads each statement in full.
 
-use crate::codes;
 use crate::report::Report;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Keywords that begin a statement.

@@ -2,13 +2,13 @@
 //!
 //! Text goes through two stages. [`parse`] cuts it into statements and builds the syntax tree; [`elaborate()`] binds
 //! names, computes constants and writes out every equation of every element; [`compile`] does both. Neither ever
-//! panics or stops at the first error, whatever the text, and each finding carries a code that [`explain`] knows.
+//! panics or stops at the first error, whatever the text, and each finding carries a code that
+//! [`codes::explain`] knows.
 //!
 //! The language is described in `docs/language.md`, its grammar is `grammar/ode.pest`.
 
 pub mod ast;
 mod bound;
-mod codes;
 mod constants;
 mod declarations;
 mod elaborate;
@@ -31,9 +31,9 @@ mod syntax;
 mod syntax_errors;
 
 pub use ast::Spec;
-pub use codes::{CODES, Code, explain};
 pub use elaborate::{Limits, elaborate, elaborate_within};
 
+use pe_ir::codes;
 use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Severity, SourceFile};
 

@@ -1,9 +1,9 @@
 //! The names of a spec: what each one stands for, where it is defined, and what is known of it so far.
 
 use crate::ast::{Binder, Name, Spec, StatementKind};
-use crate::codes;
 use crate::nearest::suggestion;
 use crate::report::Report;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 use std::collections::{HashMap, HashSet};
 

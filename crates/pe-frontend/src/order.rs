@@ -1,8 +1,8 @@
 //! Dependency order of the algebraic equations, and the loops that prevent one.
 
-use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
+use pe_ir::codes;
 use pe_ir::model::{Expr, Variable};
 use pe_ir::source::{Diagnostic, Span};
 

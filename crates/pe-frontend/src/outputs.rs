@@ -1,11 +1,11 @@
 //! The outputs, element by element.
 
 use crate::ast::{OutputItem, StatementKind};
-use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, fault};
 use crate::names::{Kind, NO_EQUATION, PREDEFINED, Symbol};
 use crate::pattern::Seen;
+use pe_ir::codes;
 use pe_ir::model::{Output, Variable};
 use pe_ir::source::{Diagnostic, Span};
 use std::collections::HashMap;

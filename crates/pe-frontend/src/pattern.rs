@@ -2,11 +2,11 @@
 
 use crate::ast::{Binder, Expr, ExprKind, Name, Reference};
 use crate::bound::{Condition, Node, NodeKind};
-use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::evaluate::Fault;
 use crate::names::Symbol;
 use crate::resolve::Reads;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Faults of one statement after which its further elements are not looked at.

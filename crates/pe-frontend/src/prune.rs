@@ -1,12 +1,12 @@
 //! Leaves out what no output depends on, and puts the model together with dense numbers.
 
-use crate::codes;
 use crate::declarations::{Driven, Initial};
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use crate::names::{Kind, Quantity};
 use crate::order::each_variable;
 use crate::settings::Header;
+use pe_ir::codes;
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, State, Variable};
 use pe_ir::source::Diagnostic;
 

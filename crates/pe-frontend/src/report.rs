@@ -1,6 +1,6 @@
 //! Collects diagnostics, with a cap so that a binary file does not yield a million of them.
 
-use crate::codes;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Severity};
 
 /// Findings shown per run and severity; more help nobody.

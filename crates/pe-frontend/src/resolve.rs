@@ -5,11 +5,11 @@
 
 use crate::ast::{Binder, Expr, ExprKind, Name, Reference};
 use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
-use crate::codes;
 use crate::functions::{self, FUNCTIONS};
 use crate::names::{Kind, Names, PREDEFINED, Symbol};
 use crate::nearest::suggestion;
 use crate::report::Report;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// What an expression may read.

@@ -1,10 +1,10 @@
 //! The statements that occur once: `model`, `solver`, `step`, `span`.
 
 use crate::ast::{Measure, Name, Spec, StatementKind};
-use crate::codes;
 use crate::elaborate::Elaborator;
 use crate::nearest::suggestion;
 use crate::report::Report;
+use pe_ir::codes;
 use pe_ir::model::Solver;
 use pe_ir::source::{Diagnostic, Span};
 

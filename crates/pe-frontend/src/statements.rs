@@ -2,10 +2,10 @@
 //! hide the others and no input can make the recursive parser overflow its stack.
 
 use crate::ast::Broken;
-use crate::codes;
 use crate::lexer::{SECTIONS, Token, TokenKind, is_keyword};
 use crate::nearest::suggestion;
 use crate::report::Report;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Deepest nesting of brackets, `if`, signs and powers. Every later pass may recurse this deep.

@@ -4,11 +4,11 @@
 //! if it does after a change of the grammar, it becomes a syntax error and not a panic.
 
 use crate::ast::*;
-use crate::codes;
 use crate::lexer::Token;
 use crate::report::Report;
 use crate::statements::text_of;
 use crate::syntax_errors::describe;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 use pest::Parser;
 use pest::iterators::Pair;

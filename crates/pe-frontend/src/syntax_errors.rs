@@ -1,9 +1,9 @@
 //! Turns a parse error of pest into a diagnostic in the words of the language.
 
-use crate::codes;
 use crate::lexer::{SECTIONS, Token, TokenKind};
 use crate::statements::{keyword_as_name, text_of};
 use crate::syntax::Rule;
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 use pest::error::{Error, ErrorVariant, InputLocation};
 

@@ -108,7 +108,7 @@ fn check(text: String, limits: &Limits, origin: &str) {
             let place = source.text.get(span.start as usize..span.end as usize);
             assert!(place.is_some(), "{origin}: {finding:?} lies outside of\n{}", source.text);
         }
-        assert!(pe_frontend::explain(finding.code).is_some(), "{} is not explained", finding.code);
+        assert!(pe_ir::codes::explain(finding.code).is_some(), "{} is not explained", finding.code);
         finding.render(&source);
     }
 }

@@ -3,9 +3,12 @@
 //! Each value has a binary point of its own. Within a chain all products share one (the *product point*), as fine as
 //! the coefficient port and the accumulator allow; what remains per write is one right shift.
 
+use pe_ir::codes;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, Term, ValueId};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
+
+use crate::rounding;
 
 /// Head room of the measured ranges (Kum, Kang, Sung 2000 use the same idea; the figure is ours, see
 /// `docs/decisions/0001-number-path.md`).
@@ -42,7 +45,7 @@ pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<
             return Ok(chooser.finish());
         }
     }
-    Err(Diagnostic::global("E0802", "no number format fits: the step is too large for the model's rates")
+    Err(Diagnostic::global(codes::NO_FORMAT, "no number format fits: the step is too large for the model's rates")
         .with_help("choose a smaller step"))
 }
 
@@ -121,8 +124,12 @@ impl<'a> Chooser<'a> {
             if product > finest + 40 {
                 let name = &self.graph.equations[chain.equation as usize].name;
                 let message = format!("the products of `{name}` do not fit the accumulator");
-                return Err(Diagnostic::error("E0803", self.graph.equations[chain.equation as usize].span, message)
-                    .with_help("split the equation into algebraic equations"));
+                return Err(Diagnostic::error(
+                    codes::ACCUMULATOR,
+                    self.graph.equations[chain.equation as usize].span,
+                    message,
+                )
+                .with_help("split the equation into algebraic equations"));
             }
         }
         if product > finest {
@@ -180,7 +187,10 @@ impl<'a> Chooser<'a> {
             .chain_terms(chain)
             .iter()
             .map(|term| match term.factor {
-                Factor::Coefficient(c) => data * i128::from(quantise(c, self.operand_exponent(term), product)),
+                // Joint rounding may move a coefficient away from its nearest value.
+                Factor::Coefficient(c) => {
+                    data * i128::from(quantise(c, self.operand_exponent(term), product) + rounding::REACH)
+                }
                 Factor::Value(_) => data << (self.format.coefficient_bits - 1),
             })
             .sum();

@@ -7,5 +7,6 @@
 pub mod assemble;
 pub mod formats;
 pub mod mapping;
+pub mod rounding;
 pub mod schedule;
 pub mod step;

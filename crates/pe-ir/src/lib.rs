@@ -1,8 +1,9 @@
 //! The data that the stages of pe-synth exchange, and the rules that belong to the data alone.
 //!
-//! Modules in pipeline order; each uses only those before it: [`source`], [`model`], [`word`], [`graph`],
+//! Modules in pipeline order; each uses only those before it: [`source`], [`codes`], [`model`], [`word`], [`graph`],
 //! [`mapping`], [`schedule`], [`program`], [`verify`].
 
+pub mod codes;
 pub mod graph;
 pub mod mapping;
 pub mod model;

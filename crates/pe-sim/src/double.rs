@@ -70,6 +70,11 @@ impl<'a> DoubleRun<'a> {
         self.values[self.graph.states[index].0.index()]
     }
 
+    /// A value by its index: of the latest step, but for states, which are those of the next.
+    pub fn value(&self, index: usize) -> f64 {
+        self.values[index]
+    }
+
     /// A published output after a step.
     pub fn output(&self, index: usize) -> f64 {
         self.values[self.graph.outputs[index].index()]

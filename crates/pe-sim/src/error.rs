@@ -48,17 +48,32 @@ impl Trajectory {
         own.iter().zip(quantity).map(|(own, quantity)| own.max(FLOOR * shared[*quantity as usize])).collect()
     }
 
-    /// The state in which `other` deviates most, and its relative error.
-    pub fn worst_deviation(&self, other: &Trajectory, scales: &[f64]) -> (usize, f64) {
+    /// How far `other`, sampled at the same times, deviates.
+    pub fn deviation(&self, other: &Trajectory) -> Deviation {
         let mut meter = ErrorMeter::new(self);
         for sample in other.samples.chunks_exact(self.states.max(1)) {
             meter.push(|state| sample[state]);
         }
-        meter.worst(scales)
+        meter.finish()
     }
 }
 
-/// Largest deviation of each state from a trajectory.
+/// Largest deviation of each state.
+#[derive(Clone, Debug)]
+pub struct Deviation {
+    largest: Vec<f64>,
+}
+
+impl Deviation {
+    /// The worst state and its relative error.
+    pub fn worst(&self, scales: &[f64]) -> (usize, f64) {
+        let relative = |(deviation, scale): (&f64, &f64)| if *deviation == 0.0 { 0.0 } else { deviation / scale };
+        let errors = self.largest.iter().zip(scales).map(relative);
+        errors.enumerate().fold((0, 0.0), |worst, (index, error)| if error > worst.1 { (index, error) } else { worst })
+    }
+}
+
+/// Compares a run with a trajectory sample by sample, without storing it.
 pub struct ErrorMeter<'a> {
     reference: &'a Trajectory,
     sample: usize,
@@ -83,11 +98,12 @@ impl<'a> ErrorMeter<'a> {
         self.sample += 1;
     }
 
-    /// The worst state and its relative error.
-    pub fn worst(&self, scales: &[f64]) -> (usize, f64) {
-        assert!(self.sample > 0, "no sample was compared");
-        let relative = |(deviation, scale): (&f64, &f64)| if *deviation == 0.0 { 0.0 } else { deviation / scale };
-        let errors = self.deviation.iter().zip(scales).map(relative);
-        errors.enumerate().fold((0, 0.0), |worst, (index, error)| if error > worst.1 { (index, error) } else { worst })
+    /// Ends the comparison.
+    ///
+    /// # Panics
+    /// If not every sample was compared: a comparison of nothing must not pass for agreement.
+    pub fn finish(self) -> Deviation {
+        assert!(self.sample > 0 && self.sample == self.reference.len(), "{} samples compared", self.sample);
+        Deviation { largest: self.deviation }
     }
 }

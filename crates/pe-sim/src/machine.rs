@@ -162,7 +162,6 @@ impl<'a> Machine<'a> {
             if let Some(a) = word.write.filter(|_| !self.settle) {
                 let slot = physical(a, own_depth, self.parity);
                 pe.own[slot] = pe.result.0;
-                pe.overflow |= pe.result.1;
                 trace(write(slot as u32, pe.result.0, format.word_bits()));
             }
             if let Some((port, a)) = word.receive.filter(|_| !self.settle) {
@@ -174,6 +173,8 @@ impl<'a> Machine<'a> {
                 pe.imported[slot] = value;
                 trace(write((own_depth + slot) as u32, value, format.data_bits));
             }
+            // A value that is only sent must not saturate unseen either.
+            pe.overflow |= pe.result.1 && !self.settle && (word.write.is_some() || word.send);
             if word.send {
                 pe.link = format.data_operand(pe.result.0);
             }

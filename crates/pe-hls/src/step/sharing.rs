@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use pe_ir::codes;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -137,5 +138,6 @@ fn for_each_variable(expr: &Expr, visit: &mut impl FnMut(Variable)) {
 
 fn too_many_terms(name: &str, span: pe_ir::source::Span) -> Diagnostic {
     let message = format!("the equation of `{name}` expands to more than {} products", Polynomial::LIMIT);
-    Diagnostic::error("E0801", span, message).with_help("give a part of it a name of its own as an algebraic equation")
+    Diagnostic::error(codes::TOO_MANY_PRODUCTS, span, message)
+        .with_help("give a part of it a name of its own as an algebraic equation")
 }

@@ -1,4 +1,4 @@
-//! The diagnostic codes of the front end, in one table, and their long explanations.
+//! The diagnostic codes of all stages, in one table, and their long explanations.
 
 /// The reference with one section per code, embedded so that the program can print it.
 const REFERENCE: &str = include_str!("../../../docs/diagnostics.md");
@@ -15,9 +15,9 @@ pub struct Code {
 /// Declares each code once: a constant for the code that reports it, and a row of the table.
 macro_rules! codes {
     ($($name:ident = $code:literal, $title:literal;)*) => {
-        $(#[doc = $title] pub(crate) const $name: &str = $code;)*
+        $(#[doc = $title] pub const $name: &str = $code;)*
 
-        /// All codes of the front end in ascending order, errors before warnings.
+        /// All codes in ascending order, errors before warnings.
         pub const CODES: &[Code] = &[$(Code { code: $code, title: $title },)*];
     };
 }
@@ -71,10 +71,19 @@ codes! {
     TOO_MANY_ELEMENTS = "E0601", "too many elements";
     TOO_MUCH_WORK = "E0602", "model too large";
 
+    TOO_MANY_PRODUCTS = "E0801", "equation expands to too many products";
+    NO_FORMAT = "E0802", "no number format fits";
+    ACCUMULATOR = "E0803", "products do not fit the accumulator";
+
+    DIVERGED = "E0901", "value not finite during the run";
+    SATURATED = "E0902", "value saturates however wide its range";
+    STEP_TOO_LARGE = "E0903", "step too large";
+
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";
     OUTSIDE_BOUNDS = "W0003", "value outside the stated range";
     REPEATED_OUTPUT = "W0004", "output asked for twice";
+    STEP_LARGE = "W0903", "step large for the accuracy";
 }
 
 /// The long explanation of a code: its section of `docs/diagnostics.md`, heading included. Case does not matter.

@@ -1,0 +1,78 @@
+//! Properties of the emitted files: complete, deterministic, safe against hostile names.
+
+mod support;
+
+use std::collections::BTreeSet;
+
+use pe_emit::{Artefact, EmitOptions, LIBRARY, emit};
+use support::{Case, features, random_program};
+
+fn design(model: &'static str) -> Vec<Artefact> {
+    let pes = vec![features(4, 4, 2, &[12, 16], 44, "fws"), features(4, 4, 1, &[12, 16], 44, "fws")];
+    let case = Case { name: model, storage: 32, multiplier: (25, 18), pes, period: 19, inputs: 1, seed: 7 };
+    let options = EmitOptions {
+        command: "pe-synth build <= 'a\nb' */ \\".to_owned(),
+        spec: "x\n.ode".to_owned(),
+        version: "0".to_owned(),
+        stimulus: vec![vec![-1], vec![5]],
+        default_steps: 2,
+    };
+    emit(&random_program(&case), &options)
+}
+
+fn text<'a>(design: &'a [Artefact], path: &str) -> &'a str {
+    &design.iter().find(|artefact| artefact.path == path).unwrap_or_else(|| panic!("no file {path}")).text
+}
+
+#[test]
+fn a_design_has_its_files() {
+    let design = design("Process");
+    let paths: BTreeSet<&str> = design.iter().map(|artefact| artefact.path.as_str()).collect();
+    assert_eq!(paths.len(), design.len());
+    let suffixes = [
+        "_program_pkg.vhd",
+        ".vhd",
+        "_tb.vhd",
+        ".f",
+        "_reference.rs",
+        "_verilator.cpp",
+        "_stimulus.txt",
+        "_shapes.txt",
+    ];
+    for suffix in suffixes {
+        text(&design, &format!("process_x{suffix}"));
+    }
+    for (file, content) in LIBRARY {
+        assert_eq!(text(&design, &format!("hdl/{file}")), content);
+    }
+    assert_eq!(text(&design, "process_x_stimulus.txt"), "ffffffff\n00000005\n");
+    assert_eq!(text(&design, "process_x_shapes.txt").lines().count(), 2);
+}
+
+#[test]
+fn nothing_is_escaped() {
+    let design = design("m");
+    for path in ["m.vhd", "m_tb.vhd", "m_program_pkg.vhd", "m_reference.rs", "m_verilator.cpp"] {
+        let text = text(&design, path);
+        assert!(text.contains("Regenerate: pe-synth build <= 'a b' */ /\n"), "{path}");
+        assert!(!text.contains("&#"), "{path}");
+        assert!(text.ends_with('\n') && !text.ends_with("\n\n"), "{path}");
+        assert!(!text.contains('\t'), "{path}");
+        assert!(text.is_ascii(), "{path}");
+    }
+}
+
+#[test]
+fn names_stay_in_their_comments() {
+    let design = design("m");
+    for line in text(&design, "m_program_pkg.vhd").lines() {
+        if let Some(column) = line.find("hostile") {
+            assert!(line[..column].contains("--"), "{line}");
+        }
+    }
+}
+
+#[test]
+fn the_same_program_gives_the_same_bytes() {
+    assert_eq!(design("m"), design("m"));
+}
