@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use pe_ir::codes;
 use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
 use pe_sim::machine::Machine;
@@ -69,7 +70,7 @@ impl Sim {
             run.step(&inputs).map_err(|diverged| {
                 let message =
                     format!("`{}` is no longer a finite number at t = {time:.6e} s", graph.value_name(diverged.value));
-                let finding = Diagnostic::global("E0901", message).with_help("try a smaller `--step`");
+                let finding = Diagnostic::global(codes::DIVERGED, message).with_help("try a smaller `--step`");
                 Failure::Spec(vec![finding], loaded.source.clone())
             })?;
             rows.push((0..model.outputs.len()).map(|output| run.output(output)).collect());

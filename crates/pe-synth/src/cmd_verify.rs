@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use pe_emit::EmitOptions;
 use pe_ir::program::Program;
 
-use crate::engines::{Bench, Engine, compare, liveliness, simulate};
+use crate::engines::{self, Bench, Engine, compare, liveliness, simulate};
 use crate::failure::Failure;
 
 /// Compares a compiled design in GHDL and as Rust reference with the simulator, bit for bit
@@ -43,15 +43,27 @@ impl Verify {
             folder: self.folder.clone(),
             program,
         };
+        let recorded = self.recorded(&design, &beginning)?;
+        let steps = self.steps.unwrap_or(recorded);
         let middle = self.middle(&design, &beginning.program, &scratch)?;
         for start in [beginning, middle] {
-            self.compare(&design, &start, &scratch)?;
+            self.compare(&design, &start, &scratch, steps)?;
         }
         Ok(())
     }
 
-    fn compare(&self, design: &str, start: &Start, scratch: &Scratch) -> Result<(), Failure> {
-        let steps = self.steps.unwrap_or(start.stimulus.len().max(2) as u64);
+    /// Compares the design's reference trace with the simulator; returns the number of its steps.
+    fn recorded(&self, design: &str, start: &Start) -> Result<u64, Failure> {
+        let (trace, outputs) = (format!("{design}_trace.txt"), format!("{design}_outputs.txt"));
+        let recorded = engines::recorded(&self.read(&trace)?, &self.read(&outputs)?)
+            .ok_or_else(|| Failure::file("read", &self.folder.join(trace), "it is damaged"))?;
+        let steps = recorded.trace.len() as u64 / start.program.writes_per_step().max(1);
+        engines::compare_recorded(&start.program, &recorded, steps, &start.stimulus).map_err(Failure::Mismatch)?;
+        println!("reference trace = simulator: {} memory writes equal, {steps} steps", recorded.trace.len());
+        Ok(steps)
+    }
+
+    fn compare(&self, design: &str, start: &Start, scratch: &Scratch, steps: u64) -> Result<(), Failure> {
         let expected = simulate(&start.program, &start.stimulus, steps);
         let writes = start.program.writes_per_step() * steps;
         let mut engines = vec![Engine::Reference, Engine::Ghdl];

@@ -169,7 +169,10 @@ fn parse(text: &str) -> Result<Run, String> {
         let parsed = match line.split_once(' ') {
             Some(("t", rest)) => TraceLine::parse(rest).map(|line| run.trace.push(line)),
             Some(("o", rest)) => output_line(rest).map(|line| run.outputs.push(line)),
-            Some(("v", _)) => Some(run.overflow = true),
+            Some(("v", _)) => {
+                run.overflow = true;
+                Some(())
+            }
             Some(("c", rest)) => rest.parse().ok().map(|clocks| run.clocks = clocks),
             Some(("checks", _)) => Some(()),
             // The simulator's own notes, for example where the test bench finished.
@@ -180,6 +183,18 @@ fn parse(text: &str) -> Result<Run, String> {
     run.trace.sort_unstable();
     run.outputs.sort_unstable();
     Ok(run)
+}
+
+/// Reads the trace and output files of a design.
+pub fn recorded(trace: &str, outputs: &str) -> Option<Run> {
+    let mut run = Run {
+        trace: trace.lines().map(TraceLine::parse).collect::<Option<_>>()?,
+        outputs: outputs.lines().map(output_line).collect::<Option<_>>()?,
+        ..Run::default()
+    };
+    run.trace.sort_unstable();
+    run.outputs.sort_unstable();
+    Some(run)
 }
 
 fn output_line(text: &str) -> Option<(u64, usize, u64)> {
@@ -250,6 +265,13 @@ pub fn compare(program: &Program, engine: &str, run: &Run, expected: &Run, expec
         return Err(format!("{engine}: {} clocks per step instead of {}", run.clocks, expected.clocks));
     }
     Ok(())
+}
+
+/// Compares a recorded trace, which carries no flags and clocks, with the simulator.
+pub fn compare_recorded(program: &Program, recorded: &Run, steps: u64, stimulus: &[Vec<i64>]) -> Result<(), String> {
+    let expected = simulate(program, stimulus, steps);
+    let complete = Run { overflow: expected.overflow, clocks: expected.clocks, ..recorded.clone() };
+    compare(program, "reference trace", &complete, &expected, program.writes_per_step() * steps)
 }
 
 /// Share of the traced words that are not zero and differ from what their memory word held before.

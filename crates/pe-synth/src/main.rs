@@ -76,7 +76,7 @@ fn command_line() -> String {
 }
 
 fn explain(code: &str) -> Result<(), Failure> {
-    let text = pe_frontend::explain(code)
+    let text = pe_ir::codes::explain(code)
         .ok_or_else(|| Failure::Usage(format!("there is no code `{code}`; codes look like E0201 or W0001")))?;
     // A closed pipe (`| head`) ends the output, not with an error.
     let _ = std::io::Write::write_all(&mut std::io::stdout(), format!("{text}\n").as_bytes());

@@ -10,12 +10,14 @@
 use std::time::Instant;
 
 use pe_hls::formats::{self, Ranges};
+use pe_hls::rounding::{self, Moments};
+use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
 use pe_ir::model::{Model, Waveform};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::{Diverged, DoubleRun};
-use pe_sim::error::{ErrorMeter, Trajectory};
+use pe_sim::error::{Deviation, ErrorMeter, Trajectory};
 use pe_sim::fixed::FixedRun;
 
 use crate::options::ModelOptions;
@@ -87,18 +89,77 @@ pub fn judge(
 ) -> Result<Judged, Vec<Diagnostic>> {
     let plan = Plan::of(model);
     let clock = Instant::now();
-    let (reference, mut ranges) = reference_run(model, graph, &plan)?;
+    let (reference, mut ranges, moments) = reference_run(model, graph, &plan)?;
     let double_seconds = clock.elapsed().as_secs_f64();
     include_declared(model, graph, &mut ranges);
     let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
     let scales = reference.scales(&quantities);
 
+    // The runs that follow depend on the reference run alone, so they share the machine's cores; each is deterministic.
+    let (fixed, comparison) = std::thread::scope(|scope| {
+        let comparison = scope.spawn(|| half_step_runs(model, &plan, &reference, &scales));
+        let fixed = settle_formats(model, graph, format, &plan, &reference, ranges, &moments);
+        (fixed, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    });
+    let settled = fixed?;
+    let comparison = comparison?;
+    let (worst_state, word_length) = settled.deviation.worst(&scales);
+    let coefficient = settled.quantised.worst(&scales).1;
+    let errors =
+        Errors { worst_state, word_length, coefficient, method: comparison.method, input_hold: comparison.input_hold };
+    let mut warnings = Vec::new();
+    if errors.method > METHOD_ERROR_REFUSED {
+        warnings.extend(options.permit(vec![comparison.finding])?);
+    } else if errors.method > METHOD_ERROR_WARNED {
+        warnings.push(Diagnostic { code: codes::STEP_LARGE, ..comparison.finding.into_warning() });
+    }
+    let macs = graph.macs() as f64 * plan.steps as f64;
+    Ok(Judged {
+        fixed: settled.fixed,
+        errors,
+        widenings: settled.widenings,
+        checkpoint: settled.checkpoint,
+        samples: plan.samples,
+        warnings,
+        ns_per_mac: (double_seconds * 1e9 / macs, settled.seconds * 1e9 / macs),
+    })
+}
+
+/// Formats under which the span runs without saturation, and what they cost in accuracy.
+struct Settled {
+    fixed: FixedPoint,
+    deviation: Deviation,
+    /// Deviation of the run in double precision with quantised coefficients.
+    quantised: Deviation,
+    checkpoint: Checkpoint,
+    widenings: usize,
+    /// Time of the fixed-point run.
+    seconds: f64,
+}
+
+/// Chooses formats and widens them until the fixed-point run does not saturate.
+fn settle_formats(
+    model: &Model,
+    graph: &StepGraph,
+    format: WordFormat,
+    plan: &Plan,
+    reference: &Trajectory,
+    mut ranges: Ranges,
+    moments: &Moments,
+) -> Result<Settled, Vec<Diagnostic>> {
     let mut widenings = 0;
-    let (fixed, meter, checkpoint, fixed_seconds) = loop {
-        let fixed = formats::choose(graph, &ranges, format).map_err(|error| vec![error])?;
+    loop {
+        let mut fixed = formats::choose(graph, &ranges, format).map_err(|error| vec![error])?;
+        rounding::improve(graph, &mut fixed, moments);
         let clock = Instant::now();
-        match fixed_run(model, graph, &fixed, &plan, &reference) {
-            Ok((meter, checkpoint)) => break (fixed, meter, checkpoint, clock.elapsed().as_secs_f64()),
+        match fixed_run(model, graph, &fixed, plan, reference) {
+            Ok((deviation, checkpoint)) => {
+                let seconds = clock.elapsed().as_secs_f64();
+                let run = DoubleRun::quantised(graph, &fixed);
+                let samples = trajectory(model, run, plan, Substeps { count: 1, resample: false })?;
+                let quantised = reference.deviation(&samples);
+                return Ok(Settled { fixed, deviation, quantised, checkpoint, widenings, seconds });
+            }
             Err(saturated) if widenings < WIDENINGS => {
                 widenings += 1;
                 for value in &saturated.values {
@@ -107,29 +168,7 @@ pub fn judge(
             }
             Err(saturated) => return Err(vec![saturated.refusal(model, graph)]),
         }
-    };
-    let (worst_state, word_length) = meter.worst(&scales);
-    let quantised =
-        trajectory(model, DoubleRun::quantised(graph, &fixed), &plan, Substeps { count: 1, resample: false })?;
-    let coefficient = reference.worst_deviation(&quantised, &scales).1;
-    let mut errors = Errors { worst_state, word_length, coefficient, method: 0.0, input_hold: 0.0 };
-    let mut warnings = Vec::new();
-    let finding = estimate_method(model, &plan, &reference, &scales, &mut errors)?;
-    if errors.method > METHOD_ERROR_REFUSED {
-        warnings.extend(options.permit(vec![finding])?);
-    } else if errors.method > METHOD_ERROR_WARNED {
-        warnings.push(Diagnostic { code: "W0903", ..finding.into_warning() });
     }
-    let macs = graph.macs() as f64 * plan.steps as f64;
-    Ok(Judged {
-        fixed,
-        errors,
-        widenings,
-        checkpoint,
-        samples: plan.samples,
-        warnings,
-        ns_per_mac: (double_seconds * 1e9 / macs, fixed_seconds * 1e9 / macs),
-    })
 }
 
 /// Which steps are sampled.
@@ -157,7 +196,12 @@ fn inputs(model: &Model, time: f64) -> Vec<f64> {
     model.inputs.iter().map(|input| input.waveform.at(time)).collect()
 }
 
-fn reference_run(model: &Model, graph: &StepGraph, plan: &Plan) -> Result<(Trajectory, Ranges), Vec<Diagnostic>> {
+fn reference_run(
+    model: &Model,
+    graph: &StepGraph,
+    plan: &Plan,
+) -> Result<(Trajectory, Ranges, Moments), Vec<Diagnostic>> {
+    let mut moments = Moments::new(graph);
     let mut run = DoubleRun::new(graph);
     let mut reference = Trajectory::new(model.states.len());
     for done in 1..=plan.steps {
@@ -165,9 +209,11 @@ fn reference_run(model: &Model, graph: &StepGraph, plan: &Plan) -> Result<(Traje
         run.step(&inputs(model, time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         if plan.sampled(done) {
             reference.push(|state| run.state(state));
+            moments.add(graph, |value| run.value(value));
         }
     }
-    Ok((reference, Ranges { largest: run.largest().to_vec(), widened: vec![0; graph.values.len()] }))
+    let ranges = Ranges { largest: run.largest().to_vec(), widened: vec![0; graph.values.len()] };
+    Ok((reference, ranges, moments))
 }
 
 fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
@@ -176,8 +222,8 @@ fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
     let message = format!("`{name}` is no longer a finite number at t = {time:.6e} s");
     let help = "the model or the step is unstable: try a smaller `--step`, then check the equation";
     match graph.equations.get(equation as usize) {
-        Some(equation) => Diagnostic::error("E0901", equation.span, message),
-        None => Diagnostic::global("E0901", message),
+        Some(equation) => Diagnostic::error(codes::DIVERGED, equation.span, message),
+        None => Diagnostic::global(codes::DIVERGED, message),
     }
     .with_help(help)
 }
@@ -209,18 +255,18 @@ impl Saturated {
         let equation = &graph.equations[graph.value(value).equation as usize];
         let time = self.step as f64 * model.step;
         let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", graph.value_name(value));
-        Diagnostic::error("E0902", equation.span, message)
+        Diagnostic::error(codes::SATURATED, equation.span, message)
             .with_help("rounding noise grows without bound: try more `--storage` bits or a wider `--multiplier`")
     }
 }
 
-fn fixed_run<'a>(
+fn fixed_run(
     model: &Model,
     graph: &StepGraph,
     fixed: &FixedPoint,
     plan: &Plan,
-    reference: &'a Trajectory,
-) -> Result<(ErrorMeter<'a>, Checkpoint), Saturated> {
+    reference: &Trajectory,
+) -> Result<(Deviation, Checkpoint), Saturated> {
     let mut run = FixedRun::new(graph, fixed);
     let mut meter = ErrorMeter::new(reference);
     let middle = plan.steps / 2;
@@ -240,7 +286,7 @@ fn fixed_run<'a>(
             meter.push(|state| run.state(state));
         }
     }
-    Ok((meter, checkpoint))
+    Ok((meter.finish(), checkpoint))
 }
 
 /// Input port words of a step.
@@ -272,7 +318,7 @@ fn trajectory(
             run.step(&inputs(model, time)).map_err(|_| {
                 let message = format!("a comparison run is not finite at t = {time:.6e} s");
                 let help = "the model is at the edge of stability: try a smaller `--step`";
-                vec![Diagnostic::global("E0901", message).with_help(help)]
+                vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]
             })?;
         }
         if plan.sampled(done) {
@@ -282,28 +328,36 @@ fn trajectory(
     Ok(samples)
 }
 
-/// Method and input-hold error; returns the finding that a large method error would be.
-fn estimate_method(
+/// What smaller steps say about the method.
+struct Comparison {
+    method: f64,
+    input_hold: f64,
+    /// The finding that a large method error would be.
+    finding: Diagnostic,
+}
+
+/// Runs half the step, with inputs held as the hardware does and with inputs sampled twice as often.
+fn half_step_runs(
     model: &Model,
     plan: &Plan,
     reference: &Trajectory,
     scales: &[f64],
-    errors: &mut Errors,
-) -> Result<Diagnostic, Vec<Diagnostic>> {
+) -> Result<Comparison, Vec<Diagnostic>> {
     let half = Model { step: model.step / 2.0, ..model.clone() };
     let graph = pe_hls::step::build(&half)?;
     let halved = trajectory(model, DoubleRun::new(&graph), plan, Substeps { count: 2, resample: false })?;
-    let (worst, difference) = reference.worst_deviation(&halved, scales);
+    let (worst, difference) = reference.deviation(&halved).worst(scales);
     // With error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).
     let gain = f64::from(1u32 << model.solver.order());
-    errors.method = difference * gain / (gain - 1.0);
+    let mut input_hold = 0.0;
     if model.inputs.iter().any(|input| !matches!(input.waveform, Waveform::Constant(_))) {
         let resampled = trajectory(model, DoubleRun::new(&graph), plan, Substeps { count: 2, resample: true })?;
         // Both runs share the method error of h/2; holding inputs is an error of first order.
-        errors.input_hold = 2.0 * halved.worst_deviation(&resampled, scales).1;
+        input_hold = 2.0 * halved.deviation(&resampled).worst(scales).1;
     }
     let name = &model.states[worst].name;
     let message = format!("the step is too large for `{name}`: half of it changes the result by {difference:.1e}");
-    Ok(Diagnostic::error("E0903", model.states[worst].span, message)
-        .with_help(format!("try `--step {:e}`; a chaotic model needs a shorter `--span`", model.step / 2.0)))
+    let finding = Diagnostic::error(codes::STEP_TOO_LARGE, model.states[worst].span, message)
+        .with_help(format!("try `--step {:.3e}`; a chaotic model needs a shorter `--span`", model.step / 2.0));
+    Ok(Comparison { method: difference * gain / (gain - 1.0), input_hold, finding })
 }
