@@ -89,9 +89,10 @@ impl WordFormat {
     /// Write side: adds the shifted and rounded accumulator to the base word. The flag tells whether it saturated.
     pub fn write(&self, base: i64, accumulator: i64, shift: u32) -> (i64, bool) {
         let rounded = round_shift(accumulator, shift);
-        let sum = base as i128 + rounded as i128;
-        let word = sum.clamp(self.min_word() as i128, self.max_word() as i128);
-        (word as i64, word != sum)
+        // A sum beyond 64 bits is beyond every word as well, so saturating early changes nothing.
+        let sum = base.saturating_add(rounded);
+        let word = sum.clamp(self.min_word(), self.max_word());
+        (word, word != sum)
     }
 
     /// The stored word of a real number: `value / 2^exponent` rounded to nearest, plus `offset`, saturated.

@@ -92,9 +92,7 @@ impl<'a> DoubleRun<'a> {
     pub fn step(&mut self, inputs: &[f64]) -> Result<(), Diverged> {
         for (value, number) in self.graph.inputs.iter().zip(inputs) {
             self.values[value.index()] = *number;
-            self.largest[value.index()] = self.largest[value.index()].max(number.abs());
         }
-        let mut diverged = false;
         for chain in &self.code.chains {
             let mut sum = 0.0;
             let products = chain.coefficients.start as usize..chain.coefficients.end as usize;
@@ -106,30 +104,37 @@ impl<'a> DoubleRun<'a> {
                 let factor = self.values[self.code.factors[index] as usize];
                 sum += self.values[self.code.operands[index] as usize] * factor;
             }
-            diverged |= write(&mut self.values, &mut self.largest, &chain.write, sum);
+            write(&mut self.values, &chain.write, sum);
             if let Some(second) = &chain.second {
-                diverged |= write(&mut self.values, &mut self.largest, second, sum);
+                write(&mut self.values, second, sum);
             }
         }
-        if diverged {
-            let value =
-                |write: &pe_ir::graph::Write| (!self.values[write.value.index()].is_finite()).then_some(write.value);
-            let first = self.graph.chains.iter().flat_map(|chain| chain.writes()).find_map(value);
-            return Err(Diverged { value: first.unwrap_or(ValueId(0)) });
+        if !self.note_largest() {
+            let finite = |write: &pe_ir::graph::Write| self.values[write.value.index()].is_finite();
+            let mut writes = self.graph.chains.iter().flat_map(|chain| chain.writes());
+            let first = writes.find(|write| !finite(write)).expect("a value is not finite");
+            return Err(Diverged { value: first.value });
         }
         for (state, next) in &self.graph.states {
             self.values[state.index()] = self.values[next.index()];
         }
         Ok(())
     }
+
+    /// Updates the largest magnitudes; false if some value is not finite. One pass over all values after the step is
+    /// several times faster than a check at every write.
+    fn note_largest(&mut self) -> bool {
+        let mut finite = true;
+        for (largest, value) in self.largest.iter_mut().zip(&self.values) {
+            let magnitude = value.abs();
+            finite &= magnitude < f64::INFINITY;
+            *largest = if magnitude > *largest { magnitude } else { *largest };
+        }
+        finite
+    }
 }
 
-/// Writes and tells whether the number is not finite.
-fn write(values: &mut [f64], largest: &mut [f64], write: &WriteCode, sum: f64) -> bool {
+fn write(values: &mut [f64], write: &WriteCode, sum: f64) {
     let weight = f64::from_bits(((1023 + i64::from(write.weight)) as u64) << 52);
-    let number = values[write.base as usize] + weight * sum;
-    values[write.value as usize] = number;
-    let slot = &mut largest[write.value as usize];
-    *slot = slot.max(number.abs());
-    !number.is_finite()
+    values[write.value as usize] = values[write.base as usize] + weight * sum;
 }

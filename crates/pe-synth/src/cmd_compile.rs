@@ -61,10 +61,11 @@ impl Compile {
         )?;
         let model = &loaded.model;
         let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&model.name));
-        let folder = OutputFolder::create(&target)?;
+        OutputFolder::permitted(&target)?;
         let design = pipeline::design(&loaded, &self.model, &self.mapping, &mut watch)?;
         let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
         let report = report::report(model, &design, clock, self.model.seed, command);
+        let folder = OutputFolder::create(&target)?;
         let written = watch.stage(
             "write",
             || write_design(&folder, &loaded.source.name, model, &design, command),

@@ -1,23 +1,11 @@
 //! `pe-synth`: compiles ordinary differential equations to a network of processing elements.
 
-mod area;
-mod cmd_compile;
-mod cmd_dump;
-mod cmd_sim;
-mod cmd_verify;
-mod engines;
-mod failure;
-mod options;
-mod output;
-mod pipeline;
-mod report;
-mod runs;
-
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use failure::{Failure, MessageFormat};
+use pe_synth::failure::{Failure, MessageFormat};
+use pe_synth::{cmd_compile, cmd_dump, cmd_sim, cmd_verify};
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
 #[derive(Parser)]

@@ -15,15 +15,24 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Prepares the folder; nothing is visible at `target` before [`Self::finish`].
+    /// Whether a result may be put at `target`; to be asked before long work.
     ///
     /// # Errors
-    /// If `target` exists and is not ours, or nothing can be written beside it.
-    pub fn create(target: &Path) -> Result<OutputFolder, Failure> {
+    /// If `target` exists and is not ours.
+    pub fn permitted(target: &Path) -> Result<(), Failure> {
         if target.exists() && !is_ours(target) {
             let reason = "it exists and was not written by pe-synth; choose another folder with -o";
             return Err(Failure::file("replace", target, reason));
         }
+        Ok(())
+    }
+
+    /// Prepares the folder; nothing is visible at `target` before [`Self::finish`].
+    ///
+    /// # Errors
+    /// If `target` is not permitted, or nothing can be written beside it.
+    pub fn create(target: &Path) -> Result<OutputFolder, Failure> {
+        Self::permitted(target)?;
         let name = target.file_name().ok_or_else(|| Failure::file("write to", target, "it has no name"))?;
         let parent = target.parent().unwrap_or(Path::new("."));
         fs::create_dir_all(parent).map_err(|error| Failure::file("create", parent, error))?;

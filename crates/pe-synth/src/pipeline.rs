@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use pe_hls::mapping::{self, Candidate, MapOptions, Problem};
 use pe_hls::schedule::Bound;
 use pe_ir::graph::StepGraph;
@@ -86,6 +87,15 @@ impl Stopwatch {
         Stopwatch { seconds: Vec::new(), quiet }
     }
 
+    /// A bar for a long stage; invisible when quiet or when standard error is no terminal.
+    pub fn progress_bar(&self) -> ProgressBar {
+        if self.quiet {
+            return ProgressBar::hidden();
+        }
+        let style = ProgressStyle::with_template("      runs  {bar:40} {percent:>3} %, {eta} left");
+        ProgressBar::no_length().with_style(style.expect("a valid template")).with_finish(ProgressFinish::AndClear)
+    }
+
     /// Times a stage; `figure` says in a few words what came out of it.
     pub fn stage<T>(&mut self, name: &'static str, work: impl FnOnce() -> T, figure: impl FnOnce(&T) -> String) -> T {
         let clock = Instant::now();
@@ -109,8 +119,10 @@ pub fn design(
     let spec = |findings: Vec<Diagnostic>| Failure::Spec(findings, loaded.source.clone());
     let format = options.format()?;
     let graph = build(loaded, watch)?;
-    let judged =
-        watch.stage("runs", || runs::judge(&loaded.model, &graph, format, options), runs_figure).map_err(spec)?;
+    let progress = watch.progress_bar();
+    let judged = watch
+        .stage("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
+        .map_err(spec)?;
     print_findings(&judged.warnings, &loaded.source, options.message_format);
     let problem = Problem::of(&graph);
     let pes = options.pes.unwrap_or_else(|| default_pes(&graph));

@@ -9,6 +9,7 @@
 
 use std::time::Instant;
 
+use indicatif::ProgressBar;
 use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Moments};
 use pe_ir::codes;
@@ -86,8 +87,9 @@ pub fn judge(
     graph: &StepGraph,
     format: WordFormat,
     options: &ModelOptions,
+    progress: ProgressBar,
 ) -> Result<Judged, Vec<Diagnostic>> {
-    let plan = Plan::of(model);
+    let plan = Plan::of(model, progress);
     let clock = Instant::now();
     let (reference, mut ranges, moments) = reference_run(model, graph, &plan)?;
     let double_seconds = clock.elapsed().as_secs_f64();
@@ -171,17 +173,28 @@ fn settle_formats(
     }
 }
 
-/// Which steps are sampled.
+/// Which steps are sampled, and who is told about the progress.
 struct Plan {
     steps: u64,
     samples: u64,
+    progress: ProgressBar,
 }
 
 impl Plan {
-    fn of(model: &Model) -> Plan {
+    fn of(model: &Model, progress: ProgressBar) -> Plan {
         let steps = model.steps();
+        // Reference, fixed point, quantised, and two substeps each in the half-step runs.
+        progress.set_length(steps * if varying_inputs(model) { 7 } else { 5 });
         let affordable = (SAMPLE_BUDGET / model.states.len().max(1) as u64).max(200);
-        Plan { steps, samples: SAMPLES.min(affordable).min(steps) }
+        Plan { steps, samples: SAMPLES.min(affordable).min(steps), progress }
+    }
+
+    /// Tells the progress after `done` steps; rarely, for a step may take no longer than the telling.
+    fn advance(&self, done: u64, weight: u64) {
+        const STRIDE: u64 = 256;
+        if done.is_multiple_of(STRIDE) {
+            self.progress.inc(STRIDE * weight);
+        }
     }
 
     /// Whether a sample is taken after `done` steps.
@@ -189,6 +202,10 @@ impl Plan {
         let before = u128::from(done - 1) * u128::from(self.samples) / u128::from(self.steps);
         u128::from(done) * u128::from(self.samples) / u128::from(self.steps) > before
     }
+}
+
+fn varying_inputs(model: &Model) -> bool {
+    model.inputs.iter().any(|input| !matches!(input.waveform, Waveform::Constant(_)))
 }
 
 /// Inputs at the beginning of a step.
@@ -207,6 +224,7 @@ fn reference_run(
     for done in 1..=plan.steps {
         let time = (done - 1) as f64 * model.step;
         run.step(&inputs(model, time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
+        plan.advance(done, 1);
         if plan.sampled(done) {
             reference.push(|state| run.state(state));
             moments.add(graph, |value| run.value(value));
@@ -282,6 +300,7 @@ fn fixed_run(
             let values = values.map(|(index, _)| ValueId(index as u32)).collect();
             return Err(Saturated { values, step: done - 1 });
         }
+        plan.advance(done, 1);
         if plan.sampled(done) {
             meter.push(|state| run.state(state));
         }
@@ -321,6 +340,7 @@ fn trajectory(
                 vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]
             })?;
         }
+        plan.advance(done, substeps.count);
         if plan.sampled(done) {
             samples.push(|state| run.state(state));
         }
@@ -350,7 +370,7 @@ fn half_step_runs(
     // With error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).
     let gain = f64::from(1u32 << model.solver.order());
     let mut input_hold = 0.0;
-    if model.inputs.iter().any(|input| !matches!(input.waveform, Waveform::Constant(_))) {
+    if varying_inputs(model) {
         let resampled = trajectory(model, DoubleRun::new(&graph), plan, Substeps { count: 2, resample: true })?;
         // Both runs share the method error of h/2; holding inputs is an error of first order.
         input_hold = 2.0 * halved.deviation(&resampled).worst(scales).1;

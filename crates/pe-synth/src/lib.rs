@@ -1,0 +1,16 @@
+//! The command line of pe-synth: options, the way through the stages, reports, and everything that touches files.
+//!
+//! A library so that tests and other tools can run single stages; `main.rs` only parses arguments.
+
+pub mod area;
+pub mod cmd_compile;
+pub mod cmd_dump;
+pub mod cmd_sim;
+pub mod cmd_verify;
+pub mod engines;
+pub mod failure;
+pub mod options;
+pub mod output;
+pub mod pipeline;
+pub mod report;
+pub mod runs;
