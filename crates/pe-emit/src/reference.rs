@@ -19,6 +19,8 @@ struct Reference<'a> {
     multiplier_latency: u32,
     period: u32,
     input_count: usize,
+    /// Integer type that products and sums fit.
+    sum_type: &'static str,
     /// Tuples of PE and control word.
     outputs: String,
     pes: Vec<Pe>,
@@ -55,10 +57,18 @@ pub fn render(program: &Program, header: &Header, options: &EmitOptions) -> Stri
         multiplier_latency: program.latency().multiplier,
         period: program.period,
         input_count: program.inputs.len(),
+        sum_type: sum_type(program),
         outputs: outputs.join(", "),
         pes: program.pes.iter().map(|pe| describe(program, pe)).collect(),
     };
     reference.render().expect("templates render into strings")
+}
+
+/// The faster 64-bit type unless a product or an accumulator is wider.
+fn sum_type(program: &Program) -> &'static str {
+    let product = program.format.data_bits + program.format.coefficient_bits;
+    let widest = program.pes.iter().map(|pe| pe.features.accumulator_bits).fold(product, u32::max);
+    if widest > i64::BITS { "i128" } else { "i64" }
 }
 
 fn describe(program: &Program, pe: &PeProgram) -> Pe {

@@ -14,7 +14,8 @@ use crate::rounding;
 /// `docs/decisions/0001-number-path.md`).
 pub const RANGE_MARGIN: f64 = 1.2;
 
-/// Accumulator bits that keep sums of coefficient products in a machine word of the reference and simulator.
+/// Accumulator bits that keep sums of coefficient products in a machine word of the reference and simulator. Formats
+/// whose single products fit give up to three coefficient bits for it; wider ones are chosen for their accuracy.
 const SOFT_ACCUMULATOR_LIMIT: u32 = 64;
 
 /// A right shift never needs more: what lies further below the result's LSB cannot be seen in it.
@@ -114,12 +115,14 @@ impl<'a> Chooser<'a> {
                 self.raise(factor, exponent);
             }
         }
-        let soft = SOFT_ACCUMULATOR_LIMIT.min(self.format.accumulator_limit());
+        let narrow = self.format.data_bits + self.format.coefficient_bits <= SOFT_ACCUMULATOR_LIMIT;
+        let limit = self.format.accumulator_limit();
+        let soft = if narrow { SOFT_ACCUMULATOR_LIMIT.min(limit) } else { limit };
         let finest = product;
         while self.accumulator_bits(chain, product) > soft && product < finest + 3 && !has_factors(self.graph, chain) {
             product += 1;
         }
-        while self.accumulator_bits(chain, product) > self.format.accumulator_limit() {
+        while self.accumulator_bits(chain, product) > limit {
             product += 1;
             if product > finest + 40 {
                 let name = &self.graph.equations[chain.equation as usize].name;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use pe_ir::graph::{Factor, StepGraph};
+use pe_ir::graph::{Factor, StepGraph, ValueId};
 
 /// A write with the slot of a zero in place of a missing base.
 #[derive(Clone, Copy, Debug)]
@@ -15,6 +15,8 @@ pub(crate) struct WriteCode {
 /// A chain: products with coefficients, then products of two values, then writes.
 #[derive(Clone, Debug)]
 pub(crate) struct ChainCode {
+    /// The chain's index in the graph.
+    pub index: u32,
     pub coefficients: Range<u32>,
     pub factors: Range<u32>,
     pub write: WriteCode,
@@ -50,7 +52,8 @@ impl Code {
             base: write.base.map_or(zero, |base| base.0),
             weight: write.weight,
         };
-        for chain in &graph.chains {
+        for index in execution_order(graph) {
+            let chain = &graph.chains[index as usize];
             let start = code.operands.len() as u32;
             for with_factor in [false, true] {
                 for index in chain.terms.clone() {
@@ -69,6 +72,7 @@ impl Code {
             let end = code.operands.len() as u32;
             let split = (start..end).find(|i| code.factors[*i as usize] != zero).unwrap_or(end);
             code.chains.push(ChainCode {
+                index,
                 coefficients: start..split,
                 factors: split..end,
                 write: write(&chain.write),
@@ -77,4 +81,34 @@ impl Code {
         }
         code
     }
+}
+
+/// Chains level by level of their dependencies, within a level by shape: loops of equal length follow one another, so
+/// that the processor predicts their ends.
+fn execution_order(graph: &StepGraph) -> Vec<u32> {
+    let producers = graph.producers();
+    let mut level = vec![0u32; graph.chains.len()];
+    for (index, chain) in graph.chains.iter().enumerate() {
+        let mut own = 0;
+        let mut read = |value: ValueId| {
+            if let Some(producer) = level.get(producers[value.index()] as usize) {
+                own = own.max(producer + 1);
+            }
+        };
+        for term in graph.chain_terms(chain) {
+            read(term.operand);
+            if let Factor::Value(value) = term.factor {
+                read(value);
+            }
+        }
+        chain.writes().filter_map(|write| write.base).for_each(&mut read);
+        level[index] = own;
+    }
+    let mut order: Vec<u32> = (0..graph.chains.len() as u32).collect();
+    order.sort_by_key(|index| {
+        let chain = &graph.chains[*index as usize];
+        let factors = graph.chain_terms(chain).iter().filter(|t| matches!(t.factor, Factor::Value(_))).count();
+        (level[*index as usize], chain.len(), factors, chain.second.is_some())
+    });
+    order
 }

@@ -11,8 +11,8 @@ pub struct FixedRun<'a> {
     fixed: &'a FixedPoint,
     code: Code,
     coefficients: Vec<i64>,
-    /// Whether a chain's sum needs more than 64 bits.
-    wide: Vec<bool>,
+    /// For each chain of the code its shifts, and whether its sum needs more than 64 bits.
+    writes: Vec<([u8; 2], bool)>,
     /// Stored words, one slot per value and the rounding offset as the missing base.
     words: Vec<i64>,
     saturations: Vec<u64>,
@@ -30,8 +30,12 @@ impl<'a> FixedRun<'a> {
                 words[index] = fixed.constant_word(graph, ValueId(index as u32));
             }
         }
-        let wide = fixed.accumulator_bits.iter().map(|bits| *bits > 64).collect();
-        let mut run = FixedRun { graph, fixed, code, coefficients, wide, saturations: vec![0; words.len()], words };
+        let of_chain = |chain: &crate::code::ChainCode| {
+            let index = chain.index as usize;
+            (fixed.shifts[index], fixed.accumulator_bits[index] > 64)
+        };
+        let writes = code.chains.iter().map(of_chain).collect();
+        let mut run = FixedRun { graph, fixed, code, coefficients, writes, saturations: vec![0; words.len()], words };
         for (index, initial) in graph.initial.iter().enumerate() {
             let id = graph.states[index].0;
             let (word, saturated) =
@@ -81,11 +85,10 @@ impl<'a> FixedRun<'a> {
             self.words[value.index()] = format.input_operand(*word) << data_drop;
         }
         let mut saturated = false;
-        for (index, chain) in self.code.chains.iter().enumerate() {
-            let shifts = self.fixed.shifts[index];
+        for (chain, (shifts, wide)) in self.code.chains.iter().zip(&self.writes) {
             let products = chain.coefficients.start as usize..chain.coefficients.end as usize;
             let factors = chain.factors.start as usize..chain.factors.end as usize;
-            let rounded = if self.wide[index] {
+            let rounded = if *wide {
                 let mut sum = 0i128;
                 for i in products.start..factors.end {
                     let second = match self.code.factors[i] {

@@ -14,7 +14,7 @@ struct Pe {
     own: Vec<i64>,
     imported: Vec<i64>,
     /// Products on their way: the front one is accumulated next.
-    products: std::collections::VecDeque<i64>,
+    products: std::collections::VecDeque<i128>,
     accumulator: i128,
     accumulator_bits: u32,
     hold: i128,
@@ -191,8 +191,8 @@ impl<'a> Machine<'a> {
                 pe.hold = pe.accumulator;
                 pe.accumulator = 0;
             }
-            pe.accumulator = wrap(pe.accumulator + i128::from(product), pe.accumulator_bits);
-            pe.products.push_back((own_operand + imported_operand) * second);
+            pe.accumulator = wrap(pe.accumulator + product, pe.accumulator_bits);
+            pe.products.push_back(i128::from(own_operand + imported_operand) * i128::from(second));
         }
         self.cycle += 1;
         self.word += 1;

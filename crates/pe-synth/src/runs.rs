@@ -235,15 +235,10 @@ fn reference_run(
 }
 
 fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
-    let name = graph.value_name(diverged.value);
-    let equation = graph.value(diverged.value).equation;
-    let message = format!("`{name}` is no longer a finite number at t = {time:.6e} s");
-    let help = "the model or the step is unstable: try a smaller `--step`, then check the equation";
-    match graph.equations.get(equation as usize) {
-        Some(equation) => Diagnostic::error(codes::DIVERGED, equation.span, message),
-        None => Diagnostic::global(codes::DIVERGED, message),
-    }
-    .with_help(help)
+    let equation = &graph.equations[graph.value(diverged.value).equation as usize];
+    let message = format!("`{}` is no longer a finite number at t = {time:.6e} s", equation.name);
+    Diagnostic::error(codes::DIVERGED, equation.span, message)
+        .with_help("the model or the step is unstable: try a smaller `--step`, then check the equation")
 }
 
 /// Widens measured ranges to what the spec states and inputs can reach.
@@ -272,7 +267,7 @@ impl Saturated {
         let value = self.values[0];
         let equation = &graph.equations[graph.value(value).equation as usize];
         let time = self.step as f64 * model.step;
-        let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", graph.value_name(value));
+        let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", equation.name);
         Diagnostic::error(codes::SATURATED, equation.span, message)
             .with_help("rounding noise grows without bound: try more `--storage` bits or a wider `--multiplier`")
     }

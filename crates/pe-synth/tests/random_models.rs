@@ -2,73 +2,127 @@
 
 mod support;
 
-use pe_hls::formats::{self, Ranges};
-use pe_ir::mapping::Mapping;
 use pe_ir::model::Solver;
-use pe_ir::word::{Latency, WordFormat};
-use pe_sim::double::DoubleRun;
-use pe_sim::fixed::FixedRun;
+use pe_ir::program::{Layout, Program};
 use pe_sim::machine::Machine;
-use support::{FAMILIES, random_model};
+use support::flow::{Flow, Placement, Start, format};
+use support::{FAMILIES, Family};
 
-#[test]
-fn the_machine_computes_what_the_step_graph_says() {
-    for format in [
-        WordFormat { storage_bits: 32, guard_bits: 8, data_bits: 32, coefficient_bits: 32 },
-        WordFormat { storage_bits: 32, guard_bits: 8, data_bits: 25, coefficient_bits: 18 },
-    ] {
-        for family in FAMILIES {
-            for solver in [Solver::Euler, Solver::Rk4] {
-                for (seed, states, pes) in [(1, 3, 1), (2, 8, 3), (3, 30, 5), (4, 25, 11)] {
-                    let model = random_model(family, states, solver, seed);
-                    let graph = pe_hls::step::build(&model).unwrap();
-                    let mut run = DoubleRun::new(&graph);
-                    for step in 0..50 {
-                        run.step(&[model.inputs[0].waveform.at(step as f64 * model.step)]).unwrap();
+/// Steps of every comparison.
+const STEPS: u64 = 20;
+
+/// Widths, and the (states, PEs, placement) that each family runs in them. One PE, and more PEs than most models fill.
+const WIDE: [(u32, u32, u32); 2] = [(32, 32, 32), (32, 25, 18)];
+const SIZES: [(usize, u32, Placement); 4] =
+    [(3, 1, Placement::Scattered), (8, 3, Placement::Annealed), (30, 5, Placement::Scattered), (25, 11, Placement::Annealed)];
+const NARROW: [(u32, u32, u32); 4] = [(18, 18, 25), (18, 18, 18), (40, 35, 35), (17, 25, 18)];
+const NARROW_SIZES: [(usize, u32, Placement); 1] = [(12, 4, Placement::Annealed)];
+
+/// Runs `check` on every family, solver and width; prints how many words it compared.
+fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
+    let (mut designs, mut compared) = (0, 0);
+    let cases = [(&WIDE[..], &SIZES[..]), (&NARROW[..], &NARROW_SIZES[..])];
+    for (widths, sizes) in cases {
+        for (storage, data, coefficient) in widths {
+            for family in FAMILIES {
+                for solver in [Solver::Euler, Solver::Rk4] {
+                    for (seed, (states, pes, placement)) in (1..).zip(sizes) {
+                        let format = format(*storage, *data, *coefficient);
+                        let flow = Flow::random(family, (*states, *pes), solver, format, *placement, seed);
+                        let count = check(&flow);
+                        assert!(count > 0, "{}: nothing was compared", flow.label);
+                        designs += 1;
+                        compared += count;
                     }
-                    let ranges = Ranges { largest: run.largest().to_vec(), widened: vec![0; graph.values.len()] };
-                    let fixed = formats::choose(&graph, &ranges, format).unwrap();
-                    let equations = graph.equations.len() as u32;
-                    let mapping = Mapping { pes, pe_of: (0..equations).map(|e| e * 7919 % pes).collect() };
-                    let latency = Latency::of(&format);
-                    let schedule = pe_hls::schedule::schedule(&graph, &mapping, latency);
-                    let bound = pe_hls::schedule::Bound::of(&graph, pes, latency).binding().0;
-                    let violations = pe_ir::verify::schedule::check(&graph, &mapping, &schedule, latency);
-                    assert!(violations.is_empty(), "{family:?} {solver:?} {seed}: {violations:#?}");
-                    let program = pe_hls::assemble::assemble(&model, &graph, &fixed, &mapping, &schedule);
-                    let violations = pe_ir::verify::program::check(&program, &graph, &fixed, 3);
-                    assert!(violations.is_empty(), "{family:?} {solver:?} {seed}: {violations:#?}");
-                    let mut machine = Machine::new(&program);
-                    let mut reference = FixedRun::new(&graph, &fixed);
-                    let mut lines = 0;
-                    let mut worst = 0.0f64;
-                    let mut run = DoubleRun::new(&graph);
-                    for step in 0..20 {
-                        let input = model.inputs[0].waveform.at(step as f64 * model.step);
-                        let word = reference.encode_input(0, input).0;
-                        reference.step(&[word]);
-                        run.step(&[input]).unwrap();
-                        machine.step(&[word], &mut |_| lines += 1);
-                        for (index, (state, _)) in graph.states.iter().enumerate() {
-                            assert_eq!(
-                                machine.state(index),
-                                reference.word(*state),
-                                "{family:?} {solver:?} step {step}"
-                            );
-                            worst = worst
-                                .max((run.state(index) - reference.state(index)).abs() / run.largest()[state.index()]);
-                        }
-                    }
-                    println!(
-                        "{family:?} {solver:?} {states}/{pes}: period {} bound {bound} macs {} error {worst:e} own {} imp {}",
-                        schedule.period,
-                        graph.macs(),
-                        program.pes[0].features.own_words,
-                        program.pes[0].features.imported_words
-                    );
-                    assert_eq!(lines, program.writes_per_step() * 20);
                 }
             }
         }
     }
+    println!("{what}: {designs} designs, {compared} comparisons");
+}
+
+/// Compares state words and outputs of machine and fixed-point run, step after step; returns the words compared.
+fn compare_steps(flow: &Flow, start: &Start) -> u64 {
+    let mut machine = Machine::new(&start.program);
+    let mut reference = flow.fixed_run(start.step);
+    let (mut lines, mut compared) = (0, 0);
+    for (step, inputs) in start.stimulus.iter().enumerate() {
+        reference.step(inputs);
+        machine.step(inputs, &mut |_| lines += 1);
+        for (index, (state, _)) in flow.graph.states.iter().enumerate() {
+            let place = format!("{}, {}, step {step}, state {index}", flow.label, start.name);
+            assert_eq!(machine.state(index), reference.word(*state), "{place}");
+            compared += 1;
+        }
+        for (output, value) in flow.graph.outputs.iter().enumerate() {
+            let word = pe_sim::machine::output_word(&flow.fixed.format, reference.word(*value));
+            assert_eq!(machine.outputs()[output], word, "{}, {}, output {output}", flow.label, start.name);
+            compared += 1;
+        }
+    }
+    let expected = start.program.writes_per_step() * start.stimulus.len() as u64;
+    assert_eq!(lines, expected, "{}: memory writes", flow.label);
+    compared
+}
+
+#[test]
+fn the_machine_computes_what_the_step_graph_says_from_the_beginning_and_from_the_middle() {
+    on_all_designs("machine = fixed point", |flow| {
+        compare_steps(flow, &flow.beginning(STEPS)) + compare_steps(flow, &flow.middle(STEPS))
+    });
+}
+
+#[test]
+fn a_run_from_the_middle_is_the_rest_of_a_run_from_the_beginning() {
+    // The patched images must stand for all that a step leaves behind, in odd steps of swapping buffers as well.
+    for (family, solver) in [(Family::Shared, Solver::Rk4), (Family::Affine, Solver::Euler)] {
+        let flow = Flow::random(family, (9, 3), solver, format(32, 25, 18), Placement::Annealed, 5);
+        let middle = flow.middle(STEPS);
+        let whole = flow.beginning(middle.step + STEPS);
+        let (mut late, mut early) = (Machine::new(&middle.program), Machine::new(&whole.program));
+        for (step, inputs) in whole.stimulus.iter().enumerate() {
+            early.step(inputs, &mut |_| {});
+            if step as u64 >= middle.step {
+                late.step(inputs, &mut |_| {});
+                assert_eq!(late.outputs(), early.outputs(), "{}, step {step}", flow.label);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_program_survives_its_text() {
+    on_all_designs("text form", |flow| {
+        let text = flow.program.to_string();
+        let parsed: Program = text.parse().unwrap_or_else(|error| panic!("{}: {error}", flow.label));
+        assert!(parsed.to_string() == text, "{}: the text of the parsed program differs", flow.label);
+        assert_eq!(parsed.format, flow.program.format);
+        assert_eq!(parsed.states, flow.program.states, "{}", flow.label);
+        let mut compared = 0;
+        for (is, should) in parsed.pes.iter().zip(&flow.program.pes) {
+            assert_eq!(is.features, should.features, "{}", flow.label);
+            assert_eq!(is.ports, should.ports, "{}", flow.label);
+            assert_eq!(is.words, should.words, "{}", flow.label);
+            assert_eq!(is.own_image, should.own_image, "{}", flow.label);
+            assert_eq!(is.imported_image, should.imported_image, "{}", flow.label);
+            compared += is.words.len() + is.own_image.len() + is.imported_image.len();
+        }
+        assert_eq!(parsed.pes.len(), flow.program.pes.len(), "{}", flow.label);
+        compared as u64
+    });
+}
+
+#[test]
+fn a_control_word_survives_its_bits() {
+    on_all_designs("control words", |flow| {
+        let mut compared = 0;
+        for pe in &flow.program.pes {
+            let layout = Layout::new(&pe.features, &flow.program.format);
+            for word in &pe.words {
+                assert_eq!(layout.decode(layout.encode(word)), *word, "{}", flow.label);
+                compared += 1;
+            }
+        }
+        compared
+    });
 }

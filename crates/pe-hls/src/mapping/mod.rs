@@ -3,8 +3,9 @@
 //! Goes in: loads and dependencies of the equations ([`Problem`]) and a number of PEs. Comes out: mappings that use
 //! every PE, annealed from several starts, the best one first. What counts is the largest load of a PE (the cycles of
 //! a step, as transfers overlap with computation) times the number of connections, the objective of Huang, Vahid and
-//! Givargis, "Synthesis of networks of custom processing elements for real-time physical system emulation" (2013),
-//! doi 10.1145/2514641.2514650, section 5.2; in-degrees above the limit count before either.
+//! Givargis, "Automatic Synthesis of Physical System Differential Equation Models to a Custom Network of General
+//! Processing Elements on FPGAs", ACM TECS 13(2), article 23 (2013), doi 10.1145/2514641.2514650, section 5.2;
+//! in-degrees above the limit count before either.
 //!
 //! Their annealer begins at a random mapping. That start is kept; beside it stand starts found from the structure of
 //! the dependency graph (runs of linear orders, recursive bisection), which already have few connections on chains,

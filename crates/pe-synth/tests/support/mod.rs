@@ -1,5 +1,10 @@
 //! Random models for tests: seeded, stable, and shaped to hit every feature of the hardware.
 
+// Every test file compiles all of this and uses a part.
+#![allow(dead_code)]
+
+pub mod flow;
+
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
 use pe_ir::source::Span;
 use rand::{Rng, RngExt, SeedableRng};

@@ -1,0 +1,175 @@
+//! A random model taken through the stages, so that a test can look at every result on the way.
+
+use pe_hls::formats::{self, Ranges};
+use pe_hls::mapping::{MapOptions, Problem};
+use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::mapping::Mapping;
+use pe_ir::model::{Model, Solver};
+use pe_ir::program::Program;
+use pe_ir::schedule::Schedule;
+use pe_ir::verify;
+use pe_ir::word::{Latency, WordFormat};
+use pe_sim::double::DoubleRun;
+use pe_sim::fixed::FixedRun;
+use pe_synth::runs;
+
+use super::{Family, random_model};
+
+/// Widths with 8 guard bits.
+pub const fn format(storage_bits: u32, data_bits: u32, coefficient_bits: u32) -> WordFormat {
+    WordFormat { storage_bits, guard_bits: WordFormat::GUARD_BITS, data_bits, coefficient_bits }
+}
+
+/// How equations get to PEs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Placement {
+    /// The annealer with a small budget.
+    Annealed,
+    /// Scattered without regard to what reads what: the schedule must be right for any mapping.
+    Scattered,
+}
+
+/// Fixed-point steps before a design's middle.
+const MIDDLE: u64 = 25;
+
+/// Largest in-degree that a mapping may have in these tests.
+const MAX_IN_DEGREE: u32 = 30;
+
+/// A random model and what every stage made of it.
+pub struct Flow {
+    /// What it is, for messages.
+    pub label: String,
+    pub model: Model,
+    pub graph: StepGraph,
+    pub fixed: FixedPoint,
+    pub mapping: Mapping,
+    pub schedule: Schedule,
+    pub program: Program,
+}
+
+/// A start of a run: a program with its images and the inputs of the steps from there.
+pub struct Start {
+    pub name: &'static str,
+    pub program: Program,
+    pub stimulus: Vec<Vec<i64>>,
+    /// Steps that were done before.
+    pub step: u64,
+}
+
+impl Flow {
+    /// Runs all stages; panics if an independent checker objects.
+    pub fn random(
+        family: Family,
+        (states, pes): (usize, u32),
+        solver: Solver,
+        format: WordFormat,
+        placement: Placement,
+        seed: u64,
+    ) -> Flow {
+        let label = format!(
+            "{family:?} {solver:?} {}x{} storage {}, {states} states on {pes} PEs, {placement:?}, seed {seed}",
+            format.data_bits, format.coefficient_bits, format.storage_bits
+        );
+        let model = random_model(family, states, solver, seed);
+        Flow::of(label, model, pes, format, placement)
+    }
+
+    /// The same for a given model.
+    pub fn of(label: String, model: Model, pes: u32, format: WordFormat, placement: Placement) -> Flow {
+        let graph = pe_hls::step::build(&model).unwrap_or_else(|error| panic!("{label}: {error:?}"));
+        let fixed = settled(&label, &model, &graph, format);
+        let pes = pes.min(graph.equations.len() as u32);
+        let mapping = place(&label, &graph, pes, placement);
+        let latency = Latency::of(&format);
+        let schedule = pe_hls::schedule::schedule(&graph, &mapping, latency);
+        let bound = pe_hls::schedule::Bound::of(&graph, pes, latency).binding().0;
+        assert!(schedule.period >= bound, "{label}: {} words, fewer than the bound of {bound}", schedule.period);
+        assert_clean(&label, &verify::schedule::check(&graph, &mapping, &schedule, latency));
+        let program = pe_hls::assemble::assemble(&model, &graph, &fixed, &mapping, &schedule);
+        assert_clean(&label, &verify::program::check(&program, &graph, &fixed, 3));
+        Flow { label, model, graph, fixed, mapping, schedule, program }
+    }
+
+    /// Input port words of a step.
+    pub fn inputs(&self, run: &FixedRun, step: u64) -> Vec<i64> {
+        runs::port_words(&self.model, run, step)
+    }
+
+    /// The run from the initial values.
+    pub fn beginning(&self, steps: u64) -> Start {
+        let run = FixedRun::new(&self.graph, &self.fixed);
+        let stimulus = (0..steps).map(|step| self.inputs(&run, step)).collect();
+        Start { name: "beginning", program: self.program.clone(), stimulus, step: 0 }
+    }
+
+    /// The run from the middle: images hold the states that the fixed-point run has reached there.
+    pub fn middle(&self, steps: u64) -> Start {
+        let run = self.fixed_run(MIDDLE);
+        let mut program = self.program.clone();
+        for (register, (state, _)) in program.states.iter().zip(&self.graph.states) {
+            register.set(&mut program.pes, &program.format, run.word(*state));
+        }
+        let stimulus = (MIDDLE..MIDDLE + steps).map(|step| self.inputs(&run, step)).collect();
+        Start { name: "middle", program, stimulus, step: MIDDLE }
+    }
+
+    /// The fixed-point run after some steps.
+    pub fn fixed_run(&self, steps: u64) -> FixedRun<'_> {
+        let mut run = FixedRun::new(&self.graph, &self.fixed);
+        for step in 0..steps {
+            let inputs = self.inputs(&run, step);
+            run.step(&inputs);
+        }
+        run
+    }
+}
+
+/// Panics with the findings of a checker, if there are any.
+pub fn assert_clean(label: &str, violations: &[String]) {
+    assert!(violations.is_empty(), "{label}: {violations:#?}");
+}
+
+/// Formats for the ranges of a run in double precision, widened until the fixed-point run does not saturate.
+fn settled(label: &str, model: &Model, graph: &StepGraph, format: WordFormat) -> FixedPoint {
+    const STEPS: u64 = 60;
+    let mut run = DoubleRun::new(graph);
+    for step in 0..STEPS {
+        let inputs: Vec<f64> = model.inputs.iter().map(|i| i.waveform.at(step as f64 * model.step)).collect();
+        run.step(&inputs).unwrap_or_else(|error| panic!("{label}: {error:?}"));
+    }
+    let mut ranges = Ranges { largest: run.largest().to_vec(), widened: vec![0; graph.values.len()] };
+    for (input, value) in model.inputs.iter().zip(&graph.inputs) {
+        let (low, high) = input.waveform.bounds();
+        ranges.largest[value.index()] = low.abs().max(high.abs());
+    }
+    for _ in 0..8 {
+        let fixed = formats::choose(graph, &ranges, format).unwrap_or_else(|error| panic!("{label}: {error:?}"));
+        let mut run = FixedRun::new(graph, &fixed);
+        for step in 0..STEPS {
+            let words = runs::port_words(model, &run, step);
+            run.step(&words);
+        }
+        if run.saturations().iter().all(|count| *count == 0) {
+            return fixed;
+        }
+        for (widened, count) in ranges.widened.iter_mut().zip(run.saturations()) {
+            *widened += i32::from(*count > 0);
+        }
+    }
+    panic!("{label}: saturates however wide");
+}
+
+fn place(label: &str, graph: &StepGraph, pes: u32, placement: Placement) -> Mapping {
+    let equations = graph.equations.len() as u32;
+    match placement {
+        Placement::Scattered => Mapping { pes, pe_of: (0..equations).map(|e| e * 7919 % pes).collect() },
+        Placement::Annealed => {
+            let options = MapOptions { pes, seed: 1, tries: 2_000, max_in_degree: MAX_IN_DEGREE };
+            let candidates = pe_hls::mapping::map(&Problem::of(graph), &options)
+                .unwrap_or_else(|error| panic!("{label}: {error}"));
+            let best = &candidates[0];
+            assert_clean(label, &verify::mapping::check(graph, &best.mapping, &best.cost, MAX_IN_DEGREE));
+            best.mapping.clone()
+        }
+    }
+}
