@@ -1,0 +1,90 @@
+#!/usr/bin/env bash
+# Runs every check of the project on Debian 12 or later, and installs what they need.
+#
+#   testbenches/test-all.sh
+#
+# Needs Rust with rustfmt and clippy (https://rustup.rs), and root or sudo if Debian packages are missing. A missing
+# tool is an error; nothing is skipped. Works from any directory.
+set -euo pipefail
+trap 'status=$?; ((status == 0)) || echo "test-all: failed during: ${section:-start}" >&2; exit "$status"' EXIT
+
+cd "$(dirname "$(realpath "$0")")/.."
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+
+begin() {
+  section=$1
+  printf '\n== %s (%d s)\n' "$section" "$SECONDS"
+}
+
+fail() {
+  echo "test-all: $1" >&2
+  exit 1
+}
+
+begin tools
+if [[ -f ~/.cargo/env ]]; then
+  # shellcheck disable=SC1090
+  source ~/.cargo/env
+fi
+command -v cargo > /dev/null && command -v rustc > /dev/null || fail 'Rust is missing: see https://rustup.rs'
+cargo fmt --version || fail 'rustfmt is missing: rustup component add rustfmt'
+cargo clippy --version || fail 'clippy is missing: rustup component add clippy'
+
+has_venv() {
+  python3 -c 'import ensurepip, venv' 2> /dev/null
+}
+packages=()
+for pair in ghdl:ghdl verilator:verilator g++:g++ make:make python3:python3; do
+  command -v "${pair%%:*}" > /dev/null || packages+=("${pair#*:}")
+done
+has_venv || packages+=(python3-venv)
+if ((${#packages[@]} > 0)); then
+  command -v apt-get > /dev/null || fail "missing: ${packages[*]}; there is no apt-get to install them with"
+  as_root=()
+  if ((EUID != 0)); then
+    command -v sudo > /dev/null || fail "missing: ${packages[*]}; run as root or install sudo"
+    as_root=(sudo)
+  fi
+  "${as_root[@]}" apt-get update
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "${packages[@]}"
+fi
+for tool in ghdl verilator g++ make python3; do
+  command -v "$tool" > /dev/null || fail "$tool is still missing"
+done
+has_venv || fail 'python3 has no venv module'
+# Not `head`: a closed pipe would fail the writer.
+ghdl --version | sed -n 1p
+verilator --version
+
+# The VHDL linter, in the version whose rules hdl/vsg.yml was written for.
+vsg_version=3.35.0
+venv=$target/venv
+if [[ $("$venv/bin/python" -m pip show vsg 2> /dev/null | sed -n 's/^Version: //p') != "$vsg_version" ]]; then
+  python3 -m venv --clear "$venv"
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "vsg==$vsg_version"
+fi
+lint() {
+  "$venv/bin/vsg" -c hdl/vsg.yml -of syntastic -f "$@"
+}
+
+begin 'rustfmt'
+cargo fmt --all --check
+
+begin 'clippy'
+cargo clippy --workspace --all-targets --locked -- -D warnings
+
+begin 'cargo test'
+cargo test --workspace --locked
+
+begin 'test benches of the VHDL entities'
+testbenches/run.sh
+
+begin 'layout of the VHDL'
+lint hdl/*.vhd testbenches/*.vhd
+
+begin 'layout of generated VHDL'
+design=$target/lint/lotka_volterra
+cargo run --locked --quiet -- compile models/lotka_volterra/lotka_volterra.spec --pes 2 --quiet -o "$design"
+lint "$design"/*.vhd
+
+begin 'done'
