@@ -55,24 +55,38 @@ architecture rtl of pe is
   constant SHIFTED_BITS : positive := ACCUMULATOR_BITS - smallest(SHIFTS) + 1;
   constant SUM_BITS     : positive := larger(WORD_BITS + 1, SHIFTED_BITS) + 1;
 
-  -- Up to four shift positions cost one six-input lookup table per bit, and the adder's tables have room for one
-  -- more choice of two; so two positions, or the top half of more than four, are chosen at the adder.
+  -- A six-input lookup table chooses among four shift positions, and the adder's tables have room for one more choice
+  -- among three registers. So the positions go in groups of at most four to up to three registers; groups of one cost
+  -- no table.
   constant SHIFT_COUNT : positive := SHIFTS'length;
   constant SHIFT_BITS  : natural  := index_bits(SHIFT_COUNT);
 
-  function low_shift_count return positive is
+  function first_of_mid return positive is
   begin
 
-    if (SHIFT_COUNT = 2 or SHIFT_COUNT > 4) then
-      return 2 ** (SHIFT_BITS - 1);
+    if (SHIFT_COUNT <= 3) then
+      return 1;
     end if;
 
-    return SHIFT_COUNT;
+    return 4;
 
-  end function low_shift_count;
+  end function first_of_mid;
 
-  constant LOW_SHIFTS  : positive := low_shift_count;
-  constant HIGH_SHIFTS : natural  := SHIFT_COUNT - LOW_SHIFTS;
+  function first_of_high return positive is
+  begin
+
+    if (SHIFT_COUNT = 3 or SHIFT_COUNT = 6) then
+      return SHIFT_COUNT - 1;
+    end if;
+
+    return 8;
+
+  end function first_of_high;
+
+  constant FIRST_MID   : positive := first_of_mid;
+  constant FIRST_HIGH  : positive := first_of_high;
+  constant HIGH_SHIFTS : natural  := larger(SHIFT_COUNT - FIRST_HIGH, 0);
+  constant MID_SHIFTS  : natural  := larger(SHIFT_COUNT - FIRST_MID, 0) - HIGH_SHIFTS;
 
   -- The shifted sums of `count` shift positions from `first` on, the first one rightmost.
 
@@ -124,7 +138,9 @@ architecture rtl of pe is
   signal offset   : std_ulogic_vector(WORD_BITS - 1 downto 0);
   signal base     : std_ulogic_vector(WORD_BITS - 1 downto 0);
   signal low_sum  : std_ulogic_vector(SHIFTED_BITS - 1 downto 0) := (others => '0');
+  signal mid_sum  : std_ulogic_vector(SHIFTED_BITS - 1 downto 0) := (others => '0');
   signal high_sum : std_ulogic_vector(SHIFTED_BITS - 1 downto 0) := (others => '0');
+  signal use_mid  : std_ulogic                                   := '0';
   signal use_high : std_ulogic                                   := '0';
 
   -- Write group
@@ -285,18 +301,33 @@ begin
 
   p_scale : process (clk_i) is
 
-    variable index : std_ulogic_vector(larger(SHIFT_BITS, 1) - 1 downto 0);
+    variable index : unsigned(larger(SHIFT_BITS, 1) - 1 downto 0);
 
   begin
 
     if rising_edge(clk_i) then
       if (advance_i = '1') then
-        index   := bits(control_i, LAYOUT.shift, larger(SHIFT_BITS, 1));
-        low_sum <= chosen(shifted(hold, 0, LOW_SHIFTS), index, SHIFTED_BITS);
+        index   := unsigned(bits(control_i, LAYOUT.shift, larger(SHIFT_BITS, 1)));
+        low_sum <= chosen(shifted(hold, 0, FIRST_MID), std_ulogic_vector(index), SHIFTED_BITS);
+
+        -- Groups of more than one position begin at multiples of four, so the index's low bits are theirs.
+        if (MID_SHIFTS > 0) then
+          mid_sum <= chosen(shifted(hold, FIRST_MID, larger(MID_SHIFTS, 1)), std_ulogic_vector(index), SHIFTED_BITS);
+          use_mid <= '0';
+
+          if (index >= FIRST_MID) then
+            use_mid <= '1';
+          end if;
+        end if;
 
         if (HIGH_SHIFTS > 0) then
-          high_sum <= chosen(shifted(hold, LOW_SHIFTS, larger(HIGH_SHIFTS, 1)), index, SHIFTED_BITS);
-          use_high <= index(index'high);
+          high_sum <= chosen(shifted(hold, FIRST_HIGH, larger(HIGH_SHIFTS, 1)), std_ulogic_vector(index - FIRST_HIGH),
+                             SHIFTED_BITS);
+          use_high <= '0';
+
+          if (index >= FIRST_HIGH) then
+            use_high <= '1';
+          end if;
         end if;
       end if;
     end if;
@@ -314,6 +345,8 @@ begin
       if (advance_i = '1') then
         if (HIGH_SHIFTS > 0 and use_high = '1') then
           increment := signed(high_sum);
+        elsif (MID_SHIFTS > 0 and use_mid = '1') then
+          increment := signed(mid_sum);
         else
           increment := signed(low_sum);
         end if;

@@ -33,11 +33,25 @@ end entity pe_ram;
 
 architecture rtl of pe_ram is
 
-  type memory_t is array (WORDS - 1 downto 0) of std_ulogic_vector(WORD_BITS - 1 downto 0);
+  -- GHDL 2.0 synthesises an initial content of exactly 64 bits as 0 if its lower half is 0; words that no address
+  -- reaches avoid that.
+
+  function depth return positive is
+  begin
+
+    if (WORDS * WORD_BITS = 64) then
+      return 2 * WORDS;
+    end if;
+
+    return WORDS;
+
+  end function depth;
+
+  type memory_t is array (depth - 1 downto 0) of std_ulogic_vector(WORD_BITS - 1 downto 0);
 
   function initial_memory return memory_t is
 
-    variable memory : memory_t;
+    variable memory : memory_t := (others => (others => '0'));
 
   begin
 

@@ -52,9 +52,17 @@ fn half(bits: u32) -> i64 {
     if bits == 0 { 0 } else { 1 << (bits - 1) }
 }
 
+/// Holds every product and sum of this design.
+type Sum = {{ sum_type }};
+
 /// The low `bits` of a value as a signed number.
 fn signed(value: i64, bits: u32) -> i64 {
     (value << (64 - bits)) >> (64 - bits)
+}
+
+/// The same of a sum.
+fn wrapped(value: Sum, bits: u32) -> Sum {
+    (value << (Sum::BITS - bits)) >> (Sum::BITS - bits)
 }
 
 fn unsigned(value: i64, bits: u32) -> u64 {
@@ -160,11 +168,11 @@ struct Pe {
     imported: Vec<i64>,
     accumulator_bits: u32,
     /// Products between operand and product register.
-    products: [i64; MULTIPLIER_LATENCY + 1],
-    accumulator: i64,
-    hold: i64,
+    products: [Sum; MULTIPLIER_LATENCY + 1],
+    accumulator: Sum,
+    hold: Sum,
     base: i64,
-    shifted: i64,
+    shifted: Sum,
     word: i64,
     saturated: bool,
     overflow: bool,
@@ -274,7 +282,7 @@ impl Network {
             pe.base = base;
             pe.shifted = match word.shift {
                 0 => pe.hold,
-                shift => ((pe.hold >> (shift - 1).min(63)) + 1) >> 1,
+                shift => ((pe.hold >> (shift - 1)) + 1) >> 1,
             };
             // Accumulate group.
             let product = pe.products[MULTIPLIER_LATENCY];
@@ -283,10 +291,10 @@ impl Network {
                 pe.hold = kept;
                 kept = 0;
             }
-            pe.accumulator = signed(kept.wrapping_add(product), pe.accumulator_bits);
+            pe.accumulator = wrapped(kept.wrapping_add(product), pe.accumulator_bits);
             // Operand group.
             pe.products.copy_within(0..MULTIPLIER_LATENCY, 1);
-            pe.products[0] = (own + imported).wrapping_mul(multiplier);
+            pe.products[0] = Sum::from(own + imported) * Sum::from(multiplier);
             // Write group.
             if word.send {
                 self.links[index] = result >> (WORD_BITS - DATA_BITS);

@@ -74,6 +74,7 @@ codes! {
     TOO_MANY_PRODUCTS = "E0801", "equation expands to too many products";
     NO_FORMAT = "E0802", "no number format fits";
     ACCUMULATOR = "E0803", "products do not fit the accumulator";
+    IN_DEGREE = "E0804", "more input ports than a PE may have";
 
     DIVERGED = "E0901", "value not finite during the run";
     SATURATED = "E0902", "value saturates however wide its range";

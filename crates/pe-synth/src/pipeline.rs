@@ -3,8 +3,10 @@
 use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
-use pe_hls::mapping::{self, Candidate, MapOptions, Problem};
+use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem};
+
 use pe_hls::schedule::Bound;
+use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::mapping::{Mapping, MappingCost};
 use pe_ir::model::Model;
@@ -125,9 +127,20 @@ pub fn design(
         .map_err(spec)?;
     print_findings(&judged.warnings, &loaded.source, options.message_format);
     let problem = Problem::of(&graph);
-    let pes = options.pes.unwrap_or_else(|| default_pes(&graph));
     let latency = Latency::of(&format);
-    let candidates = map(&problem, pes, options, mapping_options, watch)?;
+    let mapped = watch.stage(
+        "map",
+        || map(&problem, &graph, options, mapping_options),
+        |candidates| match candidates {
+            Ok(candidates) => {
+                let pes = candidates[0].mapping.pes;
+                format!("{} equations on {pes} PEs, {} starts", problem.equations(), candidates.len())
+            }
+            Err(_) => "impossible".to_owned(),
+        },
+    );
+    let candidates = mapped.map_err(|error| map_failure(error, &graph, loaded))?;
+    let pes = candidates[0].mapping.pes;
     let schedules: Vec<Schedule> = watch.stage(
         "schedule",
         || candidates.iter().map(|candidate| pe_hls::schedule::schedule(&graph, &candidate.mapping, latency)).collect(),
@@ -196,29 +209,39 @@ pub fn default_pes(graph: &StepGraph) -> u32 {
     slots.div_ceil(DEFAULT_SLOTS_PER_PE).clamp(1, graph.equations.len() as u64) as u32
 }
 
+/// Maps the equations. A default number of PEs is halved as long as some PE would need too many input ports.
 fn map(
     problem: &Problem,
-    pes: u32,
+    graph: &StepGraph,
     options: &ModelOptions,
     mapping_options: &MappingOptions,
-    watch: &mut Stopwatch,
-) -> Result<Vec<Candidate>, Failure> {
-    let equations = problem.equations();
-    let map_options = MapOptions {
-        pes,
+) -> Result<Vec<Candidate>, MapError> {
+    let mut map_options = MapOptions {
+        pes: options.pes.unwrap_or_else(|| default_pes(graph)),
         seed: options.seed,
-        tries: mapping_options.tries.unwrap_or_else(|| MapOptions::default_tries(equations)),
+        tries: mapping_options.tries.unwrap_or_else(|| MapOptions::default_tries(problem.equations())),
         max_in_degree: mapping_options.max_in_degree,
     };
-    let candidates = watch.stage(
-        "map",
-        || mapping::map(problem, &map_options),
-        |candidates| match candidates {
-            Ok(candidates) => format!("{equations} equations on {pes} PEs, {} starts", candidates.len()),
-            Err(_) => "impossible".to_owned(),
-        },
-    );
-    candidates.map_err(|error| Failure::Usage(error.to_string()))
+    loop {
+        match mapping::map(problem, &map_options) {
+            Err(MapError::InDegree { .. }) if options.pes.is_none() && map_options.pes > 1 => map_options.pes /= 2,
+            result => return result,
+        }
+    }
+}
+
+/// A mapping error as the user gets it.
+fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Failure {
+    match error {
+        MapError::Pes { .. } => Failure::Usage(error.to_string()),
+        MapError::InDegree { pe, equation, degree, limit } => {
+            let equation = &graph.equations[equation as usize];
+            let message = format!("PE {pe}, which computes `{}`, needs {degree} input ports of {limit}", equation.name);
+            let finding = Diagnostic::error(codes::IN_DEGREE, equation.span, message)
+                .with_help("use fewer PEs with `--pes`, or allow more ports with `--max-in-degree`");
+            Failure::Spec(vec![finding], loaded.source.clone())
+        }
+    }
 }
 
 /// Candidates from best to worst: cycles x connections (the paper's objective) among the fastest.

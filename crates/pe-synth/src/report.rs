@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use pe_hls::mapping::RANDOM;
 use pe_ir::graph::Role;
 use pe_ir::mapping::MappingCost;
 use pe_ir::model::Model;
@@ -9,7 +10,7 @@ use pe_ir::program::{LinkSource, Program};
 use serde_json::{Value, json};
 
 use crate::area::{self, Area};
-use crate::pipeline::{Design, Stopwatch, multiplier_name};
+use crate::pipeline::{Design, StartResult, Stopwatch, multiplier_name};
 
 /// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
 pub const ASSUMED_CLOCK_MHZ: f64 = 150.0;
@@ -183,6 +184,19 @@ fn peak_memory_mb() -> Option<f64> {
     line.split_ascii_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
 }
 
+/// Best start and random start side by side.
+fn mapping_row(design: &Design) -> String {
+    let figure = |start: &StartResult| {
+        format!("{}: {} cycles, {} connections", start.start, start.period, start.after.connections)
+    };
+    let random = design.starts.iter().find(|start| start.start == RANDOM);
+    let best = &design.starts[0];
+    match random {
+        Some(random) if best.start != RANDOM => format!("{}; annealed from {}", figure(best), figure(random)),
+        _ => format!("annealed from {}", figure(best)),
+    }
+}
+
 /// The summary table.
 pub fn table(model: &Model, design: &Design, clock: Clock) -> String {
     let program = &design.program;
@@ -203,6 +217,7 @@ pub fn table(model: &Model, design: &Design, clock: Clock) -> String {
                 sizes.max_in_degree
             ),
         ),
+        ("mapping", mapping_row(design)),
         (
             "word",
             format!(

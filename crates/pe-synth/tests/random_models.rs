@@ -13,8 +13,12 @@ const STEPS: u64 = 20;
 
 /// Widths, and the (states, PEs, placement) that each family runs in them. One PE, and more PEs than most models fill.
 const WIDE: [(u32, u32, u32); 2] = [(32, 32, 32), (32, 25, 18)];
-const SIZES: [(usize, u32, Placement); 4] =
-    [(3, 1, Placement::Scattered), (8, 3, Placement::Annealed), (30, 5, Placement::Scattered), (25, 11, Placement::Annealed)];
+const SIZES: [(usize, u32, Placement); 4] = [
+    (3, 1, Placement::Scattered),
+    (8, 3, Placement::Annealed),
+    (30, 5, Placement::Scattered),
+    (25, 11, Placement::Annealed),
+];
 const NARROW: [(u32, u32, u32); 4] = [(18, 18, 25), (18, 18, 18), (40, 35, 35), (17, 25, 18)];
 const NARROW_SIZES: [(usize, u32, Placement); 1] = [(12, 4, Placement::Annealed)];
 

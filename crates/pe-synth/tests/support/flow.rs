@@ -165,8 +165,8 @@ fn place(label: &str, graph: &StepGraph, pes: u32, placement: Placement) -> Mapp
         Placement::Scattered => Mapping { pes, pe_of: (0..equations).map(|e| e * 7919 % pes).collect() },
         Placement::Annealed => {
             let options = MapOptions { pes, seed: 1, tries: 2_000, max_in_degree: MAX_IN_DEGREE };
-            let candidates = pe_hls::mapping::map(&Problem::of(graph), &options)
-                .unwrap_or_else(|error| panic!("{label}: {error}"));
+            let candidates =
+                pe_hls::mapping::map(&Problem::of(graph), &options).unwrap_or_else(|error| panic!("{label}: {error}"));
             let best = &candidates[0];
             assert_clean(label, &verify::mapping::check(graph, &best.mapping, &best.cost, MAX_IN_DEGREE));
             best.mapping.clone()

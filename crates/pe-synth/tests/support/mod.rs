@@ -3,7 +3,10 @@
 // Every test file compiles all of this and uses a part.
 #![allow(dead_code)]
 
+pub mod bench;
+pub mod faults;
 pub mod flow;
+pub mod models;
 
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
 use pe_ir::source::Span;

@@ -1,0 +1,289 @@
+//! The command line as a user meets it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+/// A folder of this test's own, empty at first.
+fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("cli").join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn model(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models").join(name).join(format!("{name}.spec"))
+}
+
+fn pe_synth() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_pe-synth"))
+}
+
+fn compile(spec: &Path, target: &Path, options: &[&str]) -> Output {
+    pe_synth().arg("compile").arg(spec).arg("-o").arg(target).args(options).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Compiles a spec that must be refused; nothing may be left beside it.
+fn refused(name: &str, text: &str, options: &[&str]) -> String {
+    let home = folder(name);
+    let spec = home.join("m.spec");
+    fs::write(&spec, text).unwrap();
+    let output = compile(&spec, &home.join("out"), options);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    let left: Vec<_> = fs::read_dir(&home).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["m.spec"], "something was written");
+    stderr(&output)
+}
+
+const HEAD: &str = "solver rk4\nstep 1 ms\nspan 1 s\n";
+
+#[test]
+fn the_same_command_writes_the_same_bytes() {
+    let home = folder("same");
+    let folders = ["a", "b"].map(|name| home.join(name));
+    for target in &folders {
+        let output = compile(&model("weibel5"), target, &["--pes", "7", "--multiplier", "25x18", "--span", "50ms"]);
+        assert!(output.status.success(), "{}", stderr(&output));
+    }
+    let mut names: Vec<_> = fs::read_dir(&folders[0]).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert!(names.len() > 12, "{names:?}");
+    for name in names.iter().filter(|name| *name != "report-timing.json" && *name != "hdl") {
+        let [a, b] = folders.each_ref().map(|folder| fs::read(folder.join(name)).unwrap());
+        assert!(a == b, "{} differs", name.to_string_lossy());
+    }
+}
+
+#[test]
+fn the_report_has_every_promised_key() {
+    let home = folder("report");
+    let output = compile(&model("lorenz"), &home.join("out"), &["--span", "1s"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let read = |name: &str| -> Value {
+        serde_json::from_str(&fs::read_to_string(home.join("out").join(name)).unwrap()).unwrap()
+    };
+    let report = read("report.json");
+    for path in [
+        "model",
+        "odes",
+        "pes",
+        "solver",
+        "step_s",
+        "cycles_per_step",
+        "macs_per_step",
+        "bound_cycles",
+        "connections",
+        "max_in_degree",
+        "transfers_per_step",
+        "distinct_programs",
+        "word/storage_bits",
+        "word/mul_a_bits",
+        "word/mul_b_bits",
+        "word/dsp_per_pe",
+        "instruction_words_max",
+        "data_words_max",
+        "area/lut",
+        "area/ff",
+        "area/dsp",
+        "area/bram18",
+        "area/basis",
+        "clock/mhz",
+        "clock/basis",
+        "time_per_simulated_second_ms",
+        "error/worst_state",
+        "error/total",
+        "error/method",
+        "error/word_length",
+        "error/coefficient",
+        "error/function",
+        "error/input_hold",
+        "saturations",
+        "left_out",
+        "seed",
+        "command",
+    ] {
+        assert!(report.pointer(&format!("/{path}")).is_some(), "report.json lacks {path}");
+    }
+    let timing = read("report-timing.json");
+    assert!(timing["seconds"]["map"].is_number() && timing["peak_memory_mb"].is_number());
+}
+
+#[test]
+fn wrong_options_exit_with_2() {
+    let target = folder("options").join("out");
+    let cases: [&[&str]; 5] =
+        [&["--bogus"], &["--multiplier", "40x3"], &["--step", "-1"], &["--pes", "9"], &["--set", "rho"]];
+    for options in cases {
+        let output = compile(&model("lorenz"), &target, options);
+        assert_eq!(output.status.code(), Some(2), "{options:?}: {}", stderr(&output));
+        assert!(!target.exists());
+    }
+}
+
+#[test]
+fn a_broken_spec_shows_every_error_with_place_and_caret() {
+    let text = format!("model m \"broken\"\n{HEAD}state x = 1\nstate y = 0\nx' = y + z\ny' = -x/y\noutput x, q\n");
+    let errors = refused("broken", &text, &[]);
+    for part in ["error[E0201]: unknown name `z`", "m.spec:7:10", "^", "error[E0403]", "unknown name `q`"] {
+        assert!(errors.contains(part), "no {part} in:\n{errors}");
+    }
+}
+
+#[test]
+fn messages_as_json_are_one_object_per_line() {
+    let text = format!("model m \"broken\"\n{HEAD}state x = 1\nx' = y + z\noutput x\n");
+    let errors = refused("json", &text, &["--message-format", "json"]);
+    let findings: Vec<Value> = errors.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
+    assert_eq!(findings.len(), 2);
+    assert_eq!(findings[0]["code"], "E0201");
+    assert_eq!(findings[0]["place"]["line"], 6);
+}
+
+#[test]
+fn a_run_that_turns_non_finite_is_refused_with_state_and_time() {
+    let blow_up = format!("model m \"x = 1/(1 - t)\"\n{HEAD}span 2 s\nstate x = 1\nx' = x^2\noutput x\n");
+    let errors = refused("blow_up", &blow_up.replacen("span 1 s\n", "", 1), &[]);
+    assert!(errors.contains("E0901") && errors.contains("`x`") && errors.contains("t = 1.0"), "{errors}");
+    let stiff = format!("model m \"step beyond stability\"\n{HEAD}state fast = 1\nfast' = -1e6*fast\noutput fast\n");
+    let errors = refused("stiff", &stiff, &[]);
+    assert!(errors.contains("E0901") && errors.contains("`fast`") && errors.contains("--step"), "{errors}");
+}
+
+#[test]
+fn a_step_that_is_too_large_is_refused_unless_allowed() {
+    let text = format!(
+        "model m \"eight steps in a period\"\n{HEAD}state x = 1\nstate v = 0\nx' = 785*v\nv' = -785*x\noutput x\n"
+    );
+    let text = text.replace("solver rk4", "solver euler").replace("span 1 s", "span 20 ms");
+    assert!(refused("large_step", &text, &[]).contains("E0903"));
+    let home = folder("large_step_allowed");
+    fs::write(home.join("m.spec"), text).unwrap();
+    let output = compile(&home.join("m.spec"), &home.join("out"), &["--allow", "E0903"]);
+    assert!(output.status.success() && stderr(&output).contains("warning[E0903]"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_folder_of_somebody_else_is_not_replaced() {
+    let target = folder("foreign");
+    fs::write(target.join("thesis.txt"), "irreplaceable").unwrap();
+    let output = compile(&model("lorenz"), &target, &["--span", "1s"]);
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    assert_eq!(fs::read_to_string(target.join("thesis.txt")).unwrap(), "irreplaceable");
+}
+
+#[test]
+fn an_own_folder_is_replaced_as_a_whole() {
+    let target = folder("own").join("out");
+    for name in ["lorenz", "van_der_pol"] {
+        let output = compile(&model(name), &target, &["--span", "1s"]);
+        assert!(output.status.success(), "{}", stderr(&output));
+    }
+    assert!(target.join("van_der_pol.vhd").exists() && !target.join("lorenz.vhd").exists());
+}
+
+#[test]
+fn files_that_cannot_be_read_exit_with_3() {
+    let home = folder("unreadable");
+    assert_eq!(compile(&home.join("missing.spec"), &home.join("out"), &[]).status.code(), Some(3));
+    fs::write(home.join("binary.spec"), [0xff, 0xfe, 0x00]).unwrap();
+    let output = compile(&home.join("binary.spec"), &home.join("out"), &[]);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(stderr(&output).contains("UTF-8"));
+}
+
+#[test]
+fn verify_without_ghdl_names_the_package_and_exits_with_5() {
+    let home = folder("no_ghdl");
+    let target = home.join("out");
+    let empty = home.join("bin");
+    fs::create_dir(&empty).unwrap();
+    // Compiling needs no other program at all.
+    let output = pe_synth()
+        .arg("compile")
+        .arg(model("lorenz"))
+        .args(["--span", "1s", "-o"])
+        .arg(&target)
+        .env("PATH", &empty)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    // rustc stays, for the Rust reference runs before GHDL.
+    let rustc = Command::new("sh").args(["-c", "command -v rustc"]).output().unwrap();
+    let rustc = PathBuf::from(String::from_utf8(rustc.stdout).unwrap().trim());
+    let cc = Command::new("sh").args(["-c", "command -v cc"]).output().unwrap();
+    let cc = PathBuf::from(String::from_utf8(cc.stdout).unwrap().trim());
+    std::os::unix::fs::symlink(&rustc, empty.join("rustc")).unwrap();
+    std::os::unix::fs::symlink(&cc, empty.join("cc")).unwrap();
+    for tool in ["ld", "as"] {
+        let _ = std::os::unix::fs::symlink(Path::new("/usr/bin").join(tool), empty.join(tool));
+    }
+    let output = pe_synth().arg("verify").arg(&target).env("PATH", &empty).output().unwrap();
+    assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+    assert!(stderr(&output).contains("apt-get install ghdl"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_closed_pipe_ends_the_output_quietly() {
+    let spec = model("weibel5");
+    let mut child = pe_synth()
+        .args(["dump", "--stage", "step"])
+        .arg(spec)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_killed_compilation_leaves_no_folder() {
+    let home = folder("killed");
+    let target = home.join("out");
+    let mut child = pe_synth()
+        .arg("compile")
+        .arg(model("weibel11"))
+        .arg("-o")
+        .arg(&target)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(700));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!target.exists());
+}
+
+#[test]
+fn every_stage_can_be_dumped() {
+    for stage in ["model", "step", "ode-graph", "pe-graph", "mapping", "program"] {
+        let output =
+            pe_synth().args(["dump", "--stage", stage, "--span", "1s"]).arg(model("lotka_volterra")).output().unwrap();
+        assert!(output.status.success() && !output.stdout.is_empty(), "{stage}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn hostile_names_survive_into_verified_hardware() {
+    let home = folder("hostile");
+    let spec = home.join("entity.spec");
+    let text = format!(
+        "model entity \"reserved words\"\n{HEAD}state signal = 1\nstate Signal = 0.5\nstate fn = 0.25\nstate end_ = 0\n\
+         signal' = -signal + Signal\nSignal' = -Signal + fn\nfn' = end_ - fn\nend_' = signal - end_\n\
+         output signal, Signal, fn, end_\n"
+    );
+    fs::write(&spec, text).unwrap();
+    let output = compile(&spec, &home.join("out"), &["--pes", "2"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let output = pe_synth().arg("verify").arg(home.join("out")).args(["--steps", "3"]).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+}

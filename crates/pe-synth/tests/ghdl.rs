@@ -1,0 +1,85 @@
+//! Compiled designs in GHDL and as Rust reference, bit for bit against the simulator.
+
+mod support;
+
+use pe_ir::model::Solver;
+use pe_synth::engines::Engine;
+use support::bench::{Agreement, assert_agreement};
+use support::flow::{Flow, Placement, format};
+use support::models::compile;
+use support::{FAMILIES, Family};
+
+/// Steps of every comparison of small designs.
+const STEPS: u64 = 20;
+
+const ENGINES: [Engine; 2] = [Engine::Reference, Engine::Ghdl];
+
+fn report(what: &str, sum: Agreement) {
+    let Agreement { runs, writes, outputs, seconds } = sum;
+    println!("{what}: {runs} runs, {writes} memory writes and {outputs} outputs equal, {seconds:.1} s in the engines");
+}
+
+/// A random model from the beginning and from the middle.
+fn agree(family: Family, size: (usize, u32), solver: Solver, widths: (u32, u32, u32), seed: u64) -> Agreement {
+    let flow = Flow::random(family, size, solver, format(widths.0, widths.1, widths.2), Placement::Annealed, seed);
+    let mut sum = assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
+    sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
+    sum
+}
+
+#[test]
+fn random_models_on_a_single_multiplier_block_agree() {
+    let mut sum = Agreement::default();
+    for (seed, family) in (11..).zip(FAMILIES) {
+        let solver = if seed % 2 == 0 { Solver::Euler } else { Solver::Rk4 };
+        sum += agree(family, (10, 4), solver, (32, 25, 18), seed);
+    }
+    report("25x18", sum);
+}
+
+#[test]
+fn random_models_on_wide_multipliers_agree() {
+    let mut sum = Agreement::default();
+    for (seed, family) in (21..).zip(FAMILIES) {
+        let solver = if seed % 2 == 0 { Solver::Euler } else { Solver::Rk4 };
+        sum += agree(family, (9, 3), solver, (32, 32, 32), seed);
+    }
+    report("32x32", sum);
+}
+
+#[test]
+fn random_models_on_turned_square_and_largest_multipliers_agree() {
+    let mut sum = agree(Family::Shared, (8, 3), Solver::Rk4, (18, 18, 25), 31);
+    sum += agree(Family::Polynomial, (8, 3), Solver::Euler, (18, 18, 18), 32);
+    // Sums of more than 64 bits.
+    sum += agree(Family::Polynomial, (8, 3), Solver::Rk4, (40, 35, 35), 33);
+    report("18x25, 18x18, 35x35", sum);
+}
+
+/// A model from the beginning and from the middle of its span.
+fn agree_on_model(model: &str, options: &[&str]) -> Agreement {
+    let compiled = compile(model, options);
+    let mut sum = assert_agreement(model, &compiled.beginning(STEPS), &ENGINES);
+    sum += assert_agreement(model, &compiled.middle(STEPS), &ENGINES);
+    sum
+}
+
+#[test]
+fn small_paper_models_agree() {
+    let mut sum = agree_on_model("weibel5", &["--pes", "9", "--multiplier", "25x18", "--span", "100ms"]);
+    sum += agree_on_model("lutchen20", &["--pes", "5", "--span", "4ms"]);
+    sum += agree_on_model("wave6", &["--pes", "6", "--multiplier", "25x18"]);
+    sum += agree_on_model("atrial3", &["--pes", "7"]);
+    report("small paper models", sum);
+}
+
+#[test]
+fn classic_models_agree() {
+    let mut sum = agree_on_model("lorenz", &["--pes", "3", "--span", "1s"]);
+    sum += agree_on_model("van_der_pol", &["--pes", "2", "--multiplier", "25x18", "--span", "2s"]);
+    sum += agree_on_model("lutchen_breathing", &["--pes", "4", "--span", "50ms"]);
+    sum += agree_on_model("rc_ladder", &["--pes", "5", "--multiplier", "25x18", "--span", "100ms"]);
+    sum += agree_on_model("lotka_volterra", &["--pes", "1", "--solver", "euler", "--span", "100ms"]);
+    sum += agree_on_model("harmonic_oscillator", &["--pes", "2", "--storage", "18", "--multiplier", "18x25"]);
+    report("classic models", sum);
+}

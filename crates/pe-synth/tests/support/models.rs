@@ -1,0 +1,60 @@
+//! The models of `models/`, through the pipeline as the command line takes them.
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use pe_synth::options::{LoadedModel, ModelOptions};
+use pe_synth::pipeline::{self, Design, MappingOptions, Stopwatch};
+
+use super::flow::Start;
+
+#[derive(Parser)]
+struct Options {
+    #[command(flatten)]
+    model: ModelOptions,
+    #[command(flatten)]
+    mapping: MappingOptions,
+}
+
+/// A compiled model.
+pub struct Compiled {
+    pub loaded: LoadedModel,
+    pub design: Design,
+}
+
+/// Path of a model's spec.
+pub fn spec(model: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../../models/{model}/{model}.spec"))
+}
+
+/// Compiles a model with options of the command line.
+pub fn compile(model: &str, options: &[&str]) -> Compiled {
+    let spec = spec(model);
+    let words = ["test".into(), spec.into_os_string()].into_iter().chain(options.iter().map(Into::into));
+    let options = Options::parse_from(words);
+    let failed = |failure| panic!("{model}: {failure:?}");
+    let loaded = options.model.load().unwrap_or_else(failed);
+    let design = pipeline::design(&loaded, &options.model, &options.mapping, &mut Stopwatch::new(true));
+    let failed = |failure| panic!("{model}: {failure:?}");
+    Compiled { design: design.unwrap_or_else(failed), loaded }
+}
+
+impl Compiled {
+    /// The run from the initial values.
+    pub fn beginning(&self, steps: u64) -> Start {
+        let stimulus = pipeline::stimulus(&self.loaded.model, &self.design, 0, steps);
+        Start { name: "beginning", program: self.design.program.clone(), stimulus, step: 0 }
+    }
+
+    /// The run from the middle of the span.
+    pub fn middle(&self, steps: u64) -> Start {
+        let checkpoint = &self.design.judged.checkpoint;
+        assert!(checkpoint.step > 0, "{}: the span has no middle", self.loaded.model.name);
+        let mut program = self.design.program.clone();
+        for (register, word) in program.states.iter().zip(&checkpoint.words) {
+            register.set(&mut program.pes, &program.format, *word);
+        }
+        let stimulus = pipeline::stimulus(&self.loaded.model, &self.design, checkpoint.step, steps);
+        Start { name: "middle", program, stimulus, step: checkpoint.step }
+    }
+}

@@ -1,0 +1,126 @@
+//! Rules about the source tree that no compiler checks.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Files that git tracks or would track, with their text; binary files are left out.
+fn files() -> Vec<(String, String)> {
+    let output = Command::new("git")
+        .args(["ls-files", "--cached", "--others", "--exclude-standard"])
+        .current_dir(root())
+        .output()
+        .expect("git lists the files");
+    let names = String::from_utf8(output.stdout).unwrap();
+    let files: Vec<(String, String)> =
+        names.lines().filter_map(|name| Some((name.to_owned(), fs::read_to_string(root().join(name)).ok()?))).collect();
+    assert!(files.len() > 100, "only {} files found", files.len());
+    files
+}
+
+fn with_ending<'a>(files: &'a [(String, String)], endings: &'a [&str]) -> impl Iterator<Item = &'a (String, String)> {
+    files.iter().filter(|(name, _)| endings.iter().any(|ending| name.ends_with(ending)))
+}
+
+#[test]
+fn stages_meet_only_in_pe_ir() {
+    for stage in ["pe-frontend", "pe-hls", "pe-sim", "pe-emit"] {
+        let manifest = fs::read_to_string(root().join("crates").join(stage).join("Cargo.toml")).unwrap();
+        let ours: Vec<&str> =
+            manifest.lines().filter(|line| line.starts_with("pe-") && !line.starts_with("pe-ir")).collect();
+        assert!(ours.is_empty(), "{stage} depends on {ours:?}");
+        for (package, owner) in [("pest", "pe-frontend"), ("askama", "pe-emit")] {
+            let uses = manifest.lines().any(|line| line.starts_with(package));
+            assert_eq!(uses, stage == owner, "{package} in {stage}");
+        }
+    }
+    let below = fs::read_to_string(root().join("crates/pe-ir/Cargo.toml")).unwrap();
+    assert!(!below.lines().any(|line| line.starts_with("pe-")), "pe-ir depends on a stage");
+}
+
+#[test]
+fn source_files_are_short_and_start_with_a_description() {
+    let files = files();
+    for (name, text) in with_ending(&files, &[".rs", ".vhd", ".pest", ".sh"]) {
+        assert!(text.lines().count() <= 600, "{name} has {} lines", text.lines().count());
+    }
+    for (name, text) in with_ending(&files, &[".rs"]).filter(|(name, _)| name.starts_with("crates/")) {
+        assert!(text.starts_with("//!"), "{name} does not say what it is for");
+    }
+}
+
+#[test]
+fn nothing_is_left_undone_or_tied_to_a_machine() {
+    // Put together here so that this file does not find itself.
+    let words = [["todo", "!("], ["unimplemented", "!("], ["#[ign", "ore"], ["FIX", "ME"]].map(|word| word.concat());
+    let places = [["/wo", "rk/"], ["/ro", "ot/"], ["/ho", "me/"]].map(|place| place.concat());
+    for (name, text) in files() {
+        if name.ends_with(".rs") || name.ends_with(".vhd") {
+            for word in &words {
+                assert!(!text.contains(word.as_str()), "{name} contains {word}");
+            }
+        }
+        for place in &places {
+            assert!(name == "Cargo.lock" || !text.contains(place.as_str()), "{name} contains {place}");
+        }
+        assert!(text.len() <= 1 << 20, "{name} has {} bytes", text.len());
+    }
+}
+
+#[test]
+fn every_code_in_the_sources_is_explained() {
+    let files = files();
+    let mut codes = BTreeSet::new();
+    for (_, text) in with_ending(&files, &[".rs"]).filter(|(name, _)| name.contains("/src/")) {
+        for (at, _) in text.match_indices('"') {
+            let code = text.get(at + 1..at + 7).unwrap_or("");
+            let digits = code.get(1..5).unwrap_or("");
+            if (code.starts_with('E') || code.starts_with('W'))
+                && code.ends_with('"')
+                && digits.bytes().all(|b| b.is_ascii_digit())
+            {
+                codes.insert(code[..5].to_owned());
+            }
+        }
+    }
+    // A test of `explain` asks for a code that must not exist.
+    codes.remove("E9999");
+    assert!(codes.len() > 30, "{codes:?}");
+    for code in codes {
+        assert!(pe_ir::codes::explain(&code).is_some(), "{code} is not explained");
+    }
+}
+
+#[test]
+fn decision_records_have_the_same_headings() {
+    let files = files();
+    let records: Vec<_> =
+        with_ending(&files, &[".md"]).filter(|(name, _)| name.starts_with("docs/decisions/")).collect();
+    assert!(records.len() > 5);
+    for (name, text) in records {
+        for heading in ["Context", "Decision", "Alternatives", "Drawbacks", "Consequences"] {
+            assert!(text.contains(&format!("## {heading}\n")), "{name} lacks {heading}");
+        }
+    }
+}
+
+#[test]
+fn links_in_the_documents_lead_somewhere() {
+    let files = files();
+    for (name, text) in with_ending(&files, &[".md"]) {
+        for (at, _) in text.match_indices("](") {
+            let link = text[at + 2..].split(')').next().unwrap_or("");
+            let path = link.split('#').next().unwrap_or("");
+            if path.is_empty() || link.contains("://") || link.contains(char::is_whitespace) {
+                continue;
+            }
+            let target = root().join(name).parent().unwrap().join(path);
+            assert!(target.exists(), "{name}: broken link {link}");
+        }
+    }
+}
