@@ -127,8 +127,8 @@ pub fn round_shift(accumulator: i64, shift: u32) -> i64 {
     if shift == 0 {
         accumulator
     } else {
-        // Shift by all but one bit first: adding before the shift could overflow 64 bits.
-        ((accumulator >> (shift - 1)) + 1) >> 1
+        // The last bit that is dropped is the rounding increment; adding it before the shift could overflow 64 bits.
+        (accumulator >> (shift - 1) >> 1) + (accumulator >> (shift - 1) & 1)
     }
 }
 

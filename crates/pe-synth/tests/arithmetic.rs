@@ -29,7 +29,15 @@ fn clamp(word: i128, bits: u32) -> i128 {
     }
 }
 
-const FORMATS: [WordFormat; 4] = [format(32, 32, 32), format(32, 25, 18), format(32, 18, 25), format(18, 18, 18)];
+/// With and without dropped bits, up to the largest that the command line takes.
+const FORMATS: [WordFormat; 6] = [
+    format(32, 32, 32),
+    format(32, 25, 18),
+    format(32, 18, 25),
+    format(18, 18, 18),
+    format(17, 25, 18),
+    format(40, 35, 35),
+];
 
 #[test]
 fn words_are_shifted_added_and_clamped_as_the_datasheet_says() {

@@ -74,7 +74,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
             if index > 0 {
                 sum.push(scaled(0.3, Expr::Variable(Variable::Algebraic(index as u32 - 1))));
             }
-            let expr = if index % 2 == 0 { Expr::Sum(sum) } else { Expr::Power(Box::new(Expr::Sum(sum)), 2) };
+            let expr = if index.is_multiple_of(2) { Expr::Sum(sum) } else { Expr::Power(Box::new(Expr::Sum(sum)), 2) };
             model.algebraics.push(Algebraic { name: format!("a[{index}]"), unit: None, expr, span: Span::default() });
         }
     }
@@ -137,7 +137,7 @@ fn right_hand_side(
         Family::Shared => {
             let algebraic = Expr::Variable(Variable::Algebraic(rng.random_range(0..algebraics) as u32));
             let factor = rng.random_range(-0.7..0.7);
-            if index % 2 == 0 {
+            if index.is_multiple_of(2) {
                 vec![decay, scaled(factor, algebraic)]
             } else {
                 vec![decay, scaled(factor, Expr::Product(vec![algebraic, state(any(rng))]))]
@@ -145,8 +145,8 @@ fn right_hand_side(
         }
         Family::OneProduct => {
             // A ring of oscillating pairs: x' = w y, y' = -w x.
-            let partner = if index % 2 == 0 { (index + 1) % states } else { index - 1 };
-            vec![scaled(if index % 2 == 0 { 3.0 } else { -3.0 }, state(partner))]
+            let partner = if index.is_multiple_of(2) { (index + 1) % states } else { index - 1 };
+            vec![scaled(if index.is_multiple_of(2) { 3.0 } else { -3.0 }, state(partner))]
         }
         Family::Hub => {
             let mut terms = vec![decay, scaled(rng.random_range(-0.9..0.9), state(0))];

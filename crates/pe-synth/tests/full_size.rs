@@ -1,0 +1,49 @@
+//! The full-size models on hundreds of PEs: two steps from the middle of a shortened span, in GHDL and as Rust
+//! reference, bit for bit against the simulator.
+
+mod support;
+
+use std::time::Instant;
+
+use pe_synth::engines::Engine;
+use support::bench::assert_agreement;
+use support::models::compile;
+
+/// Steps of every comparison: the second one starts with what the first one left in all registers.
+const STEPS: u64 = 2;
+
+/// The annealer's budget: the mappings that it starts from are good enough here.
+const TRIES: &str = "50000";
+
+fn agree(model: &str, pes: &str, span: &str) {
+    let clock = Instant::now();
+    let compiled = compile(model, &["--pes", pes, "--multiplier", "25x18", "--span", span, "--tries", TRIES]);
+    assert_eq!(compiled.design.program.pes.len().to_string(), pes);
+    let seconds = clock.elapsed().as_secs_f64();
+    let sum = assert_agreement(model, &compiled.middle(STEPS), &[Engine::Reference, Engine::Ghdl]);
+    println!(
+        "{model}: {pes} PEs, {} words per step, {} memory writes and {} outputs equal in {} runs; \
+         compiled in {seconds:.1} s, engines {:.1} s",
+        compiled.design.program.period, sum.writes, sum.outputs, sum.runs, sum.seconds
+    );
+}
+
+#[test]
+fn weibel11_on_396_pes_agrees() {
+    agree("weibel11", "396", "100 ms");
+}
+
+#[test]
+fn lutchen4000_on_397_pes_agrees() {
+    agree("lutchen4000", "397", "50 ms");
+}
+
+#[test]
+fn wave80_on_380_pes_agrees() {
+    agree("wave80", "380", "10 ms");
+}
+
+#[test]
+fn atrial15_on_309_pes_agrees() {
+    agree("atrial15", "309", "10 ms");
+}
