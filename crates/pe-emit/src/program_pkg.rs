@@ -117,12 +117,14 @@ fn short(name: &str) -> String {
 fn lines(words: Vec<(String, String)>) -> Vec<Line> {
     let count = words.len();
     let width = count.saturating_sub(1).to_string().len();
+    // The last line has no comma; a blank in its place keeps the comments of several lines in one column.
+    let commented = words.iter().filter(|(_, comment)| !comment.is_empty()).count();
     let line = |(index, (bits, comment)): (usize, (String, String))| {
         let last = index + 1 == count;
-        let comma = match (last, comment.is_empty()) {
-            (true, true) => "",
-            (true, false) => " ",
-            (false, _) => ",",
+        let comma = match last {
+            false => ",",
+            true if comment.is_empty() || commented == 1 => "",
+            true => " ",
         };
         Line { index: format!("{index:<width$}"), bits, comma, comment }
     };

@@ -51,7 +51,9 @@ fn findings_are_those_marked_in_the_specs() {
 
     // Limits need huge specs; they have tests of their own. E0209 comes from the command line.
     let elsewhere = ["E0104", "E0105", "E0108", "E0209", "E0601", "E0602"];
-    for code in pe_ir::codes::CODES.iter().filter(|code| !elsewhere.contains(&code.code)) {
+    // Codes from 08 on belong to the stages after the front end.
+    let of_front_end = |code: &&pe_ir::codes::Code| &code.code[1..3] < "08" && !elsewhere.contains(&code.code);
+    for code in pe_ir::codes::CODES.iter().filter(of_front_end) {
         assert!(covered.contains(code.code), "no spec shows {}: {}", code.code, code.title);
     }
 }

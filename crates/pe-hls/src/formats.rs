@@ -46,8 +46,19 @@ pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<
             return Ok(chooser.finish());
         }
     }
-    Err(Diagnostic::global(codes::NO_FORMAT, "no number format fits: the step is too large for the model's rates")
-        .with_help("choose a smaller step"))
+    let message = "no number format fits: the products of one step are larger than the states they change";
+    Err(Diagnostic::global(codes::NO_FORMAT, message).with_help(remedy(&format)))
+}
+
+/// What helps when no format fits.
+fn remedy(format: &WordFormat) -> String {
+    let product = format.data_bits + format.coefficient_bits;
+    // Two bits above what a product can fill leave room for gains of up to two.
+    if format.word_bits() + 2 > product {
+        let storage = product.saturating_sub(2 + format.guard_bits);
+        return format!("words are wider than the products: use `--storage {storage}` or a wider `--multiplier`");
+    }
+    "choose a smaller step".to_owned()
 }
 
 struct Chooser<'a> {
@@ -132,7 +143,7 @@ impl<'a> Chooser<'a> {
                     self.graph.equations[chain.equation as usize].span,
                     message,
                 )
-                .with_help("split the equation into algebraic equations"));
+                .with_help("use a narrower `--multiplier`, which leaves room for more products of two variables"));
             }
         }
         if product > finest {

@@ -192,8 +192,8 @@ fn mapping_row(design: &Design) -> String {
     let random = design.starts.iter().find(|start| start.start == RANDOM);
     let best = &design.starts[0];
     match random {
-        Some(random) if best.start != RANDOM => format!("{}; annealed from {}", figure(best), figure(random)),
-        _ => format!("annealed from {}", figure(best)),
+        Some(random) if best.start != RANDOM => format!("{}; {}", figure(best), figure(random)),
+        _ => figure(best),
     }
 }
 
@@ -241,7 +241,7 @@ pub fn table(model: &Model, design: &Design, clock: Clock) -> String {
         (
             "word-length error",
             format!(
-                "{:.1e}, of it coefficients {:.1e}; worst `{}`",
+                "{:.1e}, coefficients alone {:.1e}; worst `{}`",
                 errors.word_length, errors.coefficient, model.states[errors.worst_state].name
             ),
         ),

@@ -113,7 +113,8 @@ pub fn judge(
     if errors.method > METHOD_ERROR_REFUSED {
         warnings.extend(options.permit(vec![comparison.finding])?);
     } else if errors.method > METHOD_ERROR_WARNED {
-        warnings.push(Diagnostic { code: codes::STEP_LARGE, ..comparison.finding.into_warning() });
+        let message = comparison.finding.message.replace("too large", "large");
+        warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..comparison.finding.into_warning() });
     }
     let macs = graph.macs() as f64 * plan.steps as f64;
     Ok(Judged {

@@ -177,8 +177,9 @@ impl Layout {
         }
     }
 
+    /// GHDL 2.0 synthesises the image of a memory of two words to zeros, so four words are the least.
     fn depth(&self) -> u32 {
-        (2 * self.pairs + self.single).next_power_of_two().max(2)
+        (2 * self.pairs + self.single).next_power_of_two().max(4)
     }
 
     fn place(&self, slot: Slot) -> Place {

@@ -160,6 +160,29 @@ impl Program {
     }
 }
 
+/// Whether everything a control word refers to exists in its PE.
+fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) -> bool {
+    let features = &pe.features;
+    let own = |address: Option<Address>| address.is_none_or(|a| u32::from(a.word) < features.own_words);
+    let imported = |address: Option<Address>| address.is_none_or(|a| u32::from(a.word) < features.imported_words);
+    let multiplier = match word.multiplier {
+        Multiplier::Coefficient(value) => {
+            (1..64).contains(&coefficient_bits) && value >> (coefficient_bits - 1) == value >> 63
+        }
+        Multiplier::Factor(index) => features.factor && u32::from(index) < features.own_words,
+    };
+    let swapping = [word.own, word.imported, word.base, word.write, word.receive.map(|(_, address)| address)];
+    multiplier
+        && own(word.own)
+        && own(word.base)
+        && own(word.write)
+        && imported(word.imported)
+        && word.receive.is_none_or(|(port, a)| usize::from(port) < pe.ports.len() && imported(Some(a)))
+        && usize::from(word.shift) < features.shifts.len()
+        && (features.send || !word.send)
+        && (features.swap || swapping.iter().flatten().all(|address| !address.swap))
+}
+
 struct Parser {
     line: usize,
     names: HashMap<String, u32>,
@@ -306,8 +329,9 @@ impl Parser {
             swap: has("swap"),
             send: has("send"),
         };
-        if own_words > 1 << 16 || imported_words > 1 << 16 {
-            return Err(self.error("memories of at most 65536 words"));
+        let depth = |words: u32| words.is_power_of_two() && (2..=1 << 16).contains(&words);
+        if !depth(own_words) || !(imported_words == 0 || depth(imported_words)) {
+            return Err(self.error("memory depths that are powers of two up to 65536"));
         }
         self.program.pes.push(PeProgram {
             own_image: vec![0; own_words as usize],
@@ -348,9 +372,13 @@ impl Parser {
             }
         }
         let error = self.error("control words in order");
+        let bits = self.program.format.coefficient_bits;
         let pe = self.pe()?;
         if number != pe.words.len() {
             return Err(error);
+        }
+        if !fits(&word, pe, bits) {
+            return Err(ParseError { expected: "coefficients and addresses within their fields".into(), ..error });
         }
         pe.words.push(word);
         pe.notes.push(note);

@@ -1,0 +1,70 @@
+//! A compilation that is interrupted at any moment leaves a complete folder or none.
+
+mod support;
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use support::bench::Folder;
+use support::models::spec;
+
+/// A compilation of a small model into a folder.
+fn compilation(target: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    command.arg("compile").arg(spec("weibel5")).args(["--span", "20ms", "--quiet", "-o"]).arg(target);
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    command
+}
+
+/// Names of the files in a folder, without those of its sub-folders.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("the folder can be read");
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.expect("the folder can be read").file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn the_output_folder_is_complete_or_absent_whenever_the_program_ends() {
+    let folder = Folder::new("interrupted");
+    let whole = folder.0.join("whole");
+    let clock = std::time::Instant::now();
+    assert!(compilation(&whole).status().expect("pe-synth starts").success());
+    let duration = clock.elapsed();
+    let complete = names(&whole);
+    let (mut absent, mut finished) = (0, 0);
+    // Evenly over the compilation and a little beyond its end, by both signals.
+    const MOMENTS: u32 = 24;
+    for moment in 0..MOMENTS {
+        let target = folder.0.join(format!("target{moment}"));
+        let mut child = compilation(&target).spawn().expect("pe-synth starts");
+        std::thread::sleep(Duration::from_millis(1) + duration * moment * 5 / (MOMENTS * 4));
+        let signal = if moment % 2 == 0 { "-INT" } else { "-KILL" };
+        // The process may have ended already; then there is no one to signal.
+        let _ = Command::new("kill").arg(signal).arg(child.id().to_string()).stderr(Stdio::null()).status();
+        child.wait().expect("pe-synth ends");
+        if target.exists() {
+            assert_eq!(names(&target), complete, "interrupted after {moment}/{MOMENTS} of its time");
+            finished += 1;
+        } else {
+            absent += 1;
+        }
+    }
+    println!("{absent} interrupted without a folder, {finished} finished with a complete one");
+    assert!(absent > 0, "no compilation was interrupted");
+}
+
+#[test]
+fn a_summary_into_a_closed_pipe_is_no_error() {
+    let folder = Folder::new("closed_pipe");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    command.arg("compile").arg(spec("harmonic_oscillator")).args(["--span", "50ms", "-o"]).arg(folder.0.join("out"));
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("pe-synth starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("pe-synth ends");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !errors.contains("panicked"), "{errors}");
+}
