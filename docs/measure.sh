@@ -83,7 +83,7 @@ measure_errors() {
 measure_area() {
   design weibel11 396 0.2 25x18
   record "$work/area/weibel11-396-25x18.txt" hdl/measure-area.sh "$work/designs/weibel11-396-25x18"
-  record "$work/area/residuals.txt" cargo test --release --quiet -p pe-synth area -- --nocapture
+  record "$work/area/residuals.txt" cargo test --release --quiet -p pe-synth --lib area -- --nocapture
 }
 
 measure_verify() {
@@ -244,12 +244,16 @@ if part("Bit-exact comparison", verify, "verify"):
             writes, outputs = (int(writes) + int(middle[1]), int(outputs) + int(middle[2])) if middle else (writes, outputs)
             folder = f"{work}/verify/{name}" if os.path.isdir(f"{work}/verify/{name}") else f"{work}/designs/{name}-25x18"
             report = load(f"{folder}/report.json")
-            bits = (report["word"]["storage_bits"] + report["word"]["guard_bits"])
-            rows.append((name, report["pes"], engine, steps, writes, outputs, f"{int(writes) * bits / 1e6:.2f} M", seconds))
+            word = report["word"]
+            moved = report["transfers_per_step"] * word["mul_a_bits"]
+            kept = (report["writes_per_step"] - report["transfers_per_step"]) * (word["storage_bits"] + word["guard_bits"])
+            bits = int(writes) / report["writes_per_step"] * (moved + kept) + int(outputs) * word["storage_bits"]
+            rows.append((name, report["pes"], engine, steps, writes, outputs, f"{bits / 1e6:.2f} M", seconds))
     table(("design", "PEs", "engine", "steps", "words", "outputs", "bits", "seconds, all engines"), rows)
     print("`pe-synth verify` with the 25x18 multiplier, every memory write and output equal to the simulator's: from the\n"
           "initial values, and once more from the state in the middle of the span. Steps are per start, words are the\n"
-          "memory writes of both; bits counts a word with its full width, received words included although they are narrower.\n")
+          "memory writes of both; bits are words times their width, 40 in own and 25 in imported memories, and outputs.\n"
+          "Seconds are wall time of the whole command, compilers and reading of the design included.\n")
 PYTHON
   mv "$work/results.md" docs/results.md
   echo "wrote docs/results.md" >&2

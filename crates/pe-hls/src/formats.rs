@@ -69,6 +69,8 @@ struct Chooser<'a> {
     /// Exponent of each group.
     exponent: Vec<i32>,
     products: Vec<i32>,
+    /// For each chain of an intermediate stage the chain of the same equation's last stage; itself for others.
+    last_stage: Vec<u32>,
     changed: bool,
 }
 
@@ -92,7 +94,15 @@ impl<'a> Chooser<'a> {
             magnitude - full_scale + widened
         };
         let exponent = largest.iter().zip(&widened).map(exponent).collect();
-        Chooser { graph, format, group, exponent, products: vec![0; graph.chains.len()], changed: false }
+        Chooser {
+            graph,
+            format,
+            group,
+            exponent,
+            products: vec![0; graph.chains.len()],
+            last_stage: last_stages(graph),
+            changed: false,
+        }
     }
 
     fn of(&self, id: ValueId) -> i32 {
@@ -118,6 +128,13 @@ impl<'a> Chooser<'a> {
         let mut product = self.finest_product(chain);
         for write in chain.writes() {
             product = product.max(self.of(write.value) - write.weight - MAX_SHIFT);
+        }
+        // All stages of an equation share the product point of the last one where theirs is finer: the shifts of a PE
+        // become fewer, and what the early stages lose counts little (`docs/decisions/0001-number-path.md`). The last
+        // stage is settled first.
+        let last = self.last_stage[index] as usize;
+        if last != index {
+            product = product.max(self.products[last]);
         }
         // A second factor of a product takes the format that puts the product on the chain's point.
         for term in self.graph.chain_terms(chain) {
@@ -235,6 +252,16 @@ impl<'a> Chooser<'a> {
         let exponents = self.group.iter().map(|group| self.exponent[*group as usize]).collect();
         FixedPoint { format: self.format, exponents, coefficients, products: self.products, shifts, accumulator_bits }
     }
+}
+
+/// For each chain that computes an intermediate stage of a state the chain of the state's last stage.
+fn last_stages(graph: &StepGraph) -> Vec<u32> {
+    let producers = graph.producers();
+    let last = |(index, chain): (usize, &Chain)| match graph.value(chain.write.value).role {
+        Role::Stage(state, _) => producers[graph.states[state as usize].1.index()],
+        _ => index as u32,
+    };
+    graph.chains.iter().enumerate().map(last).collect()
 }
 
 fn has_factors(graph: &StepGraph, chain: &Chain) -> bool {
