@@ -177,7 +177,8 @@ impl Layout {
         }
     }
 
-    /// GHDL 2.0 synthesises the image of a memory of two words to zeros, so four words are the least.
+    /// Two words would take as many lookup tables as four, and are the depth at which GHDL 2.0 loses images when it
+    /// synthesises (see `hdl/pe_ram.vhd`).
     fn depth(&self) -> u32 {
         (2 * self.pairs + self.single).next_power_of_two().max(4)
     }
