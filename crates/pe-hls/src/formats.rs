@@ -136,13 +136,6 @@ impl<'a> Chooser<'a> {
         if last != index {
             product = product.max(self.products[last]);
         }
-        // A second factor of a product takes the format that puts the product on the chain's point.
-        for term in self.graph.chain_terms(chain) {
-            if let Factor::Value(factor) = term.factor {
-                let exponent = product - self.operand_exponent(term) - self.format.factor_drop() as i32;
-                self.raise(factor, exponent);
-            }
-        }
         let narrow = self.format.data_bits + self.format.coefficient_bits <= SOFT_ACCUMULATOR_LIMIT;
         let limit = self.format.accumulator_limit();
         let soft = if narrow { SOFT_ACCUMULATOR_LIMIT.min(limit) } else { limit };
@@ -163,12 +156,11 @@ impl<'a> Chooser<'a> {
                 .with_help("use a narrower `--multiplier`, which leaves room for more products of two variables"));
             }
         }
-        if product > finest {
-            for term in self.graph.chain_terms(chain) {
-                if let Factor::Value(factor) = term.factor {
-                    let exponent = product - self.operand_exponent(term) - self.format.factor_drop() as i32;
-                    self.raise(factor, exponent);
-                }
+        // A second factor of a product takes the format that puts the product on the chain's point.
+        for term in self.graph.chain_terms(chain) {
+            if let Factor::Value(factor) = term.factor {
+                let exponent = product - self.operand_exponent(term) - self.format.factor_drop() as i32;
+                self.raise(factor, exponent);
             }
         }
         for write in chain.writes() {

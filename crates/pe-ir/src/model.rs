@@ -202,13 +202,4 @@ impl Model {
     pub fn steps(&self) -> u64 {
         libm::round(self.span / self.step).max(1.0) as u64
     }
-
-    /// The name of a variable.
-    pub fn variable_name(&self, variable: Variable) -> &str {
-        match variable {
-            Variable::State(i) => &self.states[i as usize].name,
-            Variable::Input(i) => &self.inputs[i as usize].name,
-            Variable::Algebraic(i) => &self.algebraics[i as usize].name,
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! The network, control word by control word: registers and memories as the datasheet describes them.
 
 use pe_ir::program::{Address, ControlWord, Layout, LinkSource, Multiplier, Program};
-use pe_ir::word::{Latency, WordFormat};
+use pe_ir::word::WordFormat;
 
 use crate::trace::TraceLine;
 
@@ -229,14 +229,4 @@ pub fn output_word(format: &WordFormat, word: i64) -> i64 {
     let rounding = if format.guard_bits == 0 { 0 } else { 1 << (format.guard_bits - 1) };
     let rounded = (word - format.data_offset() + rounding) >> format.guard_bits;
     rounded.clamp(-(1 << (format.storage_bits - 1)), (1 << (format.storage_bits - 1)) - 1)
-}
-
-/// Trace lines of one step of a program, computed without running it.
-pub fn expected_writes(program: &Program, steps: u64) -> u64 {
-    program.writes_per_step() * steps
-}
-
-/// The pause point; the first word after the words that finish the step before.
-pub fn pause_point(program: &Program) -> u32 {
-    Latency::of(&program.format).pause()
 }
