@@ -4,6 +4,7 @@
 //! zero, equations, outputs. A quantity whose definition has an error is marked broken; whoever reads it stays
 //! silent, so that each mistake is reported once.
 
+use crate::Overrides;
 use crate::ast::{Binder, Expr as Tree, Name, Spec, StatementKind};
 use crate::bound::{BoundRange, Node};
 use crate::evaluate::{Evaluator, Fault, Purpose};
@@ -34,16 +35,15 @@ impl Default for Limits {
     }
 }
 
-/// Builds the flat model of a spec. `overrides` set constants and parameters (all elements of an array), whatever
-/// the spec says about them; of several for one name the last counts.
+/// Builds the flat model of a spec.
 ///
 /// The model is there exactly if neither the syntax tree nor the elaboration has an error.
-pub fn elaborate(spec: &Spec, overrides: &[(String, f64)]) -> (Option<Model>, Vec<Diagnostic>) {
+pub fn elaborate(spec: &Spec, overrides: &Overrides) -> (Option<Model>, Vec<Diagnostic>) {
     elaborate_within(spec, overrides, &Limits::default())
 }
 
 /// [`elaborate`] with limits of the caller's.
-pub fn elaborate_within(spec: &Spec, overrides: &[(String, f64)], limits: &Limits) -> (Option<Model>, Vec<Diagnostic>) {
+pub fn elaborate_within(spec: &Spec, overrides: &Overrides, limits: &Limits) -> (Option<Model>, Vec<Diagnostic>) {
     let mut report = Report::default();
     let names = Names::collect(spec, &mut report);
     let mut elaborator = Elaborator {
@@ -71,9 +71,10 @@ pub(crate) struct Elaborator<'a> {
 }
 
 impl<'a> Elaborator<'a> {
-    fn run(&mut self, overrides: &[(String, f64)]) -> Option<Model> {
+    fn run(&mut self, overrides: &Overrides) -> Option<Model> {
         let settings = Settings::collect(self.spec, &mut self.report);
-        let overrides = self.check_overrides(overrides);
+        let observe = &overrides.observe;
+        let overrides = self.check_overrides(&overrides.set);
         self.constants(Kind::Const, &overrides);
         self.index_ranges();
         self.extents();
@@ -82,13 +83,13 @@ impl<'a> Elaborator<'a> {
         let initials = self.initial_values();
         let inputs = self.inputs();
         let flat = self.equations();
-        let outputs = self.outputs();
+        let outputs = self.outputs(observe);
         let order = self.dependency_order(&flat);
         if self.report.failed() || !self.spec.broken.is_empty() {
             return None;
         }
         self.unused_names();
-        let parts = Parts { flat, order: order?, initials, inputs, outputs };
+        let parts = Parts { flat, order: order?, initials, inputs, outputs, observed: !observe.is_empty() };
         self.assemble(settings.header(times?)?, parts)
     }
 

@@ -19,6 +19,7 @@ mod functions;
 mod lexer;
 mod names;
 mod nearest;
+mod observe;
 mod order;
 mod outputs;
 mod pattern;
@@ -69,8 +70,17 @@ pub fn parse(source: &SourceFile) -> (Spec, Vec<Diagnostic>) {
     (spec, report.finish())
 }
 
+/// What the command line says in place of the spec.
+#[derive(Clone, Debug, Default)]
+pub struct Overrides {
+    /// Values of constants and parameters (all elements of an array); of several for one name the last counts.
+    pub set: Vec<(String, f64)>,
+    /// Lists of scalars, elements and whole arrays (`V[3], p`) that are the outputs; the spec's if there is none.
+    pub observe: Vec<String>,
+}
+
 /// Parses and elaborates a spec: the model and its warnings, or everything that was found, in source order.
-pub fn compile(source: &SourceFile, overrides: &[(String, f64)]) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+pub fn compile(source: &SourceFile, overrides: &Overrides) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
     let (spec, mut findings) = parse(source);
     let (model, more) = elaborate(&spec, overrides);
     findings.extend(more);

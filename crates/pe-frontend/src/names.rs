@@ -4,6 +4,7 @@ use crate::ast::{Binder, Name, Spec, StatementKind};
 use crate::nearest::suggestion;
 use crate::report::Report;
 use pe_ir::codes;
+use pe_ir::model::Variable;
 use pe_ir::source::{Diagnostic, Span};
 use std::collections::{HashMap, HashSet};
 
@@ -45,6 +46,11 @@ impl Kind {
             Kind::State => "a state variable",
             Kind::Algebraic => "an algebraic quantity",
         }
+    }
+
+    /// Whether it changes over time.
+    pub(crate) fn varies(self) -> bool {
+        matches!(self, Kind::Input | Kind::State | Kind::Algebraic)
     }
 }
 
@@ -110,6 +116,21 @@ impl Quantity<'_> {
     /// Name of the element at this offset.
     pub(crate) fn name_at(&self, offset: usize) -> String {
         self.element_name(&self.subscripts(offset))
+    }
+
+    /// Whether the element at this offset exists: algebraic quantities may have gaps.
+    pub(crate) fn exists(&self, offset: usize) -> bool {
+        self.kind != Kind::Algebraic || self.defined_by[offset] != NO_EQUATION
+    }
+
+    /// The variable that the element at this offset of a quantity that changes over time is.
+    pub(crate) fn variable(&self, offset: usize) -> Variable {
+        let flat = self.base + offset as u32;
+        match self.kind {
+            Kind::State => Variable::State(flat),
+            Kind::Input => Variable::Input(flat),
+            _ => Variable::Algebraic(flat),
+        }
     }
 
     /// Offset of the element with these subscripts, or the first dimension that they miss.

@@ -3,7 +3,7 @@
 use crate::ast::{OutputItem, StatementKind};
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, fault};
-use crate::names::{Kind, NO_EQUATION, PREDEFINED, Symbol};
+use crate::names::{Kind, PREDEFINED, Symbol};
 use crate::pattern::Seen;
 use pe_ir::codes;
 use pe_ir::model::{Output, Variable};
@@ -18,8 +18,9 @@ struct Found {
 }
 
 impl<'a> Elaborator<'a> {
-    /// All outputs in order of mention.
-    pub(crate) fn outputs(&mut self) -> Vec<Output> {
+    /// All outputs in order of mention. `observe` takes the place of the spec's; those are still looked at, because
+    /// what is wrong with them is wrong however the model is compiled.
+    pub(crate) fn outputs(&mut self, observe: &[String]) -> Vec<Output> {
         let mut found = Found::default();
         let mut asked = self.spec.broken.iter().any(|broken| broken.section == "output");
         for statement in &self.spec.statements {
@@ -28,6 +29,9 @@ impl<'a> Elaborator<'a> {
             for item in items {
                 self.output(item, &mut found);
             }
+        }
+        if !observe.is_empty() {
+            return self.observed(observe);
         }
         if !asked {
             let help = "say what you want to see, for example `output x`";
@@ -72,8 +76,7 @@ impl<'a> Elaborator<'a> {
     fn whole(&mut self, number: usize, span: Span, found: &mut Found) {
         for offset in 0..self.names.quantities[number].length {
             let quantity = &self.names.quantities[number];
-            let exists = quantity.kind != Kind::Algebraic || quantity.defined_by[offset] != NO_EQUATION;
-            if exists && !quantity.broken {
+            if !quantity.broken && quantity.exists(offset) {
                 self.take(number, offset, span, found);
             }
         }
@@ -110,14 +113,13 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Offset of an element that has to exist.
-    fn existing(&self, number: usize, subscripts: &[i64], span: Span) -> Result<usize, Fault> {
+    pub(crate) fn existing(&self, number: usize, subscripts: &[i64], span: Span) -> Result<usize, Fault> {
         let quantity = &self.names.quantities[number];
         if quantity.broken {
             return Err(Fault::Silent);
         }
-        let offset = quantity.offset(subscripts).ok();
+        let offset = quantity.offset(subscripts).ok().filter(|offset| quantity.exists(*offset));
         let algebraic = quantity.kind == Kind::Algebraic;
-        let offset = offset.filter(|offset| !algebraic || quantity.defined_by[*offset] != NO_EQUATION);
         offset.ok_or_else(|| {
             let name = quantity.element_name(subscripts);
             let (code, message) = match algebraic {
@@ -131,13 +133,7 @@ impl<'a> Elaborator<'a> {
     /// Takes an element as output, unless it already is one.
     fn take(&mut self, number: usize, offset: usize, span: Span, found: &mut Found) {
         let quantity = &self.names.quantities[number];
-        let flat = quantity.base + offset as u32;
-        let variable = match quantity.kind {
-            Kind::State => Variable::State(flat),
-            Kind::Input => Variable::Input(flat),
-            _ => Variable::Algebraic(flat),
-        };
-        let name = quantity.name_at(offset);
+        let (variable, name) = (quantity.variable(offset), quantity.name_at(offset));
         let first = *found.places.entry(variable).or_insert(span);
         if first != span {
             let message = format!("`{name}` is already an output");

@@ -21,6 +21,8 @@ pub(crate) struct Parts {
     pub(crate) initials: Vec<Initial>,
     pub(crate) inputs: Vec<Driven>,
     pub(crate) outputs: Vec<Output>,
+    /// Whether the outputs come from the command line: then leaving out is what was asked for.
+    pub(crate) observed: bool,
 }
 
 /// New numbers of the variables, [`LEFT_OUT`] for those that are gone.
@@ -63,7 +65,7 @@ impl Elaborator<'_> {
     pub(crate) fn assemble(&mut self, header: Header, parts: Parts) -> Option<Model> {
         let mut numbers = self.needed(&parts);
         let left_out = self.left_out(&parts, &numbers);
-        let Parts { flat, order, initials, inputs: driven, outputs } = parts;
+        let Parts { flat, order, initials, inputs: driven, outputs, .. } = parts;
 
         // Numbers in the order of the lists: states and inputs as declared, algebraic equations as computed.
         number(numbers.states.iter_mut());
@@ -169,7 +171,8 @@ impl Elaborator<'_> {
         numbers
     }
 
-    /// Names of what is left out in source order, with a warning for each quantity that is gone as a whole.
+    /// Names of what is left out in source order, with a warning for each quantity that is gone as a whole
+    /// although the spec alone says so.
     fn left_out(&mut self, parts: &Parts, numbers: &Numbers) -> Vec<String> {
         let mut gone: Vec<(u32, usize, usize)> = Vec::new();
         let mut kept = vec![0usize; self.names.quantities.len()];
@@ -193,7 +196,7 @@ impl Elaborator<'_> {
             }
         }
         gone.sort_unstable();
-        let mut warned = vec![false; self.names.quantities.len()];
+        let mut warned = vec![parts.observed; self.names.quantities.len()];
         for (_, at, _) in &gone {
             let name = self.names.quantities[*at].name;
             if kept[*at] == 0 && !std::mem::replace(&mut warned[*at], true) {

@@ -3,8 +3,8 @@
 mod common;
 
 use common::{derivatives, model, model_with, source};
-use pe_frontend::{Limits, compile, elaborate_within, parse};
-use pe_ir::model::{Expr, Solver, Variable, Waveform};
+use pe_frontend::{Limits, Overrides, compile, elaborate_within, parse};
+use pe_ir::model::{Expr, Model, Solver, Variable, Waveform};
 use pe_ir::source::Diagnostic;
 use std::time::{Duration, Instant};
 
@@ -14,7 +14,7 @@ fn spec(statements: &str) -> String {
 }
 
 fn errors(text: &str) -> Vec<Diagnostic> {
-    match compile(&source(text), &[]) {
+    match compile(&source(text), &Overrides::default()) {
         Ok(_) => Vec::new(),
         Err(errors) => errors,
     }
@@ -121,12 +121,80 @@ fn waveforms_take_units_and_defaults() {
 fn values_can_be_set_from_outside() {
     let text = spec("const n = 2\nparam R[k in 1..n] = k\nstate x[k in 1..n] = 0\nx[k]' = -R[k]*x[k]\noutput x");
     let set = |name: &str, value: f64| (name.to_owned(), value);
-    let model = model_with(&text, &[set("n", 3.0), set("R", 5.0)]);
+    let with = |set: &[(String, f64)]| Overrides { set: set.to_vec(), ..Overrides::default() };
+    let model = model_with(&text, with(&[set("n", 3.0), set("R", 5.0)]));
     assert_eq!(derivatives(&model, &[1.0; 3], &[]), [-5.0; 3]);
 
-    let errors = compile(&source(&text), &[set("nn", 1.0), set("x", 1.0), set("R", f64::NAN)]).unwrap_err();
+    let errors = compile(&source(&text), &with(&[set("nn", 1.0), set("x", 1.0), set("R", f64::NAN)]));
+    let errors = errors.unwrap_err();
     assert_eq!(errors.iter().map(|error| error.code).collect::<Vec<_>>(), ["E0209"; 3]);
     assert!(errors.iter().any(|error| error.help.as_deref() == Some("did you mean `n`?")), "{errors:?}");
+}
+
+/// Outputs named from outside, as `--observe` does.
+fn observing(text: &str, lists: &[&str]) -> Result<Model, Vec<Diagnostic>> {
+    let observe = lists.iter().map(|list| (*list).to_owned()).collect();
+    compile(&source(text), &Overrides { observe, ..Overrides::default() }).map(|(model, warnings)| {
+        assert_eq!(warnings, []);
+        model
+    })
+}
+
+/// Two tanks in a row, a third apart, and an algebraic quantity without its first element.
+const TANKS: &str = "index i in 1..3\ninput p = sine(1, 1 Hz)\nstate V[i] = 1\nstate w[a in 1..2, b in 0..1] = 0\n\
+                     V[1]' = p - V[1]\nV[2]' = V[1] - V[2]\nV[3]' = -V[3]\nw[a, b]' = -a*w[a, b]\n\
+                     q[i] = V[i] - V[i - 1] where i >= 2\noutput V";
+
+#[test]
+fn outputs_can_be_named_from_outside() {
+    let outputs = |lists: &[&str]| {
+        let model = observing(&spec(TANKS), lists).unwrap_or_else(|errors| panic!("{lists:?}: {errors:?}"));
+        model.outputs.into_iter().map(|output| output.name).collect::<Vec<_>>()
+    };
+    assert_eq!(outputs(&["V[2]"]), ["V[2]"]);
+    assert_eq!(outputs(&["q, w[1,0]", " V [ 1 ],q[2], p"]), ["q[2]", "q[3]", "w[1,0]", "V[1]", "p"]);
+    let model = observing(&spec(TANKS), &["V[2]"]).expect("it compiles");
+    assert_eq!(model.states.iter().map(|state| state.name.as_str()).collect::<Vec<_>>(), ["V[1]", "V[2]"]);
+    assert_eq!(model.inputs.len(), 1);
+    assert_eq!(model.left_out, ["V[3]", "w[1,0]", "w[1,1]", "w[2,0]", "w[2,1]", "q[2]", "q[3]"]);
+    assert!(observing(&spec(TANKS), &["V[3]"]).expect("it compiles").inputs.is_empty());
+}
+
+#[test]
+fn observing_takes_the_place_of_output_statements() {
+    let without = spec(TANKS).replace("output V", "");
+    assert_eq!(observing(&without, &["V[3]"]).expect("no `output` is needed").outputs.len(), 1);
+    let broken = spec(TANKS).replace("output V", "output V[9]");
+    assert_eq!(observing(&broken, &["V[3]"]).unwrap_err()[0].code, "E0501", "what is wrong stays wrong");
+}
+
+#[test]
+fn what_cannot_be_observed_is_refused_with_its_reason() {
+    let refused = [
+        ("v", "E0201", "unknown name `v` to observe", "did you mean `V`?"),
+        ("i", "E0208", "`i` does not change over time and cannot be observed", ""),
+        ("pi", "E0208", "`pi` does not change over time and cannot be observed", ""),
+        ("V[4]", "E0501", "`V[4]` does not exist", "subscripts of `V` are in 1..3"),
+        ("w[1,7]", "E0501", "`w[1,7]` does not exist", "subscripts of `w` are in 1..2, 0..1"),
+        ("q[1]", "E0502", "no equation defines `q[1]`", ""),
+        ("V[1,1]", "E0207", "`V` has 1 subscripts, not 2", ""),
+        ("p[1]", "E0207", "`p` has 0 subscripts, not 1", ""),
+        ("p", "E0302", "no output depends on a state variable", ""),
+    ];
+    let shape = "name scalars, elements or whole arrays: `--observe 'p,V[3],w[1,2]'`";
+    let misshapen =
+        ["", "V[", "V]", "V[a]", "V[1]]", "V[1] V[2]", "V[1],,p", "V[]", "'; rm -rf", "V[99999999999999999999]"];
+    for text in misshapen {
+        let errors = observing(&spec(TANKS), &[text]).unwrap_err();
+        assert_eq!((errors[0].code, errors[0].help.as_deref()), ("E0209", Some(shape)), "{text}: {errors:?}");
+    }
+    for (text, code, message, help) in refused {
+        let errors = observing(&spec(TANKS), &[text]).unwrap_err();
+        assert_eq!((errors.len(), errors[0].code, errors[0].message.as_str()), (1, code, message));
+        if !help.is_empty() {
+            assert_eq!(errors[0].help.as_deref(), Some(help), "{text}");
+        }
+    }
 }
 
 #[test]
@@ -198,7 +266,7 @@ fn models_beyond_the_limits_are_refused_by_name() {
     let errors_of = |statements: &str, limits: Limits| {
         let (spec, errors) = parse(&source(&spec(statements)));
         assert!(errors.is_empty(), "{errors:?}");
-        let (model, errors) = elaborate_within(&spec, &[], &limits);
+        let (model, errors) = elaborate_within(&spec, &Overrides::default(), &limits);
         assert!(model.is_none());
         errors
     };

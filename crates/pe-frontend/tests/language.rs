@@ -2,7 +2,7 @@
 
 mod common;
 
-use pe_frontend::compile;
+use pe_frontend::{Overrides, compile};
 
 #[test]
 fn every_example_in_the_language_reference_compiles_without_warnings() {
@@ -11,7 +11,7 @@ fn every_example_in_the_language_reference_compiles_without_warnings() {
     for block in text.split("```ode\n").skip(1) {
         let example = block.split("```").next().unwrap_or("");
         let source = common::source(example);
-        let findings = match compile(&source, &[]) {
+        let findings = match compile(&source, &Overrides::default()) {
             Ok((_, warnings)) => warnings,
             Err(errors) => errors,
         };
@@ -26,7 +26,7 @@ fn every_model_compiles() {
     for path in common::specs(&common::root().join("models")) {
         let text = std::fs::read_to_string(&path).expect("the spec can be read");
         let source = common::source(&text);
-        if let Err(errors) = compile(&source, &[]) {
+        if let Err(errors) = compile(&source, &Overrides::default()) {
             let rendered: String = errors.iter().map(|error| error.render(&source)).collect();
             panic!("{}:\n{rendered}", path.display());
         }

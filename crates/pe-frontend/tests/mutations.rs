@@ -2,7 +2,7 @@
 
 mod common;
 
-use pe_frontend::{Limits, elaborate_within, parse};
+use pe_frontend::{Limits, Overrides, elaborate_within, parse};
 use pe_ir::source::SourceFile;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -96,7 +96,7 @@ fn check(text: String, limits: &Limits, origin: &str) {
     let source = SourceFile { name: "damaged.spec".to_owned(), text };
     let begin = Instant::now();
     let (spec, mut findings) = parse(&source);
-    let (model, more) = elaborate_within(&spec, &[], limits);
+    let (model, more) = elaborate_within(&spec, &Overrides::default(), limits);
     let taken = begin.elapsed();
     assert!(taken < LONGEST, "{origin}: {taken:?} for\n{}", source.text);
     findings.extend(more);

@@ -16,7 +16,7 @@ fn load(name: &str) -> Model {
     let path = format!("{}/../../models/{name}/{name}.spec", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
     let source = SourceFile { name: format!("{name}.spec"), text };
-    match pe_frontend::compile(&source, &[]) {
+    match pe_frontend::compile(&source, &pe_frontend::Overrides::default()) {
         Ok((model, warnings)) if warnings.is_empty() => model,
         Ok((_, findings)) | Err(findings) => {
             panic!("{}", findings.iter().map(|f| f.render(&source)).collect::<String>())

@@ -22,7 +22,7 @@ fn findings_are_those_marked_in_the_specs() {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let text = std::fs::read_to_string(&path).expect("the spec can be read");
         let source = SourceFile { name: name.clone(), text };
-        let (compiled, findings) = match pe_frontend::compile(&source, &[]) {
+        let (compiled, findings) = match pe_frontend::compile(&source, &pe_frontend::Overrides::default()) {
             Ok((_, warnings)) => (true, warnings),
             Err(findings) => (false, findings),
         };

@@ -38,6 +38,9 @@ pub struct ModelOptions {
     /// Sets a constant or parameter of the spec; may be repeated
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<(String, f64)>,
+    /// Outputs in place of the spec's: scalars, elements, whole arrays; may be repeated
+    #[arg(long, value_name = "NAME[,NAME...]")]
+    pub observe: Vec<String>,
     /// Lets a refusal through as a warning; may be repeated
     #[arg(long, value_name = "CODE")]
     pub allow: Vec<String>,
@@ -67,7 +70,8 @@ impl ModelOptions {
     /// Reads and elaborates the spec; prints its warnings.
     pub fn load(&self) -> Result<LoadedModel, Failure> {
         let source = read_source(&self.spec)?;
-        let (mut model, warnings) = match pe_frontend::compile(&source, &self.set) {
+        let overrides = pe_frontend::Overrides { set: self.set.clone(), observe: self.observe.clone() };
+        let (mut model, warnings) = match pe_frontend::compile(&source, &overrides) {
             Ok(result) => result,
             Err(findings) => return Err(Failure::Spec(findings, source)),
         };

@@ -3,6 +3,7 @@
 // Each test binary uses a part of this.
 #![allow(dead_code)]
 
+use pe_frontend::Overrides;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::SourceFile;
 use std::path::{Path, PathBuf};
@@ -14,13 +15,13 @@ pub fn source(text: &str) -> SourceFile {
 
 /// The model of a text that must compile.
 pub fn model(text: &str) -> Model {
-    model_with(text, &[])
+    model_with(text, Overrides::default())
 }
 
-/// The model of a text that must compile with these values set.
-pub fn model_with(text: &str, overrides: &[(String, f64)]) -> Model {
+/// The model of a text that must compile with these values and outputs of the command line.
+pub fn model_with(text: &str, overrides: Overrides) -> Model {
     let source = source(text);
-    match pe_frontend::compile(&source, overrides) {
+    match pe_frontend::compile(&source, &overrides) {
         Ok((model, _)) => model,
         Err(errors) => panic!("{}", errors.iter().map(|error| error.render(&source)).collect::<String>()),
     }
