@@ -51,8 +51,11 @@ architecture rtl of pe is
 
   constant PADDED_BITS : positive := larger(ACCUMULATOR_BITS, DATA_BITS + COEFFICIENT_BITS);
 
+  -- Shifts count from here: words that are wider than products take sums shifted to the left.
+  constant LIFT : natural := larger(WORD_BITS + 2 - DATA_BITS - COEFFICIENT_BITS, 0);
+
   -- Shifted sums keep one bit below the word's LSB, which rounds; the sum keeps every upper bit.
-  constant SHIFTED_BITS : positive := ACCUMULATOR_BITS - smallest(SHIFTS) + 1;
+  constant SHIFTED_BITS : positive := ACCUMULATOR_BITS + LIFT - smallest(SHIFTS) + 1;
   constant SUM_BITS     : positive := larger(WORD_BITS + 1, SHIFTED_BITS) + 1;
 
   -- A six-input lookup table chooses among four shift positions, and the adder's tables have room for one more choice
@@ -105,7 +108,7 @@ architecture rtl of pe is
 
       for i in 0 to SHIFTED_BITS - 1 loop
 
-        source := i + SHIFTS(SHIFTS'low + first + entry) - 1;
+        source := i + SHIFTS(SHIFTS'low + first + entry) - 1 - LIFT;
 
         if (source < 0) then
           entries(entry * SHIFTED_BITS + i) := '0';

@@ -13,6 +13,8 @@ use std::io::{BufWriter, Write};
 const STORAGE_BITS: u32 = {{ storage_bits }};
 const GUARD_BITS: u32 = {{ guard_bits }};
 const WORD_BITS: u32 = STORAGE_BITS + GUARD_BITS;
+/// Left shift of the held sum before the right shift of a write.
+const LIFT: u32 = (WORD_BITS + 2).saturating_sub(DATA_BITS + COEFFICIENT_BITS);
 const DATA_BITS: u32 = {{ data_bits }};
 const COEFFICIENT_BITS: u32 = {{ coefficient_bits }};
 const MULTIPLIER_LATENCY: usize = {{ multiplier_latency }};
@@ -281,8 +283,8 @@ impl Network {
             // Scale group.
             pe.base = base;
             pe.shifted = match word.shift {
-                0 => pe.hold,
-                shift => ((pe.hold >> (shift - 1)) + 1) >> 1,
+                0 => pe.hold << LIFT,
+                shift => (((pe.hold << LIFT) >> (shift - 1)) + 1) >> 1,
             };
             // Accumulate group.
             let product = pe.products[MULTIPLIER_LATENCY];

@@ -47,18 +47,7 @@ pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<
         }
     }
     let message = "no number format fits: the products of one step are larger than the states they change";
-    Err(Diagnostic::global(codes::NO_FORMAT, message).with_help(remedy(&format)))
-}
-
-/// What helps when no format fits.
-fn remedy(format: &WordFormat) -> String {
-    let product = format.data_bits + format.coefficient_bits;
-    // Two bits above what a product can fill leave room for gains of up to two.
-    if format.word_bits() + 2 > product {
-        let storage = product.saturating_sub(2 + format.guard_bits);
-        return format!("words are wider than the products: use `--storage {storage}` or a wider `--multiplier`");
-    }
-    "choose a smaller step".to_owned()
+    Err(Diagnostic::global(codes::NO_FORMAT, message).with_help("choose a smaller step"))
 }
 
 struct Chooser<'a> {
@@ -164,7 +153,7 @@ impl<'a> Chooser<'a> {
             }
         }
         for write in chain.writes() {
-            self.raise(write.value, product + write.weight);
+            self.raise(write.value, product + write.weight - self.format.lift() as i32);
         }
         self.products[index] = product;
         Ok(())
@@ -236,7 +225,8 @@ impl<'a> Chooser<'a> {
             }
             let mut shift = [0; 2];
             for (write, slot) in chain.writes().zip(&mut shift) {
-                *slot = u8::try_from(self.of(write.value) - product - write.weight).expect("settled by `settle`");
+                let shift = self.of(write.value) - product - write.weight + self.format.lift() as i32;
+                *slot = u8::try_from(shift).expect("settled by `settle`");
             }
             shifts.push(shift);
             accumulator_bits.push(self.accumulator_bits(chain, *product) as u8);

@@ -25,9 +25,17 @@ impl WordFormat {
         self.storage_bits + self.guard_bits
     }
 
-    /// Bits of the accumulator that a program may use: a DSP block's 48, or, where logic adds, room for 16 products.
+    /// Bits of the accumulator that a program may use: a DSP block's 48, or, where logic adds, room for 16 products;
+    /// lifted it fits 64 bits.
     pub fn accumulator_limit(&self) -> u32 {
-        if self.single_multiplier() { 48 } else { self.data_bits + self.coefficient_bits + 4 }
+        if self.single_multiplier() { 48.min(64 - self.lift()) } else { self.data_bits + self.coefficient_bits + 4 }
+    }
+
+    /// Left shift of the held sum before a write's right shift. Words that are wider than products need it: a product
+    /// of two variables may lie above the LSB of the value that it is added to. Two bits make room for increments of
+    /// up to twice the value.
+    pub fn lift(&self) -> u32 {
+        (self.word_bits() + 2).saturating_sub(self.data_bits + self.coefficient_bits)
     }
 
     /// Whether one 25x18 multiplier block (either way round) forms the product.
@@ -88,7 +96,11 @@ impl WordFormat {
 
     /// Write side: adds the shifted and rounded accumulator to the base word. The flag tells whether it saturated.
     pub fn write(&self, base: i64, accumulator: i64, shift: u32) -> (i64, bool) {
-        let rounded = round_shift(accumulator, shift);
+        self.add(base, round_shift(accumulator << self.lift(), shift))
+    }
+
+    /// Adds a number in units of the word's LSB to the base word. The flag tells whether the result saturated.
+    pub fn add(&self, base: i64, rounded: i64) -> (i64, bool) {
         // A sum beyond 64 bits is beyond every word as well, so saturating early changes nothing.
         let sum = base.saturating_add(rounded);
         let word = sum.clamp(self.min_word(), self.max_word());

@@ -80,7 +80,7 @@ impl<'a> FixedRun<'a> {
     /// Advances by one step. `inputs` are port words; returns whether a value saturated.
     pub fn step(&mut self, inputs: &[i64]) -> bool {
         let format = self.fixed.format;
-        let (data_drop, factor_drop) = (format.data_drop(), format.factor_drop());
+        let (data_drop, factor_drop, lift) = (format.data_drop(), format.factor_drop(), format.lift());
         for (value, word) in self.graph.inputs.iter().zip(inputs) {
             self.words[value.index()] = format.input_operand(*word) << data_drop;
         }
@@ -97,7 +97,7 @@ impl<'a> FixedRun<'a> {
                     };
                     sum += i128::from(self.words[self.code.operands[i] as usize] >> data_drop) * i128::from(second);
                 }
-                shifts.map(|shift| round_shift_wide(sum, u32::from(shift)))
+                shifts.map(|shift| round_shift_wide(sum << lift, u32::from(shift)))
             } else {
                 let mut sum = 0i64;
                 let operands = &self.code.operands[products.clone()];
@@ -108,7 +108,7 @@ impl<'a> FixedRun<'a> {
                     let factor = self.words[self.code.factors[i] as usize] >> factor_drop;
                     sum += (self.words[self.code.operands[i] as usize] >> data_drop) * factor;
                 }
-                shifts.map(|shift| round_shift(sum, u32::from(shift)))
+                shifts.map(|shift| round_shift(sum << lift, u32::from(shift)))
             };
             saturated |= write(&mut self.words, &mut self.saturations, &format, &chain.write, rounded[0]);
             if let Some(second) = &chain.second {
@@ -135,8 +135,7 @@ fn round_shift_wide(sum: i128, shift: u32) -> i64 {
 }
 
 fn write(words: &mut [i64], saturations: &mut [u64], format: &WordFormat, write: &WriteCode, rounded: i64) -> bool {
-    // The shift is already done, hence 0; a sum of two numbers far below 2^63 cannot overflow.
-    let (word, saturated) = format.write(words[write.base as usize], rounded, 0);
+    let (word, saturated) = format.add(words[write.base as usize], rounded);
     words[write.value as usize] = word;
     saturations[write.value as usize] += u64::from(saturated);
     saturated

@@ -185,7 +185,7 @@ impl<'a> Machine<'a> {
             }
             pe.result = add(&format, pe.scaled);
             let shift = pe.shifts.get(usize::from(word.shift)).copied().unwrap_or(0);
-            pe.scaled = (base, round(pe.hold, u32::from(shift)));
+            pe.scaled = (base, round(pe.hold << format.lift(), u32::from(shift)));
             let product = pe.products.pop_front().unwrap_or(0);
             if word.close {
                 pe.hold = pe.accumulator;

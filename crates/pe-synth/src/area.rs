@@ -64,7 +64,8 @@ fn estimate_pe(features: &PeFeatures, format: &WordFormat) -> Area {
     }
 
     // Write side: choice of shift, addition, saturation; registers: held sum, shifted sums, word, link.
-    let shifted = accumulator - f64::from(features.shifts.iter().copied().min().unwrap_or(0)) + 1.0;
+    let shifted =
+        accumulator + f64::from(format.lift()) - f64::from(features.shifts.iter().copied().min().unwrap_or(0)) + 1.0;
     let sum = shifted.max(word + 1.0) + 1.0;
     let (registers, tables) = shift_cost(&features.shifts);
     area.lut += tables * (shifted - 1.0) + sum + word + CONTROL_LUTS;

@@ -29,14 +29,21 @@ fn clamp(word: i128, bits: u32) -> i128 {
     }
 }
 
+/// Words beyond the width of products plus two take their sums shifted to the left.
+fn lift(format: &WordFormat) -> u32 {
+    let (word, product) = (format.storage_bits + format.guard_bits, format.data_bits + format.coefficient_bits);
+    if word + 2 > product { word + 2 - product } else { 0 }
+}
+
 /// With and without dropped bits, up to the largest that the command line takes.
-const FORMATS: [WordFormat; 6] = [
+const FORMATS: [WordFormat; 7] = [
     format(32, 32, 32),
     format(32, 25, 18),
     format(32, 18, 25),
     format(18, 18, 18),
     format(17, 25, 18),
     format(40, 35, 35),
+    format(32, 18, 18),
 ];
 
 #[test]
@@ -47,10 +54,10 @@ fn words_are_shifted_added_and_clamped_as_the_datasheet_says() {
         let half = |dropped: u32| if dropped == 0 { 0 } else { 1i128 << (dropped - 1) };
         for _ in 0..20_000 {
             let word = rng.random::<i64>() >> (64 - bits);
-            let sum = rng.random::<i64>() >> rng.random_range(0..50);
+            let sum = rng.random::<i64>() >> rng.random_range(lift(&format)..50);
             let shift = rng.random_range(0..41);
             assert_eq!(i128::from(round_shift(sum, shift)), nearest(i128::from(sum), shift));
-            let exact = i128::from(word) + nearest(i128::from(sum), shift);
+            let exact = i128::from(word) + nearest(i128::from(sum) << lift(&format), shift);
             assert_eq!(format.write(word, sum, shift), (clamp(exact, bits) as i64, clamp(exact, bits) != exact));
             assert_eq!(
                 i128::from(format.data_operand(word)),
@@ -121,7 +128,7 @@ impl Step<'_> {
         assert!(sum.unsigned_abs() < 1 << (self.fixed.accumulator_bits[index] - 1), "the accumulator overflows");
         let offset = if bits == format.data_bits { 0 } else { 1i128 << (bits - format.data_bits - 1) };
         let base = write.base.map_or(offset, |base| self.word(base));
-        clamp(base + nearest(sum, u32::from(self.fixed.shifts[index][position])), bits)
+        clamp(base + nearest(sum << lift(&format), u32::from(self.fixed.shifts[index][position])), bits)
     }
 
     /// The number that a write should give without any rounding, and a bound of what rounding can change:
