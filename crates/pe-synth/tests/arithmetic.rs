@@ -32,7 +32,7 @@ fn clamp(word: i128, bits: u32) -> i128 {
 /// Words beyond the width of products plus two take their sums shifted to the left.
 fn lift(format: &WordFormat) -> u32 {
     let (word, product) = (format.storage_bits + format.guard_bits, format.data_bits + format.coefficient_bits);
-    if word + 2 > product { word + 2 - product } else { 0 }
+    (word + 2).saturating_sub(product)
 }
 
 /// With and without dropped bits, up to the largest that the command line takes.
