@@ -6,7 +6,7 @@ use pe_emit::EmitOptions;
 use pe_sim::machine::Machine;
 
 use crate::failure::{Failure, MessageFormat};
-use crate::options::ModelOptions;
+use crate::options::{DesignPoint, ModelOptions};
 use crate::output::OutputFolder;
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
 use crate::report::{self, Clock};
@@ -19,6 +19,8 @@ const TRACE_LINES: u64 = 120_000;
 pub struct Compile {
     #[command(flatten)]
     model: ModelOptions,
+    #[command(flatten)]
+    point: DesignPoint,
     #[command(flatten)]
     mapping: MappingOptions,
     /// Output folder; replaced if it is one of ours [default: out/MODEL]
@@ -51,7 +53,7 @@ impl Compile {
         let mut watch = Stopwatch::new(quiet);
         let loaded = watch.stage(
             "read",
-            || self.model.load(),
+            || self.model.load(&self.point),
             |loaded| match loaded {
                 Ok(loaded) => {
                     format!("{}: {} ODEs, {}", loaded.model.name, loaded.model.states.len(), loaded.model.title)
@@ -62,7 +64,7 @@ impl Compile {
         let model = &loaded.model;
         let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&model.name));
         OutputFolder::permitted(&target)?;
-        let design = pipeline::design(&loaded, &self.model, &self.mapping, &mut watch)?;
+        let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
         let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
         let report = report::report(model, &design, clock, self.model.seed, command);
         let folder = OutputFolder::create(&target)?;

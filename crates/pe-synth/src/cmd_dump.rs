@@ -6,7 +6,7 @@ use pe_hls::mapping::Problem;
 use petgraph::dot::{Config, Dot};
 
 use crate::failure::{Failure, MessageFormat};
-use crate::options::ModelOptions;
+use crate::options::{DesignPoint, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Stopwatch};
 
 /// Prints what a stage of the compiler hands on
@@ -14,6 +14,8 @@ use crate::pipeline::{self, MappingOptions, Stopwatch};
 pub struct Dump {
     #[command(flatten)]
     model: ModelOptions,
+    #[command(flatten)]
+    point: DesignPoint,
     #[command(flatten)]
     mapping: MappingOptions,
     /// The stage
@@ -53,7 +55,7 @@ impl Dump {
     }
 
     fn text(&self) -> Result<String, Failure> {
-        let loaded = self.model.load()?;
+        let loaded = self.model.load(&self.point)?;
         if self.stage == Stage::Model {
             return Ok(format!("{:#?}\n", loaded.model));
         }
@@ -70,7 +72,7 @@ impl Dump {
             }
             _ => {}
         }
-        let design = pipeline::design(&loaded, &self.model, &self.mapping, &mut watch)?;
+        let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
         Ok(match self.stage {
             Stage::PeGraph => Dot::new(&Problem::of(&design.graph).pe_graph(&design.mapping)).to_string(),
             Stage::Mapping => {

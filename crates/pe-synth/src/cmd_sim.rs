@@ -9,7 +9,7 @@ use pe_sim::double::DoubleRun;
 use pe_sim::machine::Machine;
 
 use crate::failure::{Failure, MessageFormat};
-use crate::options::{LoadedModel, ModelOptions};
+use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Stopwatch};
 
 /// Simulates the outputs over the span and writes them as CSV
@@ -17,6 +17,8 @@ use crate::pipeline::{self, MappingOptions, Stopwatch};
 pub struct Sim {
     #[command(flatten)]
     model: ModelOptions,
+    #[command(flatten)]
+    point: DesignPoint,
     #[command(flatten)]
     mapping: MappingOptions,
     /// CSV file [default: standard output]
@@ -35,7 +37,7 @@ impl Sim {
 
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
-        let loaded = self.model.load()?;
+        let loaded = self.model.load(&self.point)?;
         let rows = if self.double { self.double_rows(&loaded)? } else { self.machine_rows(&loaded)? };
         let mut csv = String::from("t");
         for output in &loaded.model.outputs {
@@ -80,7 +82,7 @@ impl Sim {
 
     fn machine_rows(&self, loaded: &LoadedModel) -> Result<Vec<Vec<f64>>, Failure> {
         let model = &loaded.model;
-        let design = pipeline::design(loaded, &self.model, &self.mapping, &mut Stopwatch::new(true))?;
+        let design = pipeline::design(loaded, &self.model, &self.point, &self.mapping, &mut Stopwatch::new(true))?;
         let mut machine = Machine::new(&design.program);
         let mut rows = Vec::new();
         for inputs in pipeline::stimulus(model, &design, 0, model.steps()) {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::{Diagnostic, SourceFile};
@@ -9,29 +10,14 @@ use pe_ir::word::WordFormat;
 
 use crate::failure::{Failure, MessageFormat};
 
-/// The model and how it is computed.
+/// What is computed: the model, and what it is judged over.
 #[derive(Args, Clone, Debug)]
 pub struct ModelOptions {
     /// Model specification
     pub spec: PathBuf,
-    /// Number of processing elements; all of them are used [default: one for every 200 issue slots]
-    #[arg(long, value_name = "N")]
-    pub pes: Option<u32>,
-    /// Numerical method, in place of the spec's
-    #[arg(long, value_enum)]
-    pub solver: Option<SolverName>,
-    /// Step, in place of the spec's, for example `1e-4` or `100us`
-    #[arg(long, value_name = "T", value_parser = duration)]
-    pub step: Option<f64>,
     /// Time over which ranges and errors are judged, in place of the spec's
     #[arg(long, value_name = "T", value_parser = duration)]
     pub span: Option<f64>,
-    /// Bits of a stored word, without its 8 guard bits
-    #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = clap::value_parser!(u32).range(12..=40))]
-    pub storage: u32,
-    /// Multiplier: bits of its data port x bits of its coefficient port
-    #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier)]
-    pub multiplier: (u32, u32),
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -49,8 +35,28 @@ pub struct ModelOptions {
     pub message_format: MessageFormat,
 }
 
+/// How it is computed: a point of the design space.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct DesignPoint {
+    /// Number of processing elements; all of them are used [default: one for every 200 issue slots]
+    #[arg(long, value_name = "N")]
+    pub pes: Option<u32>,
+    /// Numerical method, in place of the spec's
+    #[arg(long, value_enum)]
+    pub solver: Option<SolverName>,
+    /// Step, in place of the spec's, for example `1e-4` or `100us`
+    #[arg(long, value_name = "T", value_parser = duration)]
+    pub step: Option<f64>,
+    /// Bits of a stored word, without its 8 guard bits
+    #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = storage())]
+    pub storage: u32,
+    /// Multiplier: bits of its data port x bits of its coefficient port
+    #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier)]
+    pub multiplier: (u32, u32),
+}
+
 /// Names of the numerical methods.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SolverName {
     /// Explicit Euler
     Euler,
@@ -60,15 +66,22 @@ pub enum SolverName {
 
 /// A model with the text it comes from.
 pub struct LoadedModel {
-    /// The model, with the command line's solver, step and span.
+    /// The model, with the command line's span, and solver and step of a design point.
     pub model: Model,
     /// Its text.
     pub source: SourceFile,
 }
 
 impl ModelOptions {
-    /// Reads and elaborates the spec; prints its warnings.
-    pub fn load(&self) -> Result<LoadedModel, Failure> {
+    /// The model of a design point.
+    pub fn load(&self, point: &DesignPoint) -> Result<LoadedModel, Failure> {
+        let mut loaded = self.read()?;
+        point.apply(&mut loaded.model)?;
+        Ok(loaded)
+    }
+
+    /// Reads and elaborates the spec; prints its warnings. Solver and step are the spec's.
+    pub fn read(&self) -> Result<LoadedModel, Failure> {
         let source = read_source(&self.spec)?;
         let overrides = pe_frontend::Overrides { set: self.set.clone(), observe: self.observe.clone() };
         let (mut model, warnings) = match pe_frontend::compile(&source, &overrides) {
@@ -76,6 +89,26 @@ impl ModelOptions {
             Err(findings) => return Err(Failure::Spec(findings, source)),
         };
         crate::failure::print_findings(&warnings, &source, self.message_format);
+        model.span = self.span.unwrap_or(model.span);
+        Ok(LoadedModel { model, source })
+    }
+
+    /// Turns allowed errors into warnings; what remains is a failure.
+    pub fn permit(&self, findings: Vec<Diagnostic>) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
+        if findings.iter().all(|finding| self.allow.iter().any(|code| code == finding.code)) {
+            Ok(findings.into_iter().map(Diagnostic::into_warning).collect())
+        } else {
+            Err(findings)
+        }
+    }
+}
+
+impl DesignPoint {
+    /// Puts solver and step in place of the model's.
+    ///
+    /// # Errors
+    /// If the span is shorter than the step.
+    pub fn apply(&self, model: &mut Model) -> Result<(), Failure> {
         if let Some(solver) = self.solver {
             model.solver = match solver {
                 SolverName::Euler => Solver::Euler,
@@ -83,12 +116,11 @@ impl ModelOptions {
             };
         }
         model.step = self.step.unwrap_or(model.step);
-        model.span = self.span.unwrap_or(model.span);
         if model.span < model.step {
             let message = format!("the span of {:e} s is shorter than the step of {:e} s", model.span, model.step);
             return Err(Failure::Usage(message));
         }
-        Ok(LoadedModel { model, source })
+        Ok(())
     }
 
     /// Word widths.
@@ -106,15 +138,6 @@ impl ModelOptions {
         }
         Ok(format)
     }
-
-    /// Turns allowed errors into warnings; what remains is a failure.
-    pub fn permit(&self, findings: Vec<Diagnostic>) -> Result<Vec<Diagnostic>, Vec<Diagnostic>> {
-        if findings.iter().all(|finding| self.allow.iter().any(|code| code == finding.code)) {
-            Ok(findings.into_iter().map(Diagnostic::into_warning).collect())
-        } else {
-            Err(findings)
-        }
-    }
 }
 
 fn read_source(path: &Path) -> Result<SourceFile, Failure> {
@@ -124,6 +147,11 @@ fn read_source(path: &Path) -> Result<SourceFile, Failure> {
         Failure::file("read", path, format!("it is not UTF-8 text (byte {at})"))
     })?;
     Ok(SourceFile { name: path.display().to_string(), text })
+}
+
+/// Parses bits of a stored word.
+fn storage() -> impl TypedValueParser<Value = u32> {
+    clap::value_parser!(u32).range(12..=40)
 }
 
 /// Parses a time: a number with an optional unit.

@@ -1,5 +1,6 @@
 //! The way from model to program, stage after stage.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
@@ -17,7 +18,7 @@ use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
 use crate::failure::{Failure, print_findings};
-use crate::options::{LoadedModel, ModelOptions};
+use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::runs::{self, Judged};
 
 /// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
@@ -55,10 +56,10 @@ pub struct StartResult {
 
 /// Everything that was decided about a model.
 pub struct Design {
-    /// Step graph.
-    pub graph: StepGraph,
-    /// Formats, errors, checkpoint.
-    pub judged: Judged,
+    /// Step graph; designs that differ in PEs only share it.
+    pub graph: Arc<StepGraph>,
+    /// Formats, errors, checkpoint; shared likewise.
+    pub judged: Arc<Judged>,
     /// The mapping that was taken.
     pub mapping: Mapping,
     /// Its cost.
@@ -115,22 +116,34 @@ impl Stopwatch {
 pub fn design(
     loaded: &LoadedModel,
     options: &ModelOptions,
+    point: &DesignPoint,
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
-    let spec = |findings: Vec<Diagnostic>| Failure::Spec(findings, loaded.source.clone());
-    let format = options.format()?;
-    let graph = build(loaded, watch)?;
+    let format = point.format()?;
+    let graph = Arc::new(build(loaded, watch)?);
     let progress = watch.progress_bar();
     let judged = watch
         .stage("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
-        .map_err(spec)?;
+        .map_err(|findings| Failure::Spec(findings, loaded.source.clone()))?;
     print_findings(&judged.warnings, &loaded.source, options.message_format);
-    let problem = Problem::of(&graph);
-    let latency = Latency::of(&format);
+    implement(loaded, &graph, &Arc::new(judged), (point.pes, options.seed), mapping_options, watch)
+}
+
+/// Designs the network for a step graph whose formats are known, on `pes` PEs or the default number.
+pub fn implement(
+    loaded: &LoadedModel,
+    graph: &Arc<StepGraph>,
+    judged: &Arc<Judged>,
+    (pes, seed): (Option<u32>, u64),
+    mapping_options: &MappingOptions,
+    watch: &mut Stopwatch,
+) -> Result<Design, Failure> {
+    let problem = Problem::of(graph);
+    let latency = Latency::of(&judged.fixed.format);
     let mapped = watch.stage(
         "map",
-        || map(&problem, &graph, options, mapping_options),
+        || map(&problem, graph, pes, seed, mapping_options),
         |candidates| match candidates {
             Ok(candidates) => {
                 let pes = candidates[0].mapping.pes;
@@ -139,11 +152,11 @@ pub fn design(
             Err(_) => "impossible".to_owned(),
         },
     );
-    let candidates = mapped.map_err(|error| map_failure(error, &graph, loaded))?;
-    let pes = candidates[0].mapping.pes;
+    let candidates = mapped.map_err(|error| map_failure(error, graph, loaded))?;
+    let taken_pes = candidates[0].mapping.pes;
     let schedules: Vec<Schedule> = watch.stage(
         "schedule",
-        || candidates.iter().map(|candidate| pe_hls::schedule::schedule(&graph, &candidate.mapping, latency)).collect(),
+        || candidates.iter().map(|candidate| pe_hls::schedule::schedule(graph, &candidate.mapping, latency)).collect(),
         |schedules: &Vec<Schedule>| {
             format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
         },
@@ -163,16 +176,16 @@ pub fn design(
     let candidate = candidates.into_iter().nth(taken).expect("ranked above");
     let program = watch.stage(
         "assemble",
-        || pe_hls::assemble::assemble(&loaded.model, &graph, &judged.fixed, &candidate.mapping, &schedule),
+        || pe_hls::assemble::assemble(&loaded.model, graph, &judged.fixed, &candidate.mapping, &schedule),
         |program| format!("{} PEs, {} writes per step", program.pes.len(), program.writes_per_step()),
     );
     let design = Design {
-        bound: Bound::of(&graph, pes, latency),
+        bound: Bound::of(graph, taken_pes, latency),
         mapping: candidate.mapping,
         cost: candidate.cost,
-        default_pes: options.pes.is_none(),
-        graph,
-        judged,
+        default_pes: pes.is_none(),
+        graph: Arc::clone(graph),
+        judged: Arc::clone(judged),
         schedule,
         program,
         starts,
@@ -213,18 +226,19 @@ pub fn default_pes(graph: &StepGraph) -> u32 {
 fn map(
     problem: &Problem,
     graph: &StepGraph,
-    options: &ModelOptions,
+    pes: Option<u32>,
+    seed: u64,
     mapping_options: &MappingOptions,
 ) -> Result<Vec<Candidate>, MapError> {
     let mut map_options = MapOptions {
-        pes: options.pes.unwrap_or_else(|| default_pes(graph)),
-        seed: options.seed,
+        pes: pes.unwrap_or_else(|| default_pes(graph)),
+        seed,
         tries: mapping_options.tries.unwrap_or_else(|| MapOptions::default_tries(problem.equations())),
         max_in_degree: mapping_options.max_in_degree,
     };
     loop {
         match mapping::map(problem, &map_options) {
-            Err(MapError::InDegree { .. }) if options.pes.is_none() && map_options.pes > 1 => map_options.pes /= 2,
+            Err(MapError::InDegree { .. }) if pes.is_none() && map_options.pes > 1 => map_options.pes /= 2,
             result => return result,
         }
     }

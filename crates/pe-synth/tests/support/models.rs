@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
-use pe_synth::options::{LoadedModel, ModelOptions};
+use pe_synth::options::{DesignPoint, LoadedModel, ModelOptions};
 use pe_synth::pipeline::{self, Design, MappingOptions, Stopwatch};
 
 use super::flow::Start;
@@ -12,6 +12,8 @@ use super::flow::Start;
 struct Options {
     #[command(flatten)]
     model: ModelOptions,
+    #[command(flatten)]
+    point: DesignPoint,
     #[command(flatten)]
     mapping: MappingOptions,
 }
@@ -33,8 +35,8 @@ pub fn compile(model: &str, options: &[&str]) -> Compiled {
     let words = ["test".into(), spec.into_os_string()].into_iter().chain(options.iter().map(Into::into));
     let options = Options::parse_from(words);
     let failed = |failure| panic!("{model}: {failure:?}");
-    let loaded = options.model.load().unwrap_or_else(failed);
-    let design = pipeline::design(&loaded, &options.model, &options.mapping, &mut Stopwatch::new(true));
+    let loaded = options.model.load(&options.point).unwrap_or_else(failed);
+    let design = pipeline::design(&loaded, &options.model, &options.point, &options.mapping, &mut Stopwatch::new(true));
     let failed = |failure| panic!("{model}: {failure:?}");
     Compiled { design: design.unwrap_or_else(failed), loaded }
 }
