@@ -60,6 +60,7 @@ impl<'a> Elaborator<'a> {
                 self.define(number, bound, equation, done);
             }
         }
+        self.evaluator.left_sides_known = true;
         self.check_all_defined();
         for (bound, equation) in &mut equations {
             let mut resolver = self.resolver(Reads::Variables);

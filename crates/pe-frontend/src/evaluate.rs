@@ -48,11 +48,13 @@ pub(crate) struct Evaluator {
     work: u64,
     /// Variables that may still be read; bounds the memory of the result.
     reads: u64,
+    /// Whether all left-hand sides are known; before, any algebraic element may still get its equation.
+    pub(crate) left_sides_known: bool,
 }
 
 impl Evaluator {
     pub(crate) fn new(work: u64, reads: u64) -> Self {
-        Evaluator { frame: Vec::new(), work, reads }
+        Evaluator { frame: Vec::new(), work, reads, left_sides_known: false }
     }
 
     /// The value of an expression over variables.
@@ -159,6 +161,10 @@ impl Evaluator {
             *value = self.integer(names, subscript)?;
         }
         let values = &values[..subscripts.len().min(MOST_DIMENSIONS)];
+        if quantity.kind == Kind::Algebraic && !self.left_sides_known {
+            // Left-hand sides may read constants only; that this is none is all that matters.
+            return Ok(Expr::Variable(Variable::Algebraic(0)));
+        }
         let offset = match quantity.offset(values) {
             Ok(offset) => offset,
             Err(_) if quantity.kind == Kind::Algebraic => {
