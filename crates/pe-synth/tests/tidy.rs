@@ -29,12 +29,12 @@ fn with_ending<'a>(files: &'a [(String, String)], endings: &'a [&str]) -> impl I
 
 #[test]
 fn stages_meet_only_in_pe_ir() {
-    for stage in ["pe-frontend", "pe-hls", "pe-sim", "pe-emit"] {
+    for stage in ["pe-frontend", "pe-hls", "pe-sim", "pe-emit", "pe-plot"] {
         let manifest = fs::read_to_string(root().join("crates").join(stage).join("Cargo.toml")).unwrap();
         let ours: Vec<&str> =
             manifest.lines().filter(|line| line.starts_with("pe-") && !line.starts_with("pe-ir")).collect();
         assert!(ours.is_empty(), "{stage} depends on {ours:?}");
-        for (package, owner) in [("pest", "pe-frontend"), ("askama", "pe-emit")] {
+        for (package, owner) in [("pest", "pe-frontend"), ("askama", "pe-emit"), ("plotters", "pe-plot")] {
             let uses = manifest.lines().any(|line| line.starts_with(package));
             assert_eq!(uses, stage == owner, "{package} in {stage}");
         }
