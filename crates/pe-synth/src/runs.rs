@@ -89,47 +89,97 @@ pub fn judge(
     options: &ModelOptions,
     progress: ProgressBar,
 ) -> Result<Judged, Vec<Diagnostic>> {
-    let plan = Plan::of(model, progress);
-    let clock = Instant::now();
-    let (reference, mut ranges, moments) = reference_run(model, graph, &plan)?;
-    let double_seconds = clock.elapsed().as_secs_f64();
-    include_declared(model, graph, &mut ranges);
-    let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
-    let scales = reference.scales(&quantities);
-
+    let exact = Exact::run(model, graph, progress)?;
     // The runs that follow depend on the reference run alone, so they share the machine's cores; each is deterministic.
-    let (fixed, comparison) = std::thread::scope(|scope| {
-        let comparison = scope.spawn(|| half_step_runs(model, &plan, &reference, &scales));
-        let fixed = settle_formats(model, graph, format, &plan, &reference, ranges, &moments);
-        (fixed, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    });
-    let settled = fixed?;
-    let comparison = comparison?;
-    let (worst_state, word_length) = settled.deviation.worst(&scales);
-    let coefficient = settled.quantised.worst(&scales).1;
-    let errors =
-        Errors { worst_state, word_length, coefficient, method: comparison.method, input_hold: comparison.input_hold };
-    let mut warnings = Vec::new();
-    if errors.method > METHOD_ERROR_REFUSED {
-        warnings.extend(options.permit(vec![comparison.finding])?);
-    } else if errors.method > METHOD_ERROR_WARNED {
-        let message = comparison.finding.message.replace("too large", "large");
-        warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..comparison.finding.into_warning() });
-    }
-    let macs = graph.macs() as f64 * plan.steps as f64;
-    Ok(Judged {
-        fixed: settled.fixed,
-        errors,
-        widenings: settled.widenings,
-        checkpoint: settled.checkpoint,
-        samples: plan.samples,
-        warnings,
-        ns_per_mac: (double_seconds * 1e9 / macs, settled.seconds * 1e9 / macs),
+    std::thread::scope(|scope| {
+        let comparison = scope.spawn(|| exact.compare(model));
+        let settled = exact.settle(model, graph, format);
+        let comparison = comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        exact.conclude(graph, settled, comparison, options)
     })
 }
 
+/// The run in double precision, which knows nothing of formats: ranges, and the trajectory that others are compared to.
+pub struct Exact {
+    plan: Plan,
+    reference: Trajectory,
+    ranges: Ranges,
+    moments: Moments,
+    scales: Vec<f64>,
+    seconds: f64,
+}
+
+impl Exact {
+    /// Runs the step graph over the span.
+    ///
+    /// # Errors
+    /// `E0901` non-finite.
+    pub fn run(model: &Model, graph: &StepGraph, progress: ProgressBar) -> Result<Exact, Vec<Diagnostic>> {
+        let plan = Plan::of(model, progress);
+        let clock = Instant::now();
+        let (reference, mut ranges, moments) = reference_run(model, graph, &plan)?;
+        let seconds = clock.elapsed().as_secs_f64();
+        include_declared(model, graph, &mut ranges);
+        let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
+        let scales = reference.scales(&quantities);
+        Ok(Exact { plan, reference, ranges, moments, scales, seconds })
+    }
+
+    /// Compares with smaller steps.
+    ///
+    /// # Errors
+    /// `E0901` non-finite.
+    pub fn compare(&self, model: &Model) -> Result<Comparison, Vec<Diagnostic>> {
+        half_step_runs(model, &self.plan, &self.reference, &self.scales)
+    }
+
+    /// Finds formats under which the span runs without saturation.
+    ///
+    /// # Errors
+    /// `E0902` saturates however wide, `E080x` no format.
+    pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
+        settle_formats(model, graph, format, &self.plan, &self.reference, self.ranges.clone(), &self.moments)
+    }
+
+    /// Puts together what the runs found.
+    ///
+    /// # Errors
+    /// Those of the runs; `E0903` step too large.
+    pub fn conclude(
+        &self,
+        graph: &StepGraph,
+        settled: Result<Settled, Vec<Diagnostic>>,
+        comparison: Result<Comparison, Vec<Diagnostic>>,
+        options: &ModelOptions,
+    ) -> Result<Judged, Vec<Diagnostic>> {
+        let settled = settled?;
+        let comparison = comparison?;
+        let (worst_state, word_length) = settled.deviation.worst(&self.scales);
+        let coefficient = settled.quantised.worst(&self.scales).1;
+        let Comparison { method, input_hold, finding } = comparison;
+        let errors = Errors { worst_state, word_length, coefficient, method, input_hold };
+        let mut warnings = Vec::new();
+        if errors.method > METHOD_ERROR_REFUSED {
+            warnings.extend(options.permit(vec![finding])?);
+        } else if errors.method > METHOD_ERROR_WARNED {
+            let message = finding.message.replace("too large", "large");
+            warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..finding.into_warning() });
+        }
+        let macs = graph.macs() as f64 * self.plan.steps as f64;
+        Ok(Judged {
+            fixed: settled.fixed,
+            errors,
+            widenings: settled.widenings,
+            checkpoint: settled.checkpoint,
+            samples: self.plan.samples,
+            warnings,
+            ns_per_mac: (self.seconds * 1e9 / macs, settled.seconds * 1e9 / macs),
+        })
+    }
+}
+
 /// Formats under which the span runs without saturation, and what they cost in accuracy.
-struct Settled {
+pub struct Settled {
     fixed: FixedPoint,
     deviation: Deviation,
     /// Deviation of the run in double precision with quantised coefficients.
@@ -345,7 +395,8 @@ fn trajectory(
 }
 
 /// What smaller steps say about the method.
-struct Comparison {
+#[derive(Clone)]
+pub struct Comparison {
     method: f64,
     input_hold: f64,
     /// The finding that a large method error would be.
