@@ -5,13 +5,15 @@
 
 use pe_ir::source::Span;
 
-/// A spec file.
+/// A spec, included files among it.
 #[derive(Clone, Debug, Default)]
 pub struct Spec {
     /// Statements without syntax errors, in source order.
     pub statements: Vec<Statement>,
     /// Statements with syntax errors, as far as they could be made out.
     pub broken: Vec<Broken>,
+    /// Whether a file could not be read, so that any name may be defined in it.
+    pub names_missing: bool,
 }
 
 /// What is known of a statement that could not be parsed; keeps one mistake from being reported many times.
@@ -95,6 +97,8 @@ pub enum StatementKind {
     Equation(Equation),
     /// `output V[1], w`.
     Output(Vec<OutputItem>),
+    /// `include "lib/gates.spec"`: the path as written, with the place of its quotes.
+    Include(Name),
 }
 
 /// A declared name with its dimensions and unit.

@@ -5,8 +5,8 @@ use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Keywords that begin a statement.
-pub(crate) const SECTIONS: [&str; 10] =
-    ["model", "solver", "step", "span", "const", "index", "param", "input", "state", "output"];
+pub(crate) const SECTIONS: [&str; 11] =
+    ["model", "solver", "step", "span", "const", "index", "param", "input", "state", "output", "include"];
 
 /// Keywords inside statements.
 const INNER_KEYWORDS: [&str; 12] =
@@ -54,9 +54,9 @@ pub(crate) struct Token {
     pub(crate) span: Span,
 }
 
-/// Splits the text into words and reports what is no word.
-pub(crate) fn tokenize(text: &str, report: &mut Report) -> Vec<Token> {
-    let mut lexer = Lexer { text, at: 0, tokens: Vec::new(), report };
+/// Splits the text from an offset on into words and reports what is no word.
+pub(crate) fn tokenize(text: &str, from: u32, report: &mut Report) -> Vec<Token> {
+    let mut lexer = Lexer { text, at: from as usize, tokens: Vec::new(), report };
     while lexer.at < text.len() {
         lexer.word();
     }
@@ -186,7 +186,7 @@ mod tests {
     use super::*;
 
     fn kinds(text: &str) -> Vec<TokenKind> {
-        tokenize(text, &mut Report::default()).iter().map(|token| token.kind).collect()
+        tokenize(text, 0, &mut Report::default()).iter().map(|token| token.kind).collect()
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! Text goes through two stages. [`parse`] cuts it into statements and builds the syntax tree; [`elaborate()`] binds
 //! names, computes constants and writes out every equation of every element; [`compile`] does both. Neither ever
 //! panics or stops at the first error, whatever the text, and each finding carries a code that
-//! [`codes::explain`] knows.
+//! [`pe_ir::codes::explain`] knows. The front end reads no files; what a spec names, a [`Loader`] gives it.
 //!
 //! The language is described in `docs/language.md`, its grammar is `grammar/ode.pest`.
 
@@ -14,6 +14,7 @@ mod declarations;
 mod elaborate;
 mod equations;
 mod evaluate;
+mod files;
 mod fold;
 mod functions;
 mod lexer;
@@ -24,6 +25,7 @@ mod order;
 mod outputs;
 mod pattern;
 mod prune;
+mod reader;
 mod report;
 mod resolve;
 mod settings;
@@ -33,40 +35,16 @@ mod syntax_errors;
 
 pub use ast::Spec;
 pub use elaborate::{Limits, elaborate, elaborate_within};
+pub use files::{LARGEST_FILE, LoadError, Loader, NoFiles, main_file};
 
-use pe_ir::codes;
 use pe_ir::model::Model;
-use pe_ir::source::{Diagnostic, Severity, SourceFile};
+use pe_ir::source::{Diagnostic, Severity, Sources};
 
-/// Larger files are refused before they are looked at.
-const LARGEST_FILE: usize = 16 << 20;
-
-/// Parses a spec. Never fails: statements with syntax errors are missing in the tree, and noted there as broken.
-pub fn parse(source: &SourceFile) -> (Spec, Vec<Diagnostic>) {
-    let text = source.text.as_str();
+/// Parses a spec: the main file in `sources` and every file it names, which `loader` reads and `sources` takes up.
+/// Never fails: statements with syntax errors are missing in the tree, and noted there as broken.
+pub fn parse(sources: &mut Sources, loader: &dyn Loader) -> (Spec, Vec<Diagnostic>) {
     let mut report = report::Report::default();
-    let mut spec = Spec::default();
-    if text.len() > LARGEST_FILE {
-        let message = format!("the file has {} bytes; the most allowed is {LARGEST_FILE}", text.len());
-        report.push(
-            Diagnostic::global(codes::FILE_TOO_LARGE, message)
-                .with_help("describe repeated equations with indices instead of writing them out"),
-        );
-        // Nothing must be concluded from the empty tree: any section may have been there.
-        let broken = lexer::SECTIONS.map(|section| ast::Broken { section: section.to_owned(), names: Vec::new() });
-        spec.broken.extend(broken);
-        return (spec, report.finish());
-    }
-    let tokens = lexer::tokenize(text, &mut report);
-    for statement in statements::split(text, &tokens) {
-        let parsed = statements::check(text, &statement, &mut report)
-            .then(|| syntax::parse_statement(text, &statement, &mut report))
-            .flatten();
-        match parsed {
-            Some(parsed) => spec.statements.push(parsed),
-            None => spec.broken.push(statements::salvage(text, &statement)),
-        }
-    }
+    let spec = reader::read(sources, loader, &mut report);
     (spec, report.finish())
 }
 
@@ -79,9 +57,14 @@ pub struct Overrides {
     pub observe: Vec<String>,
 }
 
-/// Parses and elaborates a spec: the model and its warnings, or everything that was found, in source order.
-pub fn compile(source: &SourceFile, overrides: &Overrides) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
-    let (spec, mut findings) = parse(source);
+/// Parses and elaborates a spec: the model and its warnings, or everything that was found, in source order. See
+/// [`parse`] and [`elaborate()`] for the arguments.
+pub fn compile(
+    sources: &mut Sources,
+    loader: &dyn Loader,
+    overrides: &Overrides,
+) -> Result<(Model, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let (spec, mut findings) = parse(sources, loader);
     let (model, more) = elaborate(&spec, overrides);
     findings.extend(more);
     report::sort(&mut findings);

@@ -180,12 +180,14 @@ pub(crate) struct Names<'a> {
     pub(crate) indices: Vec<Index<'a>>,
     /// Names that broken statements may define; nothing is said about them.
     poisoned: HashSet<&'a str>,
+    /// Whether a file is missing that may define any name.
+    missing: bool,
 }
 
 impl<'a> Names<'a> {
     /// Collects the names that a spec defines.
     pub(crate) fn collect(spec: &'a Spec, report: &mut Report) -> Self {
-        let mut names = Names::default();
+        let mut names = Names { missing: spec.names_missing, ..Names::default() };
         names.poisoned.extend(spec.broken.iter().flat_map(|broken| broken.names.iter().map(String::as_str)));
         for statement in &spec.statements {
             match &statement.kind {
@@ -321,9 +323,9 @@ impl<'a> Names<'a> {
         })
     }
 
-    /// Whether a broken statement may define this name.
+    /// Whether a broken statement or a missing file may define this name.
     pub(crate) fn is_poisoned(&self, name: &str) -> bool {
-        self.poisoned.contains(name)
+        self.missing || self.poisoned.contains(name)
     }
 
     /// An error for a name that is not defined, with the nearest of `local` and all defined names.

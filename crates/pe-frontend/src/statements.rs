@@ -115,7 +115,7 @@ fn first_word(text: &str, statement: &[Token]) -> Option<Diagnostic> {
     if SECTIONS.contains(&word) {
         let second = second?;
         let name = text_of(text, second);
-        let names_something = !matches!(word, "solver" | "step" | "span" | "output");
+        let names_something = !matches!(word, "solver" | "step" | "span" | "output" | "include");
         return (names_something && is_keyword(name)).then(|| keyword_as_name(name, second.span));
     }
     if first.kind != TokenKind::Word {
@@ -231,7 +231,7 @@ mod tests {
     use crate::lexer::tokenize;
 
     fn statements(text: &str) -> Vec<String> {
-        let tokens = tokenize(text, &mut Report::default());
+        let tokens = tokenize(text, 0, &mut Report::default());
         let join = |words: &Vec<Token>| words.iter().map(|t| text_of(text, *t)).collect::<Vec<_>>().join(" ");
         split(text, &tokens).iter().map(join).collect()
     }

@@ -55,6 +55,7 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "input" => Rule::input_statement,
         "state" => Rule::state_statement,
         "output" => Rule::output_statement,
+        "include" => Rule::include_statement,
         _ => Rule::equation,
     };
     let mut builder = Builder { base: span.start, report, explained: false };
@@ -133,6 +134,11 @@ impl Builder<'_> {
                     items.push(OutputItem { target, ranges, condition });
                 }
                 StatementKind::Output(items)
+            }
+            Rule::include_statement => {
+                let text = parts.take(Rule::text)?;
+                let span = self.span(&text);
+                StatementKind::Include(Name { text: text.into_inner().next()?.as_str().to_owned(), span })
             }
             Rule::equation => {
                 let target = self.reference(parts.take(Rule::reference)?)?;
@@ -394,6 +400,7 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_input
             | Rule::kw_state
             | Rule::kw_output
+            | Rule::kw_include
             | Rule::kw_if
             | Rule::kw_then
             | Rule::kw_else
@@ -442,7 +449,7 @@ mod tests {
     fn shape(expression: &str) -> String {
         let text = format!("x = {expression}");
         let mut report = Report::default();
-        let tokens = tokenize(&text, &mut report);
+        let tokens = tokenize(&text, 0, &mut report);
         let statement = parse_statement(&text, &tokens, &mut report);
         match statement.map(|statement| statement.kind) {
             Some(StatementKind::Equation(equation)) => show(&equation.value),

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{derivatives, model, model_with, source};
-use pe_frontend::{Limits, Overrides, compile, elaborate_within, parse};
+use pe_frontend::{Limits, NoFiles, Overrides, compile, elaborate_within, parse};
 use pe_ir::model::{Expr, Model, Solver, Variable, Waveform};
 use pe_ir::source::Diagnostic;
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ fn spec(statements: &str) -> String {
 }
 
 fn errors(text: &str) -> Vec<Diagnostic> {
-    match compile(&source(text), &Overrides::default()) {
+    match compile(&mut source(text), &NoFiles, &Overrides::default()) {
         Ok(_) => Vec::new(),
         Err(errors) => errors,
     }
@@ -125,7 +125,7 @@ fn values_can_be_set_from_outside() {
     let model = model_with(&text, with(&[set("n", 3.0), set("R", 5.0)]));
     assert_eq!(derivatives(&model, &[1.0; 3], &[]), [-5.0; 3]);
 
-    let errors = compile(&source(&text), &with(&[set("nn", 1.0), set("x", 1.0), set("R", f64::NAN)]));
+    let errors = compile(&mut source(&text), &NoFiles, &with(&[set("nn", 1.0), set("x", 1.0), set("R", f64::NAN)]));
     let errors = errors.unwrap_err();
     assert_eq!(errors.iter().map(|error| error.code).collect::<Vec<_>>(), ["E0209"; 3]);
     assert!(errors.iter().any(|error| error.help.as_deref() == Some("did you mean `n`?")), "{errors:?}");
@@ -134,7 +134,7 @@ fn values_can_be_set_from_outside() {
 /// Outputs named from outside, as `--observe` does.
 fn observing(text: &str, lists: &[&str]) -> Result<Model, Vec<Diagnostic>> {
     let observe = lists.iter().map(|list| (*list).to_owned()).collect();
-    compile(&source(text), &Overrides { observe, ..Overrides::default() }).map(|(model, warnings)| {
+    compile(&mut source(text), &NoFiles, &Overrides { observe, ..Overrides::default() }).map(|(model, warnings)| {
         assert_eq!(warnings, []);
         model
     })
@@ -264,7 +264,7 @@ fn large_files_and_floods_of_errors_are_cut_short() {
 #[test]
 fn models_beyond_the_limits_are_refused_by_name() {
     let errors_of = |statements: &str, limits: Limits| {
-        let (spec, errors) = parse(&source(&spec(statements)));
+        let (spec, errors) = parse(&mut source(&spec(statements)), &NoFiles);
         assert!(errors.is_empty(), "{errors:?}");
         let (model, errors) = elaborate_within(&spec, &Overrides::default(), &limits);
         assert!(model.is_none());

@@ -2,20 +2,28 @@
 
 mod common;
 
-use pe_frontend::{Overrides, compile};
+use pe_frontend::{NoFiles, Overrides, compile};
+use std::collections::BTreeMap;
 
 #[test]
 fn every_example_in_the_language_reference_compiles_without_warnings() {
     let text = std::fs::read_to_string(common::root().join("docs/language.md")).expect("the reference can be read");
+    // "```ode file=PATH" is a file that later examples name; "```ode" is a main file.
+    let mut files = BTreeMap::new();
     let mut examples = 0;
-    for block in text.split("```ode\n").skip(1) {
-        let example = block.split("```").next().unwrap_or("");
-        let source = common::source(example);
-        let findings = match compile(&source, &Overrides::default()) {
+    for block in text.split("```ode").skip(1) {
+        let (kind, rest) = block.split_once('\n').unwrap_or_default();
+        let example = rest.split("```").next().unwrap_or("");
+        if let Some(path) = kind.strip_prefix(" file=") {
+            files.insert(path.to_owned(), example.as_bytes().to_vec());
+            continue;
+        }
+        let mut sources = common::source(example);
+        let findings = match compile(&mut sources, &files, &Overrides::default()) {
             Ok((_, warnings)) => warnings,
             Err(errors) => errors,
         };
-        assert!(findings.is_empty(), "{}", findings.iter().map(|finding| finding.render(&source)).collect::<String>());
+        assert!(findings.is_empty(), "{}", findings.iter().map(|finding| finding.render(&sources)).collect::<String>());
         examples += 1;
     }
     assert!(examples >= 4, "only {examples} examples found");
@@ -25,9 +33,9 @@ fn every_example_in_the_language_reference_compiles_without_warnings() {
 fn every_model_compiles() {
     for path in common::specs(&common::root().join("models")) {
         let text = std::fs::read_to_string(&path).expect("the spec can be read");
-        let source = common::source(&text);
-        if let Err(errors) = compile(&source, &Overrides::default()) {
-            let rendered: String = errors.iter().map(|error| error.render(&source)).collect();
+        let mut sources = common::source(&text);
+        if let Err(errors) = compile(&mut sources, &NoFiles, &Overrides::default()) {
+            let rendered: String = errors.iter().map(|error| error.render(&sources)).collect();
             panic!("{}:\n{rendered}", path.display());
         }
     }

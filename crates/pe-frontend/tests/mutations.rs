@@ -5,8 +5,8 @@
 
 mod common;
 
-use pe_frontend::{Limits, Overrides, elaborate_within, parse};
-use pe_ir::source::{Severity, SourceFile};
+use pe_frontend::{Limits, NoFiles, Overrides, elaborate_within, parse};
+use pe_ir::source::{Severity, Sources};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -31,7 +31,7 @@ const NUMBERS: [&str; 12] =
     ["NaN", "inf", "1e308", "1e309", "1e-320", "1e-400", "0", "-1", "0.5", "99999999999", "9007199254740993", "(-0)"];
 
 /// Pieces that are likely to hurt.
-const PIECES: [&str; 46] = [
+const PIECES: [&str; 47] = [
     "(",
     ")",
     "[",
@@ -62,6 +62,7 @@ const PIECES: [&str; 46] = [
     "in",
     "for",
     "state",
+    "include \"a\"",
     "output",
     "index",
     "param",
@@ -148,9 +149,9 @@ fn check_all(texts: &[(String, String, Limits)]) -> (usize, Duration) {
 
 /// Parses, elaborates and checks what was found; gives whether there is a model, and the time.
 fn check(text: &str, limits: &Limits) -> (bool, Duration) {
-    let source = SourceFile { name: "damaged.spec".to_owned(), text: text.to_owned() };
+    let mut sources = Sources::new("damaged.spec", text);
     let begin = Instant::now();
-    let (spec, mut findings) = parse(&source);
+    let (spec, mut findings) = parse(&mut sources, &NoFiles);
     let (model, more) = elaborate_within(&spec, &Overrides::default(), limits);
     let taken = begin.elapsed();
     findings.extend(more);

@@ -3,8 +3,9 @@
 //! Nothing here shares code or formulas with the specs: parameters, initial values and right-hand sides are typed anew
 //! from the equations (Huang, Vahid, Givargis 2013, doi 10.1145/2514641.2514650, and the `README.md` of each model).
 
+use pe_frontend::NoFiles;
 use pe_ir::model::{Expr, Model, Solver, Variable};
-use pe_ir::source::SourceFile;
+use pe_ir::source::Sources;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
@@ -15,11 +16,11 @@ const PAPER: [&str; 8] = ["weibel11", "weibel5", "lutchen4000", "lutchen20", "wa
 fn load(name: &str) -> Model {
     let path = format!("{}/../../models/{name}/{name}.spec", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
-    let source = SourceFile { name: format!("{name}.spec"), text };
-    match pe_frontend::compile(&source, &pe_frontend::Overrides::default()) {
+    let mut sources = Sources::new(format!("{name}.spec"), &text);
+    match pe_frontend::compile(&mut sources, &NoFiles, &pe_frontend::Overrides::default()) {
         Ok((model, warnings)) if warnings.is_empty() => model,
         Ok((_, findings)) | Err(findings) => {
-            panic!("{}", findings.iter().map(|f| f.render(&source)).collect::<String>())
+            panic!("{}", findings.iter().map(|f| f.render(&sources)).collect::<String>())
         }
     }
 }

@@ -31,6 +31,11 @@ codes! {
     KEYWORD_AS_NAME = "E0106", "keyword used as a name";
     BAD_LITERAL = "E0107", "number or name too large";
     TOO_MANY_ERRORS = "E0108", "too many errors";
+    NOT_TEXT = "E0109", "file is not text";
+    BAD_PATH = "E0110", "path not allowed";
+    NO_FILE = "E0111", "file cannot be read";
+    INCLUDE_CYCLE = "E0112", "files include each other";
+    MISPLACED = "E0113", "statement belongs in the main file";
 
     UNKNOWN_NAME = "E0201", "unknown name";
     UNKNOWN_FUNCTION = "E0202", "unknown function or waveform";
@@ -84,6 +89,7 @@ codes! {
     LEFT_OUT = "W0002", "no output depends on it";
     OUTSIDE_BOUNDS = "W0003", "value outside the stated range";
     REPEATED_OUTPUT = "W0004", "output asked for twice";
+    REPEATED_INCLUDE = "W0005", "file included twice";
     STEP_LARGE = "W0903", "step large for the accuracy";
 }
 

@@ -2,35 +2,116 @@
 
 use std::fmt;
 
-/// A spec file: its display name and its text.
+/// All files of a spec in one space of byte offsets: the main file first, then included files and data files in the
+/// order in which they were read.
+///
+/// The texts are kept one after the other with a line end between them, so a [`Span`] is a range of [`Sources::text`]
+/// and needs no number of a file.
 #[derive(Clone, Debug)]
-pub struct SourceFile {
-    /// Name as the user gave it; shown in diagnostics, never opened again.
-    pub name: String,
-    /// The whole text.
-    pub text: String,
+pub struct Sources {
+    text: String,
+    files: Vec<SourceFile>,
 }
 
-impl SourceFile {
-    /// 1-based line and column (in characters) of a byte offset.
-    pub fn line_column(&self, offset: usize) -> (usize, usize) {
-        let mut end = offset.min(self.text.len());
+/// One file among [`Sources`].
+#[derive(Clone, Debug)]
+pub struct SourceFile {
+    name: String,
+    span: Span,
+    /// Offset of the first byte of each line.
+    lines: Vec<u32>,
+}
+
+/// A position as a person counts it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Position<'a> {
+    /// Name of the file.
+    pub file: &'a str,
+    /// Line, from 1 on.
+    pub line: usize,
+    /// Column in characters, from 1 on.
+    pub column: usize,
+}
+
+impl Sources {
+    /// A spec of one file so far. `name` is shown in diagnostics and never opened.
+    pub fn new(name: impl Into<String>, text: &str) -> Self {
+        let mut sources = Sources { text: String::new(), files: Vec::new() };
+        sources.add(name, text);
+        sources
+    }
+
+    /// Takes in one more file and gives its span. All files together must stay below 4 GiB; whoever reads them limits
+    /// their size long before.
+    pub fn add(&mut self, name: impl Into<String>, text: &str) -> Span {
+        if !self.files.is_empty() {
+            self.text.push('\n');
+        }
+        let start = self.text.len();
+        self.text.push_str(text);
+        let offset = |at: usize| u32::try_from(at).unwrap_or(u32::MAX);
+        let span = Span { start: offset(start), end: offset(self.text.len()) };
+        let breaks = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(at, _)| offset(start + at + 1));
+        let lines = std::iter::once(span.start).chain(breaks).collect();
+        self.files.push(SourceFile { name: name.into(), span, lines });
+        span
+    }
+
+    /// The texts of all files; what spans are ranges of.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// All files, the main one first.
+    pub fn files(&self) -> &[SourceFile] {
+        &self.files
+    }
+
+    /// The main file.
+    pub fn main(&self) -> &SourceFile {
+        &self.files[0]
+    }
+
+    /// The file that holds an offset.
+    pub fn file_at(&self, offset: u32) -> &SourceFile {
+        let next = self.files.partition_point(|file| file.span.start <= offset);
+        &self.files[next.saturating_sub(1)]
+    }
+
+    /// File, line and column of an offset; found by bisection.
+    pub fn position(&self, offset: u32) -> Position<'_> {
+        let file = self.file_at(offset);
+        let mut end = offset.min(file.span.end) as usize;
         while !self.text.is_char_boundary(end) {
             end -= 1;
         }
-        let before = &self.text[..end];
-        let line = before.bytes().filter(|b| *b == b'\n').count() + 1;
-        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
-        (line, column)
+        let line = file.lines.partition_point(|start| *start as usize <= end).max(1);
+        let start = file.lines[line - 1] as usize;
+        Position { file: &file.name, line, column: self.text[start..end].chars().count() + 1 }
     }
 
-    /// Text of a 1-based line, without its line end.
-    pub fn line(&self, number: usize) -> &str {
-        self.text.lines().nth(number.saturating_sub(1)).unwrap_or("")
+    /// Text of the line that holds an offset, without its line end.
+    pub fn line_at(&self, offset: u32) -> &str {
+        let file = self.file_at(offset);
+        let next = file.lines.partition_point(|start| *start <= offset).max(1);
+        let end = file.lines.get(next).copied().unwrap_or(file.span.end);
+        self.text[file.lines[next - 1] as usize..end as usize].trim_end_matches(['\n', '\r'])
     }
 }
 
-/// A byte range in the source file.
+impl SourceFile {
+    /// Name as the user gave it, or as the spec names it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its bytes among those of all files.
+    pub fn span(&self) -> Span {
+        self.span
+    }
+}
+
+/// A byte range in the text of all files, see [`Sources::text`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
     /// First byte.
@@ -103,7 +184,7 @@ impl Diagnostic {
     }
 
     /// Renders the finding with file, line, caret and help, as a compiler would.
-    pub fn render(&self, source: &SourceFile) -> String {
+    pub fn render(&self, sources: &Sources) -> String {
         let severity = match self.severity {
             Severity::Error => "error",
             Severity::Warning => "warning",
@@ -111,10 +192,10 @@ impl Diagnostic {
         let mut text = format!("{severity}[{}]: {}\n", self.code, self.message);
         let places = self.span.map(|span| (span, String::new())).into_iter();
         for (span, label) in places.chain(self.labels.iter().cloned()) {
-            text += &render_place(source, span, &label);
+            text += &render_place(sources, span, &label);
         }
         if self.span.is_none() {
-            text += &format!("  --> {}\n", source.name);
+            text += &format!("  --> {}\n", sources.main().name());
         }
         if let Some(help) = &self.help {
             text += &format!("  = help: {help}\n");
@@ -123,23 +204,22 @@ impl Diagnostic {
     }
 }
 
-fn render_place(source: &SourceFile, span: Span, label: &str) -> String {
+fn render_place(sources: &Sources, span: Span, label: &str) -> String {
     // Long lines are cut around the caret so that a megabyte on one line stays readable.
     const CONTEXT: usize = 60;
-    let (line, column) = source.line_column(span.start as usize);
-    let shown: Vec<char> = source.line(line).chars().collect();
-    let from = (column - 1).saturating_sub(CONTEXT);
-    let to = shown.len().min(column - 1 + CONTEXT);
-    let excerpt: String = shown[from.min(to)..to].iter().map(|c| if c.is_control() { ' ' } else { *c }).collect();
-    let end = (span.end as usize).min(source.text.len()).max(span.start as usize);
-    let width = source.text.get(span.start as usize..end).map_or(1, |t| t.lines().next().unwrap_or("").chars().count());
-    let width = width.clamp(1, (to + 1).saturating_sub(column).max(1));
+    let Position { file, line, column } = sources.position(span.start);
+    let before = (column - 1).min(CONTEXT);
+    let shown = sources.line_at(span.start).chars().skip(column - 1 - before).take(before + CONTEXT);
+    let excerpt: String = shown.map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let end = span.end.min(sources.file_at(span.start).span().end).max(span.start) as usize;
+    let marked = sources.text().get(span.start as usize..end).and_then(|text| text.lines().next());
+    let width = marked.map_or(1, |text| text.chars().count());
+    let width = width.clamp(1, (excerpt.chars().count() + 1).saturating_sub(before).max(1));
     let gutter = line.to_string().len();
     format!(
-        "{0:gutter$}--> {1}:{line}:{column}\n{0:gutter$} |\n{line} | {excerpt}\n{0:gutter$} | {2}{3}{4}{label}\n",
+        "{0:gutter$}--> {file}:{line}:{column}\n{0:gutter$} |\n{line} | {excerpt}\n{0:gutter$} | {1}{2}{3}{label}\n",
         "",
-        source.name,
-        " ".repeat(column - 1 - from),
+        " ".repeat(before),
         "^".repeat(width),
         if label.is_empty() { "" } else { " " },
     )
@@ -148,5 +228,27 @@ fn render_place(source: &SourceFile, span: Span, label: &str) -> String {
 impl fmt::Display for Span {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}..{}", self.start, self.end)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_are_those_of_the_file_that_holds_them() {
+        let mut sources = Sources::new("a", "one\ntw\u{f6}\n");
+        let second = sources.add("b", "");
+        let third = sources.add("c", "x\r\n\u{e9}y");
+        let at = |offset: u32| {
+            let Position { file, line, column } = sources.position(offset);
+            (file, line, column, sources.line_at(offset))
+        };
+        assert_eq!([at(0), at(3), at(4)], [("a", 1, 1, "one"), ("a", 1, 4, "one"), ("a", 2, 1, "tw\u{f6}")]);
+        // Inside of a character, at its end, at the end of the file.
+        assert_eq!([at(7), at(8), at(9)], [("a", 2, 3, "tw\u{f6}"), ("a", 2, 4, "tw\u{f6}"), ("a", 3, 1, "")]);
+        assert_eq!((second, at(second.start)), (Span { start: 10, end: 10 }, ("b", 1, 1, "")));
+        assert_eq!([at(third.start), at(third.start + 5)], [("c", 1, 1, "x"), ("c", 2, 2, "\u{e9}y")]);
+        assert_eq!([at(third.end), at(u32::MAX)], [("c", 2, 3, "\u{e9}y"), ("c", 2, 3, "\u{e9}y")]);
     }
 }

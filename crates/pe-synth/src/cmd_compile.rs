@@ -70,7 +70,7 @@ impl Compile {
         let folder = OutputFolder::create(&target)?;
         let written = watch.stage(
             "write",
-            || write_design(&folder, &loaded.source.name, model, &design, command),
+            || write_design(&folder, loaded.sources.main().name(), model, &design, command),
             |_| target.display().to_string(),
         );
         written?;

@@ -73,7 +73,7 @@ impl Sim {
                 let message =
                     format!("`{}` is no longer a finite number at t = {time:.6e} s", graph.value_name(diverged.value));
                 let finding = Diagnostic::global(codes::DIVERGED, message).with_help("try a smaller `--step`");
-                Failure::Spec(vec![finding], loaded.source.clone())
+                Failure::Spec(vec![finding], loaded.sources.clone())
             })?;
             rows.push((0..model.outputs.len()).map(|output| run.output(output)).collect());
         }

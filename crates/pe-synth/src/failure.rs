@@ -4,14 +4,14 @@ use std::fmt::Display;
 use std::path::Path;
 use std::process::ExitCode;
 
-use pe_ir::source::{Diagnostic, SourceFile};
+use pe_ir::source::{Diagnostic, Position, Sources};
 use serde_json::json;
 
 /// A command's failure; every kind has an exit code of its own (see the README).
 #[derive(Debug)]
 pub enum Failure {
-    /// The spec is wrong, or its result would be: findings and the text they refer to.
-    Spec(Vec<Diagnostic>, SourceFile),
+    /// The spec is wrong, or its result would be: findings and the texts they refer to.
+    Spec(Vec<Diagnostic>, Sources),
     /// The options do not go together. Exit code 2, as for options that do not exist.
     Usage(String),
     /// A file could not be read or written.
@@ -45,7 +45,7 @@ impl Failure {
     /// Prints the failure to standard error.
     pub fn print(&self, format: MessageFormat) {
         match self {
-            Failure::Spec(findings, source) => print_findings(findings, source, format),
+            Failure::Spec(findings, sources) => print_findings(findings, sources, format),
             Failure::Usage(text) | Failure::File(text) | Failure::Mismatch(text) | Failure::MissingTool(text) => {
                 print_line(text, format);
             }
@@ -72,11 +72,11 @@ fn print_line(text: &str, format: MessageFormat) {
 }
 
 /// Prints findings of the spec.
-pub fn print_findings(findings: &[Diagnostic], source: &SourceFile, format: MessageFormat) {
+pub fn print_findings(findings: &[Diagnostic], sources: &Sources, format: MessageFormat) {
     for finding in findings {
         match format {
-            MessageFormat::Human => eprint!("{}", finding.render(source)),
-            MessageFormat::Json => eprintln!("{}", as_json(finding, source)),
+            MessageFormat::Human => eprint!("{}", finding.render(sources)),
+            MessageFormat::Json => eprintln!("{}", as_json(finding, sources)),
         }
     }
     let errors = findings.iter().filter(|finding| finding.severity == pe_ir::source::Severity::Error).count();
@@ -86,10 +86,10 @@ pub fn print_findings(findings: &[Diagnostic], source: &SourceFile, format: Mess
     }
 }
 
-fn as_json(finding: &Diagnostic, source: &SourceFile) -> serde_json::Value {
+fn as_json(finding: &Diagnostic, sources: &Sources) -> serde_json::Value {
     let place = |span: pe_ir::source::Span| {
-        let (line, column) = source.line_column(span.start as usize);
-        json!({"file": source.name, "line": line, "column": column, "start": span.start, "end": span.end})
+        let Position { file, line, column } = sources.position(span.start);
+        json!({"file": file, "line": line, "column": column, "start": span.start, "end": span.end})
     };
     let labels: Vec<_> =
         finding.labels.iter().map(|(span, text)| json!({"place": place(*span), "text": text})).collect();

@@ -9,6 +9,7 @@ pub mod cmd_sim;
 pub mod cmd_verify;
 pub mod engines;
 pub mod failure;
+pub mod files;
 pub mod options;
 pub mod output;
 pub mod pipeline;

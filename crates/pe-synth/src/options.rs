@@ -1,14 +1,15 @@
 //! Options that mean the same in every command.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use pe_ir::model::{Model, Solver};
-use pe_ir::source::{Diagnostic, SourceFile};
+use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::word::WordFormat;
 
 use crate::failure::{Failure, MessageFormat};
+use crate::files::{self, ModelFolder};
 
 /// What is computed: the model, and what it is judged over.
 #[derive(Args, Clone, Debug)]
@@ -64,12 +65,12 @@ pub enum SolverName {
     Rk4,
 }
 
-/// A model with the text it comes from.
+/// A model with the texts it comes from.
 pub struct LoadedModel {
     /// The model, with the command line's span, and solver and step of a design point.
     pub model: Model,
-    /// Its text.
-    pub source: SourceFile,
+    /// The spec and the files it names.
+    pub sources: Sources,
 }
 
 impl ModelOptions {
@@ -82,15 +83,16 @@ impl ModelOptions {
 
     /// Reads and elaborates the spec; prints its warnings. Solver and step are the spec's.
     pub fn read(&self) -> Result<LoadedModel, Failure> {
-        let source = read_source(&self.spec)?;
+        let mut sources = files::main_file(&self.spec)?;
+        let loader = ModelFolder::of(&self.spec);
         let overrides = pe_frontend::Overrides { set: self.set.clone(), observe: self.observe.clone() };
-        let (mut model, warnings) = match pe_frontend::compile(&source, &overrides) {
+        let (mut model, warnings) = match pe_frontend::compile(&mut sources, &loader, &overrides) {
             Ok(result) => result,
-            Err(findings) => return Err(Failure::Spec(findings, source)),
+            Err(findings) => return Err(Failure::Spec(findings, sources)),
         };
-        crate::failure::print_findings(&warnings, &source, self.message_format);
+        crate::failure::print_findings(&warnings, &sources, self.message_format);
         model.span = self.span.unwrap_or(model.span);
-        Ok(LoadedModel { model, source })
+        Ok(LoadedModel { model, sources })
     }
 
     /// Turns allowed errors into warnings; what remains is a failure.
@@ -138,15 +140,6 @@ impl DesignPoint {
         }
         Ok(format)
     }
-}
-
-fn read_source(path: &Path) -> Result<SourceFile, Failure> {
-    let bytes = std::fs::read(path).map_err(|error| Failure::file("read", path, error))?;
-    let text = String::from_utf8(bytes).map_err(|error| {
-        let at = error.utf8_error().valid_up_to();
-        Failure::file("read", path, format!("it is not UTF-8 text (byte {at})"))
-    })?;
-    Ok(SourceFile { name: path.display().to_string(), text })
 }
 
 /// Parses bits of a stored word.

@@ -125,8 +125,8 @@ pub fn design(
     let progress = watch.progress_bar();
     let judged = watch
         .stage("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
-        .map_err(|findings| Failure::Spec(findings, loaded.source.clone()))?;
-    print_findings(&judged.warnings, &loaded.source, options.message_format);
+        .map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    print_findings(&judged.warnings, &loaded.sources, options.message_format);
     implement(loaded, &graph, &Arc::new(judged), (point.pes, options.seed), mapping_options, watch)
 }
 
@@ -204,7 +204,7 @@ pub fn build(loaded: &LoadedModel, watch: &mut Stopwatch) -> Result<StepGraph, F
             Err(_) => "refused".to_owned(),
         },
     );
-    graph.map_err(|findings| Failure::Spec(findings, loaded.source.clone()))
+    graph.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))
 }
 
 fn runs_figure(judged: &Result<Judged, Vec<Diagnostic>>) -> String {
@@ -253,7 +253,7 @@ fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Fail
             let message = format!("PE {pe}, which computes `{}`, needs {degree} input ports of {limit}", equation.name);
             let finding = Diagnostic::error(codes::IN_DEGREE, equation.span, message)
                 .with_help("use fewer PEs with `--pes`, or allow more ports with `--max-in-degree`");
-            Failure::Spec(vec![finding], loaded.source.clone())
+            Failure::Spec(vec![finding], loaded.sources.clone())
         }
     }
 }

@@ -192,10 +192,41 @@ fn an_own_folder_is_replaced_as_a_whole() {
 fn files_that_cannot_be_read_exit_with_3() {
     let home = folder("unreadable");
     assert_eq!(compile(&home.join("missing.spec"), &home.join("out"), &[]).status.code(), Some(3));
-    fs::write(home.join("binary.spec"), [0xff, 0xfe, 0x00]).unwrap();
-    let output = compile(&home.join("binary.spec"), &home.join("out"), &[]);
-    assert_eq!(output.status.code(), Some(3));
-    assert!(stderr(&output).contains("UTF-8"));
+}
+
+#[test]
+fn files_that_a_spec_names_are_read_from_its_folder_only() {
+    let home = folder("included");
+    fs::create_dir_all(home.join("model/lib")).unwrap();
+    let spec = home.join("model/m.spec");
+    let text = "model m\nsolver rk4\nstep 1 ms\nspan 20 ms\nstate x = k\nx' = -x\noutput x\ninclude \"lib/k.spec\"";
+    fs::write(&spec, text).unwrap();
+    let codes = |content: &str| {
+        fs::write(home.join("model/lib/k.spec"), content).unwrap();
+        let output = compile(&spec, &home.join("out"), &["--pes", "1", "--message-format", "json"]);
+        (output.status.code(), stderr(&output))
+    };
+    assert_eq!(codes("param k = 1").0, Some(0));
+    let (code, errors) = codes("// \nparam k = 1e");
+    assert!(code == Some(1) && errors.contains("lib/k.spec\",\"line\":2"), "{errors}");
+
+    fs::write(home.join("outside.spec"), "param k = 1").unwrap();
+    fs::remove_file(home.join("model/lib/k.spec")).unwrap();
+    std::os::unix::fs::symlink(home.join("outside.spec"), home.join("model/lib/k.spec")).unwrap();
+    let refused = |what: &str| {
+        let output = compile(&spec, &home.join("out"), &["--pes", "1"]);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(stderr(&output).contains(what), "{}", stderr(&output));
+    };
+    refused("error[E0110]");
+    fs::remove_file(home.join("model/lib/k.spec")).unwrap();
+    refused("error[E0111]");
+    fs::create_dir(home.join("model/lib/k.spec")).unwrap();
+    refused("error[E0111]");
+    fs::write(&spec, [0x0a, 0xff]).unwrap();
+    refused("m.spec:2:1");
+    fs::File::create(&spec).unwrap().set_len(20 << 20).unwrap();
+    refused("error[E0105]");
 }
 
 #[test]

@@ -3,14 +3,14 @@
 // Each test binary uses a part of this.
 #![allow(dead_code)]
 
-use pe_frontend::Overrides;
+use pe_frontend::{NoFiles, Overrides};
 use pe_ir::model::{Expr, Model, Variable};
-use pe_ir::source::SourceFile;
+use pe_ir::source::Sources;
 use std::path::{Path, PathBuf};
 
-/// A source file from text.
-pub fn source(text: &str) -> SourceFile {
-    SourceFile { name: "test.spec".to_owned(), text: text.to_owned() }
+/// A spec of one file.
+pub fn source(text: &str) -> Sources {
+    Sources::new("test.spec", text)
 }
 
 /// The model of a text that must compile.
@@ -20,10 +20,10 @@ pub fn model(text: &str) -> Model {
 
 /// The model of a text that must compile with these values and outputs of the command line.
 pub fn model_with(text: &str, overrides: Overrides) -> Model {
-    let source = source(text);
-    match pe_frontend::compile(&source, &overrides) {
+    let mut sources = source(text);
+    match pe_frontend::compile(&mut sources, &NoFiles, &overrides) {
         Ok((model, _)) => model,
-        Err(errors) => panic!("{}", errors.iter().map(|error| error.render(&source)).collect::<String>()),
+        Err(errors) => panic!("{}", errors.iter().map(|error| error.render(&sources)).collect::<String>()),
     }
 }
 

@@ -1,0 +1,154 @@
+//! Reads a spec: its main file and, where they stand, the files that it includes.
+
+use crate::ast::{Broken, Name, Spec, StatementKind};
+use crate::files::{LARGEST_FILE, Loader, folder, load, resolve};
+use crate::lexer::{SECTIONS, tokenize};
+use crate::report::Report;
+use crate::{statements, syntax};
+use pe_ir::codes;
+use pe_ir::source::{Diagnostic, Sources, Span};
+
+/// Files that include one another one inside the other.
+const DEEPEST_INCLUDE: usize = 32;
+
+/// Sections that describe the whole model.
+const MAIN_ONLY: [&str; 4] = ["model", "solver", "step", "span"];
+
+/// Parses all files of a spec; `sources` holds the main one and takes up the others.
+pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Report) -> Spec {
+    let mut reader = Reader { sources, loader, report, spec: Spec::default(), open: Vec::new(), done: Vec::new() };
+    let main = reader.sources.main().span();
+    let size = (main.end - main.start) as usize;
+    if size > LARGEST_FILE {
+        let message = format!("the file has {size} bytes; the most allowed is {LARGEST_FILE}");
+        reader.report.push(
+            Diagnostic::global(codes::FILE_TOO_LARGE, message)
+                .with_help("describe repeated equations with indices instead of writing them out"),
+        );
+        reader.give_up();
+    } else {
+        reader.file(main, "");
+    }
+    reader.spec
+}
+
+/// An included file and the place that includes it.
+struct Included {
+    path: String,
+    named: Span,
+}
+
+struct Reader<'a> {
+    sources: &'a mut Sources,
+    loader: &'a dyn Loader,
+    report: &'a mut Report,
+    spec: Spec,
+    /// Files whose statements are being read, the innermost last; the main file is not among them.
+    open: Vec<Included>,
+    /// Files that were included so far.
+    done: Vec<Included>,
+}
+
+impl Reader<'_> {
+    /// Reads the statements of a file.
+    fn file(&mut self, file: Span, own_folder: &str) {
+        let text = &self.sources.text()[..file.end as usize];
+        let tokens = tokenize(text, file.start, self.report);
+        let mut parsed = Vec::new();
+        for statement in statements::split(text, &tokens) {
+            let tree = statements::check(text, &statement, self.report)
+                .then(|| syntax::parse_statement(text, &statement, self.report))
+                .flatten();
+            parsed.push(tree.ok_or_else(|| statements::salvage(text, &statement)));
+        }
+        for statement in parsed {
+            match statement {
+                Ok(statement) => match &statement.kind {
+                    StatementKind::Include(path) => self.include(path, own_folder),
+                    kind => {
+                        let section = section(kind).filter(|_| !self.open.is_empty());
+                        match section {
+                            Some(section) => self.misplaced(section, statement.span),
+                            None => self.spec.statements.push(statement),
+                        }
+                    }
+                },
+                Err(broken) => {
+                    if broken.section == "include" {
+                        self.give_up();
+                    }
+                    self.spec.broken.push(broken);
+                }
+            }
+        }
+    }
+
+    fn include(&mut self, path: &Name, own_folder: &str) {
+        let result = resolve(own_folder, path).map_err(Box::new).and_then(|resolved| {
+            if self.repeated(&resolved, path.span)? {
+                return Ok(());
+            }
+            let file = load(self.sources, self.loader, &resolved, path.span)?;
+            self.open.push(Included { path: resolved.clone(), named: path.span });
+            self.file(file, folder(&resolved));
+            self.done.extend(self.open.pop());
+            Ok(())
+        });
+        if let Err(problem) = result {
+            self.report.push(*problem);
+            self.give_up();
+        }
+    }
+
+    /// Whether a file has been included already; it joins the model once.
+    fn repeated(&mut self, path: &str, named: Span) -> Result<bool, Box<Diagnostic>> {
+        if let Some(first) = self.open.iter().position(|open| open.path == path) {
+            let mut names: Vec<&str> = self.open[first..].iter().map(|open| open.path.as_str()).collect();
+            names.push(path);
+            let message = format!("`{}`", names.join("` includes `"));
+            let error = Diagnostic::error(codes::INCLUDE_CYCLE, named, message);
+            return Err(Box::new(error.with_label(self.open[first].named, "included first from here")));
+        }
+        if self.open.len() >= DEEPEST_INCLUDE {
+            let message = format!("files include one another more than {DEEPEST_INCLUDE} levels deep");
+            return Err(Box::new(Diagnostic::error(codes::TOO_DEEP, named, message)));
+        }
+        let Some(first) = self.done.iter().find(|done| done.path == path) else { return Ok(false) };
+        // Two files may well need the same third one; twice in one file is a slip.
+        if self.sources.file_at(first.named.start).span() == self.sources.file_at(named.start).span() {
+            let message = format!("`{path}` is included twice; it counts once");
+            let warning = Diagnostic::error(codes::REPEATED_INCLUDE, named, message);
+            self.report.push(warning.with_label(first.named, "included first from here").into_warning());
+        }
+        Ok(true)
+    }
+
+    fn misplaced(&mut self, section: &str, span: Span) {
+        let message = format!("`{section}` belongs in the main file");
+        let error = Diagnostic::error(codes::MISPLACED, span, message);
+        let included = self.open.last().map(|open| open.named);
+        self.report.push(match included {
+            Some(named) => error.with_label(named, "this file is included from here"),
+            None => error,
+        });
+    }
+
+    /// Notes that statements are missing which may have been anything, so that nothing is concluded from their
+    /// absence.
+    fn give_up(&mut self) {
+        let broken = SECTIONS.map(|section| Broken { section: section.to_owned(), names: Vec::new() });
+        self.spec.broken.extend(broken);
+        self.spec.names_missing = true;
+    }
+}
+
+/// The keyword of a statement that describes the whole model.
+fn section(kind: &StatementKind) -> Option<&'static str> {
+    Some(match kind {
+        StatementKind::Model { .. } => MAIN_ONLY[0],
+        StatementKind::Solver(_) => MAIN_ONLY[1],
+        StatementKind::Step(_) => MAIN_ONLY[2],
+        StatementKind::Span(_) => MAIN_ONLY[3],
+        _ => return None,
+    })
+}
