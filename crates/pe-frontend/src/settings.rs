@@ -17,9 +17,6 @@ pub(crate) const FREQUENCIES: [(&str, f64); 2] = [("Hz", 1.0), ("kHz", 1e3)];
 /// Most steps over a span; a run of more would never end.
 const MOST_STEPS: f64 = 1e10;
 
-/// All solvers.
-const SOLVERS: [Solver; 2] = [Solver::Euler, Solver::Rk4];
-
 /// The single statements as found.
 #[derive(Default)]
 pub(crate) struct Settings<'a> {
@@ -99,11 +96,11 @@ fn check_model_name(name: &Name, report: &mut Report) {
 }
 
 fn solver(name: &Name, report: &mut Report) -> Option<Solver> {
-    let found = SOLVERS.into_iter().find(|solver| solver.name() == name.text);
+    let found = Solver::ALL.into_iter().find(|solver| solver.name() == name.text);
     if found.is_none() {
         let message = format!("unknown solver `{}`", name.text);
-        let help = suggestion(&name.text, SOLVERS.map(Solver::name))
-            .unwrap_or_else(|| format!("there are `{}`", SOLVERS.map(Solver::name).join("` and `")));
+        let help = suggestion(&name.text, Solver::ALL.map(Solver::name))
+            .unwrap_or_else(|| format!("there are `{}`", Solver::ALL.map(Solver::name).join("`, `")));
         report.push(Diagnostic::error(codes::UNKNOWN_SOLVER, name.span, message).with_help(help));
     }
     found

@@ -94,6 +94,7 @@ fn extremes(model: &Model, steps: u64) -> Vec<(f64, f64)> {
                 let sum: Vec<f64> = (0..y.len()).map(|i| k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]).collect();
                 moved(&y, h / 6.0, &sum)
             }
+            other => panic!("no model of the paper uses {other:?}"),
         };
         for (y, (low, high)) in y.iter().zip(&mut extremes) {
             assert!(y.is_finite(), "{}: not finite after step {step}", model.name);

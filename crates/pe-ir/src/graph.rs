@@ -26,9 +26,9 @@ impl ValueId {
 pub enum StageForm {
     /// One stage, `y+ = y + h f(y)`.
     Euler,
-    /// Classic RK4 by increments: each stage adds its increment to a running sum, `4 f + 1` products per state.
+    /// By increments: stages add their increments to a running sum; `s f + 1` products per state in `s` stages.
     Increments,
-    /// The same polynomial by Horner's rule, for models affine in the state: `4 f` products.
+    /// The same polynomial by Horner's rule, for models affine in the state: `s f` products.
     Horner,
 }
 
@@ -139,6 +139,8 @@ pub struct Equation {
 pub struct StepGraph {
     /// Stage form.
     pub form: StageForm,
+    /// Number of stages.
+    pub stages: u32,
     /// Step in seconds.
     pub step: f64,
     /// Units of mapping.

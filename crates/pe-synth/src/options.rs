@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::builder::TypedValueParser;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::word::WordFormat;
@@ -43,8 +43,8 @@ pub struct DesignPoint {
     #[arg(long, value_name = "N")]
     pub pes: Option<u32>,
     /// Numerical method, in place of the spec's
-    #[arg(long, value_enum)]
-    pub solver: Option<SolverName>,
+    #[arg(long, value_parser = solver())]
+    pub solver: Option<Solver>,
     /// Step, in place of the spec's, for example `1e-4` or `100us`
     #[arg(long, value_name = "T", value_parser = duration)]
     pub step: Option<f64>,
@@ -54,15 +54,6 @@ pub struct DesignPoint {
     /// Multiplier: bits of its data port x bits of its coefficient port
     #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier)]
     pub multiplier: (u32, u32),
-}
-
-/// Names of the numerical methods.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum SolverName {
-    /// Explicit Euler
-    Euler,
-    /// Classic Runge-Kutta of fourth order
-    Rk4,
 }
 
 /// A model with the texts it comes from.
@@ -111,12 +102,7 @@ impl DesignPoint {
     /// # Errors
     /// If the span is shorter than the step.
     pub fn apply(&self, model: &mut Model) -> Result<(), Failure> {
-        if let Some(solver) = self.solver {
-            model.solver = match solver {
-                SolverName::Euler => Solver::Euler,
-                SolverName::Rk4 => Solver::Rk4,
-            };
-        }
+        model.solver = self.solver.unwrap_or(model.solver);
         model.step = self.step.unwrap_or(model.step);
         if model.span < model.step {
             let message = format!("the span of {:e} s is shorter than the step of {:e} s", model.span, model.step);
@@ -140,6 +126,13 @@ impl DesignPoint {
         }
         Ok(format)
     }
+}
+
+/// Parses the name of a numerical method.
+fn solver() -> impl TypedValueParser<Value = Solver> {
+    let values = Solver::ALL.map(|solver| PossibleValue::new(solver.name()).help(solver.title()));
+    let known = |name: String| Solver::ALL.into_iter().find(|solver| solver.name() == name).expect("a possible value");
+    PossibleValuesParser::new(values).map(known)
 }
 
 /// Parses bits of a stored word.

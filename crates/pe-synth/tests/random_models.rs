@@ -29,7 +29,7 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
     for (widths, sizes) in cases {
         for (storage, data, coefficient) in widths {
             for family in FAMILIES {
-                for solver in [Solver::Euler, Solver::Rk4] {
+                for solver in Solver::ALL {
                     for (seed, (states, pes, placement)) in (1..).zip(sizes) {
                         let format = format(*storage, *data, *coefficient);
                         let flow = Flow::random(family, (*states, *pes), solver, format, *placement, seed);

@@ -3,7 +3,7 @@
 use petgraph::algo::is_cyclic_directed;
 use petgraph::graph::DiGraph;
 
-use pe_ir::graph::{Role, StageForm, StepGraph};
+use pe_ir::graph::{Role, StepGraph};
 use pe_ir::word::Latency;
 
 /// Lower bounds of the cycles per step, and which one binds.
@@ -24,15 +24,11 @@ impl Bound {
     pub fn of(graph: &StepGraph, pes: u32, latency: Latency) -> Bound {
         let loads = graph.loads();
         let total: u64 = loads.iter().map(|load| u64::from(*load)).sum();
-        let stages = match graph.form {
-            StageForm::Euler => 1,
-            StageForm::Increments | StageForm::Horner => 4,
-        };
         let result = latency.write() + Latency::WRITE_TO_READ;
         Bound {
             throughput: total.div_ceil(u64::from(pes)) as u32,
             equation: loads.into_iter().max().unwrap_or(0),
-            recurrence: if has_cycle(graph) { stages * result } else { 0 },
+            recurrence: if has_cycle(graph) { graph.stages * result } else { 0 },
             round: latency.pause() + 1,
         }
     }

@@ -24,26 +24,48 @@ struct Stage {
     sum_factor: Option<f64>,
 }
 
-/// The stages of a form for step `h`.
+/// The stages of a solver in a form, for step `h`.
 ///
-/// Increments: `d2 = h/2 f(y)`, `d3 = h/2 f(y + d2)`, `d4 = h f(y + d3)`,
-/// `y+ = y + (d2 + 2 d3 + d4)/3 + h/6 f(y + d4)`: classic RK4, rearranged so that only increments are multiplied.
-/// Horner: `y + h/1 f(y + h/2.. )`, the same polynomial in the Jacobian if `f` is affine.
-fn stages(form: StageForm, h: f64) -> Vec<Stage> {
-    let stage = |number, factor, last, sum_weight, sum_factor| Stage { number, factor, last, sum_weight, sum_factor };
+/// Horner: `y + h f(y + h/2 f(y + h/3 f(..)))`. For an affine `f` every Runge-Kutta method with as many stages as its
+/// order is this polynomial in the Jacobian.
+fn stages(solver: Solver, form: StageForm, h: f64) -> Vec<Stage> {
     match form {
-        StageForm::Euler => vec![stage(1, h, true, None, None)],
-        StageForm::Horner => vec![
-            stage(1, h / 4.0, false, None, None),
-            stage(2, h / 3.0, false, None, None),
-            stage(3, h / 2.0, false, None, None),
-            stage(4, h, true, None, None),
-        ],
-        StageForm::Increments => vec![
-            stage(1, h / 2.0, false, Some(0), None),
-            stage(2, h / 2.0, false, Some(1), None),
-            stage(3, h, false, Some(0), None),
-            stage(4, h / 6.0, true, None, Some(1.0 / 3.0)),
+        StageForm::Euler | StageForm::Horner => {
+            let count = solver.stages() as u8;
+            let factor = |number: u8| h / f64::from(count + 1 - number);
+            let stage = |number| Stage {
+                number,
+                factor: factor(number),
+                last: number == count,
+                sum_weight: None,
+                sum_factor: None,
+            };
+            (1..=count).map(stage).collect()
+        }
+        StageForm::Increments => increments(solver, h),
+    }
+}
+
+/// Explicit Runge-Kutta methods, rearranged so that only increments are multiplied.
+///
+/// - Heun: `d2 = h f(y)`, `y+ = y + d2/2 + h/2 f(y + d2)`.
+/// - Heun's third order: `d2 = h/3 f(y)`, `d3 = 2h/3 f(y + d2)`, `y+ = y + 3/4 d2 + 3h/4 f(y + d3)`.
+/// - Classic RK4: `d2 = h/2 f(y)`, `d3 = h/2 f(y + d2)`, `d4 = h f(y + d3)`,
+///   `y+ = y + (d2 + 2 d3 + d4)/3 + h/6 f(y + d4)`.
+fn increments(solver: Solver, h: f64) -> Vec<Stage> {
+    let inner = |number, factor, sum_weight| Stage { number, factor, last: false, sum_weight, sum_factor: None };
+    let last = |number, factor, sum_factor| Stage { number, factor, last: true, sum_weight: None, sum_factor };
+    match solver {
+        Solver::Euler => vec![last(1, h, None)],
+        Solver::Heun => vec![inner(1, h, Some(0)), last(2, h / 2.0, Some(0.5))],
+        Solver::Heun3 => {
+            vec![inner(1, h / 3.0, Some(0)), inner(2, 2.0 * h / 3.0, None), last(3, 0.75 * h, Some(0.75))]
+        }
+        Solver::Rk4 => vec![
+            inner(1, h / 2.0, Some(0)),
+            inner(2, h / 2.0, Some(1)),
+            inner(3, h, Some(0)),
+            last(4, h / 6.0, Some(1.0 / 3.0)),
         ],
     }
 }
@@ -56,15 +78,15 @@ pub fn build(model: &Model) -> Result<StepGraph, Vec<Diagnostic>> {
     let expanded = sharing::expand(model)?;
     let form = match model.solver {
         Solver::Euler => StageForm::Euler,
-        Solver::Rk4 if is_affine(&expanded) => StageForm::Horner,
-        Solver::Rk4 => StageForm::Increments,
+        _ if is_affine(&expanded) => StageForm::Horner,
+        _ => StageForm::Increments,
     };
     let mut builder = Builder::new(model, form);
     let derivatives: Vec<Nested> = expanded.derivatives.iter().map(Nested::of).collect();
     let algebraics: Vec<Nested> = expanded.algebraics.iter().map(Nested::of).collect();
     let used = shared_by_derivatives(&expanded);
     let mut current: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
-    for stage in stages(form, model.step) {
+    for stage in stages(model.solver, form, model.step) {
         let mut operands = Operands { states: &current, algebraics: HashMap::new() };
         for (index, nested) in algebraics.iter().enumerate().filter(|(index, _)| used[*index]) {
             builder.algebraic(index, stage.number, nested, &mut operands);
@@ -141,6 +163,7 @@ impl Builder {
     fn new(model: &Model, form: StageForm) -> Builder {
         let mut graph = StepGraph {
             form,
+            stages: model.solver.stages(),
             step: model.step,
             equations: Vec::new(),
             values: Vec::new(),
