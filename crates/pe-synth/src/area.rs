@@ -1,13 +1,13 @@
-//! Estimated size of a PE on a Xilinx 6 or 7 series device, from its features.
+//! Estimated size of a network on a Xilinx 6 or 7 series device, from the features of its PEs and its outputs.
 //!
-//! A count of what the datapath is made of, bit by bit, with a few fitted figures ([`CONTROL_LUTS`], [`SWAP_LUTS`],
+//! A count of what the datapaths are made of, bit by bit, with a few fitted figures ([`CONTROL_LUTS`], [`SWAP_LUTS`],
 //! [`PARTIAL_SHARE`], the choice among banks of factors, and the depths at which memories become block RAM). The table
 //! in the test below holds it against synthesis, residuals are in `docs/results.md`; `hdl/measure-area.sh` measures a
 //! design.
 
 use std::collections::BTreeSet;
 
-use pe_ir::program::{Layout, PeFeatures, Program};
+use pe_ir::program::{Layout, PeFeatures, Program, index_bits};
 use pe_ir::word::WordFormat;
 
 /// Cells of a network.
@@ -35,14 +35,31 @@ const PARTIAL_SHARE: f64 = 0.85;
 /// Width of a block RAM of 18 kbit. Memories of 128 words become block RAM if one is enough, deeper ones always.
 const BLOCK_BITS: u32 = 36;
 
-/// Estimates a whole network: the sum over its PEs.
+/// Estimates a whole network: the sum over its PEs, inputs and outputs. The sequencer, some thirty tables, is left out.
 pub fn estimate(program: &Program) -> Area {
-    program.pes.iter().fold(Area::default(), |sum, pe| {
+    let interface = Area {
+        lut: program.outputs.len() as f64 * output_luts(&program.format, program.period),
+        ff: f64::from(program.format.storage_bits * 2) * program.outputs.len() as f64
+            + f64::from(program.format.data_bits) * program.inputs.len() as f64,
+        ..Area::default()
+    };
+    program.pes.iter().fold(interface, |sum, pe| {
         let one = estimate_pe(&pe.features, &program.format);
         let bits = Layout::new(&pe.features, &program.format).bits;
         let bram18 = one.bram18 + bits.div_ceil(BLOCK_BITS) * program.period.div_ceil(512);
         Area { lut: sum.lut + one.lut, ff: sum.ff + one.ff, dsp: sum.dsp + one.dsp, bram18: sum.bram18 + bram18 }
     })
+}
+
+/// Tables of an output: recognition of its control word, and, unless stored words carry the offset that rounds to the
+/// port anyway, addition of another and saturation. Two registers of the port's width are beside them.
+fn output_luts(format: &WordFormat, period: u32) -> f64 {
+    let compare = (f64::from(index_bits(period) + 4) / 5.0).floor();
+    if format.data_bits == format.storage_bits {
+        return compare;
+    }
+    let adder = if format.data_bits < format.storage_bits { format.data_bits + 2 } else { format.guard_bits };
+    compare + f64::from(adder + format.storage_bits - 1)
 }
 
 /// A PE without its program memory.
@@ -193,6 +210,29 @@ mod tests {
         ((32, 32, 32, 64, 128, 4, &[3], 64, false, true), 433.0, 460.0, 1),
         ((32, 32, 32, 128, 64, 6, &[1, 2, 3, 4, 5, 6, 7, 8], 64, true, false), 775.0, 467.0, 1),
     ];
+
+    /// Storage bits, data port, index bits of a synthesised `pe_output`, and its LUTs.
+    const MEASURED_OUTPUTS: &[(u32, u32, u32, f64)] = &[
+        (32, 32, 6, 2.0),
+        (32, 32, 11, 3.0),
+        (32, 25, 6, 60.0),
+        (32, 25, 11, 61.0),
+        (32, 18, 6, 53.0),
+        (32, 18, 11, 54.0),
+        (18, 18, 8, 3.0),
+        (18, 25, 8, 26.0),
+        (24, 24, 8, 3.0),
+    ];
+
+    #[test]
+    fn estimates_of_outputs_agree_with_synthesis() {
+        for &(storage_bits, data_bits, index_bits, lut) in MEASURED_OUTPUTS {
+            let guard_bits = WordFormat::GUARD_BITS;
+            let format = WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits: 18 };
+            let estimate = output_luts(&format, 1 << index_bits);
+            assert!((estimate - lut).abs() <= 2.0, "{storage_bits} bits, {data_bits}: {estimate} instead of {lut}");
+        }
+    }
 
     #[test]
     fn estimates_agree_with_synthesis() {

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 use crate::area::{self, Area};
 use crate::pipeline::{Design, StartResult, Stopwatch, multiplier_name};
+use crate::{features, scene};
 
 /// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
 pub const ASSUMED_CLOCK_MHZ: f64 = 150.0;
@@ -147,6 +148,8 @@ pub fn report(model: &Model, design: &Design, clock: Clock, seed: u64, command: 
         "saturations": 0,
         "widenings": design.judged.widenings,
         "left_out": model.left_out,
+        "kept": scene::kept(model, &design.graph),
+        "features": features::features(program, &design.graph, &design.judged.fixed, &design.mapping),
         "seed": seed,
         "command": command,
     })

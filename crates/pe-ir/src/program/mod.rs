@@ -4,7 +4,7 @@
 mod layout;
 mod text;
 
-pub use layout::{Field, FieldName, Layout};
+pub use layout::{Field, FieldName, Layout, index_bits};
 pub use text::ParseError;
 
 use crate::word::{Latency, WordFormat};

@@ -1,0 +1,208 @@
+//! Which hardware features the PEs of a design have, how many PEs have each, and what needs it.
+//!
+//! Nothing is decided here: features follow from the program. The report shows them as `features`.
+
+use std::collections::BTreeMap;
+
+use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, Term, ValueId};
+use pe_ir::mapping::Mapping;
+use pe_ir::program::{ControlWord, FieldName, Layout, Multiplier, Note, PeFeatures, PeProgram, Program};
+use serde_json::{Value, json};
+
+/// A feature that a PE has in some size or not at all.
+struct Feature {
+    name: &'static str,
+    size: fn(&PeFeatures) -> u32,
+    /// The size at which there is nothing to build.
+    nothing: u32,
+    /// What the PE needs it for.
+    need: fn(&Program, &PeProgram) -> String,
+}
+
+const FEATURES: [Feature; 8] = [
+    Feature {
+        name: "input_ports",
+        size: |features| features.ports,
+        nothing: 0,
+        need: |program, pe| format!("receives {}", first(program, pe, receives, |note| note.receive)),
+    },
+    Feature {
+        name: "imported_memory",
+        size: |features| features.imported_words,
+        nothing: 0,
+        need: |program, pe| format!("keeps {} as it received it", first(program, pe, receives, |note| note.receive)),
+    },
+    Feature {
+        name: "own_memory",
+        size: |features| features.own_words,
+        nothing: 0,
+        need: |program, pe| format!("keeps {}", first(program, pe, |word| word.write.is_some(), |note| note.write)),
+    },
+    Feature {
+        name: "accumulator",
+        size: |features| features.accumulator_bits,
+        nothing: 0,
+        need: |program, pe| format!("sums the products of {}", first(program, pe, multiplies, |note| note.chain)),
+    },
+    Feature {
+        name: "shift_choice",
+        size: |features| features.shifts.len() as u32,
+        nothing: 1,
+        need: |_, pe| {
+            let positions: Vec<String> = pe.features.shifts.iter().map(u8::to_string).collect();
+            format!("the formats of its values need right shifts by {}", positions.join(", "))
+        },
+    },
+    Feature {
+        name: "factor",
+        size: |features| u32::from(features.factor),
+        nothing: 0,
+        need: |program, pe| {
+            let [chain, operand] = [|note: &Note| note.chain, |note: &Note| note.operand]
+                .map(|value| first(program, pe, multiplies_values, value));
+            format!("{chain} has a product of {operand} and another value")
+        },
+    },
+    Feature {
+        name: "swap",
+        size: |features| u32::from(features.swap),
+        nothing: 0,
+        need: |_, _| "others still read a state of the one-stage method while its successor is written".to_owned(),
+    },
+    Feature {
+        name: "send",
+        size: |features| u32::from(features.send),
+        nothing: 0,
+        need: |program, pe| format!("another PE reads {}", first(program, pe, |word| word.send, |note| note.write)),
+    },
+];
+
+fn receives(word: &ControlWord) -> bool {
+    word.receive.is_some()
+}
+
+fn multiplies(word: &ControlWord) -> bool {
+    word.own.is_some() || word.imported.is_some()
+}
+
+fn multiplies_values(word: &ControlWord) -> bool {
+    matches!(word.multiplier, Multiplier::Factor(_))
+}
+
+/// Name of a value noted beside the first control word of a kind.
+fn first(program: &Program, pe: &PeProgram, kind: fn(&ControlWord) -> bool, value: fn(&Note) -> u32) -> String {
+    let note = pe.words.iter().position(kind).map_or(Note::NONE, |at| value(&pe.notes[at]));
+    format!("`{}`", program.name(note))
+}
+
+/// The features of the PEs with their reasons, and the fields of the control words.
+pub fn features(program: &Program, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Value {
+    let mut rows: Vec<Value> = FEATURES.iter().map(|feature| row(program, feature)).collect();
+    rows.push(saturation(program, graph, fixed, mapping));
+    rows.push(json!({
+        "feature": "operand_addition", "with": 0, "without": program.pes.len(), "sizes": {},
+        "because": "never built: no PE adds two operands in front of its multiplier",
+    }));
+    json!({"pe": rows, "control_word": fields(program)})
+}
+
+fn row(program: &Program, feature: &Feature) -> Value {
+    let mut sizes: BTreeMap<u32, usize> = BTreeMap::new();
+    for pe in &program.pes {
+        *sizes.entry((feature.size)(&pe.features)).or_default() += 1;
+    }
+    let without = sizes.get(&feature.nothing).copied().unwrap_or(0);
+    let example = program.pes.iter().position(|pe| (feature.size)(&pe.features) > feature.nothing);
+    let because = match example {
+        Some(pe) => format!("PE {pe}: {}", (feature.need)(program, &program.pes[pe])),
+        None => "no PE needs it".to_owned(),
+    };
+    json!({
+        "feature": feature.name, "with": program.pes.len() - without, "without": without,
+        "sizes": histogram(&sizes), "because": because,
+    })
+}
+
+/// Saturation is in every PE. What could be proven is counted: PEs none of whose writes can overflow.
+fn saturation(program: &Program, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Value {
+    let mut example = vec![None; program.pes.len()];
+    for (chain, overflows) in graph.chains.iter().zip(can_overflow(graph, fixed)) {
+        let value = chain.writes().zip(overflows).find(|(_, overflows)| *overflows).map(|(write, _)| write.value);
+        let slot = &mut example[mapping.pe_of[chain.equation as usize] as usize];
+        *slot = slot.or(value);
+    }
+    let provable = example.iter().filter(|value| value.is_none()).count();
+    let because = match example.iter().enumerate().find_map(|(pe, value)| Some((pe, (*value)?))) {
+        Some((pe, value)) => format!("PE {pe}: no interval rules out that `{}` overflows", graph.value_name(value)),
+        None => "always built, although no write can overflow".to_owned(),
+    };
+    json!({
+        "feature": "saturation", "with": program.pes.len(), "without": 0, "sizes": {}, "provable": provable,
+        "because": because,
+    })
+}
+
+/// Whether each write of each chain could leave the range of its word, by intervals: states may have any word, inputs
+/// any operand; everything else is bounded by what it is computed from.
+fn can_overflow(graph: &StepGraph, fixed: &FixedPoint) -> Vec<[bool; 2]> {
+    let format = &fixed.format;
+    let full = i128::from(format.max_word()) + 1;
+    let mut largest = vec![full; graph.values.len()];
+    for (index, value) in graph.values.iter().enumerate() {
+        if let Role::Constant(_) = value.role {
+            let word = fixed.constant_word(graph, ValueId(index as u32));
+            largest[index] = i128::from(word).abs();
+        }
+    }
+    // Dropping low bits rounds down, so a negative word may gain one.
+    let seen = |largest: i128, dropped: u32| (largest >> dropped) + 1;
+    let mut found = Vec::with_capacity(graph.chains.len());
+    for (index, chain) in graph.chains.iter().enumerate() {
+        let sum: i128 = chain
+            .terms
+            .clone()
+            .map(|term| {
+                let Term { operand, factor } = graph.terms[term as usize];
+                let operand = seen(largest[operand.index()], format.data_drop()).min(1 << (format.data_bits - 1));
+                let factor = match factor {
+                    Factor::Coefficient(_) => i128::from(fixed.coefficients[term as usize]).abs(),
+                    Factor::Value(value) => {
+                        seen(largest[value.index()], format.factor_drop()).min(1 << (format.coefficient_bits - 1))
+                    }
+                };
+                operand * factor
+            })
+            .sum();
+        let mut overflows = [false; 2];
+        for ((write, shift), overflows) in chain.writes().zip(fixed.shifts[index]).zip(&mut overflows) {
+            let base = write.base.map_or(i128::from(format.data_offset()), |base| largest[base.index()]);
+            let bound = base + seen(sum << format.lift(), u32::from(shift));
+            *overflows = bound >= full;
+            largest[write.value.index()] = bound.min(full);
+        }
+        found.push(overflows);
+    }
+    found
+}
+
+/// Control-word fields that some PE has: PEs with and without, and widths.
+fn fields(program: &Program) -> Value {
+    let mut fields: BTreeMap<FieldName, BTreeMap<u32, usize>> = BTreeMap::new();
+    for pe in &program.pes {
+        for field in Layout::new(&pe.features, &program.format).fields {
+            *fields.entry(field.name).or_default().entry(field.width).or_default() += 1;
+        }
+    }
+    let rows = fields.iter().map(|(name, widths)| {
+        let with: usize = widths.values().sum();
+        json!({
+            "field": name.text(), "with": with, "without": program.pes.len() - with, "bits": histogram(widths),
+        })
+    });
+    rows.collect()
+}
+
+/// Sizes and how many PEs have each.
+fn histogram(sizes: &BTreeMap<u32, usize>) -> Value {
+    sizes.iter().map(|(size, pes)| (size.to_string(), json!(pes))).collect::<serde_json::Map<String, Value>>().into()
+}

@@ -1,0 +1,187 @@
+//! What the scene needs: which equations are kept and for which output, which are left out.
+//!
+//! Nothing is decided here; the report shows it as `kept`.
+
+use std::collections::{HashMap, VecDeque};
+
+use pe_ir::graph::{Role, StepGraph};
+use pe_ir::model::{Expr, Model, Variable};
+use serde_json::{Value, json};
+
+/// Names of a chain of reasons that are shown; of longer ones the middle is left out.
+const SHOWN_OF_CHAIN: usize = 8;
+
+/// An entry per quantity, in the order of states, algebraic quantities and inputs, those left out as a whole at the
+/// end: its length does not grow with the arrays.
+///
+/// `because` tells why the first kept element is there. `chain` leads from the element that is farthest from every
+/// output to the output that needs it: each name is read by the next one.
+pub fn kept(model: &Model, graph: &StepGraph) -> Value {
+    let mut computed = vec![false; model.algebraics.len()];
+    for value in &graph.values {
+        if let Role::Algebraic(index, _) = value.role {
+            computed[index as usize] = true;
+        }
+    }
+    let scene = Scene::of(model);
+    let mut quantities: Vec<Quantity> = Vec::new();
+    let mut places: HashMap<&str, usize> = HashMap::new();
+    for (at, (name, kind)) in scene.elements.iter().enumerate() {
+        let quantity = quantity_of(name);
+        let place = *places.entry(quantity).or_insert(quantities.len());
+        if place == quantities.len() {
+            quantities.push(Quantity { name: quantity, kind, kept: Vec::new(), put_in_place: 0, left_out: 0 });
+        }
+        quantities[place].kept.push(at);
+        if let Variable::Algebraic(index) = scene.variable(at) {
+            quantities[place].put_in_place += usize::from(!computed[index as usize]);
+        }
+    }
+    for name in &model.left_out {
+        let quantity = quantity_of(name);
+        let place = *places.entry(quantity).or_insert(quantities.len());
+        if place == quantities.len() {
+            quantities.push(Quantity {
+                name: quantity,
+                kind: "left out",
+                kept: Vec::new(),
+                put_in_place: 0,
+                left_out: 0,
+            });
+        }
+        quantities[place].left_out += 1;
+    }
+    quantities.iter().map(|quantity| quantity.entry(&scene)).collect()
+}
+
+/// The elements of a quantity.
+struct Quantity<'a> {
+    name: &'a str,
+    kind: &'static str,
+    /// Numbers of the kept elements in the scene.
+    kept: Vec<usize>,
+    /// Kept algebraic elements that are not computed on their own, but within each equation that reads them.
+    put_in_place: usize,
+    left_out: usize,
+}
+
+impl Quantity<'_> {
+    fn entry(&self, scene: &Scene) -> Value {
+        let farthest = self.kept.iter().copied().max_by_key(|at| (scene.distance[*at], usize::MAX - at));
+        json!({
+            "name": self.name,
+            "kind": self.kind,
+            "kept": self.kept.len(),
+            "put_in_place": self.put_in_place,
+            "left_out": self.left_out,
+            "because": self.kept.first().map_or("no output depends on it".to_owned(), |at| scene.because(*at)),
+            "chain": farthest.map_or(Vec::new(), |at| scene.chain(at)),
+        })
+    }
+}
+
+/// The variables of a model and who needs them.
+struct Scene<'a> {
+    /// Name and kind: states, algebraic quantities, inputs.
+    elements: Vec<(&'a str, &'static str)>,
+    states: usize,
+    algebraics: usize,
+    /// The element that reads this one and is nearest to an output; itself for an output.
+    reader: Vec<usize>,
+    /// Readers up to the nearest output.
+    distance: Vec<u32>,
+}
+
+impl<'a> Scene<'a> {
+    fn of(model: &'a Model) -> Scene<'a> {
+        let states = model.states.iter().map(|state| (state.name.as_str(), "state"));
+        let algebraics = model.algebraics.iter().map(|algebraic| (algebraic.name.as_str(), "algebraic"));
+        let inputs = model.inputs.iter().map(|input| (input.name.as_str(), "input"));
+        let elements: Vec<_> = states.chain(algebraics).chain(inputs).collect();
+        let mut scene = Scene {
+            reader: vec![usize::MAX; elements.len()],
+            distance: vec![0; elements.len()],
+            elements,
+            states: model.states.len(),
+            algebraics: model.algebraics.len(),
+        };
+        // Breadth first from the outputs, so that reasons are as short as can be.
+        let mut waiting = VecDeque::new();
+        for output in &model.outputs {
+            let at = scene.number(output.variable);
+            if scene.reader[at] == usize::MAX {
+                scene.reader[at] = at;
+                waiting.push_back(at);
+            }
+        }
+        while let Some(reader) = waiting.pop_front() {
+            let expr = match scene.variable(reader) {
+                Variable::State(index) => &model.states[index as usize].derivative,
+                Variable::Algebraic(index) => &model.algebraics[index as usize].expr,
+                Variable::Input(_) => continue,
+            };
+            each_variable(expr, &mut |variable| {
+                let at = scene.number(variable);
+                if scene.reader[at] == usize::MAX {
+                    scene.reader[at] = reader;
+                    scene.distance[at] = scene.distance[reader] + 1;
+                    waiting.push_back(at);
+                }
+            });
+        }
+        scene
+    }
+
+    fn number(&self, variable: Variable) -> usize {
+        match variable {
+            Variable::State(index) => index as usize,
+            Variable::Algebraic(index) => self.states + index as usize,
+            Variable::Input(index) => self.states + self.algebraics + index as usize,
+        }
+    }
+
+    fn variable(&self, at: usize) -> Variable {
+        if at < self.states {
+            Variable::State(at as u32)
+        } else if at < self.states + self.algebraics {
+            Variable::Algebraic((at - self.states) as u32)
+        } else {
+            Variable::Input((at - self.states - self.algebraics) as u32)
+        }
+    }
+
+    fn because(&self, at: usize) -> String {
+        let name = self.elements[at].0;
+        match self.reader[at] {
+            reader if reader == at => format!("`{name}` is an output"),
+            reader => format!("`{name}` is read by `{}`", self.elements[reader].0),
+        }
+    }
+
+    /// The names from an element to its output.
+    fn chain(&self, mut at: usize) -> Vec<&'a str> {
+        let mut chain = vec![self.elements[at].0];
+        while self.reader[at] != at {
+            at = self.reader[at];
+            chain.push(self.elements[at].0);
+        }
+        if chain.len() > SHOWN_OF_CHAIN {
+            chain.splice(SHOWN_OF_CHAIN / 2..chain.len() + 1 - SHOWN_OF_CHAIN / 2, ["..."]);
+        }
+        chain
+    }
+}
+
+fn each_variable(expr: &Expr, action: &mut impl FnMut(Variable)) {
+    match expr {
+        Expr::Constant(_) => {}
+        Expr::Variable(variable) => action(*variable),
+        Expr::Sum(members) | Expr::Product(members) => members.iter().for_each(|member| each_variable(member, action)),
+        Expr::Power(base, _) => each_variable(base, action),
+    }
+}
+
+/// Name of the array of an element, or the name itself.
+fn quantity_of(name: &str) -> &str {
+    name.split_once('[').map_or(name, |(quantity, _)| quantity)
+}
