@@ -20,7 +20,7 @@ fn load(name: &str) -> Model {
     match pe_frontend::compile(&mut sources, &NoFiles, &pe_frontend::Overrides::default()) {
         Ok((model, warnings)) if warnings.is_empty() => model,
         Ok((_, findings)) | Err(findings) => {
-            panic!("{}", findings.iter().map(|f| f.render(&sources)).collect::<String>())
+            panic!("{}", findings.iter().map(|f| format!("{f}\n")).collect::<String>())
         }
     }
 }

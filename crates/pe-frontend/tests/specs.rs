@@ -33,7 +33,7 @@ fn findings_are_those_marked_in_the_specs() {
         for finding in &findings {
             let line = finding.span.map_or(GLOBAL, |span| sources.position(span.start).line);
             found.push((line, finding.code.to_owned()));
-            rendered += &finding.render(&sources);
+            rendered += &format!("{finding} in line {line}\n");
             covered.insert(finding.code);
             assert_eq!(finding.code.starts_with('W'), finding.severity == Severity::Warning, "{name}: {rendered}");
         }

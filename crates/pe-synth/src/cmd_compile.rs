@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use pe_emit::EmitOptions;
 use pe_sim::machine::Machine;
 
+use crate::console;
 use crate::failure::{Failure, MessageFormat};
 use crate::options::{DesignPoint, ModelOptions};
 use crate::output::OutputFolder;
@@ -78,8 +79,7 @@ impl Compile {
         folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
         folder.finish()?;
         if !quiet {
-            // A closed pipe (`| head`) is not an error of the compilation.
-            let _ = std::io::Write::write_all(&mut std::io::stdout(), report::table(model, &design, clock).as_bytes());
+            console::out(&report::table(model, &design, clock));
         }
         Ok(())
     }

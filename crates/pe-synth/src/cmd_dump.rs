@@ -1,10 +1,9 @@
 //! `pe-synth dump`: what a stage hands on, as text.
 
-use std::io::Write;
-
 use pe_hls::mapping::Problem;
 use petgraph::dot::{Config, Dot};
 
+use crate::console;
 use crate::failure::{Failure, MessageFormat};
 use crate::options::{DesignPoint, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Stopwatch};
@@ -49,8 +48,7 @@ impl Dump {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let text = self.text()?;
-        // A closed pipe (`| head`) ends the output, not with an error.
-        let _ = std::io::stdout().write_all(text.as_bytes());
+        console::out(&text);
         Ok(())
     }
 

@@ -1,6 +1,5 @@
 //! `pe-synth sim`: outputs over time, from the cycle-accurate simulator or in double precision.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use pe_ir::codes;
@@ -8,6 +7,7 @@ use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
 use pe_sim::machine::Machine;
 
+use crate::console;
 use crate::failure::{Failure, MessageFormat};
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Stopwatch};
@@ -54,8 +54,7 @@ impl Sim {
         match &self.output {
             Some(path) => std::fs::write(path, csv).map_err(|error| Failure::file("write", path, error)),
             None => {
-                // A closed pipe (`| head`) ends the output, not with an error.
-                let _ = std::io::stdout().write_all(csv.as_bytes());
+                console::out(&csv);
                 Ok(())
             }
         }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use pe_emit::EmitOptions;
 use pe_ir::program::Program;
 
+use crate::console;
 use crate::engines::{self, Bench, Engine, compare, liveliness, simulate};
 use crate::failure::Failure;
 
@@ -59,7 +60,10 @@ impl Verify {
             .ok_or_else(|| Failure::file("read", &self.folder.join(trace), "it is damaged"))?;
         let steps = recorded.trace.len() as u64 / start.program.writes_per_step().max(1);
         engines::compare_recorded(&start.program, &recorded, steps, &start.stimulus).map_err(Failure::Mismatch)?;
-        println!("reference trace = simulator: {} memory writes equal, {steps} steps", recorded.trace.len());
+        console::out(&format!(
+            "reference trace = simulator: {} memory writes equal, {steps} steps\n",
+            recorded.trace.len()
+        ));
         Ok(steps)
     }
 
@@ -75,17 +79,18 @@ impl Verify {
             let bench = Bench { folder: &start.folder, design, scratch: &work, steps };
             let run = bench.run(engine)?;
             compare(&start.program, engine.name(), &run, &expected, writes).map_err(Failure::Mismatch)?;
-            println!(
-                "{:>14} = simulator from {}: {} memory writes and {} outputs equal, {} steps, {} clocks per step",
+            console::out(&format!(
+                "{:>14} = simulator from {}: {} memory writes and {} outputs equal, {} steps, {} clocks per step\n",
                 engine.name(),
                 start.name,
                 run.trace.len(),
                 run.outputs.len(),
                 steps,
                 run.clocks
-            );
+            ));
         }
-        println!("{:>14}   {:.1} % of the words are not zero and changing", "", 100.0 * liveliness(&expected));
+        let live = 100.0 * liveliness(&expected);
+        console::out(&format!("{:>14}   {live:.1} % of the words are not zero and changing\n", ""));
         Ok(())
     }
 

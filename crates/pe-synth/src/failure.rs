@@ -4,8 +4,10 @@ use std::fmt::Display;
 use std::path::Path;
 use std::process::ExitCode;
 
-use pe_ir::source::{Diagnostic, Position, Sources};
+use pe_ir::source::{Diagnostic, Severity, Sources};
 use serde_json::json;
+
+use crate::{console, render};
 
 /// A command's failure; every kind has an exit code of its own (see the README).
 #[derive(Debug)]
@@ -42,17 +44,35 @@ impl Failure {
         })
     }
 
+    /// What kind of failure it is, as tools read it.
+    fn kind(&self) -> &'static str {
+        match self {
+            Failure::Spec(..) => "model",
+            Failure::Usage(_) => "usage",
+            Failure::File(_) => "file",
+            Failure::Mismatch(_) => "mismatch",
+            Failure::MissingTool(_) => "missing-tool",
+            Failure::Internal(_) => "internal",
+        }
+    }
+
     /// Prints the failure to standard error.
     pub fn print(&self, format: MessageFormat) {
         match self {
             Failure::Spec(findings, sources) => print_findings(findings, sources, format),
             Failure::Usage(text) | Failure::File(text) | Failure::Mismatch(text) | Failure::MissingTool(text) => {
-                print_line(text, format);
+                print_plain(self.kind(), text, None, format);
             }
-            Failure::Internal(text) => print_line(&format!("internal error, please report it: {text}"), format),
+            Failure::Internal(text) => {
+                let help = "this is a bug of pe-synth; please report it with the command and the spec";
+                print_plain(self.kind(), &format!("internal error: {text}"), Some(help), format);
+            }
         }
     }
 }
+
+/// Codes that the last line after errors names.
+const SHOWN_CODES: usize = 4;
 
 /// How findings are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -64,41 +84,37 @@ pub enum MessageFormat {
     Json,
 }
 
-fn print_line(text: &str, format: MessageFormat) {
-    match format {
-        MessageFormat::Human => eprintln!("error: {text}"),
-        MessageFormat::Json => eprintln!("{}", json!({"severity": "error", "message": text})),
-    }
+/// Prints an error that is not about the text of a spec.
+pub fn print_plain(kind: &str, message: &str, help: Option<&str>, format: MessageFormat) {
+    console::err(&match format {
+        MessageFormat::Human => {
+            let help = help.map_or_else(String::new, |help| format!("  = help: {help}\n"));
+            format!("error: {message}\n{help}")
+        }
+        MessageFormat::Json => {
+            let object = json!({"severity": "error", "kind": kind, "code": null, "message": message, "file": null,
+                                "place": null, "labels": [], "help": help});
+            format!("{object}\n")
+        }
+    });
 }
 
 /// Prints findings of the spec.
 pub fn print_findings(findings: &[Diagnostic], sources: &Sources, format: MessageFormat) {
     for finding in findings {
-        match format {
-            MessageFormat::Human => eprint!("{}", finding.render(sources)),
-            MessageFormat::Json => eprintln!("{}", as_json(finding, sources)),
-        }
+        console::err(&match format {
+            MessageFormat::Human => render::for_people(finding, sources),
+            MessageFormat::Json => format!("{}\n", render::for_tools(finding, sources)),
+        });
     }
-    let errors = findings.iter().filter(|finding| finding.severity == pe_ir::source::Severity::Error).count();
+    let mut codes: Vec<&str> = findings.iter().filter(|f| f.severity == Severity::Error).map(|f| f.code).collect();
+    let errors = codes.len();
     if errors > 0 && format == MessageFormat::Human {
-        let code = findings.iter().find(|f| f.severity == pe_ir::source::Severity::Error).map_or("", |f| f.code);
-        eprintln!("{errors} error(s); `pe-synth explain {code}` tells more");
+        codes.sort_unstable();
+        codes.dedup();
+        let more = if codes.len() > SHOWN_CODES { " ..." } else { "" };
+        let codes = codes[..codes.len().min(SHOWN_CODES)].join(" ");
+        let noun = if errors == 1 { "error" } else { "errors" };
+        console::err(&format!("{errors} {noun}; `pe-synth explain CODE` tells more about {codes}{more}\n"));
     }
-}
-
-fn as_json(finding: &Diagnostic, sources: &Sources) -> serde_json::Value {
-    let place = |span: pe_ir::source::Span| {
-        let Position { file, line, column } = sources.position(span.start);
-        json!({"file": file, "line": line, "column": column, "start": span.start, "end": span.end})
-    };
-    let labels: Vec<_> =
-        finding.labels.iter().map(|(span, text)| json!({"place": place(*span), "text": text})).collect();
-    json!({
-        "severity": if finding.severity == pe_ir::source::Severity::Error { "error" } else { "warning" },
-        "code": finding.code,
-        "message": finding.message,
-        "place": finding.span.map(place),
-        "labels": labels,
-        "help": finding.help,
-    })
 }

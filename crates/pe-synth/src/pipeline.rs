@@ -106,7 +106,7 @@ impl Stopwatch {
         let seconds = clock.elapsed().as_secs_f64();
         self.seconds.push((name, seconds));
         if !self.quiet {
-            eprintln!("{name:>10}  {}  ({seconds:.2} s)", figure(&result));
+            crate::console::err(&format!("{name:>10}  {}  ({seconds:.2} s)\n", figure(&result)));
         }
         result
     }

@@ -23,7 +23,7 @@ pub fn model_with(text: &str, overrides: Overrides) -> Model {
     let mut sources = source(text);
     match pe_frontend::compile(&mut sources, &NoFiles, &overrides) {
         Ok((model, _)) => model,
-        Err(errors) => panic!("{}", errors.iter().map(|error| error.render(&sources)).collect::<String>()),
+        Err(errors) => panic!("{}", errors.iter().map(|error| format!("{error}\n")).collect::<String>()),
     }
 }
 
