@@ -30,6 +30,9 @@ pub struct Compile {
     /// Clock for the speed in the report [default: 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive)]
     clock: Option<f64>,
+    /// Leaves the pictures out
+    #[arg(long)]
+    no_pictures: bool,
     /// Prints errors and warnings only
     #[arg(short, long)]
     quiet: bool,
@@ -75,6 +78,16 @@ impl Compile {
             |_| target.display().to_string(),
         );
         written?;
+        if !self.no_pictures {
+            let drawn = watch.stage(
+                "draw",
+                || crate::pictures::draw(model, &design),
+                |pictures| format!("{} pictures", pictures.len()),
+            );
+            for (path, text) in &drawn {
+                folder.write(path, text)?;
+            }
+        }
         folder.write("report.json", &pretty(&report))?;
         folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
         folder.finish()?;

@@ -14,6 +14,7 @@ pub mod features;
 pub mod files;
 pub mod options;
 pub mod output;
+pub mod pictures;
 pub mod pipeline;
 pub mod render;
 pub mod report;
