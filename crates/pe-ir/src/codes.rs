@@ -93,6 +93,22 @@ codes! {
     STEP_LARGE = "W0903", "step large for the accuracy";
 }
 
+/// Groups of codes: the two digits after the letter, and what their codes are about.
+pub const GROUPS: &[(&str, &str)] = &[
+    ("00", "Warnings about the spec"),
+    ("01", "Text and files"),
+    ("02", "Names"),
+    ("03", "Structure"),
+    ("04", "Expressions"),
+    ("05", "Values"),
+    ("06", "Limits"),
+    ("08", "Number formats"),
+    ("09", "Runs over the span"),
+];
+
+/// Errors that the user may turn into warnings, for their result is only doubtful.
+pub const PERMITTABLE: [&str; 1] = [STEP_TOO_LARGE];
+
 /// The long explanation of a code: its section of `docs/diagnostics.md`, heading included. Case does not matter.
 pub fn explain(code: &str) -> Option<&'static str> {
     let known = CODES.iter().find(|known| known.code.eq_ignore_ascii_case(code))?;

@@ -17,24 +17,29 @@ const TRACE_LINES: u64 = 120_000;
 
 /// Compiles a model to VHDL, test bench, Rust reference, reference trace and report
 #[derive(clap::Args, Debug)]
+#[command(after_help = "\
+Examples:
+  pe-synth compile models/weibel5/weibel5.spec
+  pe-synth compile models/weibel5/weibel5.spec --pes 8 --multiplier 25x18 -o out/small
+  pe-synth compile models/weibel5/weibel5.spec --span 20ms --set generations=4")]
 pub struct Compile {
-    #[command(flatten)]
-    model: ModelOptions,
     #[command(flatten)]
     point: DesignPoint,
     #[command(flatten)]
     mapping: MappingOptions,
     /// Output folder; replaced if it is one of ours [default: out/MODEL]
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Clock for the speed in the report [default: 150, marked as assumed]
-    #[arg(long, value_name = "MHZ", value_parser = positive)]
+    #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
     /// Leaves the pictures out
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     no_pictures: bool,
+    #[command(flatten)]
+    model: ModelOptions,
     /// Prints errors and warnings only
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
 }
 

@@ -10,16 +10,20 @@ use crate::pipeline::{self, MappingOptions, Stopwatch};
 
 /// Prints what a stage of the compiler hands on
 #[derive(clap::Args, Debug)]
+#[command(after_help = "\
+Examples:
+  pe-synth dump --stage step models/lorenz/lorenz.spec
+  pe-synth dump --stage ode-graph models/weibel5/weibel5.spec | dot -Tsvg > weibel5.svg")]
 pub struct Dump {
-    #[command(flatten)]
-    model: ModelOptions,
     #[command(flatten)]
     point: DesignPoint,
     #[command(flatten)]
     mapping: MappingOptions,
     /// The stage
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = "Output")]
     stage: Stage,
+    #[command(flatten)]
+    model: ModelOptions,
 }
 
 /// Stages that can be dumped.

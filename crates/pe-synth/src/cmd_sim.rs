@@ -14,19 +14,23 @@ use crate::pipeline::{self, MappingOptions, Stopwatch};
 
 /// Simulates the outputs over the span and writes them as CSV
 #[derive(clap::Args, Debug)]
+#[command(after_help = "\
+Examples:
+  pe-synth sim models/lorenz/lorenz.spec -o lorenz.csv
+  pe-synth sim models/lorenz/lorenz.spec --double --span 2s | head")]
 pub struct Sim {
-    #[command(flatten)]
-    model: ModelOptions,
     #[command(flatten)]
     point: DesignPoint,
     #[command(flatten)]
     mapping: MappingOptions,
     /// CSV file [default: standard output]
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Runs the model in double precision in place of the hardware's fixed point
-    #[arg(long)]
+    #[arg(long, help_heading = "Numbers")]
     double: bool,
+    #[command(flatten)]
+    model: ModelOptions,
 }
 
 impl Sim {

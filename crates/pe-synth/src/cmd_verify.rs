@@ -8,10 +8,14 @@ use pe_ir::program::Program;
 
 use crate::console;
 use crate::engines::{self, Bench, Engine, compare, liveliness, simulate};
-use crate::failure::Failure;
+use crate::failure::{Failure, MessageFormat};
 
 /// Compares a compiled design in GHDL and as Rust reference with the simulator, bit for bit
 #[derive(clap::Args, Debug)]
+#[command(after_help = "\
+Examples:
+  pe-synth verify out/weibel5
+  pe-synth verify out/weibel11 --steps 2")]
 pub struct Verify {
     /// Folder that `compile` wrote
     folder: PathBuf,
@@ -21,6 +25,9 @@ pub struct Verify {
     /// Also runs the synthesised netlist in Verilator
     #[arg(long)]
     verilator: bool,
+    /// Form of errors and warnings on standard error
+    #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
+    message_format: MessageFormat,
 }
 
 /// Where a compared run starts.
@@ -33,6 +40,11 @@ struct Start {
 }
 
 impl Verify {
+    /// Form of messages.
+    pub fn message_format(&self) -> MessageFormat {
+        self.message_format
+    }
+
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let scratch = Scratch::new()?;

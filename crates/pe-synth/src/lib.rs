@@ -5,6 +5,8 @@
 pub mod area;
 pub mod cmd_compile;
 pub mod cmd_dump;
+pub mod cmd_explain;
+pub mod cmd_shell;
 pub mod cmd_sim;
 pub mod cmd_verify;
 pub mod console;

@@ -2,20 +2,46 @@
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
 
-use pe_synth::failure::{Failure, MessageFormat};
-use pe_synth::{cmd_compile, cmd_dump, cmd_sim, cmd_verify};
+use pe_synth::failure::{Failure, MessageFormat, print_plain};
+use pe_synth::{cmd_compile, cmd_dump, cmd_explain, cmd_shell, cmd_sim, cmd_verify, console};
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
+///
+/// A spec states the equations as on paper; pe-synth turns it into a network of small microcoded processing elements
+/// (PEs), written as VHDL-2008 for any FPGA, together with a Rust program that computes the same bits, and says how
+/// large, how fast and how wrong the result is.
 #[derive(Parser)]
-#[command(version, propagate_version = true)]
-#[command(after_help = "Exit codes: 0 success, 1 the model is wrong or its result would be, 2 wrong options, \
-                        3 a file cannot be read or written, 4 engines disagree, 5 a needed program is missing.")]
+#[command(version, propagate_version = true, after_help = AFTER_HELP)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
 }
+
+/// What follows the commands on the help page.
+const AFTER_HELP: &str = "\
+Examples:
+  pe-synth compile models/van_der_pol/van_der_pol.spec --pes 2 -o out/van_der_pol
+  pe-synth verify out/van_der_pol
+  pe-synth sim models/van_der_pol/van_der_pol.spec --double -o van_der_pol.csv
+  pe-synth explain E0307
+
+Exit codes:
+   0  success
+   1  the model is wrong, or its result would be; the findings carry codes
+   2  wrong options
+   3  a file cannot be read or written
+   4  engines disagree, or nothing was compared
+   5  a needed program is missing
+  70  internal error; please report it
+
+Documents:
+  docs/guide.md        how to choose PEs, word lengths and ranges, and how to read the report
+  docs/language.md     the language of specs
+  docs/diagnostics.md  every error and warning, as `pe-synth explain` prints them
+  docs/report.md       every key of report.json, and of messages in JSON";
 
 #[derive(Subcommand)]
 enum Command {
@@ -23,21 +49,30 @@ enum Command {
     Verify(cmd_verify::Verify),
     Sim(Box<cmd_sim::Sim>),
     Dump(Box<cmd_dump::Dump>),
-    /// Explains an error or warning code
-    Explain {
-        /// The code, for example E0201
-        code: String,
-    },
+    Explain(cmd_explain::Explain),
+    Completions(cmd_shell::Completions),
+    Man(cmd_shell::ManualPage),
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return refused(&error),
+    };
     let (format, result) = match &arguments.command {
         Command::Compile(compile) => (compile.message_format(), compile.run(&command_line())),
-        Command::Verify(verify) => (MessageFormat::Human, verify.run()),
+        Command::Verify(verify) => (verify.message_format(), verify.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),
         Command::Dump(dump) => (dump.message_format(), dump.run()),
-        Command::Explain { code } => (MessageFormat::Human, explain(code)),
+        Command::Explain(explain) => (explain.message_format(), explain.run()),
+        Command::Completions(completions) => {
+            completions.run(Arguments::command());
+            (MessageFormat::Human, Ok(()))
+        }
+        Command::Man(man) => {
+            man.run(Arguments::command());
+            (MessageFormat::Human, Ok(()))
+        }
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -46,6 +81,33 @@ fn main() -> ExitCode {
             failure.exit_code()
         }
     }
+}
+
+/// Help, version, or options that do not exist. The form of messages is not known then, but may have been asked for.
+fn refused(error: &clap::Error) -> ExitCode {
+    let words: Vec<String> = std::env::args().collect();
+    let asked = |word: &str, next: Option<&String>| {
+        word == "--message-format=json" || (word == "--message-format" && next.is_some_and(|next| next == "json"))
+    };
+    let json = words.iter().enumerate().any(|(at, word)| asked(word, words.get(at + 1)));
+    let text = error.render();
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            console::out(&text.ansi().to_string());
+            return ExitCode::SUCCESS;
+        }
+        _ if json => {
+            let text = text.to_string();
+            let mut parts = text.split("\n\n").map(str::trim);
+            let message = parts.next().unwrap_or_default().trim_start_matches("error: ");
+            let message = message.split_whitespace().collect::<Vec<_>>().join(" ");
+            let help: Vec<&str> = parts.filter_map(|part| part.strip_prefix("tip: ")).collect();
+            let help = (!help.is_empty()).then(|| help.join("; "));
+            print_plain("usage", &message, help.as_deref(), MessageFormat::Json);
+        }
+        _ => console::err(&text.ansi().to_string()),
+    }
+    Failure::Usage(String::new()).exit_code()
 }
 
 /// The command as it can be typed again, without the output folder: that does not change the result.
@@ -61,12 +123,4 @@ fn command_line() -> String {
         }
     }
     words.join(" ")
-}
-
-fn explain(code: &str) -> Result<(), Failure> {
-    let text = pe_ir::codes::explain(code)
-        .ok_or_else(|| Failure::Usage(format!("there is no code `{code}`; codes look like E0201 or W0001")))?;
-    // A closed pipe (`| head`) ends the output, not with an error.
-    let _ = std::io::Write::write_all(&mut std::io::stdout(), format!("{text}\n").as_bytes());
-    Ok(())
 }

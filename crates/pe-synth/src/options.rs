@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use pe_ir::codes;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::word::WordFormat;
@@ -17,43 +18,43 @@ pub struct ModelOptions {
     /// Model specification
     pub spec: PathBuf,
     /// Time over which ranges and errors are judged, in place of the spec's
-    #[arg(long, value_name = "T", value_parser = duration)]
+    #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
     pub span: Option<f64>,
-    /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
     /// Sets a constant or parameter of the spec; may be repeated
-    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
+    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment, help_heading = "Model")]
     pub set: Vec<(String, f64)>,
     /// Outputs in place of the spec's: scalars, elements, whole arrays; may be repeated
-    #[arg(long, value_name = "NAME[,NAME...]")]
+    #[arg(long, value_name = "NAME[,NAME...]", help_heading = "Model")]
     pub observe: Vec<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Mapping")]
+    pub seed: u64,
     /// Lets a refusal through as a warning; may be repeated
-    #[arg(long, value_name = "CODE")]
+    #[arg(long, value_name = "CODE", value_parser = PossibleValuesParser::new(codes::PERMITTABLE), help_heading = "Diagnostics")]
     pub allow: Vec<String>,
     /// Form of errors and warnings on standard error
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     pub message_format: MessageFormat,
 }
 
 /// How it is computed: a point of the design space.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct DesignPoint {
-    /// Number of processing elements; all of them are used [default: one for every 200 issue slots]
-    #[arg(long, value_name = "N")]
-    pub pes: Option<u32>,
     /// Numerical method, in place of the spec's
-    #[arg(long, value_parser = solver())]
+    #[arg(long, value_parser = solver(), help_heading = "Model")]
     pub solver: Option<Solver>,
     /// Step, in place of the spec's, for example `1e-4` or `100us`
-    #[arg(long, value_name = "T", value_parser = duration)]
+    #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
     pub step: Option<f64>,
     /// Bits of a stored word, without its 8 guard bits
-    #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = storage())]
+    #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = storage(), help_heading = "Numbers")]
     pub storage: u32,
     /// Multiplier: bits of its data port x bits of its coefficient port
-    #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier)]
+    #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier, help_heading = "Numbers")]
     pub multiplier: (u32, u32),
+    /// Number of processing elements; all of them are used [default: one for every 200 issue slots]
+    #[arg(long, value_name = "N", help_heading = "Mapping")]
+    pub pes: Option<u32>,
 }
 
 /// A model with the texts it comes from.

@@ -34,10 +34,10 @@ const CHECKED_ROUNDS: u32 = 3;
 #[derive(clap::Args, Clone, Debug)]
 pub struct MappingOptions {
     /// Annealing budget in tries [default: grows with the number of equations]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Mapping")]
     pub tries: Option<u64>,
     /// Most input ports a PE may have
-    #[arg(long, value_name = "N", default_value_t = 15)]
+    #[arg(long, value_name = "N", default_value_t = 15, help_heading = "Mapping")]
     pub max_in_degree: u32,
 }
 

@@ -308,13 +308,79 @@ fn hostile_names_survive_into_verified_hardware() {
     let home = folder("hostile");
     let spec = home.join("entity.spec");
     let text = format!(
-        "model entity \"reserved words\"\n{HEAD}state signal = 1\nstate Signal = 0.5\nstate fn = 0.25\nstate end_ = 0\n\
-         signal' = -signal + Signal\nSignal' = -Signal + fn\nfn' = end_ - fn\nend_' = signal - end_\n\
-         output signal, Signal, fn, end_\n"
+        "model entity \"reserved words\"\n{HEAD}state signal = 1\nstate Signal = 0.5\nstate fn = 0.25\nstate end = 0\n\
+         signal' = -signal + Signal\nSignal' = -Signal + fn\nfn' = end - fn\nend' = signal - end\n\
+         output signal, Signal, fn, end\n"
     );
     fs::write(&spec, text).unwrap();
     let output = compile(&spec, &home.join("out"), &["--pes", "2"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let output = pe_synth().arg("verify").arg(home.join("out")).args(["--steps", "3"]).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
+}
+
+#[test]
+fn help_is_a_page_with_commands_examples_exit_codes_and_documents() {
+    let page = |arguments: &[&str]| {
+        let output = pe_synth().args(arguments).output().unwrap();
+        assert!(output.status.success() && output.stderr.is_empty(), "{arguments:?}: {}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let help = page(&["--help"]);
+    for part in ["equations", "Commands:\n", "Examples:\n", "Exit codes:\n", "  70  internal error", "docs/guide.md"] {
+        assert!(help.contains(part), "no {part} in\n{help}");
+    }
+    let commands = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    // Descriptions that go on in the next line are indented further.
+    let lines = commands.lines().filter(|line| !line.starts_with("   "));
+    let names: Vec<&str> = lines.filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(names.len() > 7, "{names:?}");
+    let manual = page(&["man"]);
+    for name in names.into_iter().filter(|name| *name != "help") {
+        let help = page(&[name, "--help"]);
+        assert!(help.contains("Examples:\n  pe-synth ") && help.lines().all(|line| line.len() <= 110), "{help}");
+        assert!(manual.contains(&format!("PE\\-SYNTH {}\"", name.to_uppercase())), "{name} is not in\n{manual}");
+        // Headings come in the same order everywhere.
+        let order = ["Arguments:", "Model:", "Numbers:", "Mapping:", "Output:", "Diagnostics:", "Examples:"];
+        let places: Vec<usize> = order.iter().filter_map(|heading| help.find(&format!("\n{heading}\n"))).collect();
+        assert!(places.is_sorted() && !places.is_empty(), "{help}");
+    }
+    for shell in ["bash", "zsh", "fish"] {
+        let script = page(&["completions", shell]);
+        assert!(script.contains("max-in-degree") && script.contains("pe-synth"), "{shell}: {script}");
+    }
+}
+
+#[test]
+fn errors_of_every_kind_are_json_if_asked_for() {
+    let home = folder("json_kinds");
+    let kind = |arguments: &[&str], code: i32| {
+        let output = pe_synth().args(arguments).args(["--message-format", "json"]).current_dir(&home).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", stderr(&output));
+        let text = stderr(&output);
+        let object: Value = serde_json::from_str(text.trim_end()).unwrap_or_else(|_| panic!("{text}"));
+        let keys = ["severity", "kind", "code", "message", "file", "place", "labels", "help"];
+        assert!(keys.iter().all(|key| object.get(key).is_some()) && object["message"].is_string(), "{object}");
+        object["kind"].as_str().unwrap().to_owned()
+    };
+    fs::write(home.join("m.spec"), "model m\nsolver rk4\nstep 1 ms\nspan 1 s\nstate x = 1\nx' = -x\noutput x\n")
+        .unwrap();
+    assert_eq!(kind(&["compile", "m.spec", "--pess", "3"], 2), "usage");
+    assert_eq!(kind(&["compile", "m.spec", "--allow", "E0201"], 2), "usage");
+    assert_eq!(kind(&["compile", "m.spec", "--span", "1us"], 2), "usage");
+    assert_eq!(kind(&["compile", "m.spec", "--set", "k=3"], 1), "model");
+    assert_eq!(kind(&["compile", "none.spec"], 3), "file");
+    assert_eq!(kind(&["verify", "none"], 3), "file");
+    assert_eq!(kind(&["explain", "E9999"], 2), "usage");
+}
+
+#[test]
+fn a_closed_standard_error_does_not_stop_a_compilation() {
+    let home = folder("closed_stderr");
+    let mut command = pe_synth();
+    command.arg("compile").arg(model("harmonic_oscillator")).args(["--span", "50ms", "-o"]).arg(home.join("out"));
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stderr.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(home.join("out/report.json").exists());
 }
