@@ -3,10 +3,12 @@
 //! Chains of one operator are lists, not nested pairs: a sum of a hundred thousand terms is as deep as one of two, so
 //! every later pass may recurse. The depth that remains is bounded by the nesting limit of the splitter.
 
+use crate::tables::Table;
 use pe_ir::source::Span;
+use std::collections::BTreeMap;
 
 /// A spec, included files among it.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Spec {
     /// Statements without syntax errors, in source order.
     pub statements: Vec<Statement>,
@@ -14,10 +16,21 @@ pub struct Spec {
     pub broken: Vec<Broken>,
     /// Whether a file could not be read, so that any name may be defined in it.
     pub names_missing: bool,
+    /// The data files.
+    pub(crate) tables: Vec<Table>,
+    /// Number of the table that a path stands for, by the place of the path; none for a file that could not be read.
+    pub(crate) table_at: BTreeMap<Span, usize>,
 }
 
-/// What is known of a statement that could not be parsed; keeps one mistake from being reported many times.
-#[derive(Clone, Debug)]
+impl Spec {
+    /// The data file that a path names, `None` if it could not be read.
+    pub(crate) fn table(&self, path: &Name) -> Option<&Table> {
+        self.table_at.get(&path.span).map(|number| &self.tables[*number])
+    }
+}
+
+/// What is known of a statement that could not be parsed, or whose data file could not be read; keeps one mistake from being reported many times.
+#[derive(Clone, Debug, Default)]
 pub struct Broken {
     /// The keyword it begins with, empty for an equation.
     pub section: String,
@@ -41,6 +54,8 @@ pub struct Statement {
     pub kind: StatementKind,
     /// First to last character.
     pub span: Span,
+    /// Paths of the data files that it names, each with the place of its quotes.
+    pub files: Vec<Name>,
 }
 
 /// The kinds of statements.
@@ -153,6 +168,15 @@ pub enum Signal {
         /// The whole call.
         span: Span,
     },
+    /// `samples("breath.csv", "p", linear)`.
+    Samples {
+        /// Path of the data file.
+        path: Name,
+        /// Name of the column.
+        column: Name,
+        /// `linear` or `hold`.
+        interpolation: Name,
+    },
     /// A constant expression.
     Value(Expr),
 }
@@ -168,6 +192,8 @@ pub struct Equation {
     pub unit: Option<String>,
     /// The right-hand side.
     pub value: Expr,
+    /// Stated range of an algebraic quantity.
+    pub within: Option<Range>,
     /// Ranges given with `for`.
     pub ranges: Vec<Binder>,
     /// Condition given with `where`.
@@ -244,6 +270,13 @@ pub enum ExprKind {
         function: Name,
         /// Arguments in order.
         arguments: Vec<Expr>,
+    },
+    /// `data("airways.csv", "R")`.
+    Data {
+        /// Path of the data file.
+        path: Name,
+        /// Name of the column.
+        column: Name,
     },
     /// `left < right` and its like.
     Compare(Comparison, Box<Expr>, Box<Expr>),

@@ -28,6 +28,8 @@ pub(crate) enum NodeKind {
     If(Box<Condition>, Box<Node>, Box<Node>),
     SumOver(Box<SumOver>),
     Call(Function, Vec<Node>),
+    /// One value for each element of this quantity, whose subscripts come first in the frame.
+    Data(usize, Vec<f64>),
 }
 
 /// A sum over an index, whose value is pushed onto the frame.

@@ -92,16 +92,16 @@ impl<'a> Elaborator<'a> {
         let mut definitions = Definitions { nodes: Vec::new(), visiting: vec![Vec::new(); count] };
         definitions.nodes.resize_with(count, || None);
         for statement in &self.spec.statements {
-            let (name, binders, value) = match &statement.kind {
-                StatementKind::Const { name, value } if kind == Kind::Const => (name, &[][..], value),
+            // Bound even if overridden: what the spec says must be correct with and without `--set`.
+            let (name, node) = match &statement.kind {
+                StatementKind::Const { name, value } if kind == Kind::Const => {
+                    (name, self.resolver(Reads::Consts).number(value))
+                }
                 StatementKind::Param { declared, value } if kind == Kind::Param => {
-                    (&declared.name, &declared.dimensions[..], value)
+                    (&declared.name, self.bind_element(value, declared, Reads::Constants))
                 }
                 _ => continue,
             };
-            let reads = if kind == Kind::Const { Reads::Consts } else { Reads::Constants };
-            // Bound even if overridden: what the spec says must be correct with and without `--set`.
-            let node = self.bind_element(value, binders, reads);
             let Some(Symbol::Quantity(number)) = self.names.find(&name.text) else { continue };
             let quantity = &mut self.names.quantities[number];
             if quantity.name.span != name.span {

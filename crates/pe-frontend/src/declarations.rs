@@ -1,14 +1,11 @@
-//! What is fixed before time zero: initial values, stated ranges, and the signals of inputs.
+//! What is fixed before time zero: initial values, stated ranges, and what drives each input.
 
-use crate::ast::{Binder, Declared, Measure, Name, Range, Signal, StatementKind};
-use crate::bound::{Node, NodeKind};
+use crate::ast::{Declared, Range, StatementKind};
+use crate::bound::Node;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, Purpose, fault};
-use crate::functions;
 use crate::names::{Kind, Symbol};
-use crate::nearest::suggestion;
-use crate::resolve::{Reads, unknown_function};
-use crate::settings::{FREQUENCIES, scaled, unit_scale};
+use crate::resolve::Reads;
 use pe_ir::codes;
 use pe_ir::model::Waveform;
 use pe_ir::source::{Diagnostic, Span};
@@ -27,26 +24,8 @@ pub(crate) struct Driven {
     pub(crate) span: Span,
 }
 
-/// A waveform: name, names of its arguments, how many of them are needed.
-const WAVEFORMS: [(&str, &[&str], usize); 3] = [
-    ("constant", &["value"], 1),
-    ("sine", &["amplitude", "frequency", "offset", "phase"], 2),
-    ("square", &["amplitude", "frequency", "offset", "duty"], 2),
-];
-
-/// Place of the frequency among the arguments of a waveform.
-const FREQUENCY: usize = 1;
-
-/// A bound signal.
-struct BoundSignal {
-    /// Number in [`WAVEFORMS`].
-    waveform: usize,
-    /// Arguments and the scales of their units.
-    arguments: Vec<(Node, f64)>,
-}
-
 /// A bound range of values.
-type BoundBounds = Option<(Node, Node)>;
+pub(crate) type BoundBounds = Option<(Node, Node)>;
 
 impl<'a> Elaborator<'a> {
     /// Initial values and ranges of all states, in flat order.
@@ -54,8 +33,8 @@ impl<'a> Elaborator<'a> {
         let mut initials = Vec::new();
         for statement in &self.spec.statements {
             let StatementKind::State { declared, initial, within } = &statement.kind else { continue };
-            let value = self.bind_element(initial, &declared.dimensions, Reads::Constants);
-            let bounds = self.bind_bounds(within.as_ref(), &declared.dimensions);
+            let value = self.bind_element(initial, declared, Reads::Constants);
+            let bounds = self.bind_bounds(within.as_ref(), declared);
             let (Some(value), Some(bounds)) = (value, bounds) else { continue };
             let mut outside = None;
             self.for_each_element(declared, |elaborator| {
@@ -80,8 +59,8 @@ impl<'a> Elaborator<'a> {
         let mut inputs = Vec::new();
         for statement in &self.spec.statements {
             let StatementKind::Input { declared, signal, within } = &statement.kind else { continue };
-            let bound = self.bind_signal(signal, &declared.dimensions);
-            let bounds = self.bind_bounds(within.as_ref(), &declared.dimensions);
+            let bound = self.bind_signal(signal, declared);
+            let bounds = self.bind_bounds(within.as_ref(), declared);
             let (Some(signal), Some(bounds)) = (bound, bounds) else { continue };
             let mut outside = None;
             self.for_each_element(declared, |elaborator| {
@@ -122,14 +101,15 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn bind_bounds(&mut self, within: Option<&'a Range>, binders: &'a [Binder]) -> Option<BoundBounds> {
+    fn bind_bounds(&mut self, within: Option<&'a Range>, declared: &'a Declared) -> Option<BoundBounds> {
         let Some(range) = within else { return Some(None) };
-        let low = self.bind_element(&range.low, binders, Reads::Constants);
-        let high = self.bind_element(&range.high, binders, Reads::Constants);
+        let low = self.bind_element(&range.low, declared, Reads::Constants);
+        let high = self.bind_element(&range.high, declared, Reads::Constants);
         Some(Some((low?, high?)))
     }
 
-    fn bounds(&mut self, bounds: &BoundBounds) -> Result<Option<(f64, f64)>, Fault> {
+    /// The range in the present frame.
+    pub(crate) fn bounds(&mut self, bounds: &BoundBounds) -> Result<Option<(f64, f64)>, Fault> {
         let Some((low_node, high_node)) = bounds else { return Ok(None) };
         let low = self.evaluator.number(&self.names, low_node, Purpose::Constant)?;
         let high = self.evaluator.number(&self.names, high_node, Purpose::Constant)?;
@@ -144,111 +124,6 @@ impl<'a> Elaborator<'a> {
     fn warn_outside(&mut self, span: Span, what: &str, low: f64, high: f64) {
         let message = format!("{what} lies outside the stated range {low} .. {high}");
         self.report.push(Diagnostic::error(codes::OUTSIDE_BOUNDS, span, message).into_warning());
-    }
-
-    fn bind_signal(&mut self, signal: &'a Signal, binders: &'a [Binder]) -> Option<BoundSignal> {
-        let (function, arguments, span) = match signal {
-            Signal::Value(value) => {
-                let value = self.bind_element(value, binders, Reads::Constants)?;
-                return Some(BoundSignal { waveform: 0, arguments: vec![(value, 1.0)] });
-            }
-            Signal::Call { function, arguments, span } => (function, arguments, *span),
-        };
-        match WAVEFORMS.iter().position(|(name, ..)| *name == function.text) {
-            Some(number) => self.bind_waveform(number, arguments, span, binders),
-            None => self.bind_function(function, arguments, span, binders),
-        }
-    }
-
-    fn bind_waveform(
-        &mut self,
-        number: usize,
-        arguments: &'a [Measure],
-        span: Span,
-        binders: &'a [Binder],
-    ) -> Option<BoundSignal> {
-        let (waveform, meanings, needed) = WAVEFORMS[number];
-        if arguments.len() < needed || arguments.len() > meanings.len() {
-            let message =
-                format!("`{waveform}` takes {needed} to {} argument(s), found {}", meanings.len(), arguments.len());
-            let help = format!("its arguments are {}", meanings.join(", "));
-            self.report.push(Diagnostic::error(codes::ARGUMENT_COUNT, span, message).with_help(help));
-            return None;
-        }
-        let mut bound = Vec::with_capacity(arguments.len());
-        for (place, (argument, meaning)) in arguments.iter().zip(meanings).enumerate() {
-            let units = if place == FREQUENCY { &FREQUENCIES[..] } else { &[] };
-            let scale = unit_scale(argument.unit.as_ref(), units, meaning).map_err(|error| self.report.push(error));
-            let value = self.bind_element(&argument.value, binders, Reads::Constants);
-            if let (Some(value), Ok(scale)) = (value, scale) {
-                bound.push((value, scale));
-            }
-        }
-        (bound.len() == arguments.len()).then_some(BoundSignal { waveform: number, arguments: bound })
-    }
-
-    /// A lone call that is no waveform: a function of constants, whose value is a constant signal.
-    fn bind_function(
-        &mut self,
-        name: &'a Name,
-        arguments: &'a [Measure],
-        span: Span,
-        binders: &'a [Binder],
-    ) -> Option<BoundSignal> {
-        let Some(function) = functions::find(&name.text) else {
-            let known = WAVEFORMS.iter().map(|(name, ..)| *name).chain(functions::FUNCTIONS.iter().map(|f| f.name));
-            let help = suggestion(&name.text, known).unwrap_or_else(|| {
-                format!("waveforms are {}", WAVEFORMS.map(|(name, ..)| format!("`{name}`")).join(", "))
-            });
-            let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
-            self.report.push(error.with_help(help));
-            return None;
-        };
-        let (fewest, most) = function.arguments;
-        if arguments.len() < fewest || arguments.len() > most {
-            let message = format!("`{}` does not take {} argument(s)", name.text, arguments.len());
-            self.report.push(Diagnostic::error(codes::ARGUMENT_COUNT, span, message));
-            return None;
-        }
-        let mut bound = Vec::with_capacity(arguments.len());
-        for argument in arguments {
-            let unit = unit_scale(argument.unit.as_ref(), &[], "argument").map_err(|error| self.report.push(error));
-            let value = self.bind_element(&argument.value, binders, Reads::Constants);
-            bound.extend(value.filter(|_| unit.is_ok()));
-        }
-        let complete = bound.len() == arguments.len();
-        let call = Node { kind: NodeKind::Call(function, bound), span };
-        complete.then_some(BoundSignal { waveform: 0, arguments: vec![(call, 1.0)] })
-    }
-
-    fn waveform(&mut self, signal: &BoundSignal) -> Result<Waveform, Fault> {
-        let mut values = Vec::with_capacity(signal.arguments.len());
-        for (node, scale) in &signal.arguments {
-            let value = scaled(self.evaluator.number(&self.names, node, Purpose::Constant)?, *scale);
-            if !value.is_finite() {
-                return Err(fault(Diagnostic::error(codes::NOT_FINITE, node.span, "the value is too large")));
-            }
-            values.push(value);
-        }
-        let value = |place: usize, default: f64| values.get(place).copied().unwrap_or(default);
-        let place = |at: usize| signal.arguments.get(at).map_or_else(Span::default, |(node, _)| node.span);
-        let (amplitude, frequency, offset) = (value(0, 0.0), value(FREQUENCY, 0.0), value(2, 0.0));
-        if frequency < 0.0 {
-            let message = format!("the frequency is {frequency} Hz; it must not be negative");
-            return Err(fault(Diagnostic::error(codes::BAD_WAVEFORM, place(FREQUENCY), message)));
-        }
-        Ok(match WAVEFORMS[signal.waveform].0 {
-            "sine" => Waveform::Sine { amplitude, frequency, offset, phase: value(3, 0.0) },
-            "square" => {
-                let duty = value(3, 0.5);
-                if !(0.0..=1.0).contains(&duty) {
-                    let message = format!("the duty is {duty}; it is a part of the period, between 0 and 1");
-                    return Err(fault(Diagnostic::error(codes::BAD_WAVEFORM, place(3), message)));
-                }
-                Waveform::Square { amplitude, frequency, offset, duty }
-            }
-            _ => Waveform::Constant(amplitude),
-        })
     }
 
     /// Whether the spec declares a quantity of this kind, or may do so in a broken statement.

@@ -5,10 +5,10 @@
 //! silent, so that each mistake is reported once.
 
 use crate::Overrides;
-use crate::ast::{Binder, Expr as Tree, Name, Spec, StatementKind};
+use crate::ast::{Binder, Declared, Expr as Tree, Name, Spec, StatementKind};
 use crate::bound::{BoundRange, Node};
 use crate::evaluate::{Evaluator, Fault, Purpose};
-use crate::names::{Index, Kind, Names};
+use crate::names::{Index, Kind, Names, Symbol};
 use crate::prune::Parts;
 use crate::report::Report;
 use crate::resolve::{Reads, Resolver};
@@ -95,13 +95,26 @@ impl<'a> Elaborator<'a> {
 
     /// A resolver without indices in scope.
     pub(crate) fn resolver(&mut self, reads: Reads) -> Resolver<'_, 'a> {
-        Resolver { names: &mut self.names, report: &mut self.report, scope: Vec::new(), reads }
+        Resolver {
+            names: &mut self.names,
+            report: &mut self.report,
+            scope: Vec::new(),
+            reads,
+            spec: self.spec,
+            owner: None,
+        }
     }
 
     /// Binds an expression in which the dimensions of a declaration have values.
-    pub(crate) fn bind_element(&mut self, expr: &'a Tree, binders: &'a [Binder], reads: Reads) -> Option<Node> {
+    pub(crate) fn bind_element(&mut self, expr: &'a Tree, declared: &'a Declared, reads: Reads) -> Option<Node> {
+        let owner = match self.names.find(&declared.name.text) {
+            Some(Symbol::Quantity(number)) if self.names.quantities[number].name.span == declared.name.span => number,
+            // Defined twice; the first definition counts.
+            _ => return None,
+        };
         let mut resolver = self.resolver(reads);
-        resolver.scope = binders.iter().map(|binder| binder.name.text.as_str()).collect();
+        resolver.owner = Some(owner);
+        resolver.scope = declared.dimensions.iter().map(|binder| binder.name.text.as_str()).collect();
         resolver.number(expr)
     }
 

@@ -2,6 +2,7 @@
 
 use crate::ast::{Equation, StatementKind};
 use crate::bound::Node;
+use crate::declarations::BoundBounds;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, fault};
 use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, PREDEFINED, Symbol};
@@ -21,6 +22,8 @@ pub(crate) struct Row {
     pub(crate) quantity: usize,
     pub(crate) offset: usize,
     pub(crate) expr: Expr,
+    /// Stated range of an algebraic quantity.
+    pub(crate) range: Option<(f64, f64)>,
     /// The equation in the spec.
     pub(crate) span: Span,
 }
@@ -38,6 +41,7 @@ pub(crate) struct Flat {
 struct BoundEquation<'a> {
     pattern: Pattern<'a>,
     body: Option<Node>,
+    within: BoundBounds,
     span: Span,
     target: Span,
     /// Combination of index values and offset of each element.
@@ -66,6 +70,7 @@ impl<'a> Elaborator<'a> {
             let mut resolver = self.resolver(Reads::Variables);
             resolver.scope = bound.pattern.indices.clone();
             bound.body = resolver.number(&equation.value);
+            bound.within = self.bind_stated(equation, &bound.pattern.indices);
         }
         self.write_out(equations.into_iter().map(|(bound, _)| bound))
     }
@@ -118,7 +123,29 @@ impl<'a> Elaborator<'a> {
             // Which elements it was to define is not known: nothing is said about missing ones.
             self.names.quantities[number].broken = true;
         }
-        Some(BoundEquation { pattern: pattern?, body: None, span, target: equation.target.span, instances: Vec::new() })
+        Some(BoundEquation {
+            pattern: pattern?,
+            body: None,
+            within: None,
+            span,
+            target: equation.target.span,
+            instances: Vec::new(),
+        })
+    }
+
+    /// Binds the stated range of an algebraic quantity, whose indices these are.
+    fn bind_stated(&mut self, equation: &'a Equation, indices: &[&'a str]) -> BoundBounds {
+        let within = equation.within.as_ref()?;
+        if equation.derivative {
+            let message = "a derivative has no stated range";
+            let help = "state the range of the variable itself, in its declaration";
+            self.report.push(Diagnostic::error(codes::BAD_LEFT_SIDE, within.span, message).with_help(help));
+            return None;
+        }
+        let mut resolver = self.resolver(Reads::Constants);
+        resolver.scope = indices.to_vec();
+        let (low, high) = (resolver.number(&within.low), resolver.number(&within.high));
+        Some((low?, high?))
     }
 
     /// Extents of algebraic quantities: the box around all left-hand sides.
@@ -292,10 +319,11 @@ impl<'a> Elaborator<'a> {
                     return flat;
                 }
                 equation.pattern.set_frame(*combination, &mut self.evaluator.frame);
-                match self.evaluator.expr(&self.names, body) {
-                    Ok(expr) => {
+                let range = self.bounds(&equation.within);
+                match range.and_then(|range| Ok((self.evaluator.expr(&self.names, body)?, range))) {
+                    Ok((expr, range)) => {
                         let quantity = equation.pattern.quantity;
-                        let row = Row { quantity, offset: *offset, expr, span: equation.span };
+                        let row = Row { quantity, offset: *offset, expr, range, span: equation.span };
                         let rows = if kind == Kind::State { &mut flat.states } else { &mut flat.algebraics };
                         rows[base + offset] = Some(row);
                     }

@@ -80,6 +80,11 @@ impl Evaluator {
             }
             NodeKind::SumOver(sum) => self.sum_over(names, sum, node.span),
             NodeKind::Call(function, arguments) => self.call(names, function, arguments, node.span),
+            NodeKind::Data(quantity, values) => {
+                let quantity = &names.quantities[*quantity];
+                let offset = quantity.offset(&self.frame[..quantity.rank]).map_err(|_| Fault::Silent)?;
+                values.get(offset).map(|value| Expr::Constant(*value)).ok_or(Fault::Silent)
+            }
         }
     }
 

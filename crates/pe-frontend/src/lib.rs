@@ -10,6 +10,7 @@
 pub mod ast;
 mod bound;
 mod constants;
+mod data;
 mod declarations;
 mod elaborate;
 mod equations;
@@ -29,9 +30,11 @@ mod reader;
 mod report;
 mod resolve;
 mod settings;
+mod signals;
 mod statements;
 mod syntax;
 mod syntax_errors;
+mod tables;
 
 pub use ast::Spec;
 pub use elaborate::{Limits, elaborate, elaborate_within};

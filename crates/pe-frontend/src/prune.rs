@@ -113,6 +113,7 @@ impl Elaborator<'_> {
                 name: quantity.name_at(row.offset),
                 unit: unit(quantity),
                 expr: row.expr,
+                range: row.range,
                 span: row.span,
             });
         }
@@ -125,7 +126,7 @@ impl Elaborator<'_> {
                 inputs.push(Input {
                     name: quantity.name_at(offset),
                     unit: unit(quantity),
-                    waveform: driven.waveform,
+                    waveform: driven.waveform.clone(),
                     range: driven.range,
                     span: driven.span,
                 });

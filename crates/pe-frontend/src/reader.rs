@@ -4,6 +4,7 @@ use crate::ast::{Broken, Name, Spec, StatementKind};
 use crate::files::{LARGEST_FILE, Loader, folder, load, resolve};
 use crate::lexer::{SECTIONS, tokenize};
 use crate::report::Report;
+use crate::tables::Table;
 use crate::{statements, syntax};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Sources, Span};
@@ -16,7 +17,8 @@ const MAIN_ONLY: [&str; 4] = ["model", "solver", "step", "span"];
 
 /// Parses all files of a spec; `sources` holds the main one and takes up the others.
 pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Report) -> Spec {
-    let mut reader = Reader { sources, loader, report, spec: Spec::default(), open: Vec::new(), done: Vec::new() };
+    let spec = Spec::default();
+    let mut reader = Reader { sources, loader, report, spec, open: Vec::new(), done: Vec::new(), data: Vec::new() };
     let main = reader.sources.main().span();
     let size = (main.end - main.start) as usize;
     if size > LARGEST_FILE {
@@ -47,6 +49,8 @@ struct Reader<'a> {
     open: Vec<Included>,
     /// Files that were included so far.
     done: Vec<Included>,
+    /// Data files that were read so far, with the numbers of their tables.
+    data: Vec<(String, Option<usize>)>,
 }
 
 impl Reader<'_> {
@@ -69,7 +73,10 @@ impl Reader<'_> {
                         let section = section(kind).filter(|_| !self.open.is_empty());
                         match section {
                             Some(section) => self.misplaced(section, statement.span),
-                            None => self.spec.statements.push(statement),
+                            None => {
+                                statement.files.iter().for_each(|path| self.data_file(path, own_folder));
+                                self.spec.statements.push(statement);
+                            }
                         }
                     }
                 },
@@ -79,6 +86,29 @@ impl Reader<'_> {
                     }
                     self.spec.broken.push(broken);
                 }
+            }
+        }
+    }
+
+    /// Reads a data file, unless it has been read.
+    fn data_file(&mut self, path: &Name, own_folder: &str) {
+        let read = resolve(own_folder, path).map_err(Box::new).and_then(|resolved| {
+            if let Some((_, table)) = self.data.iter().find(|(known, _)| *known == resolved) {
+                return Ok(*table);
+            }
+            let file = load(self.sources, self.loader, &resolved, path.span)?;
+            let table = Table::read(&self.sources.text()[..file.end as usize], file, self.report);
+            let number = table.is_some().then_some(self.spec.tables.len());
+            self.spec.tables.extend(table);
+            self.data.push((resolved, number));
+            Ok(number)
+        });
+        match read {
+            Ok(Some(number)) => _ = self.spec.table_at.insert(path.span, number),
+            Ok(None) => self.spec.broken.push(Broken::default()),
+            Err(problem) => {
+                self.report.push(*problem);
+                self.spec.broken.push(Broken::default());
             }
         }
     }

@@ -3,7 +3,7 @@
 //! Every function returns `None` after it has reported an error, and goes on with the other parts first so that all
 //! errors of an expression are found in one run.
 
-use crate::ast::{Binder, Expr, ExprKind, Name, Reference};
+use crate::ast::{Binder, Expr, ExprKind, Name, Reference, Spec};
 use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
 use crate::functions::{self, FUNCTIONS};
 use crate::names::{Kind, Names, PREDEFINED, Symbol};
@@ -30,6 +30,9 @@ pub(crate) struct Resolver<'r, 'a> {
     /// Names of the indices in the frame, outermost first.
     pub(crate) scope: Vec<&'a str>,
     pub(crate) reads: Reads,
+    pub(crate) spec: &'a Spec,
+    /// The quantity whose element is being defined; its subscripts are the outermost indices of the frame.
+    pub(crate) owner: Option<usize>,
 }
 
 impl<'a> Resolver<'_, 'a> {
@@ -57,6 +60,7 @@ impl<'a> Resolver<'_, 'a> {
                 NodeKind::If(Box::new(condition?), Box::new(yes?), Box::new(no?))
             }
             ExprKind::SumOver { binder, condition, body } => self.sum_over(binder, condition.as_deref(), body)?,
+            ExprKind::Data { path, column } => self.data(path, column)?,
             ExprKind::Call { function, arguments } => self.call(function, arguments, expr.span)?,
             ExprKind::Compare(..) | ExprKind::Logical(..) | ExprKind::Not(_) => {
                 let message = "a number is needed here, this is a condition";

@@ -9,7 +9,8 @@ use pe_ir::model::Solver;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Units of time and their length in seconds.
-pub(crate) const TIMES: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+pub(crate) const TIMES: [(&str, f64); 6] =
+    [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0), ("h", 3600.0)];
 
 /// Units of frequency in hertz.
 pub(crate) const FREQUENCIES: [(&str, f64); 2] = [("Hz", 1.0), ("kHz", 1e3)];

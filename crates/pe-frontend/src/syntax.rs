@@ -58,14 +58,14 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "include" => Rule::include_statement,
         _ => Rule::equation,
     };
-    let mut builder = Builder { base: span.start, report, explained: false };
+    let mut builder = Builder { base: span.start, report, explained: false, files: Vec::new() };
     match OdeParser::parse(rule, statement) {
         Ok(mut pairs) => {
             let kind = pairs.next().and_then(|pair| builder.statement(pair));
             if kind.is_none() && !builder.explained {
                 builder.report.push(Diagnostic::error(codes::SYNTAX, span, "this statement is not understood"));
             }
-            Some(Statement { kind: kind?, span })
+            Some(Statement { kind: kind?, span, files: builder.files })
         }
         Err(error) => {
             builder.report.push(describe(&error, text, tokens, span));
@@ -82,6 +82,8 @@ struct Builder<'a> {
     report: &'a mut Report,
     /// Whether the reason for a missing part has been reported.
     explained: bool,
+    /// Data files named so far.
+    files: Vec<Name>,
 }
 
 impl Builder<'_> {
@@ -135,18 +137,15 @@ impl Builder<'_> {
                 }
                 StatementKind::Output(items)
             }
-            Rule::include_statement => {
-                let text = parts.take(Rule::text)?;
-                let span = self.span(&text);
-                StatementKind::Include(Name { text: text.into_inner().next()?.as_str().to_owned(), span })
-            }
+            Rule::include_statement => StatementKind::Include(self.text(&mut parts)?),
             Rule::equation => {
                 let target = self.reference(parts.take(Rule::reference)?)?;
                 let derivative = parts.take(Rule::prime).is_some();
                 let unit = parts.take(Rule::unit).and_then(unit_text);
                 let value = self.expr(parts.take(Rule::expr)?)?;
+                let within = self.within(&mut parts)?;
                 let (ranges, condition) = self.clauses(&mut parts)?;
-                StatementKind::Equation(Equation { target, derivative, unit, value, ranges, condition })
+                StatementKind::Equation(Equation { target, derivative, unit, value, within, ranges, condition })
             }
             _ => return None,
         })
@@ -212,6 +211,11 @@ impl Builder<'_> {
 
     fn signal(&mut self, pair: Node) -> Option<Signal> {
         let mut parts = Parts::of(pair);
+        if let Some(samples) = parts.take(Rule::samples) {
+            let mut parts = Parts::of(samples);
+            let (path, column) = self.file_column(&mut parts)?;
+            return Some(Signal::Samples { path, column, interpolation: self.name(parts.take(Rule::name)?) });
+        }
         let Some(call) = parts.take(Rule::signal_call) else {
             return Some(Signal::Value(self.expr(parts.take(Rule::expr)?)?));
         };
@@ -223,6 +227,20 @@ impl Builder<'_> {
             arguments.push(self.measure(argument)?);
         }
         Some(Signal::Call { function, arguments, span })
+    }
+
+    /// A text with the place of its quotes.
+    fn text(&mut self, parts: &mut Parts) -> Option<Name> {
+        let text = parts.take(Rule::text)?;
+        let span = self.span(&text);
+        Some(Name { text: text.into_inner().next()?.as_str().to_owned(), span })
+    }
+
+    /// A data file and a column of it; the file is noted.
+    fn file_column(&mut self, parts: &mut Parts) -> Option<(Name, Name)> {
+        let path = self.text(parts)?;
+        self.files.push(path.clone());
+        Some((path, self.text(parts)?))
     }
 
     fn measure(&mut self, pair: Node) -> Option<Measure> {
@@ -280,6 +298,10 @@ impl Builder<'_> {
                 let binder = Box::new(self.binder(parts.take(Rule::binder)?)?);
                 let condition = self.condition(&mut parts)?.map(Box::new);
                 ExprKind::SumOver { binder, condition, body: Box::new(self.expr(parts.take(Rule::expr)?)?) }
+            }
+            Rule::data => {
+                let (path, column) = self.file_column(&mut Parts::of(pair))?;
+                ExprKind::Data { path, column }
             }
             Rule::call => {
                 let mut parts = Parts::of(pair);
@@ -401,6 +423,8 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_state
             | Rule::kw_output
             | Rule::kw_include
+            | Rule::data_word
+            | Rule::samples_word
             | Rule::kw_if
             | Rule::kw_then
             | Rule::kw_else
@@ -438,6 +462,7 @@ mod tests {
             ExprKind::If { condition, yes, no } => format!("({}?{}:{})", show(condition), show(yes), show(no)),
             ExprKind::SumOver { binder, body, .. } => format!("sum({}:{})", binder.name.text, show(body)),
             ExprKind::Call { function, arguments } => format!("{}({})", function.text, list(arguments, ",")),
+            ExprKind::Data { path, column } => format!("data({},{})", path.text, column.text),
             ExprKind::Compare(operator, left, right) => format!("({} {operator:?} {})", show(left), show(right)),
             ExprKind::Logical(connective, operands) => {
                 format!("({})", list(operands, &format!(" {connective:?} ")))

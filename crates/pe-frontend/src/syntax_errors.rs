@@ -64,6 +64,10 @@ fn in_words(rule: Rule) -> &'static str {
         Rule::expr
         | Rule::number
         | Rule::call
+        | Rule::data
+        | Rule::data_word
+        | Rule::samples
+        | Rule::samples_word
         | Rule::function
         | Rule::conditional
         | Rule::sum

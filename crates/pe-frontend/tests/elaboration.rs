@@ -111,7 +111,7 @@ fn waveforms_take_units_and_defaults() {
     let model = model(&spec(
         "input a = sine(5, 0.25 Hz)\ninput b = square(1, 2 kHz, 3)\ninput c = 4*2\nstate x = 0\nx' = a + b + c\noutput x",
     ));
-    let waveforms: Vec<Waveform> = model.inputs.iter().map(|input| input.waveform).collect();
+    let waveforms: Vec<Waveform> = model.inputs.iter().map(|input| input.waveform.clone()).collect();
     let sine = Waveform::Sine { amplitude: 5.0, frequency: 0.25, offset: 0.0, phase: 0.0 };
     let square = Waveform::Square { amplitude: 1.0, frequency: 2000.0, offset: 3.0, duty: 0.5 };
     assert_eq!(waveforms, [sine, square, Waveform::Constant(8.0)]);

@@ -8,16 +8,17 @@ use std::collections::BTreeMap;
 #[test]
 fn every_example_in_the_language_reference_compiles_without_warnings() {
     let text = std::fs::read_to_string(common::root().join("docs/language.md")).expect("the reference can be read");
-    // "```ode file=PATH" is a file that later examples name; "```ode" is a main file.
+    // "```ode file=PATH" and "```csv file=PATH" are files that examples name, "```ode" alone is a main file.
     let mut files = BTreeMap::new();
-    let mut examples = 0;
-    for block in text.split("```ode").skip(1) {
-        let (kind, rest) = block.split_once('\n').unwrap_or_default();
-        let example = rest.split("```").next().unwrap_or("");
-        if let Some(path) = kind.strip_prefix(" file=") {
-            files.insert(path.to_owned(), example.as_bytes().to_vec());
-            continue;
+    let blocks: Vec<(&str, &str)> =
+        text.split("\n```").skip(1).step_by(2).filter_map(|block| block.split_once('\n')).collect();
+    for (kind, content) in &blocks {
+        if let Some((_, path)) = kind.split_once(" file=") {
+            files.insert(path.to_owned(), content.as_bytes().to_vec());
         }
+    }
+    let mut examples = 0;
+    for (_, example) in blocks.iter().filter(|(kind, _)| *kind == "ode") {
         let mut sources = common::source(example);
         let findings = match compile(&mut sources, &files, &Overrides::default()) {
             Ok((_, warnings)) => warnings,

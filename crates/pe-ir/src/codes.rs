@@ -72,6 +72,8 @@ codes! {
     BAD_STEP_COUNT = "E0505", "span and step do not fit together";
     BAD_BOUNDS = "E0506", "empty range of values";
     BAD_WAVEFORM = "E0507", "waveform argument out of range";
+    BAD_TABLE = "E0508", "data file does not fit";
+    BAD_CELL = "E0509", "cell that holds no number";
 
     TOO_MANY_ELEMENTS = "E0601", "too many elements";
     TOO_MUCH_WORK = "E0602", "model too large";

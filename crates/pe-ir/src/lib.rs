@@ -11,4 +11,5 @@ pub mod program;
 pub mod schedule;
 pub mod source;
 pub mod verify;
+mod waveform;
 pub mod word;

@@ -4,6 +4,8 @@
 
 use crate::source::Span;
 
+pub use crate::waveform::{Interpolation, Samples, Waveform};
+
 /// A numerical method that advances the model by one step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solver {
@@ -111,63 +113,10 @@ pub struct Algebraic {
     pub unit: Option<String>,
     /// Right-hand side.
     pub expr: Expr,
+    /// Range the user states (`in lo .. hi`).
+    pub range: Option<(f64, f64)>,
     /// The equation in the spec.
     pub span: Span,
-}
-
-/// Declared signal of an external input over time; drives the runs and the test bench.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Waveform {
-    /// Constant value.
-    Constant(f64),
-    /// `offset + amplitude * sin(2 pi frequency t + phase)`, frequency in Hz, phase in radians.
-    Sine {
-        /// Peak value above the offset.
-        amplitude: f64,
-        /// Frequency in Hz.
-        frequency: f64,
-        /// Mean value.
-        offset: f64,
-        /// Phase at time zero in radians.
-        phase: f64,
-    },
-    /// `offset + amplitude` during the first `duty` part of each period, `offset - amplitude` in the rest.
-    Square {
-        /// Half of the peak-to-peak value.
-        amplitude: f64,
-        /// Frequency in Hz.
-        frequency: f64,
-        /// Mean of the two levels.
-        offset: f64,
-        /// Part of the period spent on the high level, between 0 and 1.
-        duty: f64,
-    },
-}
-
-impl Waveform {
-    /// Value at `time` in seconds. Uses `libm`, so that every platform gives the same bits.
-    pub fn at(&self, time: f64) -> f64 {
-        match *self {
-            Waveform::Constant(value) => value,
-            Waveform::Sine { amplitude, frequency, offset, phase } => {
-                offset + amplitude * libm::sin(2.0 * std::f64::consts::PI * frequency * time + phase)
-            }
-            Waveform::Square { amplitude, frequency, offset, duty } => {
-                let cycle = frequency * time;
-                if cycle - libm::floor(cycle) < duty { offset + amplitude } else { offset - amplitude }
-            }
-        }
-    }
-
-    /// Smallest and largest value the signal can take.
-    pub fn bounds(&self) -> (f64, f64) {
-        match *self {
-            Waveform::Constant(value) => (value, value),
-            Waveform::Sine { amplitude, offset, .. } | Waveform::Square { amplitude, offset, .. } => {
-                (offset - amplitude.abs(), offset + amplitude.abs())
-            }
-        }
-    }
 }
 
 /// An external input, sampled once per step and held over it.

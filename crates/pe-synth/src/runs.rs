@@ -13,8 +13,8 @@ use indicatif::ProgressBar;
 use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Moments};
 use pe_ir::codes;
-use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
-use pe_ir::model::{Model, Waveform};
+use pe_ir::graph::{FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::model::{Model, Variable, Waveform};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::{Diverged, DoubleRun};
@@ -336,6 +336,17 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
     }
     for (state, (value, _)) in model.states.iter().zip(&graph.states) {
         state.range.into_iter().for_each(|range| include(*value, range));
+    }
+    for (index, value) in graph.values.iter().enumerate() {
+        let variable = match value.role {
+            Role::Algebraic(algebraic, _) => Variable::Algebraic(algebraic),
+            Role::Published(output) => model.outputs[output as usize].variable,
+            _ => continue,
+        };
+        if let Variable::Algebraic(algebraic) = variable {
+            let range = model.algebraics[algebraic as usize].range;
+            range.into_iter().for_each(|range| include(ValueId(index as u32), range));
+        }
     }
 }
 

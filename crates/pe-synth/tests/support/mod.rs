@@ -75,7 +75,13 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
                 sum.push(scaled(0.3, Expr::Variable(Variable::Algebraic(index as u32 - 1))));
             }
             let expr = if index.is_multiple_of(2) { Expr::Sum(sum) } else { Expr::Power(Box::new(Expr::Sum(sum)), 2) };
-            model.algebraics.push(Algebraic { name: format!("a[{index}]"), unit: None, expr, span: Span::default() });
+            model.algebraics.push(Algebraic {
+                name: format!("a[{index}]"),
+                unit: None,
+                expr,
+                range: None,
+                span: Span::default(),
+            });
         }
     }
     for index in 0..states {

@@ -1,0 +1,236 @@
+//! The signals that drive inputs.
+
+use crate::ast::{Declared, Measure, Name, Signal};
+use crate::bound::{Node, NodeKind};
+use crate::elaborate::Elaborator;
+use crate::evaluate::{Fault, Purpose, fault};
+use crate::functions;
+use crate::nearest::suggestion;
+use crate::resolve::{Reads, unknown_function};
+use crate::settings::{FREQUENCIES, TIMES, scaled, unit_scale};
+use crate::tables::Table;
+use pe_ir::codes;
+use pe_ir::model::{Interpolation, Samples, Waveform};
+use pe_ir::source::{Diagnostic, Span};
+use std::sync::Arc;
+
+/// What an argument of a waveform is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Argument {
+    /// A value of the signal, in the unit of the input.
+    Value,
+    /// A number without unit.
+    Number,
+    /// A time.
+    Time,
+    /// A frequency.
+    Frequency,
+}
+
+use Argument::{Frequency, Number, Time, Value};
+
+/// A waveform: name, its arguments, how many of them are needed.
+type Form = (&'static str, &'static [(&'static str, Argument)], usize);
+
+pub(crate) const WAVEFORMS: [Form; 5] = [
+    ("constant", &[("value", Value)], 1),
+    ("sine", &[("amplitude", Value), ("frequency", Frequency), ("offset", Value), ("phase", Number)], 2),
+    ("square", &[("amplitude", Value), ("frequency", Frequency), ("offset", Value), ("duty", Number)], 2),
+    ("pulse", &[("height", Value), ("start", Time), ("width", Time), ("offset", Value), ("period", Time)], 3),
+    ("ramp", &[("from", Value), ("to", Value), ("start", Time), ("duration", Time)], 4),
+];
+
+/// The word for a sampled signal; it names a file and so is no waveform of numbers.
+pub(crate) const SAMPLES: &str = "samples";
+
+/// A bound signal.
+pub(crate) enum BoundSignal {
+    /// Number in [`WAVEFORMS`], arguments and the scales of their units.
+    Form(usize, Vec<(Node, f64)>),
+    /// The same samples for all elements.
+    Samples(Arc<Samples>),
+}
+
+impl<'a> Elaborator<'a> {
+    pub(crate) fn bind_signal(&mut self, signal: &'a Signal, declared: &'a Declared) -> Option<BoundSignal> {
+        match signal {
+            Signal::Value(value) => {
+                let value = self.bind_element(value, declared, Reads::Constants)?;
+                Some(BoundSignal::Form(0, vec![(value, 1.0)]))
+            }
+            Signal::Samples { path, column, interpolation } => {
+                self.samples(path, column, interpolation).map(|samples| BoundSignal::Samples(Arc::new(samples)))
+            }
+            Signal::Call { function, arguments, span } => {
+                match WAVEFORMS.iter().position(|(name, ..)| *name == function.text) {
+                    Some(number) => self.bind_waveform(number, arguments, *span, declared),
+                    None => self.bind_function(function, arguments, *span, declared),
+                }
+            }
+        }
+    }
+
+    fn bind_waveform(
+        &mut self,
+        number: usize,
+        arguments: &'a [Measure],
+        span: Span,
+        declared: &'a Declared,
+    ) -> Option<BoundSignal> {
+        let (waveform, meanings, needed) = WAVEFORMS[number];
+        if arguments.len() < needed || arguments.len() > meanings.len() {
+            let wanted =
+                if needed == meanings.len() { needed.to_string() } else { format!("{needed} to {}", meanings.len()) };
+            let message = format!("`{waveform}` takes {wanted} argument(s), found {}", arguments.len());
+            let help =
+                format!("its arguments are {}", meanings.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "));
+            self.report.push(Diagnostic::error(codes::ARGUMENT_COUNT, span, message).with_help(help));
+            return None;
+        }
+        let mut bound = Vec::with_capacity(arguments.len());
+        for (argument, (meaning, kind)) in arguments.iter().zip(meanings) {
+            let units = match kind {
+                Value | Number => &[],
+                Time => &TIMES[..],
+                Frequency => &FREQUENCIES[..],
+            };
+            let scale = unit_scale(argument.unit.as_ref(), units, meaning).map_err(|error| self.report.push(error));
+            let value = self.bind_element(&argument.value, declared, Reads::Constants);
+            if let (Some(value), Ok(scale)) = (value, scale) {
+                bound.push((value, scale));
+            }
+        }
+        (bound.len() == arguments.len()).then_some(BoundSignal::Form(number, bound))
+    }
+
+    /// A lone call that is no waveform: a function of constants, whose value is a constant signal.
+    fn bind_function(
+        &mut self,
+        name: &'a Name,
+        arguments: &'a [Measure],
+        span: Span,
+        declared: &'a Declared,
+    ) -> Option<BoundSignal> {
+        let Some(function) = functions::find(&name.text) else {
+            let waveforms = WAVEFORMS.iter().map(|(name, ..)| *name).chain([SAMPLES]);
+            let known = waveforms.clone().chain(functions::FUNCTIONS.iter().map(|f| f.name));
+            let help = suggestion(&name.text, known).unwrap_or_else(|| {
+                format!("waveforms are {}", waveforms.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "))
+            });
+            let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
+            self.report.push(error.with_help(help));
+            return None;
+        };
+        let (fewest, most) = function.arguments;
+        if arguments.len() < fewest || arguments.len() > most {
+            let message = format!("`{}` does not take {} argument(s)", name.text, arguments.len());
+            self.report.push(Diagnostic::error(codes::ARGUMENT_COUNT, span, message));
+            return None;
+        }
+        let mut bound = Vec::with_capacity(arguments.len());
+        for argument in arguments {
+            let unit = unit_scale(argument.unit.as_ref(), &[], "argument").map_err(|error| self.report.push(error));
+            let value = self.bind_element(&argument.value, declared, Reads::Constants);
+            bound.extend(value.filter(|_| unit.is_ok()));
+        }
+        let complete = bound.len() == arguments.len();
+        let call = Node { kind: NodeKind::Call(function, bound), span };
+        complete.then_some(BoundSignal::Form(0, vec![(call, 1.0)]))
+    }
+
+    /// The signal in a column of a data file, over its first column, the times.
+    fn samples(&mut self, path: &'a Name, column: &Name, interpolation: &Name) -> Option<Samples> {
+        let interpolation = match interpolation.text.as_str() {
+            "linear" => Interpolation::Linear,
+            "hold" => Interpolation::Hold,
+            other => {
+                let message = format!("unknown interpolation `{other}`");
+                let help =
+                    "between two samples the signal is a straight line with `linear`, the earlier one with `hold`";
+                self.report
+                    .push(Diagnostic::error(codes::UNKNOWN_FUNCTION, interpolation.span, message).with_help(help));
+                return None;
+            }
+        };
+        let table = self.table(path)?;
+        let number = self.table_column(table, column)?;
+        let scale = self.time_scale(table)?;
+        let times = self.numbers(table, 0)?;
+        let values = self.numbers(table, number)?;
+        if times.is_empty() {
+            let place = table.columns[number].place;
+            self.report.push(Diagnostic::error(codes::BAD_TABLE, place, "the file holds no samples"));
+            return None;
+        }
+        let times: Vec<f64> = times.into_iter().map(|time| scaled(time, scale)).collect();
+        if let Some(at) = times.windows(2).position(|pair| pair[0] >= pair[1]) {
+            let place = |row: usize| table.cells[row * table.columns.len()].place;
+            let error =
+                Diagnostic::error(codes::BAD_TABLE, place(at + 1), "this time is not later than the one before");
+            self.report
+                .push(error.with_label(place(at), "the one before").with_help("sort the rows by time, each once"));
+            return None;
+        }
+        Samples::new(times, values, interpolation)
+    }
+
+    /// Seconds in a unit of the column of times.
+    fn time_scale(&mut self, table: &Table) -> Option<f64> {
+        let column = &table.columns[0];
+        let unit = column.unit.as_ref().map(|unit| Name { text: unit.clone(), span: column.place });
+        unit_scale(unit.as_ref(), &TIMES, "times in the first column").map_err(|error| self.report.push(error)).ok()
+    }
+
+    pub(crate) fn waveform(&mut self, signal: &BoundSignal) -> Result<Waveform, Fault> {
+        let (form, arguments) = match signal {
+            BoundSignal::Samples(samples) => return Ok(Waveform::Samples(Arc::clone(samples))),
+            BoundSignal::Form(form, arguments) => (*form, arguments),
+        };
+        let mut values = Vec::with_capacity(arguments.len());
+        for (node, scale) in arguments {
+            let value = scaled(self.evaluator.number(&self.names, node, Purpose::Constant)?, *scale);
+            if !value.is_finite() {
+                return Err(fault(Diagnostic::error(codes::NOT_FINITE, node.span, "the value is too large")));
+            }
+            values.push(value);
+        }
+        let (name, meanings, _) = WAVEFORMS[form];
+        let value = |at: usize, default: f64| values.get(at).copied().unwrap_or(default);
+        let bad = |at: usize, reason: &str| {
+            let place = arguments.get(at).map_or_else(Span::default, |(node, _)| node.span);
+            let message = format!("the {} is {}; {reason}", meanings[at].0, value(at, 0.0));
+            Err(fault(Diagnostic::error(codes::BAD_WAVEFORM, place, message)))
+        };
+        for (at, (_, kind)) in meanings.iter().enumerate() {
+            if matches!(kind, Time | Frequency) && value(at, 0.0) < 0.0 {
+                return bad(at, "it must not be negative");
+            }
+        }
+        let (amplitude, frequency, offset) = (value(0, 0.0), value(1, 0.0), value(2, 0.0));
+        Ok(match name {
+            "sine" => Waveform::Sine { amplitude, frequency, offset, phase: value(3, 0.0) },
+            "square" => {
+                let duty = value(3, 0.5);
+                if !(0.0..=1.0).contains(&duty) {
+                    return bad(3, "it is a part of the period, between 0 and 1");
+                }
+                Waveform::Square { amplitude, frequency, offset, duty }
+            }
+            "pulse" => {
+                let (width, period) = (value(2, 0.0), value(4, f64::INFINITY));
+                if period < width || period == 0.0 {
+                    return bad(4, "it must be positive and not shorter than the pulse");
+                }
+                Waveform::Pulse { height: amplitude, start: value(1, 0.0), width, offset: value(3, 0.0), period }
+            }
+            "ramp" => {
+                let duration = value(3, 0.0);
+                if duration == 0.0 {
+                    return bad(3, "a jump is a `pulse`");
+                }
+                Waveform::Ramp { from: amplitude, to: value(1, 0.0), start: value(2, 0.0), duration }
+            }
+            _ => Waveform::Constant(amplitude),
+        })
+    }
+}
