@@ -8,7 +8,8 @@ use pe_ir::program::Program;
 const LONGEST: usize = 64;
 
 /// Words that must not be the name of a design unit: keywords of VHDL-2008, SystemVerilog and C++, and names that
-/// the generated units use from the hand-written library and the standard packages.
+/// the generated units use from the hand-written library and the standard packages. File names start with the design's,
+/// so words that Windows keeps for devices are among them.
 const RESERVED: &[&str] = &[
     "abs",
     "access",
@@ -25,6 +26,7 @@ const RESERVED: &[&str] = &[
     "assume",
     "attribute",
     "auto",
+    "aux",
     "begin",
     "bit",
     "bits",
@@ -48,6 +50,7 @@ const RESERVED: &[&str] = &[
     "clk",
     "coefficient_bits",
     "component",
+    "con",
     "config",
     "configuration",
     "const",
@@ -141,6 +144,7 @@ const RESERVED: &[&str] = &[
     "nmos",
     "nor",
     "not",
+    "nul",
     "null",
     "numeric_std",
     "of",
@@ -174,6 +178,7 @@ const RESERVED: &[&str] = &[
     "print_trace",
     "priority",
     "private",
+    "prn",
     "procedure",
     "process",
     "program",

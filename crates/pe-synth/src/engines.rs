@@ -63,6 +63,7 @@ pub struct Bench<'a> {
 impl Bench<'_> {
     /// Runs an engine.
     pub fn run(&self, engine: Engine) -> Result<Run, Failure> {
+        self.copy_design()?;
         let text = match engine {
             Engine::Reference => self.reference()?,
             Engine::Ghdl => self.ghdl()?,
@@ -71,16 +72,43 @@ impl Bench<'_> {
         parse(&text).map_err(|line| Failure::Mismatch(format!("{} printed `{line}`", engine.name())))
     }
 
+    /// Copies the design into the scratch folder: GHDL's libraries record paths and make reads them, and neither can
+    /// quote what a user may call a folder.
+    fn copy_design(&self) -> Result<(), Failure> {
+        let list = self.folder.join(format!("{}.f", self.design));
+        let text = fs::read_to_string(&list).map_err(|error| Failure::file("read", &list, error))?;
+        let listed = text.lines().filter_map(|line| line.split_once(' ')).map(|(_, file)| file.to_owned());
+        let others = [".f", "_stimulus.txt", "_reference.rs", "_verilator.cpp"];
+        for file in listed.chain(others.map(|ending| format!("{}{ending}", self.design))) {
+            let (from, to) = (self.folder.join(&file), self.copy(&file));
+            if let Some(folder) = to.parent() {
+                fs::create_dir_all(folder).map_err(|error| Failure::file("create", folder, error))?;
+            }
+            fs::copy(&from, &to).map_err(|error| Failure::file("read", &from, error))?;
+        }
+        Ok(())
+    }
+
+    /// Path of a file of the design in the scratch folder; absolute, for engines run in folders of their own.
+    fn copy(&self, file: &str) -> PathBuf {
+        absolute(self.scratch).join("design").join(file)
+    }
+
     fn stimulus(&self) -> PathBuf {
-        absolute(&self.folder.join(format!("{}_stimulus.txt", self.design)))
+        self.copy(&format!("{}_stimulus.txt", self.design))
     }
 
     fn reference(&self) -> Result<String, Failure> {
-        let source = self.folder.join(format!("{}_reference.rs", self.design));
+        let source = self.copy(&format!("{}_reference.rs", self.design));
         let program = self.scratch.join("reference");
         let mut build = Command::new("rustc");
         build.args(["--edition", "2021", "-O", "-o"]).arg(&program).arg(&source);
-        execute(&mut build, "rustc", "install Rust from https://rustup.rs")?;
+        execute(&mut build, "rustc", "install Rust from https://rustup.rs").map_err(|failure| match failure {
+            Failure::Mismatch(text) if text.contains("linker") && text.contains("not found") => {
+                Failure::MissingTool("a C linker is not installed: apt-get install gcc".into())
+            }
+            failure => failure,
+        })?;
         let mut run = Command::new(&program);
         run.arg("--stimulus").arg(self.stimulus()).args(["--steps", &self.steps.to_string()]);
         execute(&mut run, "reference", "it was just built")
@@ -88,7 +116,7 @@ impl Bench<'_> {
 
     /// Analyses the files of the design's list, without the test bench if `library_only`.
     fn analyse(&self, library_only: bool) -> Result<(), Failure> {
-        let list = self.folder.join(format!("{}.f", self.design));
+        let list = self.copy(&format!("{}.f", self.design));
         let text = fs::read_to_string(&list).map_err(|error| Failure::file("read", &list, error))?;
         for line in text.lines().filter(|line| !line.trim().is_empty()) {
             let (library, file) = line.split_once(' ').unwrap_or(("work", line));
@@ -97,7 +125,7 @@ impl Bench<'_> {
             }
             let mut analyse = Command::new("ghdl");
             analyse.args(["-a", "--std=08", &format!("--work={library}")]).args(self.work_folder());
-            analyse.arg(self.folder.join(file));
+            analyse.arg(self.copy(file));
             execute(&mut analyse, "ghdl", GHDL_INSTALL)?;
         }
         Ok(())
@@ -129,10 +157,13 @@ impl Bench<'_> {
         let netlist = execute(synthesise.arg(self.design), "ghdl", GHDL_INSTALL)?;
         let file = self.scratch.join(format!("{}.v", self.design));
         fs::write(&file, netlist).map_err(|error| Failure::file("write", &file, error))?;
-        let driver = absolute(&self.folder.join(format!("{}_verilator.cpp", self.design)));
+        let driver = self.copy(&format!("{}_verilator.cpp", self.design));
         let mut build = Command::new("verilator");
         build.args(["--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", self.design]);
         build.arg("--Mdir").arg(self.scratch.join("verilated")).args(["-o", "netlist"]).arg(&file).arg(driver);
+        for tool in ["make", "g++"] {
+            execute(Command::new(tool).arg("--version"), tool, "apt-get install g++ make")?;
+        }
         execute(&mut build, "verilator", "apt-get install verilator g++ make")?;
         let mut run = Command::new(self.scratch.join("verilated").join("netlist"));
         run.arg("--stimulus").arg(self.stimulus()).args(["--steps", &self.steps.to_string()]);
@@ -142,7 +173,6 @@ impl Bench<'_> {
 
 const GHDL_INSTALL: &str = "apt-get install ghdl";
 
-/// Engines run in a folder of their own, so paths they get must not depend on it.
 fn absolute(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }

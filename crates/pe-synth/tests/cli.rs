@@ -230,7 +230,7 @@ fn files_that_a_spec_names_are_read_from_its_folder_only() {
 }
 
 #[test]
-fn verify_without_ghdl_names_the_package_and_exits_with_5() {
+fn verify_without_its_tools_names_the_package_and_exits_with_5() {
     let home = folder("no_ghdl");
     let target = home.join("out");
     let empty = home.join("bin");
@@ -251,6 +251,9 @@ fn verify_without_ghdl_names_the_package_and_exits_with_5() {
     let cc = Command::new("sh").args(["-c", "command -v cc"]).output().unwrap();
     let cc = PathBuf::from(String::from_utf8(cc.stdout).unwrap().trim());
     std::os::unix::fs::symlink(&rustc, empty.join("rustc")).unwrap();
+    let output = pe_synth().arg("verify").arg(&target).env("PATH", &empty).output().unwrap();
+    assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+    assert!(stderr(&output).contains("apt-get install gcc"), "{}", stderr(&output));
     std::os::unix::fs::symlink(&cc, empty.join("cc")).unwrap();
     for tool in ["ld", "as"] {
         let _ = std::os::unix::fs::symlink(Path::new("/usr/bin").join(tool), empty.join(tool));
@@ -303,19 +306,71 @@ fn every_stage_can_be_dumped() {
     }
 }
 
+/// Names that mean something in VHDL, Rust, C++ or the generated files, differ in case only, or collide when cut.
+const HOSTILE_NAMES: [&str; 32] = [
+    "signal",
+    "Signal",
+    "SIGNAL",
+    "entity",
+    "process",
+    "type",
+    "fn",
+    "self",
+    "Self",
+    "crate",
+    "unsafe",
+    "async",
+    "main",
+    "clk",
+    "clk_i",
+    "step_i",
+    "done_o",
+    "overflow",
+    "link_0",
+    "word_0",
+    "PE0_PROGRAM",
+    "program",
+    "std_logic",
+    "con",
+    "__x__",
+    "_",
+    "_lead",
+    "trail_",
+    "a__b",
+    "a_b",
+    "NaN",
+    "end",
+];
+
 #[test]
 fn hostile_names_survive_into_verified_hardware() {
     let home = folder("hostile");
-    let spec = home.join("entity.spec");
-    let text = format!(
-        "model entity \"reserved words\"\n{HEAD}state signal = 1\nstate Signal = 0.5\nstate fn = 0.25\nstate end = 0\n\
-         signal' = -signal + Signal\nSignal' = -Signal + fn\nfn' = end - fn\nend' = signal - end\n\
-         output signal, Signal, fn, end\n"
-    );
+    let long = ["x", "X", "y"].map(|first| format!("{first}{}", "q".repeat(198)));
+    let names: Vec<&str> = HOSTILE_NAMES.iter().copied().chain(long.iter().map(String::as_str)).collect();
+    let title = "-- */ <script>alert(1)</script> & ]]> { {{x}} ${y} %s \\n \u{b5}\u{3a9} \u{202E} -->";
+    let mut text = format!("model Process \"{title}\"\n{HEAD}input wait = sine(1, 10 Hz)\n").replace("1 s", "50 ms");
+    for (at, name) in names.iter().enumerate() {
+        let source = if at == 0 { "wait" } else { names[at - 1] };
+        text += &format!("state {name} = 1/{}\n{name}' = {source} - {name}\n", at + 1);
+    }
+    text += &format!("sum_ = clk + self\noutput {}, wait, sum_\n", names.join(", "));
+    // Neither the spec's name nor the folder's can be quoted everywhere they go.
+    let spec = home.join("a b\"; -- <x> $(id) `x` \\ \u{e9}.spec");
     fs::write(&spec, text).unwrap();
-    let output = compile(&spec, &home.join("out"), &["--pes", "2"]);
+    let target = home.join("o u$t\"\n--");
+    let output = compile(&spec, &target, &["--pes", "3"]);
     assert!(output.status.success(), "{}", stderr(&output));
-    let output = pe_synth().arg("verify").arg(home.join("out")).args(["--steps", "3"]).output().unwrap();
+    for file in ["process_x.vhd", "process_x_reference.rs", "process_x_verilator.cpp"] {
+        let text = fs::read_to_string(target.join(file)).unwrap();
+        assert!(text.is_ascii() && text.lines().nth(1).unwrap().contains("Regenerate:"), "{file}: {text:.300}");
+    }
+    for picture in fs::read_dir(&target).unwrap().map(|entry| entry.unwrap().path()) {
+        if picture.extension().is_some_and(|ending| ending == "svg") {
+            let text = fs::read_to_string(&picture).unwrap();
+            assert!(!text.contains("<script") && !text.contains('\u{202E}'), "{}", picture.display());
+        }
+    }
+    let output = pe_synth().arg("verify").arg(&target).args(["--steps", "2"]).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
 }
 
