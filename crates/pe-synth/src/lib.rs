@@ -4,8 +4,10 @@
 
 pub mod area;
 pub mod cmd_compile;
+pub mod cmd_diff;
 pub mod cmd_dump;
 pub mod cmd_explain;
+pub mod cmd_golden;
 pub mod cmd_shell;
 pub mod cmd_sim;
 pub mod cmd_verify;
@@ -13,6 +15,7 @@ pub mod console;
 pub mod engines;
 pub mod failure;
 pub mod features;
+pub mod figures;
 pub mod files;
 pub mod options;
 pub mod output;

@@ -6,7 +6,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use pe_synth::failure::{Failure, MessageFormat, print_plain};
-use pe_synth::{cmd_compile, cmd_dump, cmd_explain, cmd_shell, cmd_sim, cmd_verify, console};
+use pe_synth::{cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_golden, cmd_shell, cmd_sim, cmd_verify, console};
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
 ///
@@ -33,7 +33,7 @@ Exit codes:
    1  the model is wrong, or its result would be; the findings carry codes
    2  wrong options
    3  a file cannot be read or written
-   4  engines disagree, or nothing was compared
+   4  engines disagree, figures changed beyond their tolerance, or nothing was compared
    5  a needed program is missing
   70  internal error; please report it
 
@@ -49,6 +49,8 @@ enum Command {
     Verify(cmd_verify::Verify),
     Sim(Box<cmd_sim::Sim>),
     Dump(Box<cmd_dump::Dump>),
+    Golden(cmd_golden::Golden),
+    Diff(cmd_diff::Diff),
     Explain(cmd_explain::Explain),
     Completions(cmd_shell::Completions),
     Man(cmd_shell::ManualPage),
@@ -64,6 +66,8 @@ fn main() -> ExitCode {
         Command::Verify(verify) => (verify.message_format(), verify.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),
         Command::Dump(dump) => (dump.message_format(), dump.run()),
+        Command::Golden(golden) => (MessageFormat::Human, golden.run()),
+        Command::Diff(diff) => (diff.message_format(), diff.run()),
         Command::Explain(explain) => (explain.message_format(), explain.run()),
         Command::Completions(completions) => {
             completions.run(Arguments::command());

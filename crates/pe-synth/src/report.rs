@@ -147,6 +147,7 @@ pub fn report(model: &Model, design: &Design, clock: Clock, seed: u64, command: 
         },
         "saturations": 0,
         "widenings": design.judged.widenings,
+        "outputs": model.outputs.iter().map(|output| output.name.as_str()).collect::<Vec<_>>(),
         "left_out": model.left_out,
         "kept": scene::kept(model, &design.graph),
         "features": features::features(program, &design.graph, &design.judged.fixed, &design.mapping),

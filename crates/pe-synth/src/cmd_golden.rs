@@ -1,0 +1,36 @@
+//! `pe-synth golden`: the figures of a design and what it computes in its first steps, small enough for a repository.
+
+use std::path::PathBuf;
+
+use crate::failure::Failure;
+use crate::figures::{Figure, Record, TRACE};
+use crate::output::OutputFolder;
+
+/// Keeps the figures and first outputs of a compiled design, to compare later ones with by `diff`
+#[derive(clap::Args, Debug)]
+#[command(after_help = "\
+Examples:
+  pe-synth golden out/weibel5 -o models/weibel5/golden")]
+pub struct Golden {
+    /// Folder that `compile` wrote
+    folder: PathBuf,
+    /// Folder to write; replaced if it is one of ours
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+}
+
+impl Golden {
+    /// Runs the command.
+    pub fn run(&self) -> Result<(), Failure> {
+        let record = Record::read(&self.folder)?;
+        let trace = Figure { name: "trace", key: "/trace", group: TRACE };
+        let (Some(outputs), true) = (&record.outputs, record.figure(&trace).is_some()) else {
+            return Err(Failure::file("read", &self.folder, "it holds no trace; give the folder that `compile` wrote"));
+        };
+        let folder = OutputFolder::create(&self.output)?;
+        folder.write("report.json", &format!("{:#}\n", record.reduced()))?;
+        let design = record.report["model"].as_str().unwrap_or_default();
+        folder.write(&format!("{design}_outputs.txt"), outputs)?;
+        folder.finish()
+    }
+}
