@@ -93,6 +93,7 @@ codes! {
     REPEATED_OUTPUT = "W0004", "output asked for twice";
     REPEATED_INCLUDE = "W0005", "file included twice";
     STEP_LARGE = "W0903", "step large for the accuracy";
+    NO_REFERENCE = "W0904", "no reference solution";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.

@@ -1,5 +1,8 @@
 //! Comparison of a run with a reference run, state by state.
 
+/// Part of the largest magnitude of its quantity that the scale of a state has at least.
+pub const SCALE_FLOOR: f64 = 1e-6;
+
 /// States of a run at sample times.
 #[derive(Clone, Debug, Default)]
 pub struct Trajectory {
@@ -30,10 +33,9 @@ impl Trajectory {
         self.samples.is_empty()
     }
 
-    /// Scale of each state for relative errors: its own largest magnitude, but at least `FLOOR` times the largest
+    /// Scale of each state for relative errors: its own largest magnitude, but at least [`SCALE_FLOOR`] times the largest
     /// of its quantity, so that a state that hardly moves is not judged by its noise.
     pub fn scales(&self, quantity: &[u32]) -> Vec<f64> {
-        const FLOOR: f64 = 1e-6;
         let mut own = vec![0.0f64; self.states];
         for sample in self.samples.chunks_exact(self.states.max(1)) {
             for (largest, number) in own.iter_mut().zip(sample) {
@@ -45,7 +47,13 @@ impl Trajectory {
         for (number, quantity) in own.iter().zip(quantity) {
             shared[*quantity as usize] = shared[*quantity as usize].max(*number);
         }
-        own.iter().zip(quantity).map(|(own, quantity)| own.max(FLOOR * shared[*quantity as usize])).collect()
+        own.iter().zip(quantity).map(|(own, quantity)| own.max(SCALE_FLOOR * shared[*quantity as usize])).collect()
+    }
+
+    /// The last sample alone.
+    pub fn last(&self) -> Trajectory {
+        let from = self.samples.len() - self.states.min(self.samples.len());
+        Trajectory { states: self.states, samples: self.samples[from..].to_vec() }
     }
 
     /// How far `other`, sampled at the same times, deviates.

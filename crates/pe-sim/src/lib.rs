@@ -3,6 +3,7 @@
 //! * [`double`]: the step graph in double precision, the yardstick of ranges and errors;
 //! * [`fixed`]: the step graph in fixed point, what the hardware computes;
 //! * [`machine`]: the program, control word by control word, what the hardware does;
+//! * [`reference`]: the model's equations by a library for differential equations, what is right;
 //! * [`error`]: comparison of runs.
 
 mod code;
@@ -10,4 +11,5 @@ pub mod double;
 pub mod error;
 pub mod fixed;
 pub mod machine;
+pub mod reference;
 pub mod trace;

@@ -3,14 +3,18 @@
 use std::path::PathBuf;
 
 use pe_emit::EmitOptions;
+use pe_ir::codes;
+use pe_ir::source::Diagnostic;
 use pe_sim::machine::Machine;
+use pe_sim::reference::ReferenceError;
 
 use crate::console;
-use crate::failure::{Failure, MessageFormat};
-use crate::options::{DesignPoint, ModelOptions};
+use crate::failure::{Failure, MessageFormat, print_findings};
+use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::output::OutputFolder;
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
 use crate::report::{self, Clock};
+use crate::total::{Reference, TotalError};
 
 /// Lines of the reference trace that is written with a design, roughly.
 const TRACE_LINES: u64 = 120_000;
@@ -36,6 +40,9 @@ pub struct Compile {
     /// Leaves the pictures out
     #[arg(long, help_heading = "Output")]
     no_pictures: bool,
+    /// Solves the model with a library for differential equations to measure the total error
+    #[arg(long, help_heading = "Output")]
+    reference: bool,
     #[command(flatten)]
     model: ModelOptions,
     /// Prints errors and warnings only
@@ -74,8 +81,9 @@ impl Compile {
         let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&model.name));
         OutputFolder::permitted(&target)?;
         let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
+        let total = self.reference.then(|| total_error(&loaded, &design, self.message_format(), &mut watch));
         let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
-        let report = report::report(model, &design, clock, self.model.seed, command);
+        let report = report::report(model, &design, clock, &total, self.model.seed, command);
         let folder = OutputFolder::create(&target)?;
         let written = watch.stage(
             "write",
@@ -83,24 +91,40 @@ impl Compile {
             |_| target.display().to_string(),
         );
         written?;
-        if !self.no_pictures {
-            let drawn = watch.stage(
-                "draw",
-                || crate::pictures::draw(model, &design),
-                |pictures| format!("{} pictures", pictures.len()),
-            );
-            for (path, text) in &drawn {
-                folder.write(path, text)?;
-            }
-        }
         folder.write("report.json", &pretty(&report))?;
         folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
         folder.finish()?;
         if !quiet {
-            console::out(&report::table(model, &design, clock));
+            console::out(&report::table(model, &design, clock, &total));
         }
         Ok(())
     }
+}
+
+/// Total error; that there is none is a warning, for the design does not depend on it.
+fn total_error(
+    loaded: &LoadedModel,
+    design: &Design,
+    format: MessageFormat,
+    watch: &mut Stopwatch,
+) -> Result<TotalError, ReferenceError> {
+    let model = &loaded.model;
+    let progress = watch.progress_bar("reference");
+    let result = watch.stage(
+        "reference",
+        || Reference::solve(model, &design.judged.times, &progress).map(|r| r.compare(&design.judged.hardware)),
+        |total| match total {
+            Ok(total) => format!("total error {:.1e}", total.whole.error),
+            Err(_) => "no solution".to_owned(),
+        },
+    );
+    if let Err(error) = &result {
+        let warning = Diagnostic::global(codes::NO_REFERENCE, error.to_string())
+            .with_help("the design is written; its report has no total error. Try a shorter `--span`")
+            .into_warning();
+        print_findings(&[warning], &loaded.sources, format);
+    }
+    result
 }
 
 fn pretty(value: &serde_json::Value) -> String {

@@ -91,12 +91,13 @@ impl Stopwatch {
     }
 
     /// A bar for a long stage; invisible when quiet or when standard error is no terminal.
-    pub fn progress_bar(&self) -> ProgressBar {
+    pub fn progress_bar(&self, stage: &'static str) -> ProgressBar {
         if self.quiet {
             return ProgressBar::hidden();
         }
-        let style = ProgressStyle::with_template("      runs  {bar:40} {percent:>3} %, {eta} left");
-        ProgressBar::no_length().with_style(style.expect("a valid template")).with_finish(ProgressFinish::AndClear)
+        let style = ProgressStyle::with_template("{msg:>10}  {bar:40} {percent:>3} %, {eta} left");
+        let bar = ProgressBar::no_length().with_style(style.expect("a valid template")).with_message(stage);
+        bar.with_finish(ProgressFinish::AndClear)
     }
 
     /// Times a stage; `figure` says in a few words what came out of it.
@@ -122,7 +123,7 @@ pub fn design(
 ) -> Result<Design, Failure> {
     let format = point.format()?;
     let graph = Arc::new(build(loaded, watch)?);
-    let progress = watch.progress_bar();
+    let progress = watch.progress_bar("runs");
     let judged = watch
         .stage("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
         .map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;

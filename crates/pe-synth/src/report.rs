@@ -7,10 +7,12 @@ use pe_ir::graph::Role;
 use pe_ir::mapping::MappingCost;
 use pe_ir::model::Model;
 use pe_ir::program::{LinkSource, Program};
+use pe_sim::reference::{ReferenceError, TOLERANCE};
 use serde_json::{Value, json};
 
 use crate::area::{self, Area};
 use crate::pipeline::{Design, StartResult, Stopwatch, multiplier_name};
+use crate::total::TotalError;
 use crate::{features, scene};
 
 /// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
@@ -81,10 +83,16 @@ fn distinct_programs(program: &Program) -> usize {
 }
 
 /// Builds `report.json`. The same command gives the same bytes; machine timings are in [`timing`].
-pub fn report(model: &Model, design: &Design, clock: Clock, seed: u64, command: &str) -> Value {
+pub fn report(
+    model: &Model,
+    design: &Design,
+    clock: Clock,
+    total: &Option<Result<TotalError, ReferenceError>>,
+    seed: u64,
+    command: &str,
+) -> Value {
     let program = &design.program;
     let format = program.format;
-    let errors = design.judged.errors;
     let sizes = Sizes::of(design);
     let (bound, binds) = design.bound.binding();
     let area = area::estimate(program);
@@ -133,18 +141,7 @@ pub fn report(model: &Model, design: &Design, clock: Clock, seed: u64, command: 
                  "basis": "estimated"},
         "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.step,
-        "error": {
-            "worst_state": model.states[errors.worst_state].name,
-            "total": null,
-            "total_reason": "no reference solution was computed",
-            "method": errors.method,
-            "word_length": errors.word_length,
-            "coefficient": errors.coefficient,
-            "function": null,
-            "function_reason": "the model has no elementary function of a variable",
-            "input_hold": errors.input_hold,
-            "samples": design.judged.samples,
-        },
+        "error": error(model, design, total),
         "saturations": 0,
         "widenings": design.judged.widenings,
         "outputs": model.outputs.iter().map(|output| output.name.as_str()).collect::<Vec<_>>(),
@@ -154,6 +151,35 @@ pub fn report(model: &Model, design: &Design, clock: Clock, seed: u64, command: 
         "seed": seed,
         "command": command,
     })
+}
+
+/// The key `error`.
+fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, ReferenceError>>) -> Value {
+    let errors = design.judged.errors;
+    let mut value = json!({
+        "worst_state": model.states[errors.worst_state].name,
+        "total": null,
+        "method": errors.method,
+        "word_length": errors.word_length,
+        "coefficient": errors.coefficient,
+        "function": null,
+        "function_reason": "the model has no elementary function of a variable",
+        "input_hold": errors.input_hold,
+        "samples": design.judged.times.len(),
+    });
+    match total {
+        None => value["total_reason"] = json!("no reference solution was asked for with --reference"),
+        Some(Err(error)) => value["total_reason"] = json!(error.to_string()),
+        Some(Ok(total)) => {
+            value["total"] = json!(total.whole.error);
+            value["total_worst_state"] = json!(model.states[total.whole.state].name);
+            value["total_at_end"] = json!(total.end.error);
+            value["total_at_end_worst_state"] = json!(model.states[total.end.state].name);
+            value["reference_tolerance"] = json!(TOLERANCE);
+            value["reference_uncertainty"] = json!(total.uncertainty);
+        }
+    }
+    value
 }
 
 /// The PE with most products.
@@ -201,8 +227,24 @@ fn mapping_row(design: &Design) -> String {
     }
 }
 
+/// The total error in words.
+fn total_row(model: &Model, total: &Result<TotalError, ReferenceError>) -> String {
+    match total {
+        Ok(total) => format!(
+            "{:.1e}, worst `{}`; at the end {:.1e}; reference good to {:.0e}",
+            total.whole.error, model.states[total.whole.state].name, total.end.error, total.uncertainty
+        ),
+        Err(error) => format!("unknown: {error}"),
+    }
+}
+
 /// The summary table.
-pub fn table(model: &Model, design: &Design, clock: Clock) -> String {
+pub fn table(
+    model: &Model,
+    design: &Design,
+    clock: Clock,
+    total: &Option<Result<TotalError, ReferenceError>>,
+) -> String {
     let program = &design.program;
     let errors = design.judged.errors;
     let sizes = Sizes::of(design);
@@ -210,7 +252,7 @@ pub fn table(model: &Model, design: &Design, clock: Clock) -> String {
     let Area { lut, dsp, bram18, .. } = area::estimate(program);
     let time_ms = f64::from(program.period) / clock.mhz * 1e-3 / model.step;
     let defaulted = if design.default_pes { " (default)" } else { "" };
-    let rows = [
+    let mut rows = vec![
         ("equations", format!("{} ODEs, {} left out", model.states.len(), model.left_out.len())),
         (
             "network",
@@ -252,5 +294,8 @@ pub fn table(model: &Model, design: &Design, clock: Clock) -> String {
         ("method error", format!("{:.1e} (half-step estimate)", errors.method)),
         ("input-hold error", format!("{:.1e}", errors.input_hold)),
     ];
+    if let Some(total) = total {
+        rows.push(("total error", total_row(model, total)));
+    }
     rows.iter().map(|(name, text)| format!("  {name:<18} {text}\n")).collect()
 }

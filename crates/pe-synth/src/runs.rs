@@ -18,7 +18,7 @@ use pe_ir::model::{Model, Variable, Waveform};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::{Diverged, DoubleRun};
-use pe_sim::error::{Deviation, ErrorMeter, Trajectory};
+use pe_sim::error::{Deviation, Trajectory};
 use pe_sim::fixed::FixedRun;
 
 use crate::options::ModelOptions;
@@ -60,24 +60,6 @@ pub struct Checkpoint {
     pub words: Vec<i64>,
 }
 
-/// Outputs at the sample times, for pictures: the first few of the model's.
-#[derive(Clone, Debug, Default)]
-pub struct Curves {
-    /// Sample times in seconds.
-    pub times: Vec<f64>,
-    /// In double precision.
-    pub double: Trajectory,
-    /// In fixed point.
-    pub fixed: Trajectory,
-}
-
-/// Outputs of which [`Curves`] are kept.
-const CURVES: usize = 8;
-
-fn curve_count(graph: &StepGraph) -> usize {
-    graph.outputs.len().min(CURVES)
-}
-
 /// What the runs found.
 pub struct Judged {
     /// Number formats under which the span runs without saturation.
@@ -88,16 +70,14 @@ pub struct Judged {
     pub widenings: usize,
     /// Middle of the run.
     pub checkpoint: Checkpoint,
-    /// Samples that were compared.
-    pub samples: u64,
+    /// Times of the samples that were compared, in seconds.
+    pub times: Vec<f64>,
+    /// States of the fixed-point run at these times.
+    pub hardware: Trajectory,
     /// Warnings.
     pub warnings: Vec<Diagnostic>,
     /// Nanoseconds per product in double precision and in fixed point.
     pub ns_per_mac: (f64, f64),
-    /// Outputs over time.
-    pub curves: Curves,
-    /// Largest magnitude of each value of the step graph in the run in double precision.
-    pub largest: Vec<f64>,
 }
 
 /// Runs the model over its span.
@@ -125,9 +105,6 @@ pub fn judge(
 pub struct Exact {
     plan: Plan,
     reference: Trajectory,
-    /// Outputs in double precision alone.
-    curves: Curves,
-    largest: Vec<f64>,
     ranges: Ranges,
     moments: Moments,
     scales: Vec<f64>,
@@ -142,13 +119,12 @@ impl Exact {
     pub fn run(model: &Model, graph: &StepGraph, progress: ProgressBar) -> Result<Exact, Vec<Diagnostic>> {
         let plan = Plan::of(model, progress);
         let clock = Instant::now();
-        let (reference, curves, mut ranges, moments) = reference_run(model, graph, &plan)?;
-        let largest = ranges.largest.clone();
+        let (reference, mut ranges, moments) = reference_run(model, graph, &plan)?;
         let seconds = clock.elapsed().as_secs_f64();
         include_declared(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = reference.scales(&quantities);
-        Ok(Exact { plan, reference, curves, largest, ranges, moments, scales, seconds })
+        Ok(Exact { plan, reference, ranges, moments, scales, seconds })
     }
 
     /// Compares with smaller steps.
@@ -180,7 +156,7 @@ impl Exact {
     ) -> Result<Judged, Vec<Diagnostic>> {
         let settled = settled?;
         let comparison = comparison?;
-        let (worst_state, word_length) = settled.deviation.worst(&self.scales);
+        let (worst_state, word_length) = self.reference.deviation(&settled.hardware).worst(&self.scales);
         let coefficient = settled.quantised.worst(&self.scales).1;
         let Comparison { method, input_hold, finding } = comparison;
         let errors = Errors { worst_state, word_length, coefficient, method, input_hold };
@@ -197,11 +173,10 @@ impl Exact {
             errors,
             widenings: settled.widenings,
             checkpoint: settled.checkpoint,
-            samples: self.plan.samples,
+            times: self.plan.times(),
+            hardware: settled.hardware,
             warnings,
             ns_per_mac: (self.seconds * 1e9 / macs, settled.seconds * 1e9 / macs),
-            curves: Curves { fixed: settled.curves, ..self.curves.clone() },
-            largest: self.largest.clone(),
         })
     }
 }
@@ -209,11 +184,11 @@ impl Exact {
 /// Formats under which the span runs without saturation, and what they cost in accuracy.
 pub struct Settled {
     fixed: FixedPoint,
-    deviation: Deviation,
+    /// Samples of the fixed-point run.
+    hardware: Trajectory,
     /// Deviation of the run in double precision with quantised coefficients.
     quantised: Deviation,
     checkpoint: Checkpoint,
-    curves: Trajectory,
     widenings: usize,
     /// Time of the fixed-point run.
     seconds: f64,
@@ -234,13 +209,13 @@ fn settle_formats(
         let mut fixed = formats::choose(graph, &ranges, format).map_err(|error| vec![error])?;
         rounding::improve(graph, &mut fixed, moments);
         let clock = Instant::now();
-        match fixed_run(model, graph, &fixed, plan, reference) {
-            Ok((deviation, checkpoint, curves)) => {
+        match fixed_run(model, graph, &fixed, plan) {
+            Ok((hardware, checkpoint)) => {
                 let seconds = clock.elapsed().as_secs_f64();
                 let run = DoubleRun::quantised(graph, &fixed);
                 let samples = trajectory(model, run, plan, Substeps { count: 1, resample: false })?;
                 let quantised = reference.deviation(&samples);
-                return Ok(Settled { fixed, deviation, quantised, checkpoint, curves, widenings, seconds });
+                return Ok(Settled { fixed, hardware, quantised, checkpoint, widenings, seconds });
             }
             Err(saturated) if widenings < WIDENINGS => {
                 widenings += 1;
@@ -255,6 +230,7 @@ fn settle_formats(
 
 /// Which steps are sampled, and who is told about the progress.
 struct Plan {
+    step: f64,
     steps: u64,
     samples: u64,
     progress: ProgressBar,
@@ -266,7 +242,7 @@ impl Plan {
         // Reference, fixed point, quantised, and two substeps each in the half-step runs.
         progress.set_length(steps * if varying_inputs(model) { 7 } else { 5 });
         let affordable = (SAMPLE_BUDGET / model.states.len().max(1) as u64).max(200);
-        Plan { steps, samples: SAMPLES.min(affordable).min(steps), progress }
+        Plan { step: model.step, steps, samples: SAMPLES.min(affordable).min(steps), progress }
     }
 
     /// Tells the progress after `done` steps; rarely, for a step may take no longer than the telling.
@@ -281,6 +257,11 @@ impl Plan {
     fn sampled(&self, done: u64) -> bool {
         let before = u128::from(done - 1) * u128::from(self.samples) / u128::from(self.steps);
         u128::from(done) * u128::from(self.samples) / u128::from(self.steps) > before
+    }
+
+    /// Times of the samples.
+    fn times(&self) -> Vec<f64> {
+        (1..=self.steps).filter(|done| self.sampled(*done)).map(|done| done as f64 * self.step).collect()
     }
 }
 
@@ -297,24 +278,21 @@ fn reference_run(
     model: &Model,
     graph: &StepGraph,
     plan: &Plan,
-) -> Result<(Trajectory, Curves, Ranges, Moments), Vec<Diagnostic>> {
+) -> Result<(Trajectory, Ranges, Moments), Vec<Diagnostic>> {
     let mut moments = Moments::new(graph);
     let mut run = DoubleRun::new(graph);
     let mut reference = Trajectory::new(model.states.len());
-    let mut curves = Curves { double: Trajectory::new(curve_count(graph)), ..Curves::default() };
     for done in 1..=plan.steps {
         let time = (done - 1) as f64 * model.step;
         run.step(&inputs(model, time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
         if plan.sampled(done) {
             reference.push(|state| run.state(state));
-            curves.times.push(done as f64 * model.step);
-            curves.double.push(|output| run.output(output));
             moments.add(graph, |value| run.value(value));
         }
     }
     let ranges = Ranges { largest: run.largest().to_vec(), widened: vec![0; graph.values.len()] };
-    Ok((reference, curves, ranges, moments))
+    Ok((reference, ranges, moments))
 }
 
 fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
@@ -372,11 +350,9 @@ fn fixed_run(
     graph: &StepGraph,
     fixed: &FixedPoint,
     plan: &Plan,
-    reference: &Trajectory,
-) -> Result<(Deviation, Checkpoint, Trajectory), Saturated> {
+) -> Result<(Trajectory, Checkpoint), Saturated> {
     let mut run = FixedRun::new(graph, fixed);
-    let mut meter = ErrorMeter::new(reference);
-    let mut curves = Trajectory::new(curve_count(graph));
+    let mut samples = Trajectory::new(model.states.len());
     let middle = plan.steps / 2;
     let mut checkpoint = Checkpoint { step: 0, words: Vec::new() };
     for done in 1..=plan.steps {
@@ -392,11 +368,10 @@ fn fixed_run(
         }
         plan.advance(done, 1);
         if plan.sampled(done) {
-            meter.push(|state| run.state(state));
-            curves.push(|output| run.output(output));
+            samples.push(|state| run.state(state));
         }
     }
-    Ok((meter.finish(), checkpoint, curves))
+    Ok((samples, checkpoint))
 }
 
 /// Input port words of a step.

@@ -1,0 +1,158 @@
+//! The model's equations as a flat list of sums of products, evaluated in the order of the model.
+
+use std::cell::RefCell;
+use std::ops::Range;
+
+use differential_equations::ode::ODE;
+use pe_ir::model::{Expr, Input, Model, Variable};
+
+use super::states::States;
+
+/// A product of a number and variables: its factors are slots.
+struct Term {
+    coefficient: f64,
+    factors: Range<u32>,
+}
+
+/// A sum of products, stored in a slot.
+struct Sum {
+    slot: u32,
+    terms: Range<u32>,
+}
+
+/// All equations of a model. Slots hold the states, the inputs, the algebraic quantities, then intermediate results.
+pub(super) struct Equations<'a> {
+    inputs: &'a [Input],
+    sums: Vec<Sum>,
+    terms: Vec<Term>,
+    factors: Vec<u32>,
+    /// Slot of each state's derivative.
+    derivatives: Vec<u32>,
+    slots: RefCell<Vec<f64>>,
+}
+
+impl<'a> Equations<'a> {
+    pub fn new(model: &'a Model) -> Self {
+        let (states, inputs) = (model.states.len() as u32, model.inputs.len() as u32);
+        let mut builder = Builder {
+            inputs: states,
+            algebraics: states + inputs,
+            next: states + inputs + model.algebraics.len() as u32,
+            sums: Vec::new(),
+            terms: Vec::new(),
+            factors: Vec::new(),
+        };
+        for (index, algebraic) in model.algebraics.iter().enumerate() {
+            let slot = builder.algebraics + index as u32;
+            builder.store(slot, &algebraic.expr);
+        }
+        let derivatives = model.states.iter().map(|state| builder.fresh(&state.derivative)).collect();
+        let slots = RefCell::new(vec![0.0; builder.next as usize]);
+        let Builder { sums, terms, factors, .. } = builder;
+        Equations { inputs: &model.inputs, sums, terms, factors, derivatives, slots }
+    }
+
+    fn evaluate(&self, states: &[f64], input: impl Fn(&Input) -> f64, derivatives: &mut [f64]) {
+        let slots = &mut *self.slots.borrow_mut();
+        slots[..states.len()].copy_from_slice(states);
+        for (slot, declared) in slots[states.len()..].iter_mut().zip(self.inputs) {
+            *slot = input(declared);
+        }
+        for sum in &self.sums {
+            let mut total = 0.0;
+            for term in &self.terms[sum.terms.start as usize..sum.terms.end as usize] {
+                let factors = &self.factors[term.factors.start as usize..term.factors.end as usize];
+                total += factors.iter().fold(term.coefficient, |product, slot| product * slots[*slot as usize]);
+            }
+            slots[sum.slot as usize] = total;
+        }
+        for (derivative, slot) in derivatives.iter_mut().zip(&self.derivatives) {
+            *derivative = slots[*slot as usize];
+        }
+    }
+}
+
+/// Collects the lists.
+struct Builder {
+    inputs: u32,
+    algebraics: u32,
+    next: u32,
+    sums: Vec<Sum>,
+    terms: Vec<Term>,
+    factors: Vec<u32>,
+}
+
+impl Builder {
+    /// Computes an expression into a slot of its own.
+    fn fresh(&mut self, expr: &Expr) -> u32 {
+        let slot = self.next;
+        self.next += 1;
+        self.store(slot, expr);
+        slot
+    }
+
+    fn store(&mut self, slot: u32, expr: &Expr) {
+        // Operands come first, for they may need sums of their own.
+        let members = if let Expr::Sum(members) = expr { members } else { std::slice::from_ref(expr) };
+        let products: Vec<(f64, Vec<u32>)> = members
+            .iter()
+            .map(|member| {
+                let (mut coefficient, mut factors) = (1.0, Vec::new());
+                self.multiply(member, &mut coefficient, &mut factors);
+                (coefficient, factors)
+            })
+            .collect();
+        let first = self.terms.len() as u32;
+        for (coefficient, factors) in products {
+            let start = self.factors.len() as u32;
+            self.factors.extend(factors);
+            self.terms.push(Term { coefficient, factors: start..self.factors.len() as u32 });
+        }
+        self.sums.push(Sum { slot, terms: first..self.terms.len() as u32 });
+    }
+
+    /// Multiplies a product by an expression.
+    fn multiply(&mut self, expr: &Expr, coefficient: &mut f64, factors: &mut Vec<u32>) {
+        match expr {
+            Expr::Constant(number) => *coefficient *= number,
+            Expr::Variable(variable) => factors.push(self.slot(*variable)),
+            Expr::Sum(_) => factors.push(self.fresh(expr)),
+            Expr::Product(members) => members.iter().for_each(|member| self.multiply(member, coefficient, factors)),
+            Expr::Power(base, exponent) => {
+                let base = if let Expr::Variable(variable) = **base { self.slot(variable) } else { self.fresh(base) };
+                factors.extend(std::iter::repeat_n(base, *exponent as usize));
+            }
+        }
+    }
+
+    fn slot(&self, variable: Variable) -> u32 {
+        match variable {
+            Variable::State(index) => index,
+            Variable::Input(index) => self.inputs + index,
+            Variable::Algebraic(index) => self.algebraics + index,
+        }
+    }
+}
+
+/// The equations between two neighbouring breakpoints of the signals.
+pub(super) struct Piece<'a> {
+    pub from: f64,
+    pub to: f64,
+    pub equations: &'a Equations<'a>,
+}
+
+impl Piece<'_> {
+    /// Whether all derivatives are finite.
+    pub fn is_finite(&self, time: f64, states: &States) -> bool {
+        let mut derivatives = states.clone();
+        self.diff(time, states, &mut derivatives);
+        derivatives.0.iter().all(|derivative| derivative.is_finite())
+    }
+}
+
+impl ODE<f64, States> for Piece<'_> {
+    fn diff(&self, time: f64, states: &States, derivatives: &mut States) {
+        let input = |input: &Input| input.waveform.piece(0.5 * (self.from + self.to), time);
+        self.equations.evaluate(&states.0, input, &mut derivatives.0);
+    }
+}

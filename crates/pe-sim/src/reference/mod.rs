@@ -1,0 +1,260 @@
+//! The solution of the model itself, by a library for ordinary differential equations.
+//!
+//! In: the model's equations and its declared signals, continuous in time. Out: all states at given times. Nothing is
+//! shared with the step graph, and nothing with the solvers of the hardware, so that the comparison with a run says how
+//! wrong that run is. The method is DOP853 of the crate `differential-equations`: explicit, of eighth order, its step
+//! controlled by an error estimate (decision 0010). It is started anew wherever a signal jumps or bends.
+
+mod equations;
+mod states;
+
+use differential_equations::error::Error;
+use differential_equations::methods::{DormandPrince, ExplicitRungeKutta, Ordinary};
+use differential_equations::ode::{ODE, OrdinaryNumericalMethod};
+use differential_equations::status::Status;
+use differential_equations::traits::State;
+use pe_ir::model::{Input, Model};
+
+use self::equations::{Equations, Piece};
+use self::states::States;
+use crate::error::{SCALE_FLOOR, Trajectory};
+
+/// Relative tolerance of reference solutions: what the summary and the report call "total error" is measured with it.
+pub const TOLERANCE: f64 = 1e-12;
+
+/// Relative tolerance of the first, rough solution, which only finds the magnitudes of the states.
+const ROUGH_TOLERANCE: f64 = 1e-6;
+
+/// Steps after which the solution is given up: this many, and `STEP_RATIO` for every step of the model. An explicit
+/// method of eighth order needs fewer steps than the model's own wherever that one is stable and of use.
+const STEP_FLOOR: u64 = 100_000;
+const STEP_RATIO: u64 = 20;
+
+/// Times closer than this, relative to their magnitude, are the same time.
+const TIME_RESOLUTION: f64 = 1e-14;
+
+/// Why there is no reference solution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Obstacle {
+    /// A derivative is not a finite number.
+    NotFinite,
+    /// The step became too small to go on, as it does before a singularity.
+    StepUnderflow,
+    /// The solution needs far more steps than the model's own solver, as stiff models do.
+    TooManySteps,
+}
+
+/// No reference solution was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReferenceError {
+    /// Time in seconds that was reached.
+    pub time: f64,
+    /// What went wrong there.
+    pub obstacle: Obstacle,
+}
+
+impl std::fmt::Display for ReferenceError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let reason = match self.obstacle {
+            Obstacle::NotFinite => "a derivative is no longer a finite number",
+            Obstacle::StepUnderflow => "the step became too small, as before a singularity",
+            Obstacle::TooManySteps => "too many steps; the model may be stiff",
+        };
+        write!(f, "the reference solution stopped at t = {:.6e} s: {reason}", self.time)
+    }
+}
+
+impl std::error::Error for ReferenceError {}
+
+/// All states of the model at `times`, which ascend from above zero, to a relative `tolerance`.
+///
+/// `progress` hears the time reached after every step, first in a rough solution, then in the one that counts.
+///
+/// # Errors
+/// [`ReferenceError`] with the time at which the solution ends.
+pub fn solve(
+    model: &Model,
+    times: &[f64],
+    tolerance: f64,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Trajectory, ReferenceError> {
+    let equations = Equations::new(model);
+    let mut rough = Integration::new(model, &equations, ROUGH_TOLERANCE, Scales::growing(model, &equations));
+    rough.run(times, progress)?;
+    Integration::new(model, &equations, tolerance, rough.scales.into_known()).run(times, progress)
+}
+
+/// The method with its types.
+type Method = ExplicitRungeKutta<Ordinary, DormandPrince, f64, States, 8, 12, 16>;
+
+/// Magnitudes of the states, which absolute errors are measured by.
+struct Scales {
+    /// Of each state.
+    own: Vec<f64>,
+    /// Of each quantity: a state that has hardly moved is judged by it.
+    shared: Vec<f64>,
+    /// Quantity of each state.
+    quantities: Vec<u32>,
+    /// Whether they are still to be found.
+    growing: bool,
+}
+
+impl Scales {
+    /// Nothing is known yet but the numbers that the model starts from and is driven by. States far from an input
+    /// begin to move with a high power of time; their relative error must not matter then.
+    fn growing(model: &Model, equations: &Equations) -> Scales {
+        const PART: f64 = 1e-9;
+        let initial = States(model.states.iter().map(|state| state.initial).collect());
+        let piece = Piece { from: 0.0, to: model.step, equations };
+        let mut derivatives = initial.zeros_like();
+        piece.diff(0.0, &initial, &mut derivatives);
+        let bounds = model.inputs.iter().flat_map(|input| [input.waveform.bounds().0, input.waveform.bounds().1]);
+        let moved = derivatives.0.iter().map(|derivative| derivative * model.step);
+        let largest = initial.0.iter().copied().chain(bounds).chain(moved).fold(0.0f64, |most, n| most.max(n.abs()));
+        let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
+        let count = quantities.iter().max().map_or(0, |last| *last as usize + 1);
+        let shared = vec![PART * if largest > 0.0 && largest.is_finite() { largest } else { 1.0 }; count];
+        Scales { own: vec![0.0; quantities.len()], shared, quantities, growing: true }
+    }
+
+    fn into_known(self) -> Scales {
+        Scales { growing: false, ..self }
+    }
+
+    fn include(&mut self, states: &States) {
+        for ((own, state), quantity) in self.own.iter_mut().zip(&states.0).zip(&self.quantities) {
+            *own = own.max(state.abs());
+            let shared = &mut self.shared[*quantity as usize];
+            *shared = shared.max(*own);
+        }
+    }
+
+    /// Absolute tolerance of each state.
+    fn tolerances(&self, tolerance: f64) -> Vec<f64> {
+        let floor = if self.growing { 1.0 } else { SCALE_FLOOR };
+        let scale = |(own, quantity): (&f64, &u32)| own.max(floor * self.shared[*quantity as usize]);
+        self.own.iter().zip(&self.quantities).map(|state| tolerance * scale(state)).collect()
+    }
+}
+
+/// One way through the times.
+struct Integration<'a> {
+    model: &'a Model,
+    equations: &'a Equations<'a>,
+    tolerance: f64,
+    scales: Scales,
+    /// Steps that may still be tried.
+    steps: u64,
+}
+
+impl<'a> Integration<'a> {
+    fn new(model: &'a Model, equations: &'a Equations<'a>, tolerance: f64, scales: Scales) -> Self {
+        let steps = STEP_FLOOR + STEP_RATIO * model.steps();
+        Integration { model, equations, tolerance, scales, steps }
+    }
+
+    fn run(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
+        let mut samples = Trajectory::new(self.model.states.len());
+        let Some(end) = times.last().copied() else { return Ok(samples) };
+        let mut states = States(self.model.states.iter().map(|state| state.initial).collect());
+        self.scales.include(&states);
+        let mut pending = times;
+        for bounds in pieces(self.model, end, self.steps).windows(2) {
+            let piece = Piece { from: bounds[0], to: bounds[1], equations: self.equations };
+            let (in_piece, later) = pending.split_at(pending.partition_point(|time| !after(*time, piece.to)));
+            pending = later;
+            let mut method = self.start(&piece, piece.from, &states, self.model.step)?;
+            for time in in_piece {
+                self.advance(&mut method, &piece, *time, progress)?;
+                samples.push(|state| method.y().0[state]);
+            }
+            self.advance(&mut method, &piece, piece.to, progress)?;
+            states = method.y().clone();
+        }
+        Ok(samples)
+    }
+
+    /// The method at the beginning of a piece, or anew within it.
+    fn start(&self, piece: &Piece, time: f64, states: &States, step: f64) -> Result<Method, ReferenceError> {
+        if !piece.is_finite(time, states) {
+            return Err(ReferenceError { time, obstacle: Obstacle::NotFinite });
+        }
+        let method: Method = ExplicitRungeKutta::dop853().max_steps(usize::MAX).h0(step.min(piece.to - time));
+        let mut method = method.rtol(self.tolerance).atol(self.scales.tolerances(self.tolerance));
+        method
+            .init(piece, time, piece.to, states)
+            .map_err(|_| ReferenceError { time, obstacle: Obstacle::StepUnderflow })?;
+        method.set_status(Status::Solving);
+        Ok(method)
+    }
+
+    /// Integrates to `target` within the piece.
+    fn advance(
+        &mut self,
+        method: &mut Method,
+        piece: &Piece,
+        target: f64,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(), ReferenceError> {
+        while after(target, method.t()) {
+            let time = method.t();
+            let fail = |obstacle| Err(ReferenceError { time, obstacle });
+            let (proposed, remaining) = (method.h(), target - time);
+            // Nearly there is there: the step after would be of the order of rounding.
+            let last = 1.01 * proposed >= remaining;
+            if last {
+                method.set_h(remaining);
+            } else if proposed.is_nan() || proposed <= TIME_RESOLUTION * piece.to {
+                return fail(Obstacle::StepUnderflow);
+            }
+            if self.steps == 0 {
+                return fail(Obstacle::TooManySteps);
+            }
+            self.steps -= 1;
+            match method.step(piece) {
+                Ok(_) => {}
+                Err(Error::Stiffness { .. }) => {
+                    // The library gives up when stability limits the step for long, which costs time and no accuracy.
+                    let states = method.y().clone();
+                    *method = self.start(piece, time, &states, proposed)?;
+                    continue;
+                }
+                Err(_) => return fail(Obstacle::StepUnderflow),
+            }
+            if matches!(method.status(), Status::RejectedStep) {
+                continue;
+            }
+            if last {
+                // A step that was cut short says nothing about the next.
+                method.set_h(method.h().max(proposed));
+            }
+            if self.scales.growing {
+                self.scales.include(method.y());
+                method.atol = self.scales.tolerances(self.tolerance).into();
+            }
+            progress(method.t());
+        }
+        Ok(())
+    }
+}
+
+/// Whether a time lies behind another by more than rounding.
+fn after(time: f64, other: f64) -> bool {
+    time - other > TIME_RESOLUTION * time.abs()
+}
+
+/// Zero, the breakpoints of the signals before `end`, and `end`, ascending. Every piece takes a step, so that more
+/// breakpoints of a signal than `steps` are never reached.
+fn pieces(model: &Model, end: f64, steps: u64) -> Vec<f64> {
+    let of_input = |input: &Input| input.waveform.breakpoints(end).take(steps as usize).collect::<Vec<f64>>();
+    let mut breakpoints: Vec<f64> = model.inputs.iter().flat_map(of_input).collect();
+    breakpoints.sort_by(f64::total_cmp);
+    let mut bounds = vec![0.0];
+    for time in breakpoints {
+        if after(time, bounds[bounds.len() - 1]) && after(end, time) {
+            bounds.push(time);
+        }
+    }
+    bounds.push(end);
+    bounds
+}

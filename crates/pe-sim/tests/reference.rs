@@ -1,0 +1,149 @@
+//! The reference solution against closed forms, and against itself at another tolerance.
+
+use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
+use pe_ir::source::Span;
+use pe_sim::reference::{self, Obstacle, TOLERANCE};
+
+const SPAN: Span = Span { start: 0, end: 0 };
+
+fn state(index: u32) -> Expr {
+    Expr::Variable(Variable::State(index))
+}
+
+fn times(coefficient: f64, factors: &[Expr]) -> Expr {
+    Expr::Product(std::iter::once(Expr::Constant(coefficient)).chain(factors.iter().cloned()).collect())
+}
+
+/// A model with a quantity for each state: initial values and derivatives.
+fn model(states: Vec<(f64, Expr)>, inputs: Vec<Waveform>, algebraics: Vec<Expr>, step: f64, span: f64) -> Model {
+    let states = states.into_iter().enumerate().map(|(index, (initial, derivative))| State {
+        name: format!("x{index}"),
+        quantity: index as u32,
+        initial,
+        range: None,
+        unit: None,
+        derivative,
+        span: SPAN,
+    });
+    let input = |(index, waveform)| Input { name: format!("u{index}"), unit: None, waveform, range: None, span: SPAN };
+    let algebraic = |(index, expr)| Algebraic { name: format!("a{index}"), unit: None, range: None, expr, span: SPAN };
+    Model {
+        name: "test".into(),
+        title: String::new(),
+        solver: Solver::Rk4,
+        step,
+        span,
+        states: states.collect(),
+        algebraics: algebraics.into_iter().enumerate().map(algebraic).collect(),
+        inputs: inputs.into_iter().enumerate().map(input).collect(),
+        outputs: vec![Output { name: "x0".into(), variable: Variable::State(0), span: SPAN }],
+        left_out: Vec::new(),
+    }
+}
+
+fn sample_times(model: &Model, count: u32) -> Vec<f64> {
+    (1..=count).map(|k| model.span * f64::from(k) / f64::from(count)).collect()
+}
+
+#[test]
+fn an_oscillator_keeps_its_cosine_for_sixteen_periods() {
+    let model = model(vec![(1.0, state(1)), (0.0, times(-1.0, &[state(0)]))], vec![], vec![], 0.01, 100.0);
+    let at = sample_times(&model, 173);
+    let solution = reference::solve(&model, &at, TOLERANCE, &mut |_| {}).expect("it has a solution");
+    assert_eq!(solution.len(), at.len());
+    for (sample, time) in solution.samples.chunks_exact(2).zip(&at) {
+        assert!((sample[0] - time.cos()).abs() < 1e-10, "{} at {time}", sample[0] - time.cos());
+        assert!((sample[1] + time.sin()).abs() < 1e-10, "{} at {time}", sample[1] + time.sin());
+    }
+}
+
+#[test]
+fn a_square_wave_is_followed_from_jump_to_jump() {
+    // x' = 3 (u - x); between jumps x goes to the level of u. The jumps are at odd multiples of 1/1.4 s, no step is.
+    let square = Waveform::Square { amplitude: 2.0, frequency: 0.7, offset: 0.5, duty: 0.3 };
+    let input = Expr::Variable(Variable::Input(0));
+    let difference = Expr::Sum(vec![input, times(-1.0, &[state(0)])]);
+    let derivative = times(3.0, &[Expr::Variable(Variable::Algebraic(0))]);
+    let model = model(vec![(0.0, derivative)], vec![square.clone()], vec![difference], 0.01, 10.0);
+    let at = sample_times(&model, 91);
+    let solution = reference::solve(&model, &at, TOLERANCE, &mut |_| {}).expect("it has a solution");
+    let (mut x, mut time, mut edges) = (0.0f64, 0.0f64, square.breakpoints(11.0).peekable());
+    for (sample, until) in solution.samples.iter().zip(&at) {
+        while time < *until {
+            let next = edges.peek().copied().filter(|edge| edge < until).unwrap_or(*until);
+            let level = square.piece(0.5 * (time + next), time);
+            x = level + (x - level) * (-3.0 * (next - time)).exp();
+            time = next;
+            edges.next_if(|edge| *edge <= time);
+        }
+        assert!((sample - x).abs() < 1e-11, "{:e} at {until}", sample - x);
+    }
+}
+
+#[test]
+fn tolerances_agree_on_a_chaotic_model_and_tighter_is_closer() {
+    let (x, y, z) = (state(0), state(1), state(2));
+    let lorenz = vec![
+        (1.0, times(10.0, &[Expr::Sum(vec![y.clone(), times(-1.0, std::slice::from_ref(&x))])])),
+        (
+            1.0,
+            Expr::Sum(vec![
+                times(28.0, std::slice::from_ref(&x)),
+                times(-1.0, &[x.clone(), z.clone()]),
+                times(-1.0, std::slice::from_ref(&y)),
+            ]),
+        ),
+        (1.0, Expr::Sum(vec![times(1.0, &[x, y]), times(-8.0 / 3.0, &[z])])),
+    ];
+    let model = model(lorenz, vec![], vec![], 1e-3, 5.0);
+    let at = sample_times(&model, 50);
+    let solve = |tolerance| reference::solve(&model, &at, tolerance, &mut |_| {}).expect("it has a solution");
+    let (best, good, poor) = (solve(1e-14), solve(TOLERANCE), solve(1e-8));
+    let scales = best.scales(&[0, 1, 2]);
+    let (good, poor) = (best.deviation(&good).worst(&scales).1, best.deviation(&poor).worst(&scales).1);
+    assert!(good < 1e-10 && good * 100.0 < poor, "{good:e} {poor:e}");
+}
+
+#[test]
+fn powers_and_nested_sums_are_evaluated_as_written() {
+    // x' = -(x (1 + x)^2 - x - 2 x^2) = -x^3, so x = 1/sqrt(1 + 2 t).
+    let cubic = times(-1.0, &[state(0), Expr::Power(Box::new(Expr::Sum(vec![Expr::Constant(1.0), state(0)])), 2)]);
+    let derivative = Expr::Sum(vec![cubic, state(0), times(2.0, &[Expr::Power(Box::new(state(0)), 2)])]);
+    let model = model(vec![(1.0, derivative)], vec![], vec![], 0.01, 4.0);
+    let solution = reference::solve(&model, &[1.0, 4.0], TOLERANCE, &mut |_| {}).expect("it has a solution");
+    for (sample, exact) in solution.samples.iter().zip([1.0 / 3f64.sqrt(), 1.0 / 3.0]) {
+        assert!((sample - exact).abs() < 1e-11, "{sample} {exact}");
+    }
+}
+
+#[test]
+fn a_singularity_is_named_with_its_time() {
+    // x' = x^2 from 1 ends at t = 1.
+    let model = model(vec![(1.0, Expr::Power(Box::new(state(0)), 2))], vec![], vec![], 0.01, 2.0);
+    let error = reference::solve(&model, &[0.5, 2.0], TOLERANCE, &mut |_| {}).expect_err("it ends");
+    assert!(error.obstacle == Obstacle::StepUnderflow && (error.time - 1.0).abs() < 1e-6, "{error}");
+}
+
+#[test]
+fn states_far_from_the_input_do_not_hold_the_solution_up() {
+    // A chain that starts at rest: the k-th state begins to move as the k-th power of time.
+    const N: u32 = 64;
+    let link = |k: u32| {
+        let before = if k == 0 { Expr::Variable(Variable::Input(0)) } else { state(k - 1) };
+        (0.0, Expr::Sum(vec![before, times(-1.0, &[state(k)])]))
+    };
+    let sine = Waveform::Sine { amplitude: 1.0, frequency: 0.1, offset: 0.0, phase: 0.0 };
+    let mut chain = model((0..N).map(link).collect(), vec![sine], vec![], 0.1, 20.0);
+    chain.states.iter_mut().for_each(|state| state.quantity = 0);
+    let at = sample_times(&chain, 20);
+    let solve = |tolerance| reference::solve(&chain, &at, tolerance, &mut |_| {}).expect("it has a solution");
+    let (good, best) = (solve(1e-10), solve(TOLERANCE));
+    assert!(best.deviation(&good).worst(&best.scales(&[0; N as usize])).1 < 1e-8);
+}
+
+#[test]
+fn a_stiff_model_is_given_up_in_bounded_time() {
+    let model = model(vec![(1.0, times(-1e9, &[state(0)]))], vec![], vec![], 0.5, 10.0);
+    let error = reference::solve(&model, &[10.0], TOLERANCE, &mut |_| {}).expect_err("it is stiff");
+    assert_eq!(error.obstacle, Obstacle::TooManySteps, "{error}");
+}
