@@ -177,4 +177,43 @@ impl Model {
     pub fn steps(&self) -> u64 {
         libm::round(self.span / self.step).max(1.0) as u64
     }
+
+    /// The inputs as a step that begins at `time` samples them.
+    ///
+    /// Times of steps and of jumps are rounded numbers: a jump that follows within a millionth of a step is meant to
+    /// fall on the beginning of the step, and has happened.
+    pub fn sample_inputs(&self, time: f64) -> Vec<f64> {
+        let within = time + 1e-6 * self.step;
+        self.inputs.iter().map(|input| input.waveform.piece(within, time)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_on_the_beginning_of_a_step_has_happened_however_times_are_rounded() {
+        let input = |waveform| Input { name: "u".to_owned(), unit: None, waveform, range: None, span: Span::default() };
+        let model = Model {
+            name: "m".to_owned(),
+            title: String::new(),
+            solver: Solver::Rk4,
+            step: 50e-6,
+            span: 12.0,
+            states: Vec::new(),
+            algebraics: Vec::new(),
+            inputs: vec![
+                input(Waveform::Pulse { height: 1.0, start: 2.5, width: 0.15, offset: 0.0, period: f64::INFINITY }),
+                input(Waveform::Square { amplitude: 1.0, frequency: 0.25, offset: 0.0, duty: 0.4 }),
+            ],
+            outputs: Vec::new(),
+            left_out: Vec::new(),
+        };
+        for step in 0..model.steps() {
+            let inputs = model.sample_inputs(step as f64 * model.step);
+            assert_eq!(inputs[0] > 0.0, (50_000..53_000).contains(&step), "pulse, step {step}");
+            assert_eq!(inputs[1] > 0.0, step % 80_000 < 32_000, "square, step {step}");
+        }
+    }
 }

@@ -71,8 +71,7 @@ impl Sim {
         let mut rows = Vec::new();
         for step in 0..model.steps() {
             let time = step as f64 * model.step;
-            let inputs: Vec<f64> = model.inputs.iter().map(|input| input.waveform.at(time)).collect();
-            run.step(&inputs).map_err(|diverged| {
+            run.step(&model.sample_inputs(time)).map_err(|diverged| {
                 let message =
                     format!("`{}` is no longer a finite number at t = {time:.6e} s", graph.value_name(diverged.value));
                 let finding = Diagnostic::global(codes::DIVERGED, message).with_help("try a smaller `--step`");

@@ -269,11 +269,6 @@ fn varying_inputs(model: &Model) -> bool {
     model.inputs.iter().any(|input| !matches!(input.waveform, Waveform::Constant(_)))
 }
 
-/// Inputs at the beginning of a step.
-fn inputs(model: &Model, time: f64) -> Vec<f64> {
-    model.inputs.iter().map(|input| input.waveform.at(time)).collect()
-}
-
 fn reference_run(
     model: &Model,
     graph: &StepGraph,
@@ -284,7 +279,7 @@ fn reference_run(
     let mut reference = Trajectory::new(model.states.len());
     for done in 1..=plan.steps {
         let time = (done - 1) as f64 * model.step;
-        run.step(&inputs(model, time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
+        run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
         if plan.sampled(done) {
             reference.push(|state| run.state(state));
@@ -376,7 +371,7 @@ fn fixed_run(
 
 /// Input port words of a step.
 pub fn port_words(model: &Model, run: &FixedRun, step: u64) -> Vec<i64> {
-    let numbers = inputs(model, step as f64 * model.step);
+    let numbers = model.sample_inputs(step as f64 * model.step);
     numbers.iter().enumerate().map(|(index, number)| run.encode_input(index, *number).0).collect()
 }
 
@@ -400,7 +395,7 @@ fn trajectory(
         for substep in 0..substeps.count {
             let part = if substeps.resample { substep as f64 / substeps.count as f64 } else { 0.0 };
             let time = ((done - 1) as f64 + part) * model.step;
-            run.step(&inputs(model, time)).map_err(|_| {
+            run.step(&model.sample_inputs(time)).map_err(|_| {
                 let message = format!("a comparison run is not finite at t = {time:.6e} s");
                 let help = "the model is at the edge of stability: try a smaller `--step`";
                 vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]
