@@ -7,7 +7,7 @@ use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, fault};
 use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, PREDEFINED, Symbol};
 use crate::nearest::suggestion;
-use crate::pattern::{Pattern, Seen};
+use crate::pattern::{Pattern, Seen, names_in};
 use crate::resolve::Reads;
 use pe_ir::codes;
 use pe_ir::model::Expr;
@@ -51,10 +51,13 @@ struct BoundEquation<'a> {
 impl<'a> Elaborator<'a> {
     /// All flat equations.
     pub(crate) fn equations(&mut self) -> Flat {
-        let mut equations = Vec::new();
+        let (mut equations, mut lost) = (Vec::new(), Vec::new());
         for statement in &self.spec.statements {
             let StatementKind::Equation(equation) = &statement.kind else { continue };
-            equations.extend(self.bind_left_side(equation, statement.span).map(|bound| (bound, equation)));
+            match self.bind_left_side(equation, statement.span) {
+                Some(bound) => equations.push((bound, equation)),
+                None => lost.push(equation),
+            }
         }
         self.size_algebraics(&equations);
         self.prepare_definitions();
@@ -72,7 +75,20 @@ impl<'a> Elaborator<'a> {
             bound.body = resolver.number(&equation.value);
             bound.within = self.bind_stated(equation, &bound.pattern.indices);
         }
+        for equation in lost {
+            self.bind_lost(equation);
+        }
         self.write_out(equations.into_iter().map(|(bound, _)| bound))
+    }
+
+    /// Finds the errors on the right-hand side of an equation whose left-hand side has one. Every name in the brackets
+    /// on the left counts as an index, so that nothing is reported that only follows from the error there.
+    fn bind_lost(&mut self, equation: &'a Equation) {
+        let named = equation.target.subscripts.iter().flat_map(names_in);
+        let scope = named.chain(equation.ranges.iter().map(|binder| binder.name.text.as_str())).collect();
+        let mut resolver = self.resolver(Reads::Variables);
+        resolver.scope = scope;
+        resolver.number(&equation.value);
     }
 
     /// Checks what an equation defines, and binds its left-hand side.

@@ -1,6 +1,6 @@
 //! Left-hand sides and outputs: `V[b] where b > 1` stands for many elements.
 
-use crate::ast::{Binder, Expr, ExprKind, Name, Reference};
+use crate::ast::{Binder, Expr, ExprKind, Reference};
 use crate::bound::{Condition, Node, NodeKind};
 use crate::elaborate::Elaborator;
 use crate::evaluate::Fault;
@@ -192,12 +192,14 @@ impl<'a> Elaborator<'a> {
 
     /// Reports subscripts on a left-hand side that shift an index, as in `x[i + 1]' = ...`.
     pub(crate) fn check_plain_subscripts(&mut self, target: &Reference, ranges: &[Binder]) -> bool {
-        let free = |name: &Name| {
-            matches!(self.names.find(&name.text), Some(Symbol::Index(_)))
-                || ranges.iter().any(|binder| binder.name.text == name.text)
+        let free = |name: &&str| {
+            matches!(self.names.find(name), Some(Symbol::Index(_)))
+                || ranges.iter().any(|binder| binder.name.text == **name)
         };
-        let shifted =
-            target.subscripts.iter().find(|subscript| lone_name(subscript).is_none() && mentions(subscript, &free));
+        let shifted = target
+            .subscripts
+            .iter()
+            .find(|subscript| lone_name(subscript).is_none() && names_in(subscript).iter().any(free));
         if let Some(subscript) = shifted {
             let message = "a subscript on the left-hand side is an index or a constant";
             let help = "use the index alone on the left, and shift it on the right and in `where`";
@@ -215,16 +217,16 @@ fn lone_name(expr: &Expr) -> Option<&str> {
     }
 }
 
-/// Whether arithmetic on a subscript involves one of certain names.
-fn mentions(expr: &Expr, wanted: &impl Fn(&Name) -> bool) -> bool {
+/// The names without subscripts that arithmetic reads.
+pub(crate) fn names_in(expr: &Expr) -> Vec<&str> {
     match &expr.kind {
-        ExprKind::Reference(reference) => reference.subscripts.is_empty() && wanted(&reference.name),
-        ExprKind::Sum(terms) => terms.iter().any(|(_, term)| mentions(term, wanted)),
+        ExprKind::Sum(terms) => terms.iter().flat_map(|(_, term)| names_in(term)).collect(),
         ExprKind::Product(first, rest) => {
-            mentions(first, wanted) || rest.iter().any(|(_, factor)| mentions(factor, wanted))
+            let operands = std::iter::once(&**first).chain(rest.iter().map(|(_, factor)| factor));
+            operands.flat_map(names_in).collect()
         }
-        ExprKind::Power(base, exponent) => mentions(base, wanted) || mentions(exponent, wanted),
-        ExprKind::Negate(operand) => mentions(operand, wanted),
-        _ => false,
+        ExprKind::Power(base, exponent) => [&**base, &**exponent].into_iter().flat_map(names_in).collect(),
+        ExprKind::Negate(operand) => names_in(operand),
+        _ => lone_name(expr).into_iter().collect(),
     }
 }

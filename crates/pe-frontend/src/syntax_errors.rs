@@ -127,6 +127,9 @@ fn remedy(found: &Token, text: &str, tokens: &[Token], expected: &[&str]) -> Opt
         TokenKind::Prime => {
             "a derivative stands alone on the left of `=`; to read it elsewhere, name its right-hand side"
         }
+        TokenKind::Unit if operator && !expected.contains(&"indices in brackets") => {
+            "a unit stands after the name that is declared: `state V [L] = 0`"
+        }
         TokenKind::Unit => "a bracket after a blank holds a unit; indices follow the name directly, as in `V[b]`",
         TokenKind::Sign if text_of(text, *found) == "*" => "a power is written `x^2`",
         _ => return None,

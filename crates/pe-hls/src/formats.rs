@@ -37,17 +37,24 @@ pub struct Ranges {
 pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<FixedPoint, Diagnostic> {
     let mut chooser = Chooser::new(graph, ranges, format);
     // Raising one exponent can ask for another; 64 rounds would move every point across the whole word.
+    let mut restless = 0;
     for _ in 0..64 {
-        chooser.changed = false;
+        let mut settled = true;
         for chain in (0..graph.chains.len()).rev() {
+            chooser.changed = false;
             chooser.settle(chain)?;
+            if chooser.changed {
+                (settled, restless) = (false, graph.chains[chain].equation);
+            }
         }
-        if !chooser.changed {
+        if settled {
             return Ok(chooser.finish());
         }
     }
-    let message = "no number format fits: the products of one step are larger than the states they change";
-    Err(Diagnostic::global(codes::NO_FORMAT, message).with_help("choose a smaller step"))
+    let equation = &graph.equations[restless as usize];
+    let message = format!("no number format fits `{}`: one step changes it by more than it can hold", equation.name);
+    Err(Diagnostic::error(codes::NO_FORMAT, equation.span, message)
+        .with_help("choose a smaller step; if the rates are far beyond those of the rest, check the units"))
 }
 
 struct Chooser<'a> {
