@@ -82,6 +82,7 @@ impl Axis {
             Labels::Decimals(decimals) => format!("{:.decimals$}", number + 0.0),
             Labels::Shortest => format!("{rounded}"),
             Labels::Exponential if number == 0.0 => "0".to_owned(),
+            Labels::Exponential if (1.0..10.0).contains(&rounded.abs()) => format!("{rounded}"),
             Labels::Exponential => format!("{rounded:e}"),
         }
     }
@@ -98,10 +99,18 @@ fn linear(low: f64, high: f64, whole: bool, most: usize) -> Axis {
         let margin = (high - low) * 0.05;
         (low, high) = (low - margin, high + margin);
     }
-    let step = round_step((high - low) / most as f64);
     // A tick at the very end of the axis must not be lost to rounding.
-    let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
-    let ticks: Vec<f64> = (first..=last).map(|count| count as f64 * step).collect();
+    let ticks_at = |step: f64| -> Vec<f64> {
+        let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
+        (first..=last).map(|count| count as f64 * step).collect()
+    };
+    let mut step = round_step((high - low) / most as f64);
+    let mut ticks = ticks_at(step);
+    // One label tells nothing about the scale.
+    while ticks.len() < 2 {
+        step = round_step(step / 2.5);
+        ticks = ticks_at(step);
+    }
     let largest = ticks.iter().fold(0.0f64, |largest, tick| largest.max(tick.abs()));
     let decimals = (-libm::floor(libm::log10(step) + 1e-9)).max(0.0) as usize;
     // Steps of 2.5 need a decimal more.

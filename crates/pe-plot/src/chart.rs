@@ -140,7 +140,7 @@ impl Chart {
     fn foot_height(&self) -> f64 {
         let name = if self.x.label.is_empty() { 0.0 } else { LABEL + 6.0 };
         let note = if self.hidden() > 0 { SMALL + 4.0 } else { 0.0 };
-        SMALL + 10.0 + name + note
+        SMALL + 11.0 + name + note
     }
 
     fn hidden(&self) -> usize {
@@ -172,10 +172,13 @@ impl Figure {
                 draw_legend_row(canvas, row, y);
                 y += LABEL + 6.0;
             }
+            // Planes of a column begin at the same place.
+            let in_column = |column| self.cells.iter().skip(column).step_by(columns).flatten();
+            let margins: Vec<f64> = (0..columns).map(|column| left_margin(in_column(column), cell_width)).collect();
             for (index, row) in self.cells.chunks(columns).enumerate() {
                 for (column, cell) in row.iter().enumerate() {
                     let left = MARGIN + column as f64 * (cell_width + 2.0 * MARGIN);
-                    draw_cell(canvas, cell, left, y, cell_width);
+                    draw_cell(canvas, cell, (left, y), cell_width, margins[column]);
                 }
                 y += row_heights[index];
             }
@@ -244,10 +247,14 @@ fn draw_legend_row(canvas: &Canvas, row: &[Entry], top: f64) {
     }
 }
 
-fn draw_cell(canvas: &Canvas, cell: &[Chart], left: f64, top: f64, width: f64) {
-    // The axes at an estimated width tell how wide the labels are; the final ones have the same labels.
-    let labels = cell.iter().map(|chart| widest_label(&chart.axes(width * 0.85).1)).fold(0.0, f64::max);
-    let margin = labels + 10.0 + LABEL + 8.0;
+/// Space for the labels of vertical axes.
+fn left_margin<'a>(charts: impl Iterator<Item = &'a Chart>, width: f64) -> f64 {
+    // Vertical axes do not depend on the width.
+    let labels = charts.map(|chart| widest_label(&chart.axes(width).1)).fold(0.0, f64::max);
+    labels + 10.0 + LABEL + 8.0
+}
+
+fn draw_cell(canvas: &Canvas, cell: &[Chart], (left, top): (f64, f64), width: f64, margin: f64) {
     let mut y = top;
     for chart in cell {
         draw_chart(canvas, chart, (left, y), width, margin);
@@ -270,7 +277,7 @@ fn draw_chart(canvas: &Canvas, chart: &Chart, (left, top): (f64, f64), width: f6
     };
     mesh(canvas, &x_axis, &y_axis, (left + margin, plane_top), (plane_width, chart.height));
 
-    let foot = origin.1 + SMALL + 10.0;
+    let foot = origin.1 + SMALL + 11.0;
     if !chart.x.label.is_empty() {
         let text = fitted(&chart.x.label, LABEL, plane_width);
         canvas.text(&text, (origin.0 + plane_width / 2.0, foot + LABEL / 2.0), LABEL, Anchor::Middle);
@@ -349,7 +356,7 @@ fn name_points(canvas: &Canvas, named: &[((f64, f64), &str)], taken: &mut Vec<[f
 
 /// Draws grid, frame and labels of a plane.
 fn mesh(canvas: &Canvas, x: &Axis, y: &Axis, (left, top): (f64, f64), (width, height): (f64, f64)) {
-    let label_space = (widest_label(y) + 10.0, SMALL + 10.0);
+    let label_space = (widest_label(y) + 11.0, SMALL + 11.0);
     let area = canvas.area.clone().shrink(
         (units(left - label_space.0), units(top)),
         (units(width + label_space.0), units(height + label_space.1)),
@@ -366,7 +373,7 @@ fn mesh(canvas: &Canvas, x: &Axis, y: &Axis, (left, top): (f64, f64), (width, he
         .light_line_style(stroke(FINE_GRID, 0.6))
         .axis_style(stroke(SOFT, 1.0))
         .label_style(style)
-        .set_all_tick_mark_size(units(4.0))
+        .set_all_tick_mark_size(units(5.0))
         .x_label_formatter(&|number| x.label(*number))
         .y_label_formatter(&|number| y.label(*number))
         .draw()

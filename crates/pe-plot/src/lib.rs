@@ -7,4 +7,8 @@
 pub mod axis;
 pub mod canvas;
 pub mod chart;
+pub mod layout;
+pub mod network;
+pub mod occupancy;
+pub mod ranges;
 pub mod style;

@@ -91,6 +91,16 @@ impl Compile {
             |_| target.display().to_string(),
         );
         written?;
+        if !self.no_pictures {
+            let drawn = watch.stage(
+                "draw",
+                || crate::pictures::draw(model, &design),
+                |pictures| format!("{} pictures", pictures.len()),
+            );
+            for (path, text) in &drawn {
+                folder.write(path, text)?;
+            }
+        }
         folder.write("report.json", &pretty(&report))?;
         folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
         folder.finish()?;

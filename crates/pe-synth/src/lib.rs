@@ -19,6 +19,7 @@ pub mod figures;
 pub mod files;
 pub mod options;
 pub mod output;
+pub mod pictures;
 pub mod pipeline;
 pub mod render;
 pub mod report;

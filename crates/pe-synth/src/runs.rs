@@ -60,6 +60,24 @@ pub struct Checkpoint {
     pub words: Vec<i64>,
 }
 
+/// Outputs at the sample times, for pictures: the first few of the model's.
+#[derive(Clone, Debug, Default)]
+pub struct Curves {
+    /// Sample times in seconds.
+    pub times: Vec<f64>,
+    /// In double precision.
+    pub double: Trajectory,
+    /// In fixed point.
+    pub fixed: Trajectory,
+}
+
+/// Outputs of which [`Curves`] are kept.
+const CURVES: usize = 8;
+
+fn curve_count(graph: &StepGraph) -> usize {
+    graph.outputs.len().min(CURVES)
+}
+
 /// What the runs found.
 pub struct Judged {
     /// Number formats under which the span runs without saturation.
@@ -78,6 +96,10 @@ pub struct Judged {
     pub warnings: Vec<Diagnostic>,
     /// Nanoseconds per product in double precision and in fixed point.
     pub ns_per_mac: (f64, f64),
+    /// Outputs over time.
+    pub curves: Curves,
+    /// Largest magnitude of each value of the step graph in the run in double precision.
+    pub largest: Vec<f64>,
 }
 
 /// Runs the model over its span.
@@ -105,6 +127,9 @@ pub fn judge(
 pub struct Exact {
     plan: Plan,
     reference: Trajectory,
+    /// Outputs in double precision alone.
+    curves: Curves,
+    largest: Vec<f64>,
     ranges: Ranges,
     moments: Moments,
     scales: Vec<f64>,
@@ -119,12 +144,13 @@ impl Exact {
     pub fn run(model: &Model, graph: &StepGraph, progress: ProgressBar) -> Result<Exact, Vec<Diagnostic>> {
         let plan = Plan::of(model, progress);
         let clock = Instant::now();
-        let (reference, mut ranges, moments) = reference_run(model, graph, &plan)?;
+        let (reference, curves, mut ranges, moments) = reference_run(model, graph, &plan)?;
+        let largest = ranges.largest.clone();
         let seconds = clock.elapsed().as_secs_f64();
         include_declared(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = reference.scales(&quantities);
-        Ok(Exact { plan, reference, ranges, moments, scales, seconds })
+        Ok(Exact { plan, reference, curves, largest, ranges, moments, scales, seconds })
     }
 
     /// Compares with smaller steps.
@@ -177,6 +203,8 @@ impl Exact {
             hardware: settled.hardware,
             warnings,
             ns_per_mac: (self.seconds * 1e9 / macs, settled.seconds * 1e9 / macs),
+            curves: Curves { fixed: settled.curves, ..self.curves.clone() },
+            largest: self.largest.clone(),
         })
     }
 }
@@ -189,6 +217,7 @@ pub struct Settled {
     /// Deviation of the run in double precision with quantised coefficients.
     quantised: Deviation,
     checkpoint: Checkpoint,
+    curves: Trajectory,
     widenings: usize,
     /// Time of the fixed-point run.
     seconds: f64,
@@ -210,12 +239,12 @@ fn settle_formats(
         rounding::improve(graph, &mut fixed, moments);
         let clock = Instant::now();
         match fixed_run(model, graph, &fixed, plan) {
-            Ok((hardware, checkpoint)) => {
+            Ok((hardware, checkpoint, curves)) => {
                 let seconds = clock.elapsed().as_secs_f64();
                 let run = DoubleRun::quantised(graph, &fixed);
                 let samples = trajectory(model, run, plan, Substeps { count: 1, resample: false })?;
                 let quantised = reference.deviation(&samples);
-                return Ok(Settled { fixed, hardware, quantised, checkpoint, widenings, seconds });
+                return Ok(Settled { fixed, hardware, quantised, checkpoint, curves, widenings, seconds });
             }
             Err(saturated) if widenings < WIDENINGS => {
                 widenings += 1;
@@ -273,21 +302,24 @@ fn reference_run(
     model: &Model,
     graph: &StepGraph,
     plan: &Plan,
-) -> Result<(Trajectory, Ranges, Moments), Vec<Diagnostic>> {
+) -> Result<(Trajectory, Curves, Ranges, Moments), Vec<Diagnostic>> {
     let mut moments = Moments::new(graph);
     let mut run = DoubleRun::new(graph);
     let mut reference = Trajectory::new(model.states.len());
+    let mut curves = Curves { double: Trajectory::new(curve_count(graph)), ..Curves::default() };
     for done in 1..=plan.steps {
         let time = (done - 1) as f64 * model.step;
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
         if plan.sampled(done) {
             reference.push(|state| run.state(state));
+            curves.times.push(done as f64 * model.step);
+            curves.double.push(|output| run.output(output));
             moments.add(graph, |value| run.value(value));
         }
     }
     let ranges = Ranges { largest: run.largest().to_vec(), widened: vec![0; graph.values.len()] };
-    Ok((reference, ranges, moments))
+    Ok((reference, curves, ranges, moments))
 }
 
 fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
@@ -345,9 +377,10 @@ fn fixed_run(
     graph: &StepGraph,
     fixed: &FixedPoint,
     plan: &Plan,
-) -> Result<(Trajectory, Checkpoint), Saturated> {
+) -> Result<(Trajectory, Checkpoint, Trajectory), Saturated> {
     let mut run = FixedRun::new(graph, fixed);
     let mut samples = Trajectory::new(model.states.len());
+    let mut curves = Trajectory::new(curve_count(graph));
     let middle = plan.steps / 2;
     let mut checkpoint = Checkpoint { step: 0, words: Vec::new() };
     for done in 1..=plan.steps {
@@ -364,9 +397,10 @@ fn fixed_run(
         plan.advance(done, 1);
         if plan.sampled(done) {
             samples.push(|state| run.state(state));
+            curves.push(|output| run.output(output));
         }
     }
-    Ok((samples, checkpoint))
+    Ok((samples, checkpoint, curves))
 }
 
 /// Input port words of a step.
