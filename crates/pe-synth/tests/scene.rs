@@ -138,3 +138,29 @@ fn the_report_counts_the_hardware_features_and_says_what_needs_them() {
     assert!(fields.iter().any(|field| field["field"] == "coefficient" && field["bits"]["32"] == 2));
     assert!(!fields.iter().any(|field| field["field"] == "factor_address"));
 }
+
+#[test]
+fn a_pe_none_of_whose_writes_can_overflow_is_counted() {
+    let home = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("scene");
+    std::fs::create_dir_all(&home).unwrap();
+    let provable = |factor: f64| {
+        // The format of x ends at 1, that of y at 1, too: only a factor of 1 or more can carry y beyond it.
+        let text = format!(
+            "model m \"one state, one copy\"\nsolver rk4\nstep 1 ms\nspan 10 ms\n\
+             state x = 0.8\nx' = -x\ny = {factor}*x\noutput x, y\n"
+        );
+        std::fs::write(home.join("m.spec"), text).unwrap();
+        let command = std::process::Command::new(env!("CARGO_BIN_EXE_pe-synth"))
+            .current_dir(&home)
+            .args(["compile", "m.spec", "--pes", "2", "--quiet", "-o", "out"])
+            .output()
+            .unwrap();
+        assert!(command.status.success(), "{}", String::from_utf8_lossy(&command.stderr));
+        let report = std::fs::read_to_string(home.join("out/report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let rows = report["features"]["pe"].as_array().unwrap();
+        rows.iter().find(|row| row["feature"] == "saturation").unwrap()["provable"].as_u64().unwrap()
+    };
+    assert_eq!(provable(0.9), 1, "y, but not x");
+    assert_eq!(provable(1.02), 0, "y can overflow where x is near the end of its format");
+}
