@@ -141,6 +141,22 @@ mod tests {
     }
 
     #[test]
+    fn the_index_lists_every_code_in_its_group() {
+        let mut index = String::new();
+        for (number, title) in GROUPS {
+            index += &format!("**{title}**\n\n");
+            for Code { code, title } in CODES.iter().filter(|code| &code.code[1..3] == *number) {
+                let words = title.replace(|c: char| !c.is_ascii_alphanumeric() && c != ' ' && c != '-', "");
+                let anchor = format!("{code}-{words}").to_lowercase().replace(' ', "-");
+                index += &format!("- [{code}](#{anchor}) {title}\n");
+            }
+            index += "\n";
+        }
+        assert_eq!(index.matches("- [").count(), CODES.len(), "a code has no group");
+        assert!(REFERENCE.contains(&index), "docs/diagnostics.md has another index than\n{index}");
+    }
+
+    #[test]
     fn a_section_holds_meaning_example_and_remedy() {
         for code in CODES {
             let text = explain(code.code).expect(code.code);
