@@ -8,6 +8,7 @@ mod columns;
 mod drivers;
 mod names;
 mod network;
+pub mod page;
 mod program_pkg;
 mod reference;
 

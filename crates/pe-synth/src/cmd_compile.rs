@@ -50,7 +50,8 @@ pub struct Compile {
     quiet: bool,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+/// Parses a positive number.
+pub fn positive(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|number: &f64| number.is_finite() && *number > 0.0)

@@ -14,6 +14,8 @@ use crate::{console, render};
 pub enum Failure {
     /// The spec is wrong, or its result would be: findings and the texts they refer to.
     Spec(Vec<Diagnostic>, Sources),
+    /// Every one of several models or points is wrong, each for its own reason.
+    Fruitless(String),
     /// The options do not go together. Exit code 2, as for options that do not exist.
     Usage(String),
     /// A file could not be read or written.
@@ -24,9 +26,14 @@ pub enum Failure {
     MissingTool(String),
     /// The program found its own result to be wrong.
     Internal(String),
+    /// The user ended a command that can be continued; 128 and the number of the signal, as shells do.
+    Interrupted(String),
 }
 
 impl Failure {
+    /// Exit code of [`Failure::Internal`].
+    pub const INTERNAL: u8 = 70;
+
     /// A file operation failed.
     pub fn file(action: &str, path: &Path, error: impl Display) -> Failure {
         Failure::File(format!("cannot {action} {}: {error}", path.display()))
@@ -34,25 +41,32 @@ impl Failure {
 
     /// The process's exit code.
     pub fn exit_code(&self) -> ExitCode {
-        ExitCode::from(match self {
-            Failure::Spec(..) => 1,
+        ExitCode::from(self.code())
+    }
+
+    /// The number of the exit code.
+    pub fn code(&self) -> u8 {
+        match self {
+            Failure::Spec(..) | Failure::Fruitless(_) => 1,
             Failure::Usage(_) => 2,
             Failure::File(_) => 3,
             Failure::Mismatch(_) => 4,
             Failure::MissingTool(_) => 5,
-            Failure::Internal(_) => 70,
-        })
+            Failure::Internal(_) => Failure::INTERNAL,
+            Failure::Interrupted(_) => 130,
+        }
     }
 
     /// What kind of failure it is, as tools read it.
     fn kind(&self) -> &'static str {
         match self {
-            Failure::Spec(..) => "model",
+            Failure::Spec(..) | Failure::Fruitless(_) => "model",
             Failure::Usage(_) => "usage",
             Failure::File(_) => "file",
             Failure::Mismatch(_) => "mismatch",
             Failure::MissingTool(_) => "missing-tool",
             Failure::Internal(_) => "internal",
+            Failure::Interrupted(_) => "interrupted",
         }
     }
 
@@ -60,9 +74,12 @@ impl Failure {
     pub fn print(&self, format: MessageFormat) {
         match self {
             Failure::Spec(findings, sources) => print_findings(findings, sources, format),
-            Failure::Usage(text) | Failure::File(text) | Failure::Mismatch(text) | Failure::MissingTool(text) => {
-                print_plain(self.kind(), text, None, format);
-            }
+            Failure::Fruitless(text)
+            | Failure::Usage(text)
+            | Failure::File(text)
+            | Failure::Mismatch(text)
+            | Failure::MissingTool(text)
+            | Failure::Interrupted(text) => print_plain(self.kind(), text, None, format),
             Failure::Internal(text) => {
                 let help = "this is a bug of pe-synth; please report it with the command and the spec";
                 print_plain(self.kind(), &format!("internal error: {text}"), Some(help), format);

@@ -6,7 +6,9 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use pe_synth::failure::{Failure, MessageFormat, print_plain};
-use pe_synth::{cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_golden, cmd_shell, cmd_sim, cmd_verify, console};
+use pe_synth::{
+    cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden, cmd_shell, cmd_sim, cmd_verify, console,
+};
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
 ///
@@ -26,6 +28,7 @@ Examples:
   pe-synth compile models/van_der_pol/van_der_pol.spec --pes 2 -o out/van_der_pol
   pe-synth verify out/van_der_pol
   pe-synth sim models/van_der_pol/van_der_pol.spec --double -o van_der_pol.csv
+  pe-synth explore models/van_der_pol/van_der_pol.spec --pes 1,2 --solver rk4
   pe-synth explain E0307
 
 Exit codes:
@@ -36,6 +39,7 @@ Exit codes:
    4  engines disagree, figures changed beyond their tolerance, or nothing was compared
    5  a needed program is missing
   70  internal error; please report it
+ 130  a sweep was interrupted; its points so far are written
 
 Documents:
   docs/guide.md        how to choose PEs, word lengths and ranges, and how to read the report
@@ -47,6 +51,7 @@ Documents:
 enum Command {
     Compile(Box<cmd_compile::Compile>),
     Verify(cmd_verify::Verify),
+    Explore(Box<cmd_explore::Explore>),
     Sim(Box<cmd_sim::Sim>),
     Dump(Box<cmd_dump::Dump>),
     Golden(cmd_golden::Golden),
@@ -64,6 +69,7 @@ fn main() -> ExitCode {
     let (format, result) = match &arguments.command {
         Command::Compile(compile) => (compile.message_format(), compile.run(&command_line())),
         Command::Verify(verify) => (verify.message_format(), verify.run()),
+        Command::Explore(explore) => (explore.message_format(), explore.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),
         Command::Dump(dump) => (dump.message_format(), dump.run()),
         Command::Golden(golden) => (MessageFormat::Human, golden.run()),
@@ -122,8 +128,7 @@ fn command_line() -> String {
         if argument == "-o" || argument == "--output" {
             arguments.next();
         } else if !argument.starts_with("-o") && !argument.starts_with("--output=") {
-            let plain = argument.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=+,:%@".contains(c));
-            words.push(if plain { argument } else { format!("'{}'", argument.replace('\'', "'\\''")) });
+            words.push(pe_synth::command::quoted(&argument));
         }
     }
     words.join(" ")

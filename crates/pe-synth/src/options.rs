@@ -38,7 +38,7 @@ pub struct ModelOptions {
 }
 
 /// How it is computed: a point of the design space.
-#[derive(Args, Clone, Copy, Debug)]
+#[derive(Args, Clone, Copy, Debug, PartialEq)]
 pub struct DesignPoint {
     /// Numerical method, in place of the spec's
     #[arg(long, value_parser = solver(), help_heading = "Model")]
@@ -58,6 +58,7 @@ pub struct DesignPoint {
 }
 
 /// A model with the texts it comes from.
+#[derive(Clone)]
 pub struct LoadedModel {
     /// The model, with the command line's span, and solver and step of a design point.
     pub model: Model,
@@ -130,34 +131,36 @@ impl DesignPoint {
 }
 
 /// Parses the name of a numerical method.
-fn solver() -> impl TypedValueParser<Value = Solver> {
+pub fn solver() -> impl TypedValueParser<Value = Solver> {
     let values = Solver::ALL.map(|solver| PossibleValue::new(solver.name()).help(solver.title()));
     let known = |name: String| Solver::ALL.into_iter().find(|solver| solver.name() == name).expect("a possible value");
     PossibleValuesParser::new(values).map(known)
 }
 
 /// Parses bits of a stored word.
-fn storage() -> impl TypedValueParser<Value = u32> {
+pub fn storage() -> impl TypedValueParser<Value = u32> {
     clap::value_parser!(u32).range(12..=40)
 }
 
 /// Parses a time: a number with an optional unit.
-fn duration(text: &str) -> Result<f64, String> {
+pub fn duration(text: &str) -> Result<f64, String> {
     let text = text.trim();
-    let units = [("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3), ("s", 1.0)];
-    let (number, factor) = units
+    // Divisors, for a quotient of two exact numbers is the nearest one: 100us is 1e-4.
+    let units = [("ns", 1e9), ("us", 1e6), ("ms", 1e3), ("s", 1.0)];
+    let (number, divisor) = units
         .iter()
-        .find_map(|(unit, factor)| text.strip_suffix(unit).map(|number| (number.trim_end(), *factor)))
+        .find_map(|(unit, divisor)| text.strip_suffix(unit).map(|number| (number.trim_end(), *divisor)))
         .unwrap_or((text, 1.0));
     let quotient = |(a, b): (&str, &str)| Some(a.trim().parse::<f64>().ok()? / b.trim().parse::<f64>().ok()?);
     let value = number.split_once('/').map_or_else(|| number.parse().ok(), quotient);
-    match value.map(|value| value * factor) {
+    match value.map(|value| value / divisor) {
         Some(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("expected a positive time such as 1e-4, 100us or 1/44100".into()),
     }
 }
 
-fn multiplier(text: &str) -> Result<(u32, u32), String> {
+/// Parses the widths of a multiplier's ports.
+pub fn multiplier(text: &str) -> Result<(u32, u32), String> {
     let parsed = text.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
     match parsed {
         Some((data, coefficient)) if (9..=35).contains(&data) && (9..=35).contains(&coefficient) => {

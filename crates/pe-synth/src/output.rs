@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::failure::Failure;
 
-/// File that marks a folder as written by this program; only such folders are replaced.
-const MARKER: &str = "report.json";
+/// Files that mark a folder as written by this program; only such folders are replaced.
+const MARKERS: [&str; 2] = ["report.json", "points.json"];
 
 /// Writes files into a new folder beside the target and puts it in place at the end.
 pub struct OutputFolder {
@@ -74,6 +74,7 @@ impl Drop for OutputFolder {
 
 fn is_ours(folder: &Path) -> bool {
     let empty = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
-    let marked = fs::read_to_string(folder.join(MARKER)).is_ok_and(|text| text.contains("\"generator\": \"pe-synth "));
+    let names_us = |text: String| text.contains("\"generator\": \"pe-synth ");
+    let marked = MARKERS.iter().any(|marker| fs::read_to_string(folder.join(marker)).is_ok_and(names_us));
     empty || marked
 }

@@ -294,7 +294,8 @@ impl Plan {
     }
 }
 
-fn varying_inputs(model: &Model) -> bool {
+/// Whether any input changes over time.
+pub fn varying_inputs(model: &Model) -> bool {
     model.inputs.iter().any(|input| !matches!(input.waveform, Waveform::Constant(_)))
 }
 

@@ -1,0 +1,113 @@
+//! The axes of a sweep, and the points they span.
+
+use clap::Args;
+use pe_hls::schedule::Bound;
+use pe_ir::graph::StepGraph;
+use pe_ir::model::{Model, Solver};
+use pe_ir::word::Latency;
+
+use crate::options::{DesignPoint, duration, multiplier, solver, storage};
+
+/// Multipliers of a sweep unless told otherwise: one block each way round, and four blocks.
+const MULTIPLIERS: [(u32, u32); 3] = [(25, 18), (18, 25), (32, 32)];
+
+/// Options of the axes: lists in place of the single values that the other commands take.
+#[derive(Args, Clone, Debug)]
+pub struct Axes {
+    /// Numbers of processing elements [default: powers of two, for as long as more of them can be faster]
+    #[arg(long, value_name = "N,...", value_delimiter = ',', help_heading = "Sweep")]
+    pub pes: Vec<u32>,
+    /// Numerical methods [default: all]
+    #[arg(long, value_name = "SOLVER,...", value_delimiter = ',', value_parser = solver(), help_heading = "Sweep")]
+    pub solver: Vec<Solver>,
+    /// Steps [default: the spec's, its half and its double]
+    #[arg(long, value_name = "T,...", value_delimiter = ',', value_parser = duration, help_heading = "Sweep")]
+    pub step: Vec<f64>,
+    /// Multipliers [default: 25x18,18x25,32x32]
+    #[arg(long, value_name = "AxB,...", value_delimiter = ',', value_parser = multiplier, help_heading = "Sweep")]
+    pub multiplier: Vec<(u32, u32)>,
+    /// Bits of a stored word, without its 8 guard bits
+    #[arg(long, value_name = "BITS,...", value_delimiter = ',', default_value = "32", value_parser = storage(), help_heading = "Sweep")]
+    pub storage: Vec<u32>,
+}
+
+impl Axes {
+    /// Puts the defaults of a model in the place of lists that were not given, and takes every value once. With the
+    /// step graph of each solver at the spec's step, if it has one.
+    pub fn complete(&self, model: &Model) -> (Axes, Vec<(Solver, StepGraph)>) {
+        let mut axes = self.clone();
+        if axes.solver.is_empty() {
+            axes.solver = Solver::ALL.to_vec();
+        }
+        if axes.step.is_empty() {
+            axes.step = vec![2.0 * model.step, model.step, model.step / 2.0];
+        }
+        if axes.multiplier.is_empty() {
+            axes.multiplier = MULTIPLIERS.to_vec();
+        }
+        once(&mut axes.solver);
+        once(&mut axes.step);
+        once(&mut axes.multiplier);
+        once(&mut axes.storage);
+        let graph = |solver: &Solver| {
+            let model = Model { solver: *solver, ..model.clone() };
+            Some((*solver, pe_hls::step::build(&model).ok()?))
+        };
+        let graphs: Vec<(Solver, StepGraph)> = axes.solver.iter().filter_map(graph).collect();
+        if axes.pes.is_empty() {
+            axes.pes = axes.useful_pes(&graphs);
+        }
+        once(&mut axes.pes);
+        (axes, graphs)
+    }
+
+    /// Powers of two, for as long as the bound of some solver and multiplier falls.
+    fn useful_pes(&self, graphs: &[(Solver, StepGraph)]) -> Vec<u32> {
+        // The lists other than that of the PEs are complete.
+        let points = Axes { pes: vec![1], ..self.clone() }.points();
+        let formats = points.iter().filter_map(|point| point.format().ok());
+        let mut latencies: Vec<Latency> = formats.map(|format| Latency::of(&format)).collect();
+        once(&mut latencies);
+        let bound = |graph: &StepGraph, pes: u32, latency: &Latency| Bound::of(graph, pes, *latency).binding().0;
+        let faster = |graph: &StepGraph, pes: u32| {
+            pes as usize <= graph.equations.len()
+                && latencies.iter().any(|latency| bound(graph, pes, latency) < bound(graph, pes / 2, latency))
+        };
+        let mut pes = vec![1];
+        while graphs.iter().any(|(_, graph)| faster(graph, 2 * pes[pes.len() - 1])) {
+            pes.push(2 * pes[pes.len() - 1]);
+        }
+        pes
+    }
+
+    /// All points, those that share most side by side.
+    pub fn points(&self) -> Vec<DesignPoint> {
+        let mut points = Vec::new();
+        for step in &self.step {
+            for solver in &self.solver {
+                for multiplier in &self.multiplier {
+                    for storage in &self.storage {
+                        points.extend(self.pes.iter().map(|pes| DesignPoint {
+                            pes: Some(*pes),
+                            solver: Some(*solver),
+                            step: Some(*step),
+                            storage: *storage,
+                            multiplier: *multiplier,
+                        }));
+                    }
+                }
+            }
+        }
+        points
+    }
+}
+
+/// Drops repeated values; the first of each stays where it is.
+fn once<T: Copy + PartialEq>(values: &mut Vec<T>) {
+    let mut seen: Vec<T> = Vec::new();
+    values.retain(|value| {
+        let new = !seen.contains(value);
+        seen.push(*value);
+        new
+    });
+}

@@ -1,0 +1,67 @@
+//! What the user gave, as words of commands.
+
+use clap::{Args, FromArgMatches};
+
+use super::show;
+use crate::cmd_compile::Compile;
+use crate::cmd_explore::Explore;
+use crate::command;
+use crate::options::DesignPoint;
+
+/// Options that do not change a result.
+const WITHOUT_EFFECT: [&str; 5] = ["output", "jobs", "resume", "quiet", "message_format"];
+
+/// What the user gave, as words of commands.
+#[derive(Clone, Debug)]
+pub struct Given {
+    /// This command.
+    pub command: String,
+    /// The words of a point's command that do not belong to the point.
+    pub shared: Vec<String>,
+}
+
+impl FromArgMatches for Given {
+    fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+        let options = |command: clap::Command, without: &[&str]| {
+            let known = |argument: &&clap::Arg| !without.contains(&argument.get_id().as_str());
+            command::words(matches, command.get_arguments().filter(known))
+        };
+        let of_point = DesignPoint::augment_args(clap::Command::new("point"));
+        let mut without: Vec<&str> = of_point.get_arguments().map(|argument| argument.get_id().as_str()).collect();
+        without.extend(WITHOUT_EFFECT);
+        let words = options(Explore::augment_args(clap::Command::new("explore")), &WITHOUT_EFFECT);
+        Ok(Given {
+            command: format!("pe-synth explore {}", words.join(" ")),
+            shared: options(Compile::augment_args(clap::Command::new("compile")), &without),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
+        *self = Given::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for Given {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        command
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        command
+    }
+}
+
+impl Given {
+    /// The command that compiles a point alone.
+    pub fn command(&self, point: &DesignPoint) -> String {
+        let mut words = vec!["pe-synth".to_owned(), "compile".to_owned()];
+        words.extend(self.shared.iter().cloned());
+        words.extend(point.pes.map(|pes| format!("--pes {pes}")));
+        words.extend(point.solver.map(|solver| format!("--solver {}", solver.name())));
+        words.extend(point.step.map(|step| format!("--step {step:e}")));
+        words.push(format!("--storage {} --multiplier {}", point.storage, show::multiplier(point)));
+        words.push("--reference".to_owned());
+        words.join(" ")
+    }
+}

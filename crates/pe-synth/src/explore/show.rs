@@ -1,0 +1,94 @@
+//! Rows as a person reads them.
+
+use super::files::Sheet;
+use super::row::{Outcome, Row};
+use crate::options::DesignPoint;
+
+/// Columns of [`cells`].
+pub const HEAD: [&str; 12] =
+    ["error", "ms per s", "x real time", "eq. LUT", "LUT", "DSP", "BRAM18", "cycles", "PEs", "solver", "step", "word"];
+
+/// The figures of a row.
+pub fn cells(row: &Row) -> [String; 12] {
+    let point = &row.point;
+    let figure = |show: &dyn Fn(&super::row::Figures) -> String| row.figures().map_or("-".to_owned(), show);
+    let count = |key: &'static str| figure(&|figures| figures.number(key).map_or("-".into(), |n| format!("{n:.0}")));
+    [
+        figure(&|figures| figures.total_error().map_or("-".into(), |error| format!("{error:.1e}"))),
+        figure(&|figures| format!("{:.3}", figures.time_ms())),
+        figure(&|figures| format!("{:.1}", 1e3 / figures.time_ms())),
+        figure(&|figures| format!("{:.0}", figures.equivalent_lut())),
+        count("area.lut"),
+        count("area.dsp"),
+        count("area.bram18"),
+        count("cycles_per_step"),
+        point.pes.map_or(String::new(), |pes| pes.to_string()),
+        point.solver.map_or("", |solver| solver.name()).to_owned(),
+        step(point),
+        format!("{} bits, {}", point.storage, multiplier(point)),
+    ]
+}
+
+/// The multiplier as on the command line.
+pub fn multiplier(point: &DesignPoint) -> String {
+    let (data, coefficient) = point.multiplier;
+    format!("{data}x{coefficient}")
+}
+
+/// The step with a unit.
+pub fn step(point: &DesignPoint) -> String {
+    let seconds = point.step.unwrap_or(f64::NAN);
+    let units = [(1.0, "s"), (1e-3, "ms"), (1e-6, "us")];
+    let (scale, unit) = units.into_iter().find(|(scale, _)| seconds >= *scale).unwrap_or((1e-9, "ns"));
+    let rounded: f64 = format!("{:.3e}", seconds / scale).parse().unwrap_or(seconds);
+    format!("{rounded} {unit}")
+}
+
+/// The summary for the terminal: both fronts, and the points that failed by reason.
+pub fn summary(sheet: &Sheet) -> String {
+    let mut text = String::new();
+    for front in sheet.fronts() {
+        if front.rows.is_empty() {
+            text += &format!("  {}: no point\n", front.title);
+            continue;
+        }
+        text += &format!("  {}: points that no other beats in both\n", front.title);
+        let lines = front.rows.iter().map(|index| {
+            let knee = if front.knee == Some(*index) { "  <- knee" } else { "" };
+            (cells(&sheet.rows[*index]), knee)
+        });
+        text += &columns(&lines.collect::<Vec<_>>());
+    }
+    let mut reasons: Vec<(String, usize)> = Vec::new();
+    for row in &sheet.rows {
+        if let Outcome::Failed(reason) = &row.outcome {
+            let name = reason.code.clone().unwrap_or_else(|| reason.message.clone());
+            match reasons.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, count)) => *count += 1,
+                None => reasons.push((name, 1)),
+            }
+        }
+    }
+    for (name, count) in reasons {
+        text += &format!("  {count} failed: {name}\n");
+    }
+    text
+}
+
+fn columns(lines: &[([String; 12], &str)]) -> String {
+    let mut widths = HEAD.map(str::len);
+    for (cells, _) in lines {
+        for (width, cell) in widths.iter_mut().zip(cells) {
+            *width = (*width).max(cell.len());
+        }
+    }
+    let row = |cells: [&str; 12]| {
+        let cells = cells.iter().zip(widths).map(|(cell, width)| format!("{cell:>width$}"));
+        format!("    {}", cells.collect::<Vec<_>>().join("  "))
+    };
+    let mut text = row(HEAD) + "\n";
+    for (cells, note) in lines {
+        text += &format!("{}{note}\n", row(cells.each_ref().map(String::as_str)));
+    }
+    text
+}

@@ -1,0 +1,248 @@
+//! The work of a sweep: every point compiled, in parallel, and nothing computed twice.
+//!
+//! ```text
+//! step                     reference solution at the times of the samples
+//! solver, step             step graph, runs in double precision          a family
+//! multiplier, storage      number formats, run in fixed point            its formats
+//! PEs                      mapping, schedule, program, checkers          its points
+//! ```
+//!
+//! Each level hands tasks to the pool; a worker takes its newest task first and steals the oldest of another, so that
+//! at most one family per worker is in memory. What a point yields does not depend on who computes it or when.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, OnceLock};
+
+use indicatif::ProgressBar;
+use pe_ir::codes;
+use pe_ir::graph::StepGraph;
+use pe_ir::source::Diagnostic;
+use pe_sim::reference::ReferenceError;
+use rayon::Scope;
+
+use super::estimate::Estimate;
+use super::row::{Figures, Outcome, Reason};
+use crate::failure::Failure;
+use crate::options::{DesignPoint, LoadedModel, ModelOptions};
+use crate::pipeline::{self, MappingOptions, Stopwatch};
+use crate::report::{self, Clock};
+use crate::runs::{Comparison, Exact, Judged};
+use crate::total::{Reference, TotalError};
+
+/// What all points have in common.
+pub struct Sweep {
+    /// The model with the spec's solver and step.
+    pub loaded: LoadedModel,
+    /// Options of the model.
+    pub options: ModelOptions,
+    /// Options of the mapping.
+    pub mapping: MappingOptions,
+    /// The clock that speeds are computed with.
+    pub clock: Clock,
+    /// How long the pieces of work take.
+    pub estimate: Estimate,
+}
+
+/// A point to be compiled.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Its place in the sweep.
+    pub index: usize,
+    /// The point.
+    pub point: DesignPoint,
+    /// The command that compiles it alone.
+    pub command: String,
+}
+
+/// Something that got done.
+pub enum Event {
+    /// Work that was estimated to take so many seconds.
+    Work(f64),
+    /// A point, with its place in the sweep.
+    Point(usize, Outcome),
+    /// All points.
+    Finished,
+    /// Not by the sweep: the user wants it to end.
+    Interrupted,
+}
+
+/// Points with the same step graph.
+pub struct Family {
+    /// The solution that its points are compared with; families with the same step share it.
+    reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
+    /// Points with the same formats; none of the lists is empty.
+    pub formats: Vec<Vec<Job>>,
+}
+
+/// What the points of a family share.
+struct Base {
+    loaded: Arc<LoadedModel>,
+    reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
+    graph: Arc<StepGraph>,
+    exact: Exact,
+    comparison: Result<Comparison, Vec<Diagnostic>>,
+}
+
+/// What the points with the same formats share.
+struct Format {
+    loaded: Arc<LoadedModel>,
+    graph: Arc<StepGraph>,
+    judged: Arc<Judged>,
+    total: Result<TotalError, ReferenceError>,
+}
+
+/// Compiles all jobs in the pool and sends what got done; ends early if nobody listens any more.
+pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sender<Event>) {
+    let families = families(jobs);
+    pool.scope(|scope| {
+        // The newest task is taken first.
+        for family in families.into_iter().rev() {
+            scope.spawn(move |scope| sweep.family(family, scope, sender));
+        }
+    });
+}
+
+/// Sorts jobs by what they share.
+pub fn families(jobs: Vec<Job>) -> Vec<Family> {
+    let mut families: Vec<Family> = Vec::new();
+    let same_graph = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && a.step == b.step;
+    let same_format = |a: &DesignPoint, b: &DesignPoint| a.multiplier == b.multiplier && a.storage == b.storage;
+    for job in jobs {
+        let family = match families.iter().position(|family| same_graph(&family.formats[0][0].point, &job.point)) {
+            Some(index) => &mut families[index],
+            None => {
+                let same_times = families.iter().find(|family| family.formats[0][0].point.step == job.point.step);
+                let reference = same_times.map_or_else(Arc::default, |family| Arc::clone(&family.reference));
+                families.push(Family { reference, formats: vec![vec![job]] });
+                continue;
+            }
+        };
+        match family.formats.iter().position(|format| same_format(&format[0].point, &job.point)) {
+            Some(index) => family.formats[index].push(job),
+            None => family.formats.push(vec![job]),
+        }
+    }
+    families
+}
+
+impl Sweep {
+    fn family<'a>(&'a self, family: Family, scope: &Scope<'a>, sender: &'a Sender<Event>) {
+        let any = family.formats[0][0].point;
+        let loaded = match guarded(|| self.at(&any)) {
+            Ok(loaded) => loaded,
+            Err(reason) => return fail(family.formats.iter().flatten(), &reason, sender),
+        };
+        // Widths that do not go together are found before anything runs, as in `compile`.
+        let mut formats = Vec::new();
+        for jobs in family.formats {
+            match guarded(|| jobs[0].point.format()) {
+                Ok(_) => formats.push(jobs),
+                Err(reason) => fail(&jobs, &reason, sender),
+            }
+        }
+        if formats.is_empty() {
+            return;
+        }
+        match guarded(|| self.base(loaded, family.reference)) {
+            Ok(base) => {
+                let _ = sender.send(Event::Work(self.estimate.family(&any)));
+                let base = Arc::new(base);
+                for jobs in formats.into_iter().rev() {
+                    let base = Arc::clone(&base);
+                    scope.spawn(move |scope| self.format(&base, jobs, scope, sender));
+                }
+            }
+            Err(reason) => fail(formats.iter().flatten(), &reason, sender),
+        }
+    }
+
+    /// The model at a point.
+    fn at(&self, point: &DesignPoint) -> Result<LoadedModel, Failure> {
+        let mut loaded = self.loaded.clone();
+        point.apply(&mut loaded.model)?;
+        Ok(loaded)
+    }
+
+    fn base(
+        &self,
+        loaded: LoadedModel,
+        reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
+    ) -> Result<Base, Failure> {
+        let graph = pipeline::build(&loaded, &mut Stopwatch::new(true))?;
+        let exact = Exact::run(&loaded.model, &graph, ProgressBar::hidden());
+        let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+        let comparison = exact.compare(&loaded.model);
+        Ok(Base { loaded: Arc::new(loaded), reference, graph: Arc::new(graph), exact, comparison })
+    }
+
+    fn format<'a>(&'a self, base: &Base, jobs: Vec<Job>, scope: &Scope<'a>, sender: &'a Sender<Event>) {
+        let Base { loaded, graph, exact, comparison, .. } = base;
+        let judged = guarded(|| {
+            let settled = exact.settle(&loaded.model, graph, jobs[0].point.format()?);
+            let judged = exact.conclude(graph, settled, comparison.clone(), &self.options);
+            let judged = judged.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+            let total = self.total(base, &judged, &jobs[0].point, sender);
+            Ok(Format { loaded: Arc::clone(loaded), graph: Arc::clone(graph), judged: Arc::new(judged), total })
+        });
+        let _ = sender.send(Event::Work(self.estimate.format(&jobs[0].point)));
+        match judged {
+            Ok(format) => {
+                let format = Arc::new(format);
+                for job in jobs.into_iter().rev() {
+                    let format = Arc::clone(&format);
+                    scope.spawn(move |_| {
+                        let figures = guarded(|| self.network(&format, &job));
+                        let outcome = figures.map_or_else(Outcome::Failed, Outcome::Compiled);
+                        let _ = sender.send(Event::Work(self.estimate.network(&job.point)));
+                        let _ = sender.send(Event::Point(job.index, outcome));
+                    });
+                }
+            }
+            Err(reason) => fail(&jobs, &reason, sender),
+        }
+    }
+
+    /// The total error of a fixed-point run.
+    fn total(
+        &self,
+        base: &Base,
+        judged: &Judged,
+        point: &DesignPoint,
+        sender: &Sender<Event>,
+    ) -> Result<TotalError, ReferenceError> {
+        let reference = base.reference.get_or_init(|| {
+            let solution = Reference::solve(&base.loaded.model, &judged.times, &ProgressBar::hidden());
+            let _ = sender.send(Event::Work(self.estimate.reference(point)));
+            solution
+        });
+        reference.as_ref().map(|reference| reference.compare(&judged.hardware)).map_err(|error| *error)
+    }
+
+    /// Designs the network of a point and reports on it as `compile` does.
+    fn network(&self, format: &Format, job: &Job) -> Result<Figures, Failure> {
+        let Format { loaded, graph, judged, total } = format;
+        let seed = self.options.seed;
+        let watch = &mut Stopwatch::new(true);
+        let design = pipeline::implement(loaded, graph, judged, (job.point.pes, seed), &self.mapping, watch)?;
+        let report = report::report(&loaded.model, &design, self.clock, &Some(*total), seed, &job.command);
+        let warnings = judged.warnings.iter().map(|warning| warning.code);
+        let warnings = warnings.chain(total.is_err().then_some(codes::NO_REFERENCE));
+        Ok(Figures::of(&report, warnings.map(str::to_owned).collect()))
+    }
+}
+
+/// Does work of which neither a failure nor a panic shall end the sweep.
+fn guarded<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Reason> {
+    let result = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+        Err(Failure::Internal(text.unwrap_or("panic").to_owned()))
+    });
+    result.map_err(|failure| Reason::of(&failure))
+}
+
+fn fail<'j>(jobs: impl IntoIterator<Item = &'j Job>, reason: &Reason, sender: &Sender<Event>) {
+    for job in jobs {
+        let _ = sender.send(Event::Point(job.index, Outcome::Failed(reason.clone())));
+    }
+}
