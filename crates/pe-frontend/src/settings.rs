@@ -119,7 +119,7 @@ impl<'a> Elaborator<'a> {
             let message = format!("a span of {span} s takes {steps:.1e} steps of {step} s");
             let help = format!("at most {MOST_STEPS:e} steps can be run; check the units");
             self.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, message).with_help(help));
-        } else if steps < 0.5 {
+        } else if span < step {
             let message = format!("a span of {span} s is shorter than a step of {step} s");
             self.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, message).with_help("check the units"));
         }

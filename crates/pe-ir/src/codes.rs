@@ -94,6 +94,7 @@ codes! {
     REPEATED_INCLUDE = "W0005", "file included twice";
     STEP_LARGE = "W0903", "step large for the accuracy";
     NO_REFERENCE = "W0904", "no reference solution";
+    WORD_SHORT = "W0905", "word short for the accuracy";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.

@@ -1,8 +1,10 @@
 //! Why a command did not succeed, and the exit code that says so.
 
 use std::fmt::Display;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 
 use pe_ir::source::{Diagnostic, Severity, Sources};
 use serde_json::json;
@@ -88,6 +90,27 @@ impl Failure {
     }
 }
 
+/// Runs a command; a panic is a bug and becomes an internal error.
+pub fn guarded<T>(command: impl FnOnce() -> T) -> Result<T, Failure> {
+    static LAST: Mutex<String> = Mutex::new(String::new());
+    // Whoever asks for a backtrace gets it, from the hook that prints it.
+    let silent = std::env::var_os("RUST_BACKTRACE").is_none();
+    if silent {
+        std::panic::set_hook(Box::new(|panic| {
+            let text = panic.to_string().lines().collect::<Vec<_>>().join(" ");
+            *LAST.lock().unwrap_or_else(PoisonError::into_inner) = text;
+        }));
+    }
+    let outcome = catch_unwind(AssertUnwindSafe(command));
+    if silent {
+        drop(std::panic::take_hook());
+    }
+    outcome.map_err(|_| {
+        let text = std::mem::take(&mut *LAST.lock().unwrap_or_else(PoisonError::into_inner));
+        Failure::Internal(if text.is_empty() { "a panic".to_owned() } else { text })
+    })
+}
+
 /// Codes that the last line after errors names.
 const SHOWN_CODES: usize = 4;
 
@@ -133,5 +156,17 @@ pub fn print_findings(findings: &[Diagnostic], sources: &Sources, format: Messag
         let codes = codes[..codes.len().min(SHOWN_CODES)].join(" ");
         let noun = if errors == 1 { "error" } else { "errors" };
         console::err(&format!("{errors} {noun}; `pe-synth explain CODE` tells more about {codes}{more}\n"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_becomes_an_internal_error() {
+        assert!(matches!(guarded(|| 3), Ok(3)));
+        let failure = guarded(|| panic!("out of words")).map(|()| 0);
+        assert!(matches!(failure, Err(Failure::Internal(text)) if !text.is_empty()));
     }
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use pe_synth::failure::{Failure, MessageFormat, print_plain};
+use pe_synth::failure::{Failure, MessageFormat, guarded, print_plain};
 use pe_synth::{
     cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden, cmd_shell, cmd_sim, cmd_verify, console,
 };
@@ -66,7 +66,7 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return refused(&error),
     };
-    let (format, result) = match &arguments.command {
+    let outcome = guarded(|| match &arguments.command {
         Command::Compile(compile) => (compile.message_format(), compile.run(&command_line())),
         Command::Verify(verify) => (verify.message_format(), verify.run()),
         Command::Explore(explore) => (explore.message_format(), explore.run()),
@@ -83,7 +83,8 @@ fn main() -> ExitCode {
             man.run(Arguments::command());
             (MessageFormat::Human, Ok(()))
         }
-    };
+    });
+    let (format, result) = outcome.unwrap_or_else(|failure| (asked_format(), Err(failure)));
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -93,20 +94,26 @@ fn main() -> ExitCode {
     }
 }
 
-/// Help, version, or options that do not exist. The form of messages is not known then, but may have been asked for.
-fn refused(error: &clap::Error) -> ExitCode {
+/// The form of messages that was asked for, where options were not understood or a command did not return.
+fn asked_format() -> MessageFormat {
     let words: Vec<String> = std::env::args().collect();
-    let asked = |word: &str, next: Option<&String>| {
-        word == "--message-format=json" || (word == "--message-format" && next.is_some_and(|next| next == "json"))
-    };
-    let json = words.iter().enumerate().any(|(at, word)| asked(word, words.get(at + 1)));
+    let next_is_json = |at: usize| words.get(at + 1).is_some_and(|next| next == "json");
+    let json = words
+        .iter()
+        .enumerate()
+        .any(|(at, word)| word == "--message-format=json" || (word == "--message-format" && next_is_json(at)));
+    if json { MessageFormat::Json } else { MessageFormat::Human }
+}
+
+/// Help, version, or options that do not exist.
+fn refused(error: &clap::Error) -> ExitCode {
     let text = error.render();
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
             console::out(&text.ansi().to_string());
             return ExitCode::SUCCESS;
         }
-        _ if json => {
+        _ if asked_format() == MessageFormat::Json => {
             let text = text.to_string();
             let mut parts = text.split("\n\n").map(str::trim);
             let message = parts.next().unwrap_or_default().trim_start_matches("error: ");

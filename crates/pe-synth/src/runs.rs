@@ -36,6 +36,9 @@ const WIDENINGS: usize = 24;
 const METHOD_ERROR_REFUSED: f64 = 0.5;
 const METHOD_ERROR_WARNED: f64 = 0.02;
 
+/// Word-length error from which on the word is called short.
+const WORD_ERROR_WARNED: f64 = 0.02;
+
 /// Errors relative to the largest magnitude of a state; see `pe_sim::error` for the floor.
 #[derive(Clone, Copy, Debug)]
 pub struct Errors {
@@ -119,7 +122,9 @@ pub fn judge(
         let comparison = scope.spawn(|| exact.compare(model));
         let settled = exact.settle(model, graph, format);
         let comparison = comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        exact.conclude(graph, settled, comparison, options)
+        let mut judged = exact.conclude(graph, settled, comparison, options)?;
+        judged.warnings.extend(word_short(model, judged.errors));
+        Ok(judged)
     })
 }
 
@@ -477,4 +482,15 @@ fn half_step_runs(
     let finding = Diagnostic::error(codes::STEP_TOO_LARGE, model.states[worst].span, message)
         .with_help(format!("try `--step {:.3e}`; a chaotic model needs a shorter `--span`", model.step / 2.0));
     Ok(Comparison { method: difference * gain / (gain - 1.0), input_hold, finding })
+}
+
+/// The warning about a word-length error that is no longer small.
+fn word_short(model: &Model, errors: Errors) -> Option<Diagnostic> {
+    let state = &model.states[errors.worst_state];
+    let message =
+        format!("word short: rounding moves `{}` by {:.1e} of its largest magnitude", state.name, errors.word_length);
+    let warning = Diagnostic::error(codes::WORD_SHORT, state.span, message)
+        .with_help("take a wider multiplier or more `--storage` bits, or narrow the stated ranges")
+        .into_warning();
+    (errors.word_length > WORD_ERROR_WARNED).then_some(warning)
 }

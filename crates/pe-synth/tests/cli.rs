@@ -439,3 +439,15 @@ fn a_closed_standard_error_does_not_stop_a_compilation() {
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert!(home.join("out/report.json").exists());
 }
+
+#[test]
+fn a_word_that_is_short_for_the_accuracy_is_warned_about() {
+    let home = folder("short_word");
+    let spec = home.join("m.spec");
+    fs::write(&spec, format!("model m\n{HEAD}state x = 1 in -1e9 .. 1e9\nx' = -x\noutput x\n")).unwrap();
+    let output = compile(&spec, &home.join("out"), &[]);
+    assert!(output.status.success() && stderr(&output).contains("warning[W0905]: word short"), "{}", stderr(&output));
+    fs::write(&spec, format!("model m\n{HEAD}state x = 1 in -2 .. 2\nx' = -x\noutput x\n")).unwrap();
+    let output = compile(&spec, &home.join("out"), &[]);
+    assert!(output.status.success() && !stderr(&output).contains("warning"), "{}", stderr(&output));
+}
