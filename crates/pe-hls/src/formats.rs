@@ -46,15 +46,25 @@ pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<
             if chooser.changed {
                 (settled, restless) = (false, graph.chains[chain].equation);
             }
+            if chooser.runaway {
+                return Err(no_format(graph, restless));
+            }
         }
         if settled {
             return Ok(chooser.finish());
         }
     }
+    Err(no_format(graph, restless))
+}
+
+/// Exponents beyond this are not those of numbers: formats chase one another.
+const LARGEST_EXPONENT: i32 = 10_000;
+
+fn no_format(graph: &StepGraph, restless: u32) -> Diagnostic {
     let equation = &graph.equations[restless as usize];
     let message = format!("no number format fits `{}`: one step changes it by more than it can hold", equation.name);
-    Err(Diagnostic::error(codes::NO_FORMAT, equation.span, message)
-        .with_help("choose a smaller step; if the rates are far beyond those of the rest, check the units"))
+    Diagnostic::error(codes::NO_FORMAT, equation.span, message)
+        .with_help("choose a smaller step; if the rates are far beyond those of the rest, check the units")
 }
 
 struct Chooser<'a> {
@@ -68,6 +78,8 @@ struct Chooser<'a> {
     /// For each chain of an intermediate stage the chain of the same equation's last stage; itself for others.
     last_stage: Vec<u32>,
     changed: bool,
+    /// Whether an exponent left what numbers have.
+    runaway: bool,
 }
 
 impl<'a> Chooser<'a> {
@@ -98,6 +110,7 @@ impl<'a> Chooser<'a> {
             products: vec![0; graph.chains.len()],
             last_stage: last_stages(graph),
             changed: false,
+            runaway: false,
         }
     }
 
@@ -114,6 +127,7 @@ impl<'a> Chooser<'a> {
         if *slot < exponent {
             *slot = exponent;
             self.changed = true;
+            self.runaway |= exponent > LARGEST_EXPONENT;
         }
     }
 

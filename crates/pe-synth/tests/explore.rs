@@ -257,6 +257,20 @@ fn points_that_fail_are_rows_with_their_reason() {
 }
 
 #[test]
+fn a_run_that_explodes_but_stays_finite_has_no_format() {
+    let folder = Folder::new("exploding");
+    let target = folder.0.join("out");
+    let options = ["--pes", "1", "--step", "1s", "--span", "2s", "--jobs", "2"];
+    let output = run(&mut sweep(&spec("lorenz"), &target, &options));
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
+    for row in rows(&target) {
+        let code = row["code"].as_str().unwrap_or("none");
+        assert!(["E0802", "E0901", "E0903"].contains(&code), "{row}");
+    }
+}
+
+#[test]
 fn a_folder_of_somebody_else_is_not_replaced_by_a_sweep() {
     let folder = Folder::new("foreign_sweep");
     fs::write(folder.0.join("thesis.txt"), "irreplaceable").unwrap();

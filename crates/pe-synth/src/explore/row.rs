@@ -90,8 +90,8 @@ impl Reason {
             | Failure::File(text)
             | Failure::Mismatch(text)
             | Failure::MissingTool(text)
+            | Failure::Internal(text)
             | Failure::Interrupted(text) => Reason { code: None, message: text.clone(), exit_code },
-            Failure::Internal(text) => Reason { code: None, message: format!("internal error: {text}"), exit_code },
         }
     }
 }
