@@ -1,6 +1,6 @@
 //! Places for the nodes of a graph, chosen by its structure.
 //!
-//! A chain becomes a snake, a tree grows outwards from its centre, anything else is laid out so that distances in the
+//! A chain becomes a snake, a tree, or what is nearly one, grows outwards from its centre, anything else is laid out so that distances in the
 //! plane are those in the graph (stress majorisation). Parts that are not connected stand beside each other.
 
 use std::collections::VecDeque;
@@ -136,9 +136,9 @@ impl Graph {
     fn layout(&self) -> Vec<Place> {
         let nodes = self.neighbours.len();
         let degrees: usize = self.neighbours.iter().map(Vec::len).sum();
-        if degrees / 2 + 1 > nodes {
+        if degrees / 2 + 1 > nodes + nodes / 12 {
             self.by_distance()
-        } else if self.neighbours.iter().all(|list| list.len() <= 2) {
+        } else if degrees / 2 + 1 == nodes && self.neighbours.iter().all(|list| list.len() <= 2) {
             self.snake()
         } else {
             self.around_centre()
@@ -158,7 +158,8 @@ impl Graph {
         distances.iter().map(place).collect()
     }
 
-    /// A tree around its centre: the distance from it is the radius, every leaf gets the same angle.
+    /// A tree around its centre: the distance from it is the radius, every leaf gets the same angle. Of a graph that is
+    /// no tree, every node hangs on the first neighbour that is closer to the centre.
     fn around_centre(&self) -> Vec<Place> {
         let nodes = self.neighbours.len();
         let end = self.farthest(0);
@@ -172,7 +173,8 @@ impl Graph {
         let mut order: Vec<usize> = (0..nodes).collect();
         order.sort_by_key(|node| depth[*node]);
         let depth = &depth;
-        let children = |node: usize| self.neighbours[node].iter().copied().filter(move |n| depth[*n] > depth[node]);
+        let parent = |node: usize| self.neighbours[node].iter().copied().find(|other| depth[*other] + 1 == depth[node]);
+        let children = |node: usize| self.neighbours[node].iter().copied().filter(move |n| parent(*n) == Some(node));
         let mut leaves = vec![0usize; nodes];
         for node in order.iter().rev() {
             leaves[*node] = children(*node).map(|child| leaves[child]).sum::<usize>().max(1);
@@ -203,14 +205,22 @@ impl Graph {
         let distances: Vec<Vec<usize>> = (0..nodes).map(|node| self.distances(node)).collect();
         let first = self.farthest(0);
         let second = self.farthest(first);
-        let apart = |node: &usize| (distances[first][*node].min(distances[second][*node]), usize::MAX - node);
-        let third = (0..nodes).max_by_key(apart).unwrap_or(0);
+        // The second pair of pivots are the ends of the line between the first, so that a long graph does not bend.
+        let skew = |node: &usize| distances[first][*node].abs_diff(distances[second][*node]);
+        let least = (0..nodes).map(|node| skew(&node)).min().unwrap_or(0);
+        let between: Vec<usize> = (0..nodes).filter(|node| skew(node) <= least + 1).collect();
+        let end_from = |start: usize| {
+            let apart = |node: &&usize| (distances[start][**node], usize::MAX - **node);
+            between.iter().max_by_key(apart).copied().unwrap_or(start)
+        };
+        let third = end_from(between.first().copied().unwrap_or(0));
+        let fourth = end_from(third);
         let mut places: Vec<Place> = (0..nodes)
             .map(|node| {
-                let [a, b, c] = [first, second, third].map(|pivot| distances[pivot][node] as f64);
+                let [a, b, c, d] = [first, second, third, fourth].map(|pivot| distances[pivot][node] as f64);
                 // No two nodes may start at the same place.
                 let jitter = node as f64 * 0.618_033_988_75;
-                ((a - b) / 2.0 + 0.1 * (jitter - jitter.floor()), c - (a + b) / 2.0 + 0.01 * node as f64 / nodes as f64)
+                ((a - b) / 2.0 + 0.1 * (jitter - jitter.floor()), (c - d) / 2.0 + 0.1 * node as f64 / nodes as f64)
             })
             .collect();
         for _ in 0..ROUNDS {

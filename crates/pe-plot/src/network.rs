@@ -13,8 +13,12 @@ use crate::style::{GRID, INK, LABEL, MARGIN, PAPER, SMALL, SOFT, TITLE, Tone, te
 const WIDTH: f64 = 900.0;
 const EXTENT: f64 = WIDTH - 2.0 * MARGIN;
 
-/// Connections per PE from which on a matrix is drawn.
+/// PEs from which on networks that are not nearly trees become matrices, and connections per PE from which on all do.
+const LARGE: usize = 100;
 const DENSE: usize = 4;
+
+/// Width of the loads beside a matrix.
+const BARS: f64 = 110.0;
 
 /// A network as it is drawn.
 struct Network {
@@ -132,7 +136,12 @@ pub fn draw(program: &Program) -> String {
     );
     let caption = wrapped(&caption, SMALL, EXTENT);
     let heading = format!("{}: network of PEs", program.model);
-    if connections > DENSE * pes { matrix(&network, &heading, &caption) } else { nodes(&network, &heading, &caption) }
+    let meshed = connections > pes + pes / 12;
+    if connections > DENSE * pes || (meshed && pes > LARGE) {
+        matrix(&network, &heading, &caption)
+    } else {
+        nodes(&network, &heading, &caption)
+    }
 }
 
 /// Where the network begins below title, caption and two lines of legend.
@@ -236,6 +245,7 @@ fn matrix(network: &Network, heading: &str, caption: &[String]) -> String {
     let side = cell * pes as f64;
     let top = head(caption) + 36.0;
     let left = MARGIN + 60.0;
+    let bars = left + side + 24.0;
     let shades = Shades::of(&network.loads);
     let most = network.words.values().copied().max().unwrap_or(1) as f64;
     // Names of PEs where they do not touch each other.
@@ -245,8 +255,8 @@ fn matrix(network: &Network, heading: &str, caption: &[String]) -> String {
         shades.legend(canvas, (MARGIN, y));
         let y = y + LABEL + 8.0;
         let text = format!(
-            "diagonal: load of the PE; elsewhere: words per step between two PEs, black {most}. \
-             PEs in an order that keeps neighbours together"
+            "diagonal and bars: load of the PE; elsewhere: words per step between two PEs, black {most}. \
+             Neighbours stand together"
         );
         canvas.text(&crate::style::fitted(&text, SMALL, EXTENT), (MARGIN, y), SMALL, Anchor::Start);
         canvas.fill((left, top), (left + side, top + side), (250, 250, 250));
@@ -264,13 +274,21 @@ fn matrix(network: &Network, heading: &str, caption: &[String]) -> String {
         }
         for (pe, at) in rank.iter().enumerate() {
             let d = *at as f64 * cell;
-            canvas.fill((left + d, top + d), (left + d + cell, top + d + cell), shades.tone(network.loads[pe]));
+            let load = network.loads[pe];
+            canvas.fill((left + d, top + d), (left + d + cell, top + d + cell), shades.tone(load));
+            canvas.fill((bars, top + d), (bars + load * BARS, top + d + cell), shades.tone(load));
             if at % every.max(1) == 0 {
                 let name = pe.to_string();
                 canvas.text(&name, (left - 5.0, top + d + cell / 2.0), SMALL, Anchor::End);
                 canvas.upright(&name, (left + d + cell / 2.0, top - 5.0), SMALL, Anchor::Start);
             }
         }
+        for share in [0.0, 0.5, 1.0] {
+            let x = bars + share * BARS;
+            canvas.path(&[(x, top - 4.0), (x, top + side)], GRID, 0.6);
+            canvas.text(&format!("{:.0} %", share * 100.0), (x, top - 12.0), SMALL, Anchor::Middle);
+        }
+        canvas.frame((bars, top), (bars + BARS, top + side), SOFT, 1.0);
         canvas.frame((left, top), (left + side, top + side), SOFT, 1.0);
         canvas.upright("PE", (MARGIN + LABEL / 2.0, top + side / 2.0), LABEL, Anchor::Middle);
     })
