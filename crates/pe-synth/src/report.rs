@@ -166,6 +166,7 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
         "function_reason": "the model has no elementary function of a variable",
         "input_hold": errors.input_hold,
         "samples": design.judged.times.len(),
+        "outputs": output_errors(model, design),
     });
     match total {
         None => value["total_reason"] = json!("no reference solution was asked for with --reference"),
@@ -180,6 +181,13 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
         }
     }
     value
+}
+
+/// Word-length errors of the outputs that are drawn.
+fn output_errors(model: &Model, design: &Design) -> Vec<Value> {
+    let errors = design.judged.curves.errors();
+    let named = model.outputs.iter().zip(errors);
+    named.map(|(output, error)| json!({"name": output.name, "word_length": error})).collect()
 }
 
 /// The PE with most products.

@@ -74,6 +74,22 @@ pub struct Curves {
     pub fixed: Trajectory,
 }
 
+impl Curves {
+    /// Largest difference of each output, relative to its largest magnitude.
+    pub fn errors(&self) -> Vec<f64> {
+        let largest = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0, |most: f64, n| most.max(n.abs()));
+        let outputs = self.double.states.max(1);
+        let of = |output| move |samples: &[f64]| samples[output];
+        let error = |output| {
+            let double = || self.double.samples.chunks_exact(outputs).map(of(output));
+            let fixed = self.fixed.samples.chunks_exact(outputs).map(of(output));
+            let difference = largest(&mut fixed.zip(double()).map(|(fixed, double)| fixed - double));
+            if difference == 0.0 { 0.0 } else { difference / largest(&mut double()) }
+        };
+        (0..self.double.states).map(error).collect()
+    }
+}
+
 /// Outputs of which [`Curves`] are kept.
 const CURVES: usize = 8;
 
