@@ -112,6 +112,17 @@ pub enum StatementKind {
     Equation(Equation),
     /// `output V[1], w`.
     Output(Vec<OutputItem>),
+    /// `function f(x, y) = expr`.
+    Function {
+        /// Its name.
+        name: Name,
+        /// Names of its arguments.
+        parameters: Vec<Name>,
+        /// Its value.
+        body: Expr,
+    },
+    /// `units strict`.
+    Units(Name),
     /// `include "lib/gates.spec"`: the path as written, with the place of its quotes.
     Include(Name),
 }
@@ -124,7 +135,7 @@ pub struct Declared {
     /// One index per dimension, with a range of its own or that of the `index` statement.
     pub dimensions: Vec<Binder>,
     /// Text in the unit bracket.
-    pub unit: Option<String>,
+    pub unit: Option<Name>,
 }
 
 /// An index and, where it is given on the spot, its range.
@@ -189,7 +200,7 @@ pub struct Equation {
     /// Whether the left-hand side carries a prime.
     pub derivative: bool,
     /// Unit of an algebraic quantity.
-    pub unit: Option<String>,
+    pub unit: Option<Name>,
     /// The right-hand side.
     pub value: Expr,
     /// Stated range of an algebraic quantity.

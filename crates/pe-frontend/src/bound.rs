@@ -4,7 +4,9 @@
 
 use crate::ast::{Comparison, Connective, Factor, Sign};
 use crate::functions::Function;
+use crate::inline::Body;
 use pe_ir::source::Span;
+use std::rc::Rc;
 
 /// A bound expression and its place.
 #[derive(Debug)]
@@ -28,6 +30,10 @@ pub(crate) enum NodeKind {
     If(Box<Condition>, Box<Node>, Box<Node>),
     SumOver(Box<SumOver>),
     Call(Function, Vec<Node>),
+    /// Argument of the innermost function.
+    Argument(usize),
+    /// The body of a function with these arguments.
+    Inline(Vec<Node>, Rc<Body>),
     /// One value for each element of this quantity, whose subscripts come first in the frame.
     Data(usize, Vec<f64>),
 }

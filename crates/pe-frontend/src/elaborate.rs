@@ -73,7 +73,7 @@ pub(crate) struct Elaborator<'a> {
 impl<'a> Elaborator<'a> {
     fn run(&mut self, overrides: &Overrides) -> Option<Model> {
         let settings = Settings::collect(self.spec, &mut self.report);
-        let observe = &overrides.observe;
+        let (observe, units) = (&overrides.observe, overrides.units);
         let overrides = self.check_overrides(&overrides.set);
         self.constants(Kind::Const, &overrides);
         self.index_ranges();
@@ -85,6 +85,8 @@ impl<'a> Elaborator<'a> {
         let flat = self.equations();
         let outputs = self.outputs(observe);
         let order = self.dependency_order(&flat);
+        self.check_functions();
+        self.check_units(units.or(settings.units).unwrap_or_default());
         if self.report.failed() || !self.spec.broken.is_empty() {
             return None;
         }
@@ -102,6 +104,7 @@ impl<'a> Elaborator<'a> {
             reads,
             spec: self.spec,
             owner: None,
+            calling: Vec::new(),
         }
     }
 

@@ -44,17 +44,20 @@ pub(crate) enum Purpose {
 pub(crate) struct Evaluator {
     /// Values of the indices in scope, outermost first.
     pub(crate) frame: Vec<i64>,
+    /// Arguments of the functions in progress, and the place of the first one of the innermost.
+    pub(crate) arguments: Vec<Expr>,
+    pub(crate) first_argument: usize,
     /// Expressions that may still be evaluated.
     work: u64,
     /// Variables that may still be read; bounds the memory of the result.
-    reads: u64,
+    pub(crate) reads: u64,
     /// Whether all left-hand sides are known; before, any algebraic element may still get its equation.
     pub(crate) left_sides_known: bool,
 }
 
 impl Evaluator {
     pub(crate) fn new(work: u64, reads: u64) -> Self {
-        Evaluator { frame: Vec::new(), work, reads, left_sides_known: false }
+        Evaluator { frame: Vec::new(), arguments: Vec::new(), first_argument: 0, work, reads, left_sides_known: false }
     }
 
     /// The value of an expression over variables.
@@ -80,6 +83,8 @@ impl Evaluator {
             }
             NodeKind::SumOver(sum) => self.sum_over(names, sum, node.span),
             NodeKind::Call(function, arguments) => self.call(names, function, arguments, node.span),
+            NodeKind::Argument(place) => self.argument(*place, node.span),
+            NodeKind::Inline(arguments, body) => self.inline(names, arguments, body, node.span),
             NodeKind::Data(quantity, values) => {
                 let quantity = &names.quantities[*quantity];
                 let offset = quantity.offset(&self.frame[..quantity.rank]).map_err(|_| Fault::Silent)?;
@@ -313,7 +318,7 @@ fn not_finite(span: Span, reason: &str) -> Diagnostic {
     Diagnostic::error(codes::NOT_FINITE, span, reason)
 }
 
-fn too_large(span: Span) -> Diagnostic {
+pub(crate) fn too_large(span: Span) -> Diagnostic {
     Diagnostic::error(codes::TOO_MUCH_WORK, span, "the model takes too much work to write out; the limit is met here")
         .with_help("look for a sum or an index range that is larger than intended")
 }

@@ -25,7 +25,7 @@ const fn one(name: &'static str, apply: fn(&[f64]) -> f64) -> Function {
 }
 
 /// All functions.
-pub(crate) const FUNCTIONS: [Function; 16] = [
+pub(crate) const FUNCTIONS: [Function; 22] = [
     one("floor", |x| libm::floor(x[0])),
     one("ceil", |x| libm::ceil(x[0])),
     one("round", |x| libm::round(x[0])),
@@ -37,8 +37,14 @@ pub(crate) const FUNCTIONS: [Function; 16] = [
     one("sin", |x| libm::sin(x[0])),
     one("cos", |x| libm::cos(x[0])),
     one("tan", |x| libm::tan(x[0])),
+    one("asin", |x| libm::asin(x[0])),
+    one("acos", |x| libm::acos(x[0])),
+    one("atan", |x| libm::atan(x[0])),
+    one("sinh", |x| libm::sinh(x[0])),
+    one("cosh", |x| libm::cosh(x[0])),
     one("tanh", |x| libm::tanh(x[0])),
     one("abs", |x| libm::fabs(x[0])),
+    one("sign", |x| if x[0] == 0.0 { 0.0 } else { libm::copysign(1.0, x[0]) }),
     Function { name: "min", arguments: (2, MANY), apply: |x| x.iter().copied().fold(f64::INFINITY, libm::fmin) },
     Function { name: "max", arguments: (2, MANY), apply: |x| x.iter().copied().fold(f64::NEG_INFINITY, libm::fmax) },
     Function { name: "mod", arguments: (2, 2), apply: |x| modulo(x[0], x[1]) },

@@ -5,8 +5,10 @@ use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Keywords that begin a statement.
-pub(crate) const SECTIONS: [&str; 11] =
-    ["model", "solver", "step", "span", "const", "index", "param", "input", "state", "output", "include"];
+pub(crate) const SECTIONS: [&str; 13] = [
+    "model", "solver", "step", "span", "const", "index", "param", "input", "state", "output", "include", "function",
+    "units",
+];
 
 /// Keywords inside statements.
 const INNER_KEYWORDS: [&str; 12] =

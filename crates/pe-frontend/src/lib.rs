@@ -18,6 +18,7 @@ mod evaluate;
 mod files;
 mod fold;
 mod functions;
+mod inline;
 mod lexer;
 mod names;
 mod nearest;
@@ -35,10 +36,12 @@ mod statements;
 mod syntax;
 mod syntax_errors;
 mod tables;
+mod units;
 
 pub use ast::Spec;
 pub use elaborate::{Limits, elaborate, elaborate_within};
 pub use files::{LARGEST_FILE, LoadError, Loader, NoFiles, main_file};
+pub use units::Units;
 
 use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Severity, Sources};
@@ -58,6 +61,8 @@ pub struct Overrides {
     pub set: Vec<(String, f64)>,
     /// Lists of scalars, elements and whole arrays (`V[3], p`) that are the outputs; the spec's if there is none.
     pub observe: Vec<String>,
+    /// How strictly units are checked; what the spec says, if this is not given.
+    pub units: Option<Units>,
 }
 
 /// Parses and elaborates a spec: the model and its warnings, or everything that was found, in source order. See

@@ -1,6 +1,7 @@
 //! The names of a spec: what each one stands for, where it is defined, and what is known of it so far.
 
 use crate::ast::{Binder, Name, Spec, StatementKind};
+use crate::inline::Defined;
 use crate::nearest::suggestion;
 use crate::report::Report;
 use pe_ir::codes;
@@ -70,7 +71,7 @@ pub(crate) struct Dimension {
 pub(crate) struct Quantity<'a> {
     pub(crate) name: &'a Name,
     pub(crate) kind: Kind,
-    pub(crate) unit: Option<&'a str>,
+    pub(crate) unit: Option<&'a Name>,
     /// Number of subscripts.
     pub(crate) rank: usize,
     /// Declared indices; empty for algebraic quantities.
@@ -178,6 +179,9 @@ pub(crate) struct Names<'a> {
     pub(crate) quantities: Vec<Quantity<'a>>,
     /// In source order.
     pub(crate) indices: Vec<Index<'a>>,
+    /// In source order.
+    pub(crate) functions: Vec<Defined<'a>>,
+    pub(crate) function_numbers: HashMap<&'a str, usize>,
     /// Names that broken statements may define; nothing is said about them.
     poisoned: HashSet<&'a str>,
     /// Whether a file is missing that may define any name.
@@ -193,13 +197,13 @@ impl<'a> Names<'a> {
             match &statement.kind {
                 StatementKind::Const { name, .. } => names.declare(name, Kind::Const, None, &[], report),
                 StatementKind::Param { declared: d, .. } => {
-                    names.declare(&d.name, Kind::Param, d.unit.as_deref(), &d.dimensions, report);
+                    names.declare(&d.name, Kind::Param, d.unit.as_ref(), &d.dimensions, report);
                 }
                 StatementKind::Input { declared: d, .. } => {
-                    names.declare(&d.name, Kind::Input, d.unit.as_deref(), &d.dimensions, report);
+                    names.declare(&d.name, Kind::Input, d.unit.as_ref(), &d.dimensions, report);
                 }
                 StatementKind::State { declared: d, .. } => {
-                    names.declare(&d.name, Kind::State, d.unit.as_deref(), &d.dimensions, report);
+                    names.declare(&d.name, Kind::State, d.unit.as_ref(), &d.dimensions, report);
                 }
                 StatementKind::Index(binders) => {
                     for binder in binders {
@@ -208,6 +212,9 @@ impl<'a> Names<'a> {
                             names.indices.push(Index { name: &binder.name, range: None, used: false });
                         }
                     }
+                }
+                StatementKind::Function { name, parameters, body } => {
+                    names.define_function(name, parameters, body, report);
                 }
                 _ => {}
             }
@@ -218,7 +225,7 @@ impl<'a> Names<'a> {
             let name = &equation.target.name;
             let predefined = PREDEFINED.iter().any(|(word, _)| *word == name.text);
             if !equation.derivative && !predefined && !names.symbols.contains_key(name.text.as_str()) {
-                names.add(name, Kind::Algebraic, equation.unit.as_deref(), &[]);
+                names.add(name, Kind::Algebraic, equation.unit.as_ref(), &[]);
                 if let Some(quantity) = names.quantities.last_mut() {
                     quantity.rank = equation.target.subscripts.len();
                 }
@@ -232,7 +239,7 @@ impl<'a> Names<'a> {
         &mut self,
         name: &'a Name,
         kind: Kind,
-        unit: Option<&'a str>,
+        unit: Option<&'a Name>,
         binders: &'a [Binder],
         report: &mut Report,
     ) {
@@ -246,7 +253,7 @@ impl<'a> Names<'a> {
         }
     }
 
-    fn add(&mut self, name: &'a Name, kind: Kind, unit: Option<&'a str>, binders: &'a [Binder]) {
+    fn add(&mut self, name: &'a Name, kind: Kind, unit: Option<&'a Name>, binders: &'a [Binder]) {
         self.symbols.insert(&name.text, Symbol::Quantity(self.quantities.len()));
         self.quantities.push(Quantity {
             name,

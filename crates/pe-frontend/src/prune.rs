@@ -228,5 +228,5 @@ fn number<'a>(slots: impl Iterator<Item = &'a mut u32>) {
 }
 
 fn unit(quantity: &Quantity) -> Option<String> {
-    quantity.unit.map(str::to_owned)
+    quantity.unit.map(|unit| unit.text.clone())
 }

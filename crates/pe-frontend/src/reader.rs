@@ -13,7 +13,7 @@ use pe_ir::source::{Diagnostic, Sources, Span};
 const DEEPEST_INCLUDE: usize = 32;
 
 /// Sections that describe the whole model.
-const MAIN_ONLY: [&str; 4] = ["model", "solver", "step", "span"];
+const MAIN_ONLY: [&str; 5] = ["model", "solver", "step", "span", "units"];
 
 /// Parses all files of a spec; `sources` holds the main one and takes up the others.
 pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Report) -> Spec {
@@ -179,6 +179,7 @@ fn section(kind: &StatementKind) -> Option<&'static str> {
         StatementKind::Solver(_) => MAIN_ONLY[1],
         StatementKind::Step(_) => MAIN_ONLY[2],
         StatementKind::Span(_) => MAIN_ONLY[3],
+        StatementKind::Units(_) => MAIN_ONLY[4],
         _ => return None,
     })
 }

@@ -1,7 +1,7 @@
 //! Collects diagnostics, with a cap so that a binary file does not yield a million of them.
 
 use pe_ir::codes;
-use pe_ir::source::{Diagnostic, Severity};
+use pe_ir::source::{Diagnostic, Severity, Span};
 
 /// Findings shown per run and severity; more help nobody.
 const MOST: usize = 100;
@@ -25,6 +25,16 @@ impl Report {
         if *count <= MOST {
             self.findings.push(finding);
         }
+    }
+
+    /// Number of findings so far.
+    pub(crate) fn count(&self) -> usize {
+        self.findings.len()
+    }
+
+    /// Adds a place to all findings but the first `count`.
+    pub(crate) fn label_from(&mut self, count: usize, span: Span, text: &str) {
+        self.findings[count..].iter_mut().for_each(|finding| finding.labels.push((span, text.to_owned())));
     }
 
     /// Whether an error was found.

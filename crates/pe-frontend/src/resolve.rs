@@ -33,6 +33,8 @@ pub(crate) struct Resolver<'r, 'a> {
     pub(crate) spec: &'a Spec,
     /// The quantity whose element is being defined; its subscripts are the outermost indices of the frame.
     pub(crate) owner: Option<usize>,
+    /// Functions whose bodies are being bound, the innermost last.
+    pub(crate) calling: Vec<usize>,
 }
 
 impl<'a> Resolver<'_, 'a> {
@@ -152,9 +154,16 @@ impl<'a> Resolver<'_, 'a> {
 
     fn call(&mut self, name: &'a Name, arguments: &'a [Expr], span: Span) -> Option<NodeKind> {
         let bound = all(arguments.iter().map(|argument| self.number(argument)));
+        if let Some(number) = self.names.function_numbers.get(name.text.as_str()).copied() {
+            return self.inline(number, bound, arguments.len(), span);
+        }
         let Some(function) = functions::find(&name.text) else {
+            if self.names.is_poisoned(&name.text) {
+                return None;
+            }
             let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
-            let known = FUNCTIONS.iter().map(|function| function.name);
+            let own = self.names.functions.iter().map(|function| function.name.text.as_str());
+            let known = FUNCTIONS.iter().map(|function| function.name).chain(own);
             let help = suggestion(&name.text, known).or_else(|| {
                 let array = matches!(self.names.find(&name.text), Some(Symbol::Quantity(_)));
                 array.then(|| {
@@ -179,7 +188,7 @@ impl<'a> Resolver<'_, 'a> {
         let subscripts = all(reference.subscripts.iter().map(|subscript| self.number(subscript)));
         // The innermost index wins; equal names have been reported.
         let index = self.scope.iter().rposition(|index| *index == name.text);
-        let number = index.map(NodeKind::Index).or_else(|| {
+        let number = index.map(NodeKind::Index).or_else(|| self.argument(name)).or_else(|| {
             PREDEFINED.iter().find(|(word, _)| *word == name.text).map(|(_, value)| NodeKind::Number(*value))
         });
         if let Some(number) = number {
@@ -253,9 +262,8 @@ impl<'a> Resolver<'_, 'a> {
         let error = Diagnostic::error(codes::SUBSCRIPT_COUNT, reference.span, message)
             .with_label(quantity.name.span, "defined here");
         self.report.push(match quantity.unit {
-            Some(unit) if wanted == 0 => {
-                error.with_help(format!("`[{unit}]` was read as a unit; indices follow the name without a blank"))
-            }
+            Some(unit) if wanted == 0 => error
+                .with_help(format!("`[{}]` was read as a unit; indices follow the name without a blank", unit.text)),
             _ => error,
         });
         None

@@ -4,6 +4,7 @@ use crate::ast::{Measure, Name, Spec, StatementKind};
 use crate::elaborate::Elaborator;
 use crate::nearest::suggestion;
 use crate::report::Report;
+use crate::units::Units;
 use pe_ir::codes;
 use pe_ir::model::Solver;
 use pe_ir::source::{Diagnostic, Span};
@@ -25,6 +26,7 @@ pub(crate) struct Settings<'a> {
     solver: Option<Solver>,
     step: Option<&'a Measure>,
     span: Option<&'a Measure>,
+    pub(crate) units: Option<Units>,
 }
 
 /// What the single statements say.
@@ -42,7 +44,17 @@ impl<'a> Settings<'a> {
         let mut settings = Settings::default();
         let mut seen: [Option<Span>; 4] = [None; 4];
         const SECTIONS: [&str; 4] = ["model", "solver", "step", "span"];
+        let mut units: Option<Span> = None;
         for statement in &spec.statements {
+            if let StatementKind::Units(name) = &statement.kind {
+                match units.replace(statement.span) {
+                    None => settings.units = units_mode(name, report),
+                    Some(first) => report.push(
+                        Diagnostic::error(codes::DUPLICATE, statement.span, "a second `units` statement")
+                            .with_label(first, "the first one"),
+                    ),
+                }
+            }
             let section = match &statement.kind {
                 StatementKind::Model { .. } => 0,
                 StatementKind::Solver(_) => 1,
@@ -94,6 +106,16 @@ fn check_model_name(name: &Name, report: &mut Report) {
         let help = "files and hardware units are named after the model";
         report.push(Diagnostic::error(codes::WRONG_KIND, name.span, message).with_help(help));
     }
+}
+
+fn units_mode(name: &Name, report: &mut Report) -> Option<Units> {
+    let found = Units::ALL.into_iter().find(|(word, _)| *word == name.text);
+    if found.is_none() {
+        let message = format!("`{}` is no way to check units", name.text);
+        let error = Diagnostic::error(codes::UNKNOWN_UNIT, name.span, message);
+        report.push(error.with_help("there are `strict`, `warn` and `off`"));
+    }
+    found.map(|(_, units)| units)
 }
 
 fn solver(name: &Name, report: &mut Report) -> Option<Solver> {

@@ -115,7 +115,7 @@ fn first_word(text: &str, statement: &[Token]) -> Option<Diagnostic> {
     if SECTIONS.contains(&word) {
         let second = second?;
         let name = text_of(text, second);
-        let names_something = !matches!(word, "solver" | "step" | "span" | "output" | "include");
+        let names_something = !matches!(word, "solver" | "step" | "span" | "output" | "include" | "units");
         return (names_something && is_keyword(name)).then(|| keyword_as_name(name, second.span));
     }
     if first.kind != TokenKind::Word {

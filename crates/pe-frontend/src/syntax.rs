@@ -56,6 +56,8 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "state" => Rule::state_statement,
         "output" => Rule::output_statement,
         "include" => Rule::include_statement,
+        "function" => Rule::function_statement,
+        "units" => Rule::units_statement,
         _ => Rule::equation,
     };
     let mut builder = Builder { base: span.start, report, explained: false, files: Vec::new() };
@@ -138,10 +140,19 @@ impl Builder<'_> {
                 StatementKind::Output(items)
             }
             Rule::include_statement => StatementKind::Include(self.text(&mut parts)?),
+            Rule::units_statement => StatementKind::Units(self.name(parts.take(Rule::name)?)),
+            Rule::function_statement => {
+                let name = self.name(parts.take(Rule::name)?);
+                let mut parameters = Vec::new();
+                while let Some(parameter) = parts.take(Rule::name) {
+                    parameters.push(self.name(parameter));
+                }
+                StatementKind::Function { name, parameters, body: self.expr(parts.take(Rule::expr)?)? }
+            }
             Rule::equation => {
                 let target = self.reference(parts.take(Rule::reference)?)?;
                 let derivative = parts.take(Rule::prime).is_some();
-                let unit = parts.take(Rule::unit).and_then(unit_text);
+                let unit = parts.take(Rule::unit).and_then(|unit| self.unit(unit));
                 let value = self.expr(parts.take(Rule::expr)?)?;
                 let within = self.within(&mut parts)?;
                 let (ranges, condition) = self.clauses(&mut parts)?;
@@ -158,7 +169,17 @@ impl Builder<'_> {
             Some(dimensions) => self.binders(Parts::of(dimensions), Rule::binder)?,
             None => Vec::new(),
         };
-        Some(Declared { name, dimensions, unit: parts.take(Rule::unit).and_then(unit_text) })
+        Some(Declared { name, dimensions, unit: parts.take(Rule::unit).and_then(|unit| self.unit(unit)) })
+    }
+
+    /// Text between the brackets, `None` if there is none.
+    fn unit(&self, pair: Node) -> Option<Name> {
+        let text = pair.into_inner().next()?;
+        let span = self.span(&text);
+        let trimmed = text.as_str().trim();
+        let start = span.start + (text.as_str().len() - text.as_str().trim_start().len()) as u32;
+        let span = Span { start, end: start + trimmed.len() as u32 };
+        (!trimmed.is_empty()).then(|| Name { text: trimmed.to_owned(), span })
     }
 
     fn binders(&mut self, mut parts: Parts, rule: Rule) -> Option<Vec<Binder>> {
@@ -385,12 +406,6 @@ fn logical(left: Expr, connective: Connective, right: Expr) -> ExprKind {
     ExprKind::Logical(connective, operands)
 }
 
-/// Text between the brackets, `None` if there is none.
-fn unit_text(pair: Node) -> Option<String> {
-    let text = pair.into_inner().next()?.as_str().trim().to_owned();
-    (!text.is_empty()).then_some(text)
-}
-
 /// The children of a pair, taken by rule in order; keywords and signs between them are skipped.
 struct Parts<'a>(Vec<Node<'a>>);
 
@@ -423,6 +438,8 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_state
             | Rule::kw_output
             | Rule::kw_include
+            | Rule::kw_function
+            | Rule::kw_units
             | Rule::data_word
             | Rule::samples_word
             | Rule::kw_if

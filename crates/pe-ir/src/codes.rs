@@ -55,6 +55,7 @@ codes! {
     BAD_LEFT_SIDE = "E0306", "left-hand side cannot be defined";
     ALGEBRAIC_LOOP = "E0307", "algebraic loop";
     CIRCULAR_CONSTANT = "E0308", "constant defined by itself";
+    RECURSION = "E0309", "function that calls itself";
 
     ARGUMENT_COUNT = "E0401", "wrong number of arguments";
     NUMBER_OR_CONDITION = "E0402", "number and condition mixed up";
@@ -78,6 +79,8 @@ codes! {
     TOO_MANY_ELEMENTS = "E0601", "too many elements";
     TOO_MUCH_WORK = "E0602", "model too large";
 
+    UNIT_ERROR = "E0701", "units do not agree";
+
     TOO_MANY_PRODUCTS = "E0801", "equation expands to too many products";
     NO_FORMAT = "E0802", "no number format fits";
     ACCUMULATOR = "E0803", "products do not fit the accumulator";
@@ -92,6 +95,8 @@ codes! {
     OUTSIDE_BOUNDS = "W0003", "value outside the stated range";
     REPEATED_OUTPUT = "W0004", "output asked for twice";
     REPEATED_INCLUDE = "W0005", "file included twice";
+    UNIT_MISMATCH = "W0701", "units do not agree";
+    UNREAD_UNIT = "W0702", "unknown unit";
     STEP_LARGE = "W0903", "step large for the accuracy";
     NO_REFERENCE = "W0904", "no reference solution";
     WORD_SHORT = "W0905", "word short for the accuracy";
@@ -106,6 +111,7 @@ pub const GROUPS: &[(&str, &str)] = &[
     ("04", "Expressions"),
     ("05", "Values"),
     ("06", "Limits"),
+    ("07", "Units"),
     ("08", "Number formats"),
     ("09", "Runs over the span"),
 ];

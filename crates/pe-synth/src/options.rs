@@ -26,6 +26,9 @@ pub struct ModelOptions {
     /// Outputs in place of the spec's: scalars, elements, whole arrays; may be repeated
     #[arg(long, value_name = "NAME[,NAME...]", help_heading = "Model")]
     pub observe: Vec<String>,
+    /// How strictly units are checked, in place of the spec's: strict, warn or off
+    #[arg(long, value_name = "MODE", value_parser = units)]
+    pub units: Option<pe_frontend::Units>,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Mapping")]
     pub seed: u64,
@@ -78,7 +81,8 @@ impl ModelOptions {
     pub fn read(&self) -> Result<LoadedModel, Failure> {
         let mut sources = files::main_file(&self.spec)?;
         let loader = ModelFolder::of(&self.spec);
-        let overrides = pe_frontend::Overrides { set: self.set.clone(), observe: self.observe.clone() };
+        let overrides =
+            pe_frontend::Overrides { set: self.set.clone(), observe: self.observe.clone(), units: self.units };
         let (mut model, warnings) = match pe_frontend::compile(&mut sources, &loader, &overrides) {
             Ok(result) => result,
             Err(findings) => return Err(Failure::Spec(findings, sources)),
@@ -140,6 +144,12 @@ pub fn solver() -> impl TypedValueParser<Value = Solver> {
 /// Parses bits of a stored word.
 pub fn storage() -> impl TypedValueParser<Value = u32> {
     clap::value_parser!(u32).range(12..=40)
+}
+
+/// Parses a way to check units.
+fn units(text: &str) -> Result<pe_frontend::Units, String> {
+    let found = pe_frontend::Units::ALL.into_iter().find(|(word, _)| *word == text);
+    found.map(|(_, units)| units).ok_or_else(|| "expected strict, warn or off".to_owned())
 }
 
 /// Parses a time: a number with an optional unit.

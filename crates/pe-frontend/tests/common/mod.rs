@@ -71,3 +71,12 @@ fn evaluate(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[f64]) -> 
         Expr::Power(base, exponent) => value(base).powi(*exponent as i32),
     }
 }
+
+/// The folder of a main file on disk.
+pub struct Folder(pub PathBuf);
+
+impl pe_frontend::Loader for Folder {
+    fn load(&self, path: &str) -> Result<Vec<u8>, pe_frontend::LoadError> {
+        std::fs::read(self.0.join(path)).map_err(|_| pe_frontend::LoadError::Missing)
+    }
+}

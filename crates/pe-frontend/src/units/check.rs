@@ -1,0 +1,494 @@
+//! Checks the units of a spec, statement by statement and not element by element.
+//!
+//! A number written out has whatever unit its place asks for in a sum, and none in a product. A quantity without a unit
+//! takes that of its definition.
+
+use super::{Dimension, Units, parse, place, shown_factor};
+use crate::ast::{Equation, Expr, ExprKind, Factor, Measure, Name, Range, Reference, Signal, StatementKind};
+use crate::elaborate::Elaborator;
+use crate::functions;
+use crate::inline::MOST_NESTED_CALLS;
+use crate::names::{Kind, Symbol};
+use crate::signals::{Argument, WAVEFORMS};
+use pe_ir::codes;
+use pe_ir::source::{Diagnostic, Span};
+
+/// Functions whose value has the unit of their arguments.
+const SAME: [&str; 8] = ["floor", "ceil", "round", "abs", "min", "max", "mod", "sign"];
+
+/// Bodies of functions that are looked into; each call looks again, for its arguments have units of their own.
+const MOST_CALLS: usize = 20_000;
+
+/// What is known of the unit of an expression.
+#[derive(Clone, Copy, Debug)]
+enum Unit {
+    /// A number written out, or made of such.
+    Number,
+    /// Something without a unit that may have any.
+    Unknown,
+    Known(Dimension),
+}
+
+use Unit::{Known, Number, Unknown};
+
+/// A unit and the place that it comes from.
+type Side = (Unit, Span);
+
+/// What names mean inside of a function.
+#[derive(Clone, Copy)]
+struct Scope<'s> {
+    parameters: &'s [(&'s str, Unit)],
+    /// Whether findings are told, or the unit alone is wanted.
+    told: bool,
+    /// Functions that called one another to get here.
+    depth: usize,
+}
+
+/// The top level of a statement.
+const TOLD: Scope = Scope { parameters: &[], told: true, depth: 0 };
+
+struct Checker<'c, 'a> {
+    elaborator: &'c mut Elaborator<'a>,
+    strict: bool,
+    /// Unit of each quantity; `None` until known.
+    units: Vec<Option<Unit>>,
+    /// Units that the spec names, to show others by.
+    named: Vec<(&'a str, Dimension)>,
+    /// Calls of functions that may still be looked into.
+    calls: usize,
+}
+
+impl<'a> Elaborator<'a> {
+    /// Checks all units.
+    pub(crate) fn check_units(&mut self, mode: Units) {
+        if mode == Units::Off {
+            return;
+        }
+        let units = vec![None; self.names.quantities.len()];
+        let strict = mode == Units::Strict;
+        let mut checker = Checker { elaborator: self, strict, units, named: Vec::new(), calls: MOST_CALLS };
+        checker.declared();
+        // A spec without any unit is a system of numbers, its time is one, too.
+        if checker.named.is_empty() {
+            return;
+        }
+        checker.infer();
+        checker.statements();
+    }
+}
+
+impl<'a> Checker<'_, 'a> {
+    /// Reads the units that are written.
+    fn declared(&mut self) {
+        for number in 0..self.units.len() {
+            let Some(unit) = self.elaborator.names.quantities[number].unit else { continue };
+            self.units[number] = Some(self.read(unit));
+        }
+        // An algebraic quantity may have its unit at several of its equations.
+        for statement in &self.elaborator.spec.statements {
+            let StatementKind::Equation(Equation { target, unit: Some(unit), .. }) = &statement.kind else { continue };
+            let Some(Symbol::Quantity(number)) = self.elaborator.names.find(&target.name.text) else { continue };
+            let first = self.elaborator.names.quantities[number].unit;
+            match (self.units[number], first) {
+                (None, _) => {
+                    self.units[number] = Some(self.read(unit));
+                    self.elaborator.names.quantities[number].unit = Some(unit);
+                }
+                (Some(known), Some(first)) if first.span != unit.span => {
+                    let again = self.read(unit);
+                    self.same((known, first.span), (again, unit.span), TOLD);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn read(&mut self, unit: &'a Name) -> Unit {
+        match parse(&unit.text) {
+            Ok(dimension) => {
+                if !self.named.iter().any(|(_, known)| known.is(dimension)) {
+                    self.named.push((&unit.text, dimension));
+                }
+                Known(dimension)
+            }
+            Err(error) => {
+                let (code, span) =
+                    (if self.strict { codes::UNKNOWN_UNIT } else { codes::UNREAD_UNIT }, place(&error, unit.span));
+                let finding = Diagnostic { help: error.help, ..Diagnostic::error(code, span, error.message) };
+                self.tell(finding);
+                Unknown
+            }
+        }
+    }
+
+    fn tell(&mut self, finding: Diagnostic) {
+        self.elaborator.report.push(if self.strict { finding } else { finding.into_warning() });
+    }
+
+    /// Gives quantities without a unit that of their definition, in the order in which they read one another.
+    fn infer(&mut self) {
+        let spec = self.elaborator.spec;
+        let mut definitions: Vec<Option<&'a Expr>> = vec![None; self.units.len()];
+        for statement in &spec.statements {
+            let (name, value) = match &statement.kind {
+                StatementKind::Const { name, value } => (name, value),
+                StatementKind::Param { declared, value } => (&declared.name, value),
+                StatementKind::Equation(equation) if !equation.derivative => (&equation.target.name, &equation.value),
+                _ => continue,
+            };
+            if let Some(Symbol::Quantity(number)) = self.elaborator.names.find(&name.text) {
+                let kind = self.elaborator.names.quantities[number].kind;
+                let defines = matches!(kind, Kind::Const | Kind::Param | Kind::Algebraic);
+                definitions[number] = definitions[number].or(defines.then_some(value));
+            }
+        }
+        let mut begun = vec![false; self.units.len()];
+        for first in 0..self.units.len() {
+            let mut waiting = vec![first];
+            while let Some(number) = waiting.last().copied() {
+                let definition = definitions[number];
+                if self.units[number].is_some() {
+                    waiting.pop();
+                } else if !std::mem::replace(&mut begun[number], true) {
+                    // Quantities that wait for each other, as in a recursion over indices, stay open.
+                    let mut read = |name: &Name| {
+                        if let Some(Symbol::Quantity(other)) = self.elaborator.names.find(&name.text)
+                            && !begun[other]
+                        {
+                            waiting.push(other);
+                        }
+                    };
+                    definition.into_iter().for_each(|value| each_name(value, &mut read));
+                } else {
+                    let unit = definition.map_or(Number, |value| self.unit(value, Scope { told: false, ..TOLD }).0);
+                    let constant = matches!(self.elaborator.names.quantities[number].kind, Kind::Const | Kind::Param);
+                    let open = match (self.strict, constant) {
+                        (true, true) => Number,
+                        (true, false) => Known(Dimension::ONE),
+                        (false, _) => Unknown,
+                    };
+                    self.units[number] = Some(if matches!(unit, Number) { open } else { unit });
+                    waiting.pop();
+                }
+            }
+        }
+    }
+
+    fn statements(&mut self) {
+        for statement in &self.elaborator.spec.statements {
+            match &statement.kind {
+                StatementKind::Const { value, .. } => _ = self.unit(value, TOLD),
+                StatementKind::Param { declared, value } => {
+                    let own = self.own(&declared.name);
+                    let value = self.unit(value, TOLD);
+                    self.same(own, value, TOLD);
+                }
+                StatementKind::State { declared, initial, within } => {
+                    let own = self.own(&declared.name);
+                    let initial = self.unit(initial, TOLD);
+                    self.same(own, initial, TOLD);
+                    self.range(own, within.as_ref());
+                }
+                StatementKind::Input { declared, signal, within } => {
+                    let own = self.own(&declared.name);
+                    self.signal(own, signal);
+                    self.range(own, within.as_ref());
+                }
+                StatementKind::Equation(equation) => self.equation(equation),
+                _ => {}
+            }
+        }
+    }
+
+    fn equation(&mut self, equation: &'a Equation) {
+        let (unit, span) = self.own(&equation.target.name);
+        let own = match unit {
+            Known(unit) if equation.derivative => {
+                (unit.times(Dimension::SECOND, -1).map_or(Unknown, Known), equation.target.span)
+            }
+            unit => (unit, span),
+        };
+        let value = self.unit(&equation.value, TOLD);
+        self.same(own, value, TOLD);
+        self.range(own, equation.within.as_ref());
+        if let Some(condition) = &equation.condition {
+            self.unit(condition, TOLD);
+        }
+    }
+
+    fn range(&mut self, own: Side, within: Option<&'a Range>) {
+        for bound in within.into_iter().flat_map(|range| [&range.low, &range.high]) {
+            let bound = self.unit(bound, TOLD);
+            self.same(own, bound, TOLD);
+        }
+    }
+
+    fn signal(&mut self, own: Side, signal: &'a Signal) {
+        match signal {
+            Signal::Value(value) => {
+                let value = self.unit(value, TOLD);
+                self.same(own, value, TOLD);
+            }
+            Signal::Samples { path, column, .. } => {
+                let value = self.data(path, column);
+                self.same(own, value, TOLD);
+            }
+            Signal::Call { function, arguments, .. } => {
+                let form = WAVEFORMS.iter().find(|(name, ..)| *name == function.text);
+                let kinds = form.map_or(&[][..], |(_, kinds, _)| *kinds);
+                for (at, argument) in arguments.iter().enumerate() {
+                    let kind = kinds.get(at).map_or(Argument::Value, |(_, kind)| *kind);
+                    self.argument(own, argument, kind);
+                }
+            }
+        }
+    }
+
+    fn argument(&mut self, own: Side, argument: &'a Measure, kind: Argument) {
+        let value = self.unit(&argument.value, TOLD);
+        let span = value.1;
+        let wanted = match kind {
+            Argument::Value => own,
+            // A unit after the argument is that of the number before it.
+            Argument::Number => (Known(Dimension::ONE), span),
+            _ if argument.unit.is_some() => (Known(Dimension::ONE), span),
+            Argument::Time => (Known(Dimension::SECOND), span),
+            Argument::Frequency => (Dimension::ONE.times(Dimension::SECOND, -1).map_or(Unknown, Known), span),
+        };
+        self.same(wanted, value, TOLD);
+    }
+
+    /// The unit of a quantity, and the place where it is written, or the quantity defined.
+    fn own(&self, name: &Name) -> Side {
+        let Some(Symbol::Quantity(number)) = self.elaborator.names.find(&name.text) else {
+            return (Unknown, name.span);
+        };
+        let quantity = &self.elaborator.names.quantities[number];
+        (self.units[number].unwrap_or(Unknown), quantity.unit.map_or(quantity.name.span, |unit| unit.span))
+    }
+
+    /// The unit of an expression; conditions have none.
+    fn unit(&mut self, expr: &'a Expr, scope: Scope) -> Side {
+        let span = expr.span;
+        let unit = match &expr.kind {
+            ExprKind::Number(_) => Number,
+            ExprKind::Reference(reference) => self.reference(reference, scope),
+            ExprKind::Sum(terms) => self.all_same(terms.iter().map(|(_, term)| term), scope),
+            ExprKind::Product(first, rest) => self.product(first, rest, scope),
+            ExprKind::Power(base, exponent) => {
+                let base = self.unit(base, scope);
+                let plain = self.unit(exponent, scope);
+                self.plain(plain, scope);
+                match (base.0, literal(exponent)) {
+                    (Known(unit), Some(power)) => unit.power(power).map_or(Unknown, Known),
+                    (Known(unit), None) if unit.is(Dimension::ONE) => base.0,
+                    (Known(_), None) => Unknown,
+                    (unit, _) => unit,
+                }
+            }
+            ExprKind::Negate(operand) => self.unit(operand, scope).0,
+            ExprKind::If { condition, yes, no } => {
+                self.unit(condition, scope);
+                self.all_same([&**yes, no], scope)
+            }
+            ExprKind::SumOver { condition, body, .. } => {
+                condition.iter().for_each(|condition| _ = self.unit(condition, scope));
+                self.unit(body, scope).0
+            }
+            ExprKind::Call { function, arguments } => self.call(function, arguments, span, scope),
+            ExprKind::Data { path, column } => self.data(path, column).0,
+            ExprKind::Compare(_, left, right) => {
+                self.all_same([&**left, right], scope);
+                Number
+            }
+            ExprKind::Logical(_, operands) => {
+                operands.iter().for_each(|operand| _ = self.unit(operand, scope));
+                Number
+            }
+            ExprKind::Not(operand) => {
+                self.unit(operand, scope);
+                Number
+            }
+        };
+        (unit, span)
+    }
+
+    fn reference(&mut self, reference: &'a Reference, scope: Scope) -> Unit {
+        let name = reference.name.text.as_str();
+        if let Some((_, unit)) = scope.parameters.iter().find(|(parameter, _)| *parameter == name) {
+            return *unit;
+        }
+        match self.elaborator.names.find(name) {
+            Some(Symbol::Quantity(number)) => self.units[number].unwrap_or(Unknown),
+            // Indices and what is predefined are numbers.
+            Some(Symbol::Index(_)) | None => Number,
+        }
+    }
+
+    fn product(&mut self, first: &'a Expr, rest: &'a [(Factor, Expr)], scope: Scope) -> Unit {
+        let mut unit = self.unit(first, scope).0;
+        for (factor, operand) in rest {
+            let operand = self.unit(operand, scope).0;
+            let sign = if *factor == Factor::Divide { -1 } else { 1 };
+            unit = match (unit, operand) {
+                _ if matches!(factor, Factor::IntegerDivide | Factor::Modulo) => Number,
+                (Unknown, _) | (_, Unknown) => Unknown,
+                (Number, Number) => Number,
+                (Known(unit), Number) => Known(unit),
+                (Number, Known(unit)) => Dimension::ONE.times(unit, sign).map_or(Unknown, Known),
+                (Known(one), Known(other)) => one.times(other, sign).map_or(Unknown, Known),
+            };
+        }
+        unit
+    }
+
+    fn call(&mut self, function: &'a Name, arguments: &'a [Expr], span: Span, scope: Scope) -> Unit {
+        let name = function.text.as_str();
+        if let Some(defined) = self.elaborator.names.function(name) {
+            let (parameters, body) = (defined.parameters, defined.body);
+            let units: Vec<(&str, Unit)> = parameters
+                .iter()
+                .zip(arguments)
+                .map(|(parameter, argument)| (parameter.text.as_str(), self.unit(argument, scope).0))
+                .collect();
+            let Some(left) = self.calls.checked_sub(1).filter(|_| scope.depth < MOST_NESTED_CALLS) else {
+                return Unknown;
+            };
+            self.calls = left;
+            let before = self.elaborator.report.count();
+            let unit = self.unit(body, Scope { parameters: &units, told: scope.told, depth: scope.depth + 1 }).0;
+            self.elaborator.report.label_from(before, span, "called from here");
+            return unit;
+        }
+        if SAME.contains(&name) {
+            return self.all_same(arguments, scope);
+        }
+        let units: Vec<Side> = arguments.iter().map(|argument| self.unit(argument, scope)).collect();
+        match (name, units.as_slice()) {
+            ("sqrt", [(Known(unit), _)]) => unit.power(0.5).map_or(Unknown, Known),
+            ("sqrt", [(unit, _)]) => *unit,
+            _ if functions::find(name).is_some() => {
+                units.into_iter().for_each(|side| self.plain(side, scope));
+                Number
+            }
+            _ => Unknown,
+        }
+    }
+
+    /// The unit in the header of a column.
+    fn data(&mut self, path: &'a Name, column: &Name) -> Side {
+        let Some(table) = self.elaborator.spec.table(path) else { return (Unknown, path.span) };
+        let Some(number) = table.find(&column.text) else { return (Unknown, path.span) };
+        let column = &table.columns[number];
+        let unit = column.unit.as_deref().map_or(Number, |unit| parse(unit).map_or(Unknown, Known));
+        (unit, if column.unit.is_some() { column.place } else { path.span })
+    }
+
+    /// Checks that a number without unit stands here.
+    fn plain(&mut self, side: Side, scope: Scope) {
+        self.same((Known(Dimension::ONE), side.1), side, scope);
+    }
+
+    fn all_same(&mut self, members: impl IntoIterator<Item = &'a Expr>, scope: Scope) -> Unit {
+        let mut all: Option<Side> = None;
+        for member in members {
+            let side = self.unit(member, scope);
+            all = Some(match all {
+                None => side,
+                Some(before) => {
+                    self.same(before, side, scope);
+                    // The first known unit speaks for all; something unknown may be anything.
+                    match (before.0, side.0) {
+                        (Known(_), _) | (Unknown, Number) => before,
+                        _ => side,
+                    }
+                }
+            });
+        }
+        all.map_or(Number, |(unit, _)| unit)
+    }
+
+    /// Reports two units that ought to be the same.
+    fn same(&mut self, one: Side, other: Side, scope: Scope) {
+        let ((Known(first), first_place), (Known(second), second_place)) = (one, other) else { return };
+        if !scope.told || first.is(second) {
+            return;
+        }
+        let code = if self.strict { codes::UNIT_ERROR } else { codes::UNIT_MISMATCH };
+        let (first_text, second_text) = (self.shown(first), self.shown(second));
+        let alone = first_place == second_place;
+        let finding = if first.measures_the_same(second) {
+            let ratio = shown_factor(second.factor / first.factor);
+            let message = format!(
+                "[{first_text}] and [{second_text}] are sizes of the same: 1 {second_text} is {ratio} {first_text}"
+            );
+            let help = format!(
+                "numbers are not converted; multiply by a parameter, for example `param k [{first_text}/({second_text})] = {ratio}`"
+            );
+            Diagnostic::error(code, second_place, message).with_help(help)
+        } else if alone {
+            let message = format!("[{first_text}] is needed here, this is [{second_text}]");
+            Diagnostic::error(code, second_place, message)
+        } else {
+            let message = format!("units do not agree: [{first_text}] and [{second_text}]");
+            Diagnostic::error(code, second_place, message)
+        };
+        let finding = if alone { finding } else { finding.with_label(first_place, format!("[{first_text}]")) };
+        self.tell(finding.with_label(second_place, format!("[{second_text}]")));
+    }
+
+    /// A unit as the spec would write it.
+    fn shown(&self, unit: Dimension) -> String {
+        let named = |wanted: Dimension| self.named.iter().find(|(_, known)| known.is(wanted)).map(|(text, _)| *text);
+        if unit.is(Dimension::ONE) {
+            return "1".to_owned();
+        }
+        if let Some(text) = named(unit) {
+            return text.to_owned();
+        }
+        // A derivative: the unit of its variable over a second.
+        match unit.times(Dimension::SECOND, 1).and_then(named) {
+            Some(text) if text.contains('/') => format!("({text})/s"),
+            Some(text) => format!("{text}/s"),
+            None => unit.to_string(),
+        }
+    }
+}
+
+/// The value of an exponent that is written out.
+fn literal(expr: &Expr) -> Option<f64> {
+    match &expr.kind {
+        ExprKind::Number(value) => Some(*value),
+        ExprKind::Negate(operand) => literal(operand).map(|value| -value),
+        ExprKind::Product(first, rest) => match rest.as_slice() {
+            [(Factor::Divide, second)] => Some(literal(first)? / literal(second)?),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// Visits the names that an expression reads, subscripts and conditions aside.
+fn each_name<'a>(expr: &'a Expr, action: &mut impl FnMut(&'a Name)) {
+    match &expr.kind {
+        ExprKind::Number(_)
+        | ExprKind::Data { .. }
+        | ExprKind::Compare(..)
+        | ExprKind::Logical(..)
+        | ExprKind::Not(_) => {}
+        ExprKind::Reference(reference) => action(&reference.name),
+        ExprKind::Sum(terms) => terms.iter().for_each(|(_, term)| each_name(term, action)),
+        ExprKind::Product(first, rest) => {
+            each_name(first, action);
+            rest.iter().for_each(|(_, operand)| each_name(operand, action));
+        }
+        ExprKind::Power(base, _) | ExprKind::Negate(base) | ExprKind::SumOver { body: base, .. } => {
+            each_name(base, action)
+        }
+        ExprKind::If { yes, no, .. } => {
+            each_name(yes, action);
+            each_name(no, action);
+        }
+        ExprKind::Call { arguments, .. } => arguments.iter().for_each(|argument| each_name(argument, action)),
+    }
+}
