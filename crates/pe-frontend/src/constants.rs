@@ -7,9 +7,9 @@ use crate::ast::StatementKind;
 use crate::bound::Node;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, Purpose};
-use crate::names::{Kind, PREDEFINED, Symbol};
-use crate::nearest::suggestion;
+use crate::names::{Kind, Symbol};
 use crate::resolve::Reads;
+use crate::set::Set;
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
@@ -34,50 +34,8 @@ struct Definitions {
 }
 
 impl<'a> Elaborator<'a> {
-    /// Checks the values from the command line; gives them by quantity.
-    pub(crate) fn check_overrides(&mut self, overrides: &[(String, f64)]) -> Vec<Option<f64>> {
-        let mut values = vec![None; self.names.quantities.len()];
-        for (name, value) in overrides {
-            let constant = |number: usize| matches!(self.names.quantities[number].kind, Kind::Const | Kind::Param);
-            let problem = match self.names.find(name) {
-                Some(Symbol::Quantity(number)) if constant(number) && value.is_finite() => {
-                    values[number] = Some(*value);
-                    continue;
-                }
-                Some(Symbol::Quantity(number)) if constant(number) => {
-                    Diagnostic::global(codes::OVERRIDE, format!("`{name}` cannot be set to {value}"))
-                        .with_help("give a finite number")
-                }
-                Some(Symbol::Quantity(number)) => {
-                    let quantity = &self.names.quantities[number];
-                    let message = format!("`{name}` is {} and cannot be set", quantity.kind.describe());
-                    Diagnostic::error(codes::OVERRIDE, quantity.name.span, message)
-                        .with_help("only `const` and `param` can be set from outside")
-                }
-                Some(Symbol::Index(number)) => {
-                    let message = format!("`{name}` is an index and cannot be set");
-                    Diagnostic::error(codes::OVERRIDE, self.names.indices[number].name.span, message)
-                        .with_help("set the constant that its range depends on")
-                }
-                None if self.names.is_poisoned(name) => continue,
-                None if PREDEFINED.iter().any(|(word, _)| word == name) => {
-                    Diagnostic::global(codes::OVERRIDE, format!("`{name}` is predefined and cannot be set"))
-                }
-                None => {
-                    let constants =
-                        self.names.quantities.iter().filter(|q| matches!(q.kind, Kind::Const | Kind::Param));
-                    let error =
-                        Diagnostic::global(codes::OVERRIDE, format!("no constant or parameter `{name}` to set"));
-                    Diagnostic { help: suggestion(name, constants.map(|q| q.name.text.as_str())), ..error }
-                }
-            };
-            self.report.push(problem);
-        }
-        values
-    }
-
     /// Computes all constants of a kind, or marks them broken.
-    pub(crate) fn constants(&mut self, kind: Kind, overrides: &[Option<f64>]) {
+    pub(crate) fn constants(&mut self, kind: Kind, overrides: &[Set]) {
         let mut definitions = self.definitions(kind, overrides);
         for number in 0..self.names.quantities.len() {
             if definitions.nodes[number].is_some() {
@@ -87,7 +45,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Binds the definitions of a kind.
-    fn definitions(&mut self, kind: Kind, overrides: &[Option<f64>]) -> Definitions {
+    fn definitions(&mut self, kind: Kind, overrides: &[Set]) -> Definitions {
         let count = self.names.quantities.len();
         let mut definitions = Definitions { nodes: Vec::new(), visiting: vec![Vec::new(); count] };
         definitions.nodes.resize_with(count, || None);
@@ -110,7 +68,7 @@ impl<'a> Elaborator<'a> {
             if kind == Kind::Const {
                 quantity.length = 1;
             }
-            match (overrides[number], node) {
+            match (overrides[number].whole, node) {
                 _ if quantity.broken => {}
                 (Some(value), _) => quantity.values = vec![value; quantity.length],
                 (None, Some(node)) => {
@@ -119,6 +77,10 @@ impl<'a> Elaborator<'a> {
                     definitions.nodes[number] = Some(node);
                 }
                 (None, None) => quantity.broken = true,
+            }
+            // An element that has a value is not computed any more.
+            for (offset, value) in self.set_elements(number, &overrides[number]) {
+                self.names.quantities[number].values[offset] = value;
             }
         }
         definitions

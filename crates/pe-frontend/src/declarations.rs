@@ -6,9 +6,11 @@ use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, Purpose, fault};
 use crate::names::{Kind, Symbol};
 use crate::resolve::Reads;
+use crate::set::Set;
 use pe_ir::codes;
 use pe_ir::model::Waveform;
 use pe_ir::source::{Diagnostic, Span};
+use std::collections::HashMap;
 
 /// Initial value and stated range of a flat state.
 pub(crate) struct Initial {
@@ -29,16 +31,25 @@ pub(crate) type BoundBounds = Option<(Node, Node)>;
 
 impl<'a> Elaborator<'a> {
     /// Initial values and ranges of all states, in flat order.
-    pub(crate) fn initial_values(&mut self) -> Vec<Initial> {
+    pub(crate) fn initial_values(&mut self, overrides: &[Set]) -> Vec<Initial> {
         let mut initials = Vec::new();
         for statement in &self.spec.statements {
             let StatementKind::State { declared, initial, within } = &statement.kind else { continue };
             let value = self.bind_element(initial, declared, Reads::Constants);
             let bounds = self.bind_bounds(within.as_ref(), declared);
             let (Some(value), Some(bounds)) = (value, bounds) else { continue };
+            let Some(Symbol::Quantity(number)) = self.names.find(&declared.name.text) else { continue };
+            let elements: HashMap<usize, f64> = self.set_elements(number, &overrides[number]).into_iter().collect();
+            let whole = overrides[number].whole;
+            let mut offset = 0;
             let mut outside = None;
             self.for_each_element(declared, |elaborator| {
-                let start = elaborator.evaluator.number(&elaborator.names, &value, Purpose::Constant)?;
+                let set = elements.get(&offset).copied().or(whole);
+                offset += 1;
+                let start = match set {
+                    Some(value) => value,
+                    None => elaborator.evaluator.number(&elaborator.names, &value, Purpose::Constant)?,
+                };
                 let range = elaborator.bounds(&bounds)?;
                 if outside.is_none() && range.is_some_and(|(low, high)| start < low || start > high) {
                     outside = Some((start, range.unwrap_or_default()));

@@ -80,7 +80,7 @@ impl<'a> Elaborator<'a> {
         self.extents();
         self.constants(Kind::Param, &overrides);
         let times = self.times(&settings);
-        let initials = self.initial_values();
+        let initials = self.initial_values(&overrides);
         let inputs = self.inputs();
         let flat = self.equations();
         let outputs = self.outputs(observe);

@@ -30,6 +30,7 @@ mod prune;
 mod reader;
 mod report;
 mod resolve;
+mod set;
 mod settings;
 mod signals;
 mod statements;
@@ -57,7 +58,7 @@ pub fn parse(sources: &mut Sources, loader: &dyn Loader) -> (Spec, Vec<Diagnosti
 /// What the command line says in place of the spec.
 #[derive(Clone, Debug, Default)]
 pub struct Overrides {
-    /// Values of constants and parameters (all elements of an array); of several for one name the last counts.
+    /// Values of constants, parameters and states at time zero: of `R` all elements, of `R[3]` one. The last counts.
     pub set: Vec<(String, f64)>,
     /// Lists of scalars, elements and whole arrays (`V[3], p`) that are the outputs; the spec's if there is none.
     pub observe: Vec<String>,

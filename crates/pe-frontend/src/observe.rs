@@ -10,10 +10,10 @@ use pe_ir::source::Diagnostic;
 use std::collections::HashSet;
 
 /// An item of a list such as `V[3], w[1,2], p`.
-struct Item<'t> {
-    name: &'t str,
+pub(crate) struct Item<'t> {
+    pub(crate) name: &'t str,
     /// `None` for a scalar or a whole array.
-    subscripts: Option<Vec<i64>>,
+    pub(crate) subscripts: Option<Vec<i64>>,
 }
 
 impl Elaborator<'_> {
@@ -88,7 +88,7 @@ impl Elaborator<'_> {
 }
 
 /// The subscripts that an array has, as help; gaps in an algebraic quantity follow no range.
-fn extents(quantity: &Quantity) -> Option<String> {
+pub(crate) fn extents(quantity: &Quantity) -> Option<String> {
     if quantity.kind == Kind::Algebraic || quantity.rank == 0 {
         return None;
     }
@@ -108,7 +108,7 @@ fn split(list: &str) -> Vec<&str> {
 }
 
 /// Name and subscripts of an item, `None` if it is written otherwise.
-fn parse(text: &str) -> Option<Item<'_>> {
+pub(crate) fn parse(text: &str) -> Option<Item<'_>> {
     let (name, subscripts) = match text.split_once('[') {
         None => (text, None),
         Some((name, rest)) => {

@@ -119,16 +119,28 @@ fn waveforms_take_units_and_defaults() {
 
 #[test]
 fn values_can_be_set_from_outside() {
-    let text = spec("const n = 2\nparam R[k in 1..n] = k\nstate x[k in 1..n] = 0\nx[k]' = -R[k]*x[k]\noutput x");
+    let text = spec(
+        "const n = 2\ninput u = 1\nparam R[k in 1..n] = k\nparam S[k in 1..n] = 10*R[k]\nstate x[k in 1..n] = S[k]\n\
+         x[k]' = -R[k]*x[k] + u\noutput x",
+    );
     let set = |name: &str, value: f64| (name.to_owned(), value);
     let with = |set: &[(String, f64)]| Overrides { set: set.to_vec(), ..Overrides::default() };
-    let model = model_with(&text, with(&[set("n", 3.0), set("R", 5.0)]));
-    assert_eq!(derivatives(&model, &[1.0; 3], &[]), [-5.0; 3]);
+    let initial = |set: &[(String, f64)]| {
+        model_with(&text, with(set)).states.iter().map(|state| state.initial).collect::<Vec<_>>()
+    };
+    assert_eq!(initial(&[set("n", 3.0), set("R", 5.0)]), [50.0; 3]);
+    // What depends on an element follows; of several values for one the last counts.
+    assert_eq!(initial(&[set("R", 5.0), set("R[2]", 7.0)]), [50.0, 70.0]);
+    assert_eq!(initial(&[set("R[2]", 7.0), set("R", 5.0), set("R[1]", 1.0), set("R [ 1 ]", 2.0)]), [20.0, 50.0]);
+    assert_eq!(initial(&[set("x", -1.0), set("x[2]", 4.0)]), [-1.0, 4.0]);
+    assert_eq!(initial(&[set("x[1]", 4.0)]), [4.0, 20.0]);
 
-    let errors = compile(&mut source(&text), &NoFiles, &with(&[set("nn", 1.0), set("x", 1.0), set("R", f64::NAN)]));
-    let errors = errors.unwrap_err();
-    assert_eq!(errors.iter().map(|error| error.code).collect::<Vec<_>>(), ["E0209"; 3]);
-    assert!(errors.iter().any(|error| error.help.as_deref() == Some("did you mean `n`?")), "{errors:?}");
+    let wrong = ["nn", "u", "k", "pi", "R[3]", "R[1,1]", "R[", "n[1]", "x[0]", "R[a]"];
+    let wrong: Vec<(String, f64)> = wrong.iter().map(|name| set(name, 1.0)).chain([set("R", f64::NAN)]).collect();
+    let errors = compile(&mut source(&text), &NoFiles, &with(&wrong)).unwrap_err();
+    assert_eq!(errors.iter().map(|error| error.code).collect::<Vec<_>>(), ["E0209"; 11]);
+    let helps: Vec<&str> = errors.iter().filter_map(|error| error.help.as_deref()).collect();
+    assert!(helps.contains(&"did you mean `n`?") && helps.contains(&"subscripts of `R` are in 1..2"), "{helps:?}");
 }
 
 /// Outputs named from outside, as `--observe` does.

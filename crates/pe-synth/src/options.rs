@@ -20,7 +20,7 @@ pub struct ModelOptions {
     /// Time over which ranges and errors are judged, in place of the spec's
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
     pub span: Option<f64>,
-    /// Sets a constant or parameter of the spec; may be repeated
+    /// Sets a constant, a parameter or an initial value, or one element (`R[3]=2`); may be repeated
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment, help_heading = "Model")]
     pub set: Vec<(String, f64)>,
     /// Outputs in place of the spec's: scalars, elements, whole arrays; may be repeated

@@ -1,0 +1,97 @@
+//! Values from the command line: constants, parameters, initial values, or single elements of them.
+
+use crate::elaborate::Elaborator;
+use crate::names::{Kind, PREDEFINED, Symbol};
+use crate::nearest::suggestion;
+use crate::observe::{extents, parse};
+use pe_ir::codes;
+use pe_ir::source::Diagnostic;
+
+/// What the command line says about one quantity.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Set {
+    /// Value of all elements.
+    pub(crate) whole: Option<f64>,
+    /// Subscripts and values of single elements.
+    elements: Vec<(Vec<i64>, f64)>,
+}
+
+impl Elaborator<'_> {
+    /// Checks the names that are set; gives the values by quantity. Of several for one element the last counts.
+    pub(crate) fn check_overrides(&mut self, overrides: &[(String, f64)]) -> Vec<Set> {
+        let mut sets = vec![Set::default(); self.names.quantities.len()];
+        for (text, value) in overrides {
+            let Some(item) = parse(text) else {
+                let error = Diagnostic::global(codes::OVERRIDE, format!("`{text:.100}` names nothing that can be set"));
+                self.report
+                    .push(error.with_help("name a constant, a parameter, a state or an element: `--set 'R[3]=2'`"));
+                continue;
+            };
+            match self.settable(item.name, *value) {
+                Ok(Some(number)) => match item.subscripts {
+                    Some(subscripts) => sets[number].elements.push((subscripts, *value)),
+                    None => sets[number] = Set { whole: Some(*value), elements: Vec::new() },
+                },
+                Ok(None) => {}
+                Err(problem) => self.report.push(problem),
+            }
+        }
+        sets
+    }
+
+    /// The quantity of a name that can be set, `None` if nothing is known of it for another reason.
+    fn settable(&self, name: &str, value: f64) -> Result<Option<usize>, Diagnostic> {
+        let kinds = |kind: Kind| matches!(kind, Kind::Const | Kind::Param | Kind::State);
+        match self.names.find(name) {
+            Some(Symbol::Quantity(number)) if kinds(self.names.quantities[number].kind) => {
+                if value.is_finite() {
+                    return Ok(Some(number));
+                }
+                let message = format!("`{name}` cannot be set to {value}");
+                Err(Diagnostic::global(codes::OVERRIDE, message).with_help("give a finite number"))
+            }
+            Some(Symbol::Quantity(number)) => {
+                let quantity = &self.names.quantities[number];
+                let message = format!("`{name}` is {} and cannot be set", quantity.kind.describe());
+                let error = Diagnostic::error(codes::OVERRIDE, quantity.name.span, message);
+                Err(error.with_help("constants, parameters and initial values of states can be set from outside"))
+            }
+            Some(Symbol::Index(number)) => {
+                let message = format!("`{name}` is an index and cannot be set");
+                let error = Diagnostic::error(codes::OVERRIDE, self.names.indices[number].name.span, message);
+                Err(error.with_help("set the constant that its range depends on"))
+            }
+            None if self.names.is_poisoned(name) => Ok(None),
+            None if PREDEFINED.iter().any(|(word, _)| *word == name) => {
+                Err(Diagnostic::global(codes::OVERRIDE, format!("`{name}` is predefined and cannot be set")))
+            }
+            None => {
+                let known = self.names.quantities.iter().filter(|quantity| kinds(quantity.kind));
+                let message = format!("no constant, parameter or state `{name}` to set");
+                let help = suggestion(name, known.map(|quantity| quantity.name.text.as_str()));
+                Err(Diagnostic { help, ..Diagnostic::global(codes::OVERRIDE, message) })
+            }
+        }
+    }
+
+    /// Offsets and values of the elements of a quantity that are set one by one; the last one of several counts.
+    pub(crate) fn set_elements(&mut self, number: usize, set: &Set) -> Vec<(usize, f64)> {
+        let quantity = &self.names.quantities[number];
+        if quantity.broken {
+            return Vec::new();
+        }
+        let mut elements = Vec::with_capacity(set.elements.len());
+        for (subscripts, value) in &set.elements {
+            let found = (subscripts.len() == quantity.rank).then(|| quantity.offset(subscripts).ok()).flatten();
+            match found {
+                Some(offset) => elements.push((offset, *value)),
+                None => {
+                    let message = format!("`{}` does not exist and cannot be set", quantity.element_name(subscripts));
+                    let error = Diagnostic::error(codes::OVERRIDE, quantity.name.span, message);
+                    self.report.push(Diagnostic { help: extents(quantity), ..error });
+                }
+            }
+        }
+        elements
+    }
+}
