@@ -57,7 +57,10 @@ fn every_shipped_model_passes_strictly() {
         let overrides = Overrides { units: Some(Units::Strict), ..Overrides::default() };
         let folder = common::Folder(path.parent().expect("a folder").to_owned());
         match compile(&mut source(&text), &folder, &overrides) {
-            Ok((_, warnings)) => assert_eq!(warnings, [], "{}", path.display()),
+            Ok((_, warnings)) => {
+                let about_units = warnings.iter().any(|warning| warning.code[1..].starts_with("07"));
+                assert!(!about_units, "{}: {warnings:?}", path.display());
+            }
             Err(errors) => panic!("{}: {errors:?}", path.display()),
         }
     }
