@@ -395,10 +395,13 @@ fn help_is_a_page_with_commands_examples_exit_codes_and_documents() {
         let help = page(&[name, "--help"]);
         assert!(help.contains("Examples:\n  pe-synth ") && help.lines().all(|line| line.len() <= 110), "{help}");
         assert!(manual.contains(&format!("PE\\-SYNTH {}\"", name.to_uppercase())), "{name} is not in\n{manual}");
-        // Headings come in the same order everywhere.
+        // Commands that take one design point show their groups in the same order.
+        if !["compile", "sim", "dump"].contains(&name) {
+            continue;
+        }
         let order = ["Arguments:", "Model:", "Numbers:", "Mapping:", "Output:", "Diagnostics:", "Examples:"];
         let places: Vec<usize> = order.iter().filter_map(|heading| help.find(&format!("\n{heading}\n"))).collect();
-        assert!(places.is_sorted() && !places.is_empty(), "{help}");
+        assert!(places.is_sorted() && places.len() == order.len(), "{help}");
     }
     for shell in ["bash", "zsh", "fish"] {
         let script = page(&["completions", shell]);
