@@ -1,6 +1,12 @@
-//! The output folder: complete or absent.
+//! The output folder: complete or absent, at every moment.
+//!
+//! Files go into a hidden folder beside the target, `.NAME.partial-PID`. In the end it takes the target's place: by a
+//! rename, or, if there is a folder already, by exchanging the two names in one system call, so that there is always
+//! either the old one or the new one. The process holds a lock on its hidden folder; one without a lock was left by a
+//! process that was killed, and the next compilation removes it.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::failure::Failure;
@@ -12,6 +18,8 @@ const MARKERS: [&str; 2] = ["report.json", "points.json"];
 pub struct OutputFolder {
     target: PathBuf,
     partial: PathBuf,
+    /// The hidden folder, locked as long as this is open.
+    _lock: File,
 }
 
 impl OutputFolder {
@@ -36,10 +44,11 @@ impl OutputFolder {
         let name = target.file_name().ok_or_else(|| Failure::file("write to", target, "it has no name"))?;
         let parent = target.parent().unwrap_or(Path::new("."));
         fs::create_dir_all(parent).map_err(|error| Failure::file("create", parent, error))?;
-        let hidden = format!(".{}.partial-{}", name.to_string_lossy(), std::process::id());
-        let partial = target.with_file_name(hidden);
-        fs::create_dir(&partial).map_err(|error| Failure::file("create", &partial, error))?;
-        Ok(OutputFolder { target: target.to_owned(), partial })
+        let prefix = format!(".{}.partial-", name.to_string_lossy());
+        remove_abandoned(if parent == Path::new("") { Path::new(".") } else { parent }, &prefix);
+        let partial = target.with_file_name(format!("{prefix}{}", std::process::id()));
+        let lock = create_locked(&partial).map_err(|error| Failure::file("create", &partial, error))?;
+        Ok(OutputFolder { target: target.to_owned(), partial, _lock: lock })
     }
 
     /// Writes a file; `path` is relative and uses `/`.
@@ -53,15 +62,72 @@ impl OutputFolder {
 
     /// Puts the folder in place.
     pub fn finish(self) -> Result<(), Failure> {
-        let old = self.partial.with_extension("old");
-        if self.target.exists() {
-            fs::rename(&self.target, &old).map_err(|error| Failure::file("replace", &self.target, error))?;
+        // The target may have changed since it was asked about.
+        Self::permitted(&self.target)?;
+        let result = if self.target.exists() { exchange(&self.partial, &self.target) } else { self.rename() };
+        // The old folder, now under the hidden name, goes with `drop`.
+        result.map_err(|error| Failure::file("create", &self.target, error))
+    }
+
+    fn rename(&self) -> std::io::Result<()> {
+        fs::rename(&self.partial, &self.target)
+    }
+}
+
+/// Exchanges the names of two folders.
+#[cfg(target_os = "linux")]
+fn exchange(a: &Path, b: &Path) -> std::io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    match renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE) {
+        // Some network file systems know no exchange.
+        Err(rustix::io::Errno::INVAL | rustix::io::Errno::NOSYS) => exchange_stepwise(a, b),
+        result => Ok(result?),
+    }
+}
+
+/// Exchanges the names of two folders.
+#[cfg(not(target_os = "linux"))]
+fn exchange(a: &Path, b: &Path) -> std::io::Result<()> {
+    exchange_stepwise(a, b)
+}
+
+/// Exchanges the names of two folders where the system cannot do it at once: `b` is absent for a moment.
+fn exchange_stepwise(a: &Path, b: &Path) -> std::io::Result<()> {
+    let mut aside = a.as_os_str().to_owned();
+    aside.push("-old");
+    fs::rename(b, &aside)?;
+    fs::rename(a, b)?;
+    fs::rename(&aside, a)
+}
+
+/// Creates a folder and locks it.
+fn create_locked(path: &Path) -> std::io::Result<File> {
+    loop {
+        fs::create_dir(path)?;
+        let folder = match File::open(path) {
+            Ok(folder) => folder,
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            Err(error) => return Err(error),
+        };
+        // Until it was locked another process may have taken it for abandoned.
+        if folder.try_lock().is_ok() && path.exists() {
+            return Ok(folder);
         }
-        fs::rename(&self.partial, &self.target).map_err(|error| Failure::file("create", &self.target, error))?;
-        if old.exists() {
-            fs::remove_dir_all(&old).map_err(|error| Failure::file("remove", &old, error))?;
+        let _ = fs::remove_dir_all(path);
+    }
+}
+
+/// Removes folders that begin with `prefix` and that no process holds. An error here has no one to tell.
+fn remove_abandoned(parent: &Path, prefix: &str) {
+    let Ok(entries) = fs::read_dir(parent) else { return };
+    for entry in entries.flatten() {
+        let path = entry.path();
+        if entry.file_name().to_string_lossy().starts_with(prefix)
+            && let Ok(folder) = File::open(&path)
+            && folder.try_lock().is_ok()
+        {
+            let _ = fs::remove_dir_all(&path);
         }
-        Ok(())
     }
 }
 

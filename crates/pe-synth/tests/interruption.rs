@@ -58,6 +58,49 @@ fn the_output_folder_is_complete_or_absent_whenever_the_program_ends() {
 }
 
 #[test]
+fn replacing_a_folder_leaves_the_old_or_the_new_one_and_no_remains() {
+    let folder = Folder::new("replaced");
+    let target = folder.0.join("design");
+    let compile = |step: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+        command.arg("compile").arg(spec("harmonic_oscillator")).args(["--span", "50ms", "--quiet", "--step", step]);
+        command.arg("-o").arg(&target).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    };
+    let clock = std::time::Instant::now();
+    assert!(compile("1ms").status().expect("pe-synth starts").success());
+    let duration = clock.elapsed();
+    let complete = names(&target);
+    const MOMENTS: u32 = 40;
+    let mut replaced = 0;
+    for moment in 0..MOMENTS {
+        let step = if moment % 2 == 0 { "2ms" } else { "1ms" };
+        let before = std::fs::read(target.join("report.json")).expect("a report");
+        let mut child = compile(step).spawn().expect("pe-synth starts");
+        // Mostly in the last third, where files are written.
+        std::thread::sleep(duration / 2 + duration * moment / (MOMENTS * 2));
+        child.kill().and_then(|()| child.wait()).expect("pe-synth ends");
+        assert_eq!(names(&target), complete, "killed at moment {moment} of {MOMENTS}");
+        let after = std::fs::read(target.join("report.json")).expect("a report");
+        replaced += u32::from(before != after);
+    }
+    assert!(replaced < MOMENTS, "no compilation was killed before it had finished");
+    assert!(compile("1ms").status().expect("pe-synth starts").success());
+    assert_eq!(names(&folder.0), ["design"], "folders of killed compilations are left");
+}
+
+#[test]
+fn a_folder_that_another_compilation_writes_to_is_left_alone() {
+    let folder = Folder::new("two_at_once");
+    let busy = folder.0.join(".design.partial-1");
+    std::fs::create_dir(&busy).expect("a folder");
+    let lock = std::fs::File::open(&busy).expect("the folder opens");
+    lock.try_lock().expect("it is not locked yet");
+    assert!(compilation(&folder.0.join("design")).status().expect("pe-synth starts").success());
+    assert_eq!(names(&folder.0), [".design.partial-1", "design"]);
+}
+
+#[test]
 fn a_summary_into_a_closed_pipe_is_no_error() {
     let folder = Folder::new("closed_pipe");
     let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
