@@ -97,6 +97,7 @@ codes! {
     REPEATED_INCLUDE = "W0005", "file included twice";
     UNIT_MISMATCH = "W0701", "units do not agree";
     UNREAD_UNIT = "W0702", "unknown unit";
+    DOES_NOT_FIT = "W0801", "design larger than the device";
     STEP_LARGE = "W0903", "step large for the accuracy";
     NO_REFERENCE = "W0904", "no reference solution";
     WORD_SHORT = "W0905", "word short for the accuracy";

@@ -8,7 +8,9 @@ use pe_ir::source::Diagnostic;
 use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
 
+use crate::area;
 use crate::console;
+use crate::devices::{self, Device, Fit};
 use crate::failure::{Failure, MessageFormat, print_findings};
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::output::OutputFolder;
@@ -37,6 +39,9 @@ pub struct Compile {
     /// Clock for the speed in the report [default: 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
+    /// Holds the size against a device
+    #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
+    device: Option<&'static Device>,
     /// Leaves the pictures out
     #[arg(long, help_heading = "Output")]
     no_pictures: bool,
@@ -84,7 +89,15 @@ impl Compile {
         let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
         let total = self.reference.then(|| total_error(&loaded, &design, self.message_format(), &mut watch));
         let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
-        let report = report::report(model, &design, clock, &total, self.model.seed, command);
+        let fit = self.device.map(|device| held_against(device, &design));
+        let mut report = report::report(model, &design, clock, &total, self.model.seed, command);
+        if let Some(fit) = &fit {
+            report["device"] = fit.report();
+            let warning = fit.complaint().map(|text| Diagnostic::global(codes::DOES_NOT_FIT, text));
+            let help = format!("there is room for {} such PEs", fit.fitting_pes);
+            let warning = warning.map(|warning| warning.with_help(help).into_warning());
+            print_findings(warning.as_slice(), &loaded.sources, self.message_format());
+        }
         let folder = OutputFolder::create(&target)?;
         let written = watch.stage(
             "write",
@@ -106,10 +119,17 @@ impl Compile {
         folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
         folder.finish()?;
         if !quiet {
-            console::out(&report::table(model, &design, clock, &total));
+            let device = fit.map_or(String::new(), |fit| report::row("device", &fit.summary()));
+            console::out(&(report::table(model, &design, clock, &total) + &device));
         }
         Ok(())
     }
+}
+
+/// The design's estimated size beside what a device has.
+fn held_against(device: &'static Device, design: &Design) -> Fit {
+    let program = &design.program;
+    Fit::of(device, &area::estimate(program), &program.format, program.pes.len() as u32)
 }
 
 /// Total error; that there is none is a warning, for the design does not depend on it.

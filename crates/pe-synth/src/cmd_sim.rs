@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use pe_ir::codes;
+use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
 use pe_sim::machine::Machine;
@@ -11,19 +12,21 @@ use crate::console;
 use crate::failure::{Failure, MessageFormat};
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Stopwatch};
+use crate::waveforms;
 
-/// Simulates the outputs over the span and writes them as CSV
+/// Simulates the outputs over the span and writes them as CSV, or as VCD for waveform viewers
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
   pe-synth sim models/lorenz/lorenz.spec -o lorenz.csv
+  pe-synth sim models/lorenz/lorenz.spec -o lorenz.vcd
   pe-synth sim models/lorenz/lorenz.spec --double --span 2s | head")]
 pub struct Sim {
     #[command(flatten)]
     point: DesignPoint,
     #[command(flatten)]
     mapping: MappingOptions,
-    /// CSV file [default: standard output]
+    /// File, VCD if its name ends in `.vcd`, otherwise CSV [default: CSV on standard output]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Runs the model in double precision in place of the hardware's fixed point
@@ -43,22 +46,12 @@ impl Sim {
     pub fn run(&self) -> Result<(), Failure> {
         let loaded = self.model.load(&self.point)?;
         let rows = if self.double { self.double_rows(&loaded)? } else { self.machine_rows(&loaded)? };
-        let mut csv = String::from("t");
-        for output in &loaded.model.outputs {
-            csv += &format!(",{}", quoted(&output.name));
-        }
-        csv.push('\n');
-        for (step, row) in rows.iter().enumerate() {
-            csv += &format!("{:e}", (step + 1) as f64 * loaded.model.step);
-            for number in row {
-                csv += &format!(",{number:e}");
-            }
-            csv.push('\n');
-        }
+        let is_vcd = self.output.as_ref().and_then(|path| path.extension()).is_some_and(|end| end == "vcd");
+        let trace = if is_vcd { vcd(&loaded.model, &rows)? } else { csv(&loaded.model, &rows).into_bytes() };
         match &self.output {
-            Some(path) => std::fs::write(path, csv).map_err(|error| Failure::file("write", path, error)),
+            Some(path) => std::fs::write(path, trace).map_err(|error| Failure::file("write", path, error)),
             None => {
-                console::out(&csv);
+                console::out(&String::from_utf8_lossy(&trace));
                 Ok(())
             }
         }
@@ -94,6 +87,30 @@ impl Sim {
         }
         Ok(rows)
     }
+}
+
+/// Rows of time and outputs.
+fn csv(model: &Model, rows: &[Vec<f64>]) -> String {
+    let mut csv = String::from("t");
+    for output in &model.outputs {
+        csv += &format!(",{}", quoted(&output.name));
+    }
+    csv.push('\n');
+    for (step, row) in rows.iter().enumerate() {
+        csv += &format!("{:e}", (step + 1) as f64 * model.step);
+        for number in row {
+            csv += &format!(",{number:e}");
+        }
+        csv.push('\n');
+    }
+    csv
+}
+
+/// The same for waveform viewers.
+fn vcd(model: &Model, rows: &[Vec<f64>]) -> Result<Vec<u8>, Failure> {
+    let names: Vec<&str> = model.outputs.iter().map(|output| output.name.as_str()).collect();
+    let dump = waveforms::dump(&model.name, &names, model.step, rows);
+    dump.map_err(|error| Failure::Internal(format!("the dump cannot be written: {error}")))
 }
 
 /// A CSV field; names with indices contain commas.

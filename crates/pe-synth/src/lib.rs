@@ -3,6 +3,7 @@
 //! A library so that tests and other tools can run single stages; `main.rs` only parses arguments.
 
 pub mod area;
+pub mod bottleneck;
 pub mod cmd_compile;
 pub mod cmd_diff;
 pub mod cmd_dump;
@@ -14,6 +15,7 @@ pub mod cmd_sim;
 pub mod cmd_verify;
 pub mod command;
 pub mod console;
+pub mod devices;
 pub mod engines;
 pub mod explore;
 pub mod failure;
@@ -29,3 +31,4 @@ pub mod report;
 pub mod runs;
 pub mod scene;
 pub mod total;
+pub mod waveforms;

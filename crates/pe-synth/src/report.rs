@@ -11,6 +11,7 @@ use pe_sim::reference::{ReferenceError, TOLERANCE};
 use serde_json::{Value, json};
 
 use crate::area::{self, Area};
+use crate::bottleneck::Bottleneck;
 use crate::pipeline::{Design, StartResult, Stopwatch, multiplier_name};
 use crate::total::TotalError;
 use crate::{features, scene};
@@ -106,7 +107,7 @@ pub fn report(
                    "cycles_per_step": start.period})
         })
         .collect();
-    let bottleneck = bottleneck(program);
+    let bottleneck = Bottleneck::of(design);
     json!({
         "generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")),
         "model": model.name,
@@ -121,7 +122,7 @@ pub fn report(
         "macs_per_step": design.graph.macs(),
         "bound_cycles": bound,
         "bound_binds": binds,
-        "bottleneck": {"pe": bottleneck, "equations": program.pes[bottleneck].equations.len()},
+        "bottleneck": bottleneck.report(program),
         "connections": sizes.connections,
         "max_in_degree": sizes.max_in_degree,
         "transfers_per_step": sizes.transfers,
@@ -188,18 +189,6 @@ fn output_errors(model: &Model, design: &Design) -> Vec<Value> {
     let errors = design.judged.curves.errors();
     let named = model.outputs.iter().zip(errors);
     named.map(|(output, error)| json!({"name": output.name, "word_length": error})).collect()
-}
-
-/// The PE with most products.
-fn bottleneck(program: &Program) -> usize {
-    let busy = |pe: &pe_ir::program::PeProgram| {
-        pe.words.iter().filter(|word| word.own.is_some() || word.imported.is_some()).count()
-    };
-    let mut best = (0, 0);
-    for (index, pe) in program.pes.iter().enumerate() {
-        best = best.max((busy(pe), usize::MAX - index));
-    }
-    usize::MAX - best.1
 }
 
 /// Builds `report-timing.json`.
@@ -281,7 +270,15 @@ pub fn table(
                 multiplier_name(&program.format)
             ),
         ),
-        ("cycles per step", format!("{} (bound {bound}: {binds})", program.period)),
+        (
+            "cycles per step",
+            format!(
+                "{}, {:.2} x the bound of {bound}: {binds}",
+                program.period,
+                f64::from(program.period) / f64::from(bound)
+            ),
+        ),
+        ("bottleneck", Bottleneck::of(design).summary(program)),
         (
             "speed",
             format!(
@@ -305,5 +302,10 @@ pub fn table(
     if let Some(total) = total {
         rows.push(("total error", total_row(model, total)));
     }
-    rows.iter().map(|(name, text)| format!("  {name:<18} {text}\n")).collect()
+    rows.iter().map(|(name, text)| row(name, text)).collect()
+}
+
+/// A row of the summary table.
+pub fn row(name: &str, text: &str) -> String {
+    format!("  {name:<18} {text}\n")
 }

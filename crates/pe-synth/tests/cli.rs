@@ -454,3 +454,21 @@ fn a_word_that_is_short_for_the_accuracy_is_warned_about() {
     let output = compile(&spec, &home.join("out"), &[]);
     assert!(output.status.success() && !stderr(&output).contains("warning"), "{}", stderr(&output));
 }
+
+#[test]
+fn a_design_too_large_for_the_device_is_written_with_a_warning() {
+    let home = folder("device");
+    let of = |device: &str, target: &str| {
+        let options = ["--pes", "60", "--span", "20ms", "--device", device];
+        let output = compile(&model("weibel5"), &home.join(target), &options);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let report = fs::read_to_string(home.join(target).join("report.json")).unwrap();
+        (serde_json::from_str::<Value>(&report).unwrap()["device"].clone(), stderr(&output))
+    };
+    let (small, warnings) = of("xc7z020", "small");
+    assert!(warnings.contains("W0801") && warnings.contains("240 of 220 DSP"), "{warnings}");
+    assert_eq!((&small["fits"], &small["exceeded"][0]), (&Value::Bool(false), &Value::from("dsp")));
+    assert_eq!(small["fitting_pes"], 55, "{small}");
+    let (large, warnings) = of("XCAU25P", "large");
+    assert!(large["fits"] == true && !warnings.contains("W0801"), "{large} {warnings}");
+}

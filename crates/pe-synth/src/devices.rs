@@ -1,0 +1,227 @@
+//! Devices that a design can be held against, with the figures of their data sheets.
+//!
+//! A new device is a row of [`DEVICES`] and a row of the table in `docs/guide.md`.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use pe_ir::word::WordFormat;
+use serde_json::{Value, json};
+
+use crate::area::Area;
+
+/// Width of a signed multiplier, the wider port first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Multiplier {
+    /// Bits of the wider port.
+    pub wide: u32,
+    /// Bits of the narrower port.
+    pub narrow: u32,
+}
+
+/// What a device offers.
+#[derive(Clone, Copy, Debug)]
+pub struct Device {
+    /// Part name.
+    pub name: &'static str,
+    /// Who makes it.
+    pub vendor: &'static str,
+    /// Look-up tables.
+    pub luts: u32,
+    /// Inputs of a look-up table.
+    pub lut_inputs: u32,
+    /// Flip-flops.
+    pub ffs: u32,
+    /// Multiplier blocks.
+    pub dsps: u32,
+    /// What one multiplier block multiplies.
+    pub multiplier: Multiplier,
+    /// Block RAMs of 18 kbit; those of 36 kbit count twice.
+    pub bram18s: u32,
+    /// Data sheet.
+    pub source: &'static str,
+}
+
+const DSP48E1: Multiplier = Multiplier { wide: 25, narrow: 18 };
+const DSP48E2: Multiplier = Multiplier { wide: 27, narrow: 18 };
+const MULT18X18D: Multiplier = Multiplier { wide: 18, narrow: 18 };
+
+/// All known devices.
+pub const DEVICES: &[Device] = &[
+    Device {
+        name: "XC6VLX240T",
+        vendor: "AMD Virtex-6",
+        luts: 150_720,
+        lut_inputs: 6,
+        ffs: 301_440,
+        dsps: 768,
+        multiplier: DSP48E1,
+        bram18s: 2 * 416,
+        source: "Virtex-6 Family Overview, DS150",
+    },
+    Device {
+        name: "XC7Z020",
+        vendor: "AMD Zynq-7000",
+        luts: 53_200,
+        lut_inputs: 6,
+        ffs: 106_400,
+        dsps: 220,
+        multiplier: DSP48E1,
+        bram18s: 2 * 140,
+        source: "Zynq-7000 SoC Data Sheet: Overview, DS190",
+    },
+    Device {
+        name: "LFE5UM-85F",
+        vendor: "Lattice ECP5",
+        luts: 83_640,
+        lut_inputs: 4,
+        ffs: 83_640,
+        dsps: 156,
+        multiplier: MULT18X18D,
+        bram18s: 208,
+        source: "ECP5 and ECP5-5G Family Data Sheet, FPGA-DS-02012",
+    },
+    Device {
+        name: "XCAU25P",
+        vendor: "AMD Artix UltraScale+",
+        luts: 141_000,
+        lut_inputs: 6,
+        ffs: 282_000,
+        dsps: 1_200,
+        multiplier: DSP48E2,
+        bram18s: 2 * 300,
+        source: "UltraScale Architecture and Product Data Sheet: Overview, DS890",
+    },
+];
+
+/// Parses the name of a device.
+pub fn parser() -> impl TypedValueParser<Value = &'static Device> {
+    let values = DEVICES.iter().map(|device| PossibleValue::new(device.name).help(device.vendor));
+    PossibleValuesParser::new(values).map(|name| {
+        let named = |device: &&Device| device.name.eq_ignore_ascii_case(&name);
+        DEVICES.iter().find(named).expect("the parser knows these names only")
+    })
+}
+
+/// One resource of a device and what a design needs of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Use {
+    /// Key in the report.
+    pub resource: &'static str,
+    /// Needed.
+    pub used: u64,
+    /// There.
+    pub available: u64,
+}
+
+impl Use {
+    /// Part of the resource that is needed; more than 1 does not fit.
+    pub fn share(&self) -> f64 {
+        self.used as f64 / self.available as f64
+    }
+}
+
+/// A design held against a device.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The device.
+    pub device: &'static Device,
+    /// Its resources.
+    pub uses: [Use; 4],
+    /// PEs of the mean size of the design's that would fit.
+    pub fitting_pes: u64,
+}
+
+impl Fit {
+    /// Holds a design of `pes` PEs against a device.
+    pub fn of(device: &'static Device, area: &Area, format: &WordFormat, pes: u32) -> Fit {
+        let needed = |resource, used, available: u32| Use { resource, used, available: u64::from(available) };
+        let Multiplier { wide, narrow } = device.multiplier;
+        let dsps = u64::from(pes) * u64::from(format.multiplier_blocks(wide, narrow));
+        let uses = [
+            needed("lut", area.lut.round() as u64, device.luts),
+            needed("ff", area.ff.round() as u64, device.ffs),
+            needed("dsp", dsps, device.dsps),
+            needed("bram18", u64::from(area.bram18), device.bram18s),
+        ];
+        let room = |of: &Use| (of.available * u64::from(pes)).checked_div(of.used).unwrap_or(u64::MAX);
+        let fitting_pes = uses.iter().map(room).min().unwrap_or(0);
+        Fit { device, uses, fitting_pes }
+    }
+
+    /// Resources that are not enough.
+    pub fn exceeded(&self) -> impl Iterator<Item = &Use> {
+        self.uses.iter().filter(|of| of.used > of.available)
+    }
+
+    /// Whether the device has enough of everything.
+    pub fn fits(&self) -> bool {
+        self.exceeded().next().is_none()
+    }
+
+    /// The key `device` of the report.
+    pub fn report(&self) -> Value {
+        let mut value = json!({
+            "name": self.device.name,
+            "vendor": self.device.vendor,
+            "source": self.device.source,
+            "fits": self.fits(),
+            "exceeded": self.exceeded().map(|of| of.resource).collect::<Vec<_>>(),
+            "fitting_pes": self.fitting_pes,
+            "lut_inputs": self.device.lut_inputs,
+            "lut_inputs_counted": 6,
+        });
+        for of in &self.uses {
+            value[of.resource] = json!({"used": of.used, "available": of.available, "share": of.share()});
+        }
+        value
+    }
+
+    /// In a line of the summary.
+    pub fn summary(&self) -> String {
+        let shares = self.uses.map(|of| format!("{:.0} % {}", 100.0 * of.share(), of.resource.to_uppercase()));
+        let verdict = if self.fits() { "fits" } else { "does not fit" };
+        let name = self.device.name;
+        // The estimate counts tables of six inputs.
+        let counted = if self.device.lut_inputs < 6 { "; LUTs counted with 6 inputs, it has 4" } else { "" };
+        format!("{verdict} {name}: {}; room for {} PEs{counted}", shares.join(", "), self.fitting_pes)
+    }
+
+    /// What is wrong, in words; nothing if it fits.
+    pub fn complaint(&self) -> Option<String> {
+        let missing: Vec<String> = self
+            .exceeded()
+            .map(|of| format!("{} of {} {}", of.used, of.available, of.resource.to_uppercase()))
+            .collect();
+        let text = format!("the design does not fit {}: it needs {}", self.device.name, missing.join(", "));
+        (!missing.is_empty()).then_some(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fit(device: &str, pes: u32) -> Fit {
+        let device = DEVICES.iter().find(|known| known.name == device).expect("a known device");
+        let format = WordFormat { storage_bits: 32, guard_bits: 8, data_bits: 32, coefficient_bits: 32 };
+        let area = Area { lut: 400.0 * f64::from(pes), ff: 300.0 * f64::from(pes), dsp: 4 * pes, bram18: 2 * pes };
+        Fit::of(device, &area, &format, pes)
+    }
+
+    #[test]
+    fn a_design_fits_with_exactly_the_pes_that_there_is_room_for() {
+        for device in DEVICES {
+            let room = fit(device.name, 1).fitting_pes as u32;
+            assert!(fit(device.name, room).fits(), "{}", device.name);
+            let more = fit(device.name, room + 1);
+            assert!(!more.fits() && more.complaint().is_some(), "{}", device.name);
+            assert_eq!(more.fitting_pes, u64::from(room), "{}", device.name);
+        }
+    }
+
+    #[test]
+    fn the_resource_that_is_missing_is_named() {
+        let fit = fit("XC6VLX240T", 300);
+        assert_eq!(fit.exceeded().map(|of| of.resource).collect::<Vec<_>>(), ["dsp"]);
+        assert_eq!(fit.complaint().unwrap(), "the design does not fit XC6VLX240T: it needs 1200 of 768 DSP");
+    }
+}
