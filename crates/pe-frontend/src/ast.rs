@@ -289,6 +289,8 @@ pub enum ExprKind {
         /// Name of the column.
         column: Name,
     },
+    /// `[1, 2; 3, 4]`, row by row.
+    Matrix(Vec<Vec<Expr>>),
     /// `left < right` and its like.
     Compare(Comparison, Box<Expr>, Box<Expr>),
     /// Conditions joined by one operator, at least two.

@@ -34,6 +34,8 @@ pub(crate) enum NodeKind {
     Argument(usize),
     /// The body of a function with these arguments.
     Inline(Vec<Node>, Rc<Body>),
+    /// One expression for each element of this quantity, whose subscripts come first in the frame.
+    Matrix(usize, Vec<Node>),
     /// One value for each element of this quantity, whose subscripts come first in the frame.
     Data(usize, Vec<f64>),
 }

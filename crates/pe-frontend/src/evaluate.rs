@@ -85,6 +85,11 @@ impl Evaluator {
             NodeKind::Call(function, arguments) => self.call(names, function, arguments, node.span),
             NodeKind::Argument(place) => self.argument(*place, node.span),
             NodeKind::Inline(arguments, body) => self.inline(names, arguments, body, node.span),
+            NodeKind::Matrix(quantity, cells) => {
+                let quantity = &names.quantities[*quantity];
+                let offset = quantity.offset(&self.frame[..quantity.rank]).map_err(|_| Fault::Silent)?;
+                self.expr(names, cells.get(offset).ok_or(Fault::Silent)?)
+            }
             NodeKind::Data(quantity, values) => {
                 let quantity = &names.quantities[*quantity];
                 let offset = quantity.offset(&self.frame[..quantity.rank]).map_err(|_| Fault::Silent)?;

@@ -221,7 +221,9 @@ fn depth(node: &Node) -> usize {
     let most = |nodes: &mut dyn Iterator<Item = &Node>| nodes.map(depth).max().unwrap_or(0);
     1 + match &node.kind {
         NodeKind::Number(_) | NodeKind::Index(_) | NodeKind::Argument(_) | NodeKind::Data(..) => 0,
-        NodeKind::Element(_, members) | NodeKind::Call(_, members) => most(&mut members.iter()),
+        NodeKind::Element(_, members) | NodeKind::Call(_, members) | NodeKind::Matrix(_, members) => {
+            most(&mut members.iter())
+        }
         NodeKind::Sum(terms) => most(&mut terms.iter().map(|(_, term)| term)),
         NodeKind::Product(first, rest) => depth(first).max(most(&mut rest.iter().map(|(_, operand)| operand))),
         NodeKind::Power(base, exponent) => depth(base).max(depth(exponent)),

@@ -58,7 +58,7 @@ pub(crate) struct Token {
 
 /// Splits the text from an offset on into words and reports what is no word.
 pub(crate) fn tokenize(text: &str, from: u32, report: &mut Report) -> Vec<Token> {
-    let mut lexer = Lexer { text, at: from as usize, tokens: Vec::new(), report };
+    let mut lexer = Lexer { text, at: from as usize, depth: 0, tokens: Vec::new(), report };
     while lexer.at < text.len() {
         lexer.word();
     }
@@ -68,6 +68,8 @@ pub(crate) fn tokenize(text: &str, from: u32, report: &mut Report) -> Vec<Token>
 struct Lexer<'a> {
     text: &'a str,
     at: usize,
+    /// Open brackets; a `;` parts rows only inside of them.
+    depth: usize,
     tokens: Vec<Token>,
     report: &'a mut Report,
 }
@@ -84,13 +86,20 @@ impl Lexer<'_> {
             'A'..='Z' | 'a'..='z' | '_' => self.name(rest),
             '0'..='9' => self.push(TokenKind::Number, number_length(rest)),
             '"' => self.quoted(rest),
-            '[' if self.blank_before() => self.unit(rest),
-            '(' | '[' => self.push(TokenKind::Open, 1),
-            ')' | ']' => self.push(TokenKind::Close, 1),
+            '[' if self.blank_before() && self.after_name() => self.unit(rest),
+            '(' | '[' => {
+                self.depth += 1;
+                self.push(TokenKind::Open, 1);
+            }
+            ')' | ']' => {
+                self.depth = self.depth.saturating_sub(1);
+                self.push(TokenKind::Close, 1);
+            }
             '\'' => self.push(TokenKind::Prime, 1),
             _ if ["==", "!=", "<=", ">=", ".."].contains(&two) => self.push(TokenKind::Sign, 2),
             '=' => self.push(TokenKind::Equals, 1),
             '+' | '-' | '*' | '/' | '^' | '<' | '>' | ',' | ':' => self.push(TokenKind::Sign, 1),
+            ';' if self.depth > 0 => self.push(TokenKind::Sign, 1),
             _ => self.unexpected(first),
         }
     }
@@ -125,6 +134,18 @@ impl Lexer<'_> {
         }
         let help = "a bracket after a blank holds a unit; indices follow the name directly, as in `V[b]`";
         self.bad(codes::BRACKETS, end, "`[` is not closed on its line".to_owned(), Some(help));
+    }
+
+    /// Whether a bracket here can hold the unit of a name; elsewhere it is a table of numbers.
+    fn after_name(&self) -> bool {
+        self.tokens.last().is_none_or(|last| {
+            let word = &self.text[last.span.start as usize..last.span.end as usize];
+            match last.kind {
+                TokenKind::Word => !INNER_KEYWORDS.contains(&word),
+                TokenKind::Open | TokenKind::Equals | TokenKind::Sign => false,
+                _ => true,
+            }
+        })
     }
 
     fn blank_before(&self) -> bool {

@@ -20,6 +20,7 @@ mod fold;
 mod functions;
 mod inline;
 mod lexer;
+mod matrix;
 mod names;
 mod nearest;
 mod observe;

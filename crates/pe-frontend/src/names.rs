@@ -13,7 +13,7 @@ use std::collections::{HashMap, HashSet};
 pub(crate) const PREDEFINED: [(&str, f64); 1] = [("pi", std::f64::consts::PI)];
 
 /// Most dimensions an array can have.
-pub(crate) const MOST_DIMENSIONS: usize = 3;
+pub(crate) const MOST_DIMENSIONS: usize = 8;
 
 /// Marks an element that no equation defines.
 pub(crate) const NO_EQUATION: u32 = u32::MAX;

@@ -63,6 +63,7 @@ impl<'a> Resolver<'_, 'a> {
             }
             ExprKind::SumOver { binder, condition, body } => self.sum_over(binder, condition.as_deref(), body)?,
             ExprKind::Data { path, column } => self.data(path, column)?,
+            ExprKind::Matrix(rows) => self.matrix(rows, expr.span)?,
             ExprKind::Call { function, arguments } => self.call(function, arguments, expr.span)?,
             ExprKind::Compare(..) | ExprKind::Logical(..) | ExprKind::Not(_) => {
                 let message = "a number is needed here, this is a condition";

@@ -324,6 +324,19 @@ impl Builder<'_> {
                 let (path, column) = self.file_column(&mut Parts::of(pair))?;
                 ExprKind::Data { path, column }
             }
+            Rule::matrix => {
+                let mut rows = Vec::new();
+                let mut parts = Parts::of(pair);
+                while let Some(row) = parts.take(Rule::row) {
+                    let mut cells = Vec::new();
+                    let mut row = Parts::of(row);
+                    while let Some(cell) = row.take(Rule::expr) {
+                        cells.push(self.expr(cell)?);
+                    }
+                    rows.push(cells);
+                }
+                ExprKind::Matrix(rows)
+            }
             Rule::call => {
                 let mut parts = Parts::of(pair);
                 let function = self.name(parts.take(Rule::function)?);
@@ -479,6 +492,9 @@ mod tests {
             ExprKind::If { condition, yes, no } => format!("({}?{}:{})", show(condition), show(yes), show(no)),
             ExprKind::SumOver { binder, body, .. } => format!("sum({}:{})", binder.name.text, show(body)),
             ExprKind::Call { function, arguments } => format!("{}({})", function.text, list(arguments, ",")),
+            ExprKind::Matrix(rows) => {
+                format!("[{}]", rows.iter().map(|row| list(row, ",")).collect::<Vec<_>>().join(";"))
+            }
             ExprKind::Data { path, column } => format!("data({},{})", path.text, column.text),
             ExprKind::Compare(operator, left, right) => format!("({} {operator:?} {})", show(left), show(right)),
             ExprKind::Logical(connective, operands) => {

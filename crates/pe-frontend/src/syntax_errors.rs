@@ -65,6 +65,8 @@ fn in_words(rule: Rule) -> &'static str {
         | Rule::number
         | Rule::call
         | Rule::data
+        | Rule::matrix
+        | Rule::row
         | Rule::data_word
         | Rule::samples
         | Rule::samples_word

@@ -143,6 +143,20 @@ fn values_can_be_set_from_outside() {
     assert!(helps.contains(&"did you mean `n`?") && helps.contains(&"subscripts of `R` are in 1..2"), "{helps:?}");
 }
 
+#[test]
+fn tables_give_values_to_elements_and_arrays_may_have_many_dimensions() {
+    let model = model(&spec(
+        "index i in 1..2, j in 0..2\nparam A[i, j] = [1, 2, 3\n; 4*j, 5*i, A[1, 2] + 6]\nparam B[k in 1..3] = [7; 8;\n 9]\n\
+         state x[i] = [A[i, 1], B[3] - 1]\nx[i]' = sum(j: A[i, j]*B[j + 1])\n\
+         state t[a in 1..2, b in 1..1, c in 1..2, d in 1..1, e in 3..4] = 10*a + c + e/10\n\
+         t[a, b, c, d, e]' = t[3 - a, 1, c, d, e]\noutput x, t",
+    ));
+    let initial: Vec<f64> = model.states.iter().map(|state| state.initial).collect();
+    assert_eq!(initial[..3], [2.0, 8.0, 11.3]);
+    assert_eq!(derivatives(&model, &[0.0; 10], &[])[..2], [7.0 + 16.0 + 27.0, 80.0 + 81.0]);
+    assert_eq!((model.states[9].name.as_str(), initial[9]), ("t[2,1,2,1,4]", 22.4));
+}
+
 /// Outputs named from outside, as `--observe` does.
 fn observing(text: &str, lists: &[&str]) -> Result<Model, Vec<Diagnostic>> {
     let observe = lists.iter().map(|list| (*list).to_owned()).collect();

@@ -296,6 +296,7 @@ impl<'a> Checker<'_, 'a> {
                 self.unit(body, scope).0
             }
             ExprKind::Call { function, arguments } => self.call(function, arguments, span, scope),
+            ExprKind::Matrix(rows) => self.all_same(rows.iter().flatten(), scope),
             ExprKind::Data { path, column } => self.data(path, column).0,
             ExprKind::Compare(_, left, right) => {
                 self.all_same([&**left, right], scope);
@@ -489,6 +490,7 @@ fn each_name<'a>(expr: &'a Expr, action: &mut impl FnMut(&'a Name)) {
             each_name(yes, action);
             each_name(no, action);
         }
+        ExprKind::Matrix(rows) => rows.iter().flatten().for_each(|cell| each_name(cell, action)),
         ExprKind::Call { arguments, .. } => arguments.iter().for_each(|argument| each_name(argument, action)),
     }
 }
