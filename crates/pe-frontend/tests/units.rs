@@ -105,3 +105,17 @@ fn functions_that_grow_without_end_are_refused() {
     let many = (0..2000).map(|n| format!("function g{n}(x) = g{}(x) + 1\n", n + 1)).collect::<String>();
     assert!(codes(&format!("{many}function g2000(x) = x\nstate x = 1\nx' = g0(x)\noutput x")).contains(&"E0104"));
 }
+
+#[test]
+fn headers_of_data_files_have_units_too() {
+    let text = format!("{HEAD}input u [V] = samples(\"t.csv\", \"u\", hold)\nstate x [V*s] = 0\nx' = u\noutput x");
+    let found = |header: &str| {
+        let files = std::collections::BTreeMap::from([("t.csv".to_owned(), format!("t,{header}\n0,1").into_bytes())]);
+        let (_, warnings) = compile(&mut source(&text), &files, &Overrides::default()).expect("only warnings");
+        warnings.into_iter().map(|warning| warning.message).collect::<Vec<_>>()
+    };
+    assert_eq!(found("u [V]"), Vec::<String>::new());
+    assert_eq!(found("u"), Vec::<String>::new());
+    assert_eq!(found("u [mV]"), ["[V] and [mV] are sizes of the same: 1 mV is 0.001 V"]);
+    assert_eq!(found("u [furlong]"), ["unknown unit `furlong`"]);
+}

@@ -104,16 +104,23 @@ impl<'a> Checker<'_, 'a> {
     }
 
     fn read(&mut self, unit: &'a Name) -> Unit {
-        match parse(&unit.text) {
+        self.text(&unit.text, unit.span)
+    }
+
+    /// Reads a unit that stands at a place, or in the header cell there.
+    fn text(&mut self, text: &'a str, at: Span) -> Unit {
+        match parse(text) {
             Ok(dimension) => {
                 if !self.named.iter().any(|(_, known)| known.is(dimension)) {
-                    self.named.push((&unit.text, dimension));
+                    self.named.push((text, dimension));
                 }
                 Known(dimension)
             }
             Err(error) => {
-                let (code, span) =
-                    (if self.strict { codes::UNKNOWN_UNIT } else { codes::UNREAD_UNIT }, place(&error, unit.span));
+                let (code, span) = (
+                    if self.strict { codes::UNKNOWN_UNIT } else { codes::UNREAD_UNIT },
+                    if (at.end - at.start) as usize == text.len() { place(&error, at) } else { at },
+                );
                 let finding = Diagnostic { help: error.help, ..Diagnostic::error(code, span, error.message) };
                 self.tell(finding);
                 Unknown
@@ -381,8 +388,8 @@ impl<'a> Checker<'_, 'a> {
         let Some(table) = self.elaborator.spec.table(path) else { return (Unknown, path.span) };
         let Some(number) = table.find(&column.text) else { return (Unknown, path.span) };
         let column = &table.columns[number];
-        let unit = column.unit.as_deref().map_or(Number, |unit| parse(unit).map_or(Unknown, Known));
-        (unit, if column.unit.is_some() { column.place } else { path.span })
+        let Some(text) = column.unit.as_deref() else { return (Number, path.span) };
+        (self.text(text, column.place), column.place)
     }
 
     /// Checks that a number without unit stands here.
