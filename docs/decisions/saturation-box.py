@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How many states of an affine model a box proves free of overflow; see 0010-saturation-stays.md.
+"""How many states of an affine model a box proves free of overflow; see 0013-saturation-stays.md.
 
     docs/decisions/saturation-box.py MODEL SPAN PES
 
