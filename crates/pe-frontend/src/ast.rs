@@ -6,6 +6,7 @@
 use crate::tables::Table;
 use pe_ir::source::Span;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// A spec, included files among it.
 #[derive(Debug, Default)]
@@ -17,7 +18,7 @@ pub struct Spec {
     /// Whether a file could not be read, so that any name may be defined in it.
     pub names_missing: bool,
     /// The data files.
-    pub(crate) tables: Vec<Table>,
+    pub(crate) tables: Vec<Arc<Table>>,
     /// Number of the table that a path stands for, by the place of the path; none for a file that could not be read.
     pub(crate) table_at: BTreeMap<Span, usize>,
 }
@@ -25,7 +26,7 @@ pub struct Spec {
 impl Spec {
     /// The data file that a path names, `None` if it could not be read.
     pub(crate) fn table(&self, path: &Name) -> Option<&Table> {
-        self.table_at.get(&path.span).map(|number| &self.tables[*number])
+        self.table_at.get(&path.span).map(|number| &*self.tables[*number])
     }
 }
 

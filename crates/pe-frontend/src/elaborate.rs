@@ -5,6 +5,7 @@
 //! silent, so that each mistake is reported once.
 
 use crate::Overrides;
+use crate::arrays::{self, Written};
 use crate::ast::{Binder, Declared, Expr as Tree, Name, Spec, StatementKind};
 use crate::bound::{BoundRange, Node};
 use crate::evaluate::{Evaluator, Fault, Purpose};
@@ -45,16 +46,14 @@ pub fn elaborate(spec: &Spec, overrides: &Overrides) -> (Option<Model>, Vec<Diag
 /// [`elaborate`] with limits of the caller's.
 pub fn elaborate_within(spec: &Spec, overrides: &Overrides, limits: &Limits) -> (Option<Model>, Vec<Diagnostic>) {
     let mut report = Report::default();
-    let names = Names::collect(spec, &mut report);
-    let mut elaborator = Elaborator {
-        spec,
-        names,
-        report,
-        evaluator: Evaluator::new(limits.evaluations, limits.reads),
-        elements_left: limits.elements,
-        out_of_work: false,
-    };
+    let mut sizes = Elaborator::new(spec, limits, Report::default());
+    let written = arrays::write_out(&mut sizes, &overrides.set, &mut report);
+    let mut elaborator = Elaborator::new(written.as_ref().map_or(spec, |written| &written.spec), limits, report);
     let model = elaborator.run(overrides);
+    if model.is_none() && !elaborator.report.failed() && spec.broken.is_empty() {
+        let unexplained = written.as_ref().and_then(Written::unexplained);
+        unexplained.into_iter().for_each(|error| elaborator.report.push(error));
+    }
     (model, elaborator.report.finish())
 }
 
@@ -71,6 +70,18 @@ pub(crate) struct Elaborator<'a> {
 }
 
 impl<'a> Elaborator<'a> {
+    fn new(spec: &'a Spec, limits: &Limits, mut report: Report) -> Self {
+        let names = Names::collect(spec, &mut report);
+        Elaborator {
+            spec,
+            names,
+            report,
+            evaluator: Evaluator::new(limits.evaluations, limits.reads),
+            elements_left: limits.elements,
+            out_of_work: false,
+        }
+    }
+
     fn run(&mut self, overrides: &Overrides) -> Option<Model> {
         let settings = Settings::collect(self.spec, &mut self.report);
         let (observe, units) = (&overrides.observe, overrides.units);
@@ -181,7 +192,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Index ranges of `index` statements.
-    fn index_ranges(&mut self) {
+    pub(crate) fn index_ranges(&mut self) {
         for statement in &self.spec.statements {
             let StatementKind::Index(binders) = &statement.kind else { continue };
             for binder in binders {
@@ -196,7 +207,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Sizes of the declared arrays, and the numbers of their first elements.
-    fn extents(&mut self) {
+    pub(crate) fn extents(&mut self) {
         let (mut states, mut inputs) = (0, 0);
         for number in 0..self.names.quantities.len() {
             let quantity = &self.names.quantities[number];

@@ -1,5 +1,6 @@
 //! Functions that a spec defines. A call is replaced by the body of the function, its arguments evaluated first.
 
+use crate::algebra::{DOT, TRANSPOSE};
 use crate::ast::{Expr as Tree, Name};
 use crate::bound::{BoundRange, Condition, Node, NodeKind};
 use crate::elaborate::Elaborator;
@@ -62,9 +63,10 @@ impl<'a> Names<'a> {
                 report.push(Diagnostic::error(codes::DUPLICATE, parameter.span, message));
             }
         }
+        let of_arrays = [DOT, TRANSPOSE].contains(&name.text.as_str());
         let waveform =
             WAVEFORMS.iter().any(|(word, ..)| *word == name.text) || name.text == SAMPLES || name.text == "data";
-        if waveform || functions::find(&name.text).is_some() {
+        if waveform || of_arrays || functions::find(&name.text).is_some() {
             let message = format!("`{}` is a function of the language", name.text);
             report.push(Diagnostic::error(codes::DUPLICATE, name.span, message).with_help("choose another name"));
         } else if let Some(first) = self.function(&name.text) {

@@ -7,6 +7,8 @@
 //!
 //! The language is described in `docs/language.md`, its grammar is `grammar/ode.pest`.
 
+mod algebra;
+mod arrays;
 pub mod ast;
 mod bound;
 mod constants;

@@ -342,6 +342,14 @@ impl<'a> Names<'a> {
         Diagnostic { help: suggestion(&name.text, known), ..error }
     }
 
+    /// An error for an index that stands for no number.
+    pub(crate) fn unbound_index(name: &Name) -> Diagnostic {
+        let text = &name.text;
+        let help =
+            format!("only indices on the left-hand side have a value; sum over `{text}` with `sum({text}: ...)`");
+        Diagnostic::error(codes::UNBOUND_INDEX, name.span, format!("index `{text}` has no value here")).with_help(help)
+    }
+
     /// All defined names in source order, quantities before indices.
     fn all(&self) -> impl Iterator<Item = &str> {
         let quantities = self.quantities.iter().map(|quantity| quantity.name.text.as_str());

@@ -8,6 +8,7 @@ use crate::tables::Table;
 use crate::{statements, syntax};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Sources, Span};
+use std::sync::Arc;
 
 /// Files that include one another one inside the other.
 const DEEPEST_INCLUDE: usize = 32;
@@ -99,7 +100,7 @@ impl Reader<'_> {
             let file = load(self.sources, self.loader, &resolved, path.span)?;
             let table = Table::read(&self.sources.text()[..file.end as usize], file, self.report);
             let number = table.is_some().then_some(self.spec.tables.len());
-            self.spec.tables.extend(table);
+            self.spec.tables.extend(table.map(Arc::new));
             self.data.push((resolved, number));
             Ok(number)
         });

@@ -3,6 +3,7 @@
 //! Every function returns `None` after it has reported an error, and goes on with the other parts first so that all
 //! errors of an expression are found in one run.
 
+use crate::algebra::{DOT, TRANSPOSE};
 use crate::ast::{Binder, Expr, ExprKind, Name, Reference, Spec};
 use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
 use crate::functions::{self, FUNCTIONS};
@@ -162,9 +163,15 @@ impl<'a> Resolver<'_, 'a> {
             if self.names.is_poisoned(&name.text) {
                 return None;
             }
+            if [DOT, TRANSPOSE].contains(&name.text.as_str()) {
+                // In all other places it has been written out.
+                let message = format!("`{}` cannot be used here: only scalars are known", name.text);
+                self.report.push(Diagnostic::error(codes::WRONG_KIND, span, message));
+                return None;
+            }
             let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
             let own = self.names.functions.iter().map(|function| function.name.text.as_str());
-            let known = FUNCTIONS.iter().map(|function| function.name).chain(own);
+            let known = FUNCTIONS.iter().map(|function| function.name).chain([DOT, TRANSPOSE]).chain(own);
             let help = suggestion(&name.text, known).or_else(|| {
                 let array = matches!(self.names.find(&name.text), Some(Symbol::Quantity(_)));
                 array.then(|| {
@@ -210,14 +217,7 @@ impl<'a> Resolver<'_, 'a> {
             _ if self.names.is_poisoned(&name.text) => None,
             Some(Symbol::Index(number)) => {
                 self.names.indices[number].used = true;
-                let text = &name.text;
-                let help = format!(
-                    "only indices on the left-hand side have a value; sum over `{text}` with `sum({text}: ...)`"
-                );
-                self.report.push(
-                    Diagnostic::error(codes::UNBOUND_INDEX, name.span, format!("index `{text}` has no value here"))
-                        .with_help(help),
-                );
+                self.report.push(Names::unbound_index(name));
                 None
             }
             None => {

@@ -31,7 +31,7 @@ const NUMBERS: [&str; 12] =
     ["NaN", "inf", "1e308", "1e309", "1e-320", "1e-400", "0", "-1", "0.5", "99999999999", "9007199254740993", "(-0)"];
 
 /// Pieces that are likely to hurt.
-const PIECES: [&str; 47] = [
+const PIECES: [&str; 56] = [
     "(",
     ")",
     "[",
@@ -79,6 +79,15 @@ const PIECES: [&str; 47] = [
     "\r",
     "\t",
     " [",
+    "function f(x) = ",
+    "units strict",
+    "data(\"a\", \"b\")",
+    "[1, 2; 3, 4]",
+    "A*x",
+    "x'",
+    "dot(x, x)",
+    "transpose(",
+    "[i]",
 ];
 
 #[test]

@@ -76,6 +76,7 @@ codes! {
     BAD_TABLE = "E0508", "data file does not fit";
     BAD_CELL = "E0509", "cell that holds no number";
     BAD_SHAPE = "E0510", "table of another shape";
+    SHAPES = "E0511", "shapes do not fit";
 
     TOO_MANY_ELEMENTS = "E0601", "too many elements";
     TOO_MUCH_WORK = "E0602", "model too large";
