@@ -11,13 +11,15 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 /// Models with a golden folder: those that compile in a moment.
-const MODELS: [&str; 11] = [
+const MODELS: [&str; 13] = [
     "atrial3",
     "harmonic_oscillator",
     "lorenz",
     "lotka_volterra",
+    "lung",
     "lutchen20",
     "lutchen_breathing",
+    "pump_station",
     "rc_ladder",
     "van_der_pol",
     "wave6",

@@ -55,6 +55,13 @@ fn source_files_are_short_and_start_with_a_description() {
 }
 
 #[test]
+fn the_tutorial_shows_the_model_that_is_shipped() {
+    let tutorial = fs::read_to_string(root().join("docs/tutorial.md")).unwrap();
+    let spec = fs::read_to_string(root().join("models/lung/lung.spec")).unwrap();
+    assert!(tutorial.contains(&spec), "docs/tutorial.md does not hold models/lung/lung.spec");
+}
+
+#[test]
 fn nothing_is_left_undone_or_tied_to_a_machine() {
     // Put together here so that this file does not find itself.
     let words = [["todo", "!("], ["unimplemented", "!("], ["#[ign", "ore"], ["FIX", "ME"]].map(|word| word.concat());
