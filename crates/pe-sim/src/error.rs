@@ -73,11 +73,17 @@ pub struct Deviation {
 }
 
 impl Deviation {
+    /// The relative error of each state.
+    pub fn relative(&self, scales: &[f64]) -> impl Iterator<Item = f64> {
+        let relative = |(deviation, scale): (&f64, &f64)| if *deviation == 0.0 { 0.0 } else { deviation / scale };
+        self.largest.iter().zip(scales).map(relative)
+    }
+
     /// The worst state and its relative error.
     pub fn worst(&self, scales: &[f64]) -> (usize, f64) {
-        let relative = |(deviation, scale): (&f64, &f64)| if *deviation == 0.0 { 0.0 } else { deviation / scale };
-        let errors = self.largest.iter().zip(scales).map(relative);
-        errors.enumerate().fold((0, 0.0), |worst, (index, error)| if error > worst.1 { (index, error) } else { worst })
+        self.relative(scales)
+            .enumerate()
+            .fold((0, 0.0), |worst, (index, error)| if error > worst.1 { (index, error) } else { worst })
     }
 }
 

@@ -17,6 +17,7 @@ use crate::output::OutputFolder;
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
 use crate::report::{self, Clock};
 use crate::total::{Reference, TotalError};
+use crate::variables::{self, variables};
 
 /// Lines of the reference trace that is written with a design, roughly.
 const TRACE_LINES: u64 = 120_000;
@@ -105,10 +106,13 @@ impl Compile {
             |_| target.display().to_string(),
         );
         written?;
+        let variables = variables(model, &design);
+        let name = pe_emit::design_name(&design.program);
+        folder.write(&format!("{name}_variables.csv"), &variables::table(&variables))?;
         if !self.no_pictures {
             let drawn = watch.stage(
                 "draw",
-                || crate::pictures::draw(model, &design),
+                || crate::pictures::draw(model, &design, &variables),
                 |pictures| format!("{} pictures", pictures.len()),
             );
             for (path, text) in &drawn {

@@ -31,4 +31,5 @@ pub mod report;
 pub mod runs;
 pub mod scene;
 pub mod total;
+pub mod variables;
 pub mod waveforms;

@@ -1,7 +1,6 @@
 //! The pictures of a design: network, occupancy, ranges, outputs.
 
-use pe_ir::graph::{Role, StepGraph, ValueId};
-use pe_ir::model::{Model, Variable};
+use pe_ir::model::{self, Model};
 use pe_plot::axis::Scale;
 use pe_plot::chart::{AxisPlan, Chart, Figure, Series};
 use pe_plot::ranges;
@@ -9,6 +8,7 @@ use pe_plot::style::Look;
 
 use crate::pipeline::{Design, multiplier_name};
 use crate::runs::Curves;
+use crate::variables::Variable;
 
 /// Networks with more PEs are not drawn: nobody could read it.
 const DRAWN_PES: usize = 1000;
@@ -17,11 +17,11 @@ const DRAWN_PES: usize = 1000;
 const NAMED_OUTPUTS: usize = 12;
 
 /// Draws the pictures that say something about the design: file names and texts.
-pub fn draw(model: &Model, design: &Design) -> Vec<(String, String)> {
+pub fn draw(model: &Model, design: &Design, variables: &[Variable]) -> Vec<(String, String)> {
     let name = pe_emit::design_name(&design.program);
     let pes = design.program.pes.len();
     let mut pictures = vec![
-        (format!("{name}_ranges.svg"), ranges::draw(&model.name, &variables(model, design))),
+        (format!("{name}_ranges.svg"), ranges::draw(&model.name, &variables.iter().map(in_range).collect::<Vec<_>>())),
         (format!("{name}_outputs.svg"), outputs(model, design)),
     ];
     if pes <= DRAWN_PES {
@@ -33,45 +33,11 @@ pub fn draw(model: &Model, design: &Design) -> Vec<(String, String)> {
     pictures
 }
 
-/// States, algebraic variables and inputs with what was measured and what their formats hold.
-fn variables(model: &Model, design: &Design) -> Vec<ranges::Variable> {
-    let (graph, judged) = (&design.graph, &design.judged);
-    let fixed = &judged.fixed;
-    let mut variables = Vec::new();
-    let mut add = |name: &str, values: &mut dyn Iterator<Item = ValueId>| {
-        // An algebraic variable has a value per stage; the one that comes closest to its limit speaks for it.
-        let of_value = |value: ValueId| ranges::Variable {
-            name: name.to_owned(),
-            quantity: name.split('[').next().unwrap_or(name).to_owned(),
-            largest: judged.largest[value.index()],
-            step: libm::scalbn(1.0, fixed.exponents[value.index()]),
-            limit: libm::scalbn(fixed.format.max_word() as f64, fixed.exponents[value.index()]),
-        };
-        let least = values.map(of_value).min_by(|a, b| a.headroom().total_cmp(&b.headroom()));
-        variables.extend(least);
-    };
-    for (state, (value, next)) in model.states.iter().zip(&graph.states) {
-        add(&state.name, &mut [*value, *next].into_iter());
-    }
-    let stages = algebraic_values(graph, model.algebraics.len());
-    for (algebraic, values) in model.algebraics.iter().zip(stages) {
-        add(&algebraic.name, &mut values.into_iter());
-    }
-    for (input, value) in model.inputs.iter().zip(&graph.inputs) {
-        add(&input.name, &mut std::iter::once(*value));
-    }
-    variables
-}
-
-/// For each algebraic variable its values; none if it was put in place where it is read.
-fn algebraic_values(graph: &StepGraph, algebraics: usize) -> Vec<Vec<ValueId>> {
-    let mut values = vec![Vec::new(); algebraics];
-    for (index, value) in graph.values.iter().enumerate() {
-        if let Role::Algebraic(algebraic, _) = value.role {
-            values[algebraic as usize].push(ValueId(index as u32));
-        }
-    }
-    values
+/// A variable as the picture of ranges takes it.
+fn in_range(variable: &Variable) -> ranges::Variable {
+    let Variable { name, largest, lsb, limit, .. } = variable;
+    let quantity = name.split('[').next().unwrap_or(name).to_owned();
+    ranges::Variable { name: name.clone(), quantity, largest: *largest, step: *lsb, limit: *limit }
 }
 
 /// The outputs in fixed point over those in double precision, and the difference below.
@@ -100,9 +66,9 @@ fn outputs(model: &Model, design: &Design) -> String {
 fn output_charts(model: &Model, curves: &Curves, output: usize) -> Vec<Chart> {
     let declared = &model.outputs[output];
     let unit = match declared.variable {
-        Variable::State(index) => &model.states[index as usize].unit,
-        Variable::Algebraic(index) => &model.algebraics[index as usize].unit,
-        Variable::Input(index) => &model.inputs[index as usize].unit,
+        model::Variable::State(index) => &model.states[index as usize].unit,
+        model::Variable::Algebraic(index) => &model.algebraics[index as usize].unit,
+        model::Variable::Input(index) => &model.inputs[index as usize].unit,
     };
     let of = |trajectory: &pe_sim::error::Trajectory| -> Vec<f64> {
         trajectory.samples.iter().skip(output).step_by(trajectory.states.max(1)).copied().collect()

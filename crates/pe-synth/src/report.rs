@@ -14,6 +14,7 @@ use crate::area::{self, Area};
 use crate::bottleneck::Bottleneck;
 use crate::pipeline::{Design, StartResult, Stopwatch, multiplier_name};
 use crate::total::TotalError;
+use crate::variables::{self, variables};
 use crate::{features, scene};
 
 /// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
@@ -143,6 +144,7 @@ pub fn report(
         "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.step,
         "error": error(model, design, total),
+        "headroom": variables::report(&variables(model, design)),
         "saturations": 0,
         "widenings": design.judged.widenings,
         "outputs": model.outputs.iter().map(|output| output.name.as_str()).collect::<Vec<_>>(),
@@ -289,6 +291,7 @@ pub fn table(
             ),
         ),
         ("size", format!("{:.0} LUT, {dsp} DSP, {bram18} BRAM18 (estimated)", lut)),
+        ("headroom", variables::summary(&variables(model, design))),
         (
             "word-length error",
             format!(

@@ -119,6 +119,8 @@ pub struct Judged {
     pub curves: Curves,
     /// Largest magnitude of each value of the step graph in the run in double precision.
     pub largest: Vec<f64>,
+    /// Word-length error of each state.
+    pub state_errors: Vec<f64>,
 }
 
 /// Runs the model over its span.
@@ -203,7 +205,8 @@ impl Exact {
     ) -> Result<Judged, Vec<Diagnostic>> {
         let settled = settled?;
         let comparison = comparison?;
-        let (worst_state, word_length) = self.reference.deviation(&settled.hardware).worst(&self.scales);
+        let deviation = self.reference.deviation(&settled.hardware);
+        let (worst_state, word_length) = deviation.worst(&self.scales);
         let coefficient = settled.quantised.worst(&self.scales).1;
         let Comparison { method, input_hold, finding } = comparison;
         let errors = Errors { worst_state, word_length, coefficient, method, input_hold };
@@ -226,6 +229,7 @@ impl Exact {
             ns_per_mac: (self.seconds * 1e9 / macs, settled.seconds * 1e9 / macs),
             curves: Curves { fixed: settled.curves, ..self.curves.clone() },
             largest: self.largest.clone(),
+            state_errors: deviation.relative(&self.scales).collect(),
         })
     }
 }

@@ -4,6 +4,7 @@ mod support;
 
 use pe_plot::style::text_width;
 use pe_synth::pictures;
+use pe_synth::variables::variables;
 use support::models::compile;
 
 /// A text of a picture: what it says, and the box it fills.
@@ -62,13 +63,21 @@ fn text_of_every_picture_is_inside_it_and_covers_no_other() {
         ("lutchen_breathing", ["--pes", "40", "--span", "20ms"]),
     ] {
         let compiled = compile(model, &options);
-        let drawn = pictures::draw(&compiled.loaded.model, &compiled.design);
+        let drawn = pictures::draw(
+            &compiled.loaded.model,
+            &compiled.design,
+            &variables(&compiled.loaded.model, &compiled.design),
+        );
         assert_eq!(drawn.len(), 4, "{model}");
         for (name, svg) in &drawn {
             check_legible(name, svg);
             assert!(svg.len() < 1 << 20, "{name} has {} bytes", svg.len());
         }
-        let again = pictures::draw(&compiled.loaded.model, &compiled.design);
+        let again = pictures::draw(
+            &compiled.loaded.model,
+            &compiled.design,
+            &variables(&compiled.loaded.model, &compiled.design),
+        );
         assert!(again == drawn, "{model}: other bytes for the same design");
     }
 }
@@ -76,7 +85,8 @@ fn text_of_every_picture_is_inside_it_and_covers_no_other() {
 #[test]
 fn a_single_pe_has_no_picture_of_its_network() {
     let compiled = compile("van_der_pol", &["--pes", "1", "--span", "1s"]);
-    let drawn = pictures::draw(&compiled.loaded.model, &compiled.design);
+    let drawn =
+        pictures::draw(&compiled.loaded.model, &compiled.design, &variables(&compiled.loaded.model, &compiled.design));
     let names: Vec<&str> = drawn.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["van_der_pol_ranges.svg", "van_der_pol_outputs.svg", "van_der_pol_occupancy.svg"]);
 }
