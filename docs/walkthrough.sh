@@ -120,4 +120,8 @@ show 0 'pe-synth explore pumps/pump_station.spec --pes 1,2,4,8,16,30 --step 50us
 figure out/sweep/error_time.svg error_time 'total error against run time of 24 designs'
 figure out/sweep/size_speed.svg size_speed 'size against speed of 24 designs'
 
+# The picture of the tutorial.
+pe-synth compile models/lung/lung.spec --pes 3 --quiet -o out/lung
+cp out/lung/lung_outputs.svg "$root/docs/figures/tutorial_outputs.svg"
+
 mv "$page" "$root/docs/walkthrough.md"

@@ -124,7 +124,8 @@ impl Compile {
         folder.finish()?;
         if !quiet {
             let device = fit.map_or(String::new(), |fit| report::row("device", &fit.summary()));
-            console::out(&(report::table(model, &design, clock, &total) + &device));
+            let files = report::row("files", &format!("{}; all figures in report.json", target.display()));
+            console::out(&(report::table(model, &design, clock, &total, self.model.seed) + &device + &files));
         }
         Ok(())
     }
@@ -145,7 +146,7 @@ fn total_error(
 ) -> Result<TotalError, ReferenceError> {
     let model = &loaded.model;
     let progress = watch.progress_bar("reference");
-    let result = watch.stage(
+    let result = watch.timed(
         "reference",
         || Reference::solve(model, &design.judged.times, &progress).map(|r| r.compare(&design.judged.hardware)),
         |total| match total {

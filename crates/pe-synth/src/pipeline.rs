@@ -1,7 +1,7 @@
 //! The way from model to program, stage after stage.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem};
@@ -23,6 +23,9 @@ use crate::runs::{self, Judged};
 
 /// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
 const DEFAULT_SLOTS_PER_PE: u64 = 200;
+
+/// Time between two pictures of the spinner of a stage.
+const SPINNER_TICK: Duration = Duration::from_millis(200);
 
 /// Schedules that are this much longer than the shortest are not considered, however few connections they have.
 const PERIOD_TOLERANCE: f64 = 1.02;
@@ -100,8 +103,22 @@ impl Stopwatch {
         bar.with_finish(ProgressFinish::AndClear)
     }
 
-    /// Times a stage; `figure` says in a few words what came out of it.
+    /// Times a stage and shows that it is at work; `figure` says in a few words what came out of it.
     pub fn stage<T>(&mut self, name: &'static str, work: impl FnOnce() -> T, figure: impl FnOnce(&T) -> String) -> T {
+        let spinner = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        let style = ProgressStyle::with_template("{msg:>10}  {spinner} {elapsed}").expect("a valid template");
+        let spinner = spinner.with_style(style).with_message(name);
+        spinner.enable_steady_tick(SPINNER_TICK);
+        let work = || {
+            let result = work();
+            spinner.finish_and_clear();
+            result
+        };
+        self.timed(name, work, figure)
+    }
+
+    /// Times a stage that shows its progress itself.
+    pub fn timed<T>(&mut self, name: &'static str, work: impl FnOnce() -> T, figure: impl FnOnce(&T) -> String) -> T {
         let clock = Instant::now();
         let result = work();
         let seconds = clock.elapsed().as_secs_f64();
@@ -125,7 +142,7 @@ pub fn design(
     let graph = Arc::new(build(loaded, watch)?);
     let progress = watch.progress_bar("runs");
     let judged = watch
-        .stage("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
+        .timed("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
         .map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
     print_findings(&judged.warnings, &loaded.sources, options.message_format);
     implement(loaded, &graph, &Arc::new(judged), (point.pes, options.seed), mapping_options, watch)

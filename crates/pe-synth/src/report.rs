@@ -243,6 +243,7 @@ pub fn table(
     design: &Design,
     clock: Clock,
     total: &Option<Result<TotalError, ReferenceError>>,
+    seed: u64,
 ) -> String {
     let program = &design.program;
     let errors = design.judged.errors;
@@ -262,7 +263,7 @@ pub fn table(
                 sizes.max_in_degree
             ),
         ),
-        ("mapping", mapping_row(design)),
+        ("mapping", format!("{}; seed {seed}", mapping_row(design))),
         (
             "word",
             format!(

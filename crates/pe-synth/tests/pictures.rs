@@ -5,7 +5,7 @@ mod support;
 use pe_plot::style::text_width;
 use pe_synth::pictures;
 use pe_synth::variables::variables;
-use support::models::compile;
+use support::models::{Compiled, compile};
 
 /// A text of a picture: what it says, and the box it fills.
 struct Written {
@@ -53,6 +53,10 @@ fn check_legible(name: &str, svg: &str) {
     }
 }
 
+fn draw(Compiled { loaded, design, .. }: &Compiled) -> Vec<(String, String)> {
+    pictures::draw(&loaded.model, design, &variables(&loaded.model, design))
+}
+
 #[test]
 fn text_of_every_picture_is_inside_it_and_covers_no_other() {
     for (model, options) in [
@@ -63,21 +67,13 @@ fn text_of_every_picture_is_inside_it_and_covers_no_other() {
         ("lutchen_breathing", ["--pes", "40", "--span", "20ms"]),
     ] {
         let compiled = compile(model, &options);
-        let drawn = pictures::draw(
-            &compiled.loaded.model,
-            &compiled.design,
-            &variables(&compiled.loaded.model, &compiled.design),
-        );
+        let drawn = draw(&compiled);
         assert_eq!(drawn.len(), 4, "{model}");
         for (name, svg) in &drawn {
             check_legible(name, svg);
             assert!(svg.len() < 1 << 20, "{name} has {} bytes", svg.len());
         }
-        let again = pictures::draw(
-            &compiled.loaded.model,
-            &compiled.design,
-            &variables(&compiled.loaded.model, &compiled.design),
-        );
+        let again = draw(&compiled);
         assert!(again == drawn, "{model}: other bytes for the same design");
     }
 }
@@ -85,8 +81,7 @@ fn text_of_every_picture_is_inside_it_and_covers_no_other() {
 #[test]
 fn a_single_pe_has_no_picture_of_its_network() {
     let compiled = compile("van_der_pol", &["--pes", "1", "--span", "1s"]);
-    let drawn =
-        pictures::draw(&compiled.loaded.model, &compiled.design, &variables(&compiled.loaded.model, &compiled.design));
+    let drawn = draw(&compiled);
     let names: Vec<&str> = drawn.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["van_der_pol_ranges.svg", "van_der_pol_outputs.svg", "van_der_pol_occupancy.svg"]);
 }
