@@ -116,7 +116,7 @@ say '' '## Leaving out what is not needed' '' \
 show 0 'pe-synth compile pumps/pump_station.spec --pes 8 --observe w,torque,flow,level -o out/cold --quiet; pe-synth diff out/pump_station out/cold --tolerance all=any' "grep -v ' same\$'"
 
 say '' '## Size, speed and error' '' '24 designs, each compiled for real:'
-show 0 'pe-synth explore pumps/pump_station.spec --pes 1,2,4,8,16,30 --step 50us,25us --multiplier 25x18,32x32 -o out/sweep'
+show 0 'pe-synth explore pumps/pump_station.spec --pes 1,2,4,8,16,30 --step 50us,25us --solver rk4 --multiplier 25x18,32x32 -o out/sweep'
 figure out/sweep/error_time.svg error_time 'total error against run time of 24 designs'
 figure out/sweep/size_speed.svg size_speed 'size against speed of 24 designs'
 
