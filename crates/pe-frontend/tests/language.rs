@@ -2,7 +2,7 @@
 
 mod common;
 
-use pe_frontend::{NoFiles, Overrides, compile};
+use pe_frontend::{Overrides, compile};
 use std::collections::BTreeMap;
 
 #[test]
@@ -35,7 +35,9 @@ fn every_model_compiles() {
     for path in common::specs(&common::root().join("models")) {
         let text = std::fs::read_to_string(&path).expect("the spec can be read");
         let mut sources = common::source(&text);
-        if let Err(errors) = compile(&mut sources, &NoFiles, &Overrides::default()) {
+        if let Err(errors) =
+            compile(&mut sources, &common::Folder(path.parent().expect("a folder").to_owned()), &Overrides::default())
+        {
             let rendered: String = errors.iter().map(|error| format!("{error}\n")).collect();
             panic!("{}:\n{rendered}", path.display());
         }
