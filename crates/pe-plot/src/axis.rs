@@ -58,6 +58,8 @@ impl Axis {
         let (low, high) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), n| (l.min(n), h.max(n)));
         let (low, high) = if low <= high { (low, high) } else { (1.0, 1.0) };
         match scale {
+            // So close to zero a double has too few digits left for ticks.
+            Scale::Linear if low.abs().max(high.abs()) < 1e-290 => linear(0.0, 0.0, whole, most_ticks.max(2)),
             Scale::Linear => linear(low, high, whole, most_ticks.max(2)),
             Scale::Log => log(low, high, whole, most_ticks.max(2)),
         }
@@ -149,6 +151,9 @@ fn log(low: f64, high: f64, whole: bool, most: usize) -> Axis {
     if ticks.len() > most {
         ticks = (1..=700).map(|every| series(&[1.0], every)).find(|ticks| ticks.len() <= most).unwrap_or_default();
     }
+    if ticks.len() < 2 {
+        ticks = series(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], 1);
+    }
     let minor = if last - first <= 8 { series(&[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], 1) } else { Vec::new() };
     let plain = ticks.iter().all(|tick| (0.999e-3..1.001e5).contains(tick));
     let labels = if plain { Labels::Shortest } else { Labels::Exponential };
@@ -177,5 +182,22 @@ impl Ranged for Axis {
 impl ValueFormatter<f64> for Axis {
     fn format_ext(&self, number: &f64) -> String {
         self.label(*number)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_range_of_numbers_has_a_few_ticks() {
+        for (low, high) in [(0.0, 0.0), (0.0, 1e-310), (1e-310, 1e-300), (-5.0, 3.0), (1e300, 2e300), (7.1e-4, 7.3e-4)]
+        {
+            for scale in [Scale::Linear, Scale::Log] {
+                let axis = Axis::new(scale, [low, high].into_iter(), false, 6);
+                let count = axis.ticks().len();
+                assert!((2..=10).contains(&count), "{scale:?} {low:e} to {high:e}: {count} ticks");
+            }
+        }
     }
 }

@@ -103,12 +103,21 @@ impl Stopwatch {
         bar.with_finish(ProgressFinish::AndClear)
     }
 
+    /// What tells that a stage is at work; invisible like the bar.
+    fn spinner(&self, stage: &'static str) -> ProgressBar {
+        let spinner = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        if spinner.is_hidden() {
+            return spinner;
+        }
+        let style = ProgressStyle::with_template("{msg:>10}  {spinner} {elapsed}").expect("a valid template");
+        let spinner = spinner.with_style(style).with_message(stage);
+        spinner.enable_steady_tick(SPINNER_TICK);
+        spinner
+    }
+
     /// Times a stage and shows that it is at work; `figure` says in a few words what came out of it.
     pub fn stage<T>(&mut self, name: &'static str, work: impl FnOnce() -> T, figure: impl FnOnce(&T) -> String) -> T {
-        let spinner = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
-        let style = ProgressStyle::with_template("{msg:>10}  {spinner} {elapsed}").expect("a valid template");
-        let spinner = spinner.with_style(style).with_message(name);
-        spinner.enable_steady_tick(SPINNER_TICK);
+        let spinner = self.spinner(name);
         let work = || {
             let result = work();
             spinner.finish_and_clear();
