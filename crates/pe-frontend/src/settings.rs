@@ -6,7 +6,7 @@ use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::units::Units;
 use pe_ir::codes;
-use pe_ir::model::Solver;
+use pe_ir::model::{Solver, step_count_problem};
 use pe_ir::source::{Diagnostic, Span};
 
 /// Units of time and their length in seconds.
@@ -15,9 +15,6 @@ pub(crate) const TIMES: [(&str, f64); 6] =
 
 /// Units of frequency in hertz.
 pub(crate) const FREQUENCIES: [(&str, f64); 2] = [("Hz", 1.0), ("kHz", 1e3)];
-
-/// Most steps over a span; a run of more would never end.
-const MOST_STEPS: f64 = 1e10;
 
 /// The single statements as found.
 #[derive(Default)]
@@ -136,14 +133,8 @@ impl<'a> Elaborator<'a> {
         let span = settings.span.and_then(|span| self.time(span, "span"));
         let (step, span) = (step?, span?);
         let place = settings.span.map_or_else(Span::default, |span| span.value.span);
-        let steps = span / step;
-        if steps > MOST_STEPS {
-            let message = format!("a span of {span} s takes {steps:.1e} steps of {step} s");
-            let help = format!("at most {MOST_STEPS:e} steps can be run; check the units");
-            self.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, message).with_help(help));
-        } else if span < step {
-            let message = format!("a span of {span} s is shorter than a step of {step} s");
-            self.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, message).with_help("check the units"));
+        if let Some(problem) = step_count_problem(step, span) {
+            self.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, problem).with_help("check the units"));
         }
         Some((step, span))
     }

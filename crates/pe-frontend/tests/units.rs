@@ -42,6 +42,7 @@ fn units_follow_definitions_through_names_without_units() {
     let found = findings(text, None);
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(found[0].message.starts_with("units do not agree: [V/s] and ["), "{}", found[0].message);
+    assert!(found[0].help.as_deref().is_some_and(|help| help.starts_with("check the equation")), "{:?}", found[0].help);
     // Without a unit anything goes, unless strictly: there a variable is a number.
     let loose = "state x [m] = 0\nstate y = 0\nx' = y\ny' = x\noutput x";
     assert_eq!(findings(loose, None), []);

@@ -172,6 +172,21 @@ pub struct Model {
     pub left_out: Vec<String>,
 }
 
+/// Most steps over a span; a run of more would never end.
+const MOST_STEPS: f64 = 1e10;
+
+/// Why a span cannot be run in steps of this length, if so; both in seconds.
+pub fn step_count_problem(step: f64, span: f64) -> Option<String> {
+    let steps = span / step;
+    if steps > MOST_STEPS {
+        Some(format!("a span of {span} s takes {steps:.1e} steps of {step:e} s; at most {MOST_STEPS:e} can be run"))
+    } else if span < step {
+        Some(format!("a span of {span} s is shorter than a step of {step} s"))
+    } else {
+        None
+    }
+}
+
 impl Model {
     /// Number of steps over the span, at least one.
     pub fn steps(&self) -> u64 {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use pe_ir::codes;
-use pe_ir::model::{Model, Solver};
+use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::word::WordFormat;
 
@@ -106,15 +106,11 @@ impl DesignPoint {
     /// Puts solver and step in place of the model's.
     ///
     /// # Errors
-    /// If the span is shorter than the step.
+    /// If the span is shorter than the step, or takes more steps than can be run.
     pub fn apply(&self, model: &mut Model) -> Result<(), Failure> {
         model.solver = self.solver.unwrap_or(model.solver);
         model.step = self.step.unwrap_or(model.step);
-        if model.span < model.step {
-            let message = format!("the span of {:e} s is shorter than the step of {:e} s", model.span, model.step);
-            return Err(Failure::Usage(message));
-        }
-        Ok(())
+        step_count_problem(model.step, model.span).map_or(Ok(()), |problem| Err(Failure::Usage(problem)))
     }
 
     /// Word widths.

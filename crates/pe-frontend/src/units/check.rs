@@ -16,6 +16,9 @@ use pe_ir::source::{Diagnostic, Span};
 /// Functions whose value has the unit of their arguments.
 const SAME: [&str; 8] = ["floor", "ceil", "round", "abs", "min", "max", "mod", "sign"];
 
+/// What to do about units of different dimensions.
+const DIMENSION_HELP: &str = "check the equation; a constant that ought to have a unit can be a parameter with one";
+
 /// Bodies of functions that are looked into; each call looks again, for its arguments have units of their own.
 const MOST_CALLS: usize = 20_000;
 
@@ -436,10 +439,10 @@ impl<'a> Checker<'_, 'a> {
             Diagnostic::error(code, second_place, message).with_help(help)
         } else if alone {
             let message = format!("[{first_text}] is needed here, this is [{second_text}]");
-            Diagnostic::error(code, second_place, message)
+            Diagnostic::error(code, second_place, message).with_help(DIMENSION_HELP)
         } else {
             let message = format!("units do not agree: [{first_text}] and [{second_text}]");
-            Diagnostic::error(code, second_place, message)
+            Diagnostic::error(code, second_place, message).with_help(DIMENSION_HELP)
         };
         let finding = if alone { finding } else { finding.with_label(first_place, format!("[{first_text}]")) };
         self.tell(finding.with_label(second_place, format!("[{second_text}]")));
