@@ -74,7 +74,8 @@ else
 fi
 
 cargo build --release --quiet
-export PATH=$PWD/target/release:$PATH
+PATH=$(realpath -m "${CARGO_TARGET_DIR:-target}")/release:$PATH
+export PATH
 mkdir pumps
 cp models/pump_station/motors.csv pumps/
 sed 's|loss\*flow^2|los*flow^2|; s|\[W/K\]|[W]|' models/pump_station/pump_station.spec > pumps/pump_station.spec
