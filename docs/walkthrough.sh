@@ -114,7 +114,9 @@ show 0 'pe-synth sim pumps/pump_station.spec --pes 8 -o out/pump_station.vcd'
 
 say '' '## Leaving out what is not needed' '' \
   'Nobody looks at the temperatures in this test bench. Without them three equations and all that only they need go.'
-show 0 'pe-synth compile pumps/pump_station.spec --pes 8 --observe w,torque,flow,level -o out/cold --quiet; pe-synth diff out/pump_station out/cold --tolerance all=any' "grep -v ' same\$'"
+show 0 'pe-synth compile pumps/pump_station.spec --pes 8 --observe w,torque,flow,level -o out/cold --quiet'
+say '' 'What has changed, as a check in continuous integration would tell it:'
+show 4 'pe-synth diff out/pump_station out/cold' "grep -v ' same\$'"
 
 say '' '## Size, speed and error' '' '24 designs, each compiled for real:'
 show 0 'pe-synth explore pumps/pump_station.spec --pes 1,2,4,8,16,30 --step 50us,25us --solver rk4 --multiplier 25x18,32x32 -o out/sweep'
