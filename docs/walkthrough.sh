@@ -98,7 +98,7 @@ cp models/pump_station/pump_station.spec pumps/
 
 say '' '## From equations to hardware' '' \
   'Both mended. `--reference` adds the total error, measured against a library for differential equations at a' \
-  'tolerance of 1e-10.'
+  'tolerance of 1e-12.'
 show 0 'pe-synth compile pumps/pump_station.spec --pes 8 --reference -o out/pump_station'
 say '' 'The folder has pictures, too. The outputs in fixed point over those in double precision:'
 figure out/pump_station/pump_station_outputs.svg outputs 'outputs of the pump station over time'

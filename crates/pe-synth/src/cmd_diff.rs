@@ -249,6 +249,12 @@ fn shown(value: Option<&Value>) -> String {
     }
 }
 
+/// A cell that leaves room for the others; `--message-format json` has the whole.
+fn clipped(cell: String) -> String {
+    const WIDEST: usize = 28;
+    if cell.chars().count() <= WIDEST { cell } else { cell.chars().take(WIDEST - 3).chain("...".chars()).collect() }
+}
+
 /// The rows as a table: figures that are equal and tell which design it is go into one line.
 fn table(rows: &[Row]) -> String {
     let mut lines = vec![["figure", "expected", "now", "change", "tolerance", ""].map(str::to_owned)];
@@ -258,7 +264,7 @@ fn table(rows: &[Row]) -> String {
             continue;
         }
         let tolerance = if row.verdict == Verdict::Same { String::new() } else { row.tolerance.text() };
-        let [old, new] = [&row.old, &row.new].map(|value| shown(value.as_ref()));
+        let [old, new] = [&row.old, &row.new].map(|value| clipped(shown(value.as_ref())));
         lines.push([row.name.to_owned(), old, new, row.change(), tolerance, row.verdict.name().to_owned()]);
     }
     let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
