@@ -7,7 +7,7 @@ use pe_plot::ranges;
 use pe_plot::style::Look;
 
 use crate::pipeline::{Design, multiplier_name};
-use crate::runs::Curves;
+use crate::runs::Judged;
 use crate::variables::Variable;
 
 /// Networks with more PEs are not drawn: nobody could read it.
@@ -57,13 +57,13 @@ fn outputs(model: &Model, design: &Design) -> String {
         caption += &format!(" Not shown: {}", names.join(", "));
         caption += &if more > names.len() { format!(" and {} more outputs.", more - names.len()) } else { ".".into() };
     }
-    let cells = (0..shown).map(|output| output_charts(model, curves, output)).collect();
+    let cells = (0..shown).map(|output| output_charts(model, &design.judged, output)).collect();
     let title = format!("{}: outputs in fixed point and in double precision", model.name);
     let columns = if shown == 1 { 1 } else { 2 };
     Figure { title, caption, width: 960.0, columns, cells }.draw()
 }
 
-fn output_charts(model: &Model, curves: &Curves, output: usize) -> Vec<Chart> {
+fn output_charts(model: &Model, judged: &Judged, output: usize) -> Vec<Chart> {
     let declared = &model.outputs[output];
     let unit = match declared.variable {
         model::Variable::State(index) => &model.states[index as usize].unit,
@@ -73,10 +73,10 @@ fn output_charts(model: &Model, curves: &Curves, output: usize) -> Vec<Chart> {
     let of = |trajectory: &pe_sim::error::Trajectory| -> Vec<f64> {
         trajectory.samples.iter().skip(output).step_by(trajectory.states.max(1)).copied().collect()
     };
-    let (double, fixed) = (of(&curves.double), of(&curves.fixed));
-    let over_time = |numbers: Vec<f64>| curves.times.iter().copied().zip(numbers);
+    let (double, fixed) = (of(&judged.curves.double), of(&judged.curves.fixed));
+    let over_time = |numbers: Vec<f64>| judged.times.iter().copied().zip(numbers);
     let difference = fixed.iter().zip(&double).map(|(fixed, double)| fixed - double).collect();
-    let end = curves.times.last().copied().unwrap_or(model.span);
+    let end = judged.times.last().copied().unwrap_or(model.span);
     let time = |label: &str| AxisPlan::between(label, Scale::Linear, 0.0, end);
     let unit = unit.as_deref().unwrap_or("value");
     vec![

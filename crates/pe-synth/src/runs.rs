@@ -66,8 +66,6 @@ pub struct Checkpoint {
 /// Outputs at the sample times, for pictures: the first few of the model's.
 #[derive(Clone, Debug, Default)]
 pub struct Curves {
-    /// Sample times in seconds.
-    pub times: Vec<f64>,
     /// In double precision.
     pub double: Trajectory,
     /// In fixed point.
@@ -339,7 +337,6 @@ fn reference_run(
         plan.advance(done, 1);
         if plan.sampled(done) {
             reference.push(|state| run.state(state));
-            curves.times.push(done as f64 * model.step);
             curves.double.push(|output| run.output(output));
             moments.add(graph, |value| run.value(value));
         }
