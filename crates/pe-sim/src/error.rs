@@ -57,12 +57,21 @@ impl Trajectory {
     }
 
     /// How far `other`, sampled at the same times, deviates.
+    ///
+    /// # Panics
+    /// If the samples are not as many, or none: a comparison of nothing must not pass for agreement.
     pub fn deviation(&self, other: &Trajectory) -> Deviation {
-        let mut meter = ErrorMeter::new(self);
-        for sample in other.samples.chunks_exact(self.states.max(1)) {
-            meter.push(|state| sample[state]);
+        assert!(!self.samples.is_empty() && self.samples.len() == other.samples.len(), "{} samples", other.len());
+        let mut largest = vec![0.0f64; self.states];
+        let states = self.states.max(1);
+        for (own, others) in self.samples.chunks_exact(states).zip(other.samples.chunks_exact(states)) {
+            for (largest, (own, other)) in largest.iter_mut().zip(own.iter().zip(others)) {
+                let difference = (other - own).abs();
+                // A difference that is not a number must not vanish in `max`.
+                *largest = if difference.is_nan() { f64::INFINITY } else { largest.max(difference) };
+            }
         }
-        meter.finish()
+        Deviation { largest }
     }
 }
 
@@ -84,40 +93,5 @@ impl Deviation {
         self.relative(scales)
             .enumerate()
             .fold((0, 0.0), |worst, (index, error)| if error > worst.1 { (index, error) } else { worst })
-    }
-}
-
-/// Compares a run with a trajectory sample by sample, without storing it.
-pub struct ErrorMeter<'a> {
-    reference: &'a Trajectory,
-    sample: usize,
-    deviation: Vec<f64>,
-}
-
-impl<'a> ErrorMeter<'a> {
-    /// Starts a comparison.
-    pub fn new(reference: &'a Trajectory) -> Self {
-        ErrorMeter { reference, sample: 0, deviation: vec![0.0; reference.states] }
-    }
-
-    /// Compares the next sample.
-    pub fn push(&mut self, state: impl Fn(usize) -> f64) {
-        let from = self.sample * self.reference.states;
-        let reference = &self.reference.samples[from..from + self.reference.states];
-        for (index, (deviation, number)) in self.deviation.iter_mut().zip(reference).enumerate() {
-            let difference = (state(index) - number).abs();
-            // A difference that is not a number must not vanish in `max`.
-            *deviation = if difference.is_nan() { f64::INFINITY } else { deviation.max(difference) };
-        }
-        self.sample += 1;
-    }
-
-    /// Ends the comparison.
-    ///
-    /// # Panics
-    /// If not every sample was compared: a comparison of nothing must not pass for agreement.
-    pub fn finish(self) -> Deviation {
-        assert!(self.sample > 0 && self.sample == self.reference.len(), "{} samples compared", self.sample);
-        Deviation { largest: self.deviation }
     }
 }

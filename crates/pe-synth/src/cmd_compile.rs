@@ -91,7 +91,8 @@ impl Compile {
         let total = self.reference.then(|| total_error(&loaded, &design, self.message_format(), &mut watch));
         let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
         let fit = self.device.map(|device| held_against(device, &design));
-        let mut report = report::report(model, &design, clock, &total, self.model.seed, command);
+        let variables = variables(model, &design);
+        let mut report = report::report(model, &design, &variables, clock, &total, self.model.seed, command);
         if let Some(fit) = &fit {
             report["device"] = fit.report();
             let warning = fit.complaint().map(|text| Diagnostic::global(codes::DOES_NOT_FIT, text));
@@ -106,7 +107,6 @@ impl Compile {
             |_| target.display().to_string(),
         );
         written?;
-        let variables = variables(model, &design);
         let name = pe_emit::design_name(&design.program);
         folder.write(&format!("{name}_variables.csv"), &variables::table(&variables))?;
         if !self.no_pictures {
@@ -125,7 +125,9 @@ impl Compile {
         if !quiet {
             let device = fit.map_or(String::new(), |fit| report::row("device", &fit.summary()));
             let files = report::row("files", &format!("{}; all figures in report.json", target.display()));
-            console::out(&(report::table(model, &design, clock, &total, self.model.seed) + &device + &files));
+            console::out(
+                &(report::table(model, &design, &variables, clock, &total, self.model.seed) + &device + &files),
+            );
         }
         Ok(())
     }

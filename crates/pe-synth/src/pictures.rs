@@ -8,6 +8,7 @@ use pe_plot::style::Look;
 
 use crate::pipeline::{Design, multiplier_name};
 use crate::runs::Judged;
+use crate::scene::quantity_of;
 use crate::variables::Variable;
 
 /// Networks with more PEs are not drawn: nobody could read it.
@@ -36,7 +37,7 @@ pub fn draw(model: &Model, design: &Design, variables: &[Variable]) -> Vec<(Stri
 /// A variable as the picture of ranges takes it.
 fn in_range(variable: &Variable) -> ranges::Variable {
     let Variable { name, largest, lsb, limit, .. } = variable;
-    let quantity = name.split('[').next().unwrap_or(name).to_owned();
+    let quantity = quantity_of(name).to_owned();
     ranges::Variable { name: name.clone(), quantity, largest: *largest, step: *lsb, limit: *limit }
 }
 

@@ -14,7 +14,7 @@ use crate::area::{self, Area};
 use crate::bottleneck::Bottleneck;
 use crate::pipeline::{Design, StartResult, Stopwatch, multiplier_name};
 use crate::total::TotalError;
-use crate::variables::{self, variables};
+use crate::variables::{self, Variable};
 use crate::{features, scene};
 
 /// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
@@ -88,6 +88,7 @@ fn distinct_programs(program: &Program) -> usize {
 pub fn report(
     model: &Model,
     design: &Design,
+    variables: &[Variable],
     clock: Clock,
     total: &Option<Result<TotalError, ReferenceError>>,
     seed: u64,
@@ -144,7 +145,7 @@ pub fn report(
         "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.step,
         "error": error(model, design, total),
-        "headroom": variables::report(&variables(model, design)),
+        "headroom": variables::report(variables),
         "saturations": 0,
         "widenings": design.judged.widenings,
         "outputs": model.outputs.iter().map(|output| output.name.as_str()).collect::<Vec<_>>(),
@@ -241,6 +242,7 @@ fn total_row(model: &Model, total: &Result<TotalError, ReferenceError>) -> Strin
 pub fn table(
     model: &Model,
     design: &Design,
+    variables: &[Variable],
     clock: Clock,
     total: &Option<Result<TotalError, ReferenceError>>,
     seed: u64,
@@ -292,7 +294,7 @@ pub fn table(
             ),
         ),
         ("size", format!("{:.0} LUT, {dsp} DSP, {bram18} BRAM18 (estimated)", lut)),
-        ("headroom", variables::summary(&variables(model, design))),
+        ("headroom", variables::summary(variables)),
         (
             "word-length error",
             format!(

@@ -138,9 +138,7 @@ pub fn judge(
         let comparison = scope.spawn(|| exact.compare(model));
         let settled = exact.settle(model, graph, format);
         let comparison = comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        let mut judged = exact.conclude(graph, settled, comparison, options)?;
-        judged.warnings.extend(word_short(model, judged.errors));
-        Ok(judged)
+        exact.conclude(model, graph, settled, comparison, options)
     })
 }
 
@@ -196,6 +194,7 @@ impl Exact {
     /// Those of the runs; `E0903` step too large.
     pub fn conclude(
         &self,
+        model: &Model,
         graph: &StepGraph,
         settled: Result<Settled, Vec<Diagnostic>>,
         comparison: Result<Comparison, Vec<Diagnostic>>,
@@ -215,6 +214,7 @@ impl Exact {
             let message = finding.message.replace("too large", "large");
             warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..finding.into_warning() });
         }
+        warnings.extend(word_short(model, errors));
         let macs = graph.macs() as f64 * self.plan.steps as f64;
         Ok(Judged {
             fixed: settled.fixed,

@@ -182,6 +182,6 @@ fn each_variable(expr: &Expr, action: &mut impl FnMut(Variable)) {
 }
 
 /// Name of the array of an element, or the name itself.
-fn quantity_of(name: &str) -> &str {
+pub fn quantity_of(name: &str) -> &str {
     name.split_once('[').map_or(name, |(quantity, _)| quantity)
 }

@@ -29,6 +29,7 @@ use crate::pipeline::{self, MappingOptions, Stopwatch};
 use crate::report::{self, Clock};
 use crate::runs::{Comparison, Exact, Judged};
 use crate::total::{Reference, TotalError};
+use crate::variables::variables;
 
 /// What all points have in common.
 pub struct Sweep {
@@ -180,7 +181,7 @@ impl Sweep {
         let Base { loaded, graph, exact, comparison, .. } = base;
         let judged = guarded(|| {
             let settled = exact.settle(&loaded.model, graph, jobs[0].point.format()?);
-            let judged = exact.conclude(graph, settled, comparison.clone(), &self.options);
+            let judged = exact.conclude(&loaded.model, graph, settled, comparison.clone(), &self.options);
             let judged = judged.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
             let total = self.total(base, &judged, &jobs[0].point, sender);
             Ok(Format { loaded: Arc::clone(loaded), graph: Arc::clone(graph), judged: Arc::new(judged), total })
@@ -225,9 +226,10 @@ impl Sweep {
         let seed = self.options.seed;
         let watch = &mut Stopwatch::new(true);
         let design = pipeline::implement(loaded, graph, judged, (job.point.pes, seed), &self.mapping, watch)?;
-        let report = report::report(&loaded.model, &design, self.clock, &Some(*total), seed, &job.command);
+        let (model, total) = (&loaded.model, Some(*total));
+        let report = report::report(model, &design, &variables(model, &design), self.clock, &total, seed, &job.command);
         let warnings = judged.warnings.iter().map(|warning| warning.code);
-        let warnings = warnings.chain(total.is_err().then_some(codes::NO_REFERENCE));
+        let warnings = warnings.chain(total.is_some_and(|total| total.is_err()).then_some(codes::NO_REFERENCE));
         Ok(Figures::of(&report, warnings.map(str::to_owned).collect()))
     }
 }
