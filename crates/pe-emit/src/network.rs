@@ -56,6 +56,10 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
         let unit = unit.as_deref().map_or(String::new(), |unit| format!(" [{}]", comment_text(unit)));
         format!("{}{unit}, LSB 2^{exponent}", comment_text(name))
     };
+    let mut shown = vec![false; program.pes.len()];
+    for output in &program.outputs {
+        shown[output.pe as usize] = true;
+    }
     let inputs = program.inputs.iter().zip(&names.inputs).enumerate();
     let outputs = program.outputs.iter().zip(&names.outputs).enumerate();
     let network = Network {
@@ -74,12 +78,12 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
                 Output { port: Port { index, port: name.clone(), comment }, pe: port.pe, word: port.word }
             })
             .collect(),
-        pes: (0..program.pes.len()).map(|index| describe(program, index)).collect(),
+        pes: shown.into_iter().enumerate().map(|(index, shown)| describe(program, index, shown)).collect(),
     };
     network.render().expect("templates render into strings")
 }
 
-fn describe(program: &Program, index: usize) -> Pe {
+fn describe(program: &Program, index: usize, shown: bool) -> Pe {
     let pe = &program.pes[index];
     let signal = |source: &LinkSource| match source {
         LinkSource::Pe(pe) => format!("link_{pe}"),
@@ -112,6 +116,6 @@ fn describe(program: &Program, index: usize) -> Pe {
         send: features.send,
         wiring,
         wiring_comment: pe.ports.iter().map(wired).collect::<Vec<_>>().join(", "),
-        shown: program.outputs.iter().any(|output| output.pe as usize == index),
+        shown,
     }
 }

@@ -48,7 +48,8 @@ struct Line {
 
 /// The text of `<model>_program_pkg.vhd`.
 pub fn render(program: &Program, names: &Names, header: &Header) -> String {
-    let pes = program.pes.iter().enumerate().map(|(index, pe)| describe(program, index, pe)).collect();
+    let states = StateWords::of(program);
+    let pes = program.pes.iter().enumerate().map(|(index, pe)| describe(program, &states, index, pe)).collect();
     let format = &program.format;
     let package = ProgramPackage {
         header,
@@ -63,7 +64,32 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
     package.render().expect("templates render into strings")
 }
 
-fn describe(program: &Program, index: usize, pe: &PeProgram) -> Pe {
+/// States by the memory words they begin in: sorted (PE, word) and the state's index.
+struct StateWords {
+    own: Vec<((u32, u16), usize)>,
+    imported: Vec<((u32, u16), usize)>,
+}
+
+impl StateWords {
+    fn of(program: &Program) -> StateWords {
+        let (mut own, mut imported) = (Vec::new(), Vec::new());
+        for (index, state) in program.states.iter().enumerate() {
+            own.push((state.own, index));
+            imported.extend(state.imported.iter().map(|place| (*place, index)));
+        }
+        own.sort_unstable();
+        imported.sort_unstable();
+        StateWords { own, imported }
+    }
+
+    /// The first state of a word.
+    fn find<'p>(words: &[((u32, u16), usize)], place: (u32, u16), program: &'p Program) -> Option<&'p StateRegister> {
+        let at = words.partition_point(|(other, _)| *other < place);
+        words.get(at).filter(|(other, _)| *other == place).map(|(_, state)| &program.states[*state])
+    }
+}
+
+fn describe(program: &Program, states: &StateWords, index: usize, pe: &PeProgram) -> Pe {
     let layout = Layout::new(&pe.features, &program.format);
     let comments = pe.words.iter().enumerate().map(|(k, word)| {
         let note = pe.notes.get(k).copied().unwrap_or_default();
@@ -71,14 +97,12 @@ fn describe(program: &Program, index: usize, pe: &PeProgram) -> Pe {
     });
     let words = pe.words.iter().map(|word| fields_in_binary(&layout, layout.encode(word))).zip(comments).collect();
     let word_bits = program.format.word_bits();
-    let own_comment = |word: usize| {
-        let here = |state: &&StateRegister| state.own == (index as u32, word as u16);
-        program.states.iter().find(here).map_or(String::new(), |state| state_comment(state, "state"))
+    let comment = |states: &[((u32, u16), usize)], word: usize, what: &str| {
+        let state = StateWords::find(states, (index as u32, word as u16), program);
+        state.map_or(String::new(), |state| state_comment(state, what))
     };
-    let imported_comment = |word: usize| {
-        let here = |state: &&StateRegister| state.imported.contains(&(index as u32, word as u16));
-        program.states.iter().find(here).map_or(String::new(), |state| state_comment(state, "copy of state"))
-    };
+    let own_comment = |word: usize| comment(&states.own, word, "state");
+    let imported_comment = |word: usize| comment(&states.imported, word, "copy of state");
     let image = |image: &[i64], bits: u32, comment: &dyn Fn(usize) -> String| {
         lines(image.iter().enumerate().map(|(k, word)| (binary(*word as u128, bits), comment(k))).collect())
     };

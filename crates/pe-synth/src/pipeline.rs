@@ -79,18 +79,28 @@ pub struct Design {
     pub default_pes: bool,
 }
 
-/// Seconds of each stage, in order.
+/// What a stage took.
+pub struct StageTime {
+    /// The stage.
+    pub stage: &'static str,
+    /// Seconds.
+    pub seconds: f64,
+    /// Seconds of processor time, where the system tells: on a loaded machine the fairer figure.
+    pub processor_seconds: Option<f64>,
+}
+
+/// Times of each stage, in order.
 #[derive(Default)]
 pub struct Stopwatch {
-    /// Stage and seconds.
-    pub seconds: Vec<(&'static str, f64)>,
+    /// Stages done.
+    pub stages: Vec<StageTime>,
     quiet: bool,
 }
 
 impl Stopwatch {
     /// A stopwatch; unless `quiet` every stage is reported on standard error as it ends.
     pub fn new(quiet: bool) -> Self {
-        Stopwatch { seconds: Vec::new(), quiet }
+        Stopwatch { stages: Vec::new(), quiet }
     }
 
     /// A bar for a long stage; invisible when quiet or when standard error is no terminal.
@@ -128,15 +138,27 @@ impl Stopwatch {
 
     /// Times a stage that shows its progress itself.
     pub fn timed<T>(&mut self, name: &'static str, work: impl FnOnce() -> T, figure: impl FnOnce(&T) -> String) -> T {
-        let clock = Instant::now();
+        let (clock, processor) = (Instant::now(), processor_seconds());
         let result = work();
         let seconds = clock.elapsed().as_secs_f64();
-        self.seconds.push((name, seconds));
+        let processor_seconds = processor_seconds().zip(processor).map(|(after, before)| after - before);
+        self.stages.push(StageTime { stage: name, seconds, processor_seconds });
         if !self.quiet {
             crate::console::err(&format!("{name:>10}  {}  ({seconds:.2} s)\n", figure(&result)));
         }
         result
     }
+}
+
+/// Processor time of this process so far, all threads together, where the system tells.
+pub fn processor_seconds() -> Option<f64> {
+    #[cfg(target_os = "linux")]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
 }
 
 /// Designs the hardware of a model.

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use crate::area::{self, Area};
 use crate::bottleneck::Bottleneck;
-use crate::pipeline::{Design, StartResult, Stopwatch, multiplier_name};
+use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name, processor_seconds};
 use crate::total::TotalError;
 use crate::variables::{self, Variable};
 use crate::{features, scene};
@@ -196,11 +196,17 @@ fn output_errors(model: &Model, design: &Design) -> Vec<Value> {
 
 /// Builds `report-timing.json`.
 pub fn timing(watch: &Stopwatch, design: &Design) -> Value {
-    let seconds: serde_json::Map<String, Value> =
-        watch.seconds.iter().map(|(stage, seconds)| ((*stage).to_owned(), json!(seconds))).collect();
+    let map = |of: &dyn Fn(&StageTime) -> Value| -> serde_json::Map<String, Value> {
+        watch.stages.iter().map(|time| (time.stage.to_owned(), of(time))).collect()
+    };
+    let without_runs = watch.stages.iter().filter(|time| time.stage != "runs");
+    let processor_of_runs = watch.stages.iter().find(|time| time.stage == "runs").map(|time| time.processor_seconds);
+    let processor_without_runs = processor_seconds().zip(processor_of_runs.flatten()).map(|(all, runs)| all - runs);
     json!({
-        "seconds": seconds,
-        "seconds_without_runs": watch.seconds.iter().filter(|(stage, _)| *stage != "runs").map(|s| s.1).sum::<f64>(),
+        "seconds": map(&|time| json!(time.seconds)),
+        "seconds_without_runs": without_runs.map(|time| time.seconds).sum::<f64>(),
+        "processor_seconds": map(&|time| json!(time.processor_seconds)),
+        "processor_seconds_without_runs": processor_without_runs,
         "double_ns_per_mac": design.judged.ns_per_mac.0,
         "fixed_ns_per_mac": design.judged.ns_per_mac.1,
         "peak_memory_mb": peak_memory_mb(),
