@@ -9,6 +9,7 @@ mod bound;
 mod list;
 mod period;
 mod problem;
+mod recurrence;
 
 use pe_ir::graph::StepGraph;
 use pe_ir::mapping::Mapping;
