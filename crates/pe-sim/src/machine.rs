@@ -18,8 +18,10 @@ struct Pe {
     accumulator: i128,
     accumulator_bits: u32,
     hold: i128,
-    scaled: (i64, i128),
-    /// Sum of the adder and whether it saturated.
+    /// Base word and shift of the adder.
+    scale: (i64, u32),
+    sum: i128,
+    /// Word of the write group and whether it saturated.
     result: (i64, bool),
     link: i64,
     overflow: bool,
@@ -70,7 +72,8 @@ impl<'a> Machine<'a> {
                 accumulator: 0,
                 accumulator_bits: pe.features.accumulator_bits,
                 hold: 0,
-                scaled: (0, 0),
+                scale: (0, 0),
+                sum: 0,
                 result: (0, false),
                 link: 0,
                 overflow: false,
@@ -183,9 +186,9 @@ impl<'a> Machine<'a> {
                     *slot = output_word(&format, pe.result.0);
                 }
             }
-            pe.result = add(&format, pe.scaled);
-            let shift = pe.shifts.get(usize::from(word.shift)).copied().unwrap_or(0);
-            pe.scaled = (base, round(pe.hold << format.lift(), u32::from(shift)));
+            pe.result = saturate(&format, pe.sum);
+            pe.sum = i128::from(pe.scale.0) + round(pe.hold << format.lift(), pe.scale.1);
+            pe.scale = (base, pe.shifts.get(usize::from(word.shift)).copied().unwrap_or(0).into());
             let product = pe.products.pop_front().unwrap_or(0);
             if word.close {
                 pe.hold = pe.accumulator;
@@ -218,10 +221,14 @@ fn round(hold: i128, shift: u32) -> i128 {
     if shift == 0 { hold } else { ((hold >> (shift - 1)) + 1) >> 1 }
 }
 
-fn add(format: &WordFormat, (base, rounded): (i64, i128)) -> (i64, bool) {
-    let sum = i128::from(base) + rounded;
-    let word = sum.clamp(i128::from(format.min_word()), i128::from(format.max_word()));
-    (word as i64, word != sum)
+fn saturate(format: &WordFormat, sum: i128) -> (i64, bool) {
+    if sum > i128::from(format.max_word()) {
+        (format.ceiling(), true)
+    } else if sum < i128::from(format.min_word()) {
+        (format.min_word(), true)
+    } else {
+        (sum as i64, false)
+    }
 }
 
 /// What an output port shows of a stored word.

@@ -29,6 +29,12 @@ fn clamp(word: i128, bits: u32) -> i128 {
     }
 }
 
+/// What a sum becomes that no word of so many bits holds: the largest but for all but its upper eight bits.
+fn saturated(sum: i128, bits: u32) -> i128 {
+    let ceiling = 127 << (bits - 8);
+    if clamp(sum, bits) < sum { ceiling } else { clamp(sum, bits) }
+}
+
 /// Words beyond the width of products plus two take their sums shifted to the left.
 fn lift(format: &WordFormat) -> u32 {
     let (word, product) = (format.storage_bits + format.guard_bits, format.data_bits + format.coefficient_bits);
@@ -58,7 +64,7 @@ fn words_are_shifted_added_and_clamped_as_the_datasheet_says() {
             let shift = rng.random_range(0..41);
             assert_eq!(i128::from(round_shift(sum, shift)), nearest(i128::from(sum), shift));
             let exact = i128::from(word) + nearest(i128::from(sum) << lift(&format), shift);
-            assert_eq!(format.write(word, sum, shift), (clamp(exact, bits) as i64, clamp(exact, bits) != exact));
+            assert_eq!(format.write(word, sum, shift), (saturated(exact, bits) as i64, clamp(exact, bits) != exact));
             assert_eq!(
                 i128::from(format.data_operand(word)),
                 i128::from(word).div_euclid(1 << (bits - format.data_bits))
@@ -128,7 +134,7 @@ impl Step<'_> {
         assert!(sum.unsigned_abs() < 1 << (self.fixed.accumulator_bits[index] - 1), "the accumulator overflows");
         let offset = if bits == format.data_bits { 0 } else { 1i128 << (bits - format.data_bits - 1) };
         let base = write.base.map_or(offset, |base| self.word(base));
-        clamp(base + nearest(sum << lift(&format), u32::from(self.fixed.shifts[index][position])), bits)
+        saturated(base + nearest(sum << lift(&format), u32::from(self.fixed.shifts[index][position])), bits)
     }
 
     /// The number that a write should give without any rounding, and a bound of what rounding can change:

@@ -54,7 +54,9 @@ struct Pe<'a> {
     products: VecDeque<Option<Product>>,
     accumulator: Vec<Product>,
     hold: Sum,
-    scaled: Option<Result>,
+    /// Base and shift of the adder.
+    scale: (Option<Cell>, u8),
+    added: Option<Result>,
     result: Option<Result>,
     link: Cell,
 }
@@ -96,7 +98,8 @@ impl<'a> Checker<'a> {
             products: std::iter::repeat_n(None, accumulate).collect(),
             accumulator: Vec::new(),
             hold: Rc::default(),
-            scaled: None,
+            scale: (None, u8::MAX),
+            added: None,
             result: None,
             link: Cell::Unknown,
         });
@@ -293,9 +296,9 @@ impl Pe<'_> {
 
     /// Moves the pipeline on by one word.
     fn advance(&mut self, control: &ControlWord, (product, base): (Option<Product>, Option<Cell>)) {
-        self.result = self.scaled.take();
-        let shift = self.program.features.shifts.get(usize::from(control.shift)).copied().unwrap_or(u8::MAX);
-        self.scaled = Some(Result { base, sum: Rc::clone(&self.hold), shift });
+        self.result = self.added.take();
+        self.added = Some(Result { base: self.scale.0, sum: Rc::clone(&self.hold), shift: self.scale.1 });
+        self.scale = (base, self.program.features.shifts.get(usize::from(control.shift)).copied().unwrap_or(u8::MAX));
         let arriving = self.products.pop_front().flatten();
         if control.close {
             self.hold = Rc::new(std::mem::take(&mut self.accumulator));
