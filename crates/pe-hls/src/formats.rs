@@ -4,7 +4,7 @@
 //! the coefficient port and the accumulator allow; what remains per write is one right shift.
 
 use pe_ir::codes;
-use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, Term, ValueId};
+use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, ValueId};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
@@ -257,11 +257,12 @@ impl<'a> Chooser<'a> {
     }
 }
 
-/// For each chain that computes an intermediate stage of a state the chain of the state's last stage.
+/// For each chain that computes an intermediate stage of a state the chain of the state's last stage. Real factors are
+/// equals: what the first of them loses the last one does not make small, so each keeps its own product point.
 fn last_stages(graph: &StepGraph) -> Vec<u32> {
     let producers = graph.producers();
     let last = |(index, chain): (usize, &Chain)| match graph.value(chain.write.value).role {
-        Role::Stage(state, _) => producers[graph.states[state as usize].1.index()],
+        Role::Stage(state, _) if graph.form != StageForm::Factors => producers[graph.states[state as usize].1.index()],
         _ => index as u32,
     };
     graph.chains.iter().enumerate().map(last).collect()

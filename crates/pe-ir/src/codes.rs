@@ -87,6 +87,7 @@ codes! {
     NO_FORMAT = "E0802", "no number format fits";
     ACCUMULATOR = "E0803", "products do not fit the accumulator";
     IN_DEGREE = "E0804", "more input ports than a PE may have";
+    UNSUITABLE_FORM = "E0805", "the model has no step of this form";
 
     DIVERGED = "E0901", "value not finite during the run";
     SATURATED = "E0902", "value saturates however wide its range";

@@ -30,6 +30,50 @@ pub enum StageForm {
     Increments,
     /// The same polynomial by Horner's rule, for models affine in the state: `s f` products.
     Horner,
+    /// The same polynomial as a product of its real factors, one stage each, with matrices that hold powers.
+    Factors,
+    /// The same polynomial as one matrix, one stage.
+    Full,
+}
+
+impl StageForm {
+    /// All forms.
+    pub const ALL: [StageForm; 5] =
+        [StageForm::Euler, StageForm::Increments, StageForm::Horner, StageForm::Factors, StageForm::Full];
+
+    /// The name that options and reports have for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            StageForm::Euler => "euler",
+            StageForm::Increments => "increments",
+            StageForm::Horner => "horner",
+            StageForm::Factors => "factors",
+            StageForm::Full => "full",
+        }
+    }
+}
+
+impl fmt::Display for StageForm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// What a step in some form is estimated to cost before it is mapped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FormCost {
+    /// The form.
+    pub form: StageForm,
+    /// Its stages.
+    pub stages: u32,
+    /// Products per step, without those of outputs.
+    pub products: u64,
+    /// Products of the largest equation.
+    pub largest: u32,
+    /// Most input ports of a PE; zero if not estimated.
+    pub ports: u32,
+    /// Cycles per step; without a number of PEs those of one PE.
+    pub cycles: u64,
 }
 
 /// What a value is.
@@ -139,8 +183,10 @@ pub struct Equation {
 pub struct StepGraph {
     /// Stage form.
     pub form: StageForm,
-    /// Number of stages.
+    /// Number of stages of that form.
     pub stages: u32,
+    /// The forms that were considered, in the order of their stages, most first.
+    pub forms: Vec<FormCost>,
     /// Step in seconds.
     pub step: f64,
     /// Units of mapping.
@@ -197,6 +243,12 @@ impl StepGraph {
     /// Terms of a chain.
     pub fn chain_terms(&self, chain: &Chain) -> &[Term] {
         &self.terms[chain.terms.start as usize..chain.terms.end as usize]
+    }
+
+    /// Whether states are kept in pairs of words that change roles from step to step: in a single stage every equation
+    /// reads old states and writes new ones, so no order of writes suits all readers.
+    pub fn swaps(&self) -> bool {
+        self.stages == 1
     }
 
     /// Products per step.

@@ -62,7 +62,7 @@ impl Dump {
             return Ok(format!("{:#?}\n", loaded.model));
         }
         let mut watch = Stopwatch::new(true);
-        let graph = pipeline::build(&loaded, &mut watch)?;
+        let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;
         match self.stage {
             Stage::Step => return Ok(graph.to_string()),
             Stage::OdeGraph => {

@@ -59,7 +59,7 @@ impl Sim {
 
     fn double_rows(&self, loaded: &LoadedModel) -> Result<Vec<Vec<f64>>, Failure> {
         let model = &loaded.model;
-        let graph = pipeline::build(loaded, &mut Stopwatch::new(true))?;
+        let graph = pipeline::build(loaded, &self.point, &self.mapping, &mut Stopwatch::new(true))?;
         let mut run = DoubleRun::new(&graph);
         let mut rows = Vec::new();
         for step in 0..model.steps() {

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use pe_hls::step::StepOptions;
 use pe_ir::codes;
+use pe_ir::graph::StageForm;
 use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::word::WordFormat;
@@ -55,9 +57,44 @@ pub struct DesignPoint {
     /// Multiplier: bits of its data port x bits of its coefficient port
     #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier, help_heading = "Numbers")]
     pub multiplier: (u32, u32),
+    /// Form of the step of a model that is affine in its states
+    #[arg(long, value_enum, default_value_t, help_heading = "Mapping")]
+    pub form: FormChoice,
     /// Number of processing elements; all of them are used [default: one for every 200 issue slots]
     #[arg(long, value_name = "N", help_heading = "Mapping")]
     pub pes: Option<u32>,
+}
+
+/// The form of a step, as the command line has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum FormChoice {
+    /// The one that is estimated to take the fewest cycles
+    #[default]
+    Auto,
+    /// Horner's rule: as many stages as the method has
+    Horner,
+    /// Real factors of the method's polynomial: half the stages, denser equations
+    Factors,
+    /// The method's polynomial as one matrix: one stage, the densest equations
+    Full,
+}
+
+impl FormChoice {
+    /// The form that was chosen, if any.
+    pub fn form(self) -> Option<StageForm> {
+        match self {
+            FormChoice::Auto => None,
+            FormChoice::Horner => Some(StageForm::Horner),
+            FormChoice::Factors => Some(StageForm::Factors),
+            FormChoice::Full => Some(StageForm::Full),
+        }
+    }
+
+    /// The choice of a form among others; `Auto` for forms that are the only one of a model.
+    pub fn of(form: StageForm) -> FormChoice {
+        let choices = [FormChoice::Horner, FormChoice::Factors, FormChoice::Full];
+        choices.into_iter().find(|choice| choice.form() == Some(form)).unwrap_or_default()
+    }
 }
 
 /// A model with the texts it comes from.
@@ -111,6 +148,11 @@ impl DesignPoint {
         model.solver = self.solver.unwrap_or(model.solver);
         model.step = self.step.unwrap_or(model.step);
         step_count_problem(model.step, model.span).map_or(Ok(()), |problem| Err(Failure::Usage(problem)))
+    }
+
+    /// What is asked of the form of the step.
+    pub fn step_options(&self, max_in_degree: u32) -> StepOptions {
+        StepOptions { form: self.form.form(), pes: self.pes, max_in_degree }
     }
 
     /// Word widths.

@@ -170,7 +170,7 @@ pub fn design(
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
     let format = point.format()?;
-    let graph = Arc::new(build(loaded, watch)?);
+    let graph = Arc::new(build(loaded, point, mapping_options, watch)?);
     let progress = watch.progress_bar("runs");
     let judged = watch
         .timed("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
@@ -244,10 +244,16 @@ pub fn implement(
 }
 
 /// Builds the step graph.
-pub fn build(loaded: &LoadedModel, watch: &mut Stopwatch) -> Result<StepGraph, Failure> {
+pub fn build(
+    loaded: &LoadedModel,
+    point: &DesignPoint,
+    mapping_options: &MappingOptions,
+    watch: &mut Stopwatch,
+) -> Result<StepGraph, Failure> {
+    let options = point.step_options(mapping_options.max_in_degree);
     let graph = watch.stage(
         "step",
-        || pe_hls::step::build(&loaded.model),
+        || pe_hls::step::build_with(&loaded.model, &options),
         |graph| match graph {
             Ok(graph) => format!("{:?} form, {} products per step", graph.form, graph.macs()),
             Err(_) => "refused".to_owned(),

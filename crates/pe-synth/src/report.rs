@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use pe_hls::mapping::RANDOM;
-use pe_ir::graph::Role;
+use pe_ir::graph::{FormCost, Role};
 use pe_ir::mapping::MappingCost;
 use pe_ir::model::Model;
 use pe_ir::program::{LinkSource, Program};
@@ -117,7 +117,8 @@ pub fn report(
         "pes": program.pes.len(),
         "pes_default": design.default_pes,
         "solver": model.solver.name(),
-        "stage_form": format!("{:?}", design.graph.form).to_lowercase(),
+        "stage_form": design.graph.form.name(),
+        "forms": design.graph.forms.iter().map(form).collect::<Vec<_>>(),
         "step_s": model.step,
         "span_s": model.span,
         "cycles_per_step": program.period,
@@ -155,6 +156,12 @@ pub fn report(
         "seed": seed,
         "command": command,
     })
+}
+
+/// An entry of the key `forms`.
+fn form(cost: &FormCost) -> Value {
+    json!({"form": cost.form.name(), "stages": cost.stages, "products": cost.products, "largest": cost.largest,
+           "ports": cost.ports, "cycles": cost.cycles})
 }
 
 /// The key `error`.

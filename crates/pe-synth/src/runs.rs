@@ -12,8 +12,9 @@ use std::time::Instant;
 use indicatif::ProgressBar;
 use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Moments};
+use pe_hls::step::StepOptions;
 use pe_ir::codes;
-use pe_ir::graph::{FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
 use pe_ir::model::{Model, Variable, Waveform};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
@@ -145,6 +146,7 @@ pub fn judge(
 /// The run in double precision, which knows nothing of formats: ranges, and the trajectory that others are compared to.
 pub struct Exact {
     plan: Plan,
+    form: StageForm,
     reference: Trajectory,
     /// Outputs in double precision alone.
     curves: Curves,
@@ -169,7 +171,7 @@ impl Exact {
         include_declared(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = reference.scales(&quantities);
-        Ok(Exact { plan, reference, curves, largest, ranges, moments, scales, seconds })
+        Ok(Exact { plan, form: graph.form, reference, curves, largest, ranges, moments, scales, seconds })
     }
 
     /// Compares with smaller steps.
@@ -177,7 +179,7 @@ impl Exact {
     /// # Errors
     /// `E0901` non-finite.
     pub fn compare(&self, model: &Model) -> Result<Comparison, Vec<Diagnostic>> {
-        half_step_runs(model, &self.plan, &self.reference, &self.scales)
+        half_step_runs(model, self.form, &self.plan, &self.reference, &self.scales)
     }
 
     /// Finds formats under which the span runs without saturation.
@@ -478,12 +480,13 @@ pub struct Comparison {
 /// Runs half the step, with inputs held as the hardware does and with inputs sampled twice as often.
 fn half_step_runs(
     model: &Model,
+    form: StageForm,
     plan: &Plan,
     reference: &Trajectory,
     scales: &[f64],
 ) -> Result<Comparison, Vec<Diagnostic>> {
     let half = Model { step: model.step / 2.0, ..model.clone() };
-    let graph = pe_hls::step::build(&half)?;
+    let graph = pe_hls::step::build_with(&half, &StepOptions { form: Some(form), ..StepOptions::default() })?;
     let halved = trajectory(model, DoubleRun::new(&graph), plan, Substeps { count: 2, resample: false })?;
     let (worst, difference) = reference.deviation(&halved).worst(scales);
     // With error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).

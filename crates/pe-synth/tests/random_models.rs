@@ -2,11 +2,12 @@
 
 mod support;
 
+use pe_ir::graph::StageForm;
 use pe_ir::model::Solver;
 use pe_ir::program::{Layout, Program};
 use pe_sim::machine::Machine;
 use support::flow::{Flow, Placement, Start, format};
-use support::{FAMILIES, Family};
+use support::{AFFINE_FAMILIES, FAMILIES, Family};
 
 /// Steps of every comparison.
 const STEPS: u64 = 20;
@@ -21,6 +22,15 @@ const SIZES: [(usize, u32, Placement); 4] = [
 ];
 const NARROW: [(u32, u32, u32); 4] = [(18, 18, 25), (18, 18, 18), (40, 35, 35), (17, 25, 18)];
 const NARROW_SIZES: [(usize, u32, Placement); 1] = [(12, 4, Placement::Annealed)];
+
+/// Forms of affine models besides Horner's rule.
+const FORMS: [(Solver, StageForm); 5] = [
+    (Solver::Heun, StageForm::Full),
+    (Solver::Heun3, StageForm::Factors),
+    (Solver::Heun3, StageForm::Full),
+    (Solver::Rk4, StageForm::Factors),
+    (Solver::Rk4, StageForm::Full),
+];
 
 /// Runs `check` on every family, solver and width; prints how many words it compared.
 fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
@@ -38,6 +48,20 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
                         designs += 1;
                         compared += count;
                     }
+                }
+            }
+        }
+    }
+    for (storage, data, coefficient) in WIDE {
+        for family in AFFINE_FAMILIES {
+            for (solver, form) in FORMS {
+                for (seed, (states, pes, placement)) in (1..).zip(SIZES) {
+                    let format = format(storage, data, coefficient);
+                    let flow = Flow::formed((family, form), (states, pes), solver, format, placement, seed);
+                    let count = check(&flow);
+                    assert!(count > 0, "{}: nothing was compared", flow.label);
+                    designs += 1;
+                    compared += count;
                 }
             }
         }

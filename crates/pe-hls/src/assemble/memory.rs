@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use pe_ir::graph::{Factor, FixedPoint, Role, StageForm, StepGraph, ValueId};
+use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
@@ -60,7 +60,7 @@ impl Memories {
     }
 
     fn allocate_own(&mut self, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping, period: u32, lives: &Lives) {
-        let swap = graph.form == StageForm::Euler;
+        let swap = graph.swaps();
         let mut layouts: Vec<Layout> = vec![Layout::default(); mapping.pes as usize];
         let mut constants: HashMap<(u32, i64), Slot> = HashMap::new();
         let mut slots: Vec<Option<Slot>> = vec![None; graph.values.len()];
@@ -105,7 +105,7 @@ impl Memories {
     }
 
     fn allocate_imported(&mut self, graph: &StepGraph, schedule: &Schedule, lives: &Lives, pes: usize) {
-        let swap = graph.form == StageForm::Euler;
+        let swap = graph.swaps();
         let mut layouts: Vec<Layout> = vec![Layout::default(); pes];
         let mut arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
         let mut pairs: Vec<(usize, Slot)> = Vec::new();

@@ -5,7 +5,7 @@ mod registers;
 
 use std::collections::BTreeSet;
 
-use pe_ir::graph::{Factor, FixedPoint, Role, StageForm, StepGraph, ValueId};
+use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
 use pe_ir::model::Model;
 use pe_ir::program::{
@@ -62,7 +62,7 @@ impl Assembler<'_> {
                     shifts: Vec::new(),
                     accumulator_bits: self.fixed.format.data_bits + self.fixed.format.coefficient_bits,
                     factor: false,
-                    swap: self.graph.form == StageForm::Euler,
+                    swap: self.graph.swaps(),
                     send: senders.contains(&pe),
                 };
                 self.blank(features, ports)

@@ -1,6 +1,6 @@
 //! The scheduling problem in flat arrays.
 
-use pe_ir::graph::{Factor, Role, StageForm, StepGraph, ValueId};
+use pe_ir::graph::{Factor, Role, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
 use pe_ir::schedule::{Schedule, Transfer};
 use pe_ir::word::Latency;
@@ -102,7 +102,7 @@ impl<'a> Problem<'a> {
             predecessors: vec![0; graph.chains.len()],
             priority: Vec::new(),
             resident,
-            in_place: graph.form != StageForm::Euler,
+            in_place: !graph.swaps(),
         };
         problem.order();
         problem.prioritise();

@@ -185,6 +185,7 @@ mod tests {
         StepGraph {
             form: StageForm::Euler,
             stages: 1,
+            forms: Vec::new(),
             step: 1.0,
             equations: (0..count).map(equation).collect(),
             values,

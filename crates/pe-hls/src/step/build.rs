@@ -2,12 +2,14 @@
 
 use std::collections::HashMap;
 
-use pe_ir::graph::{Chain, Equation, Factor, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::model::{Model, Solver, Variable};
 use pe_ir::source::Diagnostic;
 
+use super::forms::{self, StepOptions};
 use super::polynomial::{Nested, NestedFactor};
 use super::prune::prune;
+use super::rows::Rows;
 use super::sharing::{self, Expanded};
 
 /// One stage of a solver: where its chains read, how they are scaled, and what they write.
@@ -30,7 +32,8 @@ struct Stage {
 /// order is this polynomial in the Jacobian.
 fn stages(solver: Solver, form: StageForm, h: f64) -> Vec<Stage> {
     match form {
-        StageForm::Euler | StageForm::Horner => {
+        StageForm::Increments => increments(solver, h),
+        _ => {
             let count = solver.stages() as u8;
             let factor = |number: u8| h / f64::from(count + 1 - number);
             let stage = |number| Stage {
@@ -42,7 +45,6 @@ fn stages(solver: Solver, form: StageForm, h: f64) -> Vec<Stage> {
             };
             (1..=count).map(stage).collect()
         }
-        StageForm::Increments => increments(solver, h),
     }
 }
 
@@ -70,23 +72,42 @@ fn increments(solver: Solver, h: f64) -> Vec<Stage> {
     }
 }
 
-/// Builds the step graph of a model with its own solver and step.
+/// Builds the step graph of a model with its own solver and step, in the form with the fewest products.
 ///
 /// # Errors
 /// `E0801` for an equation that expands to too many products.
 pub fn build(model: &Model) -> Result<StepGraph, Vec<Diagnostic>> {
+    build_with(model, &StepOptions::default())
+}
+
+/// Builds the step graph of a model with its own solver and step, in the form that is asked for or suits best.
+///
+/// # Errors
+/// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have.
+pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
     let expanded = sharing::expand(model)?;
-    let form = match model.solver {
+    let derivatives: Vec<Nested> = expanded.derivatives.iter().map(Nested::of).collect();
+    let algebraics: Vec<Nested> = expanded.algebraics.iter().map(Nested::of).collect();
+    let used = shared_by_derivatives(&expanded);
+    let plain = match model.solver {
         Solver::Euler => StageForm::Euler,
         _ if is_affine(&expanded) => StageForm::Horner,
         _ => StageForm::Increments,
     };
-    let mut builder = Builder::new(model, form);
-    let derivatives: Vec<Nested> = expanded.derivatives.iter().map(Nested::of).collect();
-    let algebraics: Vec<Nested> = expanded.algebraics.iter().map(Nested::of).collect();
-    let used = shared_by_derivatives(&expanded);
+    let slots = |nested: &Nested| nested.cost() as u32 + u32::from(nested.constant != 0.0);
+    let shared = algebraics.iter().zip(&used).filter(|(_, used)| **used).map(|(nested, _)| nested.cost().max(1) as u32);
+    let slots: Vec<u32> = derivatives.iter().map(slots).chain(shared).collect();
+    let plain = forms::plain_cost(plain, model.solver.stages(), &slots, options.pes);
+    let (form, costs) = forms::choose(model, &expanded, &plain, options)?;
+    let mut builder = Builder::new(model, form.cost);
+    builder.graph.forms = costs;
     let mut current: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
-    for stage in stages(model.solver, form, model.step) {
+    for (number, rows) in (1..).zip(&form.stages) {
+        let last = number == form.stages.len() as u8;
+        current = (0..rows.len()).map(|index| builder.row(index, (number, last), rows, &current)).collect();
+    }
+    let written = if form.stages.is_empty() { stages(model.solver, form.cost.form, model.step) } else { Vec::new() };
+    for stage in written {
         let mut operands = Operands { states: &current, algebraics: HashMap::new() };
         for (index, nested) in algebraics.iter().enumerate().filter(|(index, _)| used[*index]) {
             builder.algebraic(index, stage.number, nested, &mut operands);
@@ -160,10 +181,11 @@ struct Builder {
 }
 
 impl Builder {
-    fn new(model: &Model, form: StageForm) -> Builder {
+    fn new(model: &Model, cost: FormCost) -> Builder {
         let mut graph = StepGraph {
-            form,
-            stages: model.solver.stages(),
+            form: cost.form,
+            stages: cost.stages,
+            forms: Vec::new(),
             step: model.step,
             equations: Vec::new(),
             values: Vec::new(),
@@ -231,6 +253,32 @@ impl Builder {
             Write { value: sum, base: previous_sum, weight }
         });
         self.chain(equation, terms, Write { value, base: Some(start), weight: 0 }, second);
+        value
+    }
+
+    /// Chain of a state in a stage that multiplies the `current` states by a matrix and adds the product to them;
+    /// returns the value that the next stage reads.
+    fn row(&mut self, index: usize, (number, last): (u8, bool), rows: &Rows, current: &[ValueId]) -> ValueId {
+        let equation = index as u32;
+        let mut terms = Vec::with_capacity(rows.row(index).len().max(1));
+        for (column, coefficient) in rows.row(index) {
+            let column = column as usize;
+            let operand = match (current.get(column), column.checked_sub(current.len())) {
+                (Some(state), _) => *state,
+                (None, Some(input)) if input < self.graph.inputs.len() => self.graph.inputs[input],
+                _ => push(&mut self.graph, Role::Constant(1.0), equation, false),
+            };
+            terms.push(Term { operand, factor: Factor::Coefficient(coefficient) });
+        }
+        if terms.is_empty() {
+            terms.push(Term { operand: current[index], factor: Factor::Coefficient(0.0) });
+        }
+        let value = if last {
+            self.graph.states[index].1
+        } else {
+            push(&mut self.graph, Role::Stage(equation, number + 1), equation, false)
+        };
+        self.chain(equation, terms, Write { value, base: Some(current[index]), weight: 0 }, None);
         value
     }
 

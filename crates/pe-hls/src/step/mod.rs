@@ -1,8 +1,11 @@
 //! Builds the step graph: one solver step of a model as chains of products.
 
 mod build;
+mod forms;
 mod polynomial;
 mod prune;
+mod rows;
 mod sharing;
 
-pub use build::build;
+pub use build::{build, build_with};
+pub use forms::StepOptions;

@@ -12,7 +12,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::graph::{Factor, Role, StageForm, StepGraph, ValueId};
+use crate::graph::{Factor, Role, StepGraph, ValueId};
 use crate::mapping::Mapping;
 use crate::schedule::Schedule;
 use crate::word::Latency;
@@ -169,7 +169,7 @@ impl<'a> Checker<'a> {
             Some(arrival) if time + earlier <= *arrival => {
                 self.violations.push(format!("PE {pe}: `{}` read in word {time}, there after {arrival}", name()));
             }
-            Some(arrival) if earlier > 0 && self.graph.form != StageForm::Euler && time >= *arrival => {
+            Some(arrival) if earlier > 0 && !self.graph.swaps() && time >= *arrival => {
                 self.violations.push(format!("PE {pe}: `{}` read in word {time}, overwritten in {arrival}", name()));
             }
             Some(_) => {}

@@ -6,7 +6,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_ir::word::Latency;
 
-use crate::options::{DesignPoint, duration, multiplier, solver, storage};
+use crate::options::{DesignPoint, FormChoice, duration, multiplier, solver, storage};
 
 /// Multipliers of a sweep unless told otherwise: one block each way round, and four blocks.
 const MULTIPLIERS: [(u32, u32); 3] = [(25, 18), (18, 25), (32, 32)];
@@ -23,6 +23,9 @@ pub struct Axes {
     /// Steps [default: the spec's, its half and its double]
     #[arg(long, value_name = "T,...", value_delimiter = ',', value_parser = duration, help_heading = "Sweep")]
     pub step: Vec<f64>,
+    /// Form of the step of a model that is affine in its states
+    #[arg(long, value_enum, default_value_t, help_heading = "Sweep")]
+    pub form: FormChoice,
     /// Multipliers [default: 25x18,18x25,32x32]
     #[arg(long, value_name = "AxB,...", value_delimiter = ',', value_parser = multiplier, help_heading = "Sweep")]
     pub multiplier: Vec<(u32, u32)>,
@@ -80,8 +83,26 @@ impl Axes {
         pes
     }
 
+    /// The points with the form that each would choose, so that those with the same step graph are found.
+    pub fn formed(&self, model: &Model, max_in_degree: u32) -> Vec<DesignPoint> {
+        let mut known: Vec<(DesignPoint, FormChoice)> = Vec::new();
+        let choose = |point: &DesignPoint| {
+            let model = Model { solver: point.solver.unwrap_or(model.solver), ..model.clone() };
+            let options = point.step_options(max_in_degree);
+            // What is refused is refused again when the point is compiled.
+            pe_hls::step::build_with(&model, &options).map_or(point.form, |graph| FormChoice::of(graph.form))
+        };
+        let form = |point: DesignPoint| {
+            let same = |(other, _): &&(DesignPoint, FormChoice)| other.solver == point.solver && other.pes == point.pes;
+            let form = known.iter().find(same).map_or_else(|| choose(&point), |(_, form)| *form);
+            known.push((point, form));
+            DesignPoint { form, ..point }
+        };
+        self.points().into_iter().map(form).collect()
+    }
+
     /// All points, those that share most side by side.
-    pub fn points(&self) -> Vec<DesignPoint> {
+    fn points(&self) -> Vec<DesignPoint> {
         let mut points = Vec::new();
         for step in &self.step {
             for solver in &self.solver {
@@ -91,6 +112,7 @@ impl Axes {
                             pes: Some(*pes),
                             solver: Some(*solver),
                             step: Some(*step),
+                            form: self.form,
                             storage: *storage,
                             multiplier: *multiplier,
                         }));

@@ -53,13 +53,20 @@ mod tests {
 
     use super::*;
     use crate::explore::row::Outcome;
-    use crate::options::DesignPoint;
+    use crate::options::{DesignPoint, FormChoice};
 
     /// Rows with these run times and total errors.
     fn rows(figures: &[(f64, Option<f64>)]) -> Vec<Row> {
         let row = |(time, total): &(f64, Option<f64>)| {
             let report = json!({"time_per_simulated_second_ms": time, "error": {"total": total}});
-            let point = DesignPoint { pes: None, solver: None, step: None, storage: 32, multiplier: (32, 32) };
+            let point = DesignPoint {
+                pes: None,
+                solver: None,
+                step: None,
+                form: FormChoice::Auto,
+                storage: 32,
+                multiplier: (32, 32),
+            };
             let outcome = Outcome::Compiled(Figures { report: report.as_object().unwrap().clone(), warnings: vec![] });
             Row { point, command: String::new(), outcome }
         };

@@ -60,6 +60,7 @@ impl Given {
         words.extend(point.pes.map(|pes| format!("--pes {pes}")));
         words.extend(point.solver.map(|solver| format!("--solver {}", solver.name())));
         words.extend(point.step.map(|step| format!("--step {step:e}")));
+        words.extend(point.form.form().map(|form| format!("--form {form}")));
         words.push(format!("--storage {} --multiplier {}", point.storage, show::multiplier(point)));
         words.push("--reference".to_owned());
         words.join(" ")

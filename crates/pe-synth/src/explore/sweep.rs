@@ -107,7 +107,7 @@ pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sen
 /// Sorts jobs by what they share.
 pub fn families(jobs: Vec<Job>) -> Vec<Family> {
     let mut families: Vec<Family> = Vec::new();
-    let same_graph = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && a.step == b.step;
+    let same_graph = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && a.step == b.step && a.form == b.form;
     let same_format = |a: &DesignPoint, b: &DesignPoint| a.multiplier == b.multiplier && a.storage == b.storage;
     for job in jobs {
         let family = match families.iter().position(|family| same_graph(&family.formats[0][0].point, &job.point)) {
@@ -145,7 +145,7 @@ impl Sweep {
         if formats.is_empty() {
             return;
         }
-        match guarded(|| self.base(loaded, family.reference)) {
+        match guarded(|| self.base(loaded, &any, family.reference)) {
             Ok(base) => {
                 let _ = sender.send(Event::Work(self.estimate.family(&any)));
                 let base = Arc::new(base);
@@ -168,9 +168,10 @@ impl Sweep {
     fn base(
         &self,
         loaded: LoadedModel,
+        point: &DesignPoint,
         reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
     ) -> Result<Base, Failure> {
-        let graph = pipeline::build(&loaded, &mut Stopwatch::new(true))?;
+        let graph = pipeline::build(&loaded, point, &self.mapping, &mut Stopwatch::new(true))?;
         let exact = Exact::run(&loaded.model, &graph, ProgressBar::hidden());
         let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
         let comparison = exact.compare(&loaded.model);

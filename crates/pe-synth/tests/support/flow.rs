@@ -2,7 +2,8 @@
 
 use pe_hls::formats::{self, Ranges};
 use pe_hls::mapping::{MapOptions, Problem};
-use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_hls::step::StepOptions;
+use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
 use pe_ir::program::Program;
@@ -74,9 +75,29 @@ impl Flow {
         Flow::of(label, model, pes, format, placement)
     }
 
+    /// A random affine model whose step has the given form.
+    pub fn formed(
+        (family, form): (Family, StageForm),
+        (states, pes): (usize, u32),
+        solver: Solver,
+        format: WordFormat,
+        placement: Placement,
+        seed: u64,
+    ) -> Flow {
+        let model = random_model(family, states, solver, seed);
+        let options = StepOptions { form: Some(form), ..StepOptions::default() };
+        let graph = pe_hls::step::build_with(&model, &options).unwrap_or_else(|error| panic!("{form}: {error:?}"));
+        let label = format!("{family:?} {solver:?} {form}, {format:?}, {states} states on {pes} PEs, seed {seed}");
+        Flow::with(label, model, graph, pes, format, placement)
+    }
+
     /// The same for a given model.
     pub fn of(label: String, model: Model, pes: u32, format: WordFormat, placement: Placement) -> Flow {
-        let graph = pe_hls::step::build(&model).unwrap_or_else(|error| panic!("{label}: {error:?}"));
+        let graph = stage_by_stage(&model);
+        Flow::with(label, model, graph, pes, format, placement)
+    }
+
+    fn with(label: String, model: Model, graph: StepGraph, pes: u32, format: WordFormat, placement: Placement) -> Flow {
         let fixed = settled(&label, &model, &graph, format);
         let pes = pes.min(graph.equations.len() as u32);
         let mapping = place(&label, &graph, pes, placement);
@@ -122,6 +143,13 @@ impl Flow {
         }
         run
     }
+}
+
+/// The step with as many stages as the solver has, by Horner's rule or by increments.
+pub fn stage_by_stage(model: &Model) -> StepGraph {
+    let options = StepOptions { form: Some(StageForm::Horner), ..StepOptions::default() };
+    let horner = pe_hls::step::build_with(model, &options);
+    horner.or_else(|_| pe_hls::step::build(model)).unwrap_or_else(|error| panic!("{}: {error:?}", model.title))
 }
 
 /// Panics with the findings of a checker, if there are any.

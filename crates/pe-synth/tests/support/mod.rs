@@ -34,6 +34,9 @@ pub enum Family {
 pub const FAMILIES: [Family; 6] =
     [Family::Affine, Family::Polynomial, Family::Shared, Family::OneProduct, Family::Hub, Family::Scales];
 
+/// Families whose right-hand sides are affine.
+pub const AFFINE_FAMILIES: [Family; 4] = [Family::Affine, Family::OneProduct, Family::Hub, Family::Scales];
+
 fn state(index: usize) -> Expr {
     Expr::Variable(Variable::State(index as u32))
 }

@@ -1,0 +1,199 @@
+//! Sparse rows of an affine right-hand side, and polynomials of them.
+
+use pe_ir::model::Variable;
+
+use super::polynomial::Polynomial;
+use super::sharing::Expanded;
+
+/// What is left where the contributions to an entry cancel, relative to the sum of their magnitudes, if it is nothing
+/// but the rounding of double precision.
+const RESIDUE: f64 = 1.0 / (1u64 << 46) as f64;
+
+/// Multiplications that a product of matrices may take, whatever its result's size: below a second of work.
+const WORK: u64 = 1 << 29;
+
+/// A matrix `M` with a row for every state and columns for states, inputs and the number one: `(y' = M (y, u, 1))`.
+/// Inputs and the number one stand still within a step, so their rows are zero and are not stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rows {
+    starts: Vec<usize>,
+    columns: Vec<u32>,
+    numbers: Vec<f64>,
+    width: usize,
+}
+
+/// The matrix has more entries than it may.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooLarge;
+
+impl Rows {
+    /// The rows of the derivatives with all algebraic equations put in their place. `None` if they are not affine in
+    /// states and inputs together with constant coefficients, or have more than `limit` entries.
+    pub fn of(expanded: &Expanded, inputs: usize, limit: usize) -> Option<Rows> {
+        let states = expanded.derivatives.len();
+        let mut sum = Sum::new(states + inputs + 1);
+        let mut algebraics = Rows::empty(sum.width());
+        for (polynomial, shared) in expanded.algebraics.iter().zip(&expanded.shared) {
+            if *shared {
+                sum.add_polynomial(polynomial, states, &algebraics)?;
+            }
+            sum.finish(&mut algebraics, limit).ok()?;
+        }
+        let mut rows = Rows::empty(sum.width());
+        for polynomial in &expanded.derivatives {
+            sum.add_polynomial(polynomial, states, &algebraics)?;
+            sum.finish(&mut rows, limit).ok()?;
+        }
+        Some(rows)
+    }
+
+    /// `p_1 (hM) + p_2 (hM)^2 + ..`, by Horner's rule.
+    ///
+    /// # Errors
+    /// [`TooLarge`] if it, or a power on the way, has more than `limit` entries.
+    pub fn polynomial(&self, coefficients: &[f64], step: f64, limit: usize) -> Result<Rows, TooLarge> {
+        let mut sum = Sum::new(self.width);
+        let mut result = Rows::empty(self.width);
+        let mut work = 0;
+        for (index, coefficient) in coefficients.iter().rev().enumerate() {
+            let mut next = Rows::empty(self.width);
+            for row in 0..self.len() {
+                for (column, number) in self.row(row) {
+                    sum.add(column, coefficient * step * number);
+                    if index > 0 && (column as usize) < self.len() {
+                        for (inner, factor) in result.row(column as usize) {
+                            sum.add(inner, step * number * factor);
+                            work += 1;
+                        }
+                    }
+                }
+                if work > WORK {
+                    return Err(TooLarge);
+                }
+                sum.finish(&mut next, limit)?;
+            }
+            result = next;
+        }
+        Ok(result)
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Columns and numbers of a row, in the order of the columns.
+    pub fn row(&self, row: usize) -> impl ExactSizeIterator<Item = (u32, f64)> {
+        let range = self.starts[row]..self.starts[row + 1];
+        self.columns[range.clone()].iter().copied().zip(self.numbers[range].iter().copied())
+    }
+
+    fn empty(width: usize) -> Rows {
+        Rows { starts: vec![0], columns: Vec::new(), numbers: Vec::new(), width }
+    }
+}
+
+/// A row under construction: a number per column, and which columns have one.
+struct Sum {
+    numbers: Vec<f64>,
+    /// Sum of the magnitudes of the contributions to each column; zero if there are none.
+    magnitudes: Vec<f64>,
+    touched: Vec<u32>,
+}
+
+impl Sum {
+    fn new(width: usize) -> Sum {
+        Sum { numbers: vec![0.0; width], magnitudes: vec![0.0; width], touched: Vec::new() }
+    }
+
+    fn width(&self) -> usize {
+        self.numbers.len()
+    }
+
+    fn add(&mut self, column: u32, number: f64) {
+        let magnitude = &mut self.magnitudes[column as usize];
+        if *magnitude == 0.0 && number != 0.0 {
+            self.touched.push(column);
+        }
+        *magnitude += number.abs();
+        self.numbers[column as usize] += number;
+    }
+
+    /// Adds a polynomial of degree one; `None` if it has another.
+    fn add_polynomial(&mut self, polynomial: &Polynomial, states: usize, algebraics: &Rows) -> Option<()> {
+        let one = self.width() as u32 - 1;
+        for (monomial, coefficient) in polynomial.terms() {
+            match monomial.as_slice() {
+                [] => self.add(one, coefficient),
+                [Variable::State(state)] => self.add(*state, coefficient),
+                [Variable::Input(input)] => self.add(states as u32 + input, coefficient),
+                [Variable::Algebraic(algebraic)] => {
+                    algebraics.row(*algebraic as usize).for_each(|(column, n)| self.add(column, coefficient * n));
+                }
+                _ => return None,
+            }
+        }
+        Some(())
+    }
+
+    /// Appends the row, but for what rounding left of contributions that cancel, and begins the next one.
+    fn finish(&mut self, rows: &mut Rows, limit: usize) -> Result<(), TooLarge> {
+        self.touched.sort_unstable();
+        for column in self.touched.drain(..) {
+            let number = std::mem::take(&mut self.numbers[column as usize]);
+            let magnitude = std::mem::take(&mut self.magnitudes[column as usize]);
+            if number.abs() > RESIDUE * magnitude {
+                rows.columns.push(column);
+                rows.numbers.push(number);
+            }
+        }
+        rows.starts.push(rows.columns.len());
+        if rows.columns.len() > limit { Err(TooLarge) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `y0' = 2 y1 + 3 u, y1' = -y0 + 5`.
+    fn rows() -> Rows {
+        let mut rows = Rows::empty(4);
+        let mut sum = Sum::new(4);
+        for row in [[(1, 2.0), (2, 3.0)], [(0, -1.0), (3, 5.0)]] {
+            row.into_iter().for_each(|(column, number)| sum.add(column, number));
+            sum.finish(&mut rows, 100).unwrap();
+        }
+        rows
+    }
+
+    fn entries(rows: &Rows, row: usize) -> Vec<(u32, f64)> {
+        rows.row(row).collect()
+    }
+
+    #[test]
+    fn inputs_and_constants_stand_still_in_a_polynomial() {
+        let square = rows().polynomial(&[0.0, 1.0], 0.5, 100).unwrap();
+        assert_eq!(entries(&square, 0), [(0, -0.5), (3, 2.5)]);
+        assert_eq!(entries(&square, 1), [(1, -0.5), (2, -0.75)]);
+    }
+
+    #[test]
+    fn what_rounding_leaves_of_a_cancelled_entry_is_no_entry() {
+        let mut rows = Rows::empty(2);
+        let mut sum = Sum::new(2);
+        [(0, 0.1), (0, 0.2), (0, -0.3), (1, 1e-30)].into_iter().for_each(|(column, n)| sum.add(column, n));
+        sum.finish(&mut rows, 100).unwrap();
+        assert_eq!(entries(&rows, 0), [(1, 1e-30)]);
+    }
+
+    #[test]
+    fn a_polynomial_beyond_the_limit_is_refused() {
+        assert_eq!(rows().polynomial(&[1.0, 1.0], 0.5, 7), Err(TooLarge));
+    }
+}
