@@ -17,8 +17,17 @@ pub struct WordFormat {
 }
 
 impl WordFormat {
-    /// Guard bits below a stored word. Eight suffice: sixteen measure no better in `docs/decisions/0001`.
-    pub const GUARD_BITS: u32 = 8;
+    /// Bits of a stored word below what the multiplier sees, if storage has fewer. Eight suffice: sixteen measure no
+    /// better in `docs/decisions/0001`.
+    const HIDDEN_BITS: u32 = 8;
+
+    /// Widths with guard bits below the storage bits: so many that eight bits of a stored word are hidden from both
+    /// ports of the multiplier, and at most eight.
+    pub const fn new(storage_bits: u32, data_bits: u32, coefficient_bits: u32) -> WordFormat {
+        let widest = if data_bits > coefficient_bits { data_bits } else { coefficient_bits };
+        let guard_bits = Self::HIDDEN_BITS.saturating_sub(storage_bits.saturating_sub(widest));
+        WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits }
+    }
 
     /// Top bits of a saturated word that tell its sign.
     pub const CEILING_BITS: u32 = 8;
@@ -218,7 +227,7 @@ impl Latency {
 mod tests {
     use super::*;
 
-    const NARROW: WordFormat = WordFormat { storage_bits: 32, guard_bits: 8, data_bits: 25, coefficient_bits: 18 };
+    const NARROW: WordFormat = WordFormat::new(32, 25, 18);
 
     #[test]
     fn dropping_bits_of_an_offset_word_rounds_to_nearest() {
@@ -259,7 +268,7 @@ mod tests {
     #[test]
     fn writes_saturate_and_say_so() {
         assert_eq!(NARROW.write(NARROW.max_word(), 1 << 20, 20), (NARROW.ceiling(), true));
-        assert_eq!(NARROW.ceiling(), 0x7f << 32);
+        assert_eq!(NARROW.ceiling(), 0x7f << 25);
         assert_eq!(NARROW.write(NARROW.max_word() - 1, 1, 0), (NARROW.max_word(), false));
         assert_eq!(NARROW.write(NARROW.min_word(), -3, 1), (NARROW.min_word(), true));
         assert_eq!(NARROW.write(5, 3, 1), (7, false));

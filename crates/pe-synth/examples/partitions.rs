@@ -19,9 +19,8 @@ use pe_ir::mapping::Mapping;
 use pe_ir::word::{Latency, WordFormat};
 use petgraph::visit::EdgeRef;
 
-/// Words of 32 + 8 bits, multiplier 25x18.
-const FORMAT: WordFormat =
-    WordFormat { storage_bits: 32, guard_bits: WordFormat::GUARD_BITS, data_bits: 25, coefficient_bits: 18 };
+/// Words of 32 bits, multiplier 25x18.
+const FORMAT: WordFormat = WordFormat::new(32, 25, 18);
 
 /// The graph of a model, formats left out.
 fn graph(spec: &str) -> Result<StepGraph, String> {

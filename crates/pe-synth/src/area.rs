@@ -185,8 +185,7 @@ mod tests {
     #[test]
     fn estimates_of_outputs_agree_with_synthesis() {
         for &(storage_bits, data_bits, index_bits, lut) in MEASURED_OUTPUTS {
-            let guard_bits = WordFormat::GUARD_BITS;
-            let format = WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits: 18 };
+            let format = WordFormat { storage_bits, guard_bits: 8, data_bits, coefficient_bits: 18 };
             let estimate = output_luts(&format, 1 << index_bits);
             assert!((estimate - lut).abs() <= 2.0, "{storage_bits} bits, {data_bits}: {estimate} instead of {lut}");
         }
@@ -198,8 +197,7 @@ mod tests {
         for (shape, lut, ff, bram18) in MEASURED {
             let &(storage_bits, data_bits, coefficient_bits, own_words, imported_words, ports, shifts, ..) = shape;
             let &(.., accumulator_bits, factor, swap) = shape;
-            let guard_bits = WordFormat::GUARD_BITS;
-            let format = WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits };
+            let format = WordFormat { storage_bits, guard_bits: 8, data_bits, coefficient_bits };
             let shifts = shifts.to_vec();
             let features =
                 PeFeatures { own_words, imported_words, ports, shifts, accumulator_bits, factor, swap, send: true };

@@ -51,7 +51,7 @@ pub struct DesignPoint {
     /// Step, in place of the spec's, for example `1e-4` or `100us`
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
     pub step: Option<f64>,
-    /// Bits of a stored word, without its 8 guard bits
+    /// Bits of a stored word, without its guard bits
     #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = storage(), help_heading = "Numbers")]
     pub storage: u32,
     /// Multiplier: bits of its data port x bits of its coefficient port
@@ -158,13 +158,12 @@ impl DesignPoint {
     /// Word widths.
     pub fn format(&self) -> Result<WordFormat, Failure> {
         let (data_bits, coefficient_bits) = self.multiplier;
-        let guard_bits = WordFormat::GUARD_BITS;
-        let format = WordFormat { storage_bits: self.storage, guard_bits, data_bits, coefficient_bits };
+        let format = WordFormat::new(self.storage, data_bits, coefficient_bits);
         let widest = data_bits.max(coefficient_bits);
         if widest > format.word_bits() {
             let message = format!(
-                "a {data_bits}x{coefficient_bits} multiplier reads more bits than a word of {} + {guard_bits} has",
-                self.storage
+                "a {data_bits}x{coefficient_bits} multiplier reads more bits than a word of {} + {} has",
+                self.storage, format.guard_bits
             );
             return Err(Failure::Usage(message));
         }

@@ -71,12 +71,7 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
 /// A program of random legal control words.
 pub fn random_program(case: &Case) -> Program {
     let mut random = Random(case.seed);
-    let format = WordFormat {
-        storage_bits: case.storage,
-        guard_bits: WordFormat::GUARD_BITS,
-        data_bits: case.multiplier.0,
-        coefficient_bits: case.multiplier.1,
-    };
+    let format = WordFormat::new(case.storage, case.multiplier.0, case.multiplier.1);
     let senders: Vec<u32> = (0..case.pes.len() as u32).filter(|pe| case.pes[*pe as usize].send).collect();
     let pes = case.pes.iter().map(|features| random_pe(&mut random, case, &format, features, &senders)).collect();
     let mut program = Program {

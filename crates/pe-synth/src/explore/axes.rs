@@ -29,7 +29,7 @@ pub struct Axes {
     /// Multipliers [default: 25x18,18x25,32x32]
     #[arg(long, value_name = "AxB,...", value_delimiter = ',', value_parser = multiplier, help_heading = "Sweep")]
     pub multiplier: Vec<(u32, u32)>,
-    /// Bits of a stored word, without its 8 guard bits
+    /// Bits of a stored word, without its guard bits
     #[arg(long, value_name = "BITS,...", value_delimiter = ',', default_value = "32", value_parser = storage(), help_heading = "Sweep")]
     pub storage: Vec<u32>,
 }

