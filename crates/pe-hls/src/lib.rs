@@ -1,7 +1,7 @@
 //! From model to program: step graph, number formats, mapping, schedule, assembly.
 //!
 //! ```text
-//! Model -> step -> StepGraph -> formats -> FixedPoint -> mapping -> schedule -> assemble -> Program
+//! Model -> step -> StepGraph -> split -> formats -> FixedPoint -> mapping -> schedule -> assemble -> Program
 //! ```
 
 pub mod assemble;
@@ -9,4 +9,5 @@ pub mod formats;
 pub mod mapping;
 pub mod rounding;
 pub mod schedule;
+pub mod split;
 pub mod step;

@@ -91,6 +91,8 @@ pub enum Role {
     Algebraic(u32, u8),
     /// An inner factor of a product, private to its chain: equation and serial number.
     Inner(u32, u32),
+    /// A part of an equation's sum that another equation computes: the equation it is a part of, and serial number.
+    Partial(u32, u32),
     /// An external input, held over the step.
     Input(u32),
     /// A constant in memory.
@@ -266,6 +268,7 @@ impl StepGraph {
             Role::Next(s) => format!("{}.next", self.names.states[s as usize]),
             Role::Algebraic(a, stage) => format!("{}.stage{stage}", self.names.algebraics[a as usize]),
             Role::Inner(_, serial) => format!("{}.factor{serial}", self.equations[value.equation as usize].name),
+            Role::Partial(equation, serial) => format!("{}.partial{serial}", self.equations[equation as usize].name),
             Role::Input(i) => self.names.inputs[i as usize].clone(),
             Role::Constant(c) => format!("{c:e}"),
             Role::Published(o) => format!("{}.published", self.names.outputs[o as usize]),

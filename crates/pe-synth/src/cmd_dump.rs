@@ -63,6 +63,7 @@ impl Dump {
         }
         let mut watch = Stopwatch::new(true);
         let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;
+        let graph = pipeline::split(&graph, self.point.pes, &self.mapping, self.point.format()?).unwrap_or(graph);
         match self.stage {
             Stage::Step => return Ok(graph.to_string()),
             Stage::OdeGraph => {

@@ -170,7 +170,8 @@ pub fn design(
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
     let format = point.format()?;
-    let graph = Arc::new(build(loaded, point, mapping_options, watch)?);
+    let graph = build(loaded, point, mapping_options, watch)?;
+    let graph = Arc::new(split(&graph, point.pes, mapping_options, format).unwrap_or(graph));
     let progress = watch.progress_bar("runs");
     let judged = watch
         .timed("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
@@ -210,7 +211,7 @@ pub fn implement(
             format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
         },
     );
-    let order = rank(&candidates, &schedules);
+    let order = rank(&candidates, &schedules, mapping_options.max_in_degree);
     let starts: Vec<StartResult> = order
         .iter()
         .map(|index| StartResult {
@@ -271,6 +272,12 @@ fn runs_figure(judged: &Result<Judged, Vec<Diagnostic>>) -> String {
     }
 }
 
+/// The graph with its heavy equations split for a number of PEs, or the default number; none if it fits as it is.
+pub fn split(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
+    let pes = pes.unwrap_or_else(|| default_pes(graph));
+    pe_hls::split::split(graph, pes, options.max_in_degree, Latency::of(&format))
+}
+
 /// The default number of PEs.
 pub fn default_pes(graph: &StepGraph) -> u32 {
     let slots: u64 = graph.loads().iter().map(|load| u64::from(*load)).sum();
@@ -313,15 +320,17 @@ fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Fail
     }
 }
 
-/// Candidates from best to worst: cycles x connections (the paper's objective) among the fastest.
-fn rank(candidates: &[Candidate], schedules: &[Schedule]) -> Vec<usize> {
-    let shortest = schedules.iter().map(|schedule| schedule.period).min().unwrap_or(0);
+/// Candidates from best to worst: cycles x connections (the paper's objective) among the fastest that have the ports.
+fn rank(candidates: &[Candidate], schedules: &[Schedule], max_in_degree: u32) -> Vec<usize> {
+    let excess = |index: usize| candidates[index].cost.max_in_degree.saturating_sub(max_in_degree);
+    let permitted = (0..candidates.len()).filter(|&index| excess(index) == 0);
+    let shortest = permitted.map(|index| schedules[index].period).min().unwrap_or(0);
     let longest = f64::from(shortest) * PERIOD_TOLERANCE;
     let mut order: Vec<usize> = (0..candidates.len()).collect();
-    order.sort_by_key(|index| {
-        let period = schedules[*index].period;
+    order.sort_by_key(|&index| {
+        let period = schedules[index].period;
         let slow = f64::from(period) > longest;
-        (slow, u64::from(period) * u64::from(candidates[*index].cost.connections.max(1)), *index)
+        (excess(index), slow, u64::from(period) * u64::from(candidates[index].cost.connections.max(1)), index)
     });
     order
 }

@@ -87,8 +87,7 @@ struct Base {
 
 /// What the points with the same formats share.
 struct Format {
-    loaded: Arc<LoadedModel>,
-    graph: Arc<StepGraph>,
+    base: Arc<Base>,
     judged: Arc<Judged>,
     total: Result<TotalError, ReferenceError>,
 }
@@ -178,14 +177,11 @@ impl Sweep {
         Ok(Base { loaded: Arc::new(loaded), reference, graph: Arc::new(graph), exact, comparison })
     }
 
-    fn format<'a>(&'a self, base: &Base, jobs: Vec<Job>, scope: &Scope<'a>, sender: &'a Sender<Event>) {
-        let Base { loaded, graph, exact, comparison, .. } = base;
+    fn format<'a>(&'a self, base: &Arc<Base>, jobs: Vec<Job>, scope: &Scope<'a>, sender: &'a Sender<Event>) {
         let judged = guarded(|| {
-            let settled = exact.settle(&loaded.model, graph, jobs[0].point.format()?);
-            let judged = exact.conclude(&loaded.model, graph, settled, comparison.clone(), &self.options);
-            let judged = judged.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+            let judged = self.judged(base, &base.graph, &base.exact, &jobs[0].point)?;
             let total = self.total(base, &judged, &jobs[0].point, sender);
-            Ok(Format { loaded: Arc::clone(loaded), graph: Arc::clone(graph), judged: Arc::new(judged), total })
+            Ok(Format { base: Arc::clone(base), judged: Arc::new(judged), total })
         });
         let _ = sender.send(Event::Work(self.estimate.format(&jobs[0].point)));
         match judged {
@@ -194,7 +190,7 @@ impl Sweep {
                 for job in jobs.into_iter().rev() {
                     let format = Arc::clone(&format);
                     scope.spawn(move |_| {
-                        let figures = guarded(|| self.network(&format, &job));
+                        let figures = guarded(|| self.network(&format, &job, sender));
                         let outcome = figures.map_or_else(Outcome::Failed, Outcome::Compiled);
                         let _ = sender.send(Event::Work(self.estimate.network(&job.point)));
                         let _ = sender.send(Event::Point(job.index, outcome));
@@ -221,13 +217,31 @@ impl Sweep {
         reference.as_ref().map(|reference| reference.compare(&judged.hardware)).map_err(|error| *error)
     }
 
+    /// Formats and errors of a graph, which is that of the family or a split of it.
+    fn judged(&self, base: &Base, graph: &StepGraph, exact: &Exact, point: &DesignPoint) -> Result<Judged, Failure> {
+        let model = &base.loaded.model;
+        let settled = exact.settle(model, graph, point.format()?);
+        let judged = exact.conclude(model, graph, settled, base.comparison.clone(), &self.options);
+        judged.map_err(|findings| Failure::Spec(findings, base.loaded.sources.clone()))
+    }
+
     /// Designs the network of a point and reports on it as `compile` does.
-    fn network(&self, format: &Format, job: &Job) -> Result<Figures, Failure> {
-        let Format { loaded, graph, judged, total } = format;
+    fn network(&self, format: &Format, job: &Job, sender: &Sender<Event>) -> Result<Figures, Failure> {
+        let Format { base, judged, total } = format;
+        let (loaded, point) = (&base.loaded, &job.point);
+        let (mut graph, mut judged, mut total) = (Arc::clone(&base.graph), Arc::clone(judged), *total);
+        // Heavy equations are split differently for every number of PEs; then nothing is shared.
+        if let Some(split) = pipeline::split(&graph, point.pes, &self.mapping, point.format()?) {
+            let exact = Exact::run(&loaded.model, &split, ProgressBar::hidden());
+            let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+            judged = Arc::new(self.judged(base, &split, &exact, point)?);
+            total = self.total(base, &judged, point, sender);
+            graph = Arc::new(split);
+        }
         let seed = self.options.seed;
         let watch = &mut Stopwatch::new(true);
-        let design = pipeline::implement(loaded, graph, judged, (job.point.pes, seed), &self.mapping, watch)?;
-        let (model, total) = (&loaded.model, Some(*total));
+        let design = pipeline::implement(loaded, &graph, &judged, (point.pes, seed), &self.mapping, watch)?;
+        let (model, total) = (&loaded.model, Some(total));
         let report = report::report(model, &design, &variables(model, &design), self.clock, &total, seed, &job.command);
         let warnings = judged.warnings.iter().map(|warning| warning.code);
         let warnings = warnings.chain(total.is_some_and(|total| total.is_err()).then_some(codes::NO_REFERENCE));

@@ -98,10 +98,11 @@ impl Flow {
     }
 
     fn with(label: String, model: Model, graph: StepGraph, pes: u32, format: WordFormat, placement: Placement) -> Flow {
-        let fixed = settled(&label, &model, &graph, format);
         let pes = pes.min(graph.equations.len() as u32);
-        let mapping = place(&label, &graph, pes, placement);
         let latency = Latency::of(&format);
+        let graph = pe_hls::split::split(&graph, pes, MAX_IN_DEGREE, latency).unwrap_or(graph);
+        let fixed = settled(&label, &model, &graph, format);
+        let mapping = place(&label, &graph, pes, placement);
         let schedule = pe_hls::schedule::schedule(&graph, &mapping, latency);
         let bound = pe_hls::schedule::Bound::of(&graph, pes, latency).binding().0;
         assert!(schedule.period >= bound, "{label}: {} words, fewer than the bound of {bound}", schedule.period);
