@@ -15,8 +15,10 @@ import sys
 STORAGE, PERIOD = 32, 512
 
 
-def shape(own=16, imported=16, ports=3, shifts="1,2,3,4,5", word=40, data=25, coefficient=18, accumulator=43, flags=""):
-    """One PE; flags are among `fws`: factor, swap, send."""
+def shape(own=16, base=None, coefficients=0, imported=16, ports=3, shifts="1,2,3,4,5", word=40, data=25, coefficient=18,
+          accumulator=43, flags=""):
+    """One PE, its base memory as deep as the own one unless said; flags are among `fws`: factor, swap, send."""
+    base = base or own
     return locals()
 
 
@@ -33,13 +35,19 @@ def index_bits(count):
     return (count - 1).bit_length()
 
 
+def write_words(pe):
+    factors = pe["coefficients"] if "f" in pe["flags"] else 0
+    return max(pe["own"], pe["base"], factors)
+
+
 def control_bits(pe):
     """Width of a control word, as `control_layout` in hdl/pe_pkg.vhd adds it up."""
-    swap = "w" in pe["flags"]
-    own, imports = index_bits(pe["own"]) + 1 + swap, pe["imported"] > 0
+    swap, factor = "w" in pe["flags"], "f" in pe["flags"]
+    imports = pe["imported"] > 0
     received = imports * (index_bits(pe["imported"]) + 1 + swap)
-    factor = ("f" in pe["flags"]) * (index_bits(pe["own"]) + 1)
-    return (3 * own + 2 * received + factor + pe["coefficient"] + 1 + index_bits(len(pe["shifts"].split(",")))
+    coefficient = index_bits(pe["coefficients"]) if pe["coefficients"] else pe["coefficient"]
+    return (index_bits(pe["own"]) + 1 + swap + 2 * received + coefficient + 1 + 1 + index_bits(pe["base"])
+            + index_bits(len(pe["shifts"].split(","))) + 2 + factor + swap + index_bits(write_words(pe))
             + ("s" in pe["flags"]) + index_bits(pe["ports"]))
 
 
@@ -60,11 +68,14 @@ def main(folder, name="table1"):
     for index, pe in enumerate(SETS[name]):
         bits = control_bits(pe)
         constants += [words(generator, f"PE{index}_PROGRAM", PERIOD, bits),
-                      words(generator, f"PE{index}_OWN_IMAGE", pe["own"], pe["word"]),
+                      words(generator, f"PE{index}_OWN_IMAGE", pe["own"], pe["data"]),
+                      words(generator, f"PE{index}_BASE_IMAGE", pe["base"], pe["word"]),
+                      words(generator, f"PE{index}_COEFFICIENT_IMAGE", max(pe["coefficients"], 1), pe["coefficient"]),
                       words(generator, f"PE{index}_IMPORTED_IMAGE", max(pe["imported"], 1), pe["data"])]
         flags = [f"{flag}={str(flag[0 if flag != 'swap' else 1] in pe['flags']).lower()}" for flag in ("factor", "swap", "send")]
         lines.append(f"shape={index} count=1 example={index} storage_bits={STORAGE} word_bits={pe['word']} "
                      f"data_bits={pe['data']} coefficient_bits={pe['coefficient']} own_words={pe['own']} "
+                     f"base_words={pe['base']} coefficient_words={pe['coefficients']} "
                      f"imported_words={pe['imported']} ports={pe['ports']} shifts={pe['shifts']} "
                      f"accumulator_bits={pe['accumulator']} {' '.join(flags)} program_words={PERIOD} program_bits={bits}")
     with open(os.path.join(folder, f"{name}_program_pkg.vhd"), "w") as file:

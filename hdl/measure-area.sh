@@ -73,9 +73,11 @@ begin
     generic map (
       WORD_BITS => ${shape[word_bits]}, DATA_BITS => ${shape[data_bits]},
       COEFFICIENT_BITS => ${shape[coefficient_bits]}, CONTROL_BITS => ${shape[program_bits]},
-      OWN_WORDS => ${shape[own_words]}, IMPORTED_WORDS => ${shape[imported_words]}, PORT_COUNT => ${shape[ports]},
+      OWN_WORDS => ${shape[own_words]}, BASE_WORDS => ${shape[base_words]},
+      COEFF_WORDS => ${shape[coefficient_words]}, IMPORTED_WORDS => ${shape[imported_words]}, PORT_COUNT => ${shape[ports]},
       SHIFTS => ($shifts), ACCUMULATOR_BITS => ${shape[accumulator_bits]}, FACTOR => ${shape[factor]},
       SWAP => ${shape[swap]}, SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
+      BASE_IMAGE => PE${shape[example]}_BASE_IMAGE, COEFF_IMAGE => PE${shape[example]}_COEFFICIENT_IMAGE,
       IMPORTED_IMAGE => PE${shape[example]}_IMPORTED_IMAGE
     )
     port map (
@@ -201,7 +203,8 @@ while read -r line; do
   read -r logic memory shift ff dsp ramb18 ramb36 <<< "$(awk -f "$here/count-cells.awk" stat.txt)"
   lut=$((logic + memory + shift))
   packed=$((lut - $(python3 "$here/count-pairs.py" netlist.json)))
-  features="own ${shape[own_words]}, imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
+  features="own ${shape[own_words]}, base ${shape[base_words]}, coefficients ${shape[coefficient_words]}"
+  features+=", imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
   features+=", accumulator ${shape[accumulator_bits]}, ${shape[program_words]} words of ${shape[program_bits]} bits"
   for flag in factor swap send; do
     if [[ ${shape[$flag]} == true ]]; then features+=", $flag"; fi

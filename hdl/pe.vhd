@@ -17,6 +17,8 @@ entity pe is
     COEFFICIENT_BITS : positive;        -- coefficient port of the multiplier
     CONTROL_BITS     : positive;        -- control word
     OWN_WORDS        : positive;        -- own memory, a power of two
+    BASE_WORDS       : positive;        -- base memory, a power of two
+    COEFF_WORDS      : natural;         -- coefficient memory, 0 or a power of two
     IMPORTED_WORDS   : natural;         -- imported memory, 0 or a power of two
     PORT_COUNT       : natural;         -- input ports
     SHIFTS           : natural_array_t; -- right shifts of the write side
@@ -25,6 +27,8 @@ entity pe is
     SWAP             : boolean;         -- buffers that change roles
     SEND             : boolean;         -- link register
     OWN_IMAGE        : word_array_t;    -- initial own memory
+    BASE_IMAGE       : word_array_t;    -- initial base memory
+    COEFF_IMAGE      : word_array_t;    -- initial coefficient memory
     IMPORTED_IMAGE   : word_array_t;    -- initial imported memory
     TRACE            : boolean := false -- drives trace_o
   );
@@ -44,10 +48,12 @@ end entity pe;
 
 architecture rtl of pe is
 
-  constant LAYOUT : layout_t := control_layout(OWN_WORDS, IMPORTED_WORDS, PORT_COUNT, SHIFTS'length,
-                                               COEFFICIENT_BITS, FACTOR, SWAP, SEND);
+  constant LAYOUT : layout_t := control_layout(OWN_WORDS, BASE_WORDS, COEFF_WORDS, IMPORTED_WORDS, PORT_COUNT,
+                                               SHIFTS'length, COEFFICIENT_BITS, FACTOR, SWAP, SEND);
 
-  constant OWN_BITS : positive := index_bits(OWN_WORDS);
+  constant OWN_BITS   : positive := index_bits(OWN_WORDS);
+  constant BASE_BITS  : positive := index_bits(BASE_WORDS);
+  constant WRITE_BITS : positive := index_bits(write_words(OWN_WORDS, BASE_WORDS, COEFF_WORDS, FACTOR));
 
   constant PADDED_BITS : positive := larger(ACCUMULATOR_BITS, DATA_BITS + COEFFICIENT_BITS);
 
@@ -131,7 +137,6 @@ architecture rtl of pe is
   -- Operand group
   signal own_operand         : std_ulogic_vector(DATA_BITS - 1 downto 0);
   signal imported_operand    : std_ulogic_vector(DATA_BITS - 1 downto 0);
-  signal coefficient         : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0);
   signal coefficient_operand : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0);
 
   -- Accumulate group
@@ -153,8 +158,10 @@ architecture rtl of pe is
   signal saturated : std_ulogic                                   := '0';
 
   -- Write group
-  signal write_enable  : std_ulogic;
-  signal write_address : std_ulogic_vector(OWN_BITS - 1 downto 0);
+  signal write_own     : std_ulogic;
+  signal write_base    : std_ulogic;
+  signal write_factor  : std_ulogic;
+  signal write_address : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal link          : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
   signal overflow      : std_ulogic                                := '0';
 
@@ -169,16 +176,15 @@ begin
 
   u_own_operand : entity pe_lib.pe_ram
     generic map (
-      WORDS      => OWN_WORDS,
-      WORD_BITS  => DATA_BITS,
-      IMAGE_BITS => WORD_BITS,
-      IMAGE      => OWN_IMAGE
+      WORDS     => OWN_WORDS,
+      WORD_BITS => DATA_BITS,
+      IMAGE     => OWN_IMAGE
     )
     port map (
       clk_i           => clk_i,
       ce_i            => advance_i,
-      write_enable_i  => write_enable,
-      write_address_i => write_address,
+      write_enable_i  => write_own,
+      write_address_i => write_address(OWN_BITS - 1 downto 0),
       write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - DATA_BITS),
       read_enable_i   => flag(control_i, LAYOUT.own.enable),
       read_address_i  => steered(control_i, LAYOUT.own, OWN_BITS, parity_i),
@@ -186,34 +192,35 @@ begin
       read_data_o     => own_operand
     );
 
-  coefficient <= bits(control_i, LAYOUT.coefficient, COEFFICIENT_BITS);
+  g_stored : if COEFF_WORDS > 0 generate
 
-  g_factor : if FACTOR generate
+    constant COEFF_BITS : positive := larger(index_bits(COEFF_WORDS), 1);
 
-    u_factor : entity pe_lib.pe_ram
+  begin
+
+    u_coefficient : entity pe_lib.pe_ram
       generic map (
-        WORDS      => OWN_WORDS,
-        WORD_BITS  => COEFFICIENT_BITS,
-        IMAGE_BITS => WORD_BITS,
-        IMAGE      => OWN_IMAGE
+        WORDS     => COEFF_WORDS,
+        WORD_BITS => COEFFICIENT_BITS,
+        IMAGE     => COEFF_IMAGE
       )
       port map (
         clk_i           => clk_i,
         ce_i            => advance_i,
-        write_enable_i  => write_enable,
-        write_address_i => write_address,
+        write_enable_i  => write_factor,
+        write_address_i => std_ulogic_vector(resize(unsigned(write_address), COEFF_BITS)),
         write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - COEFFICIENT_BITS),
-        read_enable_i   => flag(control_i, LAYOUT.factor.enable),
-        read_address_i  => bits(control_i, LAYOUT.factor.address, OWN_BITS),
-        default_i       => coefficient,
+        read_enable_i   => '1',
+        read_address_i  => bits(control_i, LAYOUT.coefficient_address, COEFF_BITS),
+        default_i       => (others => '0'),
         read_data_o     => coefficient_operand
       );
 
-  end generate g_factor;
+  end generate g_stored;
 
-  g_coefficient : if not FACTOR generate
+  g_in_word : if COEFF_WORDS = 0 generate
 
-    signal coefficient_register : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
+    signal coefficient : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
 
   begin
 
@@ -222,15 +229,15 @@ begin
 
       if rising_edge(clk_i) then
         if (advance_i = '1') then
-          coefficient_register <= coefficient;
+          coefficient <= bits(control_i, LAYOUT.coefficient, COEFFICIENT_BITS);
         end if;
       end if;
 
     end process p_coefficient;
 
-    coefficient_operand <= coefficient_register;
+    coefficient_operand <= coefficient;
 
-  end generate g_coefficient;
+  end generate g_in_word;
 
   u_multiplier : entity pe_lib.pe_multiplier
     generic map (
@@ -288,19 +295,18 @@ begin
 
   u_base : entity pe_lib.pe_ram
     generic map (
-      WORDS      => OWN_WORDS,
-      WORD_BITS  => WORD_BITS,
-      IMAGE_BITS => WORD_BITS,
-      IMAGE      => OWN_IMAGE
+      WORDS     => BASE_WORDS,
+      WORD_BITS => WORD_BITS,
+      IMAGE     => BASE_IMAGE
     )
     port map (
       clk_i           => clk_i,
       ce_i            => advance_i,
-      write_enable_i  => write_enable,
-      write_address_i => write_address,
+      write_enable_i  => write_base,
+      write_address_i => write_address(BASE_BITS - 1 downto 0),
       write_data_i    => word,
       read_enable_i   => flag(control_i, LAYOUT.base.enable),
-      read_address_i  => steered(control_i, LAYOUT.base, OWN_BITS, parity_i),
+      read_address_i  => bits(control_i, LAYOUT.base.address, BASE_BITS),
       default_i       => offset,
       read_data_o     => base
     );
@@ -417,16 +423,27 @@ begin
 
   -- Write group ---------------------------------------------------------------------------------------------------
 
-  write_enable  <= flag(control_i, LAYOUT.write.enable) and not settle_i;
-  write_address <= steered(control_i, LAYOUT.write, OWN_BITS, parity_i);
+  write_own    <= flag(control_i, LAYOUT.write_own) and not settle_i;
+  write_base   <= flag(control_i, LAYOUT.write_base) and not settle_i;
+  write_factor <= flag(control_i, LAYOUT.write_factor) and not settle_i;
+
+  p_write_address : process (control_i, parity_i) is
+  begin
+
+    write_address               <= bits(control_i, LAYOUT.write.address, WRITE_BITS);
+    write_address(OWN_BITS - 1) <= control_i(LAYOUT.write.address.lsb + OWN_BITS - 1)
+                                   xor (flag(control_i, LAYOUT.write.swap) and parity_i);
+
+  end process p_write_address;
 
   p_flag : process (clk_i) is
   begin
 
     if rising_edge(clk_i) then
       if (advance_i = '1') then
-        if (saturated = '1' and settle_i = '0'
-            and (flag(control_i, LAYOUT.write.enable) = '1' or flag(control_i, LAYOUT.send) = '1')) then
+        -- A value that is only sent must not saturate unseen either.
+        if (saturated = '1' and (write_own = '1' or write_base = '1' or write_factor = '1'
+                                 or (flag(control_i, LAYOUT.send) = '1' and settle_i = '0'))) then
           overflow <= '1';
         end if;
       end if;
@@ -474,10 +491,9 @@ begin
 
     u_imported_operand : entity pe_lib.pe_ram
       generic map (
-        WORDS      => IMPORTED_WORDS,
-        WORD_BITS  => DATA_BITS,
-        IMAGE_BITS => DATA_BITS,
-        IMAGE      => IMPORTED_IMAGE
+        WORDS     => IMPORTED_WORDS,
+        WORD_BITS => DATA_BITS,
+        IMAGE     => IMPORTED_IMAGE
       )
       port map (
         clk_i           => clk_i,
@@ -513,7 +529,7 @@ begin
   g_trace : if TRACE generate
 
     trace_o(162)            <= overflow;
-    trace_o(161)            <= write_enable;
+    trace_o(161)            <= write_own or write_base or write_factor;
     trace_o(160 downto 145) <= std_ulogic_vector(resize(unsigned(write_address), 16));
     trace_o(144 downto 81)  <= std_ulogic_vector(resize(signed(word), 64));
 

@@ -29,18 +29,21 @@ package pe_pkg is
   end record address_field_t;
 
   type layout_t is record
-    own         : address_field_t;
-    imported    : address_field_t;
-    factor      : address_field_t;
-    coefficient : field_t;
-    close       : field_t;
-    base        : address_field_t;
-    shift       : field_t;
-    write       : address_field_t;
-    send        : field_t;
-    receive     : address_field_t;
-    port_index  : field_t;
-    bits        : natural;
+    own                 : address_field_t;
+    imported            : address_field_t;
+    coefficient         : field_t;
+    coefficient_address : field_t;
+    close               : field_t;
+    base                : address_field_t;
+    shift               : field_t;
+    write_own           : field_t;
+    write_base          : field_t;
+    write_factor        : field_t;
+    write               : address_field_t;
+    send                : field_t;
+    receive             : address_field_t;
+    port_index          : field_t;
+    bits                : natural;
   end record layout_t;
 
   -- Bits that count `count` things: ceil(log2 count).
@@ -52,14 +55,16 @@ package pe_pkg is
   -- The layout of the control words of a PE with these features.
 
   function control_layout (
-    own_words        : natural;
-    imported_words   : natural;
-    port_count       : natural;
-    shift_count      : natural;
-    coefficient_bits : natural;
-    factor           : boolean;
-    swap             : boolean;
-    send             : boolean
+    own_words         : natural;
+    base_words        : natural;
+    coefficient_words : natural;
+    imported_words    : natural;
+    port_count        : natural;
+    shift_count       : natural;
+    coefficient_bits  : natural;
+    factor            : boolean;
+    swap              : boolean;
+    send              : boolean
   ) return layout_t;
 
   -- Value of a one-bit field; '0' if the PE does not have it.
@@ -76,6 +81,15 @@ package pe_pkg is
     field   : field_t;
     width   : positive
   ) return std_ulogic_vector;
+
+  -- Words that a write address tells apart.
+
+  function write_words (
+    own_words         : natural;
+    base_words        : natural;
+    coefficient_words : natural;
+    factor            : boolean
+  ) return natural;
 
   -- Address of a memory access; a set swap bit inverts the top bit in odd steps.
 
@@ -157,14 +171,16 @@ package body pe_pkg is
   end function index_bits;
 
   function control_layout (
-    own_words        : natural;
-    imported_words   : natural;
-    port_count       : natural;
-    shift_count      : natural;
-    coefficient_bits : natural;
-    factor           : boolean;
-    swap             : boolean;
-    send             : boolean
+    own_words         : natural;
+    base_words        : natural;
+    coefficient_words : natural;
+    imported_words    : natural;
+    port_count        : natural;
+    shift_count       : natural;
+    coefficient_bits  : natural;
+    factor            : boolean;
+    swap              : boolean;
+    send              : boolean
   ) return layout_t is
 
     variable layout      : layout_t;
@@ -172,6 +188,7 @@ package body pe_pkg is
     variable own_bits    : natural;
     variable import_bits : natural;
     variable import_flag : natural;
+    variable stored_flag : natural;
     variable factor_flag : natural;
     variable swap_flag   : natural;
     variable send_flag   : natural;
@@ -209,12 +226,17 @@ package body pe_pkg is
     own_bits    := index_bits(own_words);
     import_bits := index_bits(imported_words);
     import_flag := 0;
+    stored_flag := 0;
     factor_flag := 0;
     swap_flag   := 0;
     send_flag   := 0;
 
     if (imported_words > 0) then
       import_flag := 1;
+    end if;
+
+    if (coefficient_words > 0) then
+      stored_flag := 1;
     end if;
 
     if (factor) then
@@ -233,18 +255,39 @@ package body pe_pkg is
     place(layout.port_index, index_bits(port_count));
     place_address(layout.receive, import_flag, swap_flag, import_bits);
     place(layout.send, send_flag);
-    place_address(layout.write, 1, swap_flag, own_bits);
+    place(layout.write.address, index_bits(write_words(own_words, base_words, coefficient_words, factor)));
+    place(layout.write.swap, swap_flag);
+    place(layout.write.enable, 0);
+    place(layout.write_factor, factor_flag);
+    place(layout.write_base, 1);
+    place(layout.write_own, 1);
     place(layout.shift, index_bits(shift_count));
-    place_address(layout.base, 1, swap_flag, own_bits);
+    place_address(layout.base, 1, 0, index_bits(base_words));
     place(layout.close, 1);
-    place(layout.coefficient, coefficient_bits);
-    place_address(layout.factor, factor_flag, 0, own_bits);
+    place(layout.coefficient_address, stored_flag * index_bits(coefficient_words));
+    place(layout.coefficient, (1 - stored_flag) * coefficient_bits);
     place_address(layout.imported, import_flag, swap_flag, import_bits);
     place_address(layout.own, 1, swap_flag, own_bits);
     layout.bits := position;
     return layout;
 
   end function control_layout;
+
+  function write_words (
+    own_words         : natural;
+    base_words        : natural;
+    coefficient_words : natural;
+    factor            : boolean
+  ) return natural is
+  begin
+
+    if (factor) then
+      return larger(larger(own_words, base_words), coefficient_words);
+    end if;
+
+    return larger(own_words, base_words);
+
+  end function write_words;
 
   function flag (
     control : std_ulogic_vector;

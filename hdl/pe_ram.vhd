@@ -13,10 +13,9 @@ library pe_lib;
 
 entity pe_ram is
   generic (
-    WORDS      : positive;    -- depth, a power of two
-    WORD_BITS  : positive;    -- width of a word
-    IMAGE_BITS : positive;    -- width of an image word, >= WORD_BITS
-    IMAGE      : word_array_t -- initial content: its top bits
+    WORDS     : positive;    -- depth, a power of two
+    WORD_BITS : positive;    -- width of a word
+    IMAGE     : word_array_t -- initial content
   );
   port (
     clk_i           : in    std_ulogic;                                        -- clock
@@ -57,7 +56,7 @@ architecture rtl of pe_ram is
 
     for i in 0 to WORDS - 1 loop
 
-      memory(i) := IMAGE(i)(IMAGE_BITS - 1 downto IMAGE_BITS - WORD_BITS);
+      memory(i) := IMAGE(i);
 
     end loop;
 

@@ -153,6 +153,8 @@ begin
       COEFFICIENT_BITS => COEFFICIENT_BITS,
       CONTROL_BITS     => {{ pe.control_bits }},
       OWN_WORDS        => {{ pe.own_words }},
+      BASE_WORDS       => {{ pe.base_words }},
+      COEFF_WORDS      => {{ pe.coefficient_words }},
       IMPORTED_WORDS   => {{ pe.imported_words }},
       PORT_COUNT       => {{ pe.port_count }},
       SHIFTS           => ({{ pe.shifts }}),
@@ -161,6 +163,8 @@ begin
       SWAP             => {{ pe.swap }},
       SEND             => {{ pe.send }},
       OWN_IMAGE        => PE{{ pe.index }}_OWN_IMAGE,
+      BASE_IMAGE       => PE{{ pe.index }}_BASE_IMAGE,
+      COEFF_IMAGE      => PE{{ pe.index }}_COEFFICIENT_IMAGE,
       IMPORTED_IMAGE   => PE{{ pe.index }}_IMPORTED_IMAGE,
       TRACE            => TRACE
     )

@@ -29,25 +29,19 @@ package {{ model }}_program_pkg is
 {%- if !word.comment.is_empty() %} -- {{ word.comment }}{% endif %}
 {%- endfor %}
   );
+{%- for image in pe.images %}
 
-  constant PE{{ pe.index }}_OWN_IMAGE : word_array_t(0 to {{ pe.last_own }})({{ word_bits - 1 }} downto 0) :=
+  constant PE{{ pe.index }}_{{ image.name }}_IMAGE : word_array_t(0 to {{ image.last }})({{ image.bits - 1 }} downto 0) :=
   (
-{%- for word in pe.own %}
+{%- for word in image.words %}
     {{ word.index }} => b"{{ word.bits }}"{{ word.comma }}
 {%- if !word.comment.is_empty() %} -- {{ word.comment }}{% endif %}
 {%- endfor %}
-  );
-
-  constant PE{{ pe.index }}_IMPORTED_IMAGE : word_array_t(0 to {{ pe.last_imported }})({{ data_bits - 1 }} downto 0) :=
-  (
-{%- for word in pe.imported %}
-    {{ word.index }} => b"{{ word.bits }}"{{ word.comma }}
-{%- if !word.comment.is_empty() %} -- {{ word.comment }}{% endif %}
-{%- endfor %}
-{%- if pe.imported.is_empty() %}
+{%- if image.words.is_empty() %}
     0 => (others => '0')
 {%- endif %}
   );
+{%- endfor %}
 {%- endfor %}
 
 end package {{ model }}_program_pkg;

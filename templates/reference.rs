@@ -36,6 +36,9 @@ enum Source {
 /// Shape, wiring and memory contents of one PE.
 struct Description {
     own_words: u32,
+    base_words: u32,
+    /// 0 if coefficients stand in the control word.
+    coefficient_words: u32,
     imported_words: u32,
     ports: &'static [Source],
     shifts: &'static [u32],
@@ -44,6 +47,8 @@ struct Description {
     swap: bool,
     send: bool,
     own_image: &'static [i64],
+    base_image: &'static [i64],
+    coefficient_image: &'static [i64],
     imported_image: &'static [i64],
     /// Control words in hexadecimal, one per line.
     program: &'static str,
@@ -108,17 +113,34 @@ impl Fields {
 struct Word {
     own: Option<[u16; 2]>,
     imported: Option<[u16; 2]>,
-    factor: Option<[u16; 2]>,
+    /// Word of the coefficient memory.
+    stored: Option<u16>,
     coefficient: i64,
     close: bool,
-    base: Option<[u16; 2]>,
+    base: Option<u16>,
     shift: u32,
-    write: Option<[u16; 2]>,
+    write_own: bool,
+    write_base: bool,
+    write_factor: bool,
+    /// Write address in even and in odd steps.
+    write: [u16; 2],
     send: bool,
     receive: Option<([u16; 2], Source)>,
 }
 
+impl Description {
+    /// Words that a write address tells apart.
+    fn write_words(&self) -> u32 {
+        let factors = if self.factor { self.coefficient_words } else { 0 };
+        self.own_words.max(self.base_words).max(factors)
+    }
+}
+
 impl Word {
+    fn writes(&self) -> bool {
+        self.write_own || self.write_base || self.write_factor
+    }
+
     fn decode(pe: &Description, line: &str) -> Word {
         let own = index_bits(pe.own_words);
         let imports = pe.imported_words > 0;
@@ -127,36 +149,57 @@ impl Word {
         let address = |present: bool, swap: u32, width: u32| if present { 1 + swap + width } else { 0 };
         let shift_bits = index_bits(pe.shifts.len() as u32);
         let port_bits = index_bits(pe.ports.len() as u32);
-        let bits = 3 * address(true, swap, own)
+        let base_bits = index_bits(pe.base_words);
+        let stored_bits = index_bits(pe.coefficient_words.max(1));
+        let coefficient_bits = if pe.coefficient_words == 0 { COEFFICIENT_BITS } else { 0 };
+        let write_bits = index_bits(pe.write_words());
+        let bits = address(true, swap, own)
             + 2 * address(imports, swap, imported)
-            + address(pe.factor, 0, own)
-            + COEFFICIENT_BITS
+            + stored_bits
+            + coefficient_bits
             + 1
+            + address(true, 0, base_bits)
             + shift_bits
+            + 2
+            + pe.factor as u32
+            + swap
+            + write_bits
             + pe.send as u32
             + port_bits;
         let word = u128::from_str_radix(line, 16).expect("control words are hexadecimal");
         let mut fields = Fields { word, left: bits };
         let own_operand = fields.address(true, pe.swap, own);
         let imported_operand = fields.address(imports, pe.swap, imported);
-        let factor = fields.address(pe.factor, false, own);
-        let coefficient = signed(fields.take(COEFFICIENT_BITS) as i64, COEFFICIENT_BITS);
+        let coefficient = match coefficient_bits {
+            0 => 0,
+            bits => signed(fields.take(bits) as i64, bits),
+        };
+        let stored = fields.take(stored_bits) as u16;
         let close = fields.take(1) == 1;
-        let base = fields.address(true, pe.swap, own);
+        let base_enable = fields.take(1) == 1;
+        let base = fields.take(base_bits) as u16;
         let shift = pe.shifts.get(fields.take(shift_bits) as usize).copied().unwrap_or(0);
-        let write = fields.address(true, pe.swap, own);
+        let write_own = fields.take(1) == 1;
+        let write_base = fields.take(1) == 1;
+        let write_factor = pe.factor && fields.take(1) == 1;
+        let write_swap = pe.swap && fields.take(1) == 1;
+        let even = fields.take(write_bits) as u16;
+        let odd = if write_swap { even ^ 1 << (own - 1) } else { even };
         let send = pe.send && fields.take(1) == 1;
         let receive = fields.address(imports, pe.swap, imported);
         let port = fields.take(port_bits) as usize;
         Word {
             own: own_operand,
             imported: imported_operand,
-            factor,
+            stored: (pe.coefficient_words > 0).then_some(stored),
             coefficient,
             close,
-            base,
+            base: base_enable.then_some(base),
             shift,
-            write,
+            write_own,
+            write_base,
+            write_factor,
+            write: [even, odd],
             send,
             receive: receive.map(|address| (address, pe.ports[port])),
         }
@@ -167,7 +210,11 @@ impl Word {
 struct Pe {
     program: Vec<Word>,
     own: Vec<i64>,
+    base_words: Vec<i64>,
+    coefficients: Vec<i64>,
     imported: Vec<i64>,
+    /// Trace addresses of imported words begin here.
+    write_words: u32,
     accumulator_bits: u32,
     /// Products between operand and product register.
     products: [Sum; MULTIPLIER_LATENCY + 1],
@@ -203,6 +250,9 @@ impl Network {
         let pe = |pe: &Description| Pe {
             program: pe.program.lines().map(|line| Word::decode(pe, line.trim())).collect(),
             own: pe.own_image.to_vec(),
+            base_words: pe.base_image.to_vec(),
+            coefficients: pe.coefficient_image.to_vec(),
+            write_words: pe.write_words(),
             imported: pe.imported_image.to_vec(),
             accumulator_bits: pe.accumulator_bits,
             products: [0; MULTIPLIER_LATENCY + 1],
@@ -269,13 +319,10 @@ impl Network {
             let pe = &mut self.pes[index];
             let word = &pe.program[k];
             // Everything that is read.
-            let own = word.own.map_or(0, |address| pe.own[address[odd] as usize] >> (WORD_BITS - DATA_BITS));
+            let own = word.own.map_or(0, |address| pe.own[address[odd] as usize]);
             let imported = word.imported.map_or(0, |address| pe.imported[address[odd] as usize]);
-            let multiplier = match word.factor {
-                Some(address) => pe.own[address[0] as usize] >> (WORD_BITS - COEFFICIENT_BITS),
-                None => word.coefficient,
-            };
-            let base = word.base.map_or(half(WORD_BITS - DATA_BITS), |address| pe.own[address[odd] as usize]);
+            let multiplier = word.stored.map_or(word.coefficient, |address| pe.coefficients[address as usize]);
+            let base = word.base.map_or(half(WORD_BITS - DATA_BITS), |address| pe.base_words[address as usize]);
             let result = pe.word;
             let saturated = pe.saturated;
             // Saturation: only the upper eight bits of the word tell in which direction.
@@ -311,17 +358,28 @@ impl Network {
                 self.links[index] = result >> (WORD_BITS - DATA_BITS);
             }
             if !self.settle {
-                let write = word.write.map(|address| address[odd] as usize);
+                let writes = word.writes();
+                let address = word.write[odd] as usize;
                 let receive = word.receive.map(|(address, _)| address[odd] as usize);
-                pe.overflow |= saturated && (write.is_some() || word.send);
-                let depth = pe.own.len();
-                if let Some(address) = write {
-                    pe.own[address] = result;
+                pe.overflow |= saturated && (writes || word.send);
+                let depth = pe.write_words as usize;
+                // Each memory takes as many low bits of the address as it needs.
+                if word.write_own {
+                    let own = address & (pe.own.len() - 1);
+                    pe.own[own] = result >> (WORD_BITS - DATA_BITS);
+                }
+                if word.write_base {
+                    let base = address & (pe.base_words.len() - 1);
+                    pe.base_words[base] = result;
+                }
+                if word.write_factor {
+                    let factor = address & (pe.coefficients.len() - 1);
+                    pe.coefficients[factor] = result >> (WORD_BITS - COEFFICIENT_BITS);
                 }
                 if let Some(address) = receive {
                     pe.imported[address] = self.received[index];
                 }
-                if let Some(address) = write {
+                if writes {
                     self.trace(index, address as u64, unsigned(result, WORD_BITS));
                 }
                 if let Some(address) = receive {
@@ -439,6 +497,8 @@ const PES: &[Description] = &[
 {%- for pe in pes %}
     Description {
         own_words: {{ pe.own_words }},
+        base_words: {{ pe.base_words }},
+        coefficient_words: {{ pe.coefficient_words }},
         imported_words: {{ pe.imported_words }},
         ports: &[{{ pe.ports }}],
         shifts: &[{{ pe.shifts }}],
@@ -447,6 +507,8 @@ const PES: &[Description] = &[
         swap: {{ pe.swap }},
         send: {{ pe.send }},
         own_image: &[{{ pe.own_image }}],
+        base_image: &[{{ pe.base_image }}],
+        coefficient_image: &[{{ pe.coefficient_image }}],
         imported_image: &[{{ pe.imported_image }}],
         program: "\
 {%- for word in pe.words %}

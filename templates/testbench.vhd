@@ -37,8 +37,8 @@ architecture bench of {{ model }}_tb is
   -- Words in hexadecimal files
   constant FILE_BITS : positive := (STORAGE_BITS + 3) / 4 * 4;
 
-  -- Depths of the own memories
-  constant OWN_WORDS : natural_array_t(0 to PE_COUNT - 1) := ({{ own_words }});
+  -- Words that the write addresses tell apart
+  constant WRITE_WORDS : natural_array_t(0 to PE_COUNT - 1) := ({{ write_words }});
 
   signal clk        : std_ulogic := '0';
   signal ce         : std_ulogic := '1';
@@ -151,7 +151,7 @@ begin
       end if;
 
       if (trace_line(trace_line'high) = '1') then
-        print_trace(trace_line, cycle, OWN_WORDS, WORD_BITS, DATA_BITS, checks);
+        print_trace(trace_line, cycle, WRITE_WORDS, WORD_BITS, DATA_BITS, checks);
         cycle := cycle + 1;
       end if;
 

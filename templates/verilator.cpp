@@ -26,7 +26,7 @@ constexpr unsigned kWordBits = {{ word_bits }};
 constexpr unsigned kDataBits = {{ data_bits }};
 constexpr unsigned kStorageBits = {{ storage_bits }};
 constexpr unsigned kTraceBits = 163;
-constexpr unsigned kOwnWords[] = { {{- own_words -}} };
+constexpr unsigned kWriteWords[] = { {{- write_words -}} };
 
 // Bits `lsb` .. `lsb + width - 1` of a wide port.
 template <typename Port>
@@ -101,7 +101,7 @@ int main(int argc, char** argv) {
           ++checks;
         }
         if (Bits(top->trace_o, first + 80, 1)) {
-          const unsigned long long address = kOwnWords[pe] + Bits(top->trace_o, first + 64, 16);
+          const unsigned long long address = kWriteWords[pe] + Bits(top->trace_o, first + 64, 16);
           const unsigned long long value = Bits(top->trace_o, first, kDataBits);
           std::printf("t %llu %u %llx %llx\n", cycle, pe, address, value);
           ++checks;

@@ -50,18 +50,18 @@ begin
     check("index_bits(5)", index_bits(5) = 3);
     check("index_bits(64)", index_bits(64) = 6);
 
-    -- own 1+5, imported 1+5, coefficient 18, close 1, base 1+5, shift 2, write 1+5, send 1, receive 1+5, port 2
-    layout := control_layout(32, 32, 4, 4, 18, false, false, true);
-    check("plain layout", layout.bits = 54);
-    check("own_enable is the top bit", layout.own.enable.lsb = 53 and layout.own.enable.width = 1);
+    -- own 1+5, imported 1+5, coefficient 18, close 1, base 1+5, shift 2, write 2+5, send 1, receive 1+5, port 2
+    layout := control_layout(32, 32, 0, 32, 4, 4, 18, false, false, true);
+    check("plain layout", layout.bits = 55);
+    check("own_enable is the top bit", layout.own.enable.lsb = 54 and layout.own.enable.width = 1);
     check("port is at the bottom", layout.port_index.lsb = 0 and layout.port_index.width = 2);
-    check("coefficient", layout.coefficient.lsb = 24 and layout.coefficient.width = 18);
-    check("absent factor", layout.factor.enable.width = 0);
-    check("absent flag reads 0", flag((53 downto 0 => '1'), layout.factor.enable) = '0');
-    layout := control_layout(32, 32, 4, 4, 18, true, true, true);
-    check("full layout", layout.bits = 54 + 6 + 5);
-    layout := control_layout(2, 0, 0, 1, 25, false, false, false);
-    check("smallest layout", layout.bits = 2 + 25 + 1 + 2 + 2);
+    check("coefficient", layout.coefficient.lsb = 25 and layout.coefficient.width = 18);
+    check("absent coefficient memory", layout.coefficient_address.width = 0 and layout.write_factor.width = 0);
+    check("absent flag reads 0", flag((54 downto 0 => '1'), layout.write_factor) = '0');
+    layout := control_layout(32, 16, 16, 32, 4, 4, 18, true, true, true);
+    check("full layout", layout.bits = 45);
+    layout := control_layout(2, 2, 0, 0, 0, 1, 25, false, false, false);
+    check("smallest layout", layout.bits = 2 + 25 + 1 + 2 + 3);
 
     -- Selection
     for i in 0 to 7 loop

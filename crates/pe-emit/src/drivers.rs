@@ -25,8 +25,8 @@ fn slices(names: &[String], width: u32) -> Vec<Slice> {
     names.iter().enumerate().map(slice).collect()
 }
 
-fn own_depths(program: &Program) -> Vec<u32> {
-    program.pes.iter().map(|pe| pe.features.own_words).collect()
+fn write_depths(program: &Program) -> Vec<u32> {
+    program.pes.iter().map(|pe| pe.features.write_words()).collect()
 }
 
 #[derive(Template)]
@@ -39,14 +39,14 @@ struct Testbench<'a> {
     inputs: Vec<Slice>,
     outputs: Vec<Slice>,
     /// Aggregate of the own memories' depths.
-    own_words: String,
+    write_words: String,
 }
 
 /// The text of `<model>_tb.vhd`.
 pub fn testbench(program: &Program, names: &Names, header: &Header, options: &EmitOptions) -> String {
     let width = program.format.storage_bits;
-    let depths = own_depths(program);
-    let own_words = depths.iter().enumerate().map(|(index, words)| format!("{index} => {words}"));
+    let depths = write_depths(program);
+    let write_words = depths.iter().enumerate().map(|(index, words)| format!("{index} => {words}"));
     let bench = Testbench {
         header,
         model: &names.model,
@@ -54,7 +54,7 @@ pub fn testbench(program: &Program, names: &Names, header: &Header, options: &Em
         pe_count: program.pes.len(),
         inputs: slices(&names.inputs, width),
         outputs: slices(&names.outputs, width),
-        own_words: own_words.collect::<Vec<_>>().join(", "),
+        write_words: write_words.collect::<Vec<_>>().join(", "),
     };
     bench.render().expect("templates render into strings")
 }
@@ -71,7 +71,7 @@ struct Verilator<'a> {
     pe_count: usize,
     inputs: Vec<Slice>,
     outputs: Vec<Slice>,
-    own_words: String,
+    write_words: String,
 }
 
 /// The text of `<model>_verilator.cpp`.
@@ -87,7 +87,7 @@ pub fn verilator(program: &Program, names: &Names, header: &Header, options: &Em
         pe_count: program.pes.len(),
         inputs: slices(&names.inputs, format.storage_bits),
         outputs: slices(&names.outputs, format.storage_bits),
-        own_words: own_depths(program).iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
+        write_words: write_depths(program).iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
     };
     driver.render().expect("templates render into strings")
 }
@@ -134,7 +134,7 @@ pub fn shapes(program: &Program) -> String {
         writeln!(
             text,
             "shape={number} count={} example={} storage_bits={} word_bits={} data_bits={} coefficient_bits={} \
-             own_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} swap={} send={} \
+             own_words={} base_words={} coefficient_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} swap={} send={} \
              program_words={} program_bits={bits}",
             members.len(),
             members[0],
@@ -143,6 +143,8 @@ pub fn shapes(program: &Program) -> String {
             format.data_bits,
             format.coefficient_bits,
             features.own_words,
+            features.base_words,
+            features.coefficient_words,
             features.imported_words,
             features.ports,
             features.accumulator_bits,

@@ -2,6 +2,7 @@
 
 use askama::Template;
 use pe_ir::program::{ControlWord, Layout, LinkSource, Multiplier, Note, PeProgram, Program, StateRegister};
+use pe_ir::word::WordFormat;
 
 use crate::Header;
 use crate::names::{Names, comment_text};
@@ -30,11 +31,16 @@ struct Pe {
     /// One line per field: its name at its column, bars for the fields before it.
     columns: Vec<String>,
     words: Vec<Line>,
-    own: Vec<Line>,
-    last_own: usize,
-    imported: Vec<Line>,
-    last_imported: usize,
+    images: Vec<Image>,
     shifts: String,
+}
+
+/// Initial content of a memory.
+struct Image {
+    name: &'static str,
+    last: usize,
+    bits: u32,
+    words: Vec<Line>,
 }
 
 /// One element of an array constant.
@@ -103,9 +109,11 @@ fn describe(program: &Program, states: &StateWords, index: usize, pe: &PeProgram
     };
     let own_comment = |word: usize| comment(&states.own, word, "state");
     let imported_comment = |word: usize| comment(&states.imported, word, "copy of state");
-    let image = |image: &[i64], bits: u32, comment: &dyn Fn(usize) -> String| {
-        lines(image.iter().enumerate().map(|(k, word)| (binary(*word as u128, bits), comment(k))).collect())
+    let image = |name: &'static str, image: &[i64], bits: u32, comment: &dyn Fn(usize) -> String| {
+        let words = image.iter().enumerate().map(|(k, word)| (binary(*word as u128, bits), comment(k))).collect();
+        Image { name, last: image.len().max(1) - 1, bits, words: lines(words) }
     };
+    let WordFormat { data_bits, coefficient_bits, .. } = program.format;
     Pe {
         index,
         equations: comment_text(&list(&pe.equations)),
@@ -113,10 +121,12 @@ fn describe(program: &Program, states: &StateWords, index: usize, pe: &PeProgram
         last_word: program.period - 1,
         columns: columns(&layout, program.period as usize - 1),
         words: lines(words),
-        last_own: pe.own_image.len() - 1,
-        own: image(&pe.own_image, word_bits, &own_comment),
-        last_imported: pe.imported_image.len().max(1) - 1,
-        imported: image(&pe.imported_image, program.format.data_bits, &imported_comment),
+        images: vec![
+            image("OWN", &pe.own_image, data_bits, &own_comment),
+            image("BASE", &pe.base_image, word_bits, &own_comment),
+            image("COEFFICIENT", &pe.coefficient_image, coefficient_bits, &|_| String::new()),
+            image("IMPORTED", &pe.imported_image, data_bits, &imported_comment),
+        ],
         shifts: pe.features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
     }
 }
@@ -202,7 +212,10 @@ fn word_comment(program: &Program, pe: &PeProgram, word: &ControlWord, note: &No
         };
         let second = match word.multiplier {
             Multiplier::Coefficient(value) => value.to_string(),
-            Multiplier::Factor(index) => format!("own {index}"),
+            Multiplier::Stored(index) => match pe.coefficient_image.get(usize::from(index)) {
+                Some(value) if *value != 0 => value.to_string(),
+                _ => format!("stored {index}"),
+            },
         };
         let chain = match program.name(note.chain) {
             "" => String::new(),
@@ -214,9 +227,9 @@ fn word_comment(program: &Program, pe: &PeProgram, word: &ControlWord, note: &No
         parts.push("close".to_owned());
     }
     match (word.write, word.send) {
-        (Some(address), send) => {
+        (Some(target), send) => {
             let verb = if send { "write and send" } else { "write" };
-            parts.push(format!("{verb} {}", name(note.write, &format!("own {}", address.word))));
+            parts.push(format!("{verb} {}", name(note.write, &format!("own {}", target.address.word))));
         }
         (None, true) => parts.push(format!("send {}", name(note.write, "the sum"))),
         (None, false) => {}

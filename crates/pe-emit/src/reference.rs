@@ -28,6 +28,8 @@ struct Reference<'a> {
 
 struct Pe {
     own_words: u32,
+    base_words: u32,
+    coefficient_words: u32,
     imported_words: u32,
     ports: String,
     shifts: String,
@@ -36,6 +38,8 @@ struct Pe {
     swap: bool,
     send: bool,
     own_image: String,
+    base_image: String,
+    coefficient_image: String,
     imported_image: String,
     /// Control words in hexadecimal.
     words: Vec<String>,
@@ -81,6 +85,8 @@ fn describe(program: &Program, pe: &PeProgram) -> Pe {
     };
     Pe {
         own_words: features.own_words,
+        base_words: features.base_words,
+        coefficient_words: features.coefficient_words,
         imported_words: features.imported_words,
         ports: joined(pe.ports.iter().map(port)),
         shifts: joined(features.shifts.iter()),
@@ -89,6 +95,8 @@ fn describe(program: &Program, pe: &PeProgram) -> Pe {
         swap: features.swap,
         send: features.send,
         own_image: joined(pe.own_image.iter()),
+        base_image: joined(pe.base_image.iter()),
+        coefficient_image: joined(pe.coefficient_image.iter()),
         imported_image: joined(pe.imported_image.iter()),
         words: pe.words.iter().map(|word| format!("{:0digits$x}", layout.encode(word))).collect(),
     }

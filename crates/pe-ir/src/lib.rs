@@ -1,11 +1,12 @@
 //! The data that the stages of pe-synth exchange, and the rules that belong to the data alone.
 //!
 //! Modules in pipeline order; each uses only those before it: [`source`], [`codes`], [`model`], [`word`], [`graph`],
-//! [`mapping`], [`schedule`], [`program`], [`verify`].
+//! [`mapping`], [`schedule`], [`program`], [`memory`], [`verify`].
 
 pub mod codes;
 pub mod graph;
 pub mod mapping;
+pub mod memory;
 pub mod model;
 pub mod program;
 pub mod schedule;

@@ -1,6 +1,6 @@
 //! The network, control word by control word: registers and memories as the datasheet describes them.
 
-use pe_ir::program::{Address, ControlWord, Layout, LinkSource, Multiplier, Program};
+use pe_ir::program::{Address, ControlWord, Layout, LinkSource, Multiplier, PeFeatures, Program};
 use pe_ir::word::WordFormat;
 
 use crate::trace::TraceLine;
@@ -9,14 +9,15 @@ use crate::trace::TraceLine;
 struct Pe {
     /// Control words, decoded from their bits.
     words: Vec<ControlWord>,
-    shifts: Vec<u8>,
+    features: PeFeatures,
     ports: Vec<LinkSource>,
     own: Vec<i64>,
+    base: Vec<i64>,
+    coefficients: Vec<i64>,
     imported: Vec<i64>,
     /// Products on their way: the front one is accumulated next.
     products: std::collections::VecDeque<i128>,
     accumulator: i128,
-    accumulator_bits: u32,
     hold: i128,
     /// Base word and shift of the adder.
     scale: (i64, u32),
@@ -64,13 +65,14 @@ impl<'a> Machine<'a> {
             let layout = Layout::new(&pe.features, &program.format);
             Pe {
                 words: bits.iter().map(|bits| layout.decode(*bits)).collect(),
-                shifts: pe.features.shifts.clone(),
+                features: pe.features.clone(),
                 ports: pe.ports.clone(),
                 own: pe.own_image.clone(),
+                base: pe.base_image.clone(),
+                coefficients: pe.coefficient_image.clone(),
                 imported: pe.imported_image.clone(),
                 products: std::iter::repeat_n(0, latency.accumulate() as usize).collect(),
                 accumulator: 0,
-                accumulator_bits: pe.features.accumulator_bits,
                 hold: 0,
                 scale: (0, 0),
                 sum: 0,
@@ -129,11 +131,8 @@ impl<'a> Machine<'a> {
     /// Stored word of a state as the next step starts.
     pub fn state(&self, index: usize) -> i64 {
         let (pe, word) = self.program.states[index].own;
-        let swap = self.program.pes[pe as usize].features.swap;
-        // At the pause point the next step has begun, so the current parity is that of its reads.
-        let address = Address { word, swap };
         let pe = &self.pes[pe as usize];
-        pe.own[physical(address, pe.own.len(), self.parity)]
+        pe.base[pe.features.base_word(word)]
     }
 
     /// Executes one control word in every PE.
@@ -151,20 +150,31 @@ impl<'a> Machine<'a> {
                 value: value as u64 & (u64::MAX >> (64 - bits)),
             };
             // Reads come before the writes at the end of the word.
-            let own_operand = word.own.map_or(0, |a| format.data_operand(pe.own[physical(a, own_depth, self.parity)]));
+            let own_operand = word.own.map_or(0, |a| pe.own[physical(a, own_depth, self.parity)]);
             let imported_operand =
                 word.imported.map_or(0, |a| pe.imported[physical(a, pe.imported.len(), self.parity)]);
             let second = match word.multiplier {
                 Multiplier::Coefficient(value) => value,
-                Multiplier::Factor(address) => format.factor_operand(pe.own[usize::from(address)]),
+                Multiplier::Stored(address) => pe.coefficients[usize::from(address)],
             };
             let base = match word.base {
-                Some(a) => pe.own[physical(a, own_depth, self.parity)],
+                Some(word) => pe.base[usize::from(word)],
                 None => format.data_offset(),
             };
-            if let Some(a) = word.write.filter(|_| !self.settle) {
-                let slot = physical(a, own_depth, self.parity);
-                pe.own[slot] = pe.result.0;
+            if let Some(target) = word.write.filter(|_| !self.settle) {
+                // The swap bit turns the top bit of the own memory's address over, also in a wider write address.
+                let slot = physical(target.address, own_depth, self.parity);
+                if target.own {
+                    pe.own[slot & (own_depth - 1)] = format.data_operand(pe.result.0);
+                }
+                if target.base {
+                    let base = pe.features.base_word(target.address.word);
+                    pe.base[base] = pe.result.0;
+                }
+                if target.factor {
+                    let factor = pe.features.factor_word(target.address.word);
+                    pe.coefficients[factor] = format.factor_operand(pe.result.0);
+                }
                 trace(write(slot as u32, pe.result.0, format.word_bits()));
             }
             if let Some((port, a)) = word.receive.filter(|_| !self.settle) {
@@ -174,7 +184,7 @@ impl<'a> Machine<'a> {
                 };
                 let slot = physical(a, pe.imported.len(), self.parity);
                 pe.imported[slot] = value;
-                trace(write((own_depth + slot) as u32, value, format.data_bits));
+                trace(write(pe.features.write_words() + slot as u32, value, format.data_bits));
             }
             // A value that is only sent must not saturate unseen either.
             pe.overflow |= pe.result.1 && !self.settle && (word.write.is_some() || word.send);
@@ -188,13 +198,13 @@ impl<'a> Machine<'a> {
             }
             pe.result = saturate(&format, pe.sum);
             pe.sum = i128::from(pe.scale.0) + round(pe.hold << format.lift(), pe.scale.1);
-            pe.scale = (base, pe.shifts.get(usize::from(word.shift)).copied().unwrap_or(0).into());
+            pe.scale = (base, pe.features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0).into());
             let product = pe.products.pop_front().unwrap_or(0);
             if word.close {
                 pe.hold = pe.accumulator;
                 pe.accumulator = 0;
             }
-            pe.accumulator = wrap(pe.accumulator + product, pe.accumulator_bits);
+            pe.accumulator = wrap(pe.accumulator + product, pe.features.accumulator_bits);
             pe.products.push_back(i128::from(own_operand + imported_operand) * i128::from(second));
         }
         self.cycle += 1;

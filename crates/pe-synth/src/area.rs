@@ -1,12 +1,12 @@
 //! Estimated size of a network on a Xilinx 6 or 7 series device, from the features of its PEs and its outputs.
 //!
 //! A count of what the datapaths are made of, bit by bit, with a few fitted figures ([`CONTROL_LUTS`], [`SWAP_LUTS`],
-//! [`PARTIAL_SHARE`], the choice among banks of factors, and the depths at which memories become block RAM). The table
-//! in the test below holds it against synthesis, residuals are in `docs/results.md`; `hdl/measure-area.sh` measures a
-//! design.
+//! [`PARTIAL_SHARE`]); memories are counted by [`pe_ir::memory`]. The table in the test below holds it against
+//! synthesis, residuals are in `docs/results.md`; `hdl/measure-area.sh` measures a design.
 
 use std::collections::BTreeSet;
 
+use pe_ir::memory::{self, MemoryCells};
 use pe_ir::program::{Layout, PeFeatures, Program, index_bits};
 use pe_ir::word::WordFormat;
 
@@ -33,9 +33,6 @@ const SWAP_LUTS: f64 = 4.0;
 /// Share of the product's width that each doubling of the multiplier blocks adds in tables and flip-flops.
 const PARTIAL_SHARE: f64 = 0.85;
 
-/// Width of a block RAM of 18 kbit. Memories of 128 words become block RAM if one is enough, deeper ones always.
-const BLOCK_BITS: u32 = 36;
-
 /// Estimates a whole network: the sum over its PEs, inputs and outputs. The sequencer, some thirty tables, is left out.
 pub fn estimate(program: &Program) -> Area {
     let interface = Area {
@@ -46,9 +43,13 @@ pub fn estimate(program: &Program) -> Area {
     };
     program.pes.iter().fold(interface, |sum, pe| {
         let one = estimate_pe(&pe.features, &program.format);
-        let bits = Layout::new(&pe.features, &program.format).bits;
-        let bram18 = one.bram18 + bits.div_ceil(BLOCK_BITS) * program.period.div_ceil(512);
-        Area { lut: sum.lut + one.lut, ff: sum.ff + one.ff, dsp: sum.dsp + one.dsp, bram18: sum.bram18 + bram18 }
+        let rom = memory::rom(program.period, Layout::new(&pe.features, &program.format).bits);
+        Area {
+            lut: sum.lut + one.lut + rom.lut,
+            ff: sum.ff + one.ff + rom.ff,
+            dsp: sum.dsp + one.dsp,
+            bram18: sum.bram18 + one.bram18 + rom.bram18,
+        }
     })
 }
 
@@ -71,14 +72,14 @@ fn estimate_pe(features: &PeFeatures, format: &WordFormat) -> Area {
     let accumulator = f64::from(features.accumulator_bits);
     let mut area = Area { dsp: format.dsp_per_pe(), ..Area::default() };
 
-    // Base copy, data copy and imported words; a block RAM has the read register inside.
-    add_memory(&mut area, features.own_words, format.word_bits());
-    add_memory(&mut area, features.own_words, format.data_bits);
-    add_memory(&mut area, features.imported_words, format.data_bits);
-    if features.factor {
-        // Never block RAM: its read register takes the coefficient when no factor is read.
-        let choice = coefficient * (0.75 * banks(features.own_words)).floor().max(1.0);
-        area.lut += lut_memory(features.own_words, coefficient) + choice;
+    // A block RAM has the read register inside.
+    add(&mut area, memory::ram(features.base_words, format.word_bits()));
+    add(&mut area, memory::ram(features.own_words, format.data_bits));
+    add(&mut area, memory::ram(features.imported_words, format.data_bits));
+    match (features.coefficient_words, features.factor) {
+        (0, _) => {}
+        (words, true) => add(&mut area, memory::ram(words, format.coefficient_bits)),
+        (words, false) => add(&mut area, memory::rom(words, format.coefficient_bits)),
     }
 
     // Write side: choice of shift, addition; registers: held sum, sum with the base, word, link.
@@ -104,28 +105,10 @@ fn estimate_pe(features: &PeFeatures, format: &WordFormat) -> Area {
     area
 }
 
-/// Banks of 64 words.
-fn banks(words: u32) -> f64 {
-    f64::from(words.div_ceil(64))
-}
-
-/// Tables of a memory in LUTs: four of them hold 32 words of 6 bits or 64 of 3.
-fn lut_memory(words: u32, bits: f64) -> f64 {
-    if words <= 32 { 4.0 * (bits / 6.0).ceil() } else { banks(words) * 4.0 * (bits / 3.0).ceil() }
-}
-
-fn add_memory(area: &mut Area, words: u32, bits: u32) {
-    if words == 0 {
-        return;
-    }
-    if words > 128 || (words == 128 && bits <= BLOCK_BITS) {
-        area.bram18 += bits.div_ceil(BLOCK_BITS) * words.div_ceil(512);
-    } else {
-        let bits = f64::from(bits);
-        let choice = if words > 64 { bits } else { 0.0 };
-        area.lut += lut_memory(words, bits) + choice;
-        area.ff += bits;
-    }
+fn add(area: &mut Area, cells: MemoryCells) {
+    area.lut += cells.lut;
+    area.ff += cells.ff;
+    area.bram18 += cells.bram18;
 }
 
 /// Tables per bit of the choice of shift, as `pe.vhd` groups the positions. Groups with the same distances share them.
@@ -158,7 +141,7 @@ mod tests {
     /// Storage bits, data and coefficient port, own and imported words, ports, shifts, accumulator, factor, swap.
     type Shape = (u32, u32, u32, u32, u32, u32, &'static [u8], u32, bool, bool);
 
-    /// Synthesised PEs with a link, without program memory, and their LUTs, flip-flops and block RAMs of 18 kbit:
+    /// Synthesised PEs with a link, base memories as deep as own ones and coefficient memories of 16 words, without program memory, and their LUTs, flip-flops and block RAMs of 18 kbit:
     /// GHDL 2.0, yosys 0.70, `synth_xilinx -family xc6v`.
     #[rustfmt::skip]
     const MEASURED: &[(Shape, f64, f64, u32)] = &[
@@ -199,8 +182,19 @@ mod tests {
             let &(.., accumulator_bits, factor, swap) = shape;
             let format = WordFormat { storage_bits, guard_bits: 8, data_bits, coefficient_bits };
             let shifts = shifts.to_vec();
-            let features =
-                PeFeatures { own_words, imported_words, ports, shifts, accumulator_bits, factor, swap, send: true };
+            let coefficient_words = if factor { 16 } else { 0 };
+            let features = PeFeatures {
+                own_words,
+                base_words: own_words,
+                coefficient_words,
+                imported_words,
+                ports,
+                shifts,
+                accumulator_bits,
+                factor,
+                swap,
+                send: true,
+            };
             let area = estimate_pe(&features, &format);
             let residual = (area.lut / lut - 1.0).abs();
             assert!(residual < 0.1, "{shape:?}: {} LUTs instead of {lut}", area.lut);

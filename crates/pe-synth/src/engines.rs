@@ -262,7 +262,7 @@ pub fn compare(program: &Program, engine: &str, run: &Run, expected: &Run, expec
             let pe = &program.pes[should.pe.min(program.pes.len() as u32 - 1) as usize];
             let word = (should.cycle % u64::from(program.period)) as usize;
             let note = pe.notes[word];
-            let value = if should.address < pe.features.own_words { note.write } else { note.receive };
+            let value = if should.address < pe.features.write_words() { note.write } else { note.receive };
             return Err(format!(
                 "{engine}: first difference in cycle {} (word {word}), PE {}, address {:x} (`{}`): `{is}` instead of `{should}`",
                 should.cycle,

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, Term, ValueId};
 use pe_ir::mapping::Mapping;
-use pe_ir::program::{ControlWord, FieldName, Layout, Multiplier, Note, PeFeatures, PeProgram, Program};
+use pe_ir::program::{ControlWord, FieldName, Layout, Note, PeFeatures, PeProgram, Program};
 use serde_json::{Value, json};
 
 /// A feature that a PE has in some size or not at all.
@@ -19,7 +19,7 @@ struct Feature {
     need: fn(&Program, &PeProgram) -> String,
 }
 
-const FEATURES: [Feature; 8] = [
+const FEATURES: [Feature; 10] = [
     Feature {
         name: "input_ports",
         size: |features| features.ports,
@@ -37,6 +37,24 @@ const FEATURES: [Feature; 8] = [
         size: |features| features.own_words,
         nothing: 0,
         need: |program, pe| format!("keeps {}", first(program, pe, |word| word.write.is_some(), |note| note.write)),
+    },
+    Feature {
+        name: "base_memory",
+        size: |features| features.base_words,
+        nothing: 0,
+        need: |program, pe| {
+            let written = |word: &ControlWord| word.write.is_some_and(|target| target.base);
+            format!("increments are added to {}", first(program, pe, written, |note| note.write))
+        },
+    },
+    Feature {
+        name: "coefficient_memory",
+        size: |features| features.coefficient_words,
+        nothing: 0,
+        need: |_, pe| match pe.features.factor {
+            true => "keeps the values that others are multiplied by, and all coefficients".to_owned(),
+            false => "its few distinct coefficients cost less there than in every control word".to_owned(),
+        },
     },
     Feature {
         name: "accumulator",
@@ -58,9 +76,8 @@ const FEATURES: [Feature; 8] = [
         size: |features| u32::from(features.factor),
         nothing: 0,
         need: |program, pe| {
-            let [chain, operand] = [|note: &Note| note.chain, |note: &Note| note.operand]
-                .map(|value| first(program, pe, multiplies_values, value));
-            format!("{chain} has a product of {operand} and another value")
+            let factor = |word: &ControlWord| word.write.is_some_and(|target| target.factor);
+            format!("multiplies by {}", first(program, pe, factor, |note| note.write))
         },
     },
     Feature {
@@ -83,10 +100,6 @@ fn receives(word: &ControlWord) -> bool {
 
 fn multiplies(word: &ControlWord) -> bool {
     word.own.is_some() || word.imported.is_some()
-}
-
-fn multiplies_values(word: &ControlWord) -> bool {
-    matches!(word.multiplier, Multiplier::Factor(_))
 }
 
 /// Name of a value noted beside the first control word of a kind.

@@ -4,7 +4,7 @@ mod support;
 
 use pe_ir::graph::{Factor, Role};
 use pe_ir::model::Solver;
-use pe_ir::program::{Address, Multiplier, Program};
+use pe_ir::program::{Address, Multiplier, Program, Target};
 use pe_ir::schedule::Schedule;
 use pe_ir::verify;
 use pe_ir::word::Latency;
@@ -173,10 +173,13 @@ fn writes_are_done_before_the_pause_point_of_the_next_step() {
 fn a_write_stores_exactly_the_products_of_its_chain() {
     assert_program_rejected("first difference", |_, program| {
         let (pe, word) = noted(program, |note| note.operand != u32::MAX)[0];
-        let Multiplier::Coefficient(value) = &mut program.pes[pe].words[word].multiplier else {
-            panic!("the first product has a coefficient")
-        };
-        *value ^= 1;
+        match &mut program.pes[pe].words[word].multiplier {
+            Multiplier::Coefficient(value) => *value ^= 1,
+            Multiplier::Stored(index) => {
+                let index = usize::from(*index);
+                program.pes[pe].coefficient_image[index] ^= 1;
+            }
+        }
     });
     assert_program_rejected("products instead of", |_, program| {
         let (pe, word) = noted(program, |note| note.operand != u32::MAX)[0];
@@ -217,11 +220,11 @@ fn an_operand_is_the_value_of_the_graph() {
         address.word ^= 1;
     });
     assert_program_rejected("first difference", |_, program| {
-        let factors =
-            program.pes.iter_mut().flat_map(|pe| &mut pe.words).filter_map(|word| match &mut word.multiplier {
-                Multiplier::Factor(address) => Some(address),
-                Multiplier::Coefficient(_) => None,
-            });
+        let words = program.pes.iter_mut().flat_map(|pe| &mut pe.words);
+        let factors = words.filter(|word| word.own.is_some()).filter_map(|word| match &mut word.multiplier {
+            Multiplier::Stored(address) => Some(address),
+            Multiplier::Coefficient(_) => None,
+        });
         *factors.last().expect("a product of two words") ^= 1;
     });
 }
@@ -271,7 +274,7 @@ fn every_value_is_written_once_per_step() {
     });
     assert_program_rejected("writes a value without a name", |_, program| {
         let (pe, word) = noted(program, |note| note.write == u32::MAX).into_iter().next_back().expect("a free word");
-        program.pes[pe].words[word].write = Some(Address::default());
+        program.pes[pe].words[word].write = Some(Target { own: true, ..Target::default() });
     });
 }
 

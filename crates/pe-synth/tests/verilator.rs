@@ -4,7 +4,7 @@ mod support;
 
 use pe_ir::graph::Role;
 use pe_ir::model::Solver;
-use pe_ir::program::{LinkSource, Multiplier, PeProgram, Program};
+use pe_ir::program::{LinkSource, PeProgram, Program};
 use pe_synth::engines::Engine;
 use support::Family;
 use support::bench::assert_agreement;
@@ -20,7 +20,7 @@ fn assert_uses_every_feature(flow: &Flow) {
     let words = |pe: &PeProgram| pe.words.clone();
     any("several ports", &|pe| pe.ports.len() > 1);
     any("an input", &|pe| pe.ports.iter().any(|port| matches!(port, LinkSource::Input(_))));
-    any("a product of two words", &|pe| words(pe).iter().any(|w| matches!(w.multiplier, Multiplier::Factor(_))));
+    any("a product of two words", &|pe| words(pe).iter().any(|w| w.write.is_some_and(|target| target.factor)));
     any("a base", &|pe| words(pe).iter().any(|w| w.base.is_some()));
     any("several shifts", &|pe| pe.features.shifts.len() > 1);
     any("a send", &|pe| words(pe).iter().any(|w| w.send));
@@ -30,7 +30,7 @@ fn assert_uses_every_feature(flow: &Flow) {
 }
 
 fn swaps(program: &Program) -> bool {
-    let swapping = |pe: &PeProgram| pe.words.iter().any(|word| word.write.is_some_and(|address| address.swap));
+    let swapping = |pe: &PeProgram| pe.words.iter().any(|word| word.write.is_some_and(|target| target.address.swap));
     program.pes.iter().any(swapping)
 }
 

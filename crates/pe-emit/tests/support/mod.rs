@@ -8,7 +8,7 @@ use std::process::Command;
 
 use pe_emit::{EmitOptions, design_name, emit};
 use pe_ir::program::{
-    Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
+    Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program, Target,
 };
 use pe_ir::word::WordFormat;
 
@@ -58,6 +58,8 @@ pub struct Case {
 pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_bits: u32, flags: &str) -> PeFeatures {
     PeFeatures {
         own_words: own,
+        base_words: if flags.contains('w') { own.max(4) / 2 } else { own },
+        coefficient_words: if flags.contains('f') { own.max(8) } else { 0 },
         imported_words: imported,
         ports,
         shifts: shifts.to_vec(),
@@ -138,7 +140,9 @@ fn random_pe(
         equations: vec!["V[1]".to_owned(), "h\u{e9}\n--".to_owned()],
         words,
         notes,
-        own_image: (0..features.own_words).map(|_| random.signed(format.word_bits())).collect(),
+        own_image: (0..features.own_words).map(|_| random.signed(format.data_bits)).collect(),
+        base_image: (0..features.base_words).map(|_| random.signed(format.word_bits())).collect(),
+        coefficient_image: (0..features.coefficient_words).map(|_| random.signed(format.coefficient_bits)).collect(),
         imported_image: (0..features.imported_words).map(|_| random.signed(format.data_bits)).collect(),
     }
 }
@@ -155,15 +159,21 @@ fn random_word(random: &mut Random, format: &WordFormat, features: &PeFeatures) 
         1 | 2 if imports => word.imported = Some(address(random, features.imported_words)),
         _ => word.own = Some(address(random, features.own_words)),
     }
-    word.multiplier = if features.factor && random.chance(30) {
-        Multiplier::Factor(random.below(u64::from(features.own_words)) as u16)
+    word.multiplier = if features.coefficient_words > 0 {
+        Multiplier::Stored(random.below(u64::from(features.coefficient_words)) as u16)
     } else {
         Multiplier::Coefficient(random.signed(format.coefficient_bits))
     };
     word.close = random.chance(30);
-    word.base = random.chance(60).then(|| address(random, features.own_words));
+    word.base = random.chance(60).then(|| random.below(u64::from(features.base_words)) as u16);
     word.shift = random.below(features.shifts.len() as u64) as u8;
-    word.write = random.chance(50).then(|| address(random, features.own_words));
+    let target = Target {
+        address: address(random, features.write_words()),
+        own: random.chance(50),
+        base: random.chance(40),
+        factor: features.factor && random.chance(30),
+    };
+    word.write = (target.own || target.base || target.factor).then_some(target);
     word.send = features.send && random.chance(50);
     if imports && features.ports > 0 && random.chance(50) {
         let port = random.below(u64::from(features.ports)) as u8;

@@ -1,9 +1,13 @@
-//! Own and imported memories of all PEs: lifetimes from the schedule, words for them.
+//! Own, base, coefficient and imported memories of all PEs: lifetimes from the schedule, words for them.
+//!
+//! A value lives only in the memories that something reads it from. States are in the own and in the base memory at
+//! addresses that share their low bits, so one write reaches both; everything else is in one of them.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
+use pe_ir::memory::depth;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
 
@@ -22,14 +26,33 @@ pub(super) struct Place {
     pub second: bool,
 }
 
+/// Places of a value in its own PE.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Home {
+    /// Word of the own memory.
+    pub own: Option<Place>,
+    /// Word of the base memory.
+    pub base: Option<u32>,
+    /// Word of the coefficient memory.
+    pub factor: Option<u32>,
+}
+
+/// Depths of a PE's memories.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Depths {
+    pub own: u32,
+    pub base: u32,
+    /// Words for factors; coefficients come on top.
+    pub factors: u32,
+    pub imported: u32,
+}
+
 /// Places of all values.
 pub(super) struct Memories {
-    /// Place of each value in its own PE.
-    pub own: Vec<Place>,
-    /// Depth of each PE's own memory.
-    pub own_words: Vec<u32>,
-    /// Depth of each PE's imported memory.
-    pub imported_words: Vec<u32>,
+    /// Places of each value in its own PE.
+    pub homes: Vec<Home>,
+    /// Depths of each PE's memories.
+    pub depths: Vec<Depths>,
     /// Place of each imported value, by value and PE; start and end value of a state have entries of their own.
     imported: BTreeMap<(u32, u32), Place>,
 }
@@ -49,9 +72,8 @@ impl Memories {
         let lives = Lives::of(graph, mapping, schedule, Latency::of(&fixed.format));
         let pes = mapping.pes as usize;
         let mut memories = Memories {
-            own: vec![Place::default(); graph.values.len()],
-            own_words: vec![0; pes],
-            imported_words: vec![0; pes],
+            homes: vec![Home::default(); graph.values.len()],
+            depths: vec![Depths::default(); pes],
             imported: BTreeMap::new(),
         };
         memories.allocate_own(graph, fixed, mapping, schedule.period, &lives);
@@ -61,46 +83,93 @@ impl Memories {
 
     fn allocate_own(&mut self, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping, period: u32, lives: &Lives) {
         let swap = graph.swaps();
-        let mut layouts: Vec<Layout> = vec![Layout::default(); mapping.pes as usize];
-        let mut constants: HashMap<(u32, i64), Slot> = HashMap::new();
+        let pes = mapping.pes as usize;
+        let mut layouts: Vec<Layout> = vec![Layout::default(); pes];
+        let mut bases: Vec<u32> = vec![0; pes];
+        let pe_of = |index: usize| mapping.pe_of[graph.values[index].equation as usize] as usize;
         let mut slots: Vec<Option<Slot>> = vec![None; graph.values.len()];
-        let mut arcs: Vec<Vec<Arc>> = vec![Vec::new(); mapping.pes as usize];
+        // Words of both memories come first, at equal indices.
+        for (state, _) in &graph.states {
+            let pe = pe_of(state.index());
+            slots[state.index()] = Some(layouts[pe].resident(swap));
+            self.homes[state.index()].base = Some(bases[pe]);
+            bases[pe] += 1;
+        }
+        let both = |value: &u32| lives.bases.contains(value) && lives.operands.contains(value);
+        for value in (0..graph.values.len() as u32).filter(both) {
+            if slots[value as usize].is_none() && graph.values[value as usize].equation != NONE {
+                debug_assert!(!swap, "only states are both operands and bases of a one-stage solver");
+                let pe = pe_of(value as usize);
+                slots[value as usize] = Some(layouts[pe].resident(false));
+                self.homes[value as usize].base = Some(bases[pe]);
+                bases[pe] += 1;
+            }
+        }
+        let mut constants: HashMap<(usize, bool, i64), u32> = HashMap::new();
+        let mut own_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
+        let mut base_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
+        let mut factor_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
         for (index, value) in graph.values.iter().enumerate() {
-            if value.equation == NONE {
+            if value.equation == NONE || matches!(value.role, Role::State(_) | Role::Next(_)) {
                 continue;
             }
-            let pe = mapping.pe_of[value.equation as usize];
-            let layout = &mut layouts[pe as usize];
-            match value.role {
-                Role::State(_) => slots[index] = Some(layout.resident(swap)),
-                Role::Next(_) => {}
-                Role::Constant(_) => {
-                    // Equal words are stored once.
-                    let word = fixed.constant_word(graph, ValueId(index as u32));
-                    slots[index] = Some(*constants.entry((pe, word)).or_insert_with(|| layout.resident(false)));
+            let pe = pe_of(index);
+            let is_base = lives.bases.contains(&(index as u32));
+            if is_base && lives.operands.contains(&(index as u32)) {
+                continue;
+            }
+            if let Role::Constant(_) = value.role {
+                // Equal words are stored once.
+                let word = fixed.constant_word(graph, ValueId(index as u32));
+                let count = if is_base { &mut bases[pe] } else { &mut layouts[pe].single };
+                let slot = *constants.entry((pe, is_base, word)).or_insert_with(|| {
+                    *count += 1;
+                    *count - 1
+                });
+                match is_base {
+                    true => self.homes[index].base = Some(slot),
+                    false => slots[index] = Some(Slot::Single(slot)),
                 }
-                _ => {
-                    let (write, last_read) = lives.own[index];
-                    arcs[pe as usize].push(Arc { write, last_read: last_read.max(write), key: index as u32 });
-                }
+                continue;
+            }
+            let (write, last_read) = lives.own[index];
+            let arc = Arc { write, last_read: last_read.max(write), key: index as u32 };
+            match (value.factor, is_base) {
+                (true, _) => factor_arcs[pe].push(arc),
+                (false, true) => base_arcs[pe].push(arc),
+                (false, false) => own_arcs[pe].push(arc),
             }
         }
-        for (pe, arcs) in arcs.into_iter().enumerate() {
-            let (assigned, count) = pack(arcs, period);
-            let base = layouts[pe].single;
+        for (pe, depths) in self.depths.iter_mut().enumerate() {
+            let (assigned, count) = pack(std::mem::take(&mut own_arcs[pe]), period);
+            let first = layouts[pe].single;
             layouts[pe].single += count;
             for (value, register) in assigned {
-                slots[value as usize] = Some(Slot::Single(base + register));
+                slots[value as usize] = Some(Slot::Single(first + register));
             }
-            self.own_words[pe] = layouts[pe].depth();
+            let (assigned, count) = pack(std::mem::take(&mut base_arcs[pe]), period);
+            for (value, register) in assigned {
+                self.homes[value as usize].base = Some(bases[pe] + register);
+            }
+            depths.base = depth(bases[pe] + count);
+            let (assigned, count) = pack(std::mem::take(&mut factor_arcs[pe]), period);
+            for (value, register) in assigned {
+                self.homes[value as usize].factor = Some(register);
+            }
+            depths.factors = count;
+            // Both words of a pair mean one base word: the address bit that tells them apart is beyond the base memory.
+            layouts[pe].least = if swap { 2 * depths.base } else { 0 };
+            depths.own = layouts[pe].depth();
         }
-        for (index, value) in graph.values.iter().enumerate() {
+        for index in 0..graph.values.len() {
             if let Some(slot) = slots[index] {
-                self.own[index] = layouts[mapping.pe_of[value.equation as usize] as usize].place(slot);
+                self.homes[index].own = Some(layouts[pe_of(index)].place(slot));
             }
         }
         for (state, next) in &graph.states {
-            self.own[next.index()] = Place { second: swap, ..self.own[state.index()] };
+            let home = self.homes[state.index()];
+            let own = home.own.map(|place| Place { second: swap, ..place });
+            self.homes[next.index()] = Home { own, ..home };
         }
     }
 
@@ -137,7 +206,7 @@ impl Memories {
             let base = layouts[pe].single;
             layouts[pe].single += count;
             slots.extend(assigned.into_iter().map(|(index, register)| (index as usize, Slot::Single(base + register))));
-            self.imported_words[pe] = if layouts[pe] == Layout::default() { 0 } else { layouts[pe].depth() };
+            self.depths[pe].imported = if layouts[pe] == Layout::default() { 0 } else { layouts[pe].depth() };
         }
         for (index, slot) in slots {
             let transfer = &schedule.transfers[index];
@@ -164,6 +233,8 @@ enum Slot {
 struct Layout {
     pairs: u32,
     single: u32,
+    /// Depth that the memory needs for other reasons.
+    least: u32,
 }
 
 impl Layout {
@@ -177,10 +248,8 @@ impl Layout {
         }
     }
 
-    /// Two words would take as many lookup tables as four, and are the depth at which GHDL 2.0 loses images when it
-    /// synthesises (see `hdl/pe_ram.vhd`).
     fn depth(&self) -> u32 {
-        (2 * self.pairs + self.single).next_power_of_two().max(4)
+        depth(2 * self.pairs + self.single).max(self.least)
     }
 
     fn place(&self, slot: Slot) -> Place {
@@ -200,6 +269,10 @@ impl Layout {
 struct Lives {
     /// By value: write word and last own read.
     own: Vec<(u32, u32)>,
+    /// Values that are read as a base.
+    bases: BTreeSet<u32>,
+    /// Values that are operands in their own PE.
+    operands: BTreeSet<u32>,
     /// By value and PE: last read of the import.
     imported: HashMap<(u32, u32), u32>,
 }
@@ -207,6 +280,8 @@ struct Lives {
 impl Lives {
     fn of(graph: &StepGraph, mapping: &Mapping, schedule: &Schedule, latency: Latency) -> Lives {
         let mut own = vec![(0, 0); graph.values.len()];
+        let mut bases = BTreeSet::new();
+        let mut operands = BTreeSet::new();
         let mut imported: HashMap<(u32, u32), u32> = HashMap::new();
         for (index, chain) in graph.chains.iter().enumerate() {
             let pe = mapping.pe_of[chain.equation as usize];
@@ -218,6 +293,7 @@ impl Lives {
                 if equation != NONE && mapping.pe_of[equation as usize] == pe {
                     let read = &mut own[term.operand.index()].1;
                     *read = (*read).max(time);
+                    operands.insert(term.operand.0);
                 } else {
                     let read = imported.entry((term.operand.0, pe)).or_insert(0);
                     *read = (*read).max(time);
@@ -232,10 +308,11 @@ impl Lives {
                 if let Some(base) = write.base {
                     let read = &mut own[base.index()].1;
                     *read = (*read).max(scale);
+                    bases.insert(base.0);
                 }
                 own[write.value.index()].0 = scale + Latency::SCALE_TO_WRITE;
             }
         }
-        Lives { own, imported }
+        Lives { own, bases, operands, imported }
     }
 }

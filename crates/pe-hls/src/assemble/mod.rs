@@ -3,14 +3,15 @@
 mod memory;
 mod registers;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
+use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
 use pe_ir::program::{
-    Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
-    StateRegister,
+    Address, ControlWord, InputPort, Layout, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
+    StateRegister, Target, index_bits,
 };
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
@@ -28,7 +29,9 @@ pub fn assemble(
     schedule: &Schedule,
 ) -> Program {
     let memories = Memories::allocate(graph, fixed, mapping, schedule);
-    Assembler { model, graph, fixed, mapping, schedule, memories, latency: Latency::of(&fixed.format) }.program()
+    let coefficients = vec![BTreeMap::new(); mapping.pes as usize];
+    let latency = Latency::of(&fixed.format);
+    Assembler { model, graph, fixed, mapping, schedule, memories, coefficients, latency }.program()
 }
 
 struct Assembler<'a> {
@@ -38,11 +41,13 @@ struct Assembler<'a> {
     mapping: &'a Mapping,
     schedule: &'a Schedule,
     memories: Memories,
+    /// Words of the distinct coefficients of each PE, if it has a coefficient memory.
+    coefficients: Vec<BTreeMap<i64, u32>>,
     latency: Latency,
 }
 
 impl Assembler<'_> {
-    fn program(&self) -> Program {
+    fn program(mut self) -> Program {
         let ports = self.ports();
         let senders: BTreeSet<u32> = ports
             .iter()
@@ -55,9 +60,12 @@ impl Assembler<'_> {
         let mut pes: Vec<PeProgram> = (0..self.mapping.pes)
             .map(|pe| {
                 let ports = ports[pe as usize].clone();
+                let depths = self.memories.depths[pe as usize];
                 let features = PeFeatures {
-                    own_words: self.memories.own_words[pe as usize],
-                    imported_words: self.memories.imported_words[pe as usize],
+                    own_words: depths.own,
+                    base_words: depths.base,
+                    coefficient_words: 0,
+                    imported_words: depths.imported,
                     ports: ports.len() as u32,
                     shifts: Vec::new(),
                     accumulator_bits: self.fixed.format.data_bits + self.fixed.format.coefficient_bits,
@@ -72,6 +80,7 @@ impl Assembler<'_> {
             pes[*pe as usize].equations.push(self.graph.equations[equation].name.clone());
         }
         self.collect_features(&mut pes);
+        self.place_coefficients(&mut pes);
         let sent: BTreeSet<u32> = self.schedule.transfers.iter().map(|transfer| transfer.value.0).collect();
         for chain in 0..self.graph.chains.len() {
             self.emit_chain(chain, &mut pes, &sent);
@@ -94,7 +103,9 @@ impl Assembler<'_> {
         let period = self.schedule.period as usize;
         // Words nothing is stored in hold the number zero.
         PeProgram {
-            own_image: vec![self.fixed.format.data_offset(); features.own_words as usize],
+            own_image: vec![0; features.own_words as usize],
+            base_image: vec![self.fixed.format.data_offset(); features.base_words as usize],
+            coefficient_image: Vec::new(),
             imported_image: vec![0; features.imported_words as usize],
             features,
             ports,
@@ -145,6 +156,40 @@ impl Assembler<'_> {
         }
     }
 
+    /// Decides where the coefficients of each PE stand. Factors need a coefficient memory, which then holds them all;
+    /// otherwise the cheaper place is taken: the control word, or a memory of the distinct ones and an index.
+    fn place_coefficients(&mut self, pes: &mut [PeProgram]) {
+        let mut distinct: Vec<BTreeSet<i64>> = vec![BTreeSet::new(); pes.len()];
+        for chain in &self.graph.chains {
+            let pe = self.mapping.pe_of[chain.equation as usize] as usize;
+            for term in chain.terms.clone() {
+                if let Factor::Coefficient(_) = self.graph.terms[term as usize].factor {
+                    distinct[pe].insert(self.fixed.coefficients[term as usize]);
+                }
+            }
+        }
+        for (number, (pe, distinct)) in pes.iter_mut().zip(distinct).enumerate() {
+            let format = &self.fixed.format;
+            let factors = self.memories.depths[number].factors;
+            let words = depth(factors + distinct.len() as u32);
+            let in_word = Layout::new(&pe.features, format).bits;
+            let indexed = in_word - format.coefficient_bits + index_bits(words);
+            let program = |bits| cells::rom(self.schedule.period, bits).equivalent_luts();
+            let memory = cells::rom(words, format.coefficient_bits).equivalent_luts();
+            if !pe.features.factor && program(in_word) <= program(indexed) + memory {
+                continue;
+            }
+            pe.features.coefficient_words = words;
+            pe.coefficient_image = vec![0; words as usize];
+            for (word, coefficient) in (factors..).zip(distinct) {
+                pe.coefficient_image[word as usize] = coefficient;
+                self.coefficients[number].insert(coefficient, word);
+            }
+            let blank = ControlWord { multiplier: Multiplier::Stored(0), ..ControlWord::default() };
+            pe.words.fill(blank);
+        }
+    }
+
     /// Control word of a time; times beyond the period belong to the next round.
     fn word(&self, time: u32) -> usize {
         debug_assert!(time < self.schedule.period + self.latency.pause());
@@ -153,9 +198,27 @@ impl Assembler<'_> {
 
     /// Address of a value in its own PE, for an access at `time`.
     fn own_address(&self, value: ValueId, time: u32) -> Address {
-        let place = self.memories.own[value.index()];
+        let place = self.memories.homes[value.index()].own.expect("operands are in the own memory");
         let pe = self.home(value).expect("own values have a PE");
-        self.address(place, self.memories.own_words[pe as usize], time)
+        self.address(place, self.memories.depths[pe as usize].own, time)
+    }
+
+    /// Where a value is written at `time`.
+    fn target(&self, value: ValueId, time: u32) -> Target {
+        let home = self.memories.homes[value.index()];
+        let address = match (home.own, home.base.or(home.factor)) {
+            (Some(_), _) => self.own_address(value, time),
+            (None, word) => {
+                let word = word.expect("values have a place");
+                Address { word: u16::try_from(word).expect("memory depth"), swap: false }
+            }
+        };
+        Target { address, own: home.own.is_some(), base: home.base.is_some(), factor: home.factor.is_some() }
+    }
+
+    fn base_word(&self, value: ValueId) -> u16 {
+        let word = self.memories.homes[value.index()].base.expect("bases are in the base memory");
+        u16::try_from(word).expect("memory depth")
     }
 
     fn address(&self, place: memory::Place, depth: u32, time: u32) -> Address {
@@ -180,11 +243,19 @@ impl Assembler<'_> {
                 word.own = Some(self.own_address(term.operand, time));
             } else {
                 let place = self.memories.import(term.operand, number);
-                word.imported = Some(self.address(place, self.memories.imported_words[number as usize], time));
+                word.imported = Some(self.address(place, self.memories.depths[number as usize].imported, time));
             }
             word.multiplier = match term.factor {
-                Factor::Coefficient(_) => Multiplier::Coefficient(self.fixed.coefficients[term_index]),
-                Factor::Value(value) => Multiplier::Factor(self.own_address(value, time).word),
+                Factor::Coefficient(_) => {
+                    let coefficient = self.fixed.coefficients[term_index];
+                    let stored = self.coefficients[number as usize].get(&coefficient);
+                    stored.map_or(Multiplier::Coefficient(coefficient), |word| Multiplier::Stored(*word as u16))
+                }
+                Factor::Value(value) => {
+                    let word =
+                        self.memories.homes[value.index()].factor.expect("factors are in the coefficient memory");
+                    Multiplier::Stored(word as u16)
+                }
             };
             pe.notes[at].operand = term.operand.0;
             pe.notes[at].chain = chain.write.value.0;
@@ -196,10 +267,10 @@ impl Assembler<'_> {
             let shift = self.fixed.shifts[index][position];
             let slot = pe.features.shifts.binary_search(&shift).expect("collected from all chains");
             let word = &mut pe.words[self.word(scale)];
-            word.base = write.base.map(|base| self.own_address(base, scale));
+            word.base = write.base.map(|base| self.base_word(base));
             word.shift = slot as u8;
             let word = &mut pe.words[self.word(store)];
-            word.write = Some(self.own_address(write.value, store));
+            word.write = Some(self.target(write.value, store));
             word.send = position == 0 && sent.contains(&write.value.0);
             pe.notes[self.word(store)].write = write.value.0;
         }
@@ -223,8 +294,14 @@ impl Assembler<'_> {
             if let Role::Constant(_) = value.role {
                 let id = ValueId(index as u32);
                 let pe = self.home(id).expect("constants have a PE");
-                pes[pe as usize].own_image[self.memories.own[index].word as usize] =
-                    self.fixed.constant_word(self.graph, id);
+                let home = self.memories.homes[index];
+                let word = self.fixed.constant_word(self.graph, id);
+                if let Some(place) = home.own {
+                    pes[pe as usize].own_image[place.word as usize] = self.fixed.format.data_operand(word);
+                }
+                if let Some(base) = home.base {
+                    pes[pe as usize].base_image[base as usize] = word;
+                }
             }
         }
         let mut states: Vec<StateRegister> = Vec::with_capacity(self.graph.states.len());
@@ -240,7 +317,7 @@ impl Assembler<'_> {
         }
         for (value, pe, place) in self.memories.imports() {
             if let Role::State(state) = self.graph.value(value).role {
-                let depth = self.memories.imported_words[pe as usize];
+                let depth = self.memories.depths[pe as usize].imported;
                 states[state as usize].imported.push((pe, self.address(place, depth, 0).word));
             }
         }

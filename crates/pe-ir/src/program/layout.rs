@@ -1,6 +1,6 @@
 //! Bit layout of the control word, derived from a PE's features.
 
-use super::{Address, ControlWord, Multiplier, PeFeatures};
+use super::{Address, ControlWord, Multiplier, PeFeatures, Target};
 use crate::word::WordFormat;
 
 /// Fields of a control word, from the most significant end.
@@ -13,15 +13,15 @@ pub enum FieldName {
     ImportedEnable,
     ImportedSwap,
     ImportedAddress,
-    FactorEnable,
-    FactorAddress,
     Coefficient,
+    CoefficientAddress,
     Close,
     BaseEnable,
-    BaseSwap,
     BaseAddress,
     Shift,
-    WriteEnable,
+    WriteOwn,
+    WriteBase,
+    WriteFactor,
     WriteSwap,
     WriteAddress,
     Send,
@@ -42,15 +42,15 @@ impl FieldName {
             ImportedEnable => "imported_enable",
             ImportedSwap => "imported_swap",
             ImportedAddress => "imported_address",
-            FactorEnable => "factor_enable",
-            FactorAddress => "factor_address",
             Coefficient => "coefficient",
+            CoefficientAddress => "coefficient_address",
             Close => "close",
             BaseEnable => "base_enable",
-            BaseSwap => "base_swap",
             BaseAddress => "base_address",
             Shift => "shift",
-            WriteEnable => "write_enable",
+            WriteOwn => "write_own",
+            WriteBase => "write_base",
+            WriteFactor => "write_factor",
             WriteSwap => "write_swap",
             WriteAddress => "write_address",
             Send => "send",
@@ -95,7 +95,7 @@ impl Layout {
         let imports = u32::from(features.imported_words > 0);
         let imported = if imports > 0 { index_bits(features.imported_words) } else { 0 };
         let swap = u32::from(features.swap);
-        let factor = u32::from(features.factor);
+        let stored = u32::from(features.coefficient_words > 0);
         let widths = [
             (OwnEnable, 1),
             (OwnSwap, swap),
@@ -103,17 +103,17 @@ impl Layout {
             (ImportedEnable, imports),
             (ImportedSwap, swap * imports),
             (ImportedAddress, imported),
-            (FactorEnable, factor),
-            (FactorAddress, factor * own),
-            (Coefficient, format.coefficient_bits),
+            (Coefficient, (1 - stored) * format.coefficient_bits),
+            (CoefficientAddress, stored * index_bits(features.coefficient_words)),
             (Close, 1),
             (BaseEnable, 1),
-            (BaseSwap, swap),
-            (BaseAddress, own),
+            (BaseAddress, index_bits(features.base_words)),
             (Shift, index_bits(features.shifts.len() as u32)),
-            (WriteEnable, 1),
+            (WriteOwn, 1),
+            (WriteBase, 1),
+            (WriteFactor, u32::from(features.factor)),
             (WriteSwap, swap),
-            (WriteAddress, own),
+            (WriteAddress, index_bits(features.write_words())),
             (Send, u32::from(features.send)),
             (ReceiveEnable, imports),
             (ReceiveSwap, swap * imports),
@@ -155,19 +155,22 @@ impl Layout {
         };
         address(OwnEnable, OwnSwap, OwnAddress, word.own);
         address(ImportedEnable, ImportedSwap, ImportedAddress, word.imported);
-        address(BaseEnable, BaseSwap, BaseAddress, word.base);
-        address(WriteEnable, WriteSwap, WriteAddress, word.write);
         address(ReceiveEnable, ReceiveSwap, ReceiveAddress, word.receive.map(|(_, address)| address));
+        put(BaseEnable, u64::from(word.base.is_some()));
+        put(BaseAddress, u64::from(word.base.unwrap_or(0)));
+        let target = word.write.unwrap_or_default();
+        put(WriteOwn, u64::from(target.own));
+        put(WriteBase, u64::from(target.base));
+        put(WriteFactor, u64::from(target.factor));
+        put(WriteSwap, u64::from(target.address.swap));
+        put(WriteAddress, u64::from(target.address.word));
         match word.multiplier {
             Multiplier::Coefficient(value) => {
-                let width = self.width(Coefficient);
+                let width = self.width(Coefficient).max(1);
                 assert!(value >= -(1 << (width - 1)) && value < 1 << (width - 1), "coefficient {value}");
                 put(Coefficient, value as u64 & (u64::MAX >> (64 - width)));
             }
-            Multiplier::Factor(index) => {
-                put(FactorEnable, 1);
-                put(FactorAddress, u64::from(index));
-            }
+            Multiplier::Stored(index) => put(CoefficientAddress, u64::from(index)),
         }
         put(Close, u64::from(word.close));
         put(Shift, u64::from(word.shift));
@@ -187,18 +190,24 @@ impl Layout {
             (get(enable) == 1).then(|| Address { word: get(index) as u16, swap: get(swap) == 1 })
         };
         let width = self.width(Coefficient);
+        let target = Target {
+            address: Address { word: get(WriteAddress) as u16, swap: get(WriteSwap) == 1 },
+            own: get(WriteOwn) == 1,
+            base: get(WriteBase) == 1,
+            factor: get(WriteFactor) == 1,
+        };
         ControlWord {
             own: address(OwnEnable, OwnSwap, OwnAddress),
             imported: address(ImportedEnable, ImportedSwap, ImportedAddress),
-            multiplier: if get(FactorEnable) == 1 {
-                Multiplier::Factor(get(FactorAddress) as u16)
+            multiplier: if width == 0 {
+                Multiplier::Stored(get(CoefficientAddress) as u16)
             } else {
                 Multiplier::Coefficient(((get(Coefficient) << (64 - width)) as i64) >> (64 - width))
             },
             close: get(Close) == 1,
-            base: address(BaseEnable, BaseSwap, BaseAddress),
+            base: (get(BaseEnable) == 1).then(|| get(BaseAddress) as u16),
             shift: get(Shift) as u8,
-            write: address(WriteEnable, WriteSwap, WriteAddress),
+            write: (target.own || target.base || target.factor).then_some(target),
             send: get(Send) == 1,
             receive: address(ReceiveEnable, ReceiveSwap, ReceiveAddress).map(|address| (get(Port) as u8, address)),
         }

@@ -21,10 +21,23 @@ pub struct Address {
 /// What the coefficient port of the multiplier gets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Multiplier {
-    /// The coefficient in the control word.
+    /// The coefficient in the control word (PEs without a coefficient memory).
     Coefficient(i64),
-    /// A word of the own memory (PEs with the `factor` feature).
-    Factor(u16),
+    /// A word of the coefficient memory (PEs with one).
+    Stored(u16),
+}
+
+/// Where a result is written: the memories share one address, of which each takes as many low bits as it needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Target {
+    /// Address; its swap bit steers the own memory only.
+    pub address: Address,
+    /// The own memory takes the data operand.
+    pub own: bool,
+    /// The base memory takes the word.
+    pub base: bool,
+    /// The coefficient memory takes the coefficient operand (PEs with the `factor` feature).
+    pub factor: bool,
 }
 
 /// One control word. Its groups act in the cycle in which the word is in the control register; the scheduler
@@ -39,12 +52,12 @@ pub struct ControlWord {
     pub multiplier: Multiplier,
     /// Accumulate group: hands the finished sum to the hold register and starts the next one.
     pub close: bool,
-    /// Scale group: base word; without one the rounding offset is the base.
-    pub base: Option<Address>,
+    /// Scale group: word of the base memory; without one the rounding offset is the base.
+    pub base: Option<u16>,
     /// Scale group: index into [`PeFeatures::shifts`].
     pub shift: u8,
-    /// Write group: own memory word that takes the result.
-    pub write: Option<Address>,
+    /// Write group: memory words that take the result.
+    pub write: Option<Target>,
     /// Write group: puts the result on the PE's link.
     pub send: bool,
     /// Receive group: input port and imported memory word.
@@ -72,6 +85,10 @@ impl Default for ControlWord {
 pub struct PeFeatures {
     /// Depth of the own memory, a power of two, at least 2.
     pub own_words: u32,
+    /// Depth of the base memory, a power of two, at least 2.
+    pub base_words: u32,
+    /// Depth of the coefficient memory, a power of two, at least 2; zero if coefficients stand in the control word.
+    pub coefficient_words: u32,
     /// Depth of the imported memory, zero or a power of two, at least 2.
     pub imported_words: u32,
     /// Number of input ports.
@@ -80,12 +97,38 @@ pub struct PeFeatures {
     pub shifts: Vec<u8>,
     /// Accumulator bits in use; products and sums provably fit.
     pub accumulator_bits: u32,
-    /// Product of two stored words.
+    /// Product of two stored words: the coefficient memory is written.
     pub factor: bool,
     /// Buffers that change roles every step.
     pub swap: bool,
     /// Output link.
     pub send: bool,
+}
+
+impl PeFeatures {
+    /// The base word that a write address means.
+    pub fn base_word(&self, address: u16) -> usize {
+        usize::from(address) & (self.base_words as usize - 1)
+    }
+
+    /// The coefficient word that a write address means.
+    pub fn factor_word(&self, address: u16) -> usize {
+        usize::from(address) & (self.coefficient_words as usize - 1)
+    }
+
+    /// Whether a write address lies within the deepest memory that takes the word.
+    pub fn reaches(&self, target: Target) -> bool {
+        let depths =
+            [(target.own, self.own_words), (target.base, self.base_words), (target.factor, self.coefficient_words)];
+        let deepest = depths.iter().filter(|(taken, _)| *taken).map(|(_, depth)| *depth).max();
+        deepest.is_none_or(|depth| u32::from(target.address.word) < depth)
+    }
+
+    /// Words that a write address tells apart.
+    pub fn write_words(&self) -> u32 {
+        let factors = if self.factor { self.coefficient_words } else { 0 };
+        self.own_words.max(self.base_words).max(factors)
+    }
 }
 
 /// What an input port is wired to.
@@ -134,8 +177,12 @@ pub struct PeProgram {
     pub words: Vec<ControlWord>,
     /// Provenance of each control word.
     pub notes: Vec<Note>,
-    /// Initial own memory, stored words.
+    /// Initial own memory, data operands.
     pub own_image: Vec<i64>,
+    /// Initial base memory, stored words.
+    pub base_image: Vec<i64>,
+    /// Initial coefficient memory, coefficient operands.
+    pub coefficient_image: Vec<i64>,
     /// Initial imported memory, data operands.
     pub imported_image: Vec<i64>,
 }
@@ -173,7 +220,7 @@ pub struct StateRegister {
     pub name: String,
     /// The stored word's LSB is worth `2^exponent`.
     pub exponent: i32,
-    /// PE and own memory word.
+    /// PE and own memory word; the same address, as far as the base memory goes, holds the base word.
     pub own: (u32, u16),
     /// PEs and imported memory words that hold a copy at the start of a step.
     pub imported: Vec<(u32, u16)>,
@@ -222,7 +269,10 @@ impl StateRegister {
     /// Writes a stored word into every image that holds the state at the start of a step.
     pub fn set(&self, pes: &mut [PeProgram], format: &WordFormat, word: i64) {
         let (pe, address) = self.own;
-        pes[pe as usize].own_image[usize::from(address)] = word;
+        let pe = &mut pes[pe as usize];
+        pe.own_image[usize::from(address)] = format.data_operand(word);
+        let base = pe.features.base_word(address);
+        pe.base_image[base] = word;
         for (pe, address) in &self.imported {
             pes[*pe as usize].imported_image[usize::from(*address)] = format.data_operand(word);
         }

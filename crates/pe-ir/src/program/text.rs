@@ -8,7 +8,7 @@ use std::fmt::{self, Display};
 
 use super::{
     Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
-    StateRegister,
+    StateRegister, Target,
 };
 use crate::word::WordFormat;
 
@@ -62,7 +62,8 @@ impl Display for Program {
 fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &PeProgram) -> fmt::Result {
     let features = &pe.features;
     let shifts: Vec<String> = features.shifts.iter().map(u8::to_string).collect();
-    write!(f, "pe {index} own {} imported {}", features.own_words, features.imported_words)?;
+    write!(f, "pe {index} own {} base {}", features.own_words, features.base_words)?;
+    write!(f, " coefficients {} imported {}", features.coefficient_words, features.imported_words)?;
     write!(f, " shifts {} accumulator {}", shifts.join(","), features.accumulator_bits)?;
     for (present, name) in [(features.factor, "factor"), (features.swap, "swap"), (features.send, "send")] {
         if present {
@@ -79,7 +80,13 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
     for equation in &pe.equations {
         writeln!(f, "equation {equation}")?;
     }
-    for (name, image) in [("own", &pe.own_image), ("imported", &pe.imported_image)] {
+    let images = [
+        ("own", &pe.own_image),
+        ("base", &pe.base_image),
+        ("coefficient", &pe.coefficient_image),
+        ("imported", &pe.imported_image),
+    ];
+    for (name, image) in images {
         for (word, value) in image.iter().enumerate().filter(|(_, value)| **value != 0) {
             writeln!(f, "{name} {word} {value:x}")?;
         }
@@ -101,11 +108,11 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
 }
 
 fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
-    if word.own.is_some() || word.imported.is_some() || word.multiplier != Multiplier::Coefficient(0) {
-        match word.multiplier {
-            Multiplier::Coefficient(value) => write!(f, " times {value}")?,
-            Multiplier::Factor(index) => write!(f, " factor {index}")?,
-        }
+    let multiplies = word.own.is_some() || word.imported.is_some();
+    match word.multiplier {
+        Multiplier::Coefficient(value) if multiplies || value != 0 => write!(f, " times {value}")?,
+        Multiplier::Stored(index) if multiplies || index != 0 => write!(f, " stored {index}")?,
+        _ => {}
     }
     let address = |name: &str, address: Option<Address>| {
         address.map_or(String::new(), |a| format!(" {name} {}{}", a.word, if a.swap { "~" } else { "" }))
@@ -114,11 +121,18 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
     if word.close {
         write!(f, " close")?;
     }
-    write!(f, "{}", address("base", word.base))?;
+    if let Some(base) = word.base {
+        write!(f, " base {base}")?;
+    }
     if word.shift != 0 {
         write!(f, " shift {}", word.shift)?;
     }
-    write!(f, "{}", address("write", word.write))?;
+    if let Some(target) = word.write {
+        write!(f, "{}", address("write", Some(target.address)))?;
+        for (taken, memory) in [(target.own, " to-own"), (target.base, " to-base"), (target.factor, " to-factor")] {
+            write!(f, "{}", if taken { memory } else { "" })?;
+        }
+    }
     if word.send {
         write!(f, " send")?;
     }
@@ -167,15 +181,23 @@ fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) -> bool {
     let imported = |address: Option<Address>| address.is_none_or(|a| u32::from(a.word) < features.imported_words);
     let multiplier = match word.multiplier {
         Multiplier::Coefficient(value) => {
-            (1..64).contains(&coefficient_bits) && value >> (coefficient_bits - 1) == value >> 63
+            features.coefficient_words == 0
+                && (1..64).contains(&coefficient_bits)
+                && value >> (coefficient_bits - 1) == value >> 63
         }
-        Multiplier::Factor(index) => features.factor && u32::from(index) < features.own_words,
+        Multiplier::Stored(index) => u32::from(index) < features.coefficient_words,
     };
-    let swapping = [word.own, word.imported, word.base, word.write, word.receive.map(|(_, address)| address)];
+    let target = |target: Target| {
+        u32::from(target.address.word) < features.write_words()
+            && (features.factor || !target.factor)
+            && (target.own || target.base || target.factor)
+    };
+    let written = word.write.map(|target| target.address);
+    let swapping = [word.own, word.imported, written, word.receive.map(|(_, address)| address)];
     multiplier
         && own(word.own)
-        && own(word.base)
-        && own(word.write)
+        && word.base.is_none_or(|base| u32::from(base) < features.base_words)
+        && word.write.is_none_or(target)
         && imported(word.imported)
         && word.receive.is_none_or(|(port, a)| usize::from(port) < pe.ports.len() && imported(Some(a)))
         && usize::from(word.shift) < features.shifts.len()
@@ -274,13 +296,18 @@ impl Parser {
                 let name = fields.next().unwrap_or_default().to_owned();
                 self.pe()?.equations.push(name);
             }
-            Some(memory @ ("own" | "imported")) => {
+            Some(memory @ ("own" | "base" | "coefficient" | "imported")) => {
                 let word: usize = self.number(fields.next())?;
                 let value = fields.next().and_then(|field| u64::from_str_radix(field, 16).ok());
                 let value = value.ok_or_else(|| self.error("a hexadecimal word"))? as i64;
                 let error = self.error("a word within the memory");
                 let pe = self.pe()?;
-                let image = if memory == "own" { &mut pe.own_image } else { &mut pe.imported_image };
+                let image = match memory {
+                    "own" => &mut pe.own_image,
+                    "base" => &mut pe.base_image,
+                    "coefficient" => &mut pe.coefficient_image,
+                    _ => &mut pe.imported_image,
+                };
                 *image.get_mut(word).ok_or(error)? = value;
             }
             Some("word") => self.word(&mut fields)?,
@@ -310,6 +337,8 @@ impl Parser {
             return Err(self.error("PEs in order"));
         }
         let own_words: u32 = self.keyed(fields, "own")?;
+        let base_words: u32 = self.keyed(fields, "base")?;
+        let coefficient_words: u32 = self.keyed(fields, "coefficients")?;
         let imported_words: u32 = self.keyed(fields, "imported")?;
         if fields.next() != Some("shifts") {
             return Err(self.error("shifts"));
@@ -321,6 +350,8 @@ impl Parser {
         let has = |name: &str| rest.contains(&name);
         let features = PeFeatures {
             own_words,
+            base_words,
+            coefficient_words,
             imported_words,
             ports: 0,
             shifts,
@@ -330,11 +361,14 @@ impl Parser {
             send: has("send"),
         };
         let depth = |words: u32| words.is_power_of_two() && (2..=1 << 16).contains(&words);
-        if !depth(own_words) || !(imported_words == 0 || depth(imported_words)) {
+        let optional = |words: u32| words == 0 || depth(words);
+        if !depth(own_words) || !depth(base_words) || !optional(coefficient_words) || !optional(imported_words) {
             return Err(self.error("memory depths that are powers of two up to 65536"));
         }
         self.program.pes.push(PeProgram {
             own_image: vec![0; own_words as usize],
+            base_image: vec![0; base_words as usize],
+            coefficient_image: vec![0; coefficient_words as usize],
             imported_image: vec![0; imported_words as usize],
             features,
             ports: Vec::new(),
@@ -348,18 +382,31 @@ impl Parser {
     fn word(&mut self, fields: &mut Fields<'_>) -> Result<(), ParseError> {
         let number: usize = self.number(fields.next())?;
         let mut word = ControlWord::default();
+        if self.pe()?.features.coefficient_words > 0 {
+            word.multiplier = Multiplier::Stored(0);
+        }
         let mut note = Note::default();
         let mut port = 0;
+        let mut target = None;
         while let Some(field) = fields.next() {
             match field {
                 "times" => word.multiplier = Multiplier::Coefficient(self.number(fields.next())?),
-                "factor" => word.multiplier = Multiplier::Factor(self.number(fields.next())?),
+                "stored" => word.multiplier = Multiplier::Stored(self.number(fields.next())?),
                 "own" => word.own = Some(self.address(fields.next())?),
                 "imported" => word.imported = Some(self.address(fields.next())?),
                 "close" => word.close = true,
-                "base" => word.base = Some(self.address(fields.next())?),
+                "base" => word.base = Some(self.number(fields.next())?),
                 "shift" => word.shift = self.number(fields.next())?,
-                "write" => word.write = Some(self.address(fields.next())?),
+                "write" => target = Some(Target { address: self.address(fields.next())?, ..Target::default() }),
+                "to-own" | "to-base" | "to-factor" => {
+                    let error = self.error("`write` before it");
+                    let target = target.as_mut().ok_or(error)?;
+                    match field {
+                        "to-own" => target.own = true,
+                        "to-base" => target.base = true,
+                        _ => target.factor = true,
+                    }
+                }
                 "send" => word.send = true,
                 "port" => port = self.number(fields.next())?,
                 "receive" => word.receive = Some((port, self.address(fields.next())?)),
@@ -371,6 +418,7 @@ impl Parser {
                 _ => return Err(self.error("an operation")),
             }
         }
+        word.write = target;
         let error = self.error("control words in order");
         let bits = self.program.format.coefficient_bits;
         let pe = self.pe()?;

@@ -14,7 +14,7 @@ use std::collections::{HashMap, VecDeque};
 use std::rc::Rc;
 
 use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
-use crate::program::{Address, ControlWord, LinkSource, Multiplier, PeProgram, Program};
+use crate::program::{Address, ControlWord, LinkSource, Multiplier, PeProgram, Program, Target};
 
 const NONE: u32 = u32::MAX;
 
@@ -33,8 +33,7 @@ enum Cell {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Product {
     operand: Cell,
-    coefficient: i64,
-    factor: Option<Cell>,
+    factor: Cell,
 }
 
 type Sum = Rc<Vec<Product>>;
@@ -50,6 +49,8 @@ struct Result {
 struct Pe<'a> {
     program: &'a PeProgram,
     own: Vec<Cell>,
+    base: Vec<Cell>,
+    coefficients: Vec<Cell>,
     imported: Vec<Cell>,
     products: VecDeque<Option<Product>>,
     accumulator: Vec<Product>,
@@ -94,6 +95,8 @@ impl<'a> Checker<'a> {
         let pes = program.pes.iter().map(|pe| Pe {
             program: pe,
             own: pe.own_image.iter().map(|word| Cell::Image(*word)).collect(),
+            base: pe.base_image.iter().map(|word| Cell::Image(*word)).collect(),
+            coefficients: pe.coefficient_image.iter().map(|word| Cell::Image(*word)).collect(),
             imported: vec![Cell::Unknown; pe.imported_image.len()],
             products: std::iter::repeat_n(None, accumulate).collect(),
             accumulator: Vec::new(),
@@ -115,7 +118,9 @@ impl<'a> Checker<'a> {
         };
         for (register, (state, _)) in program.states.iter().zip(&graph.states) {
             let cell = Cell::Value(state.0, 0);
-            checker.pes[register.own.0 as usize].own[usize::from(register.own.1)] = cell;
+            let pe = &mut checker.pes[register.own.0 as usize];
+            pe.own[usize::from(register.own.1)] = cell;
+            pe.base[pe.program.features.base_word(register.own.1)] = cell;
             for (pe, word) in &register.imported {
                 checker.pes[*pe as usize].imported[usize::from(*word)] = cell;
             }
@@ -127,10 +132,10 @@ impl<'a> Checker<'a> {
         self.violations.push(format!("round {round}, word {word}, PE {pe}: {text}"));
     }
 
-    /// The cell that a value of a step is.
-    fn cell(&self, value: ValueId, step: i64) -> Cell {
+    /// The cell that a value of a step is; a constant is the word as `seen` by what reads it.
+    fn cell(&self, value: ValueId, step: i64, seen: impl Fn(i64) -> i64) -> Cell {
         match self.graph.value(value).role {
-            Role::Constant(_) => Cell::Image(self.fixed.constant_word(self.graph, value)),
+            Role::Constant(_) => Cell::Image(seen(self.fixed.constant_word(self.graph, value))),
             _ => match self.start_of.get(&value.0) {
                 Some(state) => Cell::Value(*state, step + 1),
                 None => Cell::Value(value.0, step),
@@ -157,14 +162,16 @@ impl<'a> Checker<'a> {
             }
             let operands = self.pes[index].read(&control, parity);
             self.capture(index, round, word, finishing);
-            if let Some(address) = control.write.filter(|_| settled) {
+            if let Some(target) = control.write.filter(|_| settled) {
+                if !self.pes[index].program.features.reaches(target) {
+                    self.fail(index, round, word, "a write address beyond its memory".into());
+                }
                 let cell = self.written_cell(index, round, word, note.write, finishing);
-                let slot = physical(address, self.pes[index].own.len(), parity);
-                self.pes[index].own[slot] = cell;
+                self.pes[index].write(target, parity, cell);
             }
             if control.send {
                 let claimed =
-                    if note.write == NONE { Cell::Unknown } else { self.cell(ValueId(note.write), finishing) };
+                    if note.write == NONE { Cell::Unknown } else { self.cell(ValueId(note.write), finishing, |w| w) };
                 self.pes[index].link = claimed;
             }
             if let Some((port, address)) = control.receive.filter(|_| settled) {
@@ -177,7 +184,8 @@ impl<'a> Checker<'a> {
                     _ => Cell::Unknown,
                 };
                 if note.receive == NONE
-                    || cell != self.cell(ValueId(note.receive), self.received_step(note.receive, finishing, step))
+                    || cell
+                        != self.cell(ValueId(note.receive), self.received_step(note.receive, finishing, step), |w| w)
                 {
                     let name = self.program.name(note.receive).to_owned();
                     self.fail(index, round, word, format!("receives {cell:?} instead of `{name}`"));
@@ -226,19 +234,21 @@ impl<'a> Checker<'a> {
         };
         let position = chain.writes().position(|write| write.value == id).unwrap_or(0);
         let write = chain.writes().nth(position).expect("position found above");
+        let format = self.fixed.format;
         let mut expected: Vec<Product> = chain
             .terms
             .clone()
-            .map(|term| {
-                let (coefficient, factor) = match self.graph.terms[term as usize].factor {
-                    Factor::Coefficient(_) => (self.fixed.coefficients[term as usize], None),
-                    Factor::Value(factor) => (0, Some(self.cell(factor, step))),
+            .map(|index| {
+                let term = &self.graph.terms[index as usize];
+                let factor = match term.factor {
+                    Factor::Coefficient(_) => Cell::Image(self.fixed.coefficients[index as usize]),
+                    Factor::Value(factor) => self.cell(factor, step, |word| format.factor_operand(word)),
                 };
-                Product { operand: self.cell(self.graph.terms[term as usize].operand, step), coefficient, factor }
+                Product { operand: self.cell(term.operand, step, |word| format.data_operand(word)), factor }
             })
             .collect();
         expected.sort_unstable();
-        let expected_base = write.base.map(|base| self.cell(base, step));
+        let expected_base = write.base.map(|base| self.cell(base, step, |word| word));
         let problem = match &self.pes[pe].result {
             None => Some("no result".to_owned()),
             Some(result) => {
@@ -260,7 +270,7 @@ impl<'a> Checker<'a> {
             self.fail(pe, round, word, format!("`{}` of step {step}: {problem}", self.graph.value_name(id)));
         }
         self.written[id.index()] += 1;
-        self.cell(id, step)
+        self.cell(id, step, |word| word)
     }
 
     /// After a round every value has been written once per finished step.
@@ -285,13 +295,31 @@ impl Pe<'_> {
     /// What a control word reads from the memories, before this word's writes.
     fn read(&self, control: &ControlWord, parity: bool) -> (Option<Product>, Option<Cell>) {
         let own = |address: Address| self.own[physical(address, self.own.len(), parity)];
+        let base = |word: u16| self.base[usize::from(word)];
         let imported = |address: Address| self.imported[physical(address, self.imported.len(), parity)];
         let operand = control.own.map(own).or(control.imported.map(imported));
-        let product = operand.map(|operand| match control.multiplier {
-            Multiplier::Coefficient(coefficient) => Product { operand, coefficient, factor: None },
-            Multiplier::Factor(word) => Product { operand, coefficient: 0, factor: Some(self.own[usize::from(word)]) },
-        });
-        (product, control.base.map(own))
+        let factor = match control.multiplier {
+            Multiplier::Coefficient(coefficient) => Cell::Image(coefficient),
+            Multiplier::Stored(word) => self.coefficients[usize::from(word)],
+        };
+        (operand.map(|operand| Product { operand, factor }), control.base.map(base))
+    }
+
+    /// The memories take a result.
+    fn write(&mut self, target: Target, parity: bool, cell: Cell) {
+        let features = &self.program.features;
+        if target.own {
+            // The address may be wider than this memory needs.
+            let word = target.address.word & (self.own.len() - 1) as u16;
+            let slot = physical(Address { word, ..target.address }, self.own.len(), parity);
+            self.own[slot] = cell;
+        }
+        if target.base {
+            self.base[features.base_word(target.address.word)] = cell;
+        }
+        if target.factor {
+            self.coefficients[features.factor_word(target.address.word)] = cell;
+        }
     }
 
     /// Moves the pipeline on by one word.

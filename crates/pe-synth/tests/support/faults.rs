@@ -1,6 +1,6 @@
 //! Faults in programs: what goes wrong, and what a fault-free simulator makes of it.
 
-use pe_ir::program::{ControlWord, Layout, LinkSource, Note, Program};
+use pe_ir::program::{ControlWord, Layout, LinkSource, Note, PeProgram, Program};
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
 use rand::{Rng, RngExt};
@@ -13,15 +13,33 @@ pub enum Late {
     Close,
 }
 
+/// A memory of a PE.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    Own,
+    Base,
+    Coefficient,
+    Imported,
+}
+
+impl Memory {
+    fn image(self, pe: &mut PeProgram) -> &mut Vec<i64> {
+        match self {
+            Memory::Own => &mut pe.own_image,
+            Memory::Base => &mut pe.base_image,
+            Memory::Coefficient => &mut pe.coefficient_image,
+            Memory::Imported => &mut pe.imported_image,
+        }
+    }
+}
+
 /// One fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// A bit of a control word is inverted.
     ProgramBit { pe: usize, word: usize, bit: u32 },
-    /// Bits of an initial word of the own memory are inverted.
-    OwnImage { pe: usize, index: usize, mask: i64 },
-    /// The same in the imported memory.
-    ImportedImage { pe: usize, index: usize, mask: i64 },
+    /// Bits of an initial word of a memory are inverted.
+    Image { pe: usize, memory: Memory, index: usize, mask: i64 },
     /// Two input ports of a PE are swapped.
     SwappedPorts { pe: usize, ports: (usize, usize) },
     /// A port is joined to another PE.
@@ -38,7 +56,7 @@ impl Fault {
     pub fn kind(&self) -> &'static str {
         match self {
             Fault::ProgramBit { .. } => KINDS[0],
-            Fault::OwnImage { .. } | Fault::ImportedImage { .. } => KINDS[1],
+            Fault::Image { .. } => KINDS[1],
             Fault::SwappedPorts { .. } | Fault::OtherSource { .. } => KINDS[2],
             Fault::Latency { .. } => KINDS[3],
         }
@@ -73,16 +91,19 @@ impl Fault {
     }
 
     fn random_image(program: &Program, pe: usize, rng: &mut impl Rng) -> Option<Fault> {
-        let own = program.pes[pe].own_image.len();
-        let index = rng.random_range(0..own + program.pes[pe].imported_image.len());
+        let memory = [Memory::Own, Memory::Base, Memory::Coefficient, Memory::Imported][rng.random_range(0..4)];
+        let format = &program.format;
+        let bits = match memory {
+            Memory::Own | Memory::Imported => format.data_bits,
+            Memory::Base => format.word_bits(),
+            Memory::Coefficient => format.coefficient_bits,
+        };
+        let words = memory.image(&mut program.pes[pe].clone()).len();
         // The top bit may stay: its change would still be a legal word, but often one that saturates everything.
-        if index < own {
-            let mask = 1 << rng.random_range(0..program.format.word_bits() - 1);
-            Some(Fault::OwnImage { pe, index, mask })
-        } else {
-            let mask = 1 << rng.random_range(0..program.format.data_bits - 1);
-            Some(Fault::ImportedImage { pe, index: index - own, mask })
-        }
+        (words > 0).then(|| {
+            let (index, mask) = (rng.random_range(0..words), 1 << rng.random_range(0..bits - 1));
+            Fault::Image { pe, memory, index, mask }
+        })
     }
 
     fn random_link(program: &Program, pe: usize, rng: &mut impl Rng) -> Option<Fault> {
@@ -119,8 +140,7 @@ impl Fault {
         let mut faulty = program.clone();
         match *self {
             Fault::ProgramBit { pe, word, bit } => faulty.pes[pe].words[word] = flipped(program, pe, word, bit),
-            Fault::OwnImage { pe, index, mask } => faulty.pes[pe].own_image[index] ^= mask,
-            Fault::ImportedImage { pe, index, mask } => faulty.pes[pe].imported_image[index] ^= mask,
+            Fault::Image { pe, memory, index, mask } => memory.image(&mut faulty.pes[pe])[index] ^= mask,
             Fault::SwappedPorts { pe, ports: (a, b) } => faulty.pes[pe].ports.swap(a, b),
             Fault::OtherSource { pe, port, source } => faulty.pes[pe].ports[port] = LinkSource::Pe(source),
             Fault::Latency { pe, word, late } => {
