@@ -55,7 +55,9 @@ struct Line {
 /// The text of `<model>_program_pkg.vhd`.
 pub fn render(program: &Program, names: &Names, header: &Header) -> String {
     let states = StateWords::of(program);
-    let pes = program.pes.iter().enumerate().map(|(index, pe)| describe(program, &states, index, pe)).collect();
+    let shown: Vec<String> = program.names.iter().map(|name| short(name)).collect();
+    let describe = |(index, pe)| describe(program, &shown, &states, index, pe);
+    let pes = program.pes.iter().enumerate().map(describe).collect();
     let format = &program.format;
     let package = ProgramPackage {
         header,
@@ -95,11 +97,11 @@ impl StateWords {
     }
 }
 
-fn describe(program: &Program, states: &StateWords, index: usize, pe: &PeProgram) -> Pe {
+fn describe(program: &Program, shown: &[String], states: &StateWords, index: usize, pe: &PeProgram) -> Pe {
     let layout = Layout::new(&pe.features, &program.format);
     let comments = pe.words.iter().enumerate().map(|(k, word)| {
         let note = pe.notes.get(k).copied().unwrap_or_default();
-        word_comment(program, pe, word, &note)
+        word_comment(program, shown, pe, word, &note)
     });
     let words = pe.words.iter().map(|word| fields_in_binary(&layout, layout.encode(word))).zip(comments).collect();
     let word_bits = program.format.word_bits();
@@ -165,13 +167,25 @@ fn lines(words: Vec<(String, String)>) -> Vec<Line> {
     words.into_iter().enumerate().map(line).collect()
 }
 
+fn push_binary(text: &mut String, value: u128, bits: u32) {
+    text.extend((0..bits).rev().map(|bit| if value >> bit & 1 == 1 { '1' } else { '0' }));
+}
+
 fn binary(value: u128, bits: u32) -> String {
-    (0..bits).rev().map(|bit| if value >> bit & 1 == 1 { '1' } else { '0' }).collect()
+    let mut text = String::with_capacity(bits as usize);
+    push_binary(&mut text, value, bits);
+    text
 }
 
 fn fields_in_binary(layout: &Layout, bits: u128) -> String {
-    let fields = layout.fields.iter().map(|field| binary(bits >> field.lsb, field.width));
-    fields.collect::<Vec<_>>().join("_")
+    let mut text = String::with_capacity(layout.bits as usize + layout.fields.len());
+    for field in &layout.fields {
+        if !text.is_empty() {
+            text.push('_');
+        }
+        push_binary(&mut text, bits >> field.lsb, field.width);
+    }
+    text
 }
 
 /// Names above the columns of the fields, as a staircase.
@@ -199,39 +213,40 @@ fn columns(layout: &Layout, last_index: usize) -> Vec<String> {
 }
 
 /// What a control word does: `F[3].u2 * c -> F[3].u3; write V[1].u2; receive V[2].y from PE 4`.
-fn word_comment(program: &Program, pe: &PeProgram, word: &ControlWord, note: &Note) -> String {
-    let name = |id: u32, otherwise: &str| match program.name(id) {
-        "" => otherwise.to_owned(),
-        name => short(name),
+fn word_comment(program: &Program, shown: &[String], pe: &PeProgram, word: &ControlWord, note: &Note) -> String {
+    let shown = |id: u32| shown.get(id as usize).map_or("", String::as_str);
+    let name = |id: u32, otherwise: &dyn Fn() -> String| match shown(id) {
+        "" => otherwise(),
+        name => name.to_owned(),
     };
-    let mut parts = Vec::new();
+    let mut text = String::new();
     if word.own.is_some() || word.imported.is_some() {
-        let place = match (word.own, word.imported) {
+        let place = || match (word.own, word.imported) {
             (Some(address), _) => format!("own {}", address.word),
             (_, address) => format!("imported {}", address.map_or(0, |address| address.word)),
         };
-        let second = match word.multiplier {
-            Multiplier::Coefficient(value) => value.to_string(),
+        push(&mut text, &[&name(note.operand, &place), " * "]);
+        match word.multiplier {
+            Multiplier::Coefficient(value) => text += &value.to_string(),
             Multiplier::Stored(index) => match pe.coefficient_image.get(usize::from(index)) {
-                Some(value) if *value != 0 => value.to_string(),
-                _ => format!("stored {index}"),
+                Some(value) if *value != 0 => text += &value.to_string(),
+                _ => text += &format!("stored {index}"),
             },
-        };
-        let chain = match program.name(note.chain) {
-            "" => String::new(),
-            chain => format!(" -> {}", short(chain)),
-        };
-        parts.push(format!("{} * {second}{chain}", name(note.operand, &place)));
+        }
+        if !shown(note.chain).is_empty() {
+            text += " -> ";
+            text += shown(note.chain);
+        }
     }
     if word.close {
-        parts.push("close".to_owned());
+        push(&mut text, &["close"]);
     }
     match (word.write, word.send) {
         (Some(target), send) => {
-            let verb = if send { "write and send" } else { "write" };
-            parts.push(format!("{verb} {}", name(note.write, &format!("own {}", target.address.word))));
+            let verb = if send { "write and send " } else { "write " };
+            push(&mut text, &[verb, &name(note.write, &|| format!("own {}", target.address.word))]);
         }
-        (None, true) => parts.push(format!("send {}", name(note.write, "the sum"))),
+        (None, true) => push(&mut text, &["send ", &name(note.write, &|| "the sum".to_owned())]),
         (None, false) => {}
     }
     if let Some((port, address)) = word.receive {
@@ -239,7 +254,16 @@ fn word_comment(program: &Program, pe: &PeProgram, word: &ControlWord, note: &No
             LinkSource::Pe(source) => format!("PE {source}"),
             LinkSource::Input(input) => format!("input {}", short(&program.inputs[input as usize].name)),
         };
-        parts.push(format!("receive {} from {source}", name(note.receive, &format!("imported {}", address.word))));
+        let value = name(note.receive, &|| format!("imported {}", address.word));
+        push(&mut text, &["receive ", &value, " from ", &source]);
     }
-    parts.join("; ")
+    text
+}
+
+/// Appends what a group of the control word does.
+fn push(text: &mut String, words: &[&str]) {
+    if !text.is_empty() {
+        text.push_str("; ");
+    }
+    words.iter().for_each(|word| text.push_str(word));
 }

@@ -1,5 +1,7 @@
 //! Measured ranges of variables inside the ranges of their number formats.
 
+use std::collections::HashMap;
+
 use crate::axis::{Axis, Scale};
 use crate::canvas::{Anchor, Canvas, picture};
 use crate::chart::title;
@@ -10,6 +12,9 @@ const WIDTH: f64 = 900.0;
 
 /// Rows at most that get a name each; more variables are drawn by quantity.
 const NAMED_ROWS: usize = 40;
+
+/// Quantities at most that are drawn: of more those with the least headroom.
+const MOST_BANDS: usize = 200;
 
 /// Height of a named row, and of a band of many.
 const ROW: f64 = 17.0;
@@ -50,9 +55,18 @@ struct Band<'a> {
 
 /// Draws the ranges.
 pub fn draw(model: &str, variables: &[Variable]) -> String {
-    let bands = bands(variables);
+    let mut bands = bands(variables);
+    let dropped = bands.len().saturating_sub(MOST_BANDS);
+    if dropped > 0 {
+        bands.sort_by(|a, b| a.worst().headroom().total_cmp(&b.worst().headroom()));
+        bands.truncate(MOST_BANDS);
+    }
+    let left_out = match dropped {
+        0 => String::new(),
+        count => format!(" Of {} quantities those {MOST_BANDS} with the least headroom.", count + MOST_BANDS),
+    };
     let caption = format!(
-        "{} variables. A bar is what the variable's format can hold, from one step of the format (left end) to its \
+        "{} variables.{left_out} A bar is what the variable's format can hold, from one step of the format (left end) to its \
          largest magnitude (right end); dark is what the runs used, pale on the right is headroom, a factor of two per \
          bit.",
         variables.len()
@@ -68,7 +82,7 @@ pub fn draw(model: &str, variables: &[Variable]) -> String {
     let x = |number: f64| left + axis.place(number).clamp(0.0, 1.0) * (right - left);
     picture(WIDTH, (top + height + SMALL + LABEL + 34.0).ceil(), |canvas| {
         let y = title(canvas, &format!("{model}: ranges and formats"), &caption, WIDTH - 2.0 * MARGIN);
-        legend(canvas, y + LABEL / 2.0, bands.len() < variables.len());
+        legend(canvas, y + LABEL / 2.0, bands.iter().any(|band| band.variables.len() > 1));
         for tick in axis.ticks() {
             canvas.path(&[(x(*tick), top), (x(*tick), top + height + 4.0)], GRID, 0.8);
             let at = (x(*tick), top + height + 5.0 + SMALL / 2.0);
@@ -103,11 +117,13 @@ fn bands<'a>(variables: &'a [Variable]) -> Vec<Band<'a>> {
         return variables.iter().map(single).collect();
     }
     let mut bands: Vec<Band> = Vec::new();
+    let mut places: HashMap<&str, usize> = HashMap::new();
     for variable in variables {
-        match bands.iter_mut().find(|band| band.name == variable.quantity) {
-            Some(band) => band.variables.push(variable),
-            None => bands.push(Band { name: &variable.quantity, variables: vec![variable], height: ROW }),
+        let place = *places.entry(&variable.quantity).or_insert(bands.len());
+        if place == bands.len() {
+            bands.push(Band { name: &variable.quantity, variables: Vec::new(), height: ROW });
         }
+        bands[place].variables.push(variable);
     }
     for band in bands.iter_mut().filter(|band| band.variables.len() > 1) {
         band.height = (band.variables.len() as f64 * 3.0).clamp(BAND.0, BAND.1);
@@ -157,5 +173,22 @@ fn draw_band(canvas: &Canvas, band: &Band, top: f64, x: &impl Fn(f64) -> f64) {
         canvas.fill((x(variable.step), upper), (reach, lower), USED);
         canvas.fill((reach, upper), (x(variable.limit), lower), FREE);
         canvas.path(&[(reach, upper), (reach, lower)], INK, 1.2);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_very_many_quantities_those_with_the_least_headroom_are_drawn() {
+        let variable = |index: u32| {
+            let name = format!("x{index}");
+            Variable { quantity: name.clone(), name, largest: f64::from(index + 1), step: 1e-6, limit: 1e6 }
+        };
+        let variables: Vec<Variable> = (0..1000).map(variable).collect();
+        let text = draw("many", &variables);
+        assert!(text.contains("Of 1000 quantities those 200"));
+        assert!(text.contains("\nx999\n") && text.contains("\nx800\n") && !text.contains("\nx799\n"), "{text}");
     }
 }

@@ -101,6 +101,7 @@ impl Compile {
             print_findings(warning.as_slice(), &loaded.sources, self.message_format());
         }
         let folder = OutputFolder::create(&target)?;
+        folder.remove_when_interrupted();
         let written = watch.stage(
             "write",
             || write_design(&folder, loaded.sources.main().name(), model, &design, command),

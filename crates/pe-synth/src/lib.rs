@@ -15,6 +15,7 @@ pub mod cmd_sim;
 pub mod cmd_verify;
 pub mod command;
 pub mod console;
+pub mod contest;
 pub mod devices;
 pub mod engines;
 pub mod explore;

@@ -3,12 +3,14 @@
 //! Files go into a hidden folder beside the target, `.NAME.partial-PID`. In the end it takes the target's place: by a
 //! rename, or, if there is a folder already, by exchanging the two names in one system call, so that there is always
 //! either the old one or the new one. The process holds a lock on its hidden folder; one without a lock was left by a
-//! process that was killed, and the next compilation removes it.
+//! process that was killed, and the next compilation removes it. An interrupt removes it at once.
 
 use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::console;
 use crate::failure::Failure;
 
 /// Files that mark a folder as written by this program; only such folders are replaced.
@@ -20,6 +22,8 @@ pub struct OutputFolder {
     partial: PathBuf,
     /// The hidden folder, locked as long as this is open.
     _lock: File,
+    /// Whether the folder is in place; held while files change, and for good by who ends the process.
+    finished: Arc<Mutex<bool>>,
 }
 
 impl OutputFolder {
@@ -48,11 +52,26 @@ impl OutputFolder {
         remove_abandoned(if parent == Path::new("") { Path::new(".") } else { parent }, &prefix);
         let partial = target.with_file_name(format!("{prefix}{}", std::process::id()));
         let lock = create_locked(&partial).map_err(|error| Failure::file("create", &partial, error))?;
-        Ok(OutputFolder { target: target.to_owned(), partial, _lock: lock })
+        Ok(OutputFolder { target: target.to_owned(), partial, _lock: lock, finished: Arc::default() })
+    }
+
+    /// From here on an interrupt removes what has been written and ends the process.
+    pub fn remove_when_interrupted(&self) {
+        let (partial, finished) = (self.partial.clone(), Arc::clone(&self.finished));
+        // Where signals cannot be caught, the next compilation removes the folder.
+        let _ = ctrlc::set_handler(move || {
+            let finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
+            let _ = fs::remove_dir_all(&partial);
+            if !*finished {
+                console::err("interrupted: nothing has been written\n");
+            }
+            std::process::exit(i32::from(Failure::Interrupted(String::new()).code()));
+        });
     }
 
     /// Writes a file; `path` is relative and uses `/`.
     pub fn write(&self, path: &str, text: &str) -> Result<(), Failure> {
+        let _held = self.finished.lock().unwrap_or_else(PoisonError::into_inner);
         let file = self.partial.join(path);
         if let Some(folder) = file.parent() {
             fs::create_dir_all(folder).map_err(|error| Failure::file("create", folder, error))?;
@@ -62,9 +81,11 @@ impl OutputFolder {
 
     /// Puts the folder in place.
     pub fn finish(self) -> Result<(), Failure> {
+        let mut finished = self.finished.lock().unwrap_or_else(PoisonError::into_inner);
         // The target may have changed since it was asked about.
         Self::permitted(&self.target)?;
         let result = if self.target.exists() { exchange(&self.partial, &self.target) } else { self.rename() };
+        *finished = result.is_ok();
         // The old folder, now under the hidden name, goes with `drop`.
         result.map_err(|error| Failure::file("create", &self.target, error))
     }

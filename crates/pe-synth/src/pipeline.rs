@@ -17,6 +17,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
+use crate::contest;
 use crate::failure::{Failure, print_findings};
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::runs::{self, Judged};
@@ -26,9 +27,6 @@ const DEFAULT_SLOTS_PER_PE: u64 = 200;
 
 /// Time between two pictures of the spinner of a stage.
 const SPINNER_TICK: Duration = Duration::from_millis(200);
-
-/// Schedules that are this much longer than the shortest are not considered, however few connections they have.
-const PERIOD_TOLERANCE: f64 = 1.02;
 
 /// Rounds that the program checker runs: the first fills the pipeline, the second and third see both parities.
 const CHECKED_ROUNDS: u32 = 3;
@@ -119,17 +117,27 @@ impl Stopwatch {
         if spinner.is_hidden() {
             return spinner;
         }
-        let style = ProgressStyle::with_template("{msg:>10}  {spinner} {elapsed}").expect("a valid template");
-        let spinner = spinner.with_style(style).with_message(stage);
+        let style = ProgressStyle::with_template("{prefix:>10}  {spinner} {elapsed}  {msg}").expect("a valid template");
+        let spinner = spinner.with_style(style).with_prefix(stage);
         spinner.enable_steady_tick(SPINNER_TICK);
         spinner
     }
 
     /// Times a stage and shows that it is at work; `figure` says in a few words what came out of it.
     pub fn stage<T>(&mut self, name: &'static str, work: impl FnOnce() -> T, figure: impl FnOnce(&T) -> String) -> T {
+        self.stage_saying(name, |_| work(), figure)
+    }
+
+    /// The same of a long stage that can say what it is at.
+    pub fn stage_saying<T>(
+        &mut self,
+        name: &'static str,
+        work: impl FnOnce(&dyn Fn(String)) -> T,
+        figure: impl FnOnce(&T) -> String,
+    ) -> T {
         let spinner = self.spinner(name);
         let work = || {
-            let result = work();
+            let result = work(&|text| spinner.set_message(text));
             spinner.finish_and_clear();
             result
         };
@@ -204,14 +212,14 @@ pub fn implement(
     );
     let candidates = mapped.map_err(|error| map_failure(error, graph, loaded))?;
     let taken_pes = candidates[0].mapping.pes;
-    let schedules: Vec<Schedule> = watch.stage(
+    let schedules: Vec<Schedule> = watch.stage_saying(
         "schedule",
-        || candidates.iter().map(|candidate| pe_hls::schedule::schedule(graph, &candidate.mapping, latency)).collect(),
+        |say| contest::schedules(graph, &candidates, latency, mapping_options.max_in_degree, say),
         |schedules: &Vec<Schedule>| {
             format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
         },
     );
-    let order = rank(&candidates, &schedules, mapping_options.max_in_degree);
+    let order = contest::rank(&candidates, &schedules, mapping_options.max_in_degree);
     let starts: Vec<StartResult> = order
         .iter()
         .map(|index| StartResult {
@@ -227,8 +235,12 @@ pub fn implement(
     let program = watch.stage(
         "assemble",
         || pe_hls::assemble::assemble(&loaded.model, graph, &judged.fixed, &candidate.mapping, &schedule),
-        |program| format!("{} PEs, {} writes per step", program.pes.len(), program.writes_per_step()),
+        |program| match program {
+            Ok(program) => format!("{} PEs, {} writes per step", program.pes.len(), program.writes_per_step()),
+            Err(_) => "refused".to_owned(),
+        },
     );
+    let program = program.map_err(|limit| Failure::Usage(limit.to_string()))?;
     let design = Design {
         bound: Bound::of(graph, taken_pes, latency),
         mapping: candidate.mapping,
@@ -240,7 +252,8 @@ pub fn implement(
         program,
         starts,
     };
-    watch.stage("check", || check(&design, latency, mapping_options), |_| "mapping, schedule, program".to_owned())?;
+    let figure = |_: &_| "mapping, schedule, program".to_owned();
+    watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
     Ok(design)
 }
 
@@ -320,26 +333,14 @@ fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Fail
     }
 }
 
-/// Candidates from best to worst: cycles x connections (the paper's objective) among the fastest that have the ports.
-fn rank(candidates: &[Candidate], schedules: &[Schedule], max_in_degree: u32) -> Vec<usize> {
-    let excess = |index: usize| candidates[index].cost.max_in_degree.saturating_sub(max_in_degree);
-    let permitted = (0..candidates.len()).filter(|&index| excess(index) == 0);
-    let shortest = permitted.map(|index| schedules[index].period).min().unwrap_or(0);
-    let longest = f64::from(shortest) * PERIOD_TOLERANCE;
-    let mut order: Vec<usize> = (0..candidates.len()).collect();
-    order.sort_by_key(|&index| {
-        let period = schedules[index].period;
-        let slow = f64::from(period) > longest;
-        (excess(index), slow, u64::from(period) * u64::from(candidates[index].cost.connections.max(1)), index)
-    });
-    order
-}
-
 /// Proves mapping, schedule and program with the independent checkers.
-fn check(design: &Design, latency: Latency, options: &MappingOptions) -> Result<(), Failure> {
+fn check(design: &Design, latency: Latency, options: &MappingOptions, say: &dyn Fn(String)) -> Result<(), Failure> {
     let Design { graph, judged, mapping, schedule, program, cost, .. } = design;
+    say("mapping".to_owned());
     let mut violations = verify::mapping::check(graph, mapping, cost, options.max_in_degree);
+    say("schedule".to_owned());
     violations.extend(verify::schedule::check(graph, mapping, schedule, latency));
+    say("program".to_owned());
     violations.extend(verify::program::check(program, graph, &judged.fixed, CHECKED_ROUNDS));
     match violations.first() {
         None => Ok(()),

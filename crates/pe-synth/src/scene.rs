@@ -90,6 +90,8 @@ struct Scene<'a> {
     reader: Vec<usize>,
     /// Readers up to the nearest output.
     distance: Vec<u32>,
+    /// Where the end of a long chain from this element begins that is shown; the element itself where that is near.
+    ending: Vec<usize>,
 }
 
 impl<'a> Scene<'a> {
@@ -101,6 +103,7 @@ impl<'a> Scene<'a> {
         let mut scene = Scene {
             reader: vec![usize::MAX; elements.len()],
             distance: vec![0; elements.len()],
+            ending: (0..elements.len()).collect(),
             elements,
             states: model.states.len(),
             algebraics: model.algebraics.len(),
@@ -125,6 +128,9 @@ impl<'a> Scene<'a> {
                 if scene.reader[at] == usize::MAX {
                     scene.reader[at] = reader;
                     scene.distance[at] = scene.distance[reader] + 1;
+                    if scene.distance[at] as usize > SHOWN_OF_CHAIN / 2 - 2 {
+                        scene.ending[at] = scene.ending[reader];
+                    }
                     waiting.push_back(at);
                 }
             });
@@ -160,13 +166,16 @@ impl<'a> Scene<'a> {
 
     /// The names from an element to its output.
     fn chain(&self, mut at: usize) -> Vec<&'a str> {
+        // Models of many scalars ask for many chains, which may be long.
+        let long = self.distance[at] as usize >= SHOWN_OF_CHAIN;
         let mut chain = vec![self.elements[at].0];
         while self.reader[at] != at {
             at = self.reader[at];
+            if long && chain.len() == SHOWN_OF_CHAIN / 2 {
+                chain.push("...");
+                at = self.ending[at];
+            }
             chain.push(self.elements[at].0);
-        }
-        if chain.len() > SHOWN_OF_CHAIN {
-            chain.splice(SHOWN_OF_CHAIN / 2..chain.len() + 1 - SHOWN_OF_CHAIN / 2, ["..."]);
         }
         chain
     }

@@ -90,6 +90,32 @@ fn replacing_a_folder_leaves_the_old_or_the_new_one_and_no_remains() {
 }
 
 #[test]
+fn an_interrupt_while_files_are_written_leaves_nothing() {
+    let folder = Folder::new("interrupted_writing");
+    let mut interrupted = 0;
+    for attempt in 0..4 {
+        let target = folder.0.join(format!("design{attempt}"));
+        let mut command = compilation(&target);
+        command.args(["--set", "generations=8", "--tries", "1000"]);
+        let mut child = command.spawn().expect("pe-synth starts");
+        // The hidden folder appears as the first file is about to be written.
+        while names(&folder.0).is_empty() && child.try_wait().expect("pe-synth runs").is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let _ = Command::new("kill").arg("-INT").arg(child.id().to_string()).stderr(Stdio::null()).status();
+        let status = child.wait().expect("pe-synth ends");
+        if target.exists() {
+            std::fs::remove_dir_all(&target).expect("the folder can be removed");
+        } else {
+            assert_eq!(status.code(), Some(130), "attempt {attempt}");
+            interrupted += 1;
+        }
+        assert_eq!(names(&folder.0), [""; 0], "attempt {attempt} left something");
+    }
+    assert!(interrupted > 0, "no compilation was interrupted while it wrote");
+}
+
+#[test]
 fn a_folder_that_another_compilation_writes_to_is_left_alone() {
     let folder = Folder::new("two_at_once");
     let busy = folder.0.join(".design.partial-1");

@@ -1,5 +1,6 @@
 //! Assembles the program: registers, control words, memory images, links.
 
+mod limits;
 mod memory;
 mod registers;
 
@@ -16,22 +17,32 @@ use pe_ir::program::{
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
 
+pub use limits::TooLarge;
 use memory::Memories;
 
 const NONE: u32 = u32::MAX;
 
 /// Assembles a scheduled step graph.
+///
+/// # Errors
+/// If some PE needs more memory words or input ports than fields of the control word can tell apart.
 pub fn assemble(
     model: &Model,
     graph: &StepGraph,
     fixed: &FixedPoint,
     mapping: &Mapping,
     schedule: &Schedule,
-) -> Program {
+) -> Result<Program, TooLarge> {
     let memories = Memories::allocate(graph, fixed, mapping, schedule);
     let coefficients = vec![BTreeMap::new(); mapping.pes as usize];
     let latency = Latency::of(&fixed.format);
-    Assembler { model, graph, fixed, mapping, schedule, memories, coefficients, latency }.program()
+    let assembler = Assembler { model, graph, fixed, mapping, schedule, memories, coefficients, latency };
+    let ports = assembler.ports();
+    let sizes = assembler.memories.depths.iter().zip(&ports);
+    limits::check(sizes.map(|(depths, ports)| [depths.own, depths.base, depths.imported, ports.len() as u32, 0]))?;
+    let program = assembler.program(&ports);
+    limits::check(program.pes.iter().map(|pe| [0, 0, 0, 0, pe.features.coefficient_words]))?;
+    Ok(program)
 }
 
 struct Assembler<'a> {
@@ -47,8 +58,7 @@ struct Assembler<'a> {
 }
 
 impl Assembler<'_> {
-    fn program(mut self) -> Program {
-        let ports = self.ports();
+    fn program(mut self, ports: &[Vec<LinkSource>]) -> Program {
         let senders: BTreeSet<u32> = ports
             .iter()
             .flatten()

@@ -3,10 +3,9 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use pe_ir::graph::{Factor, Role};
 use pe_ir::word::Latency;
 
-use super::problem::{Place, Problem};
+use super::problem::Problem;
 
 /// Times of one step, before it is closed into a loop.
 pub(super) struct Placement {
@@ -16,7 +15,7 @@ pub(super) struct Placement {
     pub order: Vec<u32>,
     /// Receive time of each import.
     pub receives: Vec<u32>,
-    /// First read of each release slot (own values, then imports) of values that stem from the step before.
+    /// First read of each slot's word from the step before.
     pub first_reads: Vec<u32>,
 }
 
@@ -27,9 +26,9 @@ const ALTERNATIVES: usize = 8;
 pub(super) fn place(problem: &Problem, release: &[u32]) -> Placement {
     let mut list = List::new(problem, release);
     list.receive_inputs();
-    for chain in 0..problem.graph.chains.len() {
-        if problem.predecessors[chain] == 0 {
-            list.make_ready(chain as u32, 0);
+    for (index, chain) in problem.chains.iter().enumerate() {
+        if chain.predecessors == 0 {
+            list.make_ready(index as u32, 0);
         }
     }
     while let Some(Reverse((time, pe))) = list.events.pop() {
@@ -63,18 +62,17 @@ struct List<'a> {
     pes: Vec<Pe>,
     events: BinaryHeap<Reverse<(u32, u32)>>,
     waiting: Vec<u32>,
-    /// First word that may read each value in its own PE.
-    own_ready: Vec<u32>,
-    /// First word that may read each import, in the step that the import's current word belongs to.
-    import_ready: Vec<u32>,
-    /// Last read of each import's old word so far.
-    import_read: Vec<u32>,
+    /// First word that may read each slot; an import's in the step that its current word belongs to.
+    ready: Vec<u32>,
+    /// Last read of each imported slot's old word so far.
+    last_read: Vec<u32>,
+    /// Arrival and term of each operand of the chain under `make_ready`.
+    arrivals: Vec<(u32, u32)>,
     placement: Placement,
 }
 
 impl<'a> List<'a> {
-    fn new(problem: &'a Problem, release: &'a [u32]) -> Self {
-        let values = problem.graph.values.len();
+    fn new(problem: &'a Problem, release: &[u32]) -> Self {
         let mut pes: Vec<Pe> = Vec::new();
         pes.resize_with(problem.pes, Pe::default);
         for pe in &mut pes {
@@ -86,15 +84,15 @@ impl<'a> List<'a> {
             problem,
             pes,
             events: BinaryHeap::new(),
-            waiting: problem.predecessors.clone(),
-            own_ready: release[..values].to_vec(),
-            import_ready: release[values..].to_vec(),
-            import_read: vec![0; problem.imports.len()],
+            waiting: problem.chains.iter().map(|chain| chain.predecessors).collect(),
+            ready: release.to_vec(),
+            last_read: vec![0; problem.slots],
+            arrivals: Vec::new(),
             placement: Placement {
-                starts: vec![0; problem.graph.chains.len()],
-                order: vec![0; problem.graph.terms.len()],
+                starts: vec![0; problem.chains.len()],
+                order: vec![0; problem.operands.len()],
                 receives: vec![0; problem.imports.len()],
-                first_reads: vec![u32::MAX; problem.resident_count()],
+                first_reads: vec![u32::MAX; problem.slots],
             },
         }
     }
@@ -102,48 +100,39 @@ impl<'a> List<'a> {
     /// Inputs are sampled at the pause point; each PE takes its own in the first words after it.
     fn receive_inputs(&mut self) {
         let first = self.problem.latency.pause() + 1;
-        for (index, import) in self.problem.imports.iter().enumerate() {
-            if let Role::Input(_) = self.problem.graph.values[import.resident as usize].role {
-                let receive = self.pes[import.pe as usize].receives.take(first);
-                self.placement.receives[index] = receive;
-                self.import_ready[index] = receive + Latency::WRITE_TO_READ;
-            }
-        }
-    }
-
-    fn ready_time(&self, place: Place) -> u32 {
-        match place {
-            Place::Own(value) => self.own_ready[value as usize],
-            Place::Import(import) => self.import_ready[import as usize],
+        for (index, import) in self.problem.imports.iter().enumerate().filter(|(_, import)| import.is_input) {
+            let receive = self.pes[import.pe as usize].receives.take(first);
+            self.placement.receives[index] = receive;
+            self.ready[import.slot as usize] = receive + Latency::WRITE_TO_READ;
         }
     }
 
     /// A chain's predecessors are placed: orders its terms by arrival and computes its earliest start.
     fn make_ready(&mut self, chain: u32, now: u32) {
         let problem = self.problem;
-        let code = &problem.graph.chains[chain as usize];
-        let arrival = |term: &u32| {
-            let mut ready = self.ready_time(problem.places[*term as usize]);
-            if let Factor::Value(value) = problem.graph.terms[*term as usize].factor {
-                ready = ready.max(self.own_ready[value.index()]);
-            }
-            ready
+        let code = &problem.chains[chain as usize];
+        let arrival = |term: u32| {
+            let ready = self.ready[problem.operands[term as usize].slot()];
+            problem.factor(term).map_or(ready, |value| ready.max(self.ready[value]))
         };
-        let mut order: Vec<(u32, u32)> = code.terms.clone().map(|term| (arrival(&term), term)).collect();
-        order.sort_unstable();
+        let mut arrivals = std::mem::take(&mut self.arrivals);
+        arrivals.clear();
+        arrivals.extend(code.terms.clone().map(|term| (arrival(term), term)));
+        arrivals.sort_unstable();
         let mut start = now;
-        for (position, (ready, term)) in order.iter().enumerate() {
+        for (position, (ready, term)) in arrivals.iter().enumerate() {
             start = start.max(ready.saturating_sub(position as u32));
             self.placement.order[code.terms.start as usize + position] = *term;
         }
+        self.arrivals = arrivals;
         let last_offset = code.len() - 1;
-        for (position, write) in code.writes().enumerate() {
-            if let Some(base) = write.base {
+        for (position, store) in code.stores().enumerate() {
+            if let Some(base) = store.base {
                 let scale = last_offset + problem.latency.scale() + position as u32;
-                start = start.max(self.own_ready[base.index()].saturating_sub(scale));
+                start = start.max(self.ready[base.slot()].saturating_sub(scale));
             }
         }
-        let pe = problem.pe_of[chain as usize] as usize;
+        let pe = code.pe as usize;
         self.pes[pe].coming.push(Reverse((start, chain)));
         self.wake(pe, start);
     }
@@ -167,7 +156,7 @@ impl<'a> List<'a> {
                 break;
             }
             self.pes[pe].coming.pop();
-            self.pes[pe].ready.push((self.problem.priority[chain as usize], Reverse(chain)));
+            self.pes[pe].ready.push((self.problem.chains[chain as usize].priority, Reverse(chain)));
         }
         let mut passed = Vec::new();
         let mut earliest = u32::MAX;
@@ -197,10 +186,10 @@ impl<'a> List<'a> {
     /// When the hold register, the write port and the link allow a chain to start.
     fn earliest_start(&self, pe: usize, chain: u32) -> u32 {
         let state = &self.pes[pe];
-        let code = &self.problem.graph.chains[chain as usize];
+        let code = &self.problem.chains[chain as usize];
         let last_offset = code.len() - 1;
         let mut start = state.free.max(state.next_last.saturating_sub(last_offset));
-        if !self.problem.imports_of(code.write.value.0).is_empty() {
+        if code.is_sent() {
             start = start.max(state.next_send.saturating_sub(last_offset + self.problem.latency.write()));
         }
         start
@@ -208,19 +197,19 @@ impl<'a> List<'a> {
 
     fn issue(&mut self, pe: usize, chain: u32, start: u32) {
         let problem = self.problem;
-        let code = &problem.graph.chains[chain as usize];
+        let code = &problem.chains[chain as usize];
         let last = start + code.len() - 1;
         self.placement.starts[chain as usize] = start;
         self.pes[pe].free = last + 1;
-        self.pes[pe].next_last = last + code.writes().count() as u32;
+        self.pes[pe].next_last = last + code.store_count();
         self.note_reads(chain, start);
-        for (position, write) in code.writes().enumerate() {
+        for (position, store) in code.stores().enumerate() {
             let time = last + problem.latency.write() + position as u32;
             // A swapped end value has a word of its own; an in-place one is read under its own name.
-            self.own_ready[write.value.index()] = time + Latency::WRITE_TO_READ;
+            self.ready[store.slot as usize] = time + Latency::WRITE_TO_READ;
         }
-        self.send(pe, code.write.value.0, last + problem.latency.write());
-        for successor in &problem.successors[chain as usize] {
+        self.send(chain, last + problem.latency.write());
+        for successor in problem.successors(chain) {
             self.waiting[*successor as usize] -= 1;
             if self.waiting[*successor as usize] == 0 {
                 self.make_ready(*successor, start);
@@ -231,46 +220,44 @@ impl<'a> List<'a> {
     /// Records reads of words from the step before, and of imports.
     fn note_reads(&mut self, chain: u32, start: u32) {
         let problem = self.problem;
-        let values = problem.graph.values.len();
-        let code = &problem.graph.chains[chain as usize];
-        let from_before = |value: u32| matches!(problem.graph.values[value as usize].role, Role::State(_));
+        let code = &problem.chains[chain as usize];
         for position in 0..code.len() {
             let term = self.placement.order[(code.terms.start + position) as usize] as usize;
             let time = start + position;
-            let slot = match problem.places[term] {
-                Place::Own(value) => value as usize,
-                Place::Import(import) => {
-                    let read = &mut self.import_read[import as usize];
-                    *read = (*read).max(time);
-                    values + import as usize
-                }
-            };
-            if from_before(problem.graph.terms[term].operand.0) {
-                self.placement.first_reads[slot] = self.placement.first_reads[slot].min(time);
+            let operand = problem.operands[term];
+            if operand.is_imported() {
+                let read = &mut self.last_read[operand.slot()];
+                *read = (*read).max(time);
+            }
+            if operand.is_from_before() {
+                let read = &mut self.placement.first_reads[operand.slot()];
+                *read = (*read).min(time);
             }
         }
-        for (position, write) in code.writes().enumerate() {
-            if let Some(base) = write.base.filter(|base| from_before(base.0)) {
+        for (position, store) in code.stores().enumerate() {
+            if let Some(base) = store.base.filter(|base| base.is_from_before()) {
                 let time = start + code.len() - 1 + problem.latency.scale() + position as u32;
-                let slot = &mut self.placement.first_reads[base.index()];
-                *slot = (*slot).min(time);
+                let read = &mut self.placement.first_reads[base.slot()];
+                *read = (*read).min(time);
             }
         }
     }
 
-    /// Places the receives of a value that is sent in word `sent`.
-    fn send(&mut self, pe: usize, value: u32, sent: u32) {
+    /// Places the receives of a chain's first value, which is sent in word `sent`.
+    fn send(&mut self, chain: u32, sent: u32) {
         let problem = self.problem;
-        let resident_in_place = problem.in_place && problem.resident[value as usize] != value;
-        for import in problem.imports_of(value) {
+        let code = &problem.chains[chain as usize];
+        for index in problem.links(chain) {
+            let import = &problem.imports[*index as usize];
             let mut first = sent + Latency::SEND_TO_RECEIVE;
-            if resident_in_place {
-                first = first.max(self.import_read[import] + 1);
+            if code.overwrites {
+                first = first.max(self.last_read[import.slot as usize] + 1);
             }
-            let receive = self.pes[problem.imports[import].pe as usize].receives.take(first);
-            self.placement.receives[import] = receive;
-            self.import_ready[import] = receive + Latency::WRITE_TO_READ;
-            self.pes[pe].next_send = self.pes[pe].next_send.max(receive);
+            let receive = self.pes[import.pe as usize].receives.take(first);
+            self.placement.receives[*index as usize] = receive;
+            self.ready[import.slot as usize] = receive + Latency::WRITE_TO_READ;
+            let next_send = &mut self.pes[code.pe as usize].next_send;
+            *next_send = (*next_send).max(receive);
         }
     }
 }

@@ -1,6 +1,9 @@
 //! The scheduling problem in flat arrays.
+//!
+//! A schedule of a large model waits for memory most of all. So what belongs to one PE lies side by side here, in the
+//! graph's order, in which a PE also comes to it: chains, operands, and the slots that say when a word is there.
 
-use pe_ir::graph::{Factor, Role, StepGraph, ValueId};
+use pe_ir::graph::{Factor, Role, StepGraph, Term, ValueId, Write};
 use pe_ir::mapping::Mapping;
 use pe_ir::schedule::{Schedule, Transfer};
 use pe_ir::word::Latency;
@@ -9,177 +12,303 @@ use super::list::Placement;
 
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Where an operand is read.
+/// Where an operand or a base is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
-    /// Own memory: a value.
-    Own(u32),
-    /// Imported memory: an import.
-    Import(u32),
+pub(super) struct Operand(u32);
+
+/// Set where the word is that of the step before.
+const FROM_BEFORE: u32 = 1 << 31;
+/// Set where the word comes from another PE.
+const IMPORTED: u32 = 1 << 30;
+
+impl Operand {
+    /// The slot of the word: a value in its own PE, or an import.
+    pub fn slot(self) -> usize {
+        (self.0 & !(FROM_BEFORE | IMPORTED)) as usize
+    }
+
+    /// Whether the word is that of the step before, the start value of a state.
+    pub fn is_from_before(self) -> bool {
+        self.0 & FROM_BEFORE != 0
+    }
+
+    /// Whether the word comes from another PE or from outside.
+    pub fn is_imported(self) -> bool {
+        self.0 & IMPORTED != 0
+    }
 }
 
 /// A value that a PE needs from elsewhere. Start and end of a state share one import.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Import {
     /// The value as its memory word is known: the start value for states.
-    pub resident: u32,
+    resident: ValueId,
     /// The PE that needs it.
     pub pe: u32,
+    /// Its slot.
+    pub slot: u32,
+    /// Whether it is an external input.
+    pub is_input: bool,
+}
+
+/// A write of a chain.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Store {
+    /// Slot of the value.
+    pub slot: u32,
+    /// What the sum is added to.
+    pub base: Option<Operand>,
+}
+
+/// A chain with all that its placement needs.
+#[derive(Clone, Debug)]
+pub(super) struct Code {
+    /// Its terms: a range of [`Problem::operands`].
+    pub terms: std::ops::Range<u32>,
+    /// Its PE.
+    pub pe: u32,
+    /// Length of the longest way from its first operand to the end of the step.
+    pub priority: u32,
+    /// Number of chains that it waits for.
+    pub predecessors: u32,
+    /// First write.
+    pub first: Store,
+    /// Second write.
+    pub second: Option<Store>,
+    /// Whether the first write overwrites the start value of a state.
+    pub overwrites: bool,
+    /// Range of `links`.
+    links: (u32, u32),
+    /// Range of `successors`.
+    successors: (u32, u32),
+}
+
+impl Code {
+    /// Number of terms.
+    pub fn len(&self) -> u32 {
+        self.terms.end - self.terms.start
+    }
+
+    /// Its writes in order.
+    pub fn stores(&self) -> impl Iterator<Item = &Store> {
+        std::iter::once(&self.first).chain(self.second.as_ref())
+    }
+
+    /// Number of writes.
+    pub fn store_count(&self) -> u32 {
+        1 + u32::from(self.second.is_some())
+    }
+
+    /// Whether its first write goes to other PEs.
+    pub fn is_sent(&self) -> bool {
+        self.links.0 != self.links.1
+    }
 }
 
 pub(super) struct Problem<'a> {
-    pub graph: &'a StepGraph,
+    graph: &'a StepGraph,
     pub latency: Latency,
     pub pes: usize,
-    /// PE of each chain.
-    pub pe_of: Vec<u32>,
-    /// Operand place of each term.
-    pub places: Vec<Place>,
+    /// Chains by PE, those of a PE in the graph's order.
+    pub chains: Vec<Code>,
+    /// Index in the graph of each chain.
+    originals: Vec<u32>,
+    /// Data operand of each term, in the order of the chains.
+    pub operands: Vec<Operand>,
+    /// Slot of the second factor of each term, or none; empty if no term has one.
+    factors: Vec<u32>,
+    /// Number of slots.
+    pub slots: usize,
+    /// By PE, those of a PE by value.
     pub imports: Vec<Import>,
-    /// Imports of each value that is sent: ranges into `imports`, by resident value.
-    import_start: Vec<u32>,
+    /// Imports that each chain feeds.
+    links: Vec<u32>,
     /// Chains that wait for each chain: data and write-after-read order.
-    pub successors: Vec<Vec<u32>>,
-    /// Number of chains that each chain waits for.
-    pub predecessors: Vec<u32>,
-    /// Length of the longest way from a chain's first operand to the end of the step.
-    pub priority: Vec<u32>,
-    /// The start value of a state for its end value; itself for others.
-    pub resident: Vec<u32>,
-    /// Whether end values overwrite start values.
-    pub in_place: bool,
+    successors: Vec<u32>,
+    /// Slot of each state in its own PE, and the chain that writes its end value.
+    states: Vec<(u32, u32)>,
+    /// Imports of states, each with the sign that its word is that of the step before.
+    state_imports: Vec<u32>,
 }
 
 impl<'a> Problem<'a> {
     pub fn new(graph: &'a StepGraph, mapping: &Mapping, latency: Latency) -> Self {
         let pe_of: Vec<u32> = graph.chains.iter().map(|chain| mapping.pe_of[chain.equation as usize]).collect();
-        let mut resident: Vec<u32> = (0..graph.values.len() as u32).collect();
-        for (state, next) in &graph.states {
-            resident[next.index()] = state.0;
+        let places = Places::new(graph, mapping, &pe_of);
+        let mut originals: Vec<u32> = (0..graph.chains.len() as u32).collect();
+        originals.sort_by_key(|chain| pe_of[*chain as usize]);
+        let in_place = !graph.swaps();
+        let mut operands = Vec::with_capacity(graph.terms.len());
+        let mut chains = Vec::with_capacity(graph.chains.len());
+        for original in &originals {
+            let chain = &graph.chains[*original as usize];
+            let pe = pe_of[*original as usize];
+            let begin = operands.len() as u32;
+            operands.extend(graph.chain_terms(chain).iter().map(|term| places.operand(graph, term.operand, pe)));
+            let store = |write: &Write| Store {
+                slot: places.own[write.value.index()],
+                base: write.base.map(|base| places.operand(graph, base, pe)),
+            };
+            let ends_state = matches!(graph.value(chain.write.value).role, Role::Next(_));
+            chains.push(Code {
+                terms: begin..operands.len() as u32,
+                pe,
+                priority: 0,
+                predecessors: 0,
+                first: store(&chain.write),
+                second: chain.second.as_ref().map(store),
+                overwrites: in_place && ends_state,
+                links: (0, 0),
+                successors: (0, 0),
+            });
         }
-        let home = |value: ValueId| match graph.value(value).equation {
-            NONE => NONE,
-            equation => mapping.pe_of[equation as usize],
-        };
-        let mut needs: Vec<(u32, u32)> = Vec::new();
-        for (chain, pe) in graph.chains.iter().zip(&pe_of) {
-            for term in graph.chain_terms(chain) {
-                if home(term.operand) != *pe {
-                    needs.push((resident[term.operand.index()], *pe));
-                }
-            }
+        let mut factors: Vec<u32> = Vec::new();
+        if graph.terms.iter().any(|term| matches!(term.factor, Factor::Value(_))) {
+            let slot = |term: &Term| match term.factor {
+                Factor::Value(value) => places.own[value.index()],
+                Factor::Coefficient(_) => NONE,
+            };
+            let terms = originals.iter().flat_map(|chain| graph.chain_terms(&graph.chains[*chain as usize]));
+            factors = terms.map(slot).collect();
         }
-        needs.sort_unstable();
-        needs.dedup();
-        let mut import_start = vec![0; graph.values.len() + 1];
-        for (value, _) in &needs {
-            import_start[*value as usize + 1] += 1;
-        }
-        for index in 0..graph.values.len() {
-            import_start[index + 1] += import_start[index];
-        }
-        let mut places = Vec::with_capacity(graph.terms.len());
-        for (chain, pe) in graph.chains.iter().zip(&pe_of) {
-            for term in graph.chain_terms(chain) {
-                let value = resident[term.operand.index()];
-                places.push(if home(term.operand) == *pe {
-                    Place::Own(term.operand.0)
-                } else {
-                    Place::Import(needs.binary_search(&(value, *pe)).expect("collected above") as u32)
-                });
-            }
-        }
-        let imports = needs.into_iter().map(|(resident, pe)| Import { resident, pe }).collect();
         let mut problem = Problem {
             graph,
             latency,
             pes: mapping.pes as usize,
-            pe_of,
-            places,
-            imports,
-            import_start,
-            successors: vec![Vec::new(); graph.chains.len()],
-            predecessors: vec![0; graph.chains.len()],
-            priority: Vec::new(),
-            resident,
-            in_place: !graph.swaps(),
+            chains,
+            originals,
+            operands,
+            factors,
+            slots: places.slots,
+            imports: places.imports,
+            links: Vec::new(),
+            successors: Vec::new(),
+            states: Vec::new(),
+            state_imports: Vec::new(),
         };
-        problem.order();
+        let mut renumbered = vec![NONE; graph.chains.len()];
+        for (index, original) in (0..).zip(&problem.originals) {
+            renumbered[*original as usize] = index;
+        }
+        // For each value the chain that writes it.
+        let mut producers = graph.producers();
+        for producer in producers.iter_mut().filter(|producer| **producer != NONE) {
+            *producer = renumbered[*producer as usize];
+        }
+        let end = |state: &(ValueId, ValueId)| (places.own[state.0.index()], producers[state.1.index()]);
+        problem.states = graph.states.iter().map(end).collect();
+        problem.link(&producers);
+        problem.order(&producers, &renumbered, in_place);
         problem.prioritise();
         problem
     }
 
-    /// Imports of a value, in PE order.
-    pub fn imports_of(&self, value: u32) -> std::ops::Range<usize> {
-        let resident = self.resident[value as usize] as usize;
-        self.import_start[resident] as usize..self.import_start[resident + 1] as usize
+    /// Imports that a chain feeds.
+    pub fn links(&self, chain: u32) -> &[u32] {
+        let (begin, end) = self.chains[chain as usize].links;
+        &self.links[begin as usize..end as usize]
     }
 
-    /// Number of release times: one per value for own reads, one per import.
-    pub fn resident_count(&self) -> usize {
-        self.graph.values.len() + self.imports.len()
+    /// Chains that wait for a chain.
+    pub fn successors(&self, chain: u32) -> &[u32] {
+        let (begin, end) = self.chains[chain as usize].successors;
+        &self.successors[begin as usize..end as usize]
+    }
+
+    /// Slot of the second factor of a term, if it is a value.
+    pub fn factor(&self, term: u32) -> Option<usize> {
+        self.factors.get(term as usize).filter(|slot| **slot != NONE).map(|slot| *slot as usize)
+    }
+
+    /// Slots of words from the step before: in their own PE with the chain that writes the next step's word, and
+    /// imported ones with their import.
+    pub fn returning(&self) -> (impl Iterator<Item = (usize, &Code, usize)>, impl Iterator<Item = (usize, usize)>) {
+        let own = self.states.iter().map(|(slot, chain)| {
+            assert_ne!(*chain, NONE, "every state has an end value");
+            (*slot as usize, &self.chains[*chain as usize], *chain as usize)
+        });
+        let imported = self.state_imports.iter().map(|import| *import as usize);
+        (own, imported.map(|import| (self.imports[import].slot as usize, import)))
     }
 
     /// The largest number of issue slots of a PE.
     pub fn load_bound(&self) -> u32 {
         let mut load = vec![0; self.pes];
-        for (chain, pe) in self.graph.chains.iter().zip(&self.pe_of) {
-            load[*pe as usize] += chain.len().max(chain.writes().count() as u32);
+        for chain in &self.chains {
+            load[chain.pe as usize] += chain.len().max(chain.store_count());
         }
         load.into_iter().max().unwrap_or(0).max(self.latency.pause() + 1)
     }
 
+    /// The chain that feeds each import.
+    fn link(&mut self, producers: &[u32]) {
+        let mut fed: Vec<(u32, u32)> = Vec::with_capacity(self.imports.len());
+        for (index, import) in (0..).zip(&self.imports) {
+            let mut value = import.resident;
+            if let Role::State(state) = self.graph.value(value).role {
+                value = self.graph.states[state as usize].1;
+                self.state_imports.push(index);
+            }
+            if producers[value.index()] != NONE {
+                fed.push((producers[value.index()], index));
+            }
+        }
+        let ranges = grouped(fed, self.chains.len(), &mut self.links);
+        for (chain, range) in self.chains.iter_mut().zip(ranges) {
+            chain.links = range;
+        }
+    }
+
     /// Data order, and for values written in place the order "all readers of the old word first".
-    fn order(&mut self) {
-        let producers = self.graph.producers();
-        let mut readers: Vec<Vec<u32>> = vec![Vec::new(); if self.in_place { self.graph.values.len() } else { 0 }];
-        for (index, chain) in self.graph.chains.iter().enumerate() {
-            let mut sources: Vec<u32> = Vec::new();
+    fn order(&mut self, producers: &[u32], renumbered: &[u32], in_place: bool) {
+        let graph = self.graph;
+        // Pairs of a chain and one that waits for it.
+        let mut waits: Vec<(u32, u32)> = Vec::with_capacity(graph.terms.len());
+        let mut of_chain: Vec<(u32, u32)> = Vec::new();
+        for (chain, index) in graph.chains.iter().zip(renumbered) {
             let mut read = |value: ValueId| {
                 let producer = producers[value.index()];
                 if producer != NONE {
-                    sources.push(producer);
-                } else if self.in_place && matches!(self.graph.value(value).role, Role::State(_)) {
-                    readers[value.index()].push(index as u32);
+                    of_chain.push((producer, *index));
+                } else if let Role::State(state) = graph.value(value).role
+                    && in_place
+                {
+                    let writer = producers[graph.states[state as usize].1.index()];
+                    if writer != *index {
+                        of_chain.push((*index, writer));
+                    }
                 }
             };
-            for term in self.graph.chain_terms(chain) {
+            for term in graph.chain_terms(chain) {
                 read(term.operand);
                 if let Factor::Value(value) = term.factor {
                     read(value);
                 }
             }
             chain.writes().filter_map(|write| write.base).for_each(&mut read);
-            self.depend(index as u32, sources);
+            // Each wait of a chain counts once, however often it reads a value.
+            of_chain.sort_unstable();
+            of_chain.dedup();
+            waits.append(&mut of_chain);
         }
-        if self.in_place {
-            for (state, next) in &self.graph.states {
-                let writer = producers[next.index()];
-                let mut before = std::mem::take(&mut readers[state.index()]);
-                before.retain(|reader| *reader != writer);
-                self.depend(writer, before);
-            }
+        for (_, successor) in &waits {
+            self.chains[*successor as usize].predecessors += 1;
         }
-    }
-
-    fn depend(&mut self, chain: u32, mut on: Vec<u32>) {
-        on.sort_unstable();
-        on.dedup();
-        for source in on {
-            self.successors[source as usize].push(chain);
-            self.predecessors[chain as usize] += 1;
+        let ranges = grouped(waits, self.chains.len(), &mut self.successors);
+        for (chain, range) in self.chains.iter_mut().zip(ranges) {
+            chain.successors = range;
         }
     }
 
     /// Longest ways, backwards in topological order (end values may come before readers they wait for, so by count).
     fn prioritise(&mut self) {
-        let count = self.graph.chains.len();
+        let count = self.chains.len();
         let mut order = Vec::with_capacity(count);
-        let mut waiting = self.predecessors.clone();
+        let mut waiting: Vec<u32> = self.chains.iter().map(|chain| chain.predecessors).collect();
         let mut ready: Vec<u32> = (0..count as u32).filter(|chain| waiting[*chain as usize] == 0).collect();
         while let Some(chain) = ready.pop() {
             order.push(chain);
-            for successor in &self.successors[chain as usize] {
+            for successor in self.successors(chain) {
                 waiting[*successor as usize] -= 1;
                 if waiting[*successor as usize] == 0 {
                     ready.push(*successor);
@@ -188,32 +317,140 @@ impl<'a> Problem<'a> {
         }
         assert_eq!(order.len(), count, "the step graph has a cycle");
         let result = self.latency.write() + Latency::WRITE_TO_READ;
-        self.priority = vec![0; count];
         for chain in order.into_iter().rev() {
-            let follow = self.successors[chain as usize].iter().map(|successor| {
-                let far = self.pe_of[*successor as usize] != self.pe_of[chain as usize];
-                self.priority[*successor as usize] + result + if far { Latency::SEND_TO_RECEIVE } else { 0 }
+            let code = &self.chains[chain as usize];
+            let follow = self.successors(chain).iter().map(|successor| {
+                let successor = &self.chains[*successor as usize];
+                successor.priority + result + if successor.pe != code.pe { Latency::SEND_TO_RECEIVE } else { 0 }
             });
-            let after = follow.max().unwrap_or(0);
-            self.priority[chain as usize] = self.graph.chains[chain as usize].len() + after;
+            let priority = code.len() + follow.max().unwrap_or(0);
+            self.chains[chain as usize].priority = priority;
         }
     }
 
     /// Turns a placement into the schedule that the next stage gets.
     pub fn finish(&self, placement: Placement, period: u32) -> Schedule {
-        let producers = self.graph.producers();
         let mut transfers: Vec<Transfer> = Vec::with_capacity(self.imports.len());
         for (import, receive) in self.imports.iter().zip(&placement.receives) {
             // A state's import is fed by its end value.
-            let resident = ValueId(import.resident);
-            let value = match self.graph.value(resident).role {
+            let value = match self.graph.value(import.resident).role {
                 Role::State(s) => self.graph.states[s as usize].1,
-                _ => resident,
+                _ => import.resident,
             };
-            debug_assert!(producers[value.index()] != NONE || self.graph.value(value).equation == NONE);
             transfers.push(Transfer { value, to: import.pe, receive: *receive });
         }
         transfers.sort_unstable();
-        Schedule { period, starts: placement.starts, order: placement.order, transfers }
+        let mut starts = vec![0; self.chains.len()];
+        let mut order = vec![0; self.operands.len()];
+        for ((code, original), start) in self.chains.iter().zip(&self.originals).zip(&placement.starts) {
+            starts[*original as usize] = *start;
+            let first = self.graph.chains[*original as usize].terms.start;
+            for position in 0..code.len() {
+                let term = placement.order[(code.terms.start + position) as usize];
+                order[(first + position) as usize] = first + term - code.terms.start;
+            }
+        }
+        Schedule { period, starts, order, transfers }
     }
+}
+
+/// Slots of values and imports.
+struct Places {
+    /// Slot of each value in its own PE, or none.
+    own: Vec<u32>,
+    /// PE of each value, or none.
+    home: Vec<u32>,
+    /// The start value of a state for its end value; itself for others.
+    resident: Vec<u32>,
+    /// First import of each PE, and their number.
+    first_import: Vec<u32>,
+    imports: Vec<Import>,
+    slots: usize,
+}
+
+impl Places {
+    fn new(graph: &StepGraph, mapping: &Mapping, pe_of: &[u32]) -> Places {
+        let pes = mapping.pes as usize;
+        let mut resident: Vec<u32> = (0..graph.values.len() as u32).collect();
+        for (state, next) in &graph.states {
+            resident[next.index()] = state.0;
+        }
+        let of_equation = |equation: u32| mapping.pe_of.get(equation as usize).copied().unwrap_or(NONE);
+        let home: Vec<u32> = graph.values.iter().map(|value| of_equation(value.equation)).collect();
+        let mut needs: Vec<(u32, u32)> = Vec::new();
+        for (chain, pe) in graph.chains.iter().zip(pe_of) {
+            for term in graph.chain_terms(chain) {
+                if home[term.operand.index()] != *pe {
+                    needs.push((*pe, resident[term.operand.index()]));
+                }
+            }
+        }
+        needs.sort_unstable();
+        needs.dedup();
+        let mut first_import = vec![0; pes + 1];
+        for (pe, _) in &needs {
+            first_import[*pe as usize + 1] += 1;
+        }
+        let mut owned = vec![0u32; pes];
+        for pe in home.iter().filter(|pe| **pe != NONE) {
+            owned[*pe as usize] += 1;
+        }
+        // Each PE's slots lie together: its own values, then its imports.
+        let mut next_own = vec![0; pes];
+        let mut next_import = vec![0; pes];
+        let mut slots = 0;
+        for pe in 0..pes {
+            next_own[pe] = slots;
+            next_import[pe] = slots + owned[pe];
+            slots += owned[pe] + first_import[pe + 1];
+            first_import[pe + 1] += first_import[pe];
+        }
+        assert!(slots < IMPORTED, "more values than slots can be told apart");
+        let take = |pe: u32, next: &mut Vec<u32>| {
+            let slot = &mut next[pe as usize];
+            *slot += 1;
+            *slot - 1
+        };
+        let own = home.iter().map(|pe| if *pe == NONE { NONE } else { take(*pe, &mut next_own) }).collect();
+        let import = |(pe, value): (u32, u32)| {
+            let is_input = matches!(graph.values[value as usize].role, Role::Input(_));
+            Import { resident: ValueId(value), pe, slot: take(pe, &mut next_import), is_input }
+        };
+        let imports = needs.into_iter().map(import).collect();
+        Places { own, home, resident, first_import, imports, slots: slots as usize }
+    }
+
+    /// Where a PE reads a value.
+    fn operand(&self, graph: &StepGraph, value: ValueId, pe: u32) -> Operand {
+        let before = if matches!(graph.value(value).role, Role::State(_)) { FROM_BEFORE } else { 0 };
+        if self.home[value.index()] == pe {
+            return Operand(self.own[value.index()] | before);
+        }
+        let resident = ValueId(self.resident[value.index()]);
+        let range = self.first_import[pe as usize] as usize..self.first_import[pe as usize + 1] as usize;
+        let imports = &self.imports[range];
+        let found = imports.binary_search_by_key(&resident, |import| import.resident).expect("an import of the PE");
+        Operand(imports[found].slot | before | IMPORTED)
+    }
+}
+
+/// Groups the second members of pairs by their first, a number below `count`, into `members`; the range of each group.
+fn grouped(pairs: Vec<(u32, u32)>, count: usize, members: &mut Vec<u32>) -> Vec<(u32, u32)> {
+    let mut ranges = vec![(0, 0); count];
+    for (group, _) in &pairs {
+        ranges[*group as usize].1 += 1;
+    }
+    let mut begin = 0;
+    for range in &mut ranges {
+        let size = range.1;
+        *range = (begin, begin);
+        begin += size;
+    }
+    *members = vec![0; pairs.len()];
+    for (group, member) in pairs {
+        let end = &mut ranges[group as usize].1;
+        members[*end as usize] = member;
+        *end += 1;
+    }
+    ranges
 }

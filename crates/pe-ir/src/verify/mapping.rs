@@ -29,6 +29,7 @@ impl Facts {
     /// The facts of a step graph.
     pub fn of(graph: &StepGraph) -> Facts {
         let mut facts = Facts { loads: vec![0; graph.equations.len()], ..Facts::default() };
+        let (mut dependencies, mut input_reads) = (Vec::new(), Vec::new());
         for chain in &graph.chains {
             let terms = graph.chain_terms(chain);
             let writes = 1 + u32::from(chain.second.is_some());
@@ -36,14 +37,23 @@ impl Facts {
             for term in terms {
                 let operand = graph.value(term.operand);
                 if let Role::Input(input) = operand.role {
-                    facts.input_reads.insert((input, chain.equation));
+                    input_reads.push((input, chain.equation));
                 } else if operand.equation != chain.equation {
-                    facts.dependencies.insert((operand.equation, chain.equation));
+                    dependencies.push((operand.equation, chain.equation));
                 }
             }
         }
+        facts.dependencies = set(dependencies);
+        facts.input_reads = set(input_reads);
         facts
     }
+}
+
+/// A set made at once, which is many times faster than one by one.
+fn set(mut members: Vec<(u32, u32)>) -> BTreeSet<(u32, u32)> {
+    members.sort_unstable();
+    members.dedup();
+    members.into_iter().collect()
 }
 
 /// Returns what is wrong with a mapping of a step graph; empty if nothing is.
@@ -73,18 +83,14 @@ pub fn check_facts(facts: &Facts, mapping: &Mapping, claimed: &MappingCost, max_
         violations.push(format!("largest load is {max_load}, not {}", claimed.max_load));
     }
 
-    let links: BTreeSet<(u32, u32)> = facts
-        .dependencies
-        .iter()
-        .map(|&(read, reader)| (pe(read), pe(reader)))
-        .filter(|(source, target)| source != target)
-        .collect();
+    let between = facts.dependencies.iter().map(|&(read, reader)| (pe(read), pe(reader)));
+    let links = set(between.filter(|(source, target)| source != target).collect());
     let connections = links.iter().filter(|&&(a, b)| a < b || !links.contains(&(b, a))).count();
     if connections != claimed.connections as usize {
         violations.push(format!("there are {connections} connections, not {}", claimed.connections));
     }
 
-    let ports: BTreeSet<(u32, u32)> = facts.input_reads.iter().map(|&(input, reader)| (input, pe(reader))).collect();
+    let ports = set(facts.input_reads.iter().map(|&(input, reader)| (input, pe(reader))).collect());
     let mut degrees = vec![0u32; mapping.pes as usize];
     for &(_, target) in links.iter().chain(&ports) {
         degrees[target as usize] += 1;

@@ -10,7 +10,7 @@
 //! 4. every value is written once per step, every output is captured when its value is in the result register;
 //! 5. before the pause point of the first round nothing is written.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
@@ -82,8 +82,10 @@ struct Checker<'a> {
     graph: &'a StepGraph,
     fixed: &'a FixedPoint,
     producers: Vec<u32>,
-    /// Start value of a state for its end value.
-    start_of: HashMap<u32, u32>,
+    /// Start value of a state for its end value, else none.
+    start_of: Vec<u32>,
+    /// Outputs by the PE and word in which they are captured, sorted.
+    captures: Vec<((u32, u32), usize)>,
     pes: Vec<Pe<'a>>,
     written: Vec<u32>,
     violations: Vec<String>,
@@ -92,6 +94,13 @@ struct Checker<'a> {
 impl<'a> Checker<'a> {
     fn new(program: &'a Program, graph: &'a StepGraph, fixed: &'a FixedPoint) -> Self {
         let accumulate = program.latency().accumulate() as usize;
+        let mut start_of = vec![NONE; graph.values.len()];
+        for (state, next) in &graph.states {
+            start_of[next.index()] = state.0;
+        }
+        let places = program.outputs.iter().map(|output| (output.pe, output.word));
+        let mut captures: Vec<_> = places.zip(0..).collect();
+        captures.sort_unstable();
         let pes = program.pes.iter().map(|pe| Pe {
             program: pe,
             own: pe.own_image.iter().map(|word| Cell::Image(*word)).collect(),
@@ -111,7 +120,8 @@ impl<'a> Checker<'a> {
             graph,
             fixed,
             producers: graph.producers(),
-            start_of: graph.states.iter().map(|(state, next)| (next.0, state.0)).collect(),
+            start_of,
+            captures,
             pes: pes.collect(),
             written: vec![0; graph.values.len()],
             violations: Vec::new(),
@@ -136,9 +146,9 @@ impl<'a> Checker<'a> {
     fn cell(&self, value: ValueId, step: i64, seen: impl Fn(i64) -> i64) -> Cell {
         match self.graph.value(value).role {
             Role::Constant(_) => Cell::Image(seen(self.fixed.constant_word(self.graph, value))),
-            _ => match self.start_of.get(&value.0) {
-                Some(state) => Cell::Value(*state, step + 1),
-                None => Cell::Value(value.0, step),
+            _ => match self.start_of[value.index()] {
+                NONE => Cell::Value(value.0, step),
+                state => Cell::Value(state, step + 1),
             },
         }
     }
@@ -209,13 +219,14 @@ impl<'a> Checker<'a> {
         if round == 0 && word < self.program.latency().pause() {
             return;
         }
-        for (output, value) in self.program.outputs.iter().zip(&self.graph.outputs) {
-            if output.pe == pe as u32 && output.word == word {
-                let noted = self.pes[pe].program.notes[word as usize].write;
-                if noted != value.0 {
-                    let text = format!("output `{}` captured from another value, step {step}", output.name);
-                    self.violations.push(format!("round {round}, word {word}, PE {pe}: {text}"));
-                }
+        let here = (pe as u32, word);
+        let first = self.captures.partition_point(|(place, _)| *place < here);
+        for (_, output) in self.captures[first..].iter().take_while(|(place, _)| *place == here) {
+            let noted = self.pes[pe].program.notes[word as usize].write;
+            if self.graph.outputs.get(*output) != Some(&ValueId(noted)) {
+                let name = &self.program.outputs[*output].name;
+                let text = format!("output `{name}` captured from another value, step {step}");
+                self.violations.push(format!("round {round}, word {word}, PE {pe}: {text}"));
             }
         }
     }

@@ -10,7 +10,7 @@
 //! 6. a value written in place comes after every read of the word it overwrites;
 //! 7. what falls into the next step's first words is done before its pause point.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use crate::graph::{Factor, Role, StepGraph, ValueId};
 use crate::mapping::Mapping;
@@ -29,21 +29,23 @@ struct Checker<'a> {
     mapping: &'a Mapping,
     schedule: &'a Schedule,
     latency: Latency,
-    /// Write word of each value that a chain computes.
-    written: BTreeMap<ValueId, u32>,
-    received: BTreeMap<(ValueId, u32), u32>,
+    /// Write word of each value that a chain computes, else none.
+    written: Vec<u32>,
+    /// Receive words by value and PE, sorted.
+    received: Vec<((ValueId, u32), u32)>,
     violations: Vec<String>,
 }
 
 impl<'a> Checker<'a> {
     fn new(graph: &'a StepGraph, mapping: &'a Mapping, schedule: &'a Schedule, latency: Latency) -> Self {
-        let mut written = BTreeMap::new();
+        let mut written = vec![NONE; graph.values.len()];
         for (chain, start) in graph.chains.iter().zip(&schedule.starts) {
             for (position, write) in chain.writes().enumerate() {
-                written.insert(write.value, start + chain.len() - 1 + latency.write() + position as u32);
+                written[write.value.index()] = start + chain.len() - 1 + latency.write() + position as u32;
             }
         }
-        let received = schedule.transfers.iter().map(|t| ((t.value, t.to), t.receive)).collect();
+        let mut received: Vec<_> = schedule.transfers.iter().map(|t| ((t.value, t.to), t.receive)).collect();
+        received.sort_unstable();
         Checker { graph, mapping, schedule, latency, written, received, violations: Vec::new() }
     }
 
@@ -58,24 +60,36 @@ impl<'a> Checker<'a> {
         self.mapping.pe_of[equation as usize]
     }
 
-    fn claim(&mut self, used: &mut BTreeSet<(&'static str, u32, u32)>, what: &'static str, pe: u32, time: u32) {
-        if !used.insert((what, pe, time % self.schedule.period)) {
-            self.violations.push(format!("PE {pe}: two operations for {what} in word {time}"));
+    /// Write word of a value.
+    fn written(&self, value: ValueId) -> Option<u32> {
+        Some(self.written[value.index()]).filter(|word| *word != NONE)
+    }
+
+    /// Receive word of a value in a PE.
+    fn received(&self, value: ValueId, pe: u32) -> Option<u32> {
+        let found = self.received.binary_search_by_key(&(value, pe), |entry| entry.0);
+        found.ok().map(|index| self.received[index].1)
+    }
+
+    /// No two operations of a kind share a word of a PE.
+    fn apart(&mut self, what: &'static str, mut claims: Vec<(u32, u32)>) {
+        claims.sort_unstable();
+        for pair in claims.windows(2).filter(|pair| pair[0] == pair[1]) {
+            let (pe, word) = pair[0];
+            self.violations.push(format!("PE {pe}: two operations for {what} in word {word}"));
         }
     }
 
     /// Rules 1, 2, 3 and 7.
     fn exclusive(&mut self) {
         let period = self.schedule.period;
-        let mut used = BTreeSet::new();
-        let mut ends: BTreeMap<u32, Vec<(u32, u32)>> = BTreeMap::new();
+        let (mut issues, mut own_writes, mut receives) = (Vec::new(), Vec::new(), Vec::new());
+        let mut ends: Vec<Vec<(u32, u32)>> = vec![Vec::new(); self.mapping.pes as usize];
         for (index, chain) in self.graph.chains.iter().enumerate() {
             let pe = self.pe(chain.equation);
             let start = self.schedule.starts[index];
             let last = start + chain.len() - 1;
-            for time in start..=last {
-                self.claim(&mut used, "issue", pe, time);
-            }
+            issues.extend((start..=last).map(|time| (pe, time % period)));
             if last >= period {
                 self.violations.push(format!("PE {pe}: issue in word {last} of {period}"));
             }
@@ -86,16 +100,16 @@ impl<'a> Checker<'a> {
                 self.violations.push(format!("chain {index}: the issue order is not a permutation of its terms"));
             }
             let writes = chain.writes().count() as u32;
-            ends.entry(pe).or_default().push((last, writes));
+            ends[pe as usize].push((last, writes));
             for position in 0..writes {
                 let time = last + self.latency.write() + position;
-                self.claim(&mut used, "write", pe, time);
+                own_writes.push((pe, time % period));
                 self.in_time(pe, time);
             }
         }
-        for (pe, mut ends) in ends {
+        for (pe, mut ends) in ends.into_iter().enumerate() {
             ends.sort_unstable();
-            let first = ends[0].0 + period;
+            let first = ends.first().map_or(0, |end| end.0 + period);
             let following: Vec<u32> = ends.iter().skip(1).map(|end| end.0).chain([first]).collect();
             for ((last, writes), next) in ends.into_iter().zip(following) {
                 if next < last + writes {
@@ -104,7 +118,7 @@ impl<'a> Checker<'a> {
             }
         }
         for transfer in &self.schedule.transfers {
-            self.claim(&mut used, "receive", transfer.to, transfer.receive);
+            receives.push((transfer.to, transfer.receive % period));
             if let Role::Input(_) = self.graph.value(transfer.value).role {
                 if transfer.receive <= self.latency.pause() || transfer.receive >= period {
                     self.violations.push(format!("PE {}: input received in word {}", transfer.to, transfer.receive));
@@ -113,6 +127,9 @@ impl<'a> Checker<'a> {
                 self.in_time(transfer.to, transfer.receive);
             }
         }
+        self.apart("issue", issues);
+        self.apart("write", own_writes);
+        self.apart("receive", receives);
     }
 
     /// Memory changes lie after this step's pause point and before the next one's.
@@ -125,26 +142,23 @@ impl<'a> Checker<'a> {
 
     /// Rules 4 and 6.
     fn reads(&mut self) {
-        let mut reads: Vec<(ValueId, u32, u32)> = Vec::new();
-        for (index, chain) in self.graph.chains.iter().enumerate() {
+        let (graph, schedule) = (self.graph, self.schedule);
+        for (index, chain) in graph.chains.iter().enumerate() {
             let pe = self.pe(chain.equation);
-            let start = self.schedule.starts[index];
+            let start = schedule.starts[index];
             for (time, position) in (start..).zip(chain.terms.clone()) {
-                let term = &self.graph.terms[self.schedule.order[position as usize] as usize];
-                reads.push((term.operand, pe, time));
+                let term = &graph.terms[schedule.order[position as usize] as usize];
+                self.read(term.operand, pe, time);
                 if let Factor::Value(factor) = term.factor {
-                    reads.push((factor, pe, time));
+                    self.read(factor, pe, time);
                 }
             }
             for (position, write) in chain.writes().enumerate() {
                 if let Some(base) = write.base {
                     let scale = start + chain.len() - 1 + self.latency.scale() + position as u32;
-                    reads.push((base, pe, scale));
+                    self.read(base, pe, scale);
                 }
             }
-        }
-        for (value, pe, time) in reads {
-            self.read(value, pe, time);
         }
     }
 
@@ -163,13 +177,13 @@ impl<'a> Checker<'a> {
             Role::State(s) => (self.graph.states[s as usize].1, self.schedule.period),
             _ => (value, 0),
         };
-        let arrival = if local { self.written.get(&source) } else { self.received.get(&(source, pe)) };
+        let arrival = if local { self.written(source) } else { self.received(source, pe) };
         match arrival {
             None => self.violations.push(format!("PE {pe}: `{}` never arrives", name())),
-            Some(arrival) if time + earlier <= *arrival => {
+            Some(arrival) if time + earlier <= arrival => {
                 self.violations.push(format!("PE {pe}: `{}` read in word {time}, there after {arrival}", name()));
             }
-            Some(arrival) if earlier > 0 && !self.graph.swaps() && time >= *arrival => {
+            Some(arrival) if earlier > 0 && !self.graph.swaps() && time >= arrival => {
                 self.violations.push(format!("PE {pe}: `{}` read in word {time}, overwritten in {arrival}", name()));
             }
             Some(_) => {}
@@ -179,20 +193,20 @@ impl<'a> Checker<'a> {
     /// Rule 5.
     fn links(&mut self) {
         let mut sends: BTreeMap<u32, Vec<(u32, u32)>> = BTreeMap::new();
-        let mut last_receive: BTreeMap<ValueId, u32> = BTreeMap::new();
+        let mut last_receive = vec![NONE; self.graph.values.len()];
         for transfer in &self.schedule.transfers {
-            let last = last_receive.entry(transfer.value).or_insert(0);
-            *last = (*last).max(transfer.receive);
-            if let Some(sent) = self.written.get(&transfer.value)
-                && transfer.receive <= *sent
+            let last = &mut last_receive[transfer.value.index()];
+            *last = if *last == NONE { transfer.receive } else { transfer.receive.max(*last) };
+            if let Some(sent) = self.written(transfer.value)
+                && transfer.receive <= sent
             {
                 self.violations.push(format!("`{}` received before it is sent", self.graph.value_name(transfer.value)));
             }
         }
-        for (value, last) in &last_receive {
-            if let Some(sent) = self.written.get(value) {
-                let pe = self.pe(self.graph.value(*value).equation);
-                sends.entry(pe).or_default().push((*sent, *last));
+        for (value, last) in (0..).map(ValueId).zip(last_receive).filter(|(_, last)| *last != NONE) {
+            if let Some(sent) = self.written(value) {
+                let pe = self.pe(self.graph.value(value).equation);
+                sends.entry(pe).or_default().push((sent, last));
             }
         }
         for (pe, mut sends) in sends {

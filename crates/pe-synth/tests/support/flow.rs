@@ -107,7 +107,7 @@ impl Flow {
         let bound = pe_hls::schedule::Bound::of(&graph, pes, latency).binding().0;
         assert!(schedule.period >= bound, "{label}: {} words, fewer than the bound of {bound}", schedule.period);
         assert_clean(&label, &verify::schedule::check(&graph, &mapping, &schedule, latency));
-        let program = pe_hls::assemble::assemble(&model, &graph, &fixed, &mapping, &schedule);
+        let program = pe_hls::assemble::assemble(&model, &graph, &fixed, &mapping, &schedule).expect("small");
         assert_clean(&label, &verify::program::check(&program, &graph, &fixed, 3));
         Flow { label, model, graph, fixed, mapping, schedule, program }
     }
