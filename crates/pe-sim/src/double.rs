@@ -2,7 +2,9 @@
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
 
-use crate::code::{Code, WriteCode};
+use crate::lanes::{self, DoubleSums, Gathered};
+use crate::slots::Slots;
+use crate::tiles::{LANES, Place, Shared, Tiles};
 
 /// A value stopped being a finite number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,9 +16,9 @@ pub struct Diverged {
 /// A run in double precision.
 pub struct DoubleRun<'a> {
     graph: &'a StepGraph,
-    code: Code,
-    coefficients: Vec<f64>,
-    /// Current numbers, one slot per value and a zero.
+    slots: Slots,
+    tiles: Tiles<f64>,
+    /// Current numbers, a slot per value and a zero.
     values: Vec<f64>,
     largest: Vec<f64>,
 }
@@ -43,15 +45,15 @@ impl<'a> DoubleRun<'a> {
     }
 
     fn with_coefficients(graph: &'a StepGraph, coefficient: impl Fn(usize) -> f64) -> Self {
-        let code = Code::new(graph);
-        let coefficients = code.terms.iter().map(|term| coefficient(*term as usize)).collect();
-        let mut values = vec![0.0; graph.values.len() + 1];
-        for (slot, value) in values.iter_mut().zip(&graph.values) {
+        let slots = Slots::new(graph);
+        let tiles = slots.arrange(graph, |_, _| 0, coefficient, |_, _, write| write.weight);
+        let mut values = vec![0.0; slots.count()];
+        for (index, value) in graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
-                *slot = number;
+                values[slots.of(ValueId(index as u32)) as usize] = number;
             }
         }
-        let mut run = DoubleRun { graph, code, coefficients, largest: vec![0.0; values.len()], values };
+        let mut run = DoubleRun { graph, slots, tiles, largest: vec![0.0; values.len()], values };
         for (index, initial) in graph.initial.iter().enumerate() {
             run.set_state(index, *initial);
         }
@@ -60,29 +62,33 @@ impl<'a> DoubleRun<'a> {
 
     /// Sets a state.
     pub fn set_state(&mut self, index: usize, number: f64) {
-        let slot = self.graph.states[index].0.index();
+        let slot = self.slots.of(self.graph.states[index].0) as usize;
         self.values[slot] = number;
         self.largest[slot] = self.largest[slot].max(number.abs());
     }
 
     /// A state at the start of the next step.
     pub fn state(&self, index: usize) -> f64 {
-        self.values[self.graph.states[index].0.index()]
+        self.number(self.graph.states[index].0)
     }
 
     /// A value by its index: of the latest step, but for states, which are those of the next.
     pub fn value(&self, index: usize) -> f64 {
-        self.values[index]
+        self.number(ValueId(index as u32))
     }
 
     /// A published output after a step.
     pub fn output(&self, index: usize) -> f64 {
-        self.values[self.graph.outputs[index].index()]
+        self.number(self.graph.outputs[index])
+    }
+
+    fn number(&self, value: ValueId) -> f64 {
+        self.values[self.slots.of(value) as usize]
     }
 
     /// Largest magnitude of each value so far.
-    pub fn largest(&self) -> &[f64] {
-        &self.largest[..self.graph.values.len()]
+    pub fn largest(&self) -> Vec<f64> {
+        self.slots.in_graph_order(&self.largest)
     }
 
     /// Advances by one step with the inputs held.
@@ -91,50 +97,92 @@ impl<'a> DoubleRun<'a> {
     /// [`Diverged`] if a value is no longer finite.
     pub fn step(&mut self, inputs: &[f64]) -> Result<(), Diverged> {
         for (value, number) in self.graph.inputs.iter().zip(inputs) {
-            self.values[value.index()] = *number;
+            self.values[self.slots.of(*value) as usize] = *number;
         }
-        for chain in &self.code.chains {
-            let mut sum = 0.0;
-            let products = chain.coefficients.start as usize..chain.coefficients.end as usize;
-            for (operand, coefficient) in self.code.operands[products.clone()].iter().zip(&self.coefficients[products])
-            {
-                sum += self.values[*operand as usize] * coefficient;
-            }
-            for index in chain.factors.start as usize..chain.factors.end as usize {
-                let factor = self.values[self.code.factors[index] as usize];
-                sum += self.values[self.code.operands[index] as usize] * factor;
-            }
-            write(&mut self.values, &chain.write, sum);
-            if let Some(second) = &chain.second {
-                write(&mut self.values, second, sum);
-            }
+        let given = 0..self.slots.given;
+        let mut finite = note_largest(&mut self.largest[given.clone()], &self.values[given]);
+        // The widest vectors that this processor has: they round like single numbers, so nothing depends on it.
+        finite &= pulp::Arch::new().dispatch(Tiling(self));
+        if !finite {
+            let written = self.graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
+            let given = self.graph.inputs.iter().copied().chain(self.graph.states.iter().map(|(state, _)| *state));
+            let first = written.chain(given).find(|value| !self.number(*value).is_finite());
+            return Err(Diverged { value: first.expect("a value is not finite") });
         }
-        if !self.note_largest() {
-            let finite = |write: &pe_ir::graph::Write| self.values[write.value.index()].is_finite();
-            let mut writes = self.graph.chains.iter().flat_map(|chain| chain.writes());
-            let first = writes.find(|write| !finite(write)).expect("a value is not finite");
-            return Err(Diverged { value: first.value });
-        }
-        for (state, next) in &self.graph.states {
-            self.values[state.index()] = self.values[next.index()];
-        }
+        self.slots.take_over(&mut self.values);
         Ok(())
     }
 
-    /// Updates the largest magnitudes; false if some value is not finite. One pass over all values after the step is
-    /// several times faster than a check at every write.
-    fn note_largest(&mut self) -> bool {
+    /// Runs all chains; false if a value is not finite.
+    #[inline(always)]
+    fn run_tiles(&mut self) -> bool {
         let mut finite = true;
-        for (largest, value) in self.largest.iter_mut().zip(&self.values) {
-            let magnitude = value.abs();
-            finite &= magnitude < f64::INFINITY;
-            *largest = if magnitude > *largest { magnitude } else { *largest };
+        let mut room = Gathered::new();
+        let (mut bases, mut results) = ([0.0; LANES], [0.0; LANES]);
+        let mut sums = DoubleSums([0.0; LANES]);
+        for tile in &self.tiles.tiles {
+            let lanes = tile.lanes as usize;
+            sums.0[..lanes].fill(0.0);
+            lanes::accumulate((&self.tiles, tile), (&self.values, &self.values), &mut room, &mut sums);
+            for writes in &self.tiles.writes[tile.writes.start as usize..tile.writes.end as usize] {
+                let bases = lanes::values(writes.bases, lanes, &self.values, &self.tiles.slots, &mut bases);
+                let results = &mut results[..lanes];
+                match writes.shifts {
+                    Shared::Same(weight) => {
+                        let weight = power_of_two(weight);
+                        for ((result, base), sum) in results.iter_mut().zip(bases).zip(&sums.0) {
+                            *result = base + weight * sum;
+                        }
+                    }
+                    Shared::Each(start) => {
+                        let weights = &self.tiles.shifts[start as usize..][..lanes];
+                        for (((result, base), sum), weight) in results.iter_mut().zip(bases).zip(&sums.0).zip(weights) {
+                            *result = base + power_of_two(*weight) * sum;
+                        }
+                    }
+                }
+                lanes::store(writes.targets, results, &mut self.values, &self.tiles.slots);
+                finite &= match writes.targets {
+                    Place::Row(start) => note_largest(&mut self.largest[start as usize..][..lanes], results),
+                    Place::Same(slot) => note_largest(&mut self.largest[slot as usize..][..1], results),
+                    Place::Each(start) => {
+                        let slots = &self.tiles.slots[start as usize..][..lanes];
+                        slots.iter().zip(results).fold(true, |finite, (slot, result)| {
+                            finite
+                                & note_largest(&mut self.largest[*slot as usize..][..1], std::slice::from_ref(result))
+                        })
+                    }
+                };
+            }
         }
         finite
     }
 }
 
-fn write(values: &mut [f64], write: &WriteCode, sum: f64) {
-    let weight = f64::from_bits(((1023 + i64::from(write.weight)) as u64) << 52);
-    values[write.value as usize] = values[write.base as usize] + weight * sum;
+/// [`DoubleRun::run_tiles`] as something to dispatch.
+struct Tiling<'r, 'a>(&'r mut DoubleRun<'a>);
+
+impl pulp::NullaryFnOnce for Tiling<'_, '_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        self.0.run_tiles()
+    }
+}
+
+/// Updates the largest magnitudes; false if some value is not finite.
+#[inline(always)]
+fn note_largest(largest: &mut [f64], values: &[f64]) -> bool {
+    let mut finite = true;
+    for (largest, value) in largest.iter_mut().zip(values) {
+        let magnitude = value.abs();
+        finite &= magnitude < f64::INFINITY;
+        *largest = if magnitude > *largest { magnitude } else { *largest };
+    }
+    finite
+}
+
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
 }

@@ -1,49 +1,62 @@
 //! The step graph in fixed point: bit for bit what the hardware computes, without its timing.
 
 use pe_ir::graph::{FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::word::{WordFormat, round_shift};
+use pe_ir::word::WordFormat;
 
-use crate::code::{Code, WriteCode};
+use crate::slots::Slots;
+use crate::tiles::Tiles;
+use crate::words::{self, Port, Words};
 
 /// A run in fixed point.
 pub struct FixedRun<'a> {
     graph: &'a StepGraph,
     fixed: &'a FixedPoint,
-    code: Code,
-    coefficients: Vec<i64>,
-    /// For each chain of the code its shifts, and whether its sum needs more than 64 bits.
-    writes: Vec<([u8; 2], bool)>,
-    /// Stored words, one slot per value and the rounding offset as the missing base.
-    words: Vec<i64>,
-    saturations: Vec<u64>,
+    slots: Slots,
+    state: Ports,
+}
+
+/// Words and tiles, as wide as the multiplier's ports need.
+enum Ports {
+    Short(Words<i32>, Tiles<i32>),
+    Long(Words<i64>, Tiles<i64>),
+}
+
+/// Applies the same expression to either width.
+macro_rules! on_words {
+    ($state:expr, $words:ident => $result:expr) => {
+        match $state {
+            Ports::Short($words, _) => $result,
+            Ports::Long($words, _) => $result,
+        }
+    };
 }
 
 impl<'a> FixedRun<'a> {
     /// Starts a run from the initial values.
     pub fn new(graph: &'a StepGraph, fixed: &'a FixedPoint) -> Self {
-        let code = Code::new(graph);
-        let coefficients = code.terms.iter().map(|term| fixed.coefficients[*term as usize]).collect();
-        let mut words = vec![0; graph.values.len() + 1];
-        words[code.zero as usize] = fixed.format.data_offset();
-        for (index, value) in graph.values.iter().enumerate() {
-            if let Role::Constant(_) = value.role {
-                words[index] = fixed.constant_word(graph, ValueId(index as u32));
-            }
-        }
-        let of_chain = |chain: &crate::code::ChainCode| {
-            let index = chain.index as usize;
-            (fixed.shifts[index], fixed.accumulator_bits[index] > 64)
+        let slots = Slots::new(graph);
+        let state = if fixed.format.data_bits.max(fixed.format.coefficient_bits) <= 32 {
+            let (words, tiles) = prepare(graph, fixed, &slots);
+            Ports::Short(words, tiles)
+        } else {
+            let (words, tiles) = prepare(graph, fixed, &slots);
+            Ports::Long(words, tiles)
         };
-        let writes = code.chains.iter().map(of_chain).collect();
-        let mut run = FixedRun { graph, fixed, code, coefficients, writes, saturations: vec![0; words.len()], words };
+        let mut run = FixedRun { graph, fixed, slots, state };
         for (index, initial) in graph.initial.iter().enumerate() {
             let id = graph.states[index].0;
             let (word, saturated) =
                 fixed.format.encode(*initial, fixed.exponents[id.index()], fixed.format.data_offset());
-            run.words[id.index()] = word;
-            run.saturations[id.index()] += u64::from(saturated);
+            run.set(id, word);
+            let slot = run.slots.of(id) as usize;
+            on_words!(&mut run.state, words => words.saturations[slot] += u64::from(saturated));
         }
         run
+    }
+
+    fn set(&mut self, id: ValueId, word: i64) {
+        let slot = self.slots.of(id) as usize;
+        on_words!(&mut self.state, words => words.set(slot, word));
     }
 
     /// The input port's word for a number: `storage_bits` wide, rounded; the flag tells whether it saturated.
@@ -64,79 +77,61 @@ impl<'a> FixedRun<'a> {
 
     /// Stored word of a value.
     pub fn word(&self, id: ValueId) -> i64 {
-        self.words[id.index()]
+        let slot = self.slots.of(id) as usize;
+        on_words!(&self.state, words => words.words[slot])
     }
 
     /// How often each value saturated so far.
-    pub fn saturations(&self) -> &[u64] {
-        &self.saturations[..self.graph.values.len()]
+    pub fn saturations(&self) -> Vec<u64> {
+        on_words!(&self.state, words => self.slots.in_graph_order(&words.saturations))
     }
 
     fn number(&self, id: ValueId) -> f64 {
         let offset = self.fixed.offset(self.graph.value(id));
-        self.fixed.format.decode(self.words[id.index()], self.fixed.exponents[id.index()], offset)
+        self.fixed.format.decode(self.word(id), self.fixed.exponents[id.index()], offset)
     }
 
     /// Advances by one step. `inputs` are port words; returns whether a value saturated.
     pub fn step(&mut self, inputs: &[i64]) -> bool {
         let format = self.fixed.format;
-        let (data_drop, factor_drop, lift) = (format.data_drop(), format.factor_drop(), format.lift());
         for (value, word) in self.graph.inputs.iter().zip(inputs) {
-            self.words[value.index()] = format.input_operand(*word) << data_drop;
+            self.set(*value, format.input_operand(*word) << format.data_drop());
         }
-        let mut saturated = false;
-        for (chain, (shifts, wide)) in self.code.chains.iter().zip(&self.writes) {
-            let products = chain.coefficients.start as usize..chain.coefficients.end as usize;
-            let factors = chain.factors.start as usize..chain.factors.end as usize;
-            let rounded = if *wide {
-                let mut sum = 0i128;
-                for i in products.start..factors.end {
-                    let second = match self.code.factors[i] {
-                        slot if slot == self.code.zero => self.coefficients[i],
-                        slot => self.words[slot as usize] >> factor_drop,
-                    };
-                    sum += i128::from(self.words[self.code.operands[i] as usize] >> data_drop) * i128::from(second);
-                }
-                shifts.map(|shift| round_shift_wide(sum << lift, u32::from(shift)))
-            } else {
-                let mut sum = 0i64;
-                let operands = &self.code.operands[products.clone()];
-                for (operand, coefficient) in operands.iter().zip(&self.coefficients[products]) {
-                    sum += (self.words[*operand as usize] >> data_drop) * coefficient;
-                }
-                for i in factors {
-                    let factor = self.words[self.code.factors[i] as usize] >> factor_drop;
-                    sum += (self.words[self.code.operands[i] as usize] >> data_drop) * factor;
-                }
-                shifts.map(|shift| round_shift(sum << lift, u32::from(shift)))
-            };
-            saturated |= write(&mut self.words, &mut self.saturations, &format, &chain.write, rounded[0]);
-            if let Some(second) = &chain.second {
-                saturated |= write(&mut self.words, &mut self.saturations, &format, second, rounded[1]);
-            }
+        match &mut self.state {
+            Ports::Short(words, tiles) => step(words, tiles, &self.slots),
+            Ports::Long(words, tiles) => step(words, tiles, &self.slots),
         }
-        for (state, next) in &self.graph.states {
-            self.words[state.index()] = self.words[next.index()];
-        }
-        saturated
     }
+}
+
+fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots) -> (Words<P>, Tiles<P>) {
+    let tiles = slots.arrange(
+        graph,
+        |index, _| words::class(&fixed.format, u32::from(fixed.accumulator_bits[index]), false),
+        |term| P::of(fixed.coefficients[term]),
+        |index, position, _| i32::from(fixed.shifts[index][position]),
+    );
+    let has_factors = graph.values.iter().any(|value| value.factor);
+    let mut words = Words::new(fixed.format, slots.count(), has_factors);
+    words.set(slots.zero() as usize, fixed.format.data_offset());
+    for (index, value) in graph.values.iter().enumerate() {
+        let id = ValueId(index as u32);
+        if let Role::Constant(_) = value.role {
+            words.set(slots.of(id) as usize, fixed.constant_word(graph, id));
+        }
+    }
+    (words, tiles)
+}
+
+fn step<P: Port>(words: &mut Words<P>, tiles: &Tiles<P>, slots: &Slots) -> bool {
+    let saturated = words.run(tiles, &[], &mut []);
+    slots.take_over(&mut words.words);
+    slots.take_over(&mut words.data);
+    saturated
 }
 
 /// The `storage_bits` word of an input or output port for a number.
 pub fn encode_port(format: &WordFormat, exponent: i32, number: f64) -> (i64, bool) {
     let port = WordFormat { guard_bits: 0, ..*format };
     port.encode(number, exponent + format.guard_bits as i32, 0)
-}
-
-/// Sums of more than 64 bits fit 64 once they are shifted: the formats keep what a write adds near its range.
-fn round_shift_wide(sum: i128, shift: u32) -> i64 {
-    let rounded = if shift == 0 { sum } else { ((sum >> (shift - 1)) + 1) >> 1 };
-    rounded.clamp(i128::from(i64::MIN / 2), i128::from(i64::MAX / 2)) as i64
-}
-
-fn write(words: &mut [i64], saturations: &mut [u64], format: &WordFormat, write: &WriteCode, rounded: i64) -> bool {
-    let (word, saturated) = format.add(words[write.base as usize], rounded);
-    words[write.value as usize] = word;
-    saturations[write.value as usize] += u64::from(saturated);
-    saturated
 }

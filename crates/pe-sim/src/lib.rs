@@ -6,10 +6,14 @@
 //! * [`reference`]: the model's equations by a library for differential equations, what is right;
 //! * [`error`]: comparison of runs.
 
-mod code;
 pub mod double;
 pub mod error;
 pub mod fixed;
+mod lanes;
 pub mod machine;
+mod record;
 pub mod reference;
+mod slots;
+mod tiles;
 pub mod trace;
+mod words;

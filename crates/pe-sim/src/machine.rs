@@ -1,45 +1,44 @@
 //! The network, control word by control word: registers and memories as the datasheet describes them.
+//!
+//! A step does the same whatever the numbers, so its control words are followed once ([`crate::record`]) and what they
+//! compute is run for each step, many sums at a time ([`crate::tiles`]).
 
-use pe_ir::program::{Address, ControlWord, Layout, LinkSource, Multiplier, PeFeatures, Program};
+use std::collections::BTreeSet;
+
+use pe_ir::program::{ControlWord, Layout, Program};
 use pe_ir::word::WordFormat;
 
-use crate::trace::TraceLine;
-
-/// Registers and memories of one PE.
-struct Pe {
-    /// Control words, decoded from their bits.
-    words: Vec<ControlWord>,
-    features: PeFeatures,
-    ports: Vec<LinkSource>,
-    own: Vec<i64>,
-    base: Vec<i64>,
-    coefficients: Vec<i64>,
-    imported: Vec<i64>,
-    /// Products on their way: the front one is accumulated next.
-    products: std::collections::VecDeque<i128>,
-    accumulator: i128,
-    hold: i128,
-    /// Base word and shift of the adder.
-    scale: (i64, u32),
-    sum: i128,
-    /// Word of the write group and whether it saturated.
-    result: (i64, bool),
-    link: i64,
-    overflow: bool,
-}
+use crate::record::{Homes, KeptSums, Move, Moves, NULL, OFFSET, Recording, Stretch};
+use crate::tiles::{self, Chain, Factor, Outcome, Term, Tiles, Write};
+use crate::trace::{Checksums, MemoryWrite, TraceLine};
+use crate::words::{Port, Words};
 
 /// The whole network.
 pub struct Machine<'a> {
     program: &'a Program,
-    pes: Vec<Pe>,
-    inputs: Vec<i64>,
-    input_overflow: bool,
-    word: u32,
+    homes: Homes,
+    network: Network,
+    overflow: bool,
     cycle: u64,
     parity: bool,
-    settle: bool,
-    captured: Vec<i64>,
     outputs: Vec<i64>,
+    checksums: Vec<u64>,
+}
+
+/// Words and steps, as wide as the multiplier's ports need.
+enum Network {
+    Short(Steps<i32>),
+    Long(Steps<i64>),
+}
+
+/// Applies the same expression to either width.
+macro_rules! on_steps {
+    ($network:expr, $steps:ident => $result:expr) => {
+        match $network {
+            Network::Short($steps) => $result,
+            Network::Long($steps) => $result,
+        }
+    };
 }
 
 impl<'a> Machine<'a> {
@@ -60,62 +59,42 @@ impl<'a> Machine<'a> {
 
     /// A network that runs the given control-word bits in place of the program's own.
     pub fn with_bits(program: &'a Program, bits: &[Vec<u128>]) -> Self {
-        let latency = program.latency();
-        let pe = |(pe, bits): (&pe_ir::program::PeProgram, &Vec<u128>)| {
+        let decode = |(pe, bits): (&pe_ir::program::PeProgram, &Vec<u128>)| {
             let layout = Layout::new(&pe.features, &program.format);
-            Pe {
-                words: bits.iter().map(|bits| layout.decode(*bits)).collect(),
-                features: pe.features.clone(),
-                ports: pe.ports.clone(),
-                own: pe.own_image.clone(),
-                base: pe.base_image.clone(),
-                coefficients: pe.coefficient_image.clone(),
-                imported: pe.imported_image.clone(),
-                products: std::iter::repeat_n(0, latency.accumulate() as usize).collect(),
-                accumulator: 0,
-                hold: 0,
-                scale: (0, 0),
-                sum: 0,
-                result: (0, false),
-                link: 0,
-                overflow: false,
-            }
+            bits.iter().map(|bits| layout.decode(*bits)).collect()
         };
-        let mut machine = Machine {
+        let words: Vec<Vec<ControlWord>> = program.pes.iter().zip(bits).map(decode).collect();
+        let homes = Homes::new(program);
+        let network = if program.format.data_bits.max(program.format.coefficient_bits) <= 32 {
+            Network::Short(Steps::new(program, &words, &homes))
+        } else {
+            Network::Long(Steps::new(program, &words, &homes))
+        };
+        Machine {
             program,
-            pes: program.pes.iter().zip(bits).map(pe).collect(),
-            inputs: vec![0; program.inputs.len()],
-            input_overflow: false,
-            word: 0,
-            cycle: 0,
+            homes,
+            network,
+            overflow: false,
+            cycle: u64::from(program.latency().pause()),
             parity: false,
-            settle: true,
-            captured: vec![0; program.outputs.len()],
             outputs: vec![0; program.outputs.len()],
-        };
-        for _ in 0..latency.pause() {
-            machine.clock(&mut |_| {});
+            checksums: vec![0; program.pes.len()],
         }
-        machine.settle = false;
-        machine
     }
 
     /// Runs one step with the given input port words; every memory write goes to `trace`.
     pub fn step(&mut self, inputs: &[i64], trace: &mut impl FnMut(TraceLine)) {
-        let pause = self.program.latency().pause();
-        for (slot, word) in self.inputs.iter_mut().zip(inputs) {
-            *slot = *word;
-            let stored =
-                (i128::from(*word) << self.program.format.guard_bits) + i128::from(self.program.format.data_offset());
-            self.input_overflow |= stored > i128::from(self.program.format.max_word());
+        let format = self.program.format;
+        for (index, word) in inputs.iter().enumerate().take(self.program.inputs.len()) {
+            let stored = (i128::from(*word) << format.guard_bits) + i128::from(format.data_offset());
+            self.overflow |= stored > i128::from(format.max_word());
+            let slot = self.homes.input(index as u32);
+            on_steps!(&mut self.network, steps => steps.words.set_operand(slot as usize, format.input_operand(*word)));
         }
-        loop {
-            self.clock(trace);
-            if self.word == pause {
-                break;
-            }
-        }
-        self.outputs.clone_from(&self.captured);
+        let step = (self.cycle, self.parity, &mut self.checksums[..]);
+        self.overflow |= on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
+        self.cycle += u64::from(self.program.period);
+        self.parity = !self.parity;
     }
 
     /// Published outputs, port words.
@@ -125,120 +104,215 @@ impl<'a> Machine<'a> {
 
     /// Whether the overflow output is set.
     pub fn overflow(&self) -> bool {
-        self.input_overflow || self.pes.iter().any(|pe| pe.overflow)
+        self.overflow
+    }
+
+    /// Checksum of all memory writes of each PE so far; see [`Checksums`].
+    pub fn checksums(&self) -> &[u64] {
+        &self.checksums
     }
 
     /// Stored word of a state as the next step starts.
     pub fn state(&self, index: usize) -> i64 {
         let (pe, word) = self.program.states[index].own;
-        let pe = &self.pes[pe as usize];
-        pe.base[pe.features.base_word(word)]
+        let word = self.program.pes[pe as usize].features.base_word(word);
+        let slot = self.homes.base(pe as usize, word) as usize;
+        on_steps!(&self.network, steps => steps.words.words[slot])
     }
+}
 
-    /// Executes one control word in every PE.
-    fn clock(&mut self, trace: &mut impl FnMut(TraceLine)) {
-        let format = self.program.format;
-        let links: Vec<i64> = self.pes.iter().map(|pe| pe.link).collect();
-        let word_index = self.word as usize;
-        for (index, pe) in self.pes.iter_mut().enumerate() {
-            let word = pe.words[word_index];
-            let own_depth = pe.own.len();
-            let write = |address: u32, value: i64, bits: u32| TraceLine {
-                cycle: self.cycle,
-                pe: index as u32,
-                address,
-                value: value as u64 & (u64::MAX >> (64 - bits)),
-            };
-            // Reads come before the writes at the end of the word.
-            let own_operand = word.own.map_or(0, |a| pe.own[physical(a, own_depth, self.parity)]);
-            let imported_operand =
-                word.imported.map_or(0, |a| pe.imported[physical(a, pe.imported.len(), self.parity)]);
-            let second = match word.multiplier {
-                Multiplier::Coefficient(value) => value,
-                Multiplier::Stored(address) => pe.coefficients[usize::from(address)],
-            };
-            let base = match word.base {
-                Some(word) => pe.base[usize::from(word)],
-                None => format.data_offset(),
-            };
-            if let Some(target) = word.write.filter(|_| !self.settle) {
-                // The swap bit turns the top bit of the own memory's address over, also in a wider write address.
-                let slot = physical(target.address, own_depth, self.parity);
-                if target.own {
-                    pe.own[slot & (own_depth - 1)] = format.data_operand(pe.result.0);
-                }
-                if target.base {
-                    let base = pe.features.base_word(target.address.word);
-                    pe.base[base] = pe.result.0;
-                }
-                if target.factor {
-                    let factor = pe.features.factor_word(target.address.word);
-                    pe.coefficients[factor] = format.factor_operand(pe.result.0);
-                }
-                trace(write(slot as u32, pe.result.0, format.word_bits()));
-            }
-            if let Some((port, a)) = word.receive.filter(|_| !self.settle) {
-                let value = match pe.ports[usize::from(port)] {
-                    LinkSource::Pe(source) => links[source as usize],
-                    LinkSource::Input(input) => format.input_operand(self.inputs[input as usize]),
-                };
-                let slot = physical(a, pe.imported.len(), self.parity);
-                pe.imported[slot] = value;
-                trace(write(pe.features.write_words() + slot as u32, value, format.data_bits));
-            }
-            // A value that is only sent must not saturate unseen either.
-            pe.overflow |= pe.result.1 && !self.settle && (word.write.is_some() || word.send);
-            if word.send {
-                pe.link = format.data_operand(pe.result.0);
-            }
-            for (output, slot) in self.program.outputs.iter().zip(&mut self.captured) {
-                if output.pe == index as u32 && output.word == self.word {
-                    *slot = output_word(&format, pe.result.0);
-                }
-            }
-            pe.result = saturate(&format, pe.sum);
-            pe.sum = i128::from(pe.scale.0) + round(pe.hold << format.lift(), pe.scale.1);
-            pe.scale = (base, pe.features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0).into());
-            let product = pe.products.pop_front().unwrap_or(0);
-            if word.close {
-                pe.hold = pe.accumulator;
-                pe.accumulator = 0;
-            }
-            pe.accumulator = wrap(pe.accumulator + product, pe.features.accumulator_bits);
-            pe.products.push_back(i128::from(own_operand + imported_operand) * i128::from(second));
+/// What the network computes, with all its words.
+struct Steps<P> {
+    words: Words<P>,
+    /// Sums under way between two steps, and room for the next ones.
+    kept: (Vec<i128>, Vec<i128>),
+    /// Filling the pipeline, even steps and odd steps; the last two are one if the parity changes nothing.
+    even: Step<P>,
+    odd: Option<Step<P>>,
+    /// Words on the move.
+    moving: (Vec<i64>, Vec<P>),
+}
+
+/// One step.
+struct Step<P> {
+    tiles: Tiles<P>,
+    writes: Vec<MemoryWrite>,
+    checksums: Checksums,
+    outputs: Vec<u32>,
+    flagged: Vec<u32>,
+    moves: Moves,
+}
+
+impl<P: Port> Steps<P> {
+    fn new(program: &Program, words: &[Vec<ControlWord>], homes: &Homes) -> Steps<P> {
+        let pause = program.latency().pause();
+        let mut kept = KeptSums::default();
+        let settling = Stretch { program, words, from: 0, count: pause, parity: false, settle: true };
+        let stepping = |parity| Stretch { from: pause, count: program.period, parity, settle: false, ..settling };
+        let mut recordings =
+            vec![Recording::new(&settling, homes, &mut kept), Recording::new(&stepping(false), homes, &mut kept)];
+        if program.pes.iter().any(|pe| pe.features.swap) {
+            recordings.push(Recording::new(&stepping(true), homes, &mut kept));
         }
-        self.cycle += 1;
-        self.word += 1;
-        if self.word == self.program.period {
-            self.word = 0;
-            self.parity = !self.parity;
+        // Keeping a sum may need another one of the step before.
+        let mut sum = 0;
+        while sum < kept.sums.len() as u32 {
+            recordings.iter_mut().for_each(|recording| recording.keep(sum, &mut kept));
+            sum += 1;
+        }
+        let needed = needed_homes(program, homes, &recordings);
+        let slots = recordings.iter().map(|recording| recording.slots).max().unwrap_or(0) as usize;
+        let has_factors = program.pes.iter().any(|pe| pe.features.factor);
+        let mut steps = recordings.into_iter().map(|recording| Step::new(recording, program, homes, &needed));
+        let (settling, even, odd) = (steps.next(), steps.next(), steps.next());
+        let mut state = Steps {
+            words: image(program, homes, slots, has_factors),
+            kept: (vec![0; kept.sums.len()], vec![0; kept.sums.len()]),
+            even: settling.expect("recorded above"),
+            odd: None,
+            moving: (Vec::new(), Vec::new()),
+        };
+        let checksums = &mut vec![0; program.pes.len()];
+        state.run(&program.format, (0, false, checksums), &mut vec![0; program.outputs.len()], &mut |_| {});
+        Steps { even: even.expect("recorded above"), odd, ..state }
+    }
+
+    /// Runs a step; whether the overflow flag is set.
+    fn run(
+        &mut self,
+        format: &WordFormat,
+        (cycle, parity, checksums): (u64, bool, &mut [u64]),
+        outputs: &mut [i64],
+        trace: &mut impl FnMut(TraceLine),
+    ) -> bool {
+        let step = if parity { self.odd.as_ref().unwrap_or(&self.even) } else { &self.even };
+        let words = &mut self.words;
+        let mut overflow = words.run(&step.tiles, &self.kept.0, &mut self.kept.1);
+        if overflow {
+            overflow = step.flagged.iter().any(|slot| words.saturations[*slot as usize] > 0);
+            words.saturations.fill(0);
+        }
+        for write in &step.writes {
+            let slot = write.slot as usize;
+            let (word, bits) = match write.own {
+                true => (words.words[slot], format.word_bits()),
+                false => (words.data[slot].into(), format.data_bits),
+            };
+            let value = word as u64 & (u64::MAX >> (64 - bits));
+            trace(TraceLine { cycle: cycle + u64::from(write.cycle), pe: write.pe, address: write.address, value });
+        }
+        step.checksums.advance(checksums, format, &words.words, &words.data);
+        for (output, slot) in outputs.iter_mut().zip(&step.outputs) {
+            *output = output_word(format, words.words[*slot as usize]);
+        }
+        take_over(&step.moves.words, &mut words.words, &mut self.moving.0);
+        take_over(&step.moves.operands, &mut words.data, &mut self.moving.1);
+        take_over(&step.moves.factors, &mut words.factors, &mut self.moving.1);
+        std::mem::swap(&mut self.kept.0, &mut self.kept.1);
+        overflow
+    }
+}
+
+impl<P: Port> Step<P> {
+    fn new(recording: Recording, program: &Program, homes: &Homes, needed: &BTreeSet<u32>) -> Step<P> {
+        // What the step computes is renumbered so that tiles write rows.
+        let order = tiles::rows(&recording.chains, &recording.terms, recording.slots as usize);
+        let mut renumbered: Vec<u32> = (0..recording.slots).collect();
+        order.iter().zip(homes.count..).for_each(|(slot, new)| renumbered[*slot as usize] = new);
+        let slot = |slot: u32| renumbered[slot as usize];
+        let term = |term: &Term<i64>| Term {
+            operand: slot(term.operand),
+            factor: match term.factor {
+                Factor::Coefficient(coefficient) => Factor::Coefficient(P::of(coefficient)),
+                Factor::Value(value) => Factor::Value(slot(value)),
+            },
+        };
+        let write = |write: Write| Write { target: slot(write.target), base: slot(write.base), ..write };
+        let chain = |chain: &Chain| Chain {
+            outcome: match chain.outcome.clone() {
+                Outcome::Words(first, second) => Outcome::Words(write(first), second.map(write)),
+                kept => kept,
+            },
+            ..chain.clone()
+        };
+        let terms: Vec<Term<P>> = recording.terms.iter().map(term).collect();
+        let chains: Vec<Chain> = recording.chains.iter().map(chain).collect();
+        let mut moves = recording.moves(homes);
+        for list in [&mut moves.words, &mut moves.operands, &mut moves.factors] {
+            list.retain(|(_, to)| needed.contains(to));
+            list.iter_mut().for_each(|(from, _)| *from = slot(*from));
+        }
+        let writes: Vec<MemoryWrite> =
+            recording.writes.iter().map(|write| MemoryWrite { slot: slot(write.slot), ..*write }).collect();
+        Step {
+            tiles: Tiles::new(&chains, &terms, recording.slots as usize),
+            checksums: Checksums::new(&writes, program.pes.len()),
+            writes,
+            outputs: recording.outputs.iter().map(|output| slot(*output)).collect(),
+            flagged: recording.flagged.iter().map(|flagged| slot(*flagged)).collect(),
+            moves,
         }
     }
 }
 
-/// Memory index of an address: the top bit of a swapping address is inverted in odd steps.
-fn physical(address: Address, depth: usize, parity: bool) -> usize {
-    let index = usize::from(address.word);
-    if address.swap && parity { index ^ (depth / 2) } else { index }
+/// Moves values, all of which leave before the first one arrives.
+fn take_over<T: Copy>(moves: &[Move], values: &mut [T], moving: &mut Vec<T>) {
+    moving.clear();
+    moving.extend(moves.iter().map(|(from, _)| values[*from as usize]));
+    moves.iter().zip(moving).for_each(|((_, to), value)| values[*to as usize] = *value);
 }
 
-/// The low `bits` of a sum as a signed number; the formats keep valid programs clear of it.
-fn wrap(sum: i128, bits: u32) -> i128 {
-    (sum << (128 - bits)) >> (128 - bits)
-}
-
-fn round(hold: i128, shift: u32) -> i128 {
-    if shift == 0 { hold } else { ((hold >> (shift - 1)) + 1) >> 1 }
-}
-
-fn saturate(format: &WordFormat, sum: i128) -> (i64, bool) {
-    if sum > i128::from(format.max_word()) {
-        (format.ceiling(), true)
-    } else if sum < i128::from(format.min_word()) {
-        (format.min_word(), true)
-    } else {
-        (sum as i64, false)
+/// Homes that a step reads, or that anyone may look at: the states.
+fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> BTreeSet<u32> {
+    let mut needed = BTreeSet::new();
+    for recording in recordings {
+        for term in &recording.terms {
+            needed.insert(term.operand);
+            if let Factor::Value(slot) = term.factor {
+                needed.insert(slot);
+            }
+        }
+        let writes = recording.chains.iter().flat_map(Chain::writes);
+        needed.extend(writes.map(|write| write.base));
+        needed.extend(recording.writes.iter().map(|write| write.slot));
+        needed.extend(&recording.outputs);
     }
+    for state in &program.states {
+        let (pe, word) = (state.own.0 as usize, state.own.1);
+        needed.insert(homes.base(pe, program.pes[pe].features.base_word(word)));
+    }
+    let moves = recordings.iter().map(|recording| recording.moves(homes));
+    let moves: Vec<Move> = moves.flat_map(|moves| [moves.words, moves.operands, moves.factors].concat()).collect();
+    loop {
+        let before = needed.len();
+        let sources: Vec<u32> = moves.iter().filter(|(_, to)| needed.contains(to)).map(|(from, _)| *from).collect();
+        needed.extend(sources);
+        if needed.len() == before {
+            return needed;
+        }
+    }
+}
+
+/// The words of the initial memory images.
+fn image<P: Port>(program: &Program, homes: &Homes, slots: usize, has_factors: bool) -> Words<P> {
+    let mut words = Words::new(program.format, slots, has_factors);
+    words.set(NULL as usize, 0);
+    words.set(OFFSET as usize, program.format.data_offset());
+    for (index, pe) in program.pes.iter().enumerate() {
+        for (address, operand) in pe.own_image.iter().enumerate() {
+            words.set_operand(homes.own(index, address) as usize, *operand);
+        }
+        for (address, word) in pe.base_image.iter().enumerate() {
+            words.set(homes.base(index, address) as usize, *word);
+        }
+        for (address, operand) in pe.coefficient_image.iter().enumerate() {
+            words.set_factor(homes.coefficient(index, address) as usize, *operand);
+        }
+        for (address, operand) in pe.imported_image.iter().enumerate() {
+            words.set_operand(homes.imported(index, address) as usize, *operand);
+        }
+    }
+    words
 }
 
 /// What an output port shows of a stored word.

@@ -1,6 +1,8 @@
-//! The trace format that every engine writes.
+//! The trace format that every engine writes, and checksums of traces.
 
 use std::fmt;
+
+use pe_ir::word::WordFormat;
 
 /// A data-memory write: `cycle pe address value`, see the datasheet, section "Trace".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -32,5 +34,82 @@ impl TraceLine {
             value: u64::from_str_radix(fields.next()?, 16).ok()?,
         };
         fields.next().is_none().then_some(line)
+    }
+}
+
+/// A memory write of a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MemoryWrite {
+    /// Control words executed in the step before it.
+    pub cycle: u32,
+    pub pe: u32,
+    pub address: u32,
+    pub slot: u32,
+    /// Whether a result is written; otherwise the imported memory takes a data operand.
+    pub own: bool,
+}
+
+/// Factor of the rolling checksums: odd, so that no single difference can vanish.
+pub const CHECKSUM_FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Takes a memory write into the checksum of its PE.
+///
+/// The checksum of a PE is a polynomial in its writes modulo 2^64: each write multiplies it by [`CHECKSUM_FACTOR`] and
+/// adds `address * 2^48 + value`. Two traces that differ in one write never have the same checksums.
+pub fn checksum(before: u64, address: u32, value: u64) -> u64 {
+    before.wrapping_mul(CHECKSUM_FACTOR).wrapping_add(u64::from(address) << 48).wrapping_add(value)
+}
+
+/// The checksums of a step as one sum of products per PE, over words and data operands in slots.
+pub(crate) struct Checksums {
+    pes: Vec<PeChecksum>,
+    /// Slot and weight of each write to an own memory, PE after PE.
+    own: Vec<(u32, u64)>,
+    /// The same for imported memories.
+    imported: Vec<(u32, u64)>,
+}
+
+struct PeChecksum {
+    /// Factor of the checksum before the step.
+    factor: u64,
+    /// What the addresses add.
+    addresses: u64,
+    /// Ends in `own` and in `imported`.
+    ends: (u32, u32),
+}
+
+impl Checksums {
+    pub fn new(writes: &[MemoryWrite], pes: usize) -> Checksums {
+        let mut of_pe: Vec<Vec<&MemoryWrite>> = vec![Vec::new(); pes];
+        writes.iter().for_each(|write| of_pe[write.pe as usize].push(write));
+        let mut checksums = Checksums { pes: Vec::with_capacity(pes), own: Vec::new(), imported: Vec::new() };
+        for writes in of_pe {
+            let (mut factor, mut addresses) = (1u64, 0u64);
+            for write in writes.iter().rev() {
+                addresses = addresses.wrapping_add((u64::from(write.address) << 48).wrapping_mul(factor));
+                let memory = if write.own { &mut checksums.own } else { &mut checksums.imported };
+                memory.push((write.slot, factor));
+                factor = factor.wrapping_mul(CHECKSUM_FACTOR);
+            }
+            let ends = (checksums.own.len() as u32, checksums.imported.len() as u32);
+            checksums.pes.push(PeChecksum { factor, addresses, ends });
+        }
+        checksums
+    }
+
+    /// Takes the writes of a step into the checksums of all PEs.
+    pub fn advance<P: Copy + Into<i64>>(&self, sums: &mut [u64], format: &WordFormat, words: &[i64], data: &[P]) {
+        let (word_mask, data_mask) = (u64::MAX >> (64 - format.word_bits()), u64::MAX >> (64 - format.data_bits));
+        let mut starts = (0, 0);
+        for (sum, pe) in sums.iter_mut().zip(&self.pes) {
+            let (own, imported) = (starts.0 as usize..pe.ends.0 as usize, starts.1 as usize..pe.ends.1 as usize);
+            let own = self.own[own].iter().map(|(slot, weight)| (words[*slot as usize] as u64 & word_mask, weight));
+            let imported = self.imported[imported].iter();
+            let imported = imported.map(|(slot, weight)| (data[*slot as usize].into() as u64 & data_mask, weight));
+            let weigh = |sum: u64, (value, weight): (u64, &u64)| sum.wrapping_add(value.wrapping_mul(*weight));
+            let before = sum.wrapping_mul(pe.factor).wrapping_add(pe.addresses);
+            *sum = imported.fold(own.fold(before, weigh), weigh);
+            starts = pe.ends;
+        }
     }
 }

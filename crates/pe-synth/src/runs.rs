@@ -343,7 +343,7 @@ fn reference_run(
             moments.add(graph, |value| run.value(value));
         }
     }
-    let ranges = Ranges { largest: run.largest().to_vec(), widened: vec![0; graph.values.len()] };
+    let ranges = Ranges { largest: run.largest(), widened: vec![0; graph.values.len()] };
     Ok((reference, curves, ranges, moments))
 }
 
@@ -415,7 +415,7 @@ fn fixed_run(
         }
         let words: Vec<i64> = port_words(model, &run, done - 1);
         if run.step(&words) || (done == 1 && run.saturations().iter().any(|count| *count > 0)) {
-            let values = run.saturations().iter().enumerate().filter(|(_, count)| **count > 0);
+            let values = run.saturations().into_iter().enumerate().filter(|(_, count)| *count > 0);
             let values = values.map(|(index, _)| ValueId(index as u32)).collect();
             return Err(Saturated { values, step: done - 1 });
         }

@@ -6,6 +6,7 @@ use pe_ir::graph::StageForm;
 use pe_ir::model::Solver;
 use pe_ir::program::{Layout, Program};
 use pe_sim::machine::Machine;
+use pe_sim::trace;
 use support::flow::{Flow, Placement, Start, format};
 use support::{AFFINE_FAMILIES, FAMILIES, Family};
 
@@ -73,10 +74,16 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
 fn compare_steps(flow: &Flow, start: &Start) -> u64 {
     let mut machine = Machine::new(&start.program);
     let mut reference = flow.fixed_run(start.step);
+    let mut untraced = Machine::new(&start.program);
+    let mut checksums = vec![0; start.program.pes.len()];
     let (mut lines, mut compared) = (0, 0);
     for (step, inputs) in start.stimulus.iter().enumerate() {
         reference.step(inputs);
-        machine.step(inputs, &mut |_| lines += 1);
+        machine.step(inputs, &mut |line| {
+            checksums[line.pe as usize] = trace::checksum(checksums[line.pe as usize], line.address, line.value);
+            lines += 1;
+        });
+        untraced.step(inputs, &mut |_| {});
         for (index, (state, _)) in flow.graph.states.iter().enumerate() {
             let place = format!("{}, {}, step {step}, state {index}", flow.label, start.name);
             assert_eq!(machine.state(index), reference.word(*state), "{place}");
@@ -90,6 +97,8 @@ fn compare_steps(flow: &Flow, start: &Start) -> u64 {
     }
     let expected = start.program.writes_per_step() * start.stimulus.len() as u64;
     assert_eq!(lines, expected, "{}: memory writes", flow.label);
+    assert_eq!(machine.checksums(), checksums, "{}: checksums of the trace", flow.label);
+    assert_eq!(untraced.checksums(), checksums, "{}: checksums without a trace", flow.label);
     compared
 }
 

@@ -166,7 +166,7 @@ fn settled(label: &str, model: &Model, graph: &StepGraph, format: WordFormat) ->
         let inputs: Vec<f64> = model.inputs.iter().map(|i| i.waveform.at(step as f64 * model.step)).collect();
         run.step(&inputs).unwrap_or_else(|error| panic!("{label}: {error:?}"));
     }
-    let mut ranges = Ranges { largest: run.largest().to_vec(), widened: vec![0; graph.values.len()] };
+    let mut ranges = Ranges { largest: run.largest(), widened: vec![0; graph.values.len()] };
     for (input, value) in model.inputs.iter().zip(&graph.inputs) {
         let (low, high) = input.waveform.bounds();
         ranges.largest[value.index()] = low.abs().max(high.abs());
@@ -182,7 +182,7 @@ fn settled(label: &str, model: &Model, graph: &StepGraph, format: WordFormat) ->
             return fixed;
         }
         for (widened, count) in ranges.widened.iter_mut().zip(run.saturations()) {
-            *widened += i32::from(*count > 0);
+            *widened += i32::from(count > 0);
         }
     }
     panic!("{label}: saturates however wide");

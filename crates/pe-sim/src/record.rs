@@ -1,0 +1,456 @@
+//! What a program does in one step, found by running its control words once on names of words in place of words.
+//!
+//! The control words alone decide what every register and memory word holds when, so one look at them suffices: what
+//! remains for each step are the sums that reach a result which something reads. Registers and memories are those of
+//! the datasheet, clock by clock, whatever the bits of the control words; nothing here knows of values or equations.
+//!
+//! Words live in slots. Every register and memory word has a *home*, where the next step finds what it held at the end
+//! of this one; what a step computes gets slots of its own. Sums that are under way at the end of a step are kept.
+
+use std::cell::Cell;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::rc::Rc;
+
+use pe_ir::program::{Address, ControlWord, LinkSource, Multiplier, Program};
+
+use crate::tiles::{Chain, Factor, Outcome, Term, Write};
+use crate::trace::MemoryWrite;
+use crate::words;
+
+/// The slot of the word 0, and of what a missing base adds.
+pub(crate) const NULL: u32 = 0;
+pub(crate) const OFFSET: u32 = 1;
+
+/// Where the words of a network lie between steps.
+pub(crate) struct Homes {
+    inputs: u32,
+    pes: Vec<PeHomes>,
+    pub count: u32,
+}
+
+#[derive(Clone, Copy)]
+struct PeHomes {
+    own: u32,
+    base: u32,
+    coefficients: u32,
+    imported: u32,
+    link: u32,
+    /// Base words in the scale register and in the sums of the adder and the result register.
+    scale: u32,
+    sum: u32,
+    result: u32,
+}
+
+impl Homes {
+    pub fn new(program: &Program) -> Homes {
+        let mut count = OFFSET + 1 + program.inputs.len() as u32;
+        let mut take = |words: usize| {
+            count += words as u32;
+            count - words as u32
+        };
+        let mut home = |pe: &pe_ir::program::PeProgram| PeHomes {
+            own: take(pe.own_image.len()),
+            base: take(pe.base_image.len()),
+            coefficients: take(pe.coefficient_image.len()),
+            imported: take(pe.imported_image.len()),
+            link: take(1),
+            scale: take(1),
+            sum: take(1),
+            result: take(1),
+        };
+        let pes = program.pes.iter().map(&mut home).collect();
+        Homes { inputs: OFFSET + 1, pes, count }
+    }
+
+    /// An input.
+    pub fn input(&self, index: u32) -> u32 {
+        self.inputs + index
+    }
+
+    /// A word of an own memory.
+    pub fn own(&self, pe: usize, word: usize) -> u32 {
+        self.pes[pe].own + word as u32
+    }
+
+    /// A word of a base memory.
+    pub fn base(&self, pe: usize, word: usize) -> u32 {
+        self.pes[pe].base + word as u32
+    }
+
+    /// A word of a coefficient memory.
+    pub fn coefficient(&self, pe: usize, word: usize) -> u32 {
+        self.pes[pe].coefficients + word as u32
+    }
+
+    /// A word of an imported memory.
+    pub fn imported(&self, pe: usize, word: usize) -> u32 {
+        self.pes[pe].imported + word as u32
+    }
+}
+
+/// Sums under way between two steps: registers of the same PE that add up to one, as a bit set.
+#[derive(Default)]
+pub(crate) struct KeptSums {
+    indices: BTreeMap<(u32, u64), u32>,
+    pub sums: Vec<(u32, u64)>,
+}
+
+impl KeptSums {
+    fn index(&mut self, pe: u32, registers: u64) -> Option<u32> {
+        if registers == 0 {
+            return None;
+        }
+        let next = self.sums.len() as u32;
+        let index = *self.indices.entry((pe, registers)).or_insert(next);
+        if index == next {
+            self.sums.push((pe, registers));
+        }
+        Some(index)
+    }
+}
+
+/// Registers that hold sums, as bits; those of products follow.
+const ACCUMULATOR: u64 = 1;
+const HOLD: u64 = 2;
+const SUM: u64 = 4;
+const RESULT: u64 = 8;
+const PRODUCT: u64 = 16;
+
+/// A sum: registers of the step before, and products.
+#[derive(Clone, Debug, Default)]
+struct Sum {
+    registers: u64,
+    terms: Vec<Term<i64>>,
+}
+
+impl Sum {
+    fn of_register(registers: u64) -> Sum {
+        Sum { registers, terms: Vec::new() }
+    }
+
+    fn add(&mut self, other: &Sum) {
+        self.registers |= other.registers;
+        self.terms.extend_from_slice(&other.terms);
+    }
+}
+
+/// A finished sum and the chain that forms it, if any does.
+#[derive(Debug, Default)]
+struct Held {
+    sum: Sum,
+    chain: Cell<Option<u32>>,
+}
+
+/// What becomes a result: base, sum and shift; and the slot of the result if anything reads it.
+#[derive(Clone, Debug)]
+struct Pending {
+    base: u32,
+    held: Rc<Held>,
+    shift: u8,
+    slot: Option<u32>,
+}
+
+struct Pe {
+    own: Vec<u32>,
+    base: Vec<u32>,
+    /// Coefficients that nothing writes are numbers.
+    coefficients: Vec<Factor<i64>>,
+    imported: Vec<u32>,
+    /// Products on their way: the front one is accumulated next.
+    products: VecDeque<Sum>,
+    accumulator: Sum,
+    hold: Rc<Held>,
+    /// Base word and shift of the adder.
+    scale: (u32, u8),
+    sum: Pending,
+    result: Pending,
+    link: u32,
+}
+
+/// Control words to follow: `words` of each PE, from word `from` for `count` words.
+pub(crate) struct Stretch<'a> {
+    pub program: &'a Program,
+    pub words: &'a [Vec<ControlWord>],
+    pub from: u32,
+    pub count: u32,
+    /// Parity at its beginning.
+    pub parity: bool,
+    /// Whether the pipeline is only filled: all registers are zero before, and no memory is written.
+    pub settle: bool,
+}
+
+/// A word moved from a slot to another.
+pub(crate) type Move = (u32, u32);
+
+/// What homes take over at the end of a step, all at once.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Moves {
+    /// Words of base memories and registers.
+    pub words: Vec<Move>,
+    /// Data operands of own and imported memories and links.
+    pub operands: Vec<Move>,
+    /// Words of coefficient memories.
+    pub factors: Vec<Move>,
+}
+
+/// What a stretch of control words does.
+pub(crate) struct Recording {
+    pub chains: Vec<Chain>,
+    pub terms: Vec<Term<i64>>,
+    /// Number of slots, homes included.
+    pub slots: u32,
+    /// In the order of time, within a control word in that of the PEs.
+    pub writes: Vec<MemoryWrite>,
+    /// Slot of each output.
+    pub outputs: Vec<u32>,
+    /// Slots whose saturation sets the overflow flag.
+    pub flagged: Vec<u32>,
+    accumulator_bits: Vec<u32>,
+    format: pe_ir::word::WordFormat,
+    pes: Vec<Pe>,
+}
+
+impl Recording {
+    /// Follows a stretch.
+    pub fn new(stretch: &Stretch, homes: &Homes, kept: &mut KeptSums) -> Recording {
+        let program = stretch.program;
+        let pe = |index: usize| Pe::new(stretch, &homes.pes[index], index);
+        let mut recording = Recording {
+            chains: Vec::new(),
+            terms: Vec::new(),
+            slots: homes.count,
+            writes: Vec::new(),
+            outputs: vec![NULL; program.outputs.len()],
+            flagged: Vec::new(),
+            accumulator_bits: program.pes.iter().map(|pe| pe.features.accumulator_bits).collect(),
+            format: program.format,
+            pes: (0..program.pes.len()).map(pe).collect(),
+        };
+        let mut captures: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
+        for (index, output) in program.outputs.iter().enumerate() {
+            captures.entry((output.word, output.pe)).or_default().push(index);
+        }
+        let (mut word, mut parity) = (stretch.from, stretch.parity);
+        for cycle in 0..stretch.count {
+            let links: Vec<u32> = recording.pes.iter().map(|pe| pe.link).collect();
+            for pe in 0..program.pes.len() {
+                let captured = captures.get(&(word, pe as u32)).map_or(&[][..], Vec::as_slice);
+                recording.clock(stretch, homes, kept, (cycle, word, parity), pe, &links, captured);
+            }
+            word += 1;
+            if word == program.period {
+                word = 0;
+                parity = !parity;
+            }
+        }
+        recording
+    }
+
+    /// Executes one control word in one PE.
+    #[allow(clippy::too_many_arguments)]
+    fn clock(
+        &mut self,
+        stretch: &Stretch,
+        homes: &Homes,
+        kept: &mut KeptSums,
+        (cycle, word, parity): (u32, u32, bool),
+        index: usize,
+        links: &[u32],
+        captured: &[usize],
+    ) {
+        let program = &stretch.program.pes[index];
+        let word = stretch.words[index][word as usize];
+        let pe = &self.pes[index];
+        let own_depth = pe.own.len();
+        // Reads come before the writes at the end of the word.
+        let second = match word.multiplier {
+            Multiplier::Coefficient(value) => Factor::Coefficient(value),
+            Multiplier::Stored(address) => pe.coefficients[usize::from(address)],
+        };
+        let own = word.own.map(|a| pe.own[physical(a, own_depth, parity)]);
+        let imported = word.imported.map(|a| pe.imported[physical(a, pe.imported.len(), parity)]);
+        let operands = own.into_iter().chain(imported);
+        let product = Sum { registers: 0, terms: operands.map(|operand| Term { operand, factor: second }).collect() };
+        let base = word.base.map_or(OFFSET, |word| pe.base[usize::from(word)]);
+        let write = word.write.filter(|_| !stretch.settle);
+        if write.is_some() || word.send || !captured.is_empty() {
+            let slot = self.result(index, kept);
+            if let Some(target) = write {
+                // The swap bit turns the top bit of the own memory's address over, also in a wider write address.
+                let address = physical(target.address, own_depth, parity);
+                let pe = &mut self.pes[index];
+                if target.own {
+                    pe.own[address & (own_depth - 1)] = slot;
+                }
+                if target.base {
+                    pe.base[program.features.base_word(target.address.word)] = slot;
+                }
+                if target.factor {
+                    pe.coefficients[program.features.factor_word(target.address.word)] = Factor::Value(slot);
+                }
+                self.writes.push(MemoryWrite { cycle, pe: index as u32, address: address as u32, slot, own: true });
+            }
+            // A value that is only sent must not saturate unseen either.
+            if !stretch.settle && (write.is_some() || word.send) {
+                self.flagged.push(slot);
+            }
+            if word.send {
+                self.pes[index].link = slot;
+            }
+            captured.iter().for_each(|output| self.outputs[*output] = slot);
+        }
+        let pe = &mut self.pes[index];
+        if let Some((port, a)) = word.receive.filter(|_| !stretch.settle) {
+            let slot = match program.ports[usize::from(port)] {
+                LinkSource::Pe(source) => links[source as usize],
+                LinkSource::Input(input) => homes.input(input),
+            };
+            let address = physical(a, pe.imported.len(), parity);
+            pe.imported[address] = slot;
+            let address = program.features.write_words() + address as u32;
+            self.writes.push(MemoryWrite { cycle, pe: index as u32, address, slot, own: false });
+        }
+        let sum = Pending { base: pe.scale.0, held: Rc::clone(&pe.hold), shift: pe.scale.1, slot: None };
+        pe.result = std::mem::replace(&mut pe.sum, sum);
+        pe.scale = (base, program.features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0));
+        if word.close {
+            pe.hold = Rc::new(Held { sum: std::mem::take(&mut pe.accumulator), chain: Cell::new(None) });
+        }
+        if let Some(oldest) = pe.products.pop_front() {
+            pe.accumulator.add(&oldest);
+        }
+        pe.products.push_back(product);
+    }
+
+    /// The slot of the word in a PE's result register; from now on something reads it.
+    fn result(&mut self, index: usize, kept: &mut KeptSums) -> u32 {
+        let pending = self.pes[index].result.clone();
+        if let Some(slot) = pending.slot {
+            return slot;
+        }
+        let slot = self.slots;
+        self.slots += 1;
+        self.pes[index].result.slot = Some(slot);
+        let write = Write { target: slot, base: pending.base, shift: i32::from(pending.shift) };
+        // A sum is written twice at most, and the second time only with a base that is there before the first.
+        if let Some(chain) = pending.held.chain.get()
+            && let Outcome::Words(first, second @ None) = &mut self.chains[chain as usize].outcome
+            && pending.base < first.target
+        {
+            *second = Some(write);
+            return slot;
+        }
+        pending.held.chain.set(Some(self.chains.len() as u32));
+        let start = kept.index(index as u32, pending.held.sum.registers);
+        self.chain(index, &pending.held.sum.terms, start, Outcome::Words(write, None));
+        slot
+    }
+
+    fn chain(&mut self, pe: usize, terms: &[Term<i64>], start: Option<u32>, outcome: Outcome) {
+        let from = self.terms.len() as u32;
+        self.terms.extend_from_slice(terms);
+        let limit = self.accumulator_bits[pe];
+        let bits = self.bits(terms);
+        let fits = start.is_none() && bits <= limit;
+        let class = words::class(&self.format, if fits { bits } else { limit }, !fits);
+        self.chains.push(Chain { terms: from..self.terms.len() as u32, start, outcome, class });
+    }
+
+    /// Bits that hold any sum of these products, whatever the operands.
+    fn bits(&self, terms: &[Term<i64>]) -> u32 {
+        let bound = |term: &Term<i64>| match term.factor {
+            Factor::Coefficient(value) => u128::from(value.unsigned_abs()),
+            Factor::Value(_) => 1 << (self.format.coefficient_bits - 1),
+        };
+        let sum: u128 = terms.iter().map(bound).sum::<u128>() << (self.format.data_bits - 1);
+        (sum + 1).ilog2() + 2
+    }
+
+    /// Adds chains that keep the sum of some registers of a PE as they are at the end.
+    pub fn keep(&mut self, sum: u32, kept: &mut KeptSums) {
+        let (pe, registers) = kept.sums[sum as usize];
+        let all = self.pes[pe as usize].sum_of(registers);
+        let start = kept.index(pe, all.registers);
+        self.chain(pe as usize, &all.terms, start, Outcome::Kept(sum));
+    }
+
+    /// What homes have to take over at the end.
+    pub fn moves(&self, homes: &Homes) -> Moves {
+        let Moves { mut words, mut operands, mut factors } = Moves::default();
+        for (pe, home) in self.pes.iter().zip(&homes.pes) {
+            words.extend(pe.base.iter().copied().zip(home.base..));
+            words.extend([(pe.scale.0, home.scale), (pe.sum.base, home.sum), (pe.result.base, home.result)]);
+            factors.extend(pe.coefficients.iter().zip(home.coefficients..).filter_map(|(factor, to)| match factor {
+                Factor::Value(from) => Some((*from, to)),
+                Factor::Coefficient(_) => None,
+            }));
+            operands.extend(pe.own.iter().copied().zip(home.own..));
+            operands.extend(pe.imported.iter().copied().zip(home.imported..));
+            operands.push((pe.link, home.link));
+        }
+        let all = [&mut words, &mut operands, &mut factors];
+        all.into_iter().for_each(|moves| moves.retain(|(from, to)| from != to));
+        Moves { words, operands, factors }
+    }
+}
+
+impl Pe {
+    fn new(stretch: &Stretch, homes: &PeHomes, index: usize) -> Pe {
+        let program = &stretch.program.pes[index];
+        let accumulate = u64::from(stretch.program.latency().accumulate());
+        // In steady state the word before has filled the scale register, the one before that the sum, and so on.
+        let scale = |base: u32, before: u32| {
+            if stretch.settle {
+                return (NULL, 0);
+            }
+            let period = stretch.program.period;
+            let word = stretch.words[index][((stretch.from + period - before) % period) as usize];
+            (base, program.features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0))
+        };
+        let register = |bit: u64| if stretch.settle { Sum::default() } else { Sum::of_register(bit) };
+        let held = |bit: u64| Rc::new(Held { sum: register(bit), chain: Cell::new(None) });
+        let pending = |bit: u64, (base, shift): (u32, u8)| Pending { base, held: held(bit), shift, slot: None };
+        let targets = stretch.words[index].iter().filter_map(|word| word.write).filter(|target| target.factor);
+        let written: BTreeSet<usize> =
+            targets.map(|target| program.features.factor_word(target.address.word)).collect();
+        let coefficient = |(word, number): (usize, &i64)| match written.contains(&word) {
+            true => Factor::Value(homes.coefficients + word as u32),
+            false => Factor::Coefficient(*number),
+        };
+        Pe {
+            base: (homes.base..homes.base + program.base_image.len() as u32).collect(),
+            coefficients: program.coefficient_image.iter().enumerate().map(coefficient).collect(),
+            own: (homes.own..homes.own + program.own_image.len() as u32).collect(),
+            imported: (homes.imported..homes.imported + program.imported_image.len() as u32).collect(),
+            products: (0..accumulate).map(|position| register(PRODUCT << position)).collect(),
+            accumulator: register(ACCUMULATOR),
+            hold: held(HOLD),
+            scale: scale(homes.scale, 1),
+            sum: pending(SUM, scale(homes.sum, 2)),
+            result: pending(RESULT, scale(homes.result, 3)),
+            link: homes.link,
+        }
+    }
+
+    /// The sum of some registers.
+    fn sum_of(&self, registers: u64) -> Sum {
+        let mut sum = Sum::default();
+        let fixed = [
+            (ACCUMULATOR, &self.accumulator),
+            (HOLD, &self.hold.sum),
+            (SUM, &self.sum.held.sum),
+            (RESULT, &self.result.held.sum),
+        ];
+        let products = self.products.iter().enumerate().map(|(position, product)| (PRODUCT << position, product));
+        for (_, part) in fixed.into_iter().chain(products).filter(|(bit, _)| registers & bit != 0) {
+            sum.add(part);
+        }
+        sum
+    }
+}
+
+/// Memory index of an address: the top bit of a swapping address is inverted in odd steps.
+pub(crate) fn physical(address: Address, depth: usize, parity: bool) -> usize {
+    let index = usize::from(address.word);
+    if address.swap && parity { index ^ (depth / 2) } else { index }
+}
