@@ -183,6 +183,7 @@ fn note_largest(largest: &mut [f64], values: &[f64]) -> bool {
     finite
 }
 
-fn power_of_two(exponent: i32) -> f64 {
+/// 2 to the power of `exponent`.
+pub(crate) fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
 }

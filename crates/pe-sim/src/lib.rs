@@ -3,6 +3,7 @@
 //! * [`double`]: the step graph in double precision, the yardstick of ranges and errors;
 //! * [`fixed`]: the step graph in fixed point, what the hardware computes;
 //! * [`machine`]: the program, control word by control word, what the hardware does;
+//! * [`native`]: the step graph as loops for the computer at hand;
 //! * [`reference`]: the model's equations by a library for differential equations, what is right;
 //! * [`error`]: comparison of runs.
 
@@ -11,6 +12,7 @@ pub mod error;
 pub mod fixed;
 mod lanes;
 pub mod machine;
+pub mod native;
 mod record;
 pub mod reference;
 mod slots;

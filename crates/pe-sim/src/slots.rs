@@ -46,6 +46,11 @@ impl Slots {
         self.of.len() as u32
     }
 
+    /// What [`Slots::take_over`] moves: from, to, length.
+    pub fn copies(&self) -> &[(u32, u32, u32)] {
+        &self.copies
+    }
+
     /// Number of slots.
     pub fn count(&self) -> usize {
         self.of.len() + 1

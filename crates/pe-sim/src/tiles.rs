@@ -122,6 +122,8 @@ pub(crate) struct Writes {
 #[derive(Clone, Debug)]
 pub(crate) struct Tile {
     pub lanes: u32,
+    /// Tiles of one level do not depend on each other.
+    pub level: u32,
     pub class: u32,
     /// Kept sums that the sums start from; none means zero.
     pub starts: Option<Place>,
@@ -153,18 +155,18 @@ impl<C: Copy + PartialEq> Tiles<C> {
             coefficients: Vec::new(),
             shifts: Vec::new(),
         };
-        for group in groups(chains, terms, slots).values() {
+        for (shape, group) in &groups(chains, terms, slots) {
             let mut rest = &group[..];
             while !rest.is_empty() {
                 let (tile, others) = rest.split_at(tile_length(rest, terms));
-                tiles.push(tile, terms);
+                tiles.push(tile, terms, shape.0);
                 rest = others;
             }
         }
         tiles
     }
 
-    fn push(&mut self, lanes: &[&Chain], terms: &[Term<C>]) {
+    fn push(&mut self, lanes: &[&Chain], terms: &[Term<C>], level: u32) {
         let (products, writes) = (self.products.len() as u32, self.writes.len() as u32);
         let first = lanes[0];
         for position in 0..first.terms.len() {
@@ -196,6 +198,7 @@ impl<C: Copy + PartialEq> Tiles<C> {
         let kept = matches!(first.outcome, Outcome::Kept(_)).then(|| self.place(lanes.iter().map(|c| c.target())));
         self.tiles.push(Tile {
             lanes: lanes.len() as u32,
+            level,
             class: first.class,
             starts,
             kept,

@@ -181,19 +181,19 @@ impl Verify {
 }
 
 /// A temporary folder that goes with the process.
-struct Scratch {
+pub(crate) struct Scratch {
     path: PathBuf,
 }
 
 impl Scratch {
-    fn new() -> Result<Scratch, Failure> {
-        let path = std::env::temp_dir().join(format!("pe-synth-verify-{}", std::process::id()));
+    pub(crate) fn new() -> Result<Scratch, Failure> {
+        let path = std::env::temp_dir().join(format!("pe-synth-{}", std::process::id()));
         fs::create_dir_all(&path).map_err(|error| Failure::file("create", &path, error))?;
         Ok(Scratch { path })
     }
 
     /// A new, empty folder in it.
-    fn folder(&self, name: &str) -> Result<PathBuf, Failure> {
+    pub(crate) fn folder(&self, name: &str) -> Result<PathBuf, Failure> {
         let path: &Path = &self.path.join(name.replace(' ', "-").to_lowercase());
         // What an earlier start left there would be taken for this one's.
         let _ = fs::remove_dir_all(path);

@@ -178,7 +178,7 @@ fn absolute(path: &Path) -> PathBuf {
 }
 
 /// Runs a program and returns what it printed.
-fn execute(command: &mut Command, tool: &str, install: &str) -> Result<String, Failure> {
+pub(crate) fn execute(command: &mut Command, tool: &str, install: &str) -> Result<String, Failure> {
     let output = command.output().map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => Failure::MissingTool(format!("`{tool}` is not installed: {install}")),
         _ => Failure::File(format!("cannot run {tool}: {error}")),

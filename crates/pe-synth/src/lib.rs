@@ -4,6 +4,7 @@
 
 pub mod area;
 pub mod bottleneck;
+pub mod cmd_bench;
 pub mod cmd_compile;
 pub mod cmd_diff;
 pub mod cmd_dump;

@@ -7,7 +7,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use pe_synth::failure::{Failure, MessageFormat, guarded, print_plain};
 use pe_synth::{
-    cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden, cmd_shell, cmd_sim, cmd_verify, console,
+    cmd_bench, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden, cmd_shell, cmd_sim, cmd_verify,
+    console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -53,6 +54,7 @@ enum Command {
     Verify(cmd_verify::Verify),
     Explore(Box<cmd_explore::Explore>),
     Sim(Box<cmd_sim::Sim>),
+    Bench(Box<cmd_bench::Bench>),
     Dump(Box<cmd_dump::Dump>),
     Golden(cmd_golden::Golden),
     Diff(cmd_diff::Diff),
@@ -71,6 +73,7 @@ fn main() -> ExitCode {
         Command::Verify(verify) => (verify.message_format(), verify.run()),
         Command::Explore(explore) => (explore.message_format(), explore.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),
+        Command::Bench(bench) => (bench.message_format(), bench.run()),
         Command::Dump(dump) => (dump.message_format(), dump.run()),
         Command::Golden(golden) => (MessageFormat::Human, golden.run()),
         Command::Diff(diff) => (diff.message_format(), diff.run()),
