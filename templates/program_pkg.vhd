@@ -16,7 +16,7 @@ package {{ model }}_program_pkg is
   constant DATA_BITS        : positive := {{ data_bits }};
   constant COEFFICIENT_BITS : positive := {{ coefficient_bits }};
   constant PERIOD           : positive := {{ period }};
-{%- for pe in pes %}
+{%- for pe in self.pes() %}
 
   -- PE {{ pe.index }}: {{ pe.equations }}. Shifts {{ pe.shifts }}.
   constant PE{{ pe.index }}_PROGRAM : word_array_t(0 to {{ pe.last_word }})({{ pe.control_bits - 1 }} downto 0) :=

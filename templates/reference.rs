@@ -494,7 +494,7 @@ fn main() {
 }
 
 const PES: &[Description] = &[
-{%- for pe in pes %}
+{%- for pe in self.pes() %}
     Description {
         own_words: {{ pe.own_words }},
         base_words: {{ pe.base_words }},

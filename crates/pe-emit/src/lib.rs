@@ -81,7 +81,7 @@ pub fn emit(program: &Program, options: &EmitOptions) -> Vec<Artefact> {
     let mut artefacts: Vec<Artefact> =
         LIBRARY.iter().map(|(file, text)| Artefact { path: format!("hdl/{file}"), text: (*text).to_owned() }).collect();
     let mut push = |suffix: &str, text: String| {
-        artefacts.push(Artefact { path: format!("{model}{suffix}"), text: columns::aligned(&text) });
+        artefacts.push(Artefact { path: format!("{model}{suffix}"), text: columns::aligned(text) });
     };
     push("_program_pkg.vhd", program_pkg::render(program, &names, &header));
     push(".vhd", network::render(program, &names, &header));

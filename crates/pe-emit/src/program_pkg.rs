@@ -20,7 +20,18 @@ struct ProgramPackage<'a> {
     data_bits: u32,
     coefficient_bits: u32,
     period: u32,
-    pes: Vec<Pe>,
+    program: &'a Program,
+    /// Names of values as comments show them.
+    shown: Vec<String>,
+    states: StateWords,
+}
+
+impl ProgramPackage<'_> {
+    /// The PEs, described one at a time: the lines of all would take several times the memory of the text.
+    fn pes(&self) -> impl Iterator<Item = Pe> {
+        let pes = self.program.pes.iter().enumerate();
+        pes.map(|(index, pe)| describe(self.program, &self.shown, &self.states, index, pe))
+    }
 }
 
 struct Pe {
@@ -54,10 +65,6 @@ struct Line {
 
 /// The text of `<model>_program_pkg.vhd`.
 pub fn render(program: &Program, names: &Names, header: &Header) -> String {
-    let states = StateWords::of(program);
-    let shown: Vec<String> = program.names.iter().map(|name| short(name)).collect();
-    let describe = |(index, pe)| describe(program, &shown, &states, index, pe);
-    let pes = program.pes.iter().enumerate().map(describe).collect();
     let format = &program.format;
     let package = ProgramPackage {
         header,
@@ -67,7 +74,9 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
         data_bits: format.data_bits,
         coefficient_bits: format.coefficient_bits,
         period: program.period,
-        pes,
+        program,
+        shown: program.names.iter().map(|name| short(name)).collect(),
+        states: StateWords::of(program),
     };
     package.render().expect("templates render into strings")
 }

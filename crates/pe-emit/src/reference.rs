@@ -23,7 +23,14 @@ struct Reference<'a> {
     sum_type: &'static str,
     /// Tuples of PE and control word.
     outputs: String,
-    pes: Vec<Pe>,
+    program: &'a Program,
+}
+
+impl Reference<'_> {
+    /// The PEs, described one at a time to save memory.
+    fn pes(&self) -> impl Iterator<Item = Pe> {
+        self.program.pes.iter().map(|pe| describe(self.program, pe))
+    }
 }
 
 struct Pe {
@@ -63,7 +70,7 @@ pub fn render(program: &Program, header: &Header, options: &EmitOptions) -> Stri
         input_count: program.inputs.len(),
         sum_type: sum_type(program),
         outputs: outputs.join(", "),
-        pes: program.pes.iter().map(|pe| describe(program, pe)).collect(),
+        program,
     };
     reference.render().expect("templates render into strings")
 }
