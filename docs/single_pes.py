@@ -32,7 +32,7 @@ SETS = {"table1": TABLE1, "shifts": SHIFTS}
 
 
 def index_bits(count):
-    return (count - 1).bit_length()
+    return max(count - 1, 0).bit_length()
 
 
 def write_words(pe):

