@@ -41,7 +41,7 @@ def example():
 
 def partitions(program, spec, pes, folder):
     """Writes the partitions of METIS and gives their files."""
-    text = subprocess.run([program, spec], check=True, capture_output=True, text=True).stdout
+    text = subprocess.run([program, spec, str(pes)], check=True, capture_output=True, text=True).stdout
     rows = [[int(word) for word in line.split()] for line in text.splitlines()[1:]]
     weights = [row[0] for row in rows]
     adjacency = [[node - 1 for node in row[1:]] for row in rows]

@@ -1,7 +1,7 @@
 //! Holds partitions from elsewhere against the mapper's own: all go through the same scheduler.
 //!
 //! ```sh
-//! partitions MODEL.spec                             # the ODE-dependency graph in the format of METIS
+//! partitions MODEL.spec PES                         # the ODE-dependency graph in the format of METIS
 //! partitions MODEL.spec PES SEEDS [PARTITION ...]   # one line per mapping: own ones for seeds 1 to SEEDS, then files
 //! ```
 //!
@@ -14,6 +14,7 @@ use std::process::ExitCode;
 
 use pe_hls::mapping::{MapOptions, Problem, map};
 use pe_hls::schedule::{Bound, schedule};
+use pe_hls::step::StepOptions;
 use pe_ir::graph::StepGraph;
 use pe_ir::mapping::Mapping;
 use pe_ir::word::{Latency, WordFormat};
@@ -22,13 +23,16 @@ use petgraph::visit::EdgeRef;
 /// Words of 32 bits, multiplier 25x18.
 const FORMAT: WordFormat = WordFormat::new(32, 25, 18);
 
-/// The graph of a model, formats left out.
-fn graph(spec: &str) -> Result<StepGraph, String> {
+/// The step graph of a model for a number of PEs, as `compile` takes it.
+fn graph(spec: &str, pes: u32) -> Result<StepGraph, String> {
     let mut sources = pe_synth::files::main_file(&PathBuf::from(spec)).map_err(|failure| format!("{failure:?}"))?;
     let loader = pe_synth::files::ModelFolder::of(&PathBuf::from(spec));
     let compiled = pe_frontend::compile(&mut sources, &loader, &pe_frontend::Overrides::default());
     let (model, _) = compiled.map_err(|findings| format!("{findings:?}"))?;
-    pe_hls::step::build(&model).map_err(|findings| format!("{findings:?}"))
+    let options = StepOptions { pes: Some(pes), ..StepOptions::default() };
+    let graph = pe_hls::step::build_with(&model, &options).map_err(|findings| format!("{findings:?}"))?;
+    let split = pe_hls::split::split(&graph, pes, MapOptions::DEFAULT_MAX_IN_DEGREE, Latency::of(&FORMAT));
+    Ok(split.unwrap_or(graph))
 }
 
 /// The ODE-dependency graph, undirected, weighted by load, as METIS reads it.
@@ -67,15 +71,16 @@ fn row(name: &str, seed: &str, graph: &StepGraph, problem: &Problem, mapping: &M
 
 fn run() -> Result<(), String> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [spec, rest @ ..] = words.as_slice() else { return Err("usage: see the head of the example".to_owned()) };
-    let graph = graph(spec)?;
+    let [spec, pes, rest @ ..] = words.as_slice() else { return Err("usage: see the head of the example".to_owned()) };
+    let number = |word: &String| word.parse::<u32>().map_err(|error| format!("`{word}`: {error}"));
+    let pes = number(pes)?;
+    let graph = graph(spec, pes)?;
     let problem = Problem::of(&graph);
-    let [pes, seeds, files @ ..] = rest else {
+    let [seeds, files @ ..] = rest else {
         print!("{}", metis(&problem));
         return Ok(());
     };
-    let number = |word: &String| word.parse::<u32>().map_err(|error| format!("`{word}`: {error}"));
-    let (pes, seeds) = (number(pes)?, number(seeds)?);
+    let seeds = number(seeds)?;
     println!("bound - {pes} - - - {}", Bound::of(&graph, pes, Latency::of(&FORMAT)).binding().0);
     for seed in 1..=u64::from(seeds) {
         let tries = MapOptions::default_tries(problem.equations());

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
-use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem};
+use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, WireLength};
 
 use pe_hls::schedule::Bound;
 use pe_ir::codes;
@@ -65,6 +65,8 @@ pub struct Design {
     pub mapping: Mapping,
     /// Its cost.
     pub cost: MappingCost,
+    /// Lengths of its connections on a square.
+    pub wires: WireLength,
     /// Its schedule.
     pub schedule: Schedule,
     /// Lower bounds.
@@ -243,6 +245,7 @@ pub fn implement(
     let program = program.map_err(|limit| Failure::Usage(limit.to_string()))?;
     let design = Design {
         bound: Bound::of(graph, taken_pes, latency),
+        wires: mapping::wire_length(&problem, &candidate.mapping),
         mapping: candidate.mapping,
         cost: candidate.cost,
         default_pes: pes.is_none(),

@@ -127,6 +127,7 @@ pub fn report(
         "bound_binds": binds,
         "bottleneck": bottleneck.report(program),
         "connections": sizes.connections,
+        "wire_length": {"total": design.wires.total, "longest": design.wires.longest},
         "max_in_degree": sizes.max_in_degree,
         "transfers_per_step": sizes.transfers,
         "writes_per_step": program.writes_per_step(),

@@ -20,6 +20,8 @@ mod problem;
 mod random;
 mod sets;
 mod starts;
+mod tiles;
+mod wires;
 
 use std::fmt;
 
@@ -29,6 +31,7 @@ use rand_chacha::ChaCha8Rng;
 
 use anneal::{Plan, anneal, rank};
 pub use problem::Problem;
+pub use wires::{WireLength, wire_length};
 
 /// What to map to, and how long to try.
 #[derive(Clone, Copy, Debug)]

@@ -10,6 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use super::orders::{self, Region};
 use super::problem::Problem;
 use super::random::below;
+use super::tiles::tiles;
 
 /// The equations in random order, dealt to the PEs in turn.
 pub(super) fn random(problem: &Problem, pes: u32, seed: u64) -> Mapping {
@@ -53,6 +54,9 @@ pub(super) fn structured(problem: &Problem, pes: u32) -> Vec<(&'static str, Mapp
     add("depth first", runs(problem, &orders::depth_first(problem, false), pes));
     add("depth last", runs(problem, &orders::depth_first(problem, true), pes));
     add("bisection", bisection(problem, pes));
+    if let Some(mapping) = tiles(problem, pes) {
+        add("tiles", mapping);
+    }
     starts
 }
 
