@@ -3,7 +3,8 @@
 
     docs/single_pes.py FOLDER [SET]
 
-SET is `table1`, the PEs of table I of the paper as ours (default), or `shifts`, the same PE with other shift positions.
+SET is `table1`, the PEs of table I of the paper as ours (default), `shifts`, the same PE with other shift positions, or
+`pre_adder`, PEs with and without sums of two operands.
 Programs and memory images are random bits, so that no tool can simplify them.
 """
 
@@ -17,7 +18,8 @@ STORAGE, PERIOD = 32, 512
 
 def shape(own=16, base=None, coefficients=0, imported=16, ports=3, shifts="1,2,3,4,5", word=40, data=25, coefficient=18,
           accumulator=43, flags=""):
-    """One PE, its base memory as deep as the own one unless said; flags are among `fws`: factor, swap, send."""
+    """One PE, its base memory as deep as the own one unless said; flags are among `fpws`: factor, pre-adder,
+    swap, send."""
     base = base or own
     return locals()
 
@@ -28,7 +30,10 @@ TABLE1 = [shape(own=words // 2, imported=words // 2, ports=ports, flags="s")
 # What positions cost: scattered ones need tables of their own.
 SHIFTS = [shape(shifts=shifts, flags="s") for shifts in
           ("3", "1,2,3", "1,2,3,4", "1,2,3,4,5", "1,2,3,4,5,6,7,8,9,10,11,12", "0,1,3,4,6,9,10,11,12,13")]
-SETS = {"table1": TABLE1, "shifts": SHIFTS}
+# What sums of two operands cost, on one block each way round and on four.
+PRE_ADDER = [shape(data=data, coefficient=coefficient, accumulator=accumulator, flags=flags)
+             for data, coefficient, accumulator in [(25, 18, 43), (18, 25, 43), (32, 32, 64)] for flags in ("s", "ps")]
+SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER}
 
 
 def index_bits(count):
@@ -72,7 +77,8 @@ def main(folder, name="table1"):
                       words(generator, f"PE{index}_BASE_IMAGE", pe["base"], pe["word"]),
                       words(generator, f"PE{index}_COEFFICIENT_IMAGE", max(pe["coefficients"], 1), pe["coefficient"]),
                       words(generator, f"PE{index}_IMPORTED_IMAGE", max(pe["imported"], 1), pe["data"])]
-        flags = [f"{flag}={str(flag[0 if flag != 'swap' else 1] in pe['flags']).lower()}" for flag in ("factor", "swap", "send")]
+        flags = [f"{flag}={str(flag[0 if flag != 'swap' else 1] in pe['flags']).lower()}"
+                 for flag in ("factor", "pre_adder", "swap", "send")]
         lines.append(f"shape={index} count=1 example={index} storage_bits={STORAGE} word_bits={pe['word']} "
                      f"data_bits={pe['data']} coefficient_bits={pe['coefficient']} own_words={pe['own']} "
                      f"base_words={pe['base']} coefficient_words={pe['coefficients']} "

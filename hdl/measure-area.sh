@@ -75,6 +75,7 @@ begin
       OWN_WORDS => ${shape[own_words]}, BASE_WORDS => ${shape[base_words]},
       COEFF_WORDS => ${shape[coefficient_words]}, IMPORTED_WORDS => ${shape[imported_words]}, PORT_COUNT => ${shape[ports]},
       SHIFTS => ($shifts), ACCUMULATOR_BITS => ${shape[accumulator_bits]}, FACTOR => ${shape[factor]},
+      PRE_ADDER => ${shape[pre_adder]},
       SWAP => ${shape[swap]}, SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
       BASE_IMAGE => PE${shape[example]}_BASE_IMAGE, COEFF_IMAGE => PE${shape[example]}_COEFFICIENT_IMAGE,
       IMPORTED_IMAGE => PE${shape[example]}_IMPORTED_IMAGE
@@ -205,7 +206,7 @@ while read -r line; do
   features="own ${shape[own_words]}, base ${shape[base_words]}, coefficients ${shape[coefficient_words]}"
   features+=", imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
   features+=", accumulator ${shape[accumulator_bits]}, ${shape[program_words]} words of ${shape[program_bits]} bits"
-  for flag in factor swap send; do
+  for flag in factor pre_adder swap send; do
     if [[ ${shape[$flag]} == true ]]; then features+=", $flag"; fi
   done
   # shellcheck disable=SC2059

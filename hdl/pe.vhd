@@ -24,6 +24,7 @@ entity pe is
     SHIFTS           : natural_array_t; -- right shifts of the write side
     ACCUMULATOR_BITS : positive;        -- running sum
     FACTOR           : boolean;         -- products of two stored words
+    PRE_ADDER        : boolean;         -- sums of an own and an imported operand
     SWAP             : boolean;         -- buffers that change roles
     SEND             : boolean;         -- link register
     OWN_IMAGE        : word_array_t;    -- initial own memory
@@ -138,6 +139,7 @@ architecture rtl of pe is
   signal own_operand         : std_ulogic_vector(DATA_BITS - 1 downto 0);
   signal imported_operand    : std_ulogic_vector(DATA_BITS - 1 downto 0);
   signal coefficient_operand : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0);
+  signal too_large           : std_ulogic;
 
   -- Accumulate group
   signal product     : signed(DATA_BITS + COEFFICIENT_BITS - 1 downto 0);
@@ -243,7 +245,8 @@ begin
     generic map (
       DATA_BITS        => DATA_BITS,
       COEFFICIENT_BITS => COEFFICIENT_BITS,
-      LATENCY          => multiplier_latency(DATA_BITS, COEFFICIENT_BITS)
+      LATENCY          => multiplier_latency(DATA_BITS, COEFFICIENT_BITS),
+      PRE_ADDER        => PRE_ADDER
     )
     port map (
       clk_i         => clk_i,
@@ -253,6 +256,36 @@ begin
       coefficient_i => signed(coefficient_operand),
       product_o     => product
     );
+
+  -- A sum of two operands fits the data port if both are within half of full scale.
+
+  g_pre_adder : if PRE_ADDER generate
+
+    signal both : std_ulogic := '0';
+
+  begin
+
+    p_both : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (advance_i = '1') then
+          both <= flag(control_i, LAYOUT.own.enable) and flag(control_i, LAYOUT.imported.enable);
+        end if;
+      end if;
+
+    end process p_both;
+
+    too_large <= both and ((own_operand(DATA_BITS - 1) xor own_operand(DATA_BITS - 2))
+                           or (imported_operand(DATA_BITS - 1) xor imported_operand(DATA_BITS - 2)));
+
+  end generate g_pre_adder;
+
+  g_single_operand : if not PRE_ADDER generate
+
+    too_large <= '0';
+
+  end generate g_single_operand;
 
   -- Accumulate group ----------------------------------------------------------------------------------------------
 
@@ -444,6 +477,10 @@ begin
         -- A value that is only sent must not saturate unseen either.
         if (saturated = '1' and (write_own = '1' or write_base = '1' or write_factor = '1'
                                  or (flag(control_i, LAYOUT.send) = '1' and settle_i = '0'))) then
+          overflow <= '1';
+        end if;
+
+        if (too_large = '1' and settle_i = '0') then
           overflow <= '1';
         end if;
       end if;

@@ -5,15 +5,16 @@ library ieee;
   use ieee.numeric_std.all;
 
 -- Signed product of a data operand and a coefficient, both registered by the memories. The data operand arrives as
--- two words of which at most one is not 0: the pre-adder of a multiplier block joins them, which saves a
--- multiplexer. The product register is loaded LATENCY clocks after the operands. May be replaced by a vendor's
+-- two words that the pre-adder of a multiplier block adds. Where at most one is not 0 this saves a multiplexer;
+-- PRE_ADDER allows both, as long as their sum fits the operand. The product register is loaded LATENCY clocks after the operands. May be replaced by a vendor's
 -- multiplier of the same behaviour.
 
 entity pe_multiplier is
   generic (
     DATA_BITS        : positive; -- width of the data operand
     COEFFICIENT_BITS : positive; -- width of the coefficient operand
-    LATENCY          : positive  -- 1 or 3
+    LATENCY          : positive; -- 1 or 3
+    PRE_ADDER        : boolean   -- both operands at once; otherwise at most one is not 0
   );
   port (
     clk_i         : in    std_ulogic;                                       -- clock
@@ -95,6 +96,7 @@ begin
 
     p_multiply : process (clk_i) is
 
+      variable data             : signed(DATA_BITS - 1 downto 0);
       variable data_high        : data_high_t;
       variable data_low         : data_low_t;
       variable coefficient_high : coefficient_high_t;
@@ -104,8 +106,16 @@ begin
 
       if rising_edge(clk_i) then
         if (ce_i = '1') then
-          data_high        := own_i(DATA_BITS - 1 downto DATA_SPLIT) + imported_i(DATA_BITS - 1 downto DATA_SPLIT);
-          data_low         := ('0' & own_i(DATA_SPLIT - 1 downto 0)) + ('0' & imported_i(DATA_SPLIT - 1 downto 0));
+          if (PRE_ADDER) then
+            data      := own_i + imported_i;
+            data_high := data(DATA_BITS - 1 downto DATA_SPLIT);
+            data_low  := '0' & data(DATA_SPLIT - 1 downto 0);
+          else
+            -- Without a carry from the lower part to the upper one.
+            data_high := own_i(DATA_BITS - 1 downto DATA_SPLIT) + imported_i(DATA_BITS - 1 downto DATA_SPLIT);
+            data_low  := ('0' & own_i(DATA_SPLIT - 1 downto 0)) + ('0' & imported_i(DATA_SPLIT - 1 downto 0));
+          end if;
+
           coefficient_high := coefficient_i(COEFFICIENT_BITS - 1 downto COEFFICIENT_SPLIT);
           coefficient_low  := '0' & coefficient_i(COEFFICIENT_SPLIT - 1 downto 0);
           high_high        <= data_high * coefficient_high;

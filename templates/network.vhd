@@ -160,6 +160,7 @@ begin
       SHIFTS           => ({{ pe.shifts }}),
       ACCUMULATOR_BITS => {{ pe.accumulator_bits }},
       FACTOR           => {{ pe.factor }},
+      PRE_ADDER        => {{ pe.pre_adder }},
       SWAP             => {{ pe.swap }},
       SEND             => {{ pe.send }},
       OWN_IMAGE        => PE{{ pe.index }}_OWN_IMAGE,

@@ -44,6 +44,7 @@ struct Description {
     shifts: &'static [u32],
     accumulator_bits: u32,
     factor: bool,
+    pre_adder: bool,
     swap: bool,
     send: bool,
     own_image: &'static [i64],
@@ -216,6 +217,9 @@ struct Pe {
     /// Trace addresses of imported words begin here.
     write_words: u32,
     accumulator_bits: u32,
+    pre_adder: bool,
+    /// Whether an operand of the sum in front of the multiplier, one word ago, was beyond half of full scale.
+    too_large: bool,
     /// Products between operand and product register.
     products: [Sum; MULTIPLIER_LATENCY + 1],
     accumulator: Sum,
@@ -255,6 +259,8 @@ impl Network {
             write_words: pe.write_words(),
             imported: pe.imported_image.to_vec(),
             accumulator_bits: pe.accumulator_bits,
+            pre_adder: pe.pre_adder,
+            too_large: false,
             products: [0; MULTIPLIER_LATENCY + 1],
             accumulator: 0,
             hold: 0,
@@ -352,7 +358,11 @@ impl Network {
             pe.accumulator = wrapped(kept.wrapping_add(product), pe.accumulator_bits);
             // Operand group.
             pe.products.copy_within(0..MULTIPLIER_LATENCY, 1);
-            pe.products[0] = Sum::from(own + imported) * Sum::from(multiplier);
+            pe.products[0] = Sum::from(signed(own + imported, DATA_BITS)) * Sum::from(multiplier);
+            pe.overflow |= pe.too_large && !self.settle;
+            let beyond = |operand: i64| signed(operand, DATA_BITS - 1) != operand;
+            let both = pe.pre_adder && word.own.is_some() && word.imported.is_some();
+            pe.too_large = both && (beyond(own) || beyond(imported));
             // Write group.
             if word.send {
                 self.links[index] = result >> (WORD_BITS - DATA_BITS);
@@ -504,6 +514,7 @@ const PES: &[Description] = &[
         shifts: &[{{ pe.shifts }}],
         accumulator_bits: {{ pe.accumulator_bits }},
         factor: {{ pe.factor }},
+        pre_adder: {{ pe.pre_adder }},
         swap: {{ pe.swap }},
         send: {{ pe.send }},
         own_image: &[{{ pe.own_image }}],

@@ -29,6 +29,11 @@ architecture bench of pe_multiplier_tb is
   signal narrow      : signed(42 downto 0);
   signal wide        : signed(63 downto 0);
 
+  -- Operands whose sums fit.
+  signal own_half      : signed(31 downto 0) := (others => '0');
+  signal imported_half : signed(31 downto 0) := (others => '0');
+  signal joined        : signed(63 downto 0);
+
 begin
 
   clk <= not clk after 5 ns;
@@ -37,7 +42,8 @@ begin
     generic map (
       DATA_BITS        => 25,
       COEFFICIENT_BITS => 18,
-      LATENCY          => 1
+      LATENCY          => 1,
+      PRE_ADDER        => true
     )
     port map (
       clk_i         => clk,
@@ -52,7 +58,8 @@ begin
     generic map (
       DATA_BITS        => 32,
       COEFFICIENT_BITS => 32,
-      LATENCY          => 3
+      LATENCY          => 3,
+      PRE_ADDER        => false
     )
     port map (
       clk_i         => clk,
@@ -63,14 +70,31 @@ begin
       product_o     => wide
     );
 
+  u_joined : entity pe_lib.pe_multiplier
+    generic map (
+      DATA_BITS        => 32,
+      COEFFICIENT_BITS => 32,
+      LATENCY          => 3,
+      PRE_ADDER        => true
+    )
+    port map (
+      clk_i         => clk,
+      ce_i          => ce,
+      own_i         => own_half,
+      imported_i    => imported_half,
+      coefficient_i => coefficient,
+      product_o     => joined
+    );
+
   p_check : process is
 
     type products_t is array (0 to 2) of signed(63 downto 0);
 
-    variable wide_products : products_t;
-    variable seed_1        : positive;
-    variable seed_2        : positive;
-    variable checks        : natural;
+    variable wide_products   : products_t;
+    variable joined_products : products_t;
+    variable seed_1          : positive;
+    variable seed_2          : positive;
+    variable checks          : natural;
 
     -- A random operand, every fourth one extreme.
 
@@ -95,10 +119,11 @@ begin
 
   begin
 
-    seed_1        := 1;
-    seed_2        := 2;
-    checks        := 0;
-    wide_products := (others => (others => '0'));
+    seed_1          := 1;
+    seed_2          := 2;
+    checks          := 0;
+    wide_products   := (others => (others => '0'));
+    joined_products := (others => (others => '0'));
 
     for i in 1 to LENGTH loop
 
@@ -107,15 +132,20 @@ begin
       imported    <= (others => '0');
       coefficient <= operand;
 
+      own_half      <= shift_right(operand, 1);
+      imported_half <= shift_right(operand, 1);
+
       if (i mod 2 = 0) then
         own      <= (others => '0');
         imported <= operand;
       end if;
 
       wait until rising_edge(clk);
-      wide_products(1 to 2) := wide_products(0 to 1);
-      wide_products(0)      := (own + imported) * coefficient;
-      ce                    <= '0';
+      wide_products(1 to 2)   := wide_products(0 to 1);
+      wide_products(0)        := (own + imported) * coefficient;
+      joined_products(1 to 2) := joined_products(0 to 1);
+      joined_products(0)      := (own_half + imported_half) * coefficient;
+      ce                      <= '0';
 
       -- Without clock enable nothing moves.
       wait until falling_edge(clk);
@@ -129,7 +159,11 @@ begin
         report "32x32 product"
         severity failure;
 
-      checks := checks + 2;
+      assert joined = joined_products(2)
+        report "32x32 product of a sum"
+        severity failure;
+
+      checks := checks + 3;
       ce     <= '1';
 
     end loop;

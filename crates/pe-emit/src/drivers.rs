@@ -134,7 +134,7 @@ pub fn shapes(program: &Program) -> String {
         writeln!(
             text,
             "shape={number} count={} example={} storage_bits={} word_bits={} data_bits={} coefficient_bits={} \
-             own_words={} base_words={} coefficient_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} swap={} send={} \
+             own_words={} base_words={} coefficient_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} pre_adder={} swap={} send={} \
              program_words={} program_bits={bits}",
             members.len(),
             members[0],
@@ -149,6 +149,7 @@ pub fn shapes(program: &Program) -> String {
             features.ports,
             features.accumulator_bits,
             features.factor,
+            features.pre_adder,
             features.swap,
             features.send,
             program.period,

@@ -43,6 +43,7 @@ struct Pe {
     shifts: String,
     accumulator_bits: u32,
     factor: bool,
+    pre_adder: bool,
     swap: bool,
     send: bool,
     /// Concatenation of what the ports are wired to, port 0 rightmost.
@@ -116,6 +117,7 @@ fn describe(program: &Program, index: usize, shown: bool) -> Pe {
         shifts: shifts.collect::<Vec<_>>().join(", "),
         accumulator_bits: features.accumulator_bits,
         factor: features.factor,
+        pre_adder: features.pre_adder,
         swap: features.swap,
         send: features.send,
         wiring,

@@ -24,8 +24,8 @@ fn cases() -> Vec<Case> {
             2,
             1,
             vec![
-                features(16, 8, 3, &[8, 12, 16, 20], 48, "fs"),
-                features(32, 32, 4, &[10], 48, "ws"),
+                features(16, 8, 3, &[8, 12, 16, 20], 48, "fps"),
+                features(32, 32, 4, &[10], 48, "pws"),
                 features(2, 4, 1, &[9, 14], 46, "s"),
                 features(8, 2, 5, &[0, 7, 13, 17, 40], 48, "fws"),
             ],
@@ -39,7 +39,7 @@ fn cases() -> Vec<Case> {
             1,
             3,
             vec![
-                features(8, 4, 2, &[20, 26], 64, "fs"),
+                features(8, 4, 2, &[20, 26], 64, "fps"),
                 features(4, 2, 1, &[17, 19, 22, 24, 31, 33, 36, 40], 64, "w"),
                 features(4, 8, 5, &[31], 60, "fws"),
             ],
@@ -51,9 +51,9 @@ fn cases() -> Vec<Case> {
             21,
             3,
             4,
-            vec![features(64, 16, 2, &[3, 5, 9], 40, "ws"), features(4, 8, 3, &[1, 2, 4, 6, 8, 11], 40, "fws")],
+            vec![features(64, 16, 2, &[3, 5, 9], 40, "pws"), features(4, 8, 3, &[1, 2, 4, 6, 8, 11], 40, "fws")],
         ),
-        case("turned", 24, (18, 25), 17, 1, 5, vec![features(8, 4, 1, &[8, 13], 48, "fs")]),
+        case("turned", 24, (18, 25), 17, 1, 5, vec![features(8, 4, 1, &[8, 13], 48, "fps")]),
         case(
             "mixed",
             32,

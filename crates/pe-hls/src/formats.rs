@@ -8,7 +8,7 @@ use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, 
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
-use crate::rounding;
+use crate::{pairs, rounding};
 
 /// Head room of the measured ranges (Kum, Kang, Sung 2000 use the same idea; the figure is ours, see
 /// `docs/decisions/0001-number-path.md`).
@@ -74,6 +74,8 @@ struct Chooser<'a> {
     group: Vec<u32>,
     /// Exponent of each group.
     exponent: Vec<i32>,
+    /// For each value whether it stays within half of full scale.
+    headroom: Vec<bool>,
     products: Vec<i32>,
     /// For each chain of an intermediate stage the chain of the same equation's last stage; itself for others.
     last_stage: Vec<u32>,
@@ -84,7 +86,7 @@ struct Chooser<'a> {
 
 impl<'a> Chooser<'a> {
     fn new(graph: &'a StepGraph, ranges: &Ranges, format: WordFormat) -> Self {
-        let group = groups(graph);
+        let mut group = groups(graph);
         let mut largest = vec![0.0f64; graph.values.len()];
         let mut widened = vec![0; graph.values.len()];
         for (index, group) in group.iter().enumerate() {
@@ -101,12 +103,18 @@ impl<'a> Chooser<'a> {
             let magnitude = if *largest > 0.0 { ceil_log2(RANGE_MARGIN * largest) } else { -200 };
             magnitude - full_scale + widened
         };
-        let exponent = largest.iter().zip(&widened).map(exponent).collect();
+        let mut exponent: Vec<i32> = largest.iter().zip(&widened).map(exponent).collect();
+        let headroom = if graph.pre_adder {
+            share_points(graph, &mut group, &mut exponent)
+        } else {
+            vec![false; graph.values.len()]
+        };
         Chooser {
             graph,
             format,
             group,
             exponent,
+            headroom,
             products: vec![0; graph.chains.len()],
             last_stage: last_stages(graph),
             changed: false,
@@ -253,7 +261,15 @@ impl<'a> Chooser<'a> {
             accumulator_bits.push(self.accumulator_bits(chain, *product) as u8);
         }
         let exponents = self.group.iter().map(|group| self.exponent[*group as usize]).collect();
-        FixedPoint { format: self.format, exponents, coefficients, products: self.products, shifts, accumulator_bits }
+        FixedPoint {
+            format: self.format,
+            exponents,
+            headroom: self.headroom,
+            coefficients,
+            products: self.products,
+            shifts,
+            accumulator_bits,
+        }
     }
 }
 
@@ -283,16 +299,66 @@ fn ceil_log2(x: f64) -> i32 {
     if mantissa == 0.5 { exponent - 1 } else { exponent }
 }
 
+/// Most bits that a value may lose to share the binary point of those with the same coefficient.
+const COMMON_POINT: i32 = 2;
+
+/// An exponent below this is that of a value that is always zero.
+const SILENT: i32 = -150;
+
+/// Gives operands with equal coefficients one binary point and a bit of headroom, so that they may be added in front
+/// of the multiplier, as long as none loses more than [`COMMON_POINT`] bits for the common point. Returns which values
+/// have headroom.
+fn share_points(graph: &StepGraph, group: &mut [u32], exponent: &mut [i32]) -> Vec<bool> {
+    let mut parent: Vec<u32> = (0..group.len() as u32).collect();
+    let lowest = |exponent: i32| if exponent < SILENT { i32::MAX } else { exponent };
+    let mut low: Vec<i32> = exponent.iter().map(|exponent| lowest(*exponent)).collect();
+    for chain in &graph.chains {
+        for class in pairs::equal_coefficients(graph, chain) {
+            let first = group[class[0].index()];
+            for other in &class[1..] {
+                let (a, b) = (find(&mut parent, first), find(&mut parent, group[other.index()]));
+                let (a, b) = (a.min(b), a.max(b));
+                let (bottom, top) =
+                    (low[a as usize].min(low[b as usize]), exponent[a as usize].max(exponent[b as usize]));
+                if a != b && (bottom == i32::MAX || top - bottom <= COMMON_POINT) {
+                    parent[b as usize] = a;
+                    low[a as usize] = bottom;
+                    exponent[a as usize] = top;
+                }
+            }
+        }
+    }
+    for group in group.iter_mut() {
+        *group = find(&mut parent, *group);
+    }
+    let mut shared = vec![false; group.len()];
+    for chain in &graph.chains {
+        for class in pairs::equal_coefficients(graph, chain) {
+            let mut groups: Vec<u32> = class.iter().map(|operand| group[operand.index()]).collect();
+            groups.sort_unstable();
+            groups
+                .chunk_by(|a, b| a == b)
+                .filter(|same| same.len() > 1)
+                .for_each(|same| shared[same[0] as usize] = true);
+        }
+    }
+    for (exponent, _) in exponent.iter_mut().zip(&shared).filter(|(_, shared)| **shared) {
+        *exponent += 1;
+    }
+    group.iter().map(|group| shared[*group as usize]).collect()
+}
+
+fn find(parent: &mut [u32], mut x: u32) -> u32 {
+    while parent[x as usize] != x {
+        parent[x as usize] = parent[parent[x as usize] as usize];
+        x = parent[x as usize];
+    }
+    x
+}
+
 /// Joins values that a write adds to one another, and each state with its successor. Returns a representative each.
 fn groups(graph: &StepGraph) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..graph.values.len() as u32).collect();
-    fn find(parent: &mut [u32], mut x: u32) -> u32 {
-        while parent[x as usize] != x {
-            parent[x as usize] = parent[parent[x as usize] as usize];
-            x = parent[x as usize];
-        }
-        x
-    }
     let mut join = |a: ValueId, b: ValueId| {
         let (a, b) = (find(&mut parent, a.0), find(&mut parent, b.0));
         parent[a.max(b) as usize] = a.min(b);

@@ -5,8 +5,10 @@
 //! ```
 
 pub mod assemble;
+pub mod even;
 pub mod formats;
 pub mod mapping;
+pub mod pairs;
 pub mod rounding;
 pub mod schedule;
 pub mod split;

@@ -75,21 +75,40 @@ pub fn improve(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments) {
 
 fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, chain: usize) {
     let start = graph.chains[chain].terms.start as usize;
-    // Terms with coefficients: position, exact coefficient in units of the product point, weight of a unit.
-    let mut terms: Vec<(usize, f64, f64)> = Vec::new();
+    // Coefficients: positions, exact coefficient in units of the product point, weight of a unit.
+    let mut terms: Vec<(Vec<usize>, f64, f64)> = Vec::new();
+    // Terms that may be paired.
+    let mut free: Vec<(Vec<usize>, f64, f64)> = Vec::new();
     for (position, term) in graph.chain_terms(&graph.chains[chain]).iter().enumerate() {
         if let Factor::Coefficient(coefficient) = term.factor {
             let operand = fixed.exponents[term.operand.index()] + fixed.format.data_drop() as i32;
             let exact = libm::scalbn(coefficient, operand - fixed.products[chain]);
             // One unit changes the coefficient by 2^(product - operand).
-            terms.push((position, exact, libm::scalbn(1.0, fixed.products[chain] - operand)));
+            let unit = libm::scalbn(1.0, fixed.products[chain] - operand);
+            let headroom = fixed.headroom[term.operand.index()];
+            match free.iter_mut().find(|class| headroom && (class.1, class.2) == (exact, unit)) {
+                Some(class) => class.0.push(position),
+                None if headroom => free.push((vec![position], exact, unit)),
+                None => terms.push((vec![position], exact, unit)),
+            }
+        }
+    }
+    // Two operands that are paired have one coefficient. The first of a class goes with the last, and so on inwards:
+    // in a stencil these are opposite neighbours, of which most mappings have at least one on the same PE.
+    for (class, exact, unit) in free {
+        for (first, last) in class.iter().zip(class.iter().rev()).take(class.len().div_ceil(2)) {
+            let tied = if first == last { vec![*first] } else { vec![*first, *last] };
+            terms.push((tied, exact, unit));
         }
     }
     let limit = (1i64 << (fixed.format.coefficient_bits - 1)) - 1;
-    let gram = |i: usize, j: usize| moments.of(chain, terms[i].0, terms[j].0) * terms[i].2 * terms[j].2;
+    let gram = |i: usize, j: usize| {
+        let pairs = terms[i].0.iter().flat_map(|a| terms[j].0.iter().map(move |b| (*a, *b)));
+        pairs.map(|(a, b)| moments.of(chain, a, b)).sum::<f64>() * terms[i].2 * terms[j].2
+    };
     let n = terms.len();
     let gram: Vec<f64> = (0..n * n).map(|k| gram(k / n, k % n)).collect();
-    let mut rounded: Vec<i64> = terms.iter().map(|(position, ..)| fixed.coefficients[start + position]).collect();
+    let mut rounded: Vec<i64> = terms.iter().map(|(positions, ..)| fixed.coefficients[start + positions[0]]).collect();
     let mut error: Vec<f64> = rounded.iter().zip(&terms).map(|(r, t)| *r as f64 - t.1).collect();
     // Gradient of the squared sum with respect to each error, halved.
     let mut slope: Vec<f64> = (0..n).map(|i| (0..n).map(|j| gram[i * n + j] * error[j]).sum()).collect();
@@ -134,7 +153,7 @@ fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, c
             _ => break,
         }
     }
-    for (value, (position, ..)) in rounded.into_iter().zip(&terms) {
-        fixed.coefficients[start + position] = value;
+    for (value, (positions, ..)) in rounded.into_iter().zip(&terms) {
+        positions.iter().for_each(|position| fixed.coefficients[start + position] = value);
     }
 }

@@ -177,7 +177,7 @@ impl<'n> Splitter<'n> {
             self.graph.values.push(Value { role, equation: partial, factor: false });
             let write = Write { value, base: None, weight: 0 };
             self.before[chain].push((Chain { equation: partial, terms: 0..0, write, second: None }, piece));
-            home.push(Term { operand: value, factor: Factor::Coefficient(1.0) });
+            home.push(Term::new(value, Factor::Coefficient(1.0)));
         }
         self.terms[chain] = home;
     }

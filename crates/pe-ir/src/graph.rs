@@ -124,10 +124,25 @@ pub enum Factor {
 /// One product of a chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Term {
-    /// The data operand.
+    /// The data operand; of a pair the one in the own memory.
     pub operand: ValueId,
+    /// The data operand in the imported memory that the multiplier's pre-adder adds to the other one: both have the same
+    /// coefficient. Only a step graph that is mapped has pairs.
+    pub partner: Option<ValueId>,
     /// The coefficient operand.
     pub factor: Factor,
+}
+
+impl Term {
+    /// A product with a single data operand.
+    pub fn new(operand: ValueId, factor: Factor) -> Term {
+        Term { operand, partner: None, factor }
+    }
+
+    /// Data operands, one or two.
+    pub fn operands(&self) -> impl Iterator<Item = ValueId> {
+        std::iter::once(self.operand).chain(self.partner)
+    }
 }
 
 /// `value := base + 2^weight * sum`.
@@ -191,6 +206,8 @@ pub struct StepGraph {
     pub forms: Vec<FormCost>,
     /// Step in seconds.
     pub step: f64,
+    /// Whether operands with equal coefficients may be added in front of the multiplier.
+    pub pre_adder: bool,
     /// Units of mapping.
     pub equations: Vec<Equation>,
     /// Values.
@@ -290,8 +307,8 @@ impl StepGraph {
     pub fn dependencies(&self) -> Vec<(u32, u32)> {
         let mut arcs: Vec<(u32, u32)> = Vec::new();
         for chain in &self.chains {
-            for term in self.chain_terms(chain) {
-                let source = self.value(term.operand).equation;
+            for operand in self.chain_terms(chain).iter().flat_map(Term::operands) {
+                let source = self.value(operand).equation;
                 if source != u32::MAX && source != chain.equation {
                     arcs.push((source, chain.equation));
                 }
@@ -319,6 +336,8 @@ pub struct FixedPoint {
     pub format: WordFormat,
     /// For each value the exponent of its stored word's LSB.
     pub exponents: Vec<i32>,
+    /// For each value whether it is at most half of full scale, so that the sum of two fits the multiplier's data port.
+    pub headroom: Vec<bool>,
     /// For each term the quantised coefficient; 0 for products of two values.
     pub coefficients: Vec<i64>,
     /// For each chain the exponent of the product LSB.
@@ -359,9 +378,12 @@ impl fmt::Display for StepGraph {
             let terms: Vec<String> = self
                 .chain_terms(chain)
                 .iter()
-                .map(|term| match term.factor {
-                    Factor::Coefficient(c) => format!("{c:e}*{}", self.value_name(term.operand)),
-                    Factor::Value(v) => format!("{}*{}", self.value_name(v), self.value_name(term.operand)),
+                .map(|term| match (term.factor, term.partner) {
+                    (Factor::Coefficient(c), Some(partner)) => {
+                        format!("{c:e}*({} + {})", self.value_name(term.operand), self.value_name(partner))
+                    }
+                    (Factor::Coefficient(c), None) => format!("{c:e}*{}", self.value_name(term.operand)),
+                    (Factor::Value(v), _) => format!("{}*{}", self.value_name(v), self.value_name(term.operand)),
                 })
                 .collect();
             for write in chain.writes() {

@@ -39,6 +39,8 @@ impl Network {
         for (to, pe) in program.pes.iter().enumerate() {
             for (port, _) in pe.words.iter().filter_map(|word| word.receive) {
                 match pe.ports[usize::from(port)] {
+                    // Words that a PE sends to itself cross no link between PEs.
+                    LinkSource::Pe(from) if from as usize == to => {}
                     LinkSource::Pe(from) => {
                         let from = from as usize;
                         *words.entry((from.min(to), from.max(to))).or_insert(0) += 1;

@@ -27,6 +27,9 @@ pub struct Area {
 /// write enables, choice of shift.
 const CONTROL_LUTS: f64 = 16.0;
 
+/// What finds operands of the pre-adder that are too large for a sum.
+const PRE_ADDER_LUTS: f64 = 2.0;
+
 /// Tables that turn address bits over in odd steps.
 const SWAP_LUTS: f64 = 4.0;
 
@@ -92,6 +95,12 @@ fn estimate_pe(features: &PeFeatures, format: &WordFormat) -> Area {
     area.lut += data * port_tables(features.ports);
     if features.swap {
         area.lut += SWAP_LUTS;
+    }
+
+    if features.pre_adder {
+        // The sum of four-block multipliers carries from the lower part to the upper one; one table finds large operands.
+        area.lut += PRE_ADDER_LUTS + if format.single_multiplier() { 0.0 } else { data };
+        area.ff += 1.0;
     }
 
     // Only the 25-bit port of a multiplier block has a pre-adder, and only one block can accumulate.
@@ -192,6 +201,7 @@ mod tests {
                 shifts,
                 accumulator_bits,
                 factor,
+                pre_adder: false,
                 swap,
                 send: true,
             };

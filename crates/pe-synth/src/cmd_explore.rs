@@ -89,7 +89,7 @@ impl Explore {
         OutputFolder::permitted(&target)?;
         let (axes, graphs) = self.axes.complete(model);
         let clock = Clock { mhz: self.clock.unwrap_or(ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
-        let points = axes.formed(model, self.mapping.max_in_degree).into_iter();
+        let points = axes.formed(model, &self.mapping).into_iter();
         let mut record = Record {
             head: self.head(model, &axes),
             title: format!("{} ({} ODEs)", model.name, model.states.len()),

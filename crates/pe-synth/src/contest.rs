@@ -9,24 +9,24 @@ use pe_ir::word::Latency;
 /// Schedules that are this much longer than the shortest are not considered, however few connections they have.
 const PERIOD_TOLERANCE: f64 = 1.02;
 
-/// A schedule of each candidate. All get a draft; those that could still be the first by [`rank`] if their products
+/// A schedule of each candidate with its step graph. All get a draft; those that could still be the first by [`rank`] if their products
 /// filled every cycle get the best schedule that can be found. `say` is told what is under way.
 pub fn schedules(
-    graph: &StepGraph,
+    graphs: &[&StepGraph],
     candidates: &[Candidate],
     latency: Latency,
     max_in_degree: u32,
     say: &dyn Fn(String),
 ) -> Vec<Schedule> {
-    let draft = |candidate: &Candidate| {
+    let draft = |(candidate, graph): (&Candidate, &&StepGraph)| {
         say(format!("{}, first of two passes", candidate.start));
         schedule::draft(graph, &candidate.mapping, latency)
     };
-    let mut schedules: Vec<Schedule> = candidates.iter().map(draft).collect();
+    let mut schedules: Vec<Schedule> = candidates.iter().zip(graphs).map(draft).collect();
     let periods: Vec<u32> = schedules.iter().map(|schedule| schedule.period).collect();
     for index in contenders(candidates, &periods, max_in_degree) {
         say(format!("{}, second pass", candidates[index].start));
-        schedules[index] = schedule::schedule(graph, &candidates[index].mapping, latency);
+        schedules[index] = schedule::schedule(graphs[index], &candidates[index].mapping, latency);
     }
     schedules
 }

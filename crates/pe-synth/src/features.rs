@@ -19,7 +19,7 @@ struct Feature {
     need: fn(&Program, &PeProgram) -> String,
 }
 
-const FEATURES: [Feature; 10] = [
+const FEATURES: [Feature; 11] = [
     Feature {
         name: "input_ports",
         size: |features| features.ports,
@@ -81,6 +81,15 @@ const FEATURES: [Feature; 10] = [
         },
     },
     Feature {
+        name: "operand_addition",
+        size: |features| u32::from(features.pre_adder),
+        nothing: 0,
+        need: |program, pe| {
+            let joins = |word: &ControlWord| word.own.is_some() && word.imported.is_some();
+            format!("{} has two products with equal coefficients", first(program, pe, joins, |note| note.chain))
+        },
+    },
+    Feature {
         name: "swap",
         size: |features| u32::from(features.swap),
         nothing: 0,
@@ -112,10 +121,6 @@ fn first(program: &Program, pe: &PeProgram, kind: fn(&ControlWord) -> bool, valu
 pub fn features(program: &Program, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Value {
     let mut rows: Vec<Value> = FEATURES.iter().map(|feature| row(program, feature)).collect();
     rows.push(saturation(program, graph, fixed, mapping));
-    rows.push(json!({
-        "feature": "operand_addition", "with": 0, "without": program.pes.len(), "sizes": {},
-        "because": "never built: no PE adds two operands in front of its multiplier",
-    }));
     json!({"pe": rows, "control_word": fields(program)})
 }
 
@@ -175,7 +180,7 @@ fn can_overflow(graph: &StepGraph, fixed: &FixedPoint) -> Vec<[bool; 2]> {
             .terms
             .clone()
             .map(|term| {
-                let Term { operand, factor } = graph.terms[term as usize];
+                let Term { operand, factor, .. } = graph.terms[term as usize];
                 let operand = seen(largest[operand.index()], format.data_drop()).min(1 << (format.data_bits - 1));
                 let factor = match factor {
                     Factor::Coefficient(_) => i128::from(fixed.coefficients[term as usize]).abs(),

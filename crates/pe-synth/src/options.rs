@@ -13,6 +13,7 @@ use pe_ir::word::WordFormat;
 
 use crate::failure::{Failure, MessageFormat};
 use crate::files::{self, ModelFolder};
+use crate::pipeline::MappingOptions;
 
 /// What is computed: the model, and what it is judged over.
 #[derive(Args, Clone, Debug)]
@@ -151,8 +152,9 @@ impl DesignPoint {
     }
 
     /// What is asked of the form of the step.
-    pub fn step_options(&self, max_in_degree: u32) -> StepOptions {
-        StepOptions { form: self.form.form(), pes: self.pes, max_in_degree }
+    pub fn step_options(&self, mapping: &MappingOptions) -> StepOptions {
+        let MappingOptions { max_in_degree, no_pre_adder, .. } = *mapping;
+        StepOptions { form: self.form.form(), pes: self.pes, max_in_degree, pre_adder: !no_pre_adder }
     }
 
     /// Word widths.

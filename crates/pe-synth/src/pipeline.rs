@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use pe_hls::even::even;
 use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, WireLength};
+use pe_hls::pairs::{self, Paired};
 
 use pe_hls::schedule::Bound;
 use pe_ir::codes;
@@ -40,6 +42,9 @@ pub struct MappingOptions {
     /// Most input ports a PE may have
     #[arg(long, value_name = "N", default_value_t = 15, help_heading = "Mapping")]
     pub max_in_degree: u32,
+    /// Never adds operands with equal coefficients in front of the multiplier
+    #[arg(long, help_heading = "Mapping")]
+    pub no_pre_adder: bool,
 }
 
 /// What annealing made of one start.
@@ -67,6 +72,10 @@ pub struct Design {
     pub cost: MappingCost,
     /// Lengths of its connections on a square.
     pub wires: WireLength,
+    /// The step with all pairs that some mapping could allow; the step graph if there are none.
+    pub hoped: Arc<StepGraph>,
+    /// The step with the pairs that the mapping allows, if there are any.
+    pub paired: Option<Paired>,
     /// Its schedule.
     pub schedule: Schedule,
     /// Lower bounds.
@@ -171,6 +180,13 @@ pub fn processor_seconds() -> Option<f64> {
     None
 }
 
+impl Design {
+    /// The step as it is issued: a term per product.
+    pub fn issued(&self) -> &StepGraph {
+        self.paired.as_ref().map_or(&self.graph, |paired| &paired.graph)
+    }
+}
+
 /// Designs the hardware of a model.
 pub fn design(
     loaded: &LoadedModel,
@@ -199,11 +215,14 @@ pub fn implement(
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
-    let problem = Problem::of(graph);
+    let fixed = &judged.fixed;
+    // What the mapping counts on: its loads are those of all pairs that it could make possible.
+    let hoped: Arc<StepGraph> = pairs::hoped_for(graph, fixed).map_or_else(|| Arc::clone(graph), Arc::new);
+    let problem = Problem::of(&hoped);
     let latency = Latency::of(&judged.fixed.format);
     let mapped = watch.stage(
         "map",
-        || map(&problem, graph, pes, seed, mapping_options),
+        || map(&problem, &hoped, pes, seed, mapping_options),
         |candidates| match candidates {
             Ok(candidates) => {
                 let pes = candidates[0].mapping.pes;
@@ -212,11 +231,25 @@ pub fn implement(
             Err(_) => "impossible".to_owned(),
         },
     );
-    let candidates = mapped.map_err(|error| map_failure(error, graph, loaded))?;
+    let mut candidates = mapped.map_err(|error| map_failure(error, graph, loaded))?;
+    if !Arc::ptr_eq(&hoped, graph) {
+        let evened = |candidate: &Candidate| {
+            let mapping = even(graph, fixed, &candidate.mapping);
+            let cost = problem.cost(&mapping);
+            let useful = mapping != candidate.mapping && cost.max_in_degree <= mapping_options.max_in_degree;
+            useful.then_some(Candidate { mapping, cost, ..candidate.clone() })
+        };
+        let evened: Vec<Candidate> = candidates.iter().filter_map(evened).collect();
+        candidates.extend(evened);
+    }
     let taken_pes = candidates[0].mapping.pes;
+    let pairs: Vec<Option<Paired>> =
+        candidates.iter().map(|candidate| pairs::pair(graph, fixed, &candidate.mapping)).collect();
+    let graphs: Vec<&StepGraph> =
+        pairs.iter().map(|paired| paired.as_ref().map_or(&**graph, |paired| &paired.graph)).collect();
     let schedules: Vec<Schedule> = watch.stage_saying(
         "schedule",
-        |say| contest::schedules(graph, &candidates, latency, mapping_options.max_in_degree, say),
+        |say| contest::schedules(&graphs, &candidates, latency, mapping_options.max_in_degree, say),
         |schedules: &Vec<Schedule>| {
             format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
         },
@@ -234,9 +267,11 @@ pub fn implement(
     let taken = order[0];
     let schedule = schedules.into_iter().nth(taken).expect("ranked above");
     let candidate = candidates.into_iter().nth(taken).expect("ranked above");
+    let paired = pairs.into_iter().nth(taken).expect("ranked above");
+    let (issued, numbers) = paired.as_ref().map_or((&**graph, fixed), |paired| (&paired.graph, &paired.fixed));
     let program = watch.stage(
         "assemble",
-        || pe_hls::assemble::assemble(&loaded.model, graph, &judged.fixed, &candidate.mapping, &schedule),
+        || pe_hls::assemble::assemble(&loaded.model, issued, numbers, &candidate.mapping, &schedule),
         |program| match program {
             Ok(program) => format!("{} PEs, {} writes per step", program.pes.len(), program.writes_per_step()),
             Err(_) => "refused".to_owned(),
@@ -244,13 +279,15 @@ pub fn implement(
     );
     let program = program.map_err(|limit| Failure::Usage(limit.to_string()))?;
     let design = Design {
-        bound: Bound::of(graph, taken_pes, latency),
+        bound: Bound::of(&hoped, taken_pes, latency),
         wires: mapping::wire_length(&problem, &candidate.mapping),
         mapping: candidate.mapping,
         cost: candidate.cost,
         default_pes: pes.is_none(),
         graph: Arc::clone(graph),
+        hoped,
         judged: Arc::clone(judged),
+        paired,
         schedule,
         program,
         starts,
@@ -267,7 +304,7 @@ pub fn build(
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<StepGraph, Failure> {
-    let options = point.step_options(mapping_options.max_in_degree);
+    let options = point.step_options(mapping_options);
     let graph = watch.stage(
         "step",
         || pe_hls::step::build_with(&loaded.model, &options),
@@ -338,12 +375,13 @@ fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Fail
 
 /// Proves mapping, schedule and program with the independent checkers.
 fn check(design: &Design, latency: Latency, options: &MappingOptions, say: &dyn Fn(String)) -> Result<(), Failure> {
-    let Design { graph, judged, mapping, schedule, program, cost, .. } = design;
+    let Design { graph, hoped, judged, mapping, schedule, program, cost, .. } = design;
     say("mapping".to_owned());
-    let mut violations = verify::mapping::check(graph, mapping, cost, options.max_in_degree);
+    let mut violations = verify::mapping::check(hoped, mapping, cost, options.max_in_degree);
     say("schedule".to_owned());
-    violations.extend(verify::schedule::check(graph, mapping, schedule, latency));
+    violations.extend(verify::schedule::check(design.issued(), mapping, schedule, latency));
     say("program".to_owned());
+    // Pairs are proved to be the products of the step graph without pairs.
     violations.extend(verify::program::check(program, graph, &judged.fixed, CHECKED_ROUNDS));
     match violations.first() {
         None => Ok(()),

@@ -60,7 +60,10 @@ fn connections(program: &Program) -> usize {
     let mut pairs = BTreeSet::new();
     for (to, pe) in program.pes.iter().enumerate() {
         for source in &pe.ports {
-            if let LinkSource::Pe(from) = source {
+            // A PE may send words to itself.
+            if let LinkSource::Pe(from) = source
+                && *from != to as u32
+            {
                 let to = to as u32;
                 pairs.insert((to.min(*from), to.max(*from)));
             }
@@ -122,7 +125,8 @@ pub fn report(
         "step_s": model.step,
         "span_s": model.span,
         "cycles_per_step": program.period,
-        "macs_per_step": design.graph.macs(),
+        "macs_per_step": design.issued().macs(),
+        "pairs": pairs(design),
         "bound_cycles": bound,
         "bound_binds": binds,
         "bottleneck": bottleneck.report(program),
@@ -157,6 +161,22 @@ pub fn report(
         "seed": seed,
         "command": command,
     })
+}
+
+/// The key `pairs`.
+fn pairs(design: &Design) -> Value {
+    let Some(paired) = &design.paired else {
+        let reason = if !design.graph.pre_adder {
+            "they could not save one product of 32, or --no-pre-adder"
+        } else if design.judged.fixed.headroom.contains(&true) {
+            "no two operands with equal coefficients share a binary point on a PE"
+        } else {
+            "operands do not share a binary point, or the word-length error would be above 1e-3"
+        };
+        return json!({"per_step": 0, "sent_home": 0, "missed": 0, "left_out": reason});
+    };
+    let missed = design.issued().macs() - design.hoped.macs();
+    json!({"per_step": paired.pairs, "sent_home": paired.sent_home, "missed": missed, "left_out": null})
 }
 
 /// An entry of the key `forms`.

@@ -37,6 +37,9 @@ const WIDENINGS: usize = 24;
 const METHOD_ERROR_REFUSED: f64 = 0.5;
 const METHOD_ERROR_WARNED: f64 = 0.02;
 
+/// Word-length error from which on pairs of operands are given up for the accuracy that they cost.
+const PAIR_ERROR: f64 = 1e-3;
+
 /// Word-length error from which on the word is called short.
 const WORD_ERROR_WARNED: f64 = 0.02;
 
@@ -187,7 +190,19 @@ impl Exact {
     /// # Errors
     /// `E0902` saturates however wide, `E080x` no format.
     pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
-        settle_formats(model, graph, format, &self.plan, &self.reference, self.ranges.clone(), &self.moments)
+        let settle = |graph: &StepGraph| {
+            settle_formats(model, graph, format, &self.plan, &self.reference, self.ranges.clone(), &self.moments)
+        };
+        let settled = settle(graph)?;
+        if !graph.pre_adder || self.word_length(&settled) <= PAIR_ERROR {
+            return Ok(settled);
+        }
+        let alone = settle(&StepGraph { pre_adder: false, ..graph.clone() })?;
+        Ok(if self.word_length(&alone) < self.word_length(&settled) { alone } else { settled })
+    }
+
+    fn word_length(&self, settled: &Settled) -> f64 {
+        self.reference.deviation(&settled.hardware).worst(&self.scales).1
     }
 
     /// Puts together what the runs found.

@@ -31,6 +31,7 @@ fn designs() -> Vec<Flow> {
         flow(Family::Polynomial, (4, 3), Solver::Rk4, (32, 25, 18), 52),
         flow(Family::Hub, (6, 4), Solver::Rk4, (32, 32, 32), 53),
         flow(Family::Affine, (7, 3), Solver::Euler, (18, 18, 25), 54),
+        flow(Family::Stencil, (9, 2), Solver::Heun, (32, 25, 18), 55),
     ]
 }
 

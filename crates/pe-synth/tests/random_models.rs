@@ -35,7 +35,7 @@ const FORMS: [(Solver, StageForm); 5] = [
 
 /// Runs `check` on every family, solver and width; prints how many words it compared.
 fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
-    let (mut designs, mut compared) = (0, 0);
+    let (mut designs, mut compared, mut pairs) = (0, 0, 0);
     let cases = [(&WIDE[..], &SIZES[..]), (&NARROW[..], &NARROW_SIZES[..])];
     for (widths, sizes) in cases {
         for (storage, data, coefficient) in widths {
@@ -46,6 +46,7 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
                         let flow = Flow::random(family, (*states, *pes), solver, format, *placement, seed);
                         let count = check(&flow);
                         assert!(count > 0, "{}: nothing was compared", flow.label);
+                        pairs += flow.pairs;
                         designs += 1;
                         compared += count;
                     }
@@ -67,7 +68,8 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
             }
         }
     }
-    println!("{what}: {designs} designs, {compared} comparisons");
+    println!("{what}: {designs} designs, {compared} comparisons, {pairs} pairs");
+    assert!(pairs > 1_000, "{pairs} pairs");
 }
 
 /// Compares state words and outputs of machine and fixed-point run, step after step; returns the words compared.

@@ -131,7 +131,7 @@ fn the_report_counts_the_hardware_features_and_says_what_needs_them() {
     let euler = rows("wave6", "1ms");
     assert_eq!(row(&euler, "swap")["with"], 2);
     assert_eq!(row(&euler, "factor")["because"], "no PE needs it");
-    assert_eq!(row(&euler, "operand_addition")["with"], 0);
+    assert_eq!(row(&euler, "operand_addition")["with"], 2);
     assert!(row(&euler, "saturation")["because"].as_str().unwrap().contains("no interval rules out that `"));
     let single = rows("harmonic_oscillator", "100ms");
     let fields = single["control_word"].as_array().unwrap();

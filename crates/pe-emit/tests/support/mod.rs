@@ -53,8 +53,8 @@ pub struct Case {
     pub seed: u64,
 }
 
-/// Shorthand for a feature record: own words, imported words, ports, shifts, and the flags among `fws` for factor,
-/// swap and send.
+/// Shorthand for a feature record: own words, imported words, ports, shifts, and the flags among `fpws` for factor,
+/// pre-adder, swap and send.
 pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_bits: u32, flags: &str) -> PeFeatures {
     PeFeatures {
         own_words: own,
@@ -65,6 +65,7 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
         shifts: shifts.to_vec(),
         accumulator_bits,
         factor: flags.contains('f'),
+        pre_adder: flags.contains('p'),
         swap: flags.contains('w'),
         send: flags.contains('s'),
     }
@@ -158,6 +159,10 @@ fn random_word(random: &mut Random, format: &WordFormat, features: &PeFeatures) 
         0 => {}
         1 | 2 if imports => word.imported = Some(address(random, features.imported_words)),
         _ => word.own = Some(address(random, features.own_words)),
+    }
+    if imports && features.pre_adder && random.chance(30) {
+        word.own = Some(address(random, features.own_words));
+        word.imported = Some(address(random, features.imported_words));
     }
     word.multiplier = if features.coefficient_words > 0 {
         Multiplier::Stored(random.below(u64::from(features.coefficient_words)) as u16)

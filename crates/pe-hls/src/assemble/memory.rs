@@ -298,6 +298,10 @@ impl Lives {
                     let read = imported.entry((term.operand.0, pe)).or_insert(0);
                     *read = (*read).max(time);
                 }
+                if let Some(partner) = term.partner {
+                    let read = imported.entry((partner.0, pe)).or_insert(0);
+                    *read = (*read).max(time);
+                }
                 if let Factor::Value(value) = term.factor {
                     let read = &mut own[value.index()].1;
                     *read = (*read).max(time);

@@ -80,6 +80,7 @@ impl Assembler<'_> {
                     shifts: Vec::new(),
                     accumulator_bits: self.fixed.format.data_bits + self.fixed.format.coefficient_bits,
                     factor: false,
+                    pre_adder: false,
                     swap: self.graph.swaps(),
                     send: senders.contains(&pe),
                 };
@@ -160,6 +161,7 @@ impl Assembler<'_> {
             features.accumulator_bits = features.accumulator_bits.max(u32::from(self.fixed.accumulator_bits[index]));
             let factors = self.graph.chain_terms(chain).iter().any(|t| matches!(t.factor, Factor::Value(_)));
             features.factor |= factors;
+            features.pre_adder |= self.graph.chain_terms(chain).iter().any(|term| term.partner.is_some());
         }
         for (pe, shifts) in pes.iter_mut().zip(shifts) {
             pe.features.shifts = shifts.into_iter().collect();
@@ -253,6 +255,10 @@ impl Assembler<'_> {
                 word.own = Some(self.own_address(term.operand, time));
             } else {
                 let place = self.memories.import(term.operand, number);
+                word.imported = Some(self.address(place, self.memories.depths[number as usize].imported, time));
+            }
+            if let Some(partner) = term.partner {
+                let place = self.memories.import(partner, number);
                 word.imported = Some(self.address(place, self.memories.depths[number as usize].imported, time));
             }
             word.multiplier = match term.factor {

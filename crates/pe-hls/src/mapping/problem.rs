@@ -1,6 +1,6 @@
 //! The mapping problem in flat arrays, and its views as petgraph graphs.
 
-use pe_ir::graph::{Role, StepGraph};
+use pe_ir::graph::{Role, StepGraph, Term};
 use pe_ir::mapping::{Mapping, MappingCost};
 use petgraph::graph::DiGraph;
 
@@ -47,8 +47,8 @@ impl Problem {
     pub fn of(graph: &StepGraph) -> Problem {
         let mut input_reads = Vec::new();
         for chain in &graph.chains {
-            for term in graph.chain_terms(chain) {
-                if let Role::Input(input) = graph.value(term.operand).role {
+            for operand in graph.chain_terms(chain).iter().flat_map(Term::operands) {
+                if let Role::Input(input) = graph.value(operand).role {
                     input_reads.push((input, chain.equation));
                 }
             }

@@ -113,6 +113,7 @@ impl<'a> List<'a> {
         let code = &problem.chains[chain as usize];
         let arrival = |term: u32| {
             let ready = self.ready[problem.operands[term as usize].slot()];
+            let ready = problem.partner(term).map_or(ready, |partner| ready.max(self.ready[partner.slot()]));
             problem.factor(term).map_or(ready, |value| ready.max(self.ready[value]))
         };
         let mut arrivals = std::mem::take(&mut self.arrivals);
@@ -224,14 +225,15 @@ impl<'a> List<'a> {
         for position in 0..code.len() {
             let term = self.placement.order[(code.terms.start + position) as usize] as usize;
             let time = start + position;
-            let operand = problem.operands[term];
-            if operand.is_imported() {
-                let read = &mut self.last_read[operand.slot()];
-                *read = (*read).max(time);
-            }
-            if operand.is_from_before() {
-                let read = &mut self.placement.first_reads[operand.slot()];
-                *read = (*read).min(time);
+            for operand in std::iter::once(problem.operands[term]).chain(problem.partner(term as u32)) {
+                if operand.is_imported() {
+                    let read = &mut self.last_read[operand.slot()];
+                    *read = (*read).max(time);
+                }
+                if operand.is_from_before() {
+                    let read = &mut self.placement.first_reads[operand.slot()];
+                    *read = (*read).min(time);
+                }
             }
         }
         for (position, store) in code.stores().enumerate() {

@@ -115,6 +115,8 @@ pub(super) struct Problem<'a> {
     originals: Vec<u32>,
     /// Data operand of each term, in the order of the chains.
     pub operands: Vec<Operand>,
+    /// Second data operand of each term, an import, or none; empty if no term is a pair.
+    partners: Vec<Option<Operand>>,
     /// Slot of the second factor of each term, or none; empty if no term has one.
     factors: Vec<u32>,
     /// Number of slots.
@@ -171,6 +173,13 @@ impl<'a> Problem<'a> {
             let terms = originals.iter().flat_map(|chain| graph.chain_terms(&graph.chains[*chain as usize]));
             factors = terms.map(slot).collect();
         }
+        let mut partners: Vec<Option<Operand>> = Vec::new();
+        if graph.terms.iter().any(|term| term.partner.is_some()) {
+            for original in &originals {
+                let partner = |term: &Term| Some(places.import(graph, term.partner?, pe_of[*original as usize]));
+                partners.extend(graph.chain_terms(&graph.chains[*original as usize]).iter().map(partner));
+            }
+        }
         let mut problem = Problem {
             graph,
             latency,
@@ -178,6 +187,7 @@ impl<'a> Problem<'a> {
             chains,
             originals,
             operands,
+            partners,
             factors,
             slots: places.slots,
             imports: places.imports,
@@ -218,6 +228,11 @@ impl<'a> Problem<'a> {
     /// Slot of the second factor of a term, if it is a value.
     pub fn factor(&self, term: u32) -> Option<usize> {
         self.factors.get(term as usize).filter(|slot| **slot != NONE).map(|slot| *slot as usize)
+    }
+
+    /// The second data operand of a term.
+    pub fn partner(&self, term: u32) -> Option<Operand> {
+        self.partners.get(term as usize).copied().flatten()
     }
 
     /// Slots of words from the step before: in their own PE with the chain that writes the next step's word, and
@@ -280,7 +295,7 @@ impl<'a> Problem<'a> {
                 }
             };
             for term in graph.chain_terms(chain) {
-                read(term.operand);
+                term.operands().for_each(&mut read);
                 if let Factor::Value(value) = term.factor {
                     read(value);
                 }
@@ -383,6 +398,8 @@ impl Places {
                 if home[term.operand.index()] != *pe {
                     needs.push((*pe, resident[term.operand.index()]));
                 }
+                // A partner is read from the imported memory even if the PE computes it itself.
+                needs.extend(term.partner.map(|partner| (*pe, resident[partner.index()])));
             }
         }
         needs.sort_unstable();
@@ -426,6 +443,12 @@ impl Places {
         if self.home[value.index()] == pe {
             return Operand(self.own[value.index()] | before);
         }
+        self.import(graph, value, pe)
+    }
+
+    /// Where a PE reads a value that it imports.
+    fn import(&self, graph: &StepGraph, value: ValueId, pe: u32) -> Operand {
+        let before = if matches!(graph.value(value).role, Role::State(_)) { FROM_BEFORE } else { 0 };
         let resident = ValueId(self.resident[value.index()]);
         let range = self.first_import[pe as usize] as usize..self.first_import[pe as usize + 1] as usize;
         let imports = &self.imports[range];

@@ -170,14 +170,14 @@ mod tests {
             let write = Write { value: ValueId(written), base: base.map(ValueId), weight: 0 };
             chains.push(Chain { equation, terms: first..terms.len() as u32, write, second: None });
         };
-        let plain = |operand: &u32| Term { operand: ValueId(*operand), factor: Factor::Coefficient(0.5) };
+        let plain = |operand: &u32| Term::new(ValueId(*operand), Factor::Coefficient(0.5));
         for (serial, (state, operands)) in inner.iter().enumerate() {
             chain(*state, operands.iter().map(plain).collect(), 2 * count + serial as u32, None);
         }
         for (state, operands) in states.iter().enumerate() {
             let own = inner.iter().enumerate().filter(|(_, sum)| sum.0 == state as u32);
             let factor = |(serial, _)| Factor::Value(ValueId(2 * count + serial as u32));
-            let nested = own.map(factor).map(|factor| Term { operand: ValueId(state as u32), factor });
+            let nested = own.map(factor).map(|factor| Term::new(ValueId(state as u32), factor));
             let products = operands.iter().map(plain).chain(nested).collect();
             chain(state as u32, products, count + state as u32, Some(state as u32));
         }
@@ -186,6 +186,7 @@ mod tests {
             form: StageForm::Euler,
             stages: 1,
             forms: Vec::new(),
+            pre_adder: false,
             step: 1.0,
             equations: (0..count).map(equation).collect(),
             values,

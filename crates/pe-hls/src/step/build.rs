@@ -11,6 +11,7 @@ use super::polynomial::{Nested, NestedFactor};
 use super::prune::prune;
 use super::rows::Rows;
 use super::sharing::{self, Expanded};
+use crate::pairs;
 
 /// One stage of a solver: where its chains read, how they are scaled, and what they write.
 struct Stage {
@@ -118,7 +119,9 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
         current = next;
     }
     builder.outputs(model, &expanded, &algebraics, &current);
-    Ok(prune(builder.graph))
+    let mut graph = prune(builder.graph);
+    graph.pre_adder = options.pre_adder && pairs::worthwhile(&graph);
+    Ok(graph)
 }
 
 /// Whether every derivative is affine in the states when the inputs are held: then Horner's form equals RK4.
@@ -186,6 +189,7 @@ impl Builder {
             form: cost.form,
             stages: cost.stages,
             forms: Vec::new(),
+            pre_adder: false,
             step: model.step,
             equations: Vec::new(),
             values: Vec::new(),
@@ -233,14 +237,14 @@ impl Builder {
         let mut terms = self.terms(equation, nested, stage.factor, operands);
         if nested.constant != 0.0 {
             let one = push(&mut self.graph, Role::Constant(1.0), equation, false);
-            terms.push(Term { operand: one, factor: Factor::Coefficient(nested.constant * stage.factor) });
+            terms.push(Term::new(one, Factor::Coefficient(nested.constant * stage.factor)));
         }
         let previous_sum = self.sums[index];
         if let (Some(factor), Some(sum)) = (stage.sum_factor, previous_sum) {
-            terms.push(Term { operand: sum, factor: Factor::Coefficient(factor) });
+            terms.push(Term::new(sum, Factor::Coefficient(factor)));
         }
         if terms.is_empty() {
-            terms.push(Term { operand: start, factor: Factor::Coefficient(0.0) });
+            terms.push(Term::new(start, Factor::Coefficient(0.0)));
         }
         let value = if stage.last {
             next
@@ -268,10 +272,10 @@ impl Builder {
                 (None, Some(input)) if input < self.graph.inputs.len() => self.graph.inputs[input],
                 _ => push(&mut self.graph, Role::Constant(1.0), equation, false),
             };
-            terms.push(Term { operand, factor: Factor::Coefficient(coefficient) });
+            terms.push(Term::new(operand, Factor::Coefficient(coefficient)));
         }
         if terms.is_empty() {
-            terms.push(Term { operand: current[index], factor: Factor::Coefficient(0.0) });
+            terms.push(Term::new(current[index], Factor::Coefficient(0.0)));
         }
         let value = if last {
             self.graph.states[index].1
@@ -304,7 +308,7 @@ impl Builder {
                     self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
                     let value = push(&mut self.graph, Role::Published(index as u32), equation, false);
                     let operand = self.graph.inputs[i as usize];
-                    let terms = vec![Term { operand, factor: Factor::Coefficient(1.0) }];
+                    let terms = vec![Term::new(operand, Factor::Coefficient(1.0))];
                     self.chain(equation, terms, Write { value, base: None, weight: 0 }, None);
                     value
                 }
@@ -319,7 +323,7 @@ impl Builder {
         let mut base = None;
         if terms.is_empty() {
             let one = push(&mut self.graph, Role::Constant(1.0), equation, false);
-            terms.push(Term { operand: one, factor: Factor::Coefficient(nested.constant) });
+            terms.push(Term::new(one, Factor::Coefficient(nested.constant)));
         } else if nested.constant != 0.0 {
             base = Some(self.constant(nested.constant, equation, value));
         }
@@ -345,7 +349,7 @@ impl Builder {
                 NestedFactor::Coefficient(c) => Factor::Coefficient(c * scale),
                 NestedFactor::Inner(inner) => Factor::Value(self.inner(equation, inner, scale, operands)),
             };
-            terms.push(Term { operand, factor });
+            terms.push(Term::new(operand, factor));
         }
         terms
     }

@@ -52,11 +52,13 @@ pub struct StepOptions {
     pub pes: Option<u32>,
     /// Most input ports that a PE may have.
     pub max_in_degree: u32,
+    /// Whether operands with equal coefficients may be added in front of the multiplier.
+    pub pre_adder: bool,
 }
 
 impl Default for StepOptions {
     fn default() -> Self {
-        StepOptions { form: None, pes: None, max_in_degree: MapOptions::DEFAULT_MAX_IN_DEGREE }
+        StepOptions { form: None, pes: None, max_in_degree: MapOptions::DEFAULT_MAX_IN_DEGREE, pre_adder: true }
     }
 }
 

@@ -31,7 +31,7 @@ pub fn prune(graph: StepGraph) -> StepGraph {
         chain.write = write_id(chain.write);
         chain.second = chain.second.map(write_id);
     }
-    for Term { operand, factor } in &mut terms {
+    for Term { operand, factor, .. } in &mut terms {
         *operand = value_id(*operand);
         if let Factor::Value(value) = factor {
             *value = value_id(*value);

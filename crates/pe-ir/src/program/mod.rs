@@ -99,6 +99,8 @@ pub struct PeFeatures {
     pub accumulator_bits: u32,
     /// Product of two stored words: the coefficient memory is written.
     pub factor: bool,
+    /// Sum of an own and an imported operand in front of the multiplier.
+    pub pre_adder: bool,
     /// Buffers that change roles every step.
     pub swap: bool,
     /// Output link.

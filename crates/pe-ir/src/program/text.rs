@@ -65,7 +65,13 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
     write!(f, "pe {index} own {} base {}", features.own_words, features.base_words)?;
     write!(f, " coefficients {} imported {}", features.coefficient_words, features.imported_words)?;
     write!(f, " shifts {} accumulator {}", shifts.join(","), features.accumulator_bits)?;
-    for (present, name) in [(features.factor, "factor"), (features.swap, "swap"), (features.send, "send")] {
+    let flags = [
+        (features.factor, "factor"),
+        (features.pre_adder, "pre_adder"),
+        (features.swap, "swap"),
+        (features.send, "send"),
+    ];
+    for (present, name) in flags {
         if present {
             write!(f, " {name}")?;
         }
@@ -200,6 +206,7 @@ fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) -> bool {
         && word.write.is_none_or(target)
         && imported(word.imported)
         && word.receive.is_none_or(|(port, a)| usize::from(port) < pe.ports.len() && imported(Some(a)))
+        && (features.pre_adder || word.own.is_none() || word.imported.is_none())
         && usize::from(word.shift) < features.shifts.len()
         && (features.send || !word.send)
         && (features.swap || swapping.iter().flatten().all(|address| !address.swap))
@@ -357,6 +364,7 @@ impl Parser {
             shifts,
             accumulator_bits,
             factor: has("factor"),
+            pre_adder: has("pre_adder"),
             swap: has("swap"),
             send: has("send"),
         };

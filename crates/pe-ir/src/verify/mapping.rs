@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::graph::{Role, StepGraph};
+use crate::graph::{Role, StepGraph, Term};
 use crate::mapping::{Mapping, MappingCost};
 
 /// What a mapping must be consistent with.
@@ -34,8 +34,8 @@ impl Facts {
             let terms = graph.chain_terms(chain);
             let writes = 1 + u32::from(chain.second.is_some());
             facts.loads[chain.equation as usize] += writes.max(terms.len() as u32);
-            for term in terms {
-                let operand = graph.value(term.operand);
+            for operand in terms.iter().flat_map(Term::operands) {
+                let operand = graph.value(operand);
                 if let Role::Input(input) = operand.role {
                     input_reads.push((input, chain.equation));
                 } else if operand.equation != chain.equation {

@@ -36,6 +36,9 @@ struct Product {
     factor: Cell,
 }
 
+/// The products of a control word: two where the pre-adder joins two operands.
+type Operands = [Option<Product>; 2];
+
 type Sum = Rc<Vec<Product>>;
 
 /// A finished sum on its way to memory.
@@ -52,7 +55,7 @@ struct Pe<'a> {
     base: Vec<Cell>,
     coefficients: Vec<Cell>,
     imported: Vec<Cell>,
-    products: VecDeque<Option<Product>>,
+    products: VecDeque<Operands>,
     accumulator: Vec<Product>,
     hold: Sum,
     /// Base and shift of the adder.
@@ -107,7 +110,7 @@ impl<'a> Checker<'a> {
             base: pe.base_image.iter().map(|word| Cell::Image(*word)).collect(),
             coefficients: pe.coefficient_image.iter().map(|word| Cell::Image(*word)).collect(),
             imported: vec![Cell::Unknown; pe.imported_image.len()],
-            products: std::iter::repeat_n(None, accumulate).collect(),
+            products: std::iter::repeat_n([None; 2], accumulate).collect(),
             accumulator: Vec::new(),
             hold: Rc::default(),
             scale: (None, u8::MAX),
@@ -165,7 +168,7 @@ impl<'a> Checker<'a> {
             let control = self.pes[index].program.words[word as usize];
             let note = self.pes[index].program.notes[word as usize];
             if control.own.is_some() && control.imported.is_some() {
-                self.fail(index, round, word, "two operands".into());
+                self.joined(index, round, word, &control, parity);
             }
             if note.write != NONE && control.write.is_none() {
                 self.fail(index, round, word, "a noted write is missing".into());
@@ -204,6 +207,24 @@ impl<'a> Checker<'a> {
                 self.pes[index].imported[slot] = cell;
             }
             self.pes[index].advance(&control, operands);
+        }
+    }
+
+    /// Checks that the pre-adder may join the two operands of a word: no sum of theirs leaves the data port.
+    fn joined(&mut self, pe: usize, round: u32, word: u32, control: &ControlWord, parity: bool) {
+        let joins = self.pes[pe].program.features.pre_adder;
+        let (products, _) = self.pes[pe].read(control, parity);
+        for product in products.into_iter().flatten() {
+            if !joins || !matches!(product.factor, Cell::Image(_)) {
+                self.fail(pe, round, word, "two operands".into());
+            }
+            let room = match product.operand {
+                Cell::Value(value, _) => self.fixed.headroom[value as usize],
+                Cell::Image(_) | Cell::Unknown => false,
+            };
+            if !room {
+                self.fail(pe, round, word, format!("{:?} has no headroom for a sum", product.operand));
+            }
         }
     }
 
@@ -304,16 +325,16 @@ impl<'a> Checker<'a> {
 
 impl Pe<'_> {
     /// What a control word reads from the memories, before this word's writes.
-    fn read(&self, control: &ControlWord, parity: bool) -> (Option<Product>, Option<Cell>) {
+    fn read(&self, control: &ControlWord, parity: bool) -> (Operands, Option<Cell>) {
         let own = |address: Address| self.own[physical(address, self.own.len(), parity)];
         let base = |word: u16| self.base[usize::from(word)];
         let imported = |address: Address| self.imported[physical(address, self.imported.len(), parity)];
-        let operand = control.own.map(own).or(control.imported.map(imported));
         let factor = match control.multiplier {
             Multiplier::Coefficient(coefficient) => Cell::Image(coefficient),
             Multiplier::Stored(word) => self.coefficients[usize::from(word)],
         };
-        (operand.map(|operand| Product { operand, factor }), control.base.map(base))
+        let operands = [control.own.map(own), control.imported.map(imported)];
+        (operands.map(|operand| operand.map(|operand| Product { operand, factor })), control.base.map(base))
     }
 
     /// The memories take a result.
@@ -334,16 +355,16 @@ impl Pe<'_> {
     }
 
     /// Moves the pipeline on by one word.
-    fn advance(&mut self, control: &ControlWord, (product, base): (Option<Product>, Option<Cell>)) {
+    fn advance(&mut self, control: &ControlWord, (products, base): (Operands, Option<Cell>)) {
         self.result = self.added.take();
         self.added = Some(Result { base: self.scale.0, sum: Rc::clone(&self.hold), shift: self.scale.1 });
         self.scale = (base, self.program.features.shifts.get(usize::from(control.shift)).copied().unwrap_or(u8::MAX));
-        let arriving = self.products.pop_front().flatten();
+        let arriving = self.products.pop_front().unwrap_or_default();
         if control.close {
             self.hold = Rc::new(std::mem::take(&mut self.accumulator));
         }
-        self.accumulator.extend(arriving);
-        self.products.push_back(product);
+        self.accumulator.extend(arriving.into_iter().flatten());
+        self.products.push_back(products);
     }
 }
 

@@ -148,23 +148,35 @@ impl<'a> Checker<'a> {
             let start = schedule.starts[index];
             for (time, position) in (start..).zip(chain.terms.clone()) {
                 let term = &graph.terms[schedule.order[position as usize] as usize];
-                self.read(term.operand, pe, time);
+                self.read(term.operand, (pe, self.local(term.operand, pe)), time);
+                if let Some(partner) = term.partner {
+                    if !self.local(term.operand, pe) {
+                        self.violations.push(format!("PE {pe}: two imported operands in word {time}"));
+                    }
+                    self.read(partner, (pe, false), time);
+                }
                 if let Factor::Value(factor) = term.factor {
-                    self.read(factor, pe, time);
+                    self.read(factor, (pe, self.local(factor, pe)), time);
                 }
             }
             for (position, write) in chain.writes().enumerate() {
                 if let Some(base) = write.base {
                     let scale = start + chain.len() - 1 + self.latency.scale() + position as u32;
-                    self.read(base, pe, scale);
+                    self.read(base, (pe, self.local(base, pe)), scale);
                 }
             }
         }
     }
 
-    fn read(&mut self, value: ValueId, pe: u32, time: u32) {
+    /// Whether a value is computed by a PE.
+    fn local(&self, value: ValueId, pe: u32) -> bool {
+        let equation = self.graph.value(value).equation;
+        equation != NONE && self.pe(equation) == pe
+    }
+
+    /// A read of a PE from its own or its imported memory.
+    fn read(&mut self, value: ValueId, (pe, local): (u32, bool), time: u32) {
         let info = *self.graph.value(value);
-        let local = info.equation != NONE && self.pe(info.equation) == pe;
         let name = || self.graph.value_name(value);
         if let Role::Constant(_) = info.role {
             if !local {

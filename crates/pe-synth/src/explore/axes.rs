@@ -7,6 +7,7 @@ use pe_ir::model::{Model, Solver};
 use pe_ir::word::Latency;
 
 use crate::options::{DesignPoint, FormChoice, duration, multiplier, solver, storage};
+use crate::pipeline::MappingOptions;
 
 /// Multipliers of a sweep unless told otherwise: one block each way round, and four blocks.
 const MULTIPLIERS: [(u32, u32); 3] = [(25, 18), (18, 25), (32, 32)];
@@ -84,11 +85,11 @@ impl Axes {
     }
 
     /// The points with the form that each would choose, so that those with the same step graph are found.
-    pub fn formed(&self, model: &Model, max_in_degree: u32) -> Vec<DesignPoint> {
+    pub fn formed(&self, model: &Model, mapping: &MappingOptions) -> Vec<DesignPoint> {
         let mut known: Vec<(DesignPoint, FormChoice)> = Vec::new();
         let choose = |point: &DesignPoint| {
             let model = Model { solver: point.solver.unwrap_or(model.solver), ..model.clone() };
-            let options = point.step_options(max_in_degree);
+            let options = point.step_options(mapping);
             // What is refused is refused again when the point is compiled.
             pe_hls::step::build_with(&model, &options).map_or(point.form, |graph| FormChoice::of(graph.form))
         };

@@ -2,6 +2,7 @@
 
 use pe_hls::formats::{self, Ranges};
 use pe_hls::mapping::{MapOptions, Problem};
+use pe_hls::pairs;
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
@@ -46,6 +47,8 @@ pub struct Flow {
     pub mapping: Mapping,
     pub schedule: Schedule,
     pub program: Program,
+    /// Products of two operands with equal coefficients.
+    pub pairs: u64,
 }
 
 /// A start of a run: a program with its images and the inputs of the steps from there.
@@ -103,13 +106,16 @@ impl Flow {
         let graph = pe_hls::split::split(&graph, pes, MAX_IN_DEGREE, latency).unwrap_or(graph);
         let fixed = settled(&label, &model, &graph, format);
         let mapping = place(&label, &graph, pes, placement);
-        let schedule = pe_hls::schedule::schedule(&graph, &mapping, latency);
-        let bound = pe_hls::schedule::Bound::of(&graph, pes, latency).binding().0;
+        let paired = pairs::pair(&graph, &fixed, &mapping);
+        let (issued, numbers) = paired.as_ref().map_or((&graph, &fixed), |paired| (&paired.graph, &paired.fixed));
+        let schedule = pe_hls::schedule::schedule(issued, &mapping, latency);
+        let bound = pe_hls::schedule::Bound::of(issued, pes, latency).binding().0;
         assert!(schedule.period >= bound, "{label}: {} words, fewer than the bound of {bound}", schedule.period);
-        assert_clean(&label, &verify::schedule::check(&graph, &mapping, &schedule, latency));
-        let program = pe_hls::assemble::assemble(&model, &graph, &fixed, &mapping, &schedule).expect("small");
+        assert_clean(&label, &verify::schedule::check(issued, &mapping, &schedule, latency));
+        let program = pe_hls::assemble::assemble(&model, issued, numbers, &mapping, &schedule).expect("small");
         assert_clean(&label, &verify::program::check(&program, &graph, &fixed, 3));
-        Flow { label, model, graph, fixed, mapping, schedule, program }
+        let pairs = paired.map_or(0, |paired| paired.pairs);
+        Flow { label, model, graph, fixed, mapping, schedule, program, pairs }
     }
 
     /// Input port words of a step.

@@ -28,11 +28,20 @@ pub enum Family {
     Hub,
     /// States whose sizes differ by six decades.
     Scales,
+    /// Rings whose neighbours have equal coefficients, with a cubic term.
+    Stencil,
 }
 
 /// All families.
-pub const FAMILIES: [Family; 6] =
-    [Family::Affine, Family::Polynomial, Family::Shared, Family::OneProduct, Family::Hub, Family::Scales];
+pub const FAMILIES: [Family; 7] = [
+    Family::Affine,
+    Family::Polynomial,
+    Family::Shared,
+    Family::OneProduct,
+    Family::Hub,
+    Family::Scales,
+    Family::Stencil,
+];
 
 /// Families whose right-hand sides are affine.
 pub const AFFINE_FAMILIES: [Family; 4] = [Family::Affine, Family::OneProduct, Family::Hub, Family::Scales];
@@ -156,6 +165,12 @@ fn right_hand_side(
             // A ring of oscillating pairs: x' = w y, y' = -w x.
             let partner = if index.is_multiple_of(2) { (index + 1) % states } else { index - 1 };
             vec![scaled(if index.is_multiple_of(2) { 3.0 } else { -3.0 }, state(partner))]
+        }
+        Family::Stencil => {
+            let neighbours = [1, 3, states - 1, 2 * states - 3].map(|ahead| (index + ahead) % states);
+            let mut terms = vec![decay, scaled(-0.2, Expr::Power(Box::new(state(index)), 3))];
+            terms.extend(neighbours.map(|neighbour| scaled(0.7, state(neighbour))));
+            terms
         }
         Family::Hub => {
             let mut terms = vec![decay, scaled(rng.random_range(-0.9..0.9), state(0))];

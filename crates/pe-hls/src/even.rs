@@ -1,0 +1,130 @@
+//! Evens out a mapping under the products that its pairs leave.
+//!
+//! The annealer counts on all pairs that some mapping could allow. Which ones a mapping does allow depends on where the
+//! neighbours of an equation are, so PEs of many imported neighbours end up with more products than it thought. Moves of
+//! single equations to neighbouring PEs take from the PE with most products, as long as that helps.
+
+use std::collections::BTreeMap;
+
+use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::mapping::Mapping;
+
+use crate::pairs;
+
+/// Moves per PE, at most.
+const MOVES: u32 = 8;
+
+/// Moves equations until the PE with most products cannot be relieved by one more move.
+pub fn even(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Mapping {
+    let mut state = State::new(graph, fixed, mapping);
+    for _ in 0..MOVES * mapping.pes {
+        let Some((equation, to)) = state.best_move() else { break };
+        state.apply(equation, to);
+    }
+    Mapping { pes: mapping.pes, pe_of: state.pe_of }
+}
+
+struct State {
+    pe_of: Vec<u32>,
+    members: Vec<Vec<u32>>,
+    /// Products of each PE.
+    loads: Vec<i64>,
+    /// Products of each equation without pairs.
+    single: Vec<u32>,
+    /// Classes of operands with equal coefficients in the chains of each equation, by the equations that compute them.
+    classes: Vec<Vec<Vec<u32>>>,
+    /// Equations with a class in which an equation occurs.
+    readers: Vec<Vec<u32>>,
+}
+
+impl State {
+    fn new(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> State {
+        let equations = graph.equations.len();
+        let mut state = State {
+            pe_of: mapping.pe_of.clone(),
+            members: vec![Vec::new(); mapping.pes as usize],
+            loads: vec![0; mapping.pes as usize],
+            single: graph.loads(),
+            classes: vec![Vec::new(); equations],
+            readers: vec![Vec::new(); equations],
+        };
+        for (index, chain) in graph.chains.iter().enumerate() {
+            for members in pairs::classes(graph, fixed, index) {
+                let source = |term: &u32| graph.value(graph.terms[*term as usize].operand).equation;
+                let sources: Vec<u32> = members.iter().map(source).collect();
+                sources.iter().for_each(|source| state.readers[*source as usize].push(chain.equation));
+                state.classes[chain.equation as usize].push(sources);
+            }
+        }
+        for readers in &mut state.readers {
+            readers.sort_unstable();
+            readers.dedup();
+        }
+        for equation in 0..equations {
+            let pe = state.pe_of[equation];
+            state.members[pe as usize].push(equation as u32);
+            let load = state.load(equation as u32, &|other| state.pe_of[other as usize]);
+            state.loads[pe as usize] += i64::from(load);
+        }
+        state
+    }
+
+    /// Products of an equation where `pe_of` tells the places.
+    fn load(&self, equation: u32, pe_of: &dyn Fn(u32) -> u32) -> u32 {
+        let here = pe_of(equation);
+        let saved = |class: &Vec<u32>| {
+            let own = class.iter().filter(|source| pe_of(**source) == here).count();
+            let imported = class.len() - own;
+            own.min(imported) + own.saturating_sub(imported) / 2
+        };
+        self.single[equation as usize] - self.classes[equation as usize].iter().map(saved).sum::<usize>() as u32
+    }
+
+    /// What a move changes in the loads.
+    fn changes(&self, equation: u32, to: u32) -> BTreeMap<u32, i64> {
+        let before = |other: u32| self.pe_of[other as usize];
+        let after = |other: u32| if other == equation { to } else { self.pe_of[other as usize] };
+        let mut changes = BTreeMap::new();
+        let own = std::iter::once(&equation);
+        for affected in own.chain(self.readers[equation as usize].iter().filter(|reader| **reader != equation)) {
+            *changes.entry(before(*affected)).or_default() -= i64::from(self.load(*affected, &before));
+            *changes.entry(after(*affected)).or_default() += i64::from(self.load(*affected, &after));
+        }
+        changes
+    }
+
+    /// The move away from the PE with most products that leaves the smallest largest load among the PEs it touches,
+    /// then the fewest products; `None` if none of them helps.
+    fn best_move(&self) -> Option<(u32, u32)> {
+        let (worst, load) = self.loads.iter().enumerate().max_by_key(|(pe, load)| (**load, usize::MAX - pe))?;
+        let members = &self.members[worst];
+        if members.len() < 2 {
+            return None;
+        }
+        let mut best: Option<((i64, i64), (u32, u32))> = None;
+        for equation in members {
+            let nearby = self.classes[*equation as usize].iter().flatten().chain(&self.readers[*equation as usize]);
+            let mut places: Vec<u32> = nearby.map(|other| self.pe_of[*other as usize]).collect();
+            places.sort_unstable();
+            places.dedup();
+            for to in places.into_iter().filter(|to| *to as usize != worst) {
+                let changes = self.changes(*equation, to);
+                let loads = changes.iter().map(|(pe, change)| self.loads[*pe as usize] + change);
+                let result = (loads.max().unwrap_or(0), changes.values().sum());
+                if result.0 < *load && best.is_none_or(|best| result < best.0) {
+                    best = Some((result, (*equation, to)));
+                }
+            }
+        }
+        best.map(|(_, chosen)| chosen)
+    }
+
+    fn apply(&mut self, equation: u32, to: u32) {
+        for (pe, change) in self.changes(equation, to) {
+            self.loads[pe as usize] += change;
+        }
+        let from = std::mem::replace(&mut self.pe_of[equation as usize], to);
+        self.members[from as usize].retain(|member| *member != equation);
+        self.members[to as usize].push(equation);
+    }
+}
