@@ -131,6 +131,8 @@ struct Steps<P> {
     odd: Option<Step<P>>,
     /// Words on the move.
     moving: (Vec<i64>, Vec<P>),
+    /// Whether operands of the last word were too large for their sum.
+    too_large: bool,
 }
 
 /// One step.
@@ -140,6 +142,8 @@ struct Step<P> {
     checksums: Checksums,
     outputs: Vec<u32>,
     flagged: Vec<u32>,
+    paired: Vec<u32>,
+    paired_last: Vec<u32>,
     moves: Moves,
 }
 
@@ -171,6 +175,7 @@ impl<P: Port> Steps<P> {
             even: settling.expect("recorded above"),
             odd: None,
             moving: (Vec::new(), Vec::new()),
+            too_large: false,
         };
         let checksums = &mut vec![0; program.pes.len()];
         state.run(&program.format, (0, false, checksums), &mut vec![0; program.outputs.len()], &mut |_| {});
@@ -192,6 +197,12 @@ impl<P: Port> Steps<P> {
             overflow = step.flagged.iter().any(|slot| words.saturations[*slot as usize] > 0);
             words.saturations.fill(0);
         }
+        // The hardware's sum of such operands wraps; here it does not, so from then on only the flag is that of the hardware.
+        let half = 1 << (format.data_bits - 2);
+        let too_large =
+            |slots: &[u32]| slots.iter().any(|slot| !(-half..half).contains(&words.data[*slot as usize].into()));
+        overflow |= self.too_large | too_large(&step.paired);
+        self.too_large = too_large(&step.paired_last);
         for write in &step.writes {
             let slot = write.slot as usize;
             let (word, bits) = match write.own {
@@ -244,12 +255,20 @@ impl<P: Port> Step<P> {
         }
         let writes: Vec<MemoryWrite> =
             recording.writes.iter().map(|write| MemoryWrite { slot: slot(write.slot), ..*write }).collect();
+        let slots = |mut named: Vec<u32>| {
+            named.iter_mut().for_each(|name| *name = slot(*name));
+            named.sort_unstable();
+            named.dedup();
+            named
+        };
         Step {
             tiles: Tiles::new(&chains, &terms, recording.slots as usize),
             checksums: Checksums::new(&writes, program.pes.len()),
             writes,
             outputs: recording.outputs.iter().map(|output| slot(*output)).collect(),
             flagged: recording.flagged.iter().map(|flagged| slot(*flagged)).collect(),
+            paired: slots(recording.paired),
+            paired_last: slots(recording.paired_last),
             moves,
         }
     }

@@ -205,6 +205,10 @@ pub(crate) struct Recording {
     pub outputs: Vec<u32>,
     /// Slots whose saturation sets the overflow flag.
     pub flagged: Vec<u32>,
+    /// Operands of sums in front of a multiplier: beyond half of full scale they set the overflow flag a word later.
+    pub paired: Vec<u32>,
+    /// Those of the last word, which set it in the step that follows.
+    pub paired_last: Vec<u32>,
     accumulator_bits: Vec<u32>,
     format: pe_ir::word::WordFormat,
     pes: Vec<Pe>,
@@ -222,6 +226,8 @@ impl Recording {
             writes: Vec::new(),
             outputs: vec![NULL; program.outputs.len()],
             flagged: Vec::new(),
+            paired: Vec::new(),
+            paired_last: Vec::new(),
             accumulator_bits: program.pes.iter().map(|pe| pe.features.accumulator_bits).collect(),
             format: program.format,
             pes: (0..program.pes.len()).map(pe).collect(),
@@ -270,6 +276,13 @@ impl Recording {
         let own = word.own.map(|a| pe.own[physical(a, own_depth, parity)]);
         let imported = word.imported.map(|a| pe.imported[physical(a, pe.imported.len(), parity)]);
         let operands = own.into_iter().chain(imported);
+        if program.features.pre_adder && own.is_some() && imported.is_some() {
+            if cycle + 1 == stretch.count {
+                self.paired_last.extend(operands.clone());
+            } else if !stretch.settle {
+                self.paired.extend(operands.clone());
+            }
+        }
         let product = Sum { registers: 0, terms: operands.map(|operand| Term { operand, factor: second }).collect() };
         let base = word.base.map_or(OFFSET, |word| pe.base[usize::from(word)]);
         let write = word.write.filter(|_| !stretch.settle);
