@@ -126,7 +126,7 @@ fn the_report_counts_the_hardware_features_and_says_what_needs_them() {
     };
     let cubic = rows("atrial3", "5ms");
     assert_eq!(row(&cubic, "factor")["with"], 2);
-    assert!(row(&cubic, "factor")["because"].as_str().unwrap().contains("has a product of `V["), "{cubic}");
+    assert!(row(&cubic, "factor")["because"].as_str().unwrap().contains("multiplies by `V["), "{cubic}");
     assert_eq!(row(&cubic, "swap")["with"], 0);
     let euler = rows("wave6", "1ms");
     assert_eq!(row(&euler, "swap")["with"], 2);

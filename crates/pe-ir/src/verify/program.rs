@@ -183,6 +183,10 @@ impl<'a> Checker<'a> {
                 self.pes[index].write(target, parity, cell);
             }
             if control.send {
+                // Whatever is sent may set the overflow flag, received or not.
+                if note.write == NONE {
+                    self.fail(index, round, word, "sends a value without a name".into());
+                }
                 let claimed =
                     if note.write == NONE { Cell::Unknown } else { self.cell(ValueId(note.write), finishing, |w| w) };
                 self.pes[index].link = claimed;
