@@ -22,9 +22,9 @@ pub struct Rows {
     width: usize,
 }
 
-/// The matrix has more entries than it may.
+/// The matrix has more entries than it may, or numbers beyond double precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TooLarge;
+pub struct NoMatrix;
 
 impl Rows {
     /// The rows of the derivatives with all algebraic equations put in their place. `None` if they are not affine in
@@ -50,8 +50,8 @@ impl Rows {
     /// `p_1 (hM) + p_2 (hM)^2 + ..`, by Horner's rule.
     ///
     /// # Errors
-    /// [`TooLarge`] if it, or a power on the way, has more than `limit` entries.
-    pub fn polynomial(&self, coefficients: &[f64], step: f64, limit: usize) -> Result<Rows, TooLarge> {
+    /// [`NoMatrix`] if it, or a power on the way, has more than `limit` entries or one that is not finite.
+    pub fn polynomial(&self, coefficients: &[f64], step: f64, limit: usize) -> Result<Rows, NoMatrix> {
         let mut sum = Sum::new(self.width);
         let mut result = Rows::empty(self.width);
         let mut work = 0;
@@ -68,7 +68,7 @@ impl Rows {
                     }
                 }
                 if work > WORK {
-                    return Err(TooLarge);
+                    return Err(NoMatrix);
                 }
                 sum.finish(&mut next, limit)?;
             }
@@ -142,18 +142,21 @@ impl Sum {
     }
 
     /// Appends the row, but for what rounding left of contributions that cancel, and begins the next one.
-    fn finish(&mut self, rows: &mut Rows, limit: usize) -> Result<(), TooLarge> {
+    fn finish(&mut self, rows: &mut Rows, limit: usize) -> Result<(), NoMatrix> {
         self.touched.sort_unstable();
         for column in self.touched.drain(..) {
             let number = std::mem::take(&mut self.numbers[column as usize]);
             let magnitude = std::mem::take(&mut self.magnitudes[column as usize]);
+            if !magnitude.is_finite() {
+                return Err(NoMatrix);
+            }
             if number.abs() > RESIDUE * magnitude {
                 rows.columns.push(column);
                 rows.numbers.push(number);
             }
         }
         rows.starts.push(rows.columns.len());
-        if rows.columns.len() > limit { Err(TooLarge) } else { Ok(()) }
+        if rows.columns.len() > limit { Err(NoMatrix) } else { Ok(()) }
     }
 }
 
@@ -184,6 +187,16 @@ mod tests {
     }
 
     #[test]
+    fn a_power_beyond_double_precision_is_no_matrix() {
+        let mut rows = Rows::empty(2);
+        let mut sum = Sum::new(2);
+        sum.add(0, -1e200);
+        sum.finish(&mut rows, 100).unwrap();
+        assert!(rows.polynomial(&[1.0], 1.0, 100).is_ok());
+        assert_eq!(rows.polynomial(&[1.0, 0.5], 1.0, 100), Err(NoMatrix));
+    }
+
+    #[test]
     fn what_rounding_leaves_of_a_cancelled_entry_is_no_entry() {
         let mut rows = Rows::empty(2);
         let mut sum = Sum::new(2);
@@ -194,6 +207,6 @@ mod tests {
 
     #[test]
     fn a_polynomial_beyond_the_limit_is_refused() {
-        assert_eq!(rows().polynomial(&[1.0, 1.0], 0.5, 7), Err(TooLarge));
+        assert_eq!(rows().polynomial(&[1.0, 1.0], 0.5, 7), Err(NoMatrix));
     }
 }
