@@ -93,14 +93,8 @@ fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, c
             }
         }
     }
-    // Two operands that are paired have one coefficient. The first of a class goes with the last, and so on inwards:
-    // in a stencil these are opposite neighbours, of which most mappings have at least one on the same PE.
-    for (class, exact, unit) in free {
-        for (first, last) in class.iter().zip(class.iter().rev()).take(class.len().div_ceil(2)) {
-            let tied = if first == last { vec![*first] } else { vec![*first, *last] };
-            terms.push((tied, exact, unit));
-        }
-    }
+    // Two operands that are paired have one coefficient, and any two of a class may be paired.
+    terms.extend(free);
     let limit = (1i64 << (fixed.format.coefficient_bits - 1)) - 1;
     let gram = |i: usize, j: usize| {
         let pairs = terms[i].0.iter().flat_map(|a| terms[j].0.iter().map(move |b| (*a, *b)));
