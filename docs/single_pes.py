@@ -72,7 +72,7 @@ def main(folder, name="table1"):
     constants, lines = [], []
     for index, pe in enumerate(SETS[name]):
         bits = control_bits(pe)
-        constants += [words(generator, f"PE{index}_PROGRAM", PERIOD, bits),
+        constants += [words(generator, f"PE{index}_STREAM", PERIOD, bits),
                       words(generator, f"PE{index}_OWN_IMAGE", pe["own"], pe["data"]),
                       words(generator, f"PE{index}_BASE_IMAGE", pe["base"], pe["word"]),
                       words(generator, f"PE{index}_COEFFICIENT_IMAGE", max(pe["coefficients"], 1), pe["coefficient"]),
@@ -83,10 +83,11 @@ def main(folder, name="table1"):
                      f"data_bits={pe['data']} coefficient_bits={pe['coefficient']} own_words={pe['own']} "
                      f"base_words={pe['base']} coefficient_words={pe['coefficients']} "
                      f"imported_words={pe['imported']} ports={pe['ports']} shifts={pe['shifts']} "
-                     f"accumulator_bits={pe['accumulator']} {' '.join(flags)} program_words={PERIOD} program_bits={bits}")
+                     f"accumulator_bits={pe['accumulator']} {' '.join(flags)} base_last=false program_words={PERIOD} "
+                     f"program_bits={bits} rounds=1 streamed_bits={bits}")
     with open(os.path.join(folder, f"{name}_program_pkg.vhd"), "w") as file:
         file.write("library ieee;\nuse ieee.std_logic_1164.all;\nlibrary pe_lib;\nuse pe_lib.pe_pkg.all;\n\n"
-                   f"package {name}_program_pkg is\n  constant PERIOD : positive := {PERIOD};\n")
+                   f"package {name}_program_pkg is\n  constant PERIOD : positive := {PERIOD};\n  constant ROUNDS : positive := 1;\n")
         file.writelines(constants)
         file.write(f"end package {name}_program_pkg;\n")
     with open(os.path.join(folder, f"{name}.f"), "w") as file:

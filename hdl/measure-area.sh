@@ -37,6 +37,28 @@ while read -r library file; do
   ghdl -a --std=08 --work="$library" "$design/$file"
 done < "$design/$model.f"
 
+# The memories of a program.
+program_memories() {
+  local pe=PE${shape[example]} repeated=$((shape[program_bits] - shape[streamed_bits]))
+  if ((repeated > 0)); then
+    echo "  u_loop : entity pe_lib.pe_rom
+    generic map ($repeated, PERIOD / ROUNDS, ${pe}_LOOP)
+    port map (clk_i, fetch_i, repeat_i, repeated);"
+  fi
+  if ((shape[streamed_bits] > 0)); then
+    echo "  u_stream : entity pe_lib.pe_rom
+    generic map (${shape[streamed_bits]}, PERIOD, ${pe}_STREAM)
+    port map (clk_i, fetch_i, address_i, streamed);"
+  fi
+  if ((repeated > 0 && shape[streamed_bits] > 0)); then
+    echo "  control <= merged(${pe}_STREAMED, repeated, streamed);"
+  elif ((repeated > 0)); then
+    echo "  control <= repeated;"
+  else
+    echo "  control <= streamed;"
+  fi
+}
+
 # Entity around program memory and PE of one shape, read from a `key=value` line in the associative array `shape`, and
 # the bench that replays what the netlist's bench has put to its inputs.
 wrapper() {
@@ -53,8 +75,9 @@ use work.${model}_program_pkg.all;
 
 entity measured is
   port (
-    clk_i, fetch_i, advance_i, settle_i, parity_i : in std_ulogic;
+    clk_i, fetch_i, advance_i, settle_i, parity_i, last_i : in std_ulogic;
     address_i  : in std_ulogic_vector($address_bits - 1 downto 0);
+    repeat_i   : in std_ulogic_vector($repeat_bits - 1 downto 0);
     ports_i    : in std_ulogic_vector($port_bits - 1 downto 0);
     link_o     : out std_ulogic_vector(${shape[data_bits]} - 1 downto 0);
     word_o     : out std_ulogic_vector(${shape[word_bits]} - 1 downto 0);
@@ -63,11 +86,11 @@ entity measured is
 end entity measured;
 
 architecture shape of measured is
-  signal control : std_ulogic_vector(${shape[program_bits]} - 1 downto 0);
+  signal control  : std_ulogic_vector(${shape[program_bits]} - 1 downto 0);
+  signal repeated : std_ulogic_vector($((shape[program_bits] - shape[streamed_bits])) - 1 downto 0);
+  signal streamed : std_ulogic_vector(${shape[streamed_bits]} - 1 downto 0);
 begin
-  u_rom : entity pe_lib.pe_rom
-    generic map (${shape[program_bits]}, PERIOD, PE${shape[example]}_PROGRAM)
-    port map (clk_i, fetch_i, address_i, control);
+$(program_memories)
   u_pe : entity pe_lib.pe
     generic map (
       WORD_BITS => ${shape[word_bits]}, DATA_BITS => ${shape[data_bits]},
@@ -76,12 +99,12 @@ begin
       COEFF_WORDS => ${shape[coefficient_words]}, IMPORTED_WORDS => ${shape[imported_words]}, PORT_COUNT => ${shape[ports]},
       SHIFTS => ($shifts), ACCUMULATOR_BITS => ${shape[accumulator_bits]}, FACTOR => ${shape[factor]},
       PRE_ADDER => ${shape[pre_adder]},
-      SWAP => ${shape[swap]}, SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
+      SWAP => ${shape[swap]}, BASE_LAST => ${shape[base_last]}, SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
       BASE_IMAGE => PE${shape[example]}_BASE_IMAGE, COEFF_IMAGE => PE${shape[example]}_COEFFICIENT_IMAGE,
       IMPORTED_IMAGE => PE${shape[example]}_IMPORTED_IMAGE
     )
     port map (
-      clk_i => clk_i, advance_i => advance_i, settle_i => settle_i, parity_i => parity_i, control_i => control,
+      clk_i => clk_i, advance_i => advance_i, settle_i => settle_i, parity_i => parity_i, last_i => last_i, control_i => control,
       ports_i => ports_i, link_o => link_o, word_o => word_o, overflow_o => overflow_o, trace_o => open
     );
 end architecture shape;
@@ -104,6 +127,8 @@ begin
     port map (
       clk_i => clk, fetch_i => given($port_bits + $address_bits), advance_i => given($port_bits + $address_bits + 1),
       settle_i => given($port_bits + $address_bits + 2), parity_i => given($port_bits + $address_bits + 3),
+      last_i => given($port_bits + $address_bits + 4),
+      repeat_i => given($input_bits - 1 downto $input_bits - $repeat_bits),
       address_i => given($port_bits + $address_bits - 1 downto $port_bits), ports_i => given($port_bits - 1 downto 0),
       link_o => link, word_o => word, overflow_o => over
     );
@@ -138,14 +163,15 @@ netlist_bench() {
   cat << VERILOG
 \`timescale 1ns/1ps
 module bench;
-  reg clk = 0, fetch = 1, advance = 0, settle = 1, parity = 0;
+  reg clk = 0, fetch = 1, advance = 0, settle = 1, parity = 0, last = 0;
+  reg [$repeat_bits - 1:0] place = 0;
   reg [$address_bits - 1:0] address = 0;
   reg [$port_bits - 1:0] words = 0;
   wire [${shape[data_bits]} - 1:0] link;
   wire [${shape[word_bits]} - 1:0] word;
   wire over;
   integer i, j, stimulus, answers;
-  measured dut (.clk_i(clk), .fetch_i(fetch), .advance_i(advance), .settle_i(settle), .parity_i(parity),
+  measured dut (.clk_i(clk), .fetch_i(fetch), .advance_i(advance), .settle_i(settle), .parity_i(parity), .last_i(last), .repeat_i(place),
                 .address_i(address), .ports_i(words), .link_o(link), .word_o(word), .overflow_o(over));
   initial begin
     stimulus = \$fopen("stimulus.txt", "w");
@@ -155,13 +181,16 @@ module bench;
     for (i = 0; i < $cycles; i = i + 1) begin
       for (j = 0; j < $port_bits; j = j + 1) words[j] = \$random;
       settle = i < 9;
-      \$fdisplay(stimulus, "%b", {parity, settle, advance, fetch, address, words});
+      \$fdisplay(stimulus, "%b", {place, last, parity, settle, advance, fetch, address, words});
       #4 clk = 1;
       #1 \$fdisplay(answers, "%b", {over, link, word});
       clk = 0;
       if (fetch) begin
-        if (address == $(($period - 1))) begin address = 0; parity = !parity; end
+        if (address == $(($period - 1))) address = 0;
         else address = address + 1;
+        if (place == $(($period / ${shape[rounds]} - 1))) begin place = 0; parity = !parity; end
+        else place = place + 1;
+        last = \$random;
       end
       fetch = (\$random & 7) != 0;
       advance = fetch;
@@ -172,8 +201,17 @@ endmodule
 VERILOG
 }
 
+# Module of an instance in the synthesised Verilog.
+module() {
+  awk -v instance="$1" '$2 == instance { print $1 }' measured.v
+}
+
 synthesise() { # OPTION...
-  "$yosys" -q -p "read_verilog measured.v; setattr -set ram_style \"block\" pe_rom*/m:*
+  local blocks='' block
+  if ((shape[program_words] / shape[rounds] > 64)); then blocks=$(module u_loop); fi
+  if ((shape[program_words] > 64)); then blocks+=" $(module u_stream)"; fi
+  "$yosys" -q -p "read_verilog measured.v
+                  $(for block in $blocks; do echo "setattr -set ram_style \"block\" $block/m:*"; done)
                   setattr -mod -set keep_hierarchy 1 pe_rom*
                   synth_xilinx -family $family -flatten -noiopad -noclkbuf $* -top measured
                   tee -q -o stat.txt stat; write_verilog -noattr netlist.v; write_json netlist.json" > yosys.log 2>&1 ||
@@ -195,7 +233,9 @@ while read -r line; do
   port_bits=$(((shape[ports] > 0 ? shape[ports] : 1) * shape[data_bits]))
   address_bits=1
   while ((1 << address_bits < period)); do address_bits=$((address_bits + 1)); done
-  input_bits=$((port_bits + address_bits + 4))
+  repeat_bits=1
+  while ((1 << repeat_bits < period / shape[rounds])); do repeat_bits=$((repeat_bits + 1)); done
+  input_bits=$((port_bits + address_bits + 5 + repeat_bits))
   wrapper > measured.vhd
   ghdl -a --std=08 measured.vhd
   ghdl --synth --std=08 --out=verilog measured > measured.v 2> ghdl.log || { cat ghdl.log >&2; exit 1; }
@@ -206,7 +246,7 @@ while read -r line; do
   features="own ${shape[own_words]}, base ${shape[base_words]}, coefficients ${shape[coefficient_words]}"
   features+=", imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
   features+=", accumulator ${shape[accumulator_bits]}, ${shape[program_words]} words of ${shape[program_bits]} bits"
-  for flag in factor pre_adder swap send; do
+  for flag in factor pre_adder swap base_last send; do
     if [[ ${shape[$flag]} == true ]]; then features+=", $flag"; fi
   done
   # shellcheck disable=SC2059

@@ -26,6 +26,7 @@ entity pe is
     FACTOR           : boolean;         -- products of two stored words
     PRE_ADDER        : boolean;         -- sums of an own and an imported operand
     SWAP             : boolean;         -- buffers that change roles
+    BASE_LAST        : boolean;         -- base memory is written in the last round only
     SEND             : boolean;         -- link register
     OWN_IMAGE        : word_array_t;    -- initial own memory
     BASE_IMAGE       : word_array_t;    -- initial base memory
@@ -37,7 +38,8 @@ entity pe is
     clk_i      : in    std_ulogic;                                                        -- clock
     advance_i  : in    std_ulogic;                                                        -- executes the control word
     settle_i   : in    std_ulogic;                                                        -- first pass: memories keep their images
-    parity_i   : in    std_ulogic;                                                        -- 1 in odd steps
+    parity_i   : in    std_ulogic;                                                        -- 1 in odd rounds
+    last_i     : in    std_ulogic;                                                        -- writes belong to the last round
     control_i  : in    std_ulogic_vector(CONTROL_BITS - 1 downto 0);                      -- control register
     ports_i    : in    std_ulogic_vector(larger(PORT_COUNT, 1) * DATA_BITS - 1 downto 0); -- port 0 rightmost
     link_o     : out   std_ulogic_vector(DATA_BITS - 1 downto 0);                         -- link register
@@ -163,6 +165,7 @@ architecture rtl of pe is
   signal write_own     : std_ulogic;
   signal write_base    : std_ulogic;
   signal write_factor  : std_ulogic;
+  signal base_round    : std_ulogic;
   signal write_address : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal link          : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
   signal overflow      : std_ulogic                                := '0';
@@ -456,8 +459,11 @@ begin
 
   -- Write group ---------------------------------------------------------------------------------------------------
 
+  base_round <= last_i when BASE_LAST else
+                '1';
+
   write_own    <= flag(control_i, LAYOUT.write_own) and not settle_i;
-  write_base   <= flag(control_i, LAYOUT.write_base) and not settle_i;
+  write_base   <= flag(control_i, LAYOUT.write_base) and not settle_i and base_round;
   write_factor <= flag(control_i, LAYOUT.write_factor) and not settle_i;
 
   p_write_address : process (control_i, parity_i) is

@@ -91,7 +91,16 @@ package pe_pkg is
     factor            : boolean
   ) return natural;
 
-  -- Address of a memory access; a set swap bit inverts the top bit in odd steps.
+  -- A control word from its parts: bits whose mask is '1' come from `streamed`, the others from `repeated`, lowest
+  -- first.
+
+  function merged (
+    mask     : std_ulogic_vector;
+    repeated : std_ulogic_vector;
+    streamed : std_ulogic_vector
+  ) return std_ulogic_vector;
+
+  -- Address of a memory access; a set swap bit inverts the top bit in odd rounds.
 
   function steered (
     control : std_ulogic_vector;
@@ -326,6 +335,34 @@ package body pe_pkg is
     return value;
 
   end function bits;
+
+  function merged (
+    mask     : std_ulogic_vector;
+    repeated : std_ulogic_vector;
+    streamed : std_ulogic_vector
+  ) return std_ulogic_vector is
+
+    variable word  : std_ulogic_vector(mask'length - 1 downto 0);
+    variable place : natural;
+
+  begin
+
+    place := 0;
+
+    for i in 0 to mask'length - 1 loop
+
+      if (mask(i) = '1') then
+        word(i) := streamed(place);
+        place   := place + 1;
+      else
+        word(i) := repeated(i - place);
+      end if;
+
+    end loop;
+
+    return word;
+
+  end function merged;
 
   function steered (
     control : std_ulogic_vector;

@@ -8,48 +8,54 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
 
 -- Broadcasts the word index to all PEs and runs the step handshake. The first pass over the words before the pause
--- word only fills the pipelines (settle).
+-- word only fills the pipelines (settle). A step has one or more rounds of equal length.
 
 entity pe_sequencer is
   generic (
     PERIOD     : positive; -- control words per step
+    ROUNDS     : positive; -- rounds per step
     PAUSE_WORD : positive  -- the network waits before it
   );
   port (
-    clk_i     : in    std_ulogic;                                                    -- clock
-    ce_i      : in    std_ulogic;                                                    -- clock enable
-    step_i    : in    std_ulogic;                                                    -- lets the next step begin
-    fetch_o   : out   std_ulogic;                                                    -- loads the control registers
-    address_o : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0); -- control word to load
-    advance_o : out   std_ulogic;                                                    -- executes the control words
-    index_o   : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0); -- word that is executed
-    parity_o  : out   std_ulogic;                                                    -- 1 in odd steps
-    settle_o  : out   std_ulogic;                                                    -- first pass
-    sample_o  : out   std_ulogic;                                                    -- inputs load their registers
-    publish_o : out   std_ulogic;                                                    -- outputs load their ports
-    busy_o    : out   std_ulogic;                                                    -- not waiting for step_i
-    done_o    : out   std_ulogic                                                     -- outputs are new
+    clk_i     : in    std_ulogic;                                                             -- clock
+    ce_i      : in    std_ulogic;                                                             -- clock enable
+    step_i    : in    std_ulogic;                                                             -- lets the next step begin
+    fetch_o   : out   std_ulogic;                                                             -- loads the control registers
+    address_o : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- control word to load
+    repeat_o  : out   std_ulogic_vector(larger(index_bits(PERIOD / ROUNDS), 1) - 1 downto 0); -- the same within a round
+    advance_o : out   std_ulogic;                                                             -- executes the control words
+    index_o   : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- word that is executed
+    parity_o  : out   std_ulogic;                                                             -- 1 in odd rounds
+    last_o    : out   std_ulogic;                                                             -- writes belong to the last round
+    settle_o  : out   std_ulogic;                                                             -- first pass
+    sample_o  : out   std_ulogic;                                                             -- inputs load their registers
+    publish_o : out   std_ulogic;                                                             -- outputs load their ports
+    busy_o    : out   std_ulogic;                                                             -- not waiting for step_i
+    done_o    : out   std_ulogic                                                              -- outputs are new
   );
 end entity pe_sequencer;
 
 architecture rtl of pe_sequencer is
 
   constant INDEX_WIDTH : positive := larger(index_bits(PERIOD), 1);
+  constant ROUND_WORDS : positive := PERIOD / ROUNDS;
 
-  signal address : unsigned(INDEX_WIDTH - 1 downto 0) := (others => '0');
-  signal index   : unsigned(INDEX_WIDTH - 1 downto 0) := (others => '0');
-  signal valid   : std_ulogic                         := '0';
-  signal waiting : std_ulogic                         := '0';
-  signal settle  : std_ulogic                         := '1';
-  signal parity  : std_ulogic                         := '0';
-  signal done    : std_ulogic                         := '0';
+  signal address : unsigned(INDEX_WIDTH - 1 downto 0)                        := (others => '0');
+  signal place   : unsigned(larger(index_bits(ROUND_WORDS), 1) - 1 downto 0) := (others => '0');
+  signal last    : std_ulogic                                                := '0';
+  signal index   : unsigned(INDEX_WIDTH - 1 downto 0)                        := (others => '0');
+  signal valid   : std_ulogic                                                := '0';
+  signal waiting : std_ulogic                                                := '0';
+  signal settle  : std_ulogic                                                := '1';
+  signal parity  : std_ulogic                                                := '0';
+  signal done    : std_ulogic                                                := '0';
   signal fetch   : std_ulogic;
   signal publish : std_ulogic;
 
 begin
 
-  assert PERIOD > PAUSE_WORD
-    report "pe_sequencer: a step needs more than PAUSE_WORD control words"
+  assert ROUND_WORDS > PAUSE_WORD and ROUND_WORDS * ROUNDS = PERIOD
+    report "pe_sequencer: a round needs more than PAUSE_WORD control words, and all rounds as many"
     severity failure;
 
   fetch <= ce_i and (step_i or not waiting);
@@ -84,13 +90,28 @@ begin
           address <= address + 1;
         end if;
 
+        if (place = ROUND_WORDS - 1) then
+          place <= (others => '0');
+        else
+          place <= place + 1;
+        end if;
+
         if (address = PAUSE_WORD) then
           waiting <= '1';
           settle  <= '0';
         end if;
 
-        if (address = 0 and valid = '1') then
+        if (place = 0 and valid = '1') then
           parity <= not parity;
+        end if;
+
+        -- Writes before this place in a round finish the round before.
+        if (place = PAUSE_WORD) then
+          last <= '0';
+
+          if (address >= PERIOD - ROUND_WORDS) then
+            last <= '1';
+          end if;
         end if;
       end if;
     end if;
@@ -99,9 +120,11 @@ begin
 
   fetch_o   <= fetch;
   address_o <= std_ulogic_vector(address);
+  repeat_o  <= std_ulogic_vector(place);
   advance_o <= fetch and valid;
   index_o   <= std_ulogic_vector(index);
   parity_o  <= parity;
+  last_o    <= last;
   settle_o  <= settle;
   sample_o  <= fetch and waiting;
   publish_o <= publish;

@@ -35,16 +35,19 @@ end entity {{ model }};
 
 architecture network of {{ model }} is
 
-  constant INDEX_WIDTH : positive := larger(index_bits(PERIOD), 1);
+  constant INDEX_WIDTH  : positive := larger(index_bits(PERIOD), 1);
+  constant REPEAT_WIDTH : positive := larger(index_bits(PERIOD / ROUNDS), 1);
 
   signal fetch	: std_ulogic;
   signal advance	: std_ulogic;
   signal parity	: std_ulogic;
+  signal last	: std_ulogic;
   signal settle	: std_ulogic;
   signal sample	: std_ulogic;
   signal publish	: std_ulogic;
   signal address	: std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
   signal index	: std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
+  signal place	: std_ulogic_vector(REPEAT_WIDTH - 1 downto 0);
 
   -- Sticky flags of the PEs, then of the inputs
   signal overflow	: std_ulogic_vector({{ pe_count + inputs.len() - 1 }} downto 0);
@@ -61,6 +64,12 @@ architecture network of {{ model }} is
   signal link_{{ pe.index }}	: std_ulogic_vector(DATA_BITS - 1 downto 0);
   signal ports_{{ pe.index }}	: std_ulogic_vector({{ pe.port_width - 1 }} downto 0);
   signal control_{{ pe.index }}	: std_ulogic_vector({{ pe.control_bits - 1 }} downto 0);
+{%- if pe.repeated_bits > 0 %}
+  signal repeated_{{ pe.index }}	: std_ulogic_vector({{ pe.repeated_bits - 1 }} downto 0);
+{%- if pe.streamed_bits > 0 %}
+  signal streamed_{{ pe.index }}	: std_ulogic_vector({{ pe.streamed_bits - 1 }} downto 0);
+{%- endif %}
+{%- endif %}
 {%- if pe.shown %}
   signal word_{{ pe.index }}	: std_ulogic_vector(WORD_BITS - 1 downto 0);
 {%- endif %}
@@ -71,6 +80,7 @@ begin
   u_sequencer : entity pe_lib.pe_sequencer
     generic map (
       PERIOD     => PERIOD,
+      ROUNDS     => ROUNDS,
       PAUSE_WORD => pause_word(multiplier_latency(DATA_BITS, COEFFICIENT_BITS))
     )
     port map (
@@ -79,9 +89,11 @@ begin
       step_i    => step_i,
       fetch_o   => fetch,
       address_o => address,
+      repeat_o  => place,
       advance_o => advance,
       index_o   => index,
       parity_o  => parity,
+      last_o    => last,
       settle_o  => settle,
       sample_o  => sample,
       publish_o => publish,
@@ -128,20 +140,39 @@ begin
 {%- for pe in pes %}
 
   -- PE {{ pe.index }}: {{ pe.equations }}
-
-  u_rom_{{ pe.index }} : entity pe_lib.pe_rom
+{% if pe.repeated_bits > 0 %}
+  u_loop_{{ pe.index }} : entity pe_lib.pe_rom
     generic map (
-      CONTROL_BITS => {{ pe.control_bits }},
+      CONTROL_BITS => {{ pe.repeated_bits }},
+      PERIOD       => PERIOD / ROUNDS,
+      CONTENT      => PE{{ pe.index }}_LOOP
+    )
+    port map (
+      clk_i     => clk_i,
+      fetch_i   => fetch,
+      address_i => place,
+      control_o => repeated_{{ pe.index }}
+    );
+{% endif %}
+{%- if pe.streamed_bits > 0 %}
+  u_stream_{{ pe.index }} : entity pe_lib.pe_rom
+    generic map (
+      CONTROL_BITS => {{ pe.streamed_bits }},
       PERIOD       => PERIOD,
-      CONTENT      => PE{{ pe.index }}_PROGRAM
+      CONTENT      => PE{{ pe.index }}_STREAM
     )
     port map (
       clk_i     => clk_i,
       fetch_i   => fetch,
       address_i => address,
-      control_o => control_{{ pe.index }}
+      control_o => {% if pe.repeated_bits > 0 %}streamed_{{ pe.index }}{% else %}control_{{ pe.index }}{% endif %}
     );
-{% if !pe.wiring_comment.is_empty() %}
+{% endif %}
+{%- if pe.repeated_bits > 0 && pe.streamed_bits > 0 %}
+  control_{{ pe.index }} <= merged(PE{{ pe.index }}_STREAMED, repeated_{{ pe.index }}, streamed_{{ pe.index }});
+{% else if pe.repeated_bits > 0 %}
+  control_{{ pe.index }} <= repeated_{{ pe.index }};
+{% endif %}{% if !pe.wiring_comment.is_empty() %}
   -- Ports: {{ pe.wiring_comment }}
 {%- endif %}
   ports_{{ pe.index }} <= {{ pe.wiring }};
@@ -162,6 +193,7 @@ begin
       FACTOR           => {{ pe.factor }},
       PRE_ADDER        => {{ pe.pre_adder }},
       SWAP             => {{ pe.swap }},
+      BASE_LAST        => {{ pe.base_last }},
       SEND             => {{ pe.send }},
       OWN_IMAGE        => PE{{ pe.index }}_OWN_IMAGE,
       BASE_IMAGE       => PE{{ pe.index }}_BASE_IMAGE,
@@ -174,6 +206,7 @@ begin
       advance_i  => advance,
       settle_i   => settle,
       parity_i   => parity,
+      last_i     => last,
       control_i  => control_{{ pe.index }},
       ports_i    => ports_{{ pe.index }},
       link_o     => link_{{ pe.index }},

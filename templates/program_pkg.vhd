@@ -16,19 +16,28 @@ package {{ model }}_program_pkg is
   constant DATA_BITS        : positive := {{ data_bits }};
   constant COEFFICIENT_BITS : positive := {{ coefficient_bits }};
   constant PERIOD           : positive := {{ period }};
+  constant ROUNDS           : positive := {{ rounds }};
 {%- for pe in self.pes() %}
 
   -- PE {{ pe.index }}: {{ pe.equations }}. Shifts {{ pe.shifts }}.
-  constant PE{{ pe.index }}_PROGRAM : word_array_t(0 to {{ pe.last_word }})({{ pe.control_bits - 1 }} downto 0) :=
+{%- for part in pe.parts %}
+{%- if !loop.first %}
+{% endif %}
+  constant PE{{ pe.index }}_{{ part.name }} : word_array_t(0 to {{ part.last }})({{ part.bits - 1 }} downto 0) :=
   (
-{%- for column in pe.columns %}
+{%- for column in part.columns %}
     --{{ column }}
 {%- endfor %}
-{%- for word in pe.words %}
+{%- for word in part.words %}
     {{ word.index }} => b"{{ word.bits }}"{{ word.comma }}
 {%- if !word.comment.is_empty() %} -- {{ word.comment }}{% endif %}
 {%- endfor %}
   );
+{%- endfor %}
+{%- if let Some(mask) = pe.mask %}
+
+  constant PE{{ pe.index }}_STREAMED : std_ulogic_vector({{ pe.control_bits - 1 }} downto 0) := b"{{ mask }}";
+{%- endif %}
 {%- for image in pe.images %}
 
   constant PE{{ pe.index }}_{{ image.name }}_IMAGE : word_array_t(0 to {{ image.last }})({{ image.bits - 1 }} downto 0) :=

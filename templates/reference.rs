@@ -19,6 +19,8 @@ const DATA_BITS: u32 = {{ data_bits }};
 const COEFFICIENT_BITS: u32 = {{ coefficient_bits }};
 const MULTIPLIER_LATENCY: usize = {{ multiplier_latency }};
 const PERIOD: usize = {{ period }};
+const ROUNDS: usize = {{ rounds }};
+const ROUND_WORDS: usize = PERIOD / ROUNDS;
 const PAUSE_WORD: usize = MULTIPLIER_LATENCY + 6;
 const DEFAULT_STEPS: u64 = {{ default_steps }};
 const INPUT_COUNT: usize = {{ input_count }};
@@ -51,8 +53,13 @@ struct Description {
     base_image: &'static [i64],
     coefficient_image: &'static [i64],
     imported_image: &'static [i64],
-    /// Control words in hexadecimal, one per line.
-    program: &'static str,
+    base_last: bool,
+    /// Bits of the control word that come from the stream memory; the others come from the loop memory.
+    streamed: u128,
+    /// Loop memory in hexadecimal, one line per word of a round.
+    repeated: &'static str,
+    /// Stream memory in hexadecimal, one line per word of a step.
+    stream: &'static str,
 }
 
 /// Half of `2^bits`; the offset of words that lose so many bits.
@@ -83,6 +90,18 @@ fn index_bits(count: u32) -> u32 {
         bits += 1;
     }
     bits
+}
+
+/// Puts the bits of a word, lowest first, to the places of a mask.
+fn spread(mut word: u128, mask: u128) -> u128 {
+    let mut places = 0;
+    for bit in 0..128 {
+        if mask >> bit & 1 == 1 {
+            places |= (word & 1) << bit;
+            word >>= 1;
+        }
+    }
+    places
 }
 
 /// Reads the fields of a control word from its most significant end.
@@ -135,6 +154,21 @@ impl Description {
         let factors = if self.factor { self.coefficient_words } else { 0 };
         self.own_words.max(self.base_words).max(factors)
     }
+
+    /// Control words of a step, put together from the two memories.
+    fn control_words(&self) -> Vec<u128> {
+        let read = |text: &str| -> Vec<u128> {
+            let word = |line: &str| u128::from_str_radix(line.trim(), 16).expect("control words are hexadecimal");
+            text.lines().filter(|line| !line.trim().is_empty()).map(word).collect()
+        };
+        let (repeated, stream) = (read(self.repeated), read(self.stream));
+        let word = |k: usize| {
+            let looped = repeated.get(k % ROUND_WORDS).copied().unwrap_or(0);
+            let streamed = stream.get(k).copied().unwrap_or(0);
+            spread(looped, !self.streamed) | spread(streamed, self.streamed)
+        };
+        (0..PERIOD).map(word).collect()
+    }
 }
 
 impl Word {
@@ -142,7 +176,7 @@ impl Word {
         self.write_own || self.write_base || self.write_factor
     }
 
-    fn decode(pe: &Description, line: &str) -> Word {
+    fn decode(pe: &Description, word: u128) -> Word {
         let own = index_bits(pe.own_words);
         let imports = pe.imported_words > 0;
         let imported = if imports { index_bits(pe.imported_words) } else { 0 };
@@ -167,7 +201,6 @@ impl Word {
             + write_bits
             + pe.send as u32
             + port_bits;
-        let word = u128::from_str_radix(line, 16).expect("control words are hexadecimal");
         let mut fields = Fields { word, left: bits };
         let own_operand = fields.address(true, pe.swap, own);
         let imported_operand = fields.address(imports, pe.swap, imported);
@@ -216,6 +249,7 @@ struct Pe {
     imported: Vec<i64>,
     /// Trace addresses of imported words begin here.
     write_words: u32,
+    base_last: bool,
     accumulator_bits: u32,
     pre_adder: bool,
     /// Whether an operand of the sum in front of the multiplier, one word ago, was beyond half of full scale.
@@ -252,7 +286,8 @@ struct Network {
 impl Network {
     fn new(quiet: bool) -> Network {
         let pe = |pe: &Description| Pe {
-            program: pe.program.lines().map(|line| Word::decode(pe, line.trim())).collect(),
+            program: pe.control_words().into_iter().map(|word| Word::decode(pe, word)).collect(),
+            base_last: pe.base_last,
             own: pe.own_image.to_vec(),
             base_words: pe.base_image.to_vec(),
             coefficients: pe.coefficient_image.to_vec(),
@@ -312,6 +347,8 @@ impl Network {
     fn clock(&mut self) {
         let k = self.index;
         let odd = self.odd;
+        // Writes before the place of the pause point in a round finish the round before.
+        let ends_step = (k + PERIOD - PAUSE_WORD) % PERIOD / ROUND_WORDS == ROUNDS - 1;
         // Ports show the link registers of the word before.
         for (pe, received) in self.pes.iter().zip(&mut self.received) {
             if let Some((_, source)) = pe.program[k].receive {
@@ -378,7 +415,7 @@ impl Network {
                     let own = address & (pe.own.len() - 1);
                     pe.own[own] = result >> (WORD_BITS - DATA_BITS);
                 }
-                if word.write_base {
+                if word.write_base && (ends_step || !pe.base_last) {
                     let base = address & (pe.base_words.len() - 1);
                     pe.base_words[base] = result;
                 }
@@ -404,9 +441,11 @@ impl Network {
         }
         self.cycle += 1;
         self.index += 1;
+        if self.index % ROUND_WORDS == 0 {
+            self.odd ^= 1;
+        }
         if self.index == PERIOD {
             self.index = 0;
-            self.odd ^= 1;
         }
     }
 
@@ -521,8 +560,14 @@ const PES: &[Description] = &[
         base_image: &[{{ pe.base_image }}],
         coefficient_image: &[{{ pe.coefficient_image }}],
         imported_image: &[{{ pe.imported_image }}],
-        program: "\
-{%- for word in pe.words %}
+        base_last: {{ pe.base_last }},
+        streamed: {{ pe.streamed }},
+        repeated: "
+{%- for word in pe.repeated %}
+{{ word }}
+{%- endfor %}",
+        stream: "
+{%- for word in pe.stream %}
 {{ word }}
 {%- endfor %}",
     },

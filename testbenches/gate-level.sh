@@ -35,7 +35,7 @@ storage=$(sed -n '1s/.* storage_bits=\([0-9]*\).*/\1/p' "$design/${model}_shapes
 word=$(sed -n '1s/.* word_bits=\([0-9]*\).*/\1/p' "$design/${model}_shapes.txt")
 data=$(sed -n '1s/.* data_bits=\([0-9]*\).*/\1/p' "$design/${model}_shapes.txt")
 steps=$(sed -n 's/^const DEFAULT_STEPS: u64 = \([0-9]*\);.*/\1/p' "$design/${model}_reference.rs")
-mapfile -t depths < <(sed -n 's/^ *own_words: \([0-9]*\),.*/\1/p' "$design/${model}_reference.rs")
+IFS=', ' read -ra depths <<< "$(sed -n 's/.*kWriteWords\[\] = {\(.*\)};.*/\1/p' "$design/${model}_verilator.cpp")"
 # Port order in the generated entity: inputs, then outputs, between the fixed ports.
 header=$(sed -n "/^entity $model is/,/^end entity/p" "$design/$model.vhd")
 mapfile -t inputs < <(sed -n 's/^ *\([a-z0-9_]*_i\) *: in .*STORAGE_BITS.*/\1/p' <<< "$header")

@@ -18,17 +18,20 @@ end entity pe_sequencer_tb;
 
 architecture bench of pe_sequencer_tb is
 
-  constant PERIOD : positive := 11;
+  constant PERIOD : positive := 22;
+  constant ROUNDS : positive := 2;
   constant PAUSE  : positive := 7;
 
   signal clk     : std_ulogic := '0';
   signal ce      : std_ulogic := '1';
   signal step    : std_ulogic := '1';
   signal fetch   : std_ulogic;
-  signal address : std_ulogic_vector(3 downto 0);
+  signal address : std_ulogic_vector(4 downto 0);
+  signal place   : std_ulogic_vector(3 downto 0);
   signal advance : std_ulogic;
-  signal index   : std_ulogic_vector(3 downto 0);
+  signal index   : std_ulogic_vector(4 downto 0);
   signal parity  : std_ulogic;
+  signal last    : std_ulogic;
   signal settle  : std_ulogic;
   signal sample  : std_ulogic;
   signal publish : std_ulogic;
@@ -42,6 +45,7 @@ begin
   u_sequencer : entity pe_lib.pe_sequencer
     generic map (
       PERIOD     => PERIOD,
+      ROUNDS     => ROUNDS,
       PAUSE_WORD => PAUSE
     )
     port map (
@@ -50,9 +54,11 @@ begin
       step_i    => step,
       fetch_o   => fetch,
       address_o => address,
+      repeat_o  => place,
       advance_o => advance,
       index_o   => index,
       parity_o  => parity,
+      last_o    => last,
       settle_o  => settle,
       sample_o  => sample,
       publish_o => publish,
@@ -89,15 +95,17 @@ begin
     samples  := 0;
     finished := 0;
 
-    for clock in 0 to 999 loop
+    for clock in 0 to 1999 loop
 
       wait until rising_edge(clk);
 
       if (advance = '1') then
-        round    := executed / PERIOD;
+        round    := executed / (PERIOD / ROUNDS);
         check("word index", to_integer(unsigned(index)) = executed mod PERIOD);
         check("next word", to_integer(unsigned(address)) = (executed + 1) mod PERIOD);
         check("parity", (parity = '1') = (round mod 2 = 1));
+        check("word within the round", to_integer(unsigned(place)) = (executed + 1) mod (PERIOD / ROUNDS));
+        check("last", (last = '1') = (executed >= PAUSE and (executed - PAUSE) / (PERIOD / ROUNDS) mod ROUNDS = ROUNDS - 1));
         check("settle", (settle = '1') = (executed < PAUSE));
         check("sample at the pause point", (sample = '1') = (executed mod PERIOD = PAUSE));
         check("publish before it", (publish = '1') = (executed mod PERIOD = PAUSE - 1 and executed > PAUSE));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use askama::Template;
-use pe_ir::program::{Layout, PeFeatures, Program};
+use pe_ir::program::{Fold, Layout, PeFeatures, Program};
 
 use crate::names::Names;
 use crate::{EmitOptions, Header, LIBRARY};
@@ -122,20 +122,20 @@ pub fn stimulus(program: &Program, options: &EmitOptions) -> String {
 
 /// The text of `<model>_shapes.txt`: one `key=value` line per set of PEs that differ only in content.
 pub fn shapes(program: &Program) -> String {
-    let mut shapes: BTreeMap<&PeFeatures, Vec<usize>> = BTreeMap::new();
+    let mut shapes: BTreeMap<(&PeFeatures, u32), Vec<usize>> = BTreeMap::new();
     for (index, pe) in program.pes.iter().enumerate() {
-        shapes.entry(&pe.features).or_default().push(index);
+        shapes.entry((&pe.features, Fold::of(program, pe).streamed_bits())).or_default().push(index);
     }
     let mut text = String::new();
-    for (number, (features, members)) in shapes.iter().enumerate() {
+    for (number, ((features, streamed), members)) in shapes.iter().enumerate() {
         let format = &program.format;
         let shifts = features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(",");
         let bits = Layout::new(features, format).bits;
         writeln!(
             text,
             "shape={number} count={} example={} storage_bits={} word_bits={} data_bits={} coefficient_bits={} \
-             own_words={} base_words={} coefficient_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} pre_adder={} swap={} send={} \
-             program_words={} program_bits={bits}",
+             own_words={} base_words={} coefficient_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} pre_adder={} swap={} base_last={} send={} \
+             program_words={} program_bits={bits} rounds={} streamed_bits={streamed}",
             members.len(),
             members[0],
             format.storage_bits,
@@ -151,8 +151,10 @@ pub fn shapes(program: &Program) -> String {
             features.factor,
             features.pre_adder,
             features.swap,
+            features.base_last,
             features.send,
             program.period,
+            program.rounds,
         )
         .expect("writing to a string succeeds");
     }

@@ -1,7 +1,7 @@
 //! The network entity: PE instances and links, nothing else.
 
 use askama::Template;
-use pe_ir::program::{Layout, LinkSource, Program};
+use pe_ir::program::{Fold, Layout, LinkSource, Program};
 
 use crate::Header;
 use crate::names::{Names, comment_text};
@@ -33,6 +33,8 @@ struct Pe {
     index: usize,
     equations: String,
     control_bits: u32,
+    repeated_bits: u32,
+    streamed_bits: u32,
     own_words: u32,
     base_words: u32,
     coefficient_words: u32,
@@ -45,6 +47,7 @@ struct Pe {
     factor: bool,
     pre_adder: bool,
     swap: bool,
+    base_last: bool,
     send: bool,
     /// Concatenation of what the ports are wired to, port 0 rightmost.
     wiring: String,
@@ -97,6 +100,7 @@ fn describe(program: &Program, index: usize, shown: bool) -> Pe {
         LinkSource::Input(input) => format!("input {}", comment_text(&program.inputs[*input as usize].name)),
     };
     let features = &pe.features;
+    let fold = Fold::of(program, pe);
     let wiring = if pe.ports.is_empty() {
         "(others => '0')".to_owned()
     } else {
@@ -108,6 +112,8 @@ fn describe(program: &Program, index: usize, shown: bool) -> Pe {
         index,
         equations: comment_text(&equations),
         control_bits: Layout::new(features, &program.format).bits,
+        repeated_bits: fold.repeated_bits(),
+        streamed_bits: fold.streamed_bits(),
         own_words: features.own_words,
         base_words: features.base_words,
         coefficient_words: features.coefficient_words,
@@ -119,6 +125,7 @@ fn describe(program: &Program, index: usize, shown: bool) -> Pe {
         factor: features.factor,
         pre_adder: features.pre_adder,
         swap: features.swap,
+        base_last: features.base_last,
         send: features.send,
         wiring,
         wiring_comment: pe.ports.iter().map(wired).collect::<Vec<_>>().join(", "),

@@ -1,7 +1,9 @@
 //! The program package: control words and memory images of every PE, one line per word, with provenance.
 
 use askama::Template;
-use pe_ir::program::{ControlWord, Layout, LinkSource, Multiplier, Note, PeProgram, Program, StateRegister};
+use pe_ir::program::{
+    ControlWord, Fold, Layout, LinkSource, Multiplier, Note, PeProgram, Program, StateRegister, closed_up,
+};
 use pe_ir::word::WordFormat;
 
 use crate::Header;
@@ -20,6 +22,7 @@ struct ProgramPackage<'a> {
     data_bits: u32,
     coefficient_bits: u32,
     period: u32,
+    rounds: u32,
     program: &'a Program,
     /// Names of values as comments show them.
     shown: Vec<String>,
@@ -38,12 +41,22 @@ struct Pe {
     index: usize,
     equations: String,
     control_bits: u32,
-    last_word: u32,
+    /// The memories of the program.
+    parts: Vec<Part>,
+    /// Bits of the control word that come from the stream memory, if there are two memories.
+    mask: Option<String>,
+    images: Vec<Image>,
+    shifts: String,
+}
+
+/// One of the memories of a program.
+struct Part {
+    name: &'static str,
+    last: usize,
+    bits: u32,
     /// One line per field: its name at its column, bars for the fields before it.
     columns: Vec<String>,
     words: Vec<Line>,
-    images: Vec<Image>,
-    shifts: String,
 }
 
 /// Initial content of a memory.
@@ -74,6 +87,7 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
         data_bits: format.data_bits,
         coefficient_bits: format.coefficient_bits,
         period: program.period,
+        rounds: program.rounds,
         program,
         shown: program.names.iter().map(|name| short(name)).collect(),
         states: StateWords::of(program),
@@ -112,7 +126,22 @@ fn describe(program: &Program, shown: &[String], states: &StateWords, index: usi
         let note = pe.notes.get(k).copied().unwrap_or_default();
         word_comment(program, shown, pe, word, &note)
     });
-    let words = pe.words.iter().map(|word| fields_in_binary(&layout, layout.encode(word))).zip(comments).collect();
+    let comments: Vec<String> = comments.collect();
+    let fold = Fold::of(program, pe);
+    let part = |name: &'static str, words: &[u128], mask: u128| {
+        let layout = layout.part(mask);
+        let bits = words.iter().map(|word| fields_in_binary(&layout, closed_up(*word, mask)));
+        Part {
+            name,
+            last: words.len().max(1) - 1,
+            bits: layout.bits,
+            columns: columns(&layout, words.len().max(1) - 1),
+            words: lines(bits.zip(comments.iter().cloned()).collect()),
+        }
+    };
+    let loops = part("LOOP", &fold.repeated, fold.all & !fold.streamed);
+    let stream = part("STREAM", &fold.stream, fold.streamed);
+    let mask = (loops.bits > 0 && stream.bits > 0).then(|| fields_in_binary(&layout, fold.streamed));
     let word_bits = program.format.word_bits();
     let comment = |states: &[((u32, u16), usize)], word: usize, what: &str| {
         let state = StateWords::find(states, (index as u32, word as u16), program);
@@ -129,9 +158,8 @@ fn describe(program: &Program, shown: &[String], states: &StateWords, index: usi
         index,
         equations: comment_text(&list(&pe.equations)),
         control_bits: layout.bits,
-        last_word: program.period - 1,
-        columns: columns(&layout, program.period as usize - 1),
-        words: lines(words),
+        parts: [loops, stream].into_iter().filter(|part| part.bits > 0).collect(),
+        mask,
         images: vec![
             image("OWN", &pe.own_image, data_bits, &own_comment),
             image("BASE", &pe.base_image, word_bits, &own_comment),

@@ -1,7 +1,7 @@
 //! The Rust reference: one file that builds with plain `rustc` and simulates the network from its bits.
 
 use askama::Template;
-use pe_ir::program::{Layout, LinkSource, PeProgram, Program};
+use pe_ir::program::{Fold, LinkSource, PeProgram, Program, closed_up};
 
 use crate::names::vhdl_identifier;
 use crate::{EmitOptions, Header};
@@ -18,6 +18,7 @@ struct Reference<'a> {
     coefficient_bits: u32,
     multiplier_latency: u32,
     period: u32,
+    rounds: u32,
     input_count: usize,
     /// Integer type that products and sums fit.
     sum_type: &'static str,
@@ -49,8 +50,13 @@ struct Pe {
     base_image: String,
     coefficient_image: String,
     imported_image: String,
-    /// Control words in hexadecimal.
-    words: Vec<String>,
+    base_last: bool,
+    /// Bits of the control word that come from the stream memory.
+    streamed: String,
+    /// Loop memory in hexadecimal.
+    repeated: Vec<String>,
+    /// Stream memory in hexadecimal.
+    stream: Vec<String>,
 }
 
 /// The text of `<model>_reference.rs`.
@@ -68,6 +74,7 @@ pub fn render(program: &Program, header: &Header, options: &EmitOptions) -> Stri
         coefficient_bits: format.coefficient_bits,
         multiplier_latency: program.latency().multiplier,
         period: program.period,
+        rounds: program.rounds,
         input_count: program.inputs.len(),
         sum_type: sum_type(program),
         outputs: outputs.join(", "),
@@ -85,8 +92,11 @@ fn sum_type(program: &Program) -> &'static str {
 
 fn describe(program: &Program, pe: &PeProgram) -> Pe {
     let features = &pe.features;
-    let layout = Layout::new(features, &program.format);
-    let digits = layout.bits.div_ceil(4) as usize;
+    let fold = Fold::of(program, pe);
+    let hex = |words: &[u128], mask: u128| {
+        let digits = mask.count_ones().div_ceil(4) as usize;
+        words.iter().map(|word| format!("{:0digits$x}", closed_up(*word, mask))).collect()
+    };
     let port = |source: &LinkSource| match source {
         LinkSource::Pe(pe) => format!("Source::Pe({pe})"),
         LinkSource::Input(input) => format!("Source::Input({input})"),
@@ -107,7 +117,10 @@ fn describe(program: &Program, pe: &PeProgram) -> Pe {
         base_image: joined(pe.base_image.iter()),
         coefficient_image: joined(pe.coefficient_image.iter()),
         imported_image: joined(pe.imported_image.iter()),
-        words: pe.words.iter().map(|word| format!("{:0digits$x}", layout.encode(word))).collect(),
+        base_last: features.base_last,
+        streamed: format!("{:#x}", fold.streamed),
+        repeated: hex(&fold.repeated, fold.all & !fold.streamed),
+        stream: hex(&fold.stream, fold.streamed),
     }
 }
 

@@ -10,6 +10,7 @@ pub mod formats;
 pub mod mapping;
 pub mod pairs;
 pub mod rounding;
+pub mod rounds;
 pub mod schedule;
 pub mod split;
 pub mod step;

@@ -358,9 +358,14 @@ impl FixedPoint {
     pub fn constant_word(&self, graph: &StepGraph, id: ValueId) -> i64 {
         let value = graph.value(id);
         match value.role {
-            Role::Constant(number) => self.format.encode(number, self.exponents[id.index()], self.offset(value)).0,
+            Role::Constant(number) => self.number_word(number, id, value),
             _ => panic!("{} is not a constant", graph.value_name(id)),
         }
+    }
+
+    /// The stored word of a number with the format of a value.
+    pub fn number_word(&self, number: f64, id: ValueId, value: &Value) -> i64 {
+        self.format.encode(number, self.exponents[id.index()], self.offset(value)).0
     }
 
     /// The real number that a term's quantised coefficient stands for.

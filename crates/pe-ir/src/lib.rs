@@ -1,7 +1,7 @@
 //! The data that the stages of pe-synth exchange, and the rules that belong to the data alone.
 //!
 //! Modules in pipeline order; each uses only those before it: [`source`], [`codes`], [`model`], [`word`], [`graph`],
-//! [`mapping`], [`schedule`], [`program`], [`memory`], [`verify`].
+//! [`mapping`], [`schedule`], [`memory`], [`program`], [`verify`].
 
 pub mod codes;
 pub mod graph;

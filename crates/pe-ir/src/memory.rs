@@ -2,8 +2,6 @@
 //!
 //! The assembler chooses with these figures where coefficients are kept, the report adds them up.
 
-use crate::program::index_bits;
-
 /// Equivalent look-up tables of a block RAM of 18 kbit: half of the 360 of one of 36 kbit.
 pub const BLOCK_LUTS: f64 = 180.0;
 
@@ -38,7 +36,9 @@ pub fn blocks(words: u32, bits: u32) -> u32 {
 
 /// A memory without a write port.
 pub fn rom(words: u32, bits: u32) -> MemoryCells {
-    if words <= LUT_ROM_WORDS {
+    if words == 0 {
+        MemoryCells::default()
+    } else if words <= LUT_ROM_WORDS {
         MemoryCells { lut: f64::from(bits), ff: f64::from(bits), bram18: 0 }
     } else {
         MemoryCells { bram18: blocks(words, bits), ..MemoryCells::default() }
@@ -64,7 +64,7 @@ pub fn ram(words: u32, bits: u32) -> MemoryCells {
 /// Depth of a memory for so many words: a power of two. Two words would take as many tables as four, and are the
 /// depth at which GHDL 2.0 loses images when it synthesises (see `hdl/pe_ram.vhd`).
 pub fn depth(words: u32) -> u32 {
-    (1 << index_bits(words)).max(4)
+    words.next_power_of_two().max(4)
 }
 
 #[cfg(test)]

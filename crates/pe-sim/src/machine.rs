@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use pe_ir::program::{ControlWord, Layout, Program};
+use pe_ir::program::{ControlWord, Fold, Layout, Program};
 use pe_ir::word::WordFormat;
 
 use crate::record::{Homes, KeptSums, Move, Moves, NULL, OFFSET, Recording, Stretch};
@@ -50,8 +50,8 @@ impl<'a> Machine<'a> {
             .pes
             .iter()
             .map(|pe| {
-                let layout = Layout::new(&pe.features, &program.format);
-                pe.words.iter().map(|word| layout.encode(word)).collect()
+                let fold = Fold::of(program, pe);
+                (0..program.period as usize).map(|k| fold.word(k)).collect()
             })
             .collect();
         Self::with_bits(program, &bits)
@@ -94,7 +94,8 @@ impl<'a> Machine<'a> {
         let step = (self.cycle, self.parity, &mut self.checksums[..]);
         self.overflow |= on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
         self.cycle += u64::from(self.program.period);
-        self.parity = !self.parity;
+        // Roles of buffers change in every round.
+        self.parity ^= self.program.rounds % 2 == 1;
     }
 
     /// Published outputs, port words.
@@ -155,7 +156,7 @@ impl<P: Port> Steps<P> {
         let stepping = |parity| Stretch { from: pause, count: program.period, parity, settle: false, ..settling };
         let mut recordings =
             vec![Recording::new(&settling, homes, &mut kept), Recording::new(&stepping(false), homes, &mut kept)];
-        if program.pes.iter().any(|pe| pe.features.swap) {
+        if program.rounds % 2 == 1 && program.pes.iter().any(|pe| pe.features.swap) {
             recordings.push(Recording::new(&stepping(true), homes, &mut kept));
         }
         // Keeping a sum may need another one of the step before.

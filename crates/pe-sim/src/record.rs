@@ -244,9 +244,11 @@ impl Recording {
                 recording.clock(stretch, homes, kept, (cycle, word, parity), pe, &links, captured);
             }
             word += 1;
+            if word.is_multiple_of(program.round_words()) {
+                parity = !parity;
+            }
             if word == program.period {
                 word = 0;
-                parity = !parity;
             }
         }
         recording
@@ -264,6 +266,7 @@ impl Recording {
         links: &[u32],
         captured: &[usize],
     ) {
+        let ends_step = stretch.program.ends_step(word);
         let program = &stretch.program.pes[index];
         let word = stretch.words[index][word as usize];
         let pe = &self.pes[index];
@@ -295,7 +298,7 @@ impl Recording {
                 if target.own {
                     pe.own[address & (own_depth - 1)] = slot;
                 }
-                if target.base {
+                if target.base && (ends_step || !program.features.base_last) {
                     pe.base[program.features.base_word(target.address.word)] = slot;
                 }
                 if target.factor {

@@ -7,7 +7,7 @@
 use std::collections::BTreeSet;
 
 use pe_ir::memory::{self, MemoryCells};
-use pe_ir::program::{Layout, PeFeatures, Program, index_bits};
+use pe_ir::program::{Fold, PeFeatures, Program, index_bits};
 use pe_ir::word::WordFormat;
 
 /// Cells of a network.
@@ -21,6 +21,16 @@ pub struct Area {
     pub dsp: u32,
     /// Block RAMs of 18 kbit.
     pub bram18: u32,
+}
+
+/// Look-up tables that a multiplier block is worth, as Huang et al. count.
+const DSP_LUTS: f64 = 250.0;
+
+impl Area {
+    /// Look-up tables and what the blocks are worth in them.
+    pub fn equivalent_luts(&self) -> f64 {
+        self.lut + DSP_LUTS * f64::from(self.dsp) + memory::BLOCK_LUTS * f64::from(self.bram18)
+    }
 }
 
 /// Tables that do not grow with the word: overflow detection and flag, upper bits of saturated words,
@@ -46,7 +56,7 @@ pub fn estimate(program: &Program) -> Area {
     };
     program.pes.iter().fold(interface, |sum, pe| {
         let one = estimate_pe(&pe.features, &program.format);
-        let rom = memory::rom(program.period, Layout::new(&pe.features, &program.format).bits);
+        let rom = Fold::of(program, pe).cells();
         Area {
             lut: sum.lut + one.lut + rom.lut,
             ff: sum.ff + one.ff + rom.ff,
@@ -203,6 +213,7 @@ mod tests {
                 factor,
                 pre_adder: false,
                 swap,
+                base_last: false,
                 send: true,
             };
             let area = estimate_pe(&features, &format);

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, Term, ValueId};
 use pe_ir::mapping::Mapping;
-use pe_ir::program::{ControlWord, FieldName, Layout, Note, PeFeatures, PeProgram, Program};
+use pe_ir::program::{ControlWord, FieldName, Fold, Layout, Note, PeFeatures, PeProgram, Program};
 use serde_json::{Value, json};
 
 /// A feature that a PE has in some size or not at all.
@@ -19,7 +19,7 @@ struct Feature {
     need: fn(&Program, &PeProgram) -> String,
 }
 
-const FEATURES: [Feature; 11] = [
+const FEATURES: [Feature; 12] = [
     Feature {
         name: "input_ports",
         size: |features| features.ports,
@@ -96,6 +96,12 @@ const FEATURES: [Feature; 11] = [
         need: |_, _| "others still read a state of the one-stage method while its successor is written".to_owned(),
     },
     Feature {
+        name: "base_last",
+        size: |features| u32::from(features.base_last),
+        nothing: 0,
+        need: |program, _| format!("{} rounds of a step add to the same base", program.rounds),
+    },
+    Feature {
         name: "send",
         size: |features| u32::from(features.send),
         nothing: 0,
@@ -121,7 +127,7 @@ fn first(program: &Program, pe: &PeProgram, kind: fn(&ControlWord) -> bool, valu
 pub fn features(program: &Program, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Value {
     let mut rows: Vec<Value> = FEATURES.iter().map(|feature| row(program, feature)).collect();
     rows.push(saturation(program, graph, fixed, mapping));
-    json!({"pe": rows, "control_word": fields(program)})
+    json!({"pe": rows, "control_word": fields(program), "program": folds(program)})
 }
 
 fn row(program: &Program, feature: &Feature) -> Value {
@@ -201,6 +207,21 @@ fn can_overflow(graph: &StepGraph, fixed: &FixedPoint) -> Vec<[bool; 2]> {
         found.push(overflows);
     }
     found
+}
+
+/// Rounds of a step, and how many PEs keep how many bits of their control words for each word of a round (`loop_bits`)
+/// and for each word of a step (`stream_bits`).
+fn folds(program: &Program) -> Value {
+    let (mut repeated, mut streamed) = (BTreeMap::new(), BTreeMap::new());
+    for pe in &program.pes {
+        let fold = Fold::of(program, pe);
+        *repeated.entry(fold.repeated_bits()).or_default() += 1;
+        *streamed.entry(fold.streamed_bits()).or_default() += 1;
+    }
+    json!({
+        "rounds": program.rounds, "round_words": program.round_words(),
+        "loop_bits": histogram(&repeated), "stream_bits": histogram(&streamed),
+    })
 }
 
 /// Control-word fields that some PE has: PEs with and without, and widths.

@@ -8,9 +8,11 @@ use pe_hls::even::even;
 use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, WireLength};
 use pe_hls::pairs::{self, Paired};
 
+use pe_hls::assemble::TooLarge;
+use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
 use pe_ir::codes;
-use pe_ir::graph::StepGraph;
+use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::mapping::{Mapping, MappingCost};
 use pe_ir::model::Model;
 use pe_ir::program::Program;
@@ -19,6 +21,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
+use crate::area;
 use crate::contest;
 use crate::failure::{Failure, print_findings};
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
@@ -45,6 +48,20 @@ pub struct MappingOptions {
     /// Never adds operands with equal coefficients in front of the multiplier
     #[arg(long, help_heading = "Mapping")]
     pub no_pre_adder: bool,
+    /// One round of control words for all stages of a step
+    #[arg(long = "loop", value_name = "MODE", value_enum, default_value = "auto", help_heading = "Mapping")]
+    pub stage_loop: StageLoop,
+}
+
+/// Whether stages that are alike share their control words.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StageLoop {
+    /// Where area times cycles gets smaller
+    Auto,
+    /// Wherever the stages are alike
+    On,
+    /// Never
+    Off,
 }
 
 /// What annealing made of one start.
@@ -269,15 +286,18 @@ pub fn implement(
     let candidate = candidates.into_iter().nth(taken).expect("ranked above");
     let paired = pairs.into_iter().nth(taken).expect("ranked above");
     let (issued, numbers) = paired.as_ref().map_or((&**graph, fixed), |paired| (&paired.graph, &paired.fixed));
-    let program = watch.stage(
+    let assembled = watch.stage(
         "assemble",
-        || pe_hls::assemble::assemble(&loaded.model, issued, numbers, &candidate.mapping, &schedule),
-        |program| match program {
-            Ok(program) => format!("{} PEs, {} writes per step", program.pes.len(), program.writes_per_step()),
+        || assemble(&loaded.model, issued, numbers, &candidate.mapping, schedule, mapping_options.stage_loop),
+        |assembled| match assembled {
+            Ok((_, program)) => {
+                let looped = if program.rounds > 1 { format!(", {} rounds", program.rounds) } else { String::new() };
+                format!("{} PEs, {} writes per step{looped}", program.pes.len(), program.writes_per_step())
+            }
             Err(_) => "refused".to_owned(),
         },
     );
-    let program = program.map_err(|limit| Failure::Usage(limit.to_string()))?;
+    let (schedule, program) = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
     let design = Design {
         bound: Bound::of(&hoped, taken_pes, latency),
         wires: mapping::wire_length(&problem, &candidate.mapping),
@@ -295,6 +315,29 @@ pub fn implement(
     let figure = |_: &_| "mapping, schedule, program".to_owned();
     watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
     Ok(design)
+}
+
+/// Assembles the schedule, or one of rounds that are alike, whichever takes the smaller product of area and cycles.
+fn assemble(
+    model: &Model,
+    graph: &StepGraph,
+    fixed: &FixedPoint,
+    mapping: &Mapping,
+    schedule: Schedule,
+    stage_loop: StageLoop,
+) -> Result<(Schedule, Program), TooLarge> {
+    let flat = pe_hls::assemble::assemble(model, graph, fixed, mapping, &schedule)?;
+    if stage_loop == StageLoop::Off {
+        return Ok((schedule, flat));
+    }
+    let Some(rounds) = Rounds::of(graph, fixed) else { return Ok((schedule, flat)) };
+    let round = pe_hls::schedule::schedule(&rounds.graph, mapping, Latency::of(&fixed.format));
+    let looped = pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round)?;
+    let cost = |program: &Program| area::estimate(program).equivalent_luts() * f64::from(program.period);
+    if stage_loop == StageLoop::Auto && cost(&looped) >= cost(&flat) {
+        return Ok((schedule, flat));
+    }
+    Ok((rounds.unroll(graph, &round), looped))
 }
 
 /// Builds the step graph.

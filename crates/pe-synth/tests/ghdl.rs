@@ -28,6 +28,21 @@ fn agree(family: Family, size: (usize, u32), solver: Solver, widths: (u32, u32, 
 }
 
 #[test]
+fn looped_stages_agree() {
+    let mut sum = Agreement::default();
+    // With three rounds the buffers' roles run on from step to step.
+    let designs = [(Family::Affine, Solver::Heun), (Family::Affine, Solver::Heun3), (Family::Grid, Solver::Heun3)];
+    for (seed, (family, solver)) in (41..).zip(designs) {
+        let flow = Flow::random(family, (10, 4), solver, format(32, 25, 18), Placement::Annealed, seed);
+        let flow = flow.looped().unwrap_or_else(|| panic!("{}: stages are not alike", flow.label));
+        assert_eq!(flow.pairs > 0, family == Family::Grid, "{}: {} pairs", flow.label, flow.pairs);
+        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
+        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
+    }
+    report("looped", sum);
+}
+
+#[test]
 fn random_models_on_a_single_multiplier_block_agree() {
     let mut sum = Agreement::default();
     for (seed, family) in (11..).zip(FAMILIES) {

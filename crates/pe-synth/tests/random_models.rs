@@ -35,7 +35,7 @@ const FORMS: [(Solver, StageForm); 5] = [
 
 /// Runs `check` on every family, solver and width; prints how many words it compared.
 fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
-    let (mut designs, mut compared, mut pairs) = (0, 0, 0);
+    let (mut designs, mut compared, mut pairs, mut looped, mut looped_pairs) = (0, 0, 0, 0, 0);
     let cases = [(&WIDE[..], &SIZES[..]), (&NARROW[..], &NARROW_SIZES[..])];
     for (widths, sizes) in cases {
         for (storage, data, coefficient) in widths {
@@ -49,6 +49,11 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
                         pairs += flow.pairs;
                         designs += 1;
                         compared += count;
+                        if let Some(flow) = flow.looped() {
+                            compared += check(&flow);
+                            looped += 1;
+                            looped_pairs += flow.pairs;
+                        }
                     }
                 }
             }
@@ -64,12 +69,22 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
                     assert!(count > 0, "{}: nothing was compared", flow.label);
                     designs += 1;
                     compared += count;
+                    if let Some(flow) = flow.looped() {
+                        compared += check(&flow);
+                        looped += 1;
+                        looped_pairs += flow.pairs;
+                    }
                 }
             }
         }
     }
-    println!("{what}: {designs} designs, {compared} comparisons, {pairs} pairs");
+    println!(
+        "{what}: {designs} designs, {looped} of them looped as well, {compared} comparisons, {pairs} pairs, \
+         {looped_pairs} looped"
+    );
     assert!(pairs > 1_000, "{pairs} pairs");
+    assert!(looped > 0, "{what}: no stages are alike");
+    assert!(looped_pairs > 100, "{what}: {looped_pairs} pairs in looped designs");
 }
 
 /// Compares state words and outputs of machine and fixed-point run, step after step; returns the words compared.
@@ -143,6 +158,8 @@ fn a_program_survives_its_text() {
             assert_eq!(is.ports, should.ports, "{}", flow.label);
             assert_eq!(is.words, should.words, "{}", flow.label);
             assert_eq!(is.own_image, should.own_image, "{}", flow.label);
+            assert_eq!(is.base_image, should.base_image, "{}", flow.label);
+            assert_eq!(is.coefficient_image, should.coefficient_image, "{}", flow.label);
             assert_eq!(is.imported_image, should.imported_image, "{}", flow.label);
             compared += is.words.len() + is.own_image.len() + is.imported_image.len();
         }

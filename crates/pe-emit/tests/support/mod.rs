@@ -67,6 +67,7 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
         factor: flags.contains('f'),
         pre_adder: flags.contains('p'),
         swap: flags.contains('w'),
+        base_last: flags.contains('l'),
         send: flags.contains('s'),
     }
 }
@@ -81,6 +82,7 @@ pub fn random_program(case: &Case) -> Program {
         model: case.name.to_owned(),
         format,
         period: case.period,
+        rounds: 1,
         pes,
         inputs: Vec::new(),
         outputs: Vec::new(),
@@ -96,6 +98,16 @@ pub fn random_program(case: &Case) -> Program {
         });
     }
     let pause = program.latency().pause();
+    // Rounds that are alike but for coefficients and writes.
+    if case.period.is_multiple_of(3) && case.period / 3 > pause {
+        program.rounds = 3;
+        for pe in &mut program.pes {
+            for k in case.period as usize / 3..case.period as usize {
+                let like = pe.words[k % (case.period as usize / 3)];
+                pe.words[k] = ControlWord { multiplier: pe.words[k].multiplier, write: pe.words[k].write, ..like };
+            }
+        }
+    }
     for (index, pe) in (0..case.pes.len() as u32).chain([0]).enumerate() {
         // The word before the pause point belongs to the next step already.
         let word = match random.below(u64::from(case.period)) as u32 {

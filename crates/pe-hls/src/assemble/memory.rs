@@ -12,6 +12,7 @@ use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
 
 use super::registers::{Arc, pack};
+use crate::rounds::Rounds;
 
 const NONE: u32 = u32::MAX;
 
@@ -22,8 +23,6 @@ pub(super) struct Place {
     pub word: u32,
     /// Whether the word is one of a swapping pair.
     pub swap: bool,
-    /// In a swapping pair, whether this is the buffer of the step's end values.
-    pub second: bool,
 }
 
 /// Places of a value in its own PE.
@@ -68,7 +67,9 @@ impl Memories {
         self.imported.iter().map(|((value, pe), place)| (ValueId(*value), *pe, *place))
     }
 
-    pub fn allocate(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping, schedule: &Schedule) -> Memories {
+    /// Places the values of one round.
+    pub fn allocate(rounds: &Rounds, fixed: &FixedPoint, mapping: &Mapping, schedule: &Schedule) -> Memories {
+        let graph = rounds.graph.as_ref();
         let lives = Lives::of(graph, mapping, schedule, Latency::of(&fixed.format));
         let pes = mapping.pes as usize;
         let mut memories = Memories {
@@ -76,12 +77,13 @@ impl Memories {
             depths: vec![Depths::default(); pes],
             imported: BTreeMap::new(),
         };
-        memories.allocate_own(graph, fixed, mapping, schedule.period, &lives);
-        memories.allocate_imported(graph, schedule, &lives, pes);
+        memories.allocate_own(rounds, fixed, mapping, schedule.period, &lives);
+        memories.allocate_imported(rounds, schedule, &lives, pes);
         memories
     }
 
-    fn allocate_own(&mut self, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping, period: u32, lives: &Lives) {
+    fn allocate_own(&mut self, rounds: &Rounds, fixed: &FixedPoint, mapping: &Mapping, period: u32, lives: &Lives) {
+        let graph = rounds.graph.as_ref();
         let swap = graph.swaps();
         let pes = mapping.pes as usize;
         let mut layouts: Vec<Layout> = vec![Layout::default(); pes];
@@ -118,9 +120,9 @@ impl Memories {
             if is_base && lives.operands.contains(&(index as u32)) {
                 continue;
             }
-            if let Role::Constant(_) = value.role {
+            if let Role::Constant(number) = value.role {
                 // Equal words are stored once.
-                let word = fixed.constant_word(graph, ValueId(index as u32));
+                let word = fixed.number_word(number, rounds.original(ValueId(index as u32)), value);
                 let count = if is_base { &mut bases[pe] } else { &mut layouts[pe].single };
                 let slot = *constants.entry((pe, is_base, word)).or_insert_with(|| {
                     *count += 1;
@@ -167,13 +169,12 @@ impl Memories {
             }
         }
         for (state, next) in &graph.states {
-            let home = self.homes[state.index()];
-            let own = home.own.map(|place| Place { second: swap, ..place });
-            self.homes[next.index()] = Home { own, ..home };
+            self.homes[next.index()] = self.homes[state.index()];
         }
     }
 
-    fn allocate_imported(&mut self, graph: &StepGraph, schedule: &Schedule, lives: &Lives, pes: usize) {
+    fn allocate_imported(&mut self, rounds: &Rounds, schedule: &Schedule, lives: &Lives, pes: usize) {
+        let graph = rounds.graph.as_ref();
         let swap = graph.swaps();
         let mut layouts: Vec<Layout> = vec![Layout::default(); pes];
         let mut arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
@@ -213,10 +214,8 @@ impl Memories {
             let place = layouts[transfer.to as usize].place(slot);
             if let Role::Next(s) = graph.value(transfer.value).role {
                 self.imported.insert((graph.states[s as usize].0.0, transfer.to), place);
-                self.imported.insert((transfer.value.0, transfer.to), Place { second: swap, ..place });
-            } else {
-                self.imported.insert((transfer.value.0, transfer.to), place);
             }
+            self.imported.insert((transfer.value.0, transfer.to), place);
         }
     }
 }
@@ -254,12 +253,12 @@ impl Layout {
 
     fn place(&self, slot: Slot) -> Place {
         match slot {
-            Slot::Pair(word) => Place { word, swap: true, second: false },
+            Slot::Pair(word) => Place { word, swap: true },
             Slot::Single(index) => {
                 let lower = self.depth() / 2 - self.pairs;
                 let word =
                     if index < lower { self.pairs + index } else { self.depth() / 2 + self.pairs + index - lower };
-                Place { word, swap: false, second: false }
+                Place { word, swap: false }
             }
         }
     }

@@ -20,9 +20,11 @@ use pe_ir::word::Latency;
 pub use limits::TooLarge;
 use memory::Memories;
 
+use crate::rounds::Rounds;
+
 const NONE: u32 = u32::MAX;
 
-/// Assembles a scheduled step graph.
+/// Assembles a scheduled step graph as one round.
 ///
 /// # Errors
 /// If some PE needs more memory words or input ports than fields of the control word can tell apart.
@@ -33,10 +35,26 @@ pub fn assemble(
     mapping: &Mapping,
     schedule: &Schedule,
 ) -> Result<Program, TooLarge> {
-    let memories = Memories::allocate(graph, fixed, mapping, schedule);
+    assemble_rounds(model, graph, fixed, mapping, &Rounds::single(graph), schedule)
+}
+
+/// Assembles a step graph from the schedule of one of its rounds.
+///
+/// # Errors
+/// Those of [`assemble`].
+pub fn assemble_rounds(
+    model: &Model,
+    graph: &StepGraph,
+    fixed: &FixedPoint,
+    mapping: &Mapping,
+    rounds: &Rounds,
+    round: &Schedule,
+) -> Result<Program, TooLarge> {
+    let memories = Memories::allocate(rounds, fixed, mapping, round);
+    let schedule = &rounds.unroll(graph, round);
     let coefficients = vec![BTreeMap::new(); mapping.pes as usize];
     let latency = Latency::of(&fixed.format);
-    let assembler = Assembler { model, graph, fixed, mapping, schedule, memories, coefficients, latency };
+    let assembler = Assembler { model, graph, fixed, mapping, rounds, schedule, memories, coefficients, latency };
     let ports = assembler.ports();
     let sizes = assembler.memories.depths.iter().zip(&ports);
     limits::check(sizes.map(|(depths, ports)| [depths.own, depths.base, depths.imported, ports.len() as u32, 0]))?;
@@ -50,6 +68,7 @@ struct Assembler<'a> {
     graph: &'a StepGraph,
     fixed: &'a FixedPoint,
     mapping: &'a Mapping,
+    rounds: &'a Rounds<'a>,
     schedule: &'a Schedule,
     memories: Memories,
     /// Words of the distinct coefficients of each PE, if it has a coefficient memory.
@@ -81,7 +100,8 @@ impl Assembler<'_> {
                     accumulator_bits: self.fixed.format.data_bits + self.fixed.format.coefficient_bits,
                     factor: false,
                     pre_adder: false,
-                    swap: self.graph.swaps(),
+                    swap: self.rounds.graph.swaps(),
+                    base_last: self.rounds.base_last,
                     send: senders.contains(&pe),
                 };
                 self.blank(features, ports)
@@ -102,6 +122,7 @@ impl Assembler<'_> {
             model: self.model.name.clone(),
             format: self.fixed.format,
             period: self.schedule.period,
+            rounds: self.rounds.count,
             pes,
             inputs: self.inputs(),
             outputs: self.outputs(),
@@ -186,9 +207,19 @@ impl Assembler<'_> {
             let words = depth(factors + distinct.len() as u32);
             let in_word = Layout::new(&pe.features, format).bits;
             let indexed = in_word - format.coefficient_bits + index_bits(words);
-            let program = |bits| cells::rom(self.schedule.period, bits).equivalent_luts();
+            // Coefficients differ from round to round; everything else is the same.
+            let (period, count) = (self.schedule.period, self.rounds.count);
+            let program = |bits: u32, streamed: u32| match count {
+                1 => cells::rom(period, bits).equivalent_luts(),
+                _ => {
+                    cells::rom(period, streamed).equivalent_luts()
+                        + cells::rom(period / count, bits - streamed).equivalent_luts()
+                }
+            };
             let memory = cells::rom(words, format.coefficient_bits).equivalent_luts();
-            if !pe.features.factor && program(in_word) <= program(indexed) + memory {
+            if !pe.features.factor
+                && program(in_word, format.coefficient_bits) <= program(indexed, index_bits(words)) + memory
+            {
                 continue;
             }
             pe.features.coefficient_words = words;
@@ -210,14 +241,22 @@ impl Assembler<'_> {
 
     /// Address of a value in its own PE, for an access at `time`.
     fn own_address(&self, value: ValueId, time: u32) -> Address {
-        let place = self.memories.homes[value.index()].own.expect("operands are in the own memory");
+        let (like, swaps) = self.rounds.value(value);
+        let place = self.memories.homes[like.index()].own.expect("operands are in the own memory");
         let pe = self.home(value).expect("own values have a PE");
-        self.address(place, self.memories.depths[pe as usize].own, time)
+        self.address((place, swaps), self.memories.depths[pe as usize].own, time)
+    }
+
+    /// Address of a value in the imported memory of a PE, for an access at `time`.
+    fn imported_address(&self, value: ValueId, pe: u32, time: u32) -> Address {
+        let (like, swaps) = self.rounds.value(value);
+        let place = self.memories.import(like, pe);
+        self.address((place, swaps), self.memories.depths[pe as usize].imported, time)
     }
 
     /// Where a value is written at `time`.
     fn target(&self, value: ValueId, time: u32) -> Target {
-        let home = self.memories.homes[value.index()];
+        let home = self.memories.homes[self.rounds.value(value).0.index()];
         let address = match (home.own, home.base.or(home.factor)) {
             (Some(_), _) => self.own_address(value, time),
             (None, word) => {
@@ -229,13 +268,15 @@ impl Assembler<'_> {
     }
 
     fn base_word(&self, value: ValueId) -> u16 {
-        let word = self.memories.homes[value.index()].base.expect("bases are in the base memory");
+        let word = self.memories.homes[self.rounds.value(value).0.index()].base.expect("bases are in the base memory");
         u16::try_from(word).expect("memory depth")
     }
 
-    fn address(&self, place: memory::Place, depth: u32, time: u32) -> Address {
-        // In a round that has already begun its parity, the two buffers have changed roles.
-        let other = place.swap && (place.second != (time >= self.schedule.period));
+    /// Address of a word whose pair has changed roles `swaps` times since the step began, for an access at `time`.
+    fn address(&self, (place, swaps): (memory::Place, u32), depth: u32, time: u32) -> Address {
+        // The hardware turns the address over in odd rounds, also in that which has already begun at `time`.
+        let round = time / (self.schedule.period / self.rounds.count);
+        let other = place.swap && (swaps + round) % 2 == 1;
         let word = if other { place.word + depth / 2 } else { place.word };
         Address { word: u16::try_from(word).expect("memory depth"), swap: place.swap }
     }
@@ -254,12 +295,10 @@ impl Assembler<'_> {
             if self.home(term.operand) == Some(number) {
                 word.own = Some(self.own_address(term.operand, time));
             } else {
-                let place = self.memories.import(term.operand, number);
-                word.imported = Some(self.address(place, self.memories.depths[number as usize].imported, time));
+                word.imported = Some(self.imported_address(term.operand, number, time));
             }
             if let Some(partner) = term.partner {
-                let place = self.memories.import(partner, number);
-                word.imported = Some(self.address(place, self.memories.depths[number as usize].imported, time));
+                word.imported = Some(self.imported_address(partner, number, time));
             }
             word.multiplier = match term.factor {
                 Factor::Coefficient(_) => {
@@ -268,8 +307,8 @@ impl Assembler<'_> {
                     stored.map_or(Multiplier::Coefficient(coefficient), |word| Multiplier::Stored(*word as u16))
                 }
                 Factor::Value(value) => {
-                    let word =
-                        self.memories.homes[value.index()].factor.expect("factors are in the coefficient memory");
+                    let like = self.rounds.value(value).0;
+                    let word = self.memories.homes[like.index()].factor.expect("factors are in the coefficient memory");
                     Multiplier::Stored(word as u16)
                 }
             };
@@ -296,22 +335,29 @@ impl Assembler<'_> {
         for transfer in &self.schedule.transfers {
             let pe = &mut pes[transfer.to as usize];
             let port = pe.ports.binary_search(&self.source(transfer.value)).expect("collected from all transfers");
-            let place = self.memories.import(transfer.value, transfer.to);
-            let address = self.address(place, pe.features.imported_words, transfer.receive);
-            let at = self.word(transfer.receive);
-            pe.words[at].receive = Some((port as u8, address));
-            pe.notes[at].receive = transfer.value.0;
+            // An input is held over the step: it is received in every round, which makes rounds alike.
+            let repeats = match self.graph.value(transfer.value).role {
+                Role::Input(_) => self.rounds.count,
+                _ => 1,
+            };
+            for round in 0..repeats {
+                let receive = transfer.receive + round * (self.schedule.period / self.rounds.count);
+                let address = self.imported_address(transfer.value, transfer.to, receive);
+                let at = self.word(receive);
+                pe.words[at].receive = Some((port as u8, address));
+                pe.notes[at].receive = transfer.value.0;
+            }
         }
     }
 
     /// Registers of the states; writes constants and initial values into the images.
     fn states(&self, pes: &mut [PeProgram]) -> Vec<StateRegister> {
-        for (index, value) in self.graph.values.iter().enumerate() {
-            if let Role::Constant(_) = value.role {
-                let id = ValueId(index as u32);
+        for (index, value) in self.rounds.graph.values.iter().enumerate() {
+            if let Role::Constant(number) = value.role {
+                let id = self.rounds.original(ValueId(index as u32));
                 let pe = self.home(id).expect("constants have a PE");
                 let home = self.memories.homes[index];
-                let word = self.fixed.constant_word(self.graph, id);
+                let word = self.fixed.number_word(number, id, value);
                 if let Some(place) = home.own {
                     pes[pe as usize].own_image[place.word as usize] = self.fixed.format.data_operand(word);
                 }
@@ -332,9 +378,9 @@ impl Assembler<'_> {
             });
         }
         for (value, pe, place) in self.memories.imports() {
-            if let Role::State(state) = self.graph.value(value).role {
+            if let Role::State(state) = self.rounds.graph.value(value).role {
                 let depth = self.memories.depths[pe as usize].imported;
-                states[state as usize].imported.push((pe, self.address(place, depth, 0).word));
+                states[state as usize].imported.push((pe, self.address((place, 0), depth, 0).word));
             }
         }
         for (state, initial) in states.iter().zip(&self.graph.initial) {

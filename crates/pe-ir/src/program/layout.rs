@@ -179,6 +179,23 @@ impl Layout {
         bits
     }
 
+    /// The bits of a control word that have an effect, given whether the result it scales is used.
+    pub fn effective(&self, word: &ControlWord, result: bool) -> u128 {
+        use FieldName::*;
+        let idle = |field: &&Field| match field.name {
+            OwnSwap | OwnAddress => word.own.is_none(),
+            ImportedSwap | ImportedAddress => word.imported.is_none(),
+            Coefficient | CoefficientAddress => word.own.is_none() && word.imported.is_none(),
+            BaseEnable | Shift => !result,
+            BaseAddress => !result || word.base.is_none(),
+            WriteSwap | WriteAddress => word.write.is_none(),
+            ReceiveSwap | ReceiveAddress | Port => word.receive.is_none(),
+            _ => false,
+        };
+        let bits = |field: &Field| (u128::MAX >> (128 - field.width)) << field.lsb;
+        self.fields.iter().filter(|field| !idle(field)).map(bits).sum()
+    }
+
     /// Unpacks a control word; fields without effect are normalised away.
     pub fn decode(&self, bits: u128) -> ControlWord {
         use FieldName::*;

@@ -1,20 +1,22 @@
 //! The program: control words, memory images and links of every PE, and the only input of VHDL, Rust reference
 //! and simulator.
 
+mod fold;
 mod layout;
 mod text;
 
+pub use fold::{Fold, closed_up};
 pub use layout::{Field, FieldName, Layout, index_bits};
 pub use text::ParseError;
 
 use crate::word::{Latency, WordFormat};
 
-/// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd steps.
+/// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address {
     /// Index within the memory.
     pub word: u16,
-    /// Whether the word lies in a pair of buffers that change roles every step.
+    /// Whether the word lies in a pair of buffers that change roles every round.
     pub swap: bool,
 }
 
@@ -101,8 +103,10 @@ pub struct PeFeatures {
     pub factor: bool,
     /// Sum of an own and an imported operand in front of the multiplier.
     pub pre_adder: bool,
-    /// Buffers that change roles every step.
+    /// Buffers that change roles every round.
     pub swap: bool,
+    /// The base memory is written in the last round of a step only.
+    pub base_last: bool,
     /// Output link.
     pub send: bool,
 }
@@ -237,6 +241,8 @@ pub struct Program {
     pub format: WordFormat,
     /// Control words per step, equal to clock cycles per step.
     pub period: u32,
+    /// Rounds of equal length per step; swapping buffers change roles after each.
+    pub rounds: u32,
     /// The PEs.
     pub pes: Vec<PeProgram>,
     /// External inputs.
@@ -250,6 +256,18 @@ pub struct Program {
 }
 
 impl Program {
+    /// Control words per round.
+    pub fn round_words(&self) -> u32 {
+        self.period / self.rounds
+    }
+
+    /// Whether what is written in a word of a step belongs to the step's last round.
+    pub fn ends_step(&self, word: u32) -> bool {
+        // Writes before the place of the pause point in a round finish the round before.
+        let finishing = (word + self.period - self.latency().pause()) % self.period;
+        finishing / self.round_words() == self.rounds - 1
+    }
+
     /// The latency table.
     pub fn latency(&self) -> Latency {
         Latency::of(&self.format)

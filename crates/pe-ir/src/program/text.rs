@@ -34,7 +34,7 @@ impl std::error::Error for ParseError {}
 impl Display for Program {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits } = self.format;
-        writeln!(f, "{HEADER}\nmodel {}\nperiod {}", self.model, self.period)?;
+        writeln!(f, "{HEADER}\nmodel {}\nperiod {} rounds {}", self.model, self.period, self.rounds)?;
         writeln!(
             f,
             "format storage {storage_bits} guard {guard_bits} data {data_bits} coefficient {coefficient_bits}"
@@ -69,6 +69,7 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
         (features.factor, "factor"),
         (features.pre_adder, "pre_adder"),
         (features.swap, "swap"),
+        (features.base_last, "base_last"),
         (features.send, "send"),
     ];
     for (present, name) in flags {
@@ -171,6 +172,7 @@ impl Program {
             model: String::new(),
             format: WordFormat { storage_bits: 0, guard_bits: 0, data_bits: 0, coefficient_bits: 0 },
             period: 0,
+            rounds: 1,
             pes: Vec::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
@@ -268,7 +270,13 @@ impl Parser {
         let mut fields = Fields(line);
         match fields.next() {
             Some("model") => self.program.model = fields.next().ok_or_else(|| self.error("a name"))?.to_owned(),
-            Some("period") => self.program.period = self.number(fields.next())?,
+            Some("period") => {
+                self.program.period = self.number(fields.next())?;
+                self.program.rounds = self.keyed(&mut fields, "rounds")?;
+                if self.program.rounds == 0 || !self.program.period.is_multiple_of(self.program.rounds) {
+                    return Err(self.error("a number of rounds that divides the period"));
+                }
+            }
             Some("format") => {
                 self.program.format = WordFormat {
                     storage_bits: self.keyed(&mut fields, "storage")?,
@@ -366,6 +374,7 @@ impl Parser {
             factor: has("factor"),
             pre_adder: has("pre_adder"),
             swap: has("swap"),
+            base_last: has("base_last"),
             send: has("send"),
         };
         let depth = |words: u32| words.is_power_of_two() && (2..=1 << 16).contains(&words);

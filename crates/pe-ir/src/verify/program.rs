@@ -157,7 +157,8 @@ impl<'a> Checker<'a> {
     }
 
     fn clock(&mut self, round: u32, word: u32) {
-        let parity = round % 2 == 1;
+        let length = self.program.round_words();
+        let parity = (round * self.program.rounds + word / length) % 2 == 1;
         let pause = self.program.latency().pause();
         let settled = round > 0 || word >= pause;
         let step = i64::from(round);
@@ -180,6 +181,7 @@ impl<'a> Checker<'a> {
                     self.fail(index, round, word, "a write address beyond its memory".into());
                 }
                 let cell = self.written_cell(index, round, word, note.write, finishing);
+                let target = Target { base: target.base && self.takes_base(index, word), ..target };
                 self.pes[index].write(target, parity, cell);
             }
             if control.send {
@@ -230,6 +232,11 @@ impl<'a> Checker<'a> {
                 self.fail(pe, round, word, format!("{:?} has no headroom for a sum", product.operand));
             }
         }
+    }
+
+    /// Whether a PE's base memory is written in a word of a step.
+    fn takes_base(&self, pe: usize, word: u32) -> bool {
+        !self.pes[pe].program.features.base_last || self.program.ends_step(word)
     }
 
     /// Inputs belong to the running step, everything else to the step whose writes are under way.

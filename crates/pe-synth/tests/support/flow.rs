@@ -3,6 +3,7 @@
 use pe_hls::formats::{self, Ranges};
 use pe_hls::mapping::{MapOptions, Problem};
 use pe_hls::pairs;
+use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
@@ -116,6 +117,24 @@ impl Flow {
         assert_clean(&label, &verify::program::check(&program, &graph, &fixed, 3));
         let pairs = paired.map_or(0, |paired| paired.pairs);
         Flow { label, model, graph, fixed, mapping, schedule, program, pairs }
+    }
+
+    /// The same design with one round of control words for all stages, if these are alike.
+    pub fn looped(&self) -> Option<Flow> {
+        let Flow { model, graph, fixed, mapping, pairs, .. } = self;
+        let paired = pairs::pair(graph, fixed, mapping);
+        let (issued, numbers) = paired.as_ref().map_or((graph, fixed), |paired| (&paired.graph, &paired.fixed));
+        let rounds = Rounds::of(issued, numbers)?;
+        let label = format!("{}, looped", self.label);
+        let latency = Latency::of(&fixed.format);
+        let round = pe_hls::schedule::schedule(&rounds.graph, mapping, latency);
+        let schedule = rounds.unroll(issued, &round);
+        assert_clean(&label, &verify::schedule::check(issued, mapping, &schedule, latency));
+        let program =
+            pe_hls::assemble::assemble_rounds(model, issued, numbers, mapping, &rounds, &round).expect("small");
+        assert_clean(&label, &verify::program::check(&program, graph, fixed, 3));
+        let (model, graph, fixed, mapping) = (model.clone(), graph.clone(), fixed.clone(), mapping.clone());
+        Some(Flow { label, model, graph, fixed, mapping, schedule, program, pairs: *pairs })
     }
 
     /// Input port words of a step.

@@ -30,10 +30,12 @@ pub enum Family {
     Scales,
     /// Rings whose neighbours have equal coefficients, with a cubic term.
     Stencil,
+    /// The same without it.
+    Grid,
 }
 
 /// All families.
-pub const FAMILIES: [Family; 7] = [
+pub const FAMILIES: [Family; 8] = [
     Family::Affine,
     Family::Polynomial,
     Family::Shared,
@@ -41,10 +43,12 @@ pub const FAMILIES: [Family; 7] = [
     Family::Hub,
     Family::Scales,
     Family::Stencil,
+    Family::Grid,
 ];
 
 /// Families whose right-hand sides are affine.
-pub const AFFINE_FAMILIES: [Family; 4] = [Family::Affine, Family::OneProduct, Family::Hub, Family::Scales];
+pub const AFFINE_FAMILIES: [Family; 5] =
+    [Family::Affine, Family::OneProduct, Family::Hub, Family::Scales, Family::Grid];
 
 fn state(index: usize) -> Expr {
     Expr::Variable(Variable::State(index as u32))
@@ -166,9 +170,12 @@ fn right_hand_side(
             let partner = if index.is_multiple_of(2) { (index + 1) % states } else { index - 1 };
             vec![scaled(if index.is_multiple_of(2) { 3.0 } else { -3.0 }, state(partner))]
         }
-        Family::Stencil => {
+        Family::Stencil | Family::Grid => {
             let neighbours = [1, 3, states - 1, 2 * states - 3].map(|ahead| (index + ahead) % states);
-            let mut terms = vec![decay, scaled(-0.2, Expr::Power(Box::new(state(index)), 3))];
+            let mut terms = vec![decay];
+            if family == Family::Stencil {
+                terms.push(scaled(-0.2, Expr::Power(Box::new(state(index)), 3)));
+            }
             terms.extend(neighbours.map(|neighbour| scaled(0.7, state(neighbour))));
             terms
         }

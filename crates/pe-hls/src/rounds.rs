@@ -1,0 +1,271 @@
+//! Steps whose stages are alike: one round of them, scheduled once and repeated.
+//!
+//! By Horner's rule each stage computes the same sums of the previous stage's values with other coefficients, added to
+//! the same base; so do factors of equal pattern, each added to what it multiplies. One round, which reads values and
+//! writes their successors into buffers that swap, then stands for all. It is a step graph of its own, of one stage; a
+//! schedule of it is unrolled into a schedule of the whole step.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::schedule::{Schedule, Transfer};
+
+const NONE: u32 = u32::MAX;
+
+/// What a step is made of: rounds, and the values and chains of one.
+#[derive(Clone, Debug)]
+pub struct Rounds<'a> {
+    /// Number of rounds.
+    pub count: u32,
+    /// Values, chains and terms of one round.
+    pub graph: Cow<'a, StepGraph>,
+    /// For each chain of the step its round and its chain in [`Rounds::graph`].
+    chains: Vec<(u32, u32)>,
+    /// For each value of the step its value in [`Rounds::graph`], and for values in swapping buffers the round that
+    /// reads it.
+    values: Vec<(ValueId, u32)>,
+    /// For each value of a round one of the step that it stands for.
+    originals: Vec<ValueId>,
+    /// Whether all rounds add to the states at the start of the step, rather than each to those at its own start.
+    pub base_last: bool,
+}
+
+impl<'a> Rounds<'a> {
+    /// Every step is one round of itself.
+    pub fn single(graph: &'a StepGraph) -> Rounds<'a> {
+        let next = |role: Role| u32::from(matches!(role, Role::Next(_)));
+        Rounds {
+            count: 1,
+            graph: Cow::Borrowed(graph),
+            chains: (0..graph.chains.len() as u32).map(|chain| (0, chain)).collect(),
+            values: (0..).zip(&graph.values).map(|(id, value)| (ValueId(id), next(value.role))).collect(),
+            originals: (0..graph.values.len() as u32).map(ValueId).collect(),
+            base_last: false,
+        }
+    }
+
+    /// The rounds of a step, if its stages are alike.
+    pub fn of(graph: &StepGraph, fixed: &FixedPoint) -> Option<Rounds<'static>> {
+        if !matches!(graph.form, StageForm::Horner | StageForm::Factors) || graph.stages < 2 {
+            return None;
+        }
+        Finder { graph, fixed, count: graph.stages }.find()
+    }
+
+    /// The value of a round that stands for a value of the step; the second figure counts the swaps of its buffer.
+    pub fn value(&self, value: ValueId) -> (ValueId, u32) {
+        self.values[value.index()]
+    }
+
+    /// A value of the step that a value of a round stands for.
+    pub fn original(&self, value: ValueId) -> ValueId {
+        self.originals[value.index()]
+    }
+
+    /// The chain of a round that stands for a chain of the step.
+    pub fn chain(&self, chain: usize) -> (u32, usize) {
+        let (round, chain) = self.chains[chain];
+        (round, chain as usize)
+    }
+
+    /// The schedule of the step from that of one round.
+    pub fn unroll(&self, step: &StepGraph, round: &Schedule) -> Schedule {
+        if self.count == 1 {
+            return round.clone();
+        }
+        let length = round.period;
+        let mut starts = Vec::with_capacity(step.chains.len());
+        let mut order = vec![0; step.terms.len()];
+        for (index, chain) in step.chains.iter().enumerate() {
+            let (number, like) = self.chain(index);
+            starts.push(number * length + round.starts[like]);
+            let first = self.graph.chains[like].terms.start;
+            for offset in 0..chain.len() {
+                let term = round.order[(first + offset) as usize] - first;
+                order[(chain.terms.start + offset) as usize] = chain.terms.start + term;
+            }
+        }
+        // Transfers of each value of a round; the start value of a state is sent as the end value of the round before.
+        let mut receives: BTreeMap<u32, Vec<(u32, u32)>> = BTreeMap::new();
+        for transfer in &round.transfers {
+            receives.entry(transfer.value.0).or_default().push((transfer.to, transfer.receive));
+        }
+        let mut transfers: Vec<Transfer> = Vec::new();
+        for (index, value) in step.values.iter().enumerate() {
+            let id = ValueId(index as u32);
+            let (like, swaps) = self.value(id);
+            let (sent, number) = match value.role {
+                Role::State(_) | Role::Constant(_) => continue,
+                Role::Stage(s, _) | Role::Next(s) => (self.graph.states[s as usize].1, swaps - 1),
+                Role::Algebraic(_, stage) => (like, u32::from(stage) - 1),
+                _ => (like, 0),
+            };
+            for (to, receive) in receives.get(&sent.0).into_iter().flatten() {
+                transfers.push(Transfer { value: id, to: *to, receive: number * length + receive });
+            }
+        }
+        transfers.sort_unstable();
+        Schedule { period: length * self.count, starts, order, transfers }
+    }
+}
+
+struct Finder<'a> {
+    graph: &'a StepGraph,
+    fixed: &'a FixedPoint,
+    count: u32,
+}
+
+impl Finder<'_> {
+    fn find(&self) -> Option<Rounds<'static>> {
+        let graph = self.graph;
+        // One round: the values of the last one, whose start values take the name of the step's.
+        let mut round = StepGraph {
+            form: StageForm::Euler,
+            stages: 1,
+            values: Vec::new(),
+            chains: Vec::new(),
+            terms: Vec::new(),
+            ..graph.clone()
+        };
+        let mut known: BTreeMap<(u32, u32, i64, u64), ValueId> = BTreeMap::new();
+        let mut values = Vec::with_capacity(graph.values.len());
+        let mut originals = Vec::new();
+        for (index, value) in graph.values.iter().enumerate() {
+            let (role, swaps) = match value.role {
+                Role::State(s) => (Role::State(s), 0),
+                Role::Stage(s, stage) => (Role::State(s), u32::from(stage) - 1),
+                Role::Next(s) => (Role::Next(s), self.count),
+                // Published values are computed beside the last round, by chains of their own.
+                Role::Algebraic(a, u8::MAX) => (Role::Algebraic(a, u8::MAX), 0),
+                Role::Algebraic(a, _) => (Role::Algebraic(a, 1), 0),
+                role @ (Role::Input(_) | Role::Constant(_) | Role::Published(_)) => (role, 0),
+                Role::Sum(..) | Role::Inner(..) | Role::Partial(..) => return None,
+            };
+            let key = match role {
+                Role::State(s) => (0, s, 0, 0),
+                Role::Next(s) => (1, s, 0, 0),
+                Role::Algebraic(a, stage) => (2, a, i64::from(stage), 0),
+                Role::Input(i) => (3, i, 0, 0),
+                Role::Constant(number) => (4, value.equation, i64::from(self.fixed.exponents[index]), number.to_bits()),
+                Role::Published(o) => (5, o, 0, 0),
+                _ => return None,
+            };
+            let like = *known.entry(key).or_insert_with(|| {
+                round.values.push(Value { role, ..*value });
+                originals.push(ValueId(index as u32));
+                ValueId(round.values.len() as u32 - 1)
+            });
+            values.push((like, swaps));
+        }
+        let like = |id: ValueId| values[id.index()].0;
+        for (state, next) in &mut round.states {
+            (*state, *next) = (like(*state), like(*next));
+        }
+        round.inputs.iter_mut().chain(&mut round.outputs).for_each(|value| *value = like(*value));
+
+        // Chains of the last round; those of the others must be like them.
+        let mut chains = vec![(0, NONE); graph.chains.len()];
+        let mut by_target: BTreeMap<ValueId, u32> = BTreeMap::new();
+        let target = |chain: &Chain| match graph.value(chain.write.value).role {
+            Role::Stage(s, _) | Role::Next(s) => round.states[s as usize].1,
+            _ => like(chain.write.value),
+        };
+        for (index, chain) in graph.chains.iter().enumerate() {
+            let number = self.round(chain)?;
+            chains[index].0 = number;
+            if number == self.count - 1 {
+                let start = round.terms.len() as u32;
+                for term in graph.chain_terms(chain) {
+                    let partner = term.partner.map(like);
+                    round.terms.push(Term { operand: like(term.operand), partner, ..*term });
+                }
+                let write = Write { value: target(chain), base: chain.write.base.map(like), ..chain.write };
+                let terms = start..round.terms.len() as u32;
+                by_target.insert(write.value, round.chains.len() as u32);
+                chains[index].1 = round.chains.len() as u32;
+                round.chains.push(Chain { equation: chain.equation, terms, write, second: None });
+            }
+        }
+        // Either all rounds add to the state at the start of the step, or each adds to that at its own start.
+        let (mut first, mut own) = (true, true);
+        let mut found = vec![0; round.chains.len()];
+        for (index, chain) in graph.chains.iter().enumerate() {
+            let number = *by_target.get(&target(chain))?;
+            let model = &round.chains[number as usize];
+            let operands = |term: &Term| (term.operand, term.partner);
+            let named = |term: &Term| (like(term.operand), term.partner.map(like));
+            let in_turn = |operand: ValueId| match graph.value(operand).role {
+                Role::State(_) | Role::Stage(..) => values[operand.index()].1 == chains[index].0,
+                Role::Algebraic(_, stage) if stage < u8::MAX => u32::from(stage) == chains[index].0 + 1,
+                _ => true,
+            };
+            let terms = graph.chain_terms(chain);
+            let alike = round.chain_terms(model).iter().map(operands).eq(terms.iter().map(named))
+                && terms.iter().flat_map(Term::operands).all(in_turn)
+                && model.write.base == chain.write.base.map(like)
+                && model.write.weight == chain.write.weight
+                && chain.second.is_none()
+                && terms.iter().all(|term| matches!(term.factor, Factor::Coefficient(_)));
+            if !alike {
+                return None;
+            }
+            if let Some(base) = chain.write.base.filter(|base| matches!(round.value(like(*base)).role, Role::State(_)))
+            {
+                let swaps = values[base.index()].1;
+                first &= swaps == 0;
+                own &= swaps == chains[index].0;
+            }
+            chains[index].1 = number;
+            found[number as usize] += 1;
+        }
+        let repeated = |chain: &Chain| {
+            !matches!(round.value(chain.write.value).role, Role::Algebraic(_, u8::MAX) | Role::Published(_))
+        };
+        let complete = round.chains.iter().zip(&found).all(|(chain, found)| !repeated(chain) || *found == self.count);
+        (complete && (first || own)).then_some(Rounds {
+            count: self.count,
+            graph: Cow::Owned(round),
+            chains,
+            values,
+            originals,
+            base_last: first,
+        })
+    }
+
+    /// The round that a chain belongs to.
+    fn round(&self, chain: &Chain) -> Option<u32> {
+        match self.graph.value(chain.write.value).role {
+            Role::Stage(_, stage) => Some(u32::from(stage) - 2),
+            Role::Next(_) | Role::Published(_) | Role::Algebraic(_, u8::MAX) => Some(self.count - 1),
+            Role::Algebraic(_, stage) => Some(u32::from(stage) - 1),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_of_one_stage_is_one_round_of_itself() {
+        let graph = StepGraph {
+            form: StageForm::Euler,
+            stages: 1,
+            forms: Vec::new(),
+            pre_adder: false,
+            step: 1.0,
+            equations: Vec::new(),
+            values: Vec::new(),
+            chains: Vec::new(),
+            terms: Vec::new(),
+            states: Vec::new(),
+            initial: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            names: pe_ir::graph::Names::default(),
+        };
+        assert_eq!(Rounds::single(&graph).count, 1);
+    }
+}
