@@ -6,6 +6,7 @@
 #   cycles      the paper's designs (table II) and its case study of 200 PEs; errors over short spans    10 minutes
 #   pe          single PEs by ports and data memory (table I), yosys                                      5 minutes
 #   figure20    volume of the first branch over 10 s                                                     20 minutes
+#   same_area   sweeps for the fastest designs within the paper's equivalent LUTs and device                 30 minutes
 #   errors      errors of the lung over its whole span, three multipliers                                10 minutes
 #   area        every PE of the lung on 396 PEs, yosys                                                   30 minutes
 #   verify      bit-exact comparison in GHDL                                                             30 minutes
@@ -23,7 +24,7 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$(realpath -m "${WORK:-$target/measure}")
 mkdir -p "$work"
 parts=("$@")
-((${#parts[@]} > 0)) || parts=(cycles pe figure20 errors area verify report)
+((${#parts[@]} > 0)) || parts=(cycles same_area pe figure20 errors area verify report)
 
 if [[ -n ${PE_SYNTH:-} ]]; then
   pe_synth=$(realpath "$PE_SYNTH")
@@ -84,6 +85,30 @@ measure_cycles() {
       design "$model" "$pes" "$span" "$multiplier"
     done
   done
+}
+
+measure_same_area() {
+  local entry model pes span
+  for entry in "${large[@]}"; do
+    IFS=: read -r model pes span <<< "$entry"
+    if ((pes > 300)) && [[ ! -f $work/same_area/$model/points.csv ]]; then
+      echo "same_area/$model" >&2
+      mkdir -p "$work/same_area"
+      "$pe_synth" explore "models/$model/$model.spec" --pes 200,250,300,340,380,420,460,500,560,620 \
+        --multiplier 25x18,18x25 --solver "$(solver "$model")" --step "$(step "$model")" --span "$span" --quiet \
+        -o "$work/same_area/$model"
+      stamp "$work/same_area/$model"
+    fi
+  done
+}
+
+# Solver and step of a model's spec.
+solver() {
+  sed -n 's/^solver *\([a-z0-9]*\).*/\1/p' "models/$1/$1.spec"
+}
+
+step() {
+  sed -n 's/^step *\([^ ]*\) *\([a-z]*\).*/\1\2/p' "models/$1/$1.spec"
 }
 
 measure_pe() {
@@ -147,10 +172,10 @@ write_report() {
 
 for part in "${parts[@]}"; do
   case $part in
-    cycles | pe | figure20 | errors | area | verify) "measure_$part" ;;
+    cycles | same_area | pe | figure20 | errors | area | verify) "measure_$part" ;;
     report) write_report ;;
     *)
-      sed -n '2,18s/^# \{0,1\}//p' "$0" >&2
+      sed -n '2,19s/^# \{0,1\}//p' "$0" >&2
       exit 2
       ;;
   esac

@@ -4,8 +4,10 @@
     docs/results.py WORK
 """
 
+import csv
 import glob
 import json
+import math
 import os
 import re
 import sys
@@ -32,6 +34,9 @@ PAPER_PES = {
 # LUTs that the paper counts for a multiplier block and for a block RAM of 36 kbit.
 LUTS_OF_DSP, LUTS_OF_BRAM = 250, 360
 MULTIPLIERS = ("25x18", "32x32")
+# What the paper's device, XC6VLX240T, has, and the error that a design in its area may have.
+DEVICE = {"lut": 150720, "dsp": 768, "bram18": 832}
+ERROR_LIMIT = 1e-3
 
 
 def load(path):
@@ -172,6 +177,38 @@ def row_of_two(report):
     return (f"{area['lut']:.0f}", area["dsp"], f"{bram:g}", equivalent(area["lut"], area["dsp"], bram),
             report["cycles_per_step"], f"{clock['mhz']:g} {clock['basis']}", f"{report['time_per_simulated_second_ms']:.1f}",
             f"{report['error']['word_length']:.1e}", f"{report['span_s']:g}")
+
+
+def same_area():
+    """The fastest design of each sweep that is not larger than the paper's and fits its device."""
+    folders = {model: f"{work}/same_area/{model}" for model, pes in PAPER if pes > 300
+               and os.path.exists(f"{work}/same_area/{model}/points.csv")}
+    if not part("The fastest design in the paper's area, at the paper's clock", folders.values(), "same_area"):
+        return
+    rows, ratios = [], []
+    for (model, pes), (_, _, _, luts, cycles, clock, ms) in PAPER.items():
+        if pes < 300 or model not in folders:
+            continue
+        rows.append((model, pes, "paper", luts, cycles, clock, ms, "", ""))
+        with open(f"{folders[model]}/points.csv") as file:
+            points = [point for point in csv.DictReader(file) if point["status"] == "compiled"]
+        points = [point for point in points if float(point["equivalent_lut"]) <= luts
+                  and all(float(point[key]) <= limit for key, limit in DEVICE.items())
+                  and float(point["error_word_length"]) <= ERROR_LIMIT]
+        if not points:
+            rows.append((model, "", "none fits", "", "", "", "", "", ""))
+            continue
+        best = min(points, key=lambda point: (int(point["cycles_per_step"]), float(point["equivalent_lut"])))
+        ours = int(best["cycles_per_step"]) / float(best["step_s"]) / clock / 1e3
+        ratios.append(cycles / int(best["cycles_per_step"]))
+        rows.append((model, best["pes"], best["multiplier"], f"{float(best['equivalent_lut']):.0f}", best["cycles_per_step"],
+                     clock, f"{ours:.1f}", f"{float(best['error_word_length']):.1e}", f"{ratios[-1]:.2f}"))
+    table(("model", "PEs", "design", "equivalent LUTs", "cycles", "MHz, the paper's", "ms per second", "error", "faster"), rows)
+    mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
+    paragraph(f"Geometric mean: {mean:.2f} times the paper's speed at equal clock. Of the designs that a sweep over 10 numbers "
+              "of PEs and two multipliers of one block finds (`explore`, spec's solver and step), the one with the fewest cycles "
+              f"that has no more equivalent LUTs than the paper's largest, fits its XC6VLX240T and has an error of at most "
+              f"{ERROR_LIMIT:.0e} (word length and coefficients together, over the spans of table II). Area is estimated.")
 
 
 def case_study(designs):
@@ -355,6 +392,7 @@ def main():
     introduction()
     table_one()
     table_two(designs)
+    same_area()
     case_study(designs)
     figure_twenty()
     cycles(designs)
