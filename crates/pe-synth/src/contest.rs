@@ -9,8 +9,8 @@ use pe_ir::word::Latency;
 /// Schedules that are this much longer than the shortest are not considered, however few connections they have.
 const PERIOD_TOLERANCE: f64 = 1.02;
 
-/// A schedule of each candidate with its step graph. All get a draft; those that could still be the first by [`rank`] if their products
-/// filled every cycle get the best schedule that can be found. `say` is told what is under way.
+/// A schedule of each candidate with its step graph. All get a draft; those that could still be the first by [`rank`] if
+/// their products filled every cycle get the best schedule that can be found. `say` is told what is under way.
 pub fn schedules(
     graphs: &[&StepGraph],
     candidates: &[Candidate],
@@ -24,30 +24,39 @@ pub fn schedules(
     };
     let mut schedules: Vec<Schedule> = candidates.iter().zip(graphs).map(draft).collect();
     let periods: Vec<u32> = schedules.iter().map(|schedule| schedule.period).collect();
-    for index in contenders(candidates, &periods, max_in_degree) {
+    let loads: Vec<u32> = candidates.iter().zip(graphs).map(|(candidate, graph)| load(graph, candidate)).collect();
+    for index in contenders(candidates, &loads, &periods, max_in_degree) {
         say(format!("{}, second pass", candidates[index].start));
         schedules[index] = schedule::schedule(graphs[index], &candidates[index].mapping, latency);
     }
     schedules
 }
 
+/// The most products of a PE as they are issued: the mapper may have counted on pairs that its mapping does not allow.
+fn load(graph: &StepGraph, candidate: &Candidate) -> u32 {
+    let mut loads = vec![0; candidate.mapping.pes as usize];
+    for (load, pe) in graph.loads().iter().zip(&candidate.mapping.pe_of) {
+        loads[*pe as usize] += load;
+    }
+    loads.into_iter().max().unwrap_or(0)
+}
+
 /// Candidates with the ports whose largest load leaves them room to win against what the others have reached.
-fn contenders(candidates: &[Candidate], periods: &[u32], max_in_degree: u32) -> Vec<usize> {
-    let permitted = || candidates.iter().zip(periods).filter(|(one, _)| one.cost.max_in_degree <= max_in_degree);
-    let least = |candidate: &Candidate| f64::from(candidate.cost.max_load);
-    let connections = |candidate: &Candidate| f64::from(candidate.cost.connections.max(1));
-    let shortest = permitted().map(|(candidate, _)| least(candidate)).fold(f64::INFINITY, f64::min);
+fn contenders(candidates: &[Candidate], loads: &[u32], periods: &[u32], max_in_degree: u32) -> Vec<usize> {
+    let permitted = || (0..candidates.len()).filter(|index| candidates[*index].cost.max_in_degree <= max_in_degree);
+    let least = |index: usize| f64::from(loads[index]);
+    let period = |index: usize| f64::from(periods[index]);
+    let connections = |index: usize| f64::from(candidates[index].cost.connections.max(1));
+    let shortest = permitted().map(least).fold(f64::INFINITY, f64::min);
     // Whoever reached this can no longer be too slow; the best product among them is to be beaten.
-    let safe = permitted().filter(|(_, period)| f64::from(**period) <= shortest * PERIOD_TOLERANCE);
-    let reached = safe.map(|(candidate, period)| f64::from(*period) * connections(candidate));
-    let to_beat = reached.fold(f64::INFINITY, f64::min);
-    let fastest = permitted().map(|(_, period)| f64::from(*period)).fold(f64::INFINITY, f64::min);
+    let safe = permitted().filter(|index| period(*index) <= shortest * PERIOD_TOLERANCE);
+    let to_beat = safe.map(|index| period(index) * connections(index)).fold(f64::INFINITY, f64::min);
+    let fastest = permitted().map(period).fold(f64::INFINITY, f64::min);
     let can_win = |index: &usize| {
-        let candidate = &candidates[*index];
-        let fast = candidate.cost.max_in_degree <= max_in_degree && least(candidate) <= fastest * PERIOD_TOLERANCE;
-        fast && least(candidate) < f64::from(periods[*index]) && least(candidate) * connections(candidate) <= to_beat
+        let least = least(*index);
+        least <= fastest * PERIOD_TOLERANCE && least < period(*index) && least * connections(*index) <= to_beat
     };
-    (0..candidates.len()).filter(can_win).collect()
+    permitted().filter(can_win).collect()
 }
 
 /// Candidates from best to worst: cycles x connections (the paper's objective) among the fastest that have the ports.
@@ -81,10 +90,11 @@ mod tests {
         let candidates = [candidate(100, 50), candidate(100, 40), candidate(100, 30), candidate(103, 10)];
         // The second is at 101 x 40; the first can reach 100 x 50 at best, the third has nothing to gain, and the
         // fourth is too slow whatever happens.
-        assert_eq!(contenders(&candidates[..2], &[110, 101], 1), [1]);
-        assert_eq!(contenders(&candidates, &[110, 101, 100, 103], 1), [0; 0]);
+        let loads = [100, 100, 100, 103];
+        assert_eq!(contenders(&candidates[..2], &loads, &[110, 101], 1), [1]);
+        assert_eq!(contenders(&candidates, &loads, &[110, 101, 100, 103], 1), [0; 0]);
         // As long as nobody is certain to be fast enough, all go on.
-        assert_eq!(contenders(&candidates[..2], &[110, 103], 1), [0, 1]);
-        assert_eq!(contenders(&candidates[..2], &[110, 103], 0), [0; 0], "none has the ports");
+        assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], 1), [0, 1]);
+        assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], 0), [0; 0], "none has the ports");
     }
 }
