@@ -110,7 +110,7 @@ def introduction():
             "**Area.** Ours is *measured* where a table says so: GHDL `--synth` and yosys `synth_xilinx -family xc6v` of "
             "single PEs with their program memories, constrained to block RAM. yosys does not put two small functions into "
             "one LUT6, which ISE does, so its counts are on the high side. Elsewhere it is *estimated* by the formula of "
-            "`crates/pe-synth/src/area.rs`, input and output registers included. The sequencer and the wiring are in none of "
+            "`crates/pe-synth/src/area/mod.rs`, input and output registers included. The sequencer and the wiring are in none of "
             "ours; the paper's are whole networks.",
             "**Models.** The paper prints the wave equation and a few lines of the lung. The other right-hand sides and all "
             "parameter values are [reconstructions](../models/README.md) with the paper's number of states, topology, solver "
@@ -352,7 +352,7 @@ def area(designs):
     if os.path.exists(residuals):
         line = re.search(r"residuals: (.*)", open(residuals).read())
         if line:
-            paragraph(f"Estimate against synthesis (`crates/pe-synth/src/area.rs`, table in its test), LUTs: {line[1]}; commit "
+            paragraph(f"Estimate against synthesis ([area model](area-model.md)), LUTs: {line[1]}; commit "
                       f"{commits([residuals])}.")
 
 

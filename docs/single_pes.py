@@ -4,7 +4,7 @@
     docs/single_pes.py FOLDER [SET]
 
 SET is `table1`, the PEs of table I of the paper as ours (default), `shifts`, the same PE with other shift positions, or
-`pre_adder`, PEs with and without sums of two operands.
+`pre_adder`, PEs with and without sums of two operands, or `model`, PEs that the area model is fitted to.
 Programs and memory images are random bits, so that no tool can simplify them.
 """
 
@@ -33,7 +33,19 @@ SHIFTS = [shape(shifts=shifts, flags="s") for shifts in
 # What sums of two operands cost, on one block each way round and on four.
 PRE_ADDER = [shape(data=data, coefficient=coefficient, accumulator=accumulator, flags=flags)
              for data, coefficient, accumulator in [(25, 18, 43), (18, 25, 43), (32, 32, 64)] for flags in ("s", "ps")]
-SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER}
+# What the area model is fitted to, beside the shapes of designs: each feature alone and the largest ones together.
+MODEL = [
+    shape(own=32, ports=2, shifts="1,2,3", word=33, data=18, flags="s", coefficient=25),
+    shape(own=32, ports=2, shifts="8,9,10,12,13,15,18", word=33, coefficients=16, flags="fs"),
+    shape(own=64, imported=128, ports=5, shifts="10", word=33, flags="ws"),
+    shape(own=256, imported=512, ports=2, shifts="10", word=33, flags="s"),
+    shape(own=32, ports=1, shifts="9", word=33, flags="s"),
+    shape(own=64, imported=64, ports=4, shifts="1,2,3,4,5,6,7,8", word=40, data=32, coefficient=32, accumulator=68,
+          coefficients=32, flags="fws"),
+    shape(own=32, imported=32, ports=7, shifts="9,10,13,14", word=33, flags="s"),
+    shape(own=64, imported=0, ports=0, shifts="8,9,10,11,12", word=33),
+]
+SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "model": MODEL}
 
 
 def index_bits(count):

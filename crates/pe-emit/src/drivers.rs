@@ -127,36 +127,41 @@ pub fn shapes(program: &Program) -> String {
         shapes.entry((&pe.features, Fold::of(program, pe).streamed_bits())).or_default().push(index);
     }
     let mut text = String::new();
-    for (number, ((features, streamed), members)) in shapes.iter().enumerate() {
-        let format = &program.format;
-        let shifts = features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(",");
-        let bits = Layout::new(features, format).bits;
-        writeln!(
-            text,
-            "shape={number} count={} example={} storage_bits={} word_bits={} data_bits={} coefficient_bits={} \
-             own_words={} base_words={} coefficient_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} pre_adder={} swap={} base_last={} send={} \
-             program_words={} program_bits={bits} rounds={} streamed_bits={streamed}",
-            members.len(),
-            members[0],
-            format.storage_bits,
-            format.word_bits(),
-            format.data_bits,
-            format.coefficient_bits,
-            features.own_words,
-            features.base_words,
-            features.coefficient_words,
-            features.imported_words,
-            features.ports,
-            features.accumulator_bits,
-            features.factor,
-            features.pre_adder,
-            features.swap,
-            features.base_last,
-            features.send,
-            program.period,
-            program.rounds,
-        )
-        .expect("writing to a string succeeds");
+    for (number, members) in shapes.values().enumerate() {
+        let (count, example) = (members.len(), members[0]);
+        writeln!(text, "shape={number} count={count} example={example} {}", shape(program, example))
+            .expect("writing to a string succeeds");
     }
     text
+}
+
+/// Widths, features and program size of a PE as `key=value` words, which say all that its size depends on.
+pub fn shape(program: &Program, index: usize) -> String {
+    let format = &program.format;
+    let features = &program.pes[index].features;
+    let shifts = features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(",");
+    format!(
+        "storage_bits={} word_bits={} data_bits={} coefficient_bits={} own_words={} base_words={} \
+         coefficient_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} pre_adder={} \
+         swap={} base_last={} send={} program_words={} program_bits={} rounds={} streamed_bits={}",
+        format.storage_bits,
+        format.word_bits(),
+        format.data_bits,
+        format.coefficient_bits,
+        features.own_words,
+        features.base_words,
+        features.coefficient_words,
+        features.imported_words,
+        features.ports,
+        features.accumulator_bits,
+        features.factor,
+        features.pre_adder,
+        features.swap,
+        features.base_last,
+        features.send,
+        program.period,
+        Layout::new(features, format).bits,
+        program.rounds,
+        Fold::of(program, &program.pes[index]).streamed_bits(),
+    )
 }

@@ -12,6 +12,7 @@ pub mod page;
 mod program_pkg;
 mod reference;
 
+pub use drivers::shape;
 pub use names::{comment_text, vhdl_identifier};
 
 use names::Names;

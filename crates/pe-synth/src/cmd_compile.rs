@@ -1,6 +1,6 @@
 //! `pe-synth compile`: model to hardware, reference and report.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use pe_emit::EmitOptions;
 use pe_ir::codes;
@@ -8,14 +8,14 @@ use pe_ir::source::Diagnostic;
 use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
 
-use crate::area;
+use crate::area::{self, Measured};
 use crate::console;
 use crate::devices::{self, Device, Fit};
 use crate::failure::{Failure, MessageFormat, print_findings};
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::output::OutputFolder;
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
-use crate::report::{self, Clock};
+use crate::report::{self, Clock, Silicon};
 use crate::total::{Reference, TotalError};
 use crate::variables::{self, variables};
 
@@ -43,6 +43,9 @@ pub struct Compile {
     /// Holds the size against a device
     #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
+    /// Takes measured sizes of PEs in place of estimates, from a file that `hdl/measure-area.sh` wrote
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    area_from: Option<PathBuf>,
     /// Leaves the pictures out
     #[arg(long, help_heading = "Output")]
     no_pictures: bool,
@@ -87,12 +90,16 @@ impl Compile {
         let model = &loaded.model;
         let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&model.name));
         OutputFolder::permitted(&target)?;
+        let measured = self.area_from.as_deref().map_or_else(|| Ok(Measured::default()), measured)?;
         let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
         let total = self.reference.then(|| total_error(&loaded, &design, self.message_format(), &mut watch));
         let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
-        let fit = self.device.map(|device| held_against(device, &design));
+        let area = area::size(&design.program, &measured);
+        let pes = design.program.pes.len() as u32;
+        let fit = self.device.map(|device| Fit::of(device, &area, &design.program.format, pes));
+        let silicon = Silicon { area, clock };
         let variables = variables(model, &design);
-        let mut report = report::report(model, &design, &variables, clock, &total, self.model.seed, command);
+        let mut report = report::report(model, &design, &variables, silicon, &total, self.model.seed, command);
         if let Some(fit) = &fit {
             report["device"] = fit.report();
             let warning = fit.complaint().map(|text| Diagnostic::global(codes::DOES_NOT_FIT, text));
@@ -127,17 +134,19 @@ impl Compile {
             let device = fit.map_or(String::new(), |fit| report::row("device", &fit.summary()));
             let files = report::row("files", &format!("{}; all figures in report.json", target.display()));
             console::out(
-                &(report::table(model, &design, &variables, clock, &total, self.model.seed) + &device + &files),
+                &(report::table(model, &design, &variables, silicon, &total, self.model.seed) + &device + &files),
             );
         }
         Ok(())
     }
 }
 
-/// The design's estimated size beside what a device has.
-fn held_against(device: &'static Device, design: &Design) -> Fit {
-    let program = &design.program;
-    Fit::of(device, &area::estimate(program), &program.format, program.pes.len() as u32)
+/// Measured PEs of a file.
+fn measured(path: &Path) -> Result<Measured, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|error| Failure::file("read", path, error))?;
+    Measured::parse(&text).map_err(|line| {
+        Failure::File(format!("{}:{line}: not a measured PE; `hdl/measure-area.sh` writes such files", path.display()))
+    })
 }
 
 /// Total error; that there is none is a warning, for the design does not depend on it.

@@ -202,8 +202,14 @@ mod tests {
 
     fn fit(device: &str, pes: u32) -> Fit {
         let device = DEVICES.iter().find(|known| known.name == device).expect("a known device");
-        let format = WordFormat { storage_bits: 32, guard_bits: 8, data_bits: 32, coefficient_bits: 32 };
-        let area = Area { lut: 400.0 * f64::from(pes), ff: 300.0 * f64::from(pes), dsp: 4 * pes, bram18: 2 * pes };
+        let format = WordFormat::new(32, 32, 32);
+        let area = Area {
+            lut: 400.0 * f64::from(pes),
+            ff: 300.0 * f64::from(pes),
+            dsp: 4 * pes,
+            bram18: 2 * pes,
+            ..Area::default()
+        };
         Fit::of(device, &area, &format, pes)
     }
 

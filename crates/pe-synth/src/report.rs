@@ -10,7 +10,7 @@ use pe_ir::program::{LinkSource, Program};
 use pe_sim::reference::{ReferenceError, TOLERANCE};
 use serde_json::{Value, json};
 
-use crate::area::{self, Area};
+use crate::area::Area;
 use crate::bottleneck::Bottleneck;
 use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name, processor_seconds};
 use crate::total::TotalError;
@@ -19,6 +19,15 @@ use crate::{features, scene};
 
 /// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
 pub const ASSUMED_CLOCK_MHZ: f64 = 150.0;
+
+/// Size and clock of a design.
+#[derive(Clone, Copy, Debug)]
+pub struct Silicon {
+    /// Cells.
+    pub area: Area,
+    /// Clock.
+    pub clock: Clock,
+}
 
 /// The clock and where it comes from.
 #[derive(Clone, Copy, Debug)]
@@ -92,7 +101,7 @@ pub fn report(
     model: &Model,
     design: &Design,
     variables: &[Variable],
-    clock: Clock,
+    Silicon { area, clock }: Silicon,
     total: &Option<Result<TotalError, ReferenceError>>,
     seed: u64,
     command: &str,
@@ -101,7 +110,6 @@ pub fn report(
     let format = program.format;
     let sizes = Sizes::of(design);
     let (bound, binds) = design.bound.binding();
-    let area = area::estimate(program);
     let per_step_us = f64::from(program.period) / clock.mhz;
     let cost = |cost: &MappingCost| json!({"max_load": cost.max_load, "connections": cost.connections, "max_in_degree": cost.max_in_degree});
     let starts: Vec<Value> = design
@@ -146,8 +154,9 @@ pub fn report(
         },
         "instruction_words_max": sizes.instruction_words,
         "data_words_max": sizes.data_words,
-        "area": {"lut": area.lut.round(), "ff": area.ff.round(), "dsp": area.dsp, "bram18": area.bram18,
-                 "basis": "estimated"},
+        "area": {"lut": area.lut.round(), "lut_error": area.lut_error.round(), "ff": area.ff.round(),
+                 "ff_error": area.ff_error.round(), "dsp": area.dsp, "bram18": area.bram18,
+                 "basis": area.basis(), "measured_pes": area.measured_pes},
         "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.step,
         "error": error(model, design, total),
@@ -277,7 +286,7 @@ pub fn table(
     model: &Model,
     design: &Design,
     variables: &[Variable],
-    clock: Clock,
+    Silicon { area, clock }: Silicon,
     total: &Option<Result<TotalError, ReferenceError>>,
     seed: u64,
 ) -> String {
@@ -285,7 +294,6 @@ pub fn table(
     let errors = design.judged.errors;
     let sizes = Sizes::of(design);
     let (bound, binds) = design.bound.binding();
-    let Area { lut, dsp, bram18, .. } = area::estimate(program);
     let time_ms = f64::from(program.period) / clock.mhz * 1e-3 / model.step;
     let defaulted = if design.default_pes { " (default)" } else { "" };
     let mut rows = vec![
@@ -327,7 +335,7 @@ pub fn table(
                 if clock.given { "given" } else { "assumed" }
             ),
         ),
-        ("size", format!("{:.0} LUT, {dsp} DSP, {bram18} BRAM18 (estimated)", lut)),
+        ("size", format!("{}, {} DSP, {} BRAM18 ({})", area.lut_words(), area.dsp, area.bram18, area.basis())),
         ("headroom", variables::summary(variables)),
         (
             "word-length error",

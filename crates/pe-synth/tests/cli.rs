@@ -476,3 +476,37 @@ fn a_design_too_large_for_the_device_is_written_with_a_warning() {
     let (large, warnings) = of("XCAU25P", "large");
     assert!(large["fits"] == true && !warnings.contains("W0801"), "{large} {warnings}");
 }
+
+#[test]
+fn measured_pes_take_the_place_of_estimates() {
+    let home = folder("area_from");
+    let file = home.join("area.txt");
+    let of = |target: &str, options: &[&str]| {
+        let output =
+            compile(&model("lutchen20"), &home.join(target), &[&["--pes", "2", "--span", "20ms"], options].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let report = fs::read_to_string(home.join(target).join("report.json")).unwrap();
+        serde_json::from_str::<Value>(&report).unwrap()["area"].clone()
+    };
+    let estimated = of("estimated", &[]);
+    assert!(estimated["basis"] == "estimated" && estimated["measured_pes"] == 0, "{estimated}");
+    assert!(estimated["lut_error"].as_f64() > Some(0.0) && estimated["ff_error"].as_f64() > Some(0.0), "{estimated}");
+
+    let shapes = fs::read_to_string(home.join("estimated/lutchen20_shapes.txt")).unwrap();
+    let lines: Vec<String> = shapes.lines().map(|line| format!("{line} lut=5000 ff=7000 dsp=1 bram18=1\n")).collect();
+    assert_eq!(lines.len(), 2, "{shapes}");
+    let from = ["--area-from", file.to_str().unwrap()];
+    fs::write(&file, lines.concat()).unwrap();
+    let measured = of("measured", &from);
+    assert!(measured["basis"] == "measured" && measured["measured_pes"] == 2, "{measured}");
+    assert!(measured["lut"].as_f64() >= Some(10_000.0) && measured["lut_error"] == 0.0, "{measured}");
+    fs::write(&file, &lines[0]).unwrap();
+    let half = of("half", &from);
+    assert!(half["basis"] == "estimated" && half["measured_pes"] == 1, "{half}");
+    assert!(half["lut_error"].as_f64() < estimated["lut_error"].as_f64(), "{half}");
+
+    fs::write(&file, format!("{}no shape\n", lines[0])).unwrap();
+    let output = compile(&model("lutchen20"), &home.join("bad"), &from);
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    assert!(stderr(&output).contains("area.txt:2: not a measured PE"), "{}", stderr(&output));
+}

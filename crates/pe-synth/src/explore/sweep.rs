@@ -23,10 +23,11 @@ use rayon::Scope;
 
 use super::estimate::Estimate;
 use super::row::{Figures, Outcome, Reason};
+use crate::area;
 use crate::failure::Failure;
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Stopwatch};
-use crate::report::{self, Clock};
+use crate::report::{self, Clock, Silicon};
 use crate::runs::{Comparison, Exact, Judged};
 use crate::total::{Reference, TotalError};
 use crate::variables::variables;
@@ -242,7 +243,8 @@ impl Sweep {
         let watch = &mut Stopwatch::new(true);
         let design = pipeline::implement(loaded, &graph, &judged, (point.pes, seed), &self.mapping, watch)?;
         let (model, total) = (&loaded.model, Some(total));
-        let report = report::report(model, &design, &variables(model, &design), self.clock, &total, seed, &job.command);
+        let silicon = Silicon { area: area::estimate(&design.program), clock: self.clock };
+        let report = report::report(model, &design, &variables(model, &design), silicon, &total, seed, &job.command);
         let warnings = judged.warnings.iter().map(|warning| warning.code);
         let warnings = warnings.chain(total.is_some_and(|total| total.is_err()).then_some(codes::NO_REFERENCE));
         Ok(Figures::of(&report, warnings.map(str::to_owned).collect()))

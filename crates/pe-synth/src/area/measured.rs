@@ -1,0 +1,135 @@
+//! Measured PEs: the lines that `hdl/measure-area.sh` writes.
+
+use std::collections::{BTreeMap, HashMap};
+
+use pe_ir::memory::{self, MemoryCells};
+use pe_ir::program::{PeFeatures, Program};
+use pe_ir::word::WordFormat;
+
+/// A synthesised PE with its program memory.
+#[derive(Clone, Debug)]
+pub struct MeasuredShape {
+    /// What the PE is made of.
+    pub features: PeFeatures,
+    /// Its widths.
+    pub format: WordFormat,
+    /// Memories of the control words.
+    pub program: MemoryCells,
+    /// Look-up tables, memories in LUTs included.
+    pub lut: u32,
+    /// Flip-flops.
+    pub ff: u32,
+    /// Multiplier blocks.
+    pub dsp: u32,
+    /// Block RAMs of 18 kbit.
+    pub bram18: u32,
+    /// Features and widths as text, which tells whether two shapes are the same.
+    pub key: String,
+}
+
+impl MeasuredShape {
+    /// The line that says so.
+    pub fn line(&self) -> String {
+        format!("{} lut={} ff={} dsp={} bram18={}", self.key, self.lut, self.ff, self.dsp, self.bram18)
+    }
+}
+
+/// Measured shapes, none by default.
+#[derive(Clone, Debug, Default)]
+pub struct Measured(HashMap<String, MeasuredShape>);
+
+impl Measured {
+    /// Reads a file of measured shapes.
+    ///
+    /// # Errors
+    /// The number of the first line that is none.
+    pub fn parse(text: &str) -> Result<Measured, usize> {
+        Ok(Measured(read(text)?.into_iter().map(|shape| (shape.key.clone(), shape)).collect()))
+    }
+
+    /// The measured shape of each PE that has one.
+    pub(super) fn shapes(&self, program: &Program) -> BTreeMap<usize, &MeasuredShape> {
+        if self.0.is_empty() {
+            return BTreeMap::new();
+        }
+        let shape = |index: usize| self.0.get(&key(&pe_emit::shape(program, index)));
+        (0..program.pes.len()).filter_map(|index| Some((index, shape(index)?))).collect()
+    }
+}
+
+/// What a line says of features and widths: all but which PEs have them, and the cells.
+fn key(line: &str) -> String {
+    let other = ["shape=", "count=", "example=", "lut=", "packed=", "ff=", "dsp=", "bram18="];
+    let words = line.split_whitespace().filter(|word| !other.iter().any(|other| word.starts_with(other)));
+    let mut words: Vec<&str> = words.collect();
+    words.sort_unstable();
+    words.join(" ")
+}
+
+/// Reads lines of measured shapes.
+///
+/// # Errors
+/// The number of the first line that is none.
+pub fn read(text: &str) -> Result<Vec<MeasuredShape>, usize> {
+    text.lines().enumerate().map(|(index, line)| shape(line).ok_or(index + 1)).collect()
+}
+
+fn shape(line: &str) -> Option<MeasuredShape> {
+    let fields: HashMap<&str, &str> = line.split_whitespace().filter_map(|word| word.split_once('=')).collect();
+    let number = |name: &str| fields.get(name)?.parse::<u32>().ok();
+    // A line from before there was a feature does not name it.
+    let flag = |name: &str| fields.get(name).map_or(Some(false), |value| value.parse::<bool>().ok());
+    let shifts = fields.get("shifts")?.split(',').map(|shift| shift.parse().ok()).collect::<Option<Vec<u8>>>()?;
+    Some(MeasuredShape {
+        features: PeFeatures {
+            own_words: number("own_words")?,
+            base_words: number("base_words")?,
+            coefficient_words: number("coefficient_words")?,
+            imported_words: number("imported_words")?,
+            ports: number("ports")?,
+            shifts,
+            accumulator_bits: number("accumulator_bits")?,
+            factor: flag("factor")?,
+            pre_adder: flag("pre_adder")?,
+            swap: flag("swap")?,
+            base_last: flag("base_last")?,
+            send: flag("send")?,
+        },
+        format: WordFormat {
+            storage_bits: number("storage_bits")?,
+            guard_bits: number("word_bits")?.checked_sub(number("storage_bits")?)?,
+            data_bits: number("data_bits")?,
+            coefficient_bits: number("coefficient_bits")?,
+        },
+        program: program(number)?,
+        lut: number("lut")?,
+        ff: number("ff")?,
+        dsp: number("dsp")?,
+        bram18: number("bram18")?,
+        key: key(line),
+    })
+}
+
+/// Memories of the control words: what every round repeats, and the rest.
+fn program(number: impl Fn(&str) -> Option<u32>) -> Option<MemoryCells> {
+    let (words, bits, streamed) = (number("program_words")?, number("program_bits")?, number("streamed_bits")?);
+    let repeated = memory::rom(words.checked_div(number("rounds")?)?, bits.checked_sub(streamed)?);
+    let stream = memory::rom(words, streamed);
+    Some(MemoryCells {
+        lut: repeated.lut + stream.lut,
+        ff: repeated.ff + stream.ff,
+        bram18: repeated.bram18 + stream.bram18,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_is_no_shape_is_named() {
+        let good = include_str!("measured.txt").lines().next().unwrap();
+        assert_eq!(Measured::parse(good).unwrap().0.len(), 1);
+        assert_eq!(Measured::parse(&format!("{good}\nlut=3\n")).unwrap_err(), 2);
+    }
+}
