@@ -97,7 +97,7 @@ measure_same_area() {
     if ((pes > 300)) && [[ ! -f $work/same_area/$model/points.csv ]]; then
       echo "same_area/$model" >&2
       mkdir -p "$work/same_area"
-      "$pe_synth" explore "models/$model/$model.spec" --pes 240,280,320,360,400,440,480,560 \
+      "$pe_synth" explore "models/$model/$model.spec" --pes 160,200,240,280,320,360,400,440,480,560,640,720 \
         --multiplier 25x18,18x25 --solver "$(solver "$model")" --step "$(step "$model")" --span "$span" --quiet \
         -o "$work/same_area/$model"
       stamp "$work/same_area/$model"

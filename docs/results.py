@@ -205,7 +205,7 @@ def same_area():
                      clock, f"{ours:.1f}", f"{float(best['error_word_length']):.1e}", f"{ratios[-1]:.2f}"))
     table(("model", "PEs", "design", "equivalent LUTs", "cycles", "MHz, the paper's", "ms per second", "error", "faster"), rows)
     mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
-    paragraph(f"Geometric mean: {mean:.2f} times the paper's speed at equal clock. Of the designs that a sweep over 8 numbers "
+    paragraph(f"Geometric mean: {mean:.2f} times the paper's speed at equal clock. Of the designs that a sweep over 12 numbers "
               "of PEs and two multipliers of one block finds (`explore`, spec's solver and step), the one with the fewest cycles "
               f"that has no more equivalent LUTs than the paper's largest, fits its XC6VLX240T and has an error of at most "
               f"{ERROR_LIMIT:.0e} (word length and coefficients together, over the spans of table II). Area is estimated.")
