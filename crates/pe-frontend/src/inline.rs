@@ -211,9 +211,13 @@ fn size(expr: &Expr) -> (u64, usize) {
             let (reads, depth) = members.iter().map(size).fold((0, 0), |all, one| (all.0 + one.0, all.1.max(one.1)));
             (reads, depth + 1)
         }
-        Expr::Power(base, _) => {
+        Expr::Power(base, _) | Expr::Apply(_, base) => {
             let (reads, depth) = size(base);
             (reads, depth + 1)
+        }
+        Expr::Select(select) => {
+            let parts = [&select.condition, &select.yes, &select.no].map(size);
+            (parts.iter().map(|part| part.0).sum(), parts.iter().map(|part| part.1).max().unwrap_or(0) + 1)
         }
     }
 }

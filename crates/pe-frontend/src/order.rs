@@ -3,7 +3,7 @@
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use pe_ir::codes;
-use pe_ir::model::{Expr, Variable};
+use pe_ir::model::Variable;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Members of a loop that are shown; the rest is left to dots.
@@ -93,7 +93,7 @@ fn reads_of(rows: &[Option<Row>]) -> (Vec<usize>, Vec<u32>) {
     let mut reads = Vec::new();
     for row in rows {
         if let Some(row) = row {
-            each_variable(&row.expr, &mut |variable| {
+            row.expr.each_variable(&mut |variable| {
                 if let Variable::Algebraic(read) = variable {
                     reads.push(read);
                 }
@@ -102,14 +102,4 @@ fn reads_of(rows: &[Option<Row>]) -> (Vec<usize>, Vec<u32>) {
         starts.push(reads.len());
     }
     (starts, reads)
-}
-
-/// Calls `visit` for each variable of an expression, in order.
-pub(crate) fn each_variable(expr: &Expr, visit: &mut impl FnMut(Variable)) {
-    match expr {
-        Expr::Constant(_) => {}
-        Expr::Variable(variable) => visit(*variable),
-        Expr::Sum(members) | Expr::Product(members) => members.iter().for_each(|member| each_variable(member, visit)),
-        Expr::Power(base, _) => each_variable(base, visit),
-    }
 }

@@ -4,10 +4,9 @@ use crate::declarations::{Driven, Initial};
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use crate::names::{Kind, Quantity};
-use crate::order::each_variable;
 use crate::settings::Header;
 use pe_ir::codes;
-use pe_ir::model::{Algebraic, Expr, Input, Model, Output, State, Variable};
+use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Select, State, Variable};
 use pe_ir::source::Diagnostic;
 
 /// Marks a variable that is left out.
@@ -46,7 +45,11 @@ impl Numbers {
             Expr::Constant(_) => {}
             Expr::Variable(variable) => *variable = self.renumbered(*variable),
             Expr::Sum(members) | Expr::Product(members) => members.iter_mut().for_each(|member| self.renumber(member)),
-            Expr::Power(base, _) => self.renumber(base),
+            Expr::Power(base, _) | Expr::Apply(_, base) => self.renumber(base),
+            Expr::Select(select) => {
+                let Select { condition, yes, no } = &mut **select;
+                [condition, yes, no].into_iter().for_each(|part| self.renumber(part));
+            }
         }
     }
 
@@ -166,7 +169,7 @@ impl Elaborator<'_> {
                 Variable::Input(_) => continue,
             };
             if let Some(row) = row {
-                each_variable(&row.expr, &mut |read| need(read, &mut waiting));
+                row.expr.each_variable(&mut |read| need(read, &mut waiting));
             }
         }
         numbers

@@ -54,6 +54,7 @@ fn eval(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[Weighed]) -> 
             let base = eval(base, states, inputs, algebraics);
             Weighed { value: base.value.powi(*exponent as i32), size: base.size.powi(*exponent as i32) }
         }
+        Expr::Apply(..) | Expr::Select(_) => unreachable!("the paper's models are polynomials"),
     }
 }
 
@@ -383,17 +384,14 @@ fn sizes_solvers_and_steps_are_the_papers() {
 
 /// Collects the variables an expression reads, an algebraic equation that is only another name looked through.
 fn reads(model: &Model, expr: &Expr, variables: &mut BTreeSet<Variable>) {
-    match expr {
-        Expr::Constant(_) => {}
-        Expr::Variable(Variable::Algebraic(i)) if is_alias(&model.algebraics[*i as usize].expr) => {
-            reads(model, &model.algebraics[*i as usize].expr, variables);
+    expr.each_variable(&mut |variable| match variable {
+        Variable::Algebraic(i) if is_alias(&model.algebraics[i as usize].expr) => {
+            reads(model, &model.algebraics[i as usize].expr, variables);
         }
-        Expr::Variable(variable) => {
-            variables.insert(*variable);
+        variable => {
+            variables.insert(variable);
         }
-        Expr::Sum(members) | Expr::Product(members) => members.iter().for_each(|m| reads(model, m, variables)),
-        Expr::Power(base, _) => reads(model, base, variables),
-    }
+    });
 }
 
 /// Whether an algebraic equation says no more than that one variable is another.

@@ -139,7 +139,8 @@ impl Finder<'_> {
                 // Published values are computed beside the last round, by chains of their own.
                 Role::Algebraic(a, u8::MAX) => (Role::Algebraic(a, u8::MAX), 0),
                 Role::Algebraic(a, _) => (Role::Algebraic(a, 1), 0),
-                role @ (Role::Input(_) | Role::Constant(_) | Role::Published(_)) => (role, 0),
+                // Looped stages have no lookups.
+                role @ (Role::Input(_) | Role::Constant(_) | Role::Published(_) | Role::Column(..)) => (role, 0),
                 Role::Sum(..) | Role::Inner(..) | Role::Partial(..) => return None,
             };
             let key = match role {
@@ -184,7 +185,7 @@ impl Finder<'_> {
                 let terms = start..round.terms.len() as u32;
                 by_target.insert(write.value, round.chains.len() as u32);
                 chains[index].1 = round.chains.len() as u32;
-                round.chains.push(Chain { equation: chain.equation, terms, write, second: None });
+                round.chains.push(Chain { terms, write, second: None, ..*chain });
             }
         }
         // Either all rounds add to the state at the start of the step, or each adds to that at its own start.
@@ -264,6 +265,7 @@ mod tests {
             initial: Vec::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
+            functions: pe_ir::functions::Functions::default(),
             names: pe_ir::graph::Names::default(),
         };
         assert_eq!(Rounds::single(&graph).count, 1);

@@ -6,6 +6,7 @@
 use std::fmt;
 use std::ops::Range;
 
+use crate::functions::Functions;
 use crate::model::Model;
 use crate::source::Span;
 use crate::word::WordFormat;
@@ -99,6 +100,9 @@ pub enum Role {
     Constant(f64),
     /// An output computed at the end of the step: index into the model's outputs.
     Published(u32),
+    /// What a lookup finds in a column of its table: index into [`Functions::lookups`], and the column. Only the base
+    /// of a write reads it.
+    Column(u32, u8),
 }
 
 /// A stored value.
@@ -167,6 +171,9 @@ pub struct Chain {
     pub write: Write,
     /// Second write.
     pub second: Option<Write>,
+    /// The function in [`Functions::exact`] that the first write applies to base plus sum; only in a step graph whose
+    /// functions are not tables yet.
+    pub function: Option<u32>,
 }
 
 impl Chain {
@@ -224,6 +231,8 @@ pub struct StepGraph {
     pub inputs: Vec<ValueId>,
     /// For each output the value to publish.
     pub outputs: Vec<ValueId>,
+    /// Functions of one variable.
+    pub functions: Functions,
     /// Names: states, inputs, algebraic variables, outputs.
     pub names: Names,
 }
@@ -289,6 +298,11 @@ impl StepGraph {
             Role::Input(i) => self.names.inputs[i as usize].clone(),
             Role::Constant(c) => format!("{c:e}"),
             Role::Published(o) => format!("{}.published", self.names.outputs[o as usize]),
+            Role::Column(lookup, column) => {
+                let lookup = &self.functions.lookups[lookup as usize];
+                let table = &self.functions.tables[lookup.table as usize].name;
+                format!("{table}.column{column}[{}]", self.value_name(lookup.argument))
+            }
         }
     }
 
@@ -393,8 +407,11 @@ impl fmt::Display for StepGraph {
                 .collect();
             for write in chain.writes() {
                 let base = write.base.map_or(String::new(), |base| format!("{} + ", self.value_name(base)));
+                let function = chain
+                    .function
+                    .map_or(String::new(), |index| format!("{} of ", self.functions.exact[index as usize].name));
                 let weight = if write.weight == 0 { String::new() } else { format!("2^{} * ", write.weight) };
-                writeln!(f, "  {} = {base}{weight}({})", self.value_name(write.value), terms.join(" + "))?;
+                writeln!(f, "  {} = {function}{base}{weight}({})", self.value_name(write.value), terms.join(" + "))?;
             }
         }
         Ok(())

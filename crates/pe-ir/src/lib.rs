@@ -4,6 +4,8 @@
 //! [`mapping`], [`schedule`], [`memory`], [`program`], [`verify`].
 
 pub mod codes;
+mod expr;
+pub mod functions;
 pub mod graph;
 pub mod mapping;
 pub mod memory;

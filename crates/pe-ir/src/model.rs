@@ -4,6 +4,7 @@
 
 use crate::source::Span;
 
+pub use crate::expr::{Expr, Function, Select};
 pub use crate::waveform::{Interpolation, Samples, Waveform};
 
 /// A numerical method that advances the model by one step.
@@ -68,21 +69,6 @@ pub enum Variable {
     Input(u32),
     /// The left-hand side of an algebraic equation.
     Algebraic(u32),
-}
-
-/// A right-hand side over the flat variables; constants are already folded.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Expr {
-    /// A finite number.
-    Constant(f64),
-    /// A variable.
-    Variable(Variable),
-    /// Sum of all members.
-    Sum(Vec<Expr>),
-    /// Product of all members.
-    Product(Vec<Expr>),
-    /// Integer power, exponent at least 2.
-    Power(Box<Expr>, u32),
 }
 
 /// A state variable and its derivative equation.

@@ -5,7 +5,7 @@
 use std::collections::{HashMap, VecDeque};
 
 use pe_ir::graph::{Role, StepGraph};
-use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::model::{Model, Variable};
 use serde_json::{Value, json};
 
 /// Names of a chain of reasons that are shown; of longer ones the middle is left out.
@@ -123,7 +123,7 @@ impl<'a> Scene<'a> {
                 Variable::Algebraic(index) => &model.algebraics[index as usize].expr,
                 Variable::Input(_) => continue,
             };
-            each_variable(expr, &mut |variable| {
+            expr.each_variable(&mut |variable| {
                 let at = scene.number(variable);
                 if scene.reader[at] == usize::MAX {
                     scene.reader[at] = reader;
@@ -178,15 +178,6 @@ impl<'a> Scene<'a> {
             chain.push(self.elements[at].0);
         }
         chain
-    }
-}
-
-fn each_variable(expr: &Expr, action: &mut impl FnMut(Variable)) {
-    match expr {
-        Expr::Constant(_) => {}
-        Expr::Variable(variable) => action(*variable),
-        Expr::Sum(members) | Expr::Product(members) => members.iter().for_each(|member| each_variable(member, action)),
-        Expr::Power(base, _) => each_variable(base, action),
     }
 }
 

@@ -33,6 +33,7 @@ fn value(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[f64]) -> f64
         Expr::Sum(members) => members.iter().map(of).sum(),
         Expr::Product(members) => members.iter().map(of).product(),
         Expr::Power(base, exponent) => of(base).powi(*exponent as i32),
+        Expr::Apply(..) | Expr::Select(_) => unreachable!("these models are polynomials"),
     }
 }
 

@@ -60,16 +60,11 @@ pub fn derivatives(model: &Model, states: &[f64], inputs: &[f64]) -> Vec<f64> {
 }
 
 fn evaluate(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[f64]) -> f64 {
-    let value = |member: &Expr| evaluate(member, states, inputs, algebraics);
-    match expr {
-        Expr::Constant(value) => *value,
-        Expr::Variable(Variable::State(i)) => states[*i as usize],
-        Expr::Variable(Variable::Input(i)) => inputs[*i as usize],
-        Expr::Variable(Variable::Algebraic(i)) => algebraics[*i as usize],
-        Expr::Sum(members) => members.iter().map(value).sum(),
-        Expr::Product(members) => members.iter().map(value).product(),
-        Expr::Power(base, exponent) => value(base).powi(*exponent as i32),
-    }
+    expr.evaluate(&|variable| match variable {
+        Variable::State(i) => states[i as usize],
+        Variable::Input(i) => inputs[i as usize],
+        Variable::Algebraic(i) => algebraics[i as usize],
+    })
 }
 
 /// The folder of a main file on disk.

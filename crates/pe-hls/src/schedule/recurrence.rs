@@ -168,7 +168,7 @@ mod tests {
             let first = terms.len() as u32;
             terms.extend(products);
             let write = Write { value: ValueId(written), base: base.map(ValueId), weight: 0 };
-            chains.push(Chain { equation, terms: first..terms.len() as u32, write, second: None });
+            chains.push(Chain { equation, terms: first..terms.len() as u32, write, second: None, function: None });
         };
         let plain = |operand: &u32| Term::new(ValueId(*operand), Factor::Coefficient(0.5));
         for (serial, (state, operands)) in inner.iter().enumerate() {
@@ -196,6 +196,7 @@ mod tests {
             initial: vec![0.0; count as usize],
             inputs: Vec::new(),
             outputs: Vec::new(),
+            functions: pe_ir::functions::Functions::default(),
             names: Names::default(),
         }
     }

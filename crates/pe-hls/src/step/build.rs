@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use pe_ir::functions::Functions;
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::model::{Model, Solver, Variable};
 use pe_ir::source::Diagnostic;
@@ -199,6 +200,7 @@ impl Builder {
             initial: model.states.iter().map(|state| state.initial).collect(),
             inputs: Vec::new(),
             outputs: Vec::new(),
+            functions: Functions::default(),
             names: Names::of(model),
         };
         for (index, state) in model.states.iter().enumerate() {
@@ -370,7 +372,7 @@ impl Builder {
         let start = self.graph.terms.len() as u32;
         self.graph.terms.extend(terms);
         let terms = start..self.graph.terms.len() as u32;
-        self.graph.chains.push(Chain { equation, terms, write, second });
+        self.graph.chains.push(Chain { equation, terms, write, second, function: None });
     }
 }
 

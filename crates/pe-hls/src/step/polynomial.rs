@@ -52,6 +52,7 @@ impl Polynomial {
                 }
                 Ok(product)
             }
+            Expr::Apply(..) | Expr::Select(_) => unreachable!("functions are algebraic equations of their own"),
             Expr::Power(base, exponent) => {
                 let base = Polynomial::expand(base, inline)?;
                 let mut product = Polynomial::constant(1.0);

@@ -21,7 +21,7 @@ pub fn prune(graph: StepGraph) -> StepGraph {
         owns_chain[chain.equation as usize] = true;
         let start = terms.len() as u32;
         terms.extend_from_slice(graph.chain_terms(chain));
-        chains.push(Chain { equation: chain.equation, terms: start..terms.len() as u32, write, second });
+        chains.push(Chain { terms: start..terms.len() as u32, write, second, ..*chain });
     }
     let equations = dense(owns_chain.iter().copied());
     let value_id = |id: ValueId| ValueId(values[id.index()]);

@@ -102,7 +102,7 @@ impl Readers {
     fn of(model: &Model) -> Readers {
         let mut readers: HashMap<usize, Vec<Variable>> = HashMap::new();
         let mut visit = |expr: &Expr, reader: Variable| {
-            for_each_variable(expr, &mut |variable| {
+            expr.each_variable(&mut |variable| {
                 if let Variable::Algebraic(a) = variable {
                     let list = readers.entry(a as usize).or_default();
                     if list.last() != Some(&reader) {
@@ -122,17 +122,6 @@ impl Readers {
 
     fn of_algebraic(&self, index: usize) -> &[Variable] {
         self.readers.get(&index).map_or(&[], Vec::as_slice)
-    }
-}
-
-fn for_each_variable(expr: &Expr, visit: &mut impl FnMut(Variable)) {
-    match expr {
-        Expr::Constant(_) => {}
-        Expr::Variable(variable) => visit(*variable),
-        Expr::Sum(members) | Expr::Product(members) => {
-            members.iter().for_each(|member| for_each_variable(member, visit));
-        }
-        Expr::Power(base, _) => for_each_variable(base, visit),
     }
 }
 

@@ -18,11 +18,14 @@ struct Term {
 struct Sum {
     slot: u32,
     terms: Range<u32>,
+    /// What is stored in its place, if it is no polynomial: an expression over the variables.
+    exact: Option<Expr>,
 }
 
 /// All equations of a model. Slots hold the states, the inputs, the algebraic quantities, then intermediate results.
 pub(super) struct Equations<'a> {
     inputs: &'a [Input],
+    states: u32,
     sums: Vec<Sum>,
     terms: Vec<Term>,
     factors: Vec<u32>,
@@ -35,21 +38,21 @@ impl<'a> Equations<'a> {
     pub fn new(model: &'a Model) -> Self {
         let (states, inputs) = (model.states.len() as u32, model.inputs.len() as u32);
         let mut builder = Builder {
-            inputs: states,
-            algebraics: states + inputs,
+            states,
+            inputs,
             next: states + inputs + model.algebraics.len() as u32,
             sums: Vec::new(),
             terms: Vec::new(),
             factors: Vec::new(),
         };
         for (index, algebraic) in model.algebraics.iter().enumerate() {
-            let slot = builder.algebraics + index as u32;
+            let slot = builder.slot(Variable::Algebraic(index as u32));
             builder.store(slot, &algebraic.expr);
         }
         let derivatives = model.states.iter().map(|state| builder.fresh(&state.derivative)).collect();
         let slots = RefCell::new(vec![0.0; builder.next as usize]);
         let Builder { sums, terms, factors, .. } = builder;
-        Equations { inputs: &model.inputs, sums, terms, factors, derivatives, slots }
+        Equations { inputs: &model.inputs, states, sums, terms, factors, derivatives, slots }
     }
 
     fn evaluate(&self, states: &[f64], input: impl Fn(&Input) -> f64, derivatives: &mut [f64]) {
@@ -59,6 +62,12 @@ impl<'a> Equations<'a> {
             *slot = input(declared);
         }
         for sum in &self.sums {
+            if let Some(expr) = &sum.exact {
+                let number = |variable| slots[slot(variable, self.states, self.inputs.len() as u32) as usize];
+                let value = expr.evaluate(&number);
+                slots[sum.slot as usize] = value;
+                continue;
+            }
             let mut total = 0.0;
             for term in &self.terms[sum.terms.start as usize..sum.terms.end as usize] {
                 let factors = &self.factors[term.factors.start as usize..term.factors.end as usize];
@@ -74,8 +83,8 @@ impl<'a> Equations<'a> {
 
 /// Collects the lists.
 struct Builder {
+    states: u32,
     inputs: u32,
-    algebraics: u32,
     next: u32,
     sums: Vec<Sum>,
     terms: Vec<Term>,
@@ -92,6 +101,10 @@ impl Builder {
     }
 
     fn store(&mut self, slot: u32, expr: &Expr) {
+        if matches!(expr, Expr::Apply(..) | Expr::Select(_)) {
+            self.sums.push(Sum { slot, terms: 0..0, exact: Some(expr.clone()) });
+            return;
+        }
         // Operands come first, for they may need sums of their own.
         let members = if let Expr::Sum(members) = expr { members } else { std::slice::from_ref(expr) };
         let products: Vec<(f64, Vec<u32>)> = members
@@ -108,7 +121,7 @@ impl Builder {
             self.factors.extend(factors);
             self.terms.push(Term { coefficient, factors: start..self.factors.len() as u32 });
         }
-        self.sums.push(Sum { slot, terms: first..self.terms.len() as u32 });
+        self.sums.push(Sum { slot, terms: first..self.terms.len() as u32, exact: None });
     }
 
     /// Multiplies a product by an expression.
@@ -116,7 +129,7 @@ impl Builder {
         match expr {
             Expr::Constant(number) => *coefficient *= number,
             Expr::Variable(variable) => factors.push(self.slot(*variable)),
-            Expr::Sum(_) => factors.push(self.fresh(expr)),
+            Expr::Sum(_) | Expr::Apply(..) | Expr::Select(_) => factors.push(self.fresh(expr)),
             Expr::Product(members) => members.iter().for_each(|member| self.multiply(member, coefficient, factors)),
             Expr::Power(base, exponent) => {
                 let base = if let Expr::Variable(variable) = **base { self.slot(variable) } else { self.fresh(base) };
@@ -126,11 +139,16 @@ impl Builder {
     }
 
     fn slot(&self, variable: Variable) -> u32 {
-        match variable {
-            Variable::State(index) => index,
-            Variable::Input(index) => self.inputs + index,
-            Variable::Algebraic(index) => self.algebraics + index,
-        }
+        slot(variable, self.states, self.inputs)
+    }
+}
+
+/// Slot of a variable of a model with so many states and inputs.
+fn slot(variable: Variable, states: u32, inputs: u32) -> u32 {
+    match variable {
+        Variable::State(index) => index,
+        Variable::Input(index) => states + index,
+        Variable::Algebraic(index) => states + inputs + index,
     }
 }
 

@@ -1,0 +1,143 @@
+//! Functions of one variable: exact ones, and the tables of polynomials that stand for them in hardware.
+//!
+//! A lookup takes the upper bits of its argument's word as the index into all columns of its table; the columns are the
+//! coefficients of a polynomial in the lower bits, and reach the PE as base words. See `docs/decisions/0024`.
+
+use crate::graph::ValueId;
+use crate::model::{Expr, Variable};
+
+/// Functions of a step graph.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Functions {
+    /// Functions that chains apply; empty once tables stand for them.
+    pub exact: Vec<ScalarFunction>,
+    /// How all tables of the step divide the range of their arguments.
+    pub segments: Segments,
+    /// Tables.
+    pub tables: Vec<Table>,
+    /// Reads of tables.
+    pub lookups: Vec<Lookup>,
+}
+
+/// A real function of one real variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScalarFunction {
+    /// What messages call it.
+    pub name: String,
+    /// The expression.
+    pub body: Expr,
+    /// The only variable that the expression reads.
+    pub variable: Variable,
+}
+
+impl ScalarFunction {
+    /// The value at `x`; not finite where the function is not defined.
+    pub fn evaluate(&self, x: f64) -> f64 {
+        self.body.evaluate(&|_| x)
+    }
+}
+
+/// How the arguments of tables, numbers from -1 to 1, become indices.
+///
+/// Invariant: a data operand has a bit for each octave and for the mantissa behind the last one,
+/// `2^octave_bits - 1 + index_bits - octave_bits < data_bits`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Segments {
+    /// Bits of an index.
+    pub index_bits: u32,
+    /// Upper bits of an index that count octaves, in tables that are divided so.
+    pub octave_bits: u32,
+}
+
+/// Coefficients of a polynomial for each segment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// What messages call it.
+    pub name: String,
+    /// Whether its segments are halves of octaves of 0 .. 1 and so forth, instead of equal parts of -1 .. 1.
+    pub octaves: bool,
+    /// For each column the numbers of all segments, `2^index_bits` of them.
+    pub columns: Vec<Vec<f64>>,
+}
+
+/// A table that is read at the index of a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lookup {
+    /// The value whose data operand gives the index; its number format is that of -1 .. 1.
+    pub argument: ValueId,
+    /// Index into [`Functions::tables`].
+    pub table: u32,
+}
+
+impl Segments {
+    /// Number of segments.
+    pub fn count(self) -> usize {
+        1 << self.index_bits
+    }
+
+    /// The segment of a data operand of `data_bits` bits. `octaves` as in [`Table::octaves`]: a leading one in bit
+    /// `data_bits - 2` is octave 0; the last octave takes all numbers below it, and has no leading one; a negative
+    /// operand counts as 0.
+    pub fn index(self, operand: i64, data_bits: u32, octaves: bool) -> usize {
+        if !octaves {
+            return ((operand >> (data_bits - self.index_bits)) + (1 << (self.index_bits - 1))) as usize;
+        }
+        let (magnitude, width) = (operand.max(0), data_bits - 1);
+        let mantissa_bits = self.index_bits - self.octave_bits;
+        let last = (1u32 << self.octave_bits) - 1;
+        let zeros = (magnitude as u64).leading_zeros() - (64 - width);
+        let octave = zeros.min(last);
+        // The bits behind the leading one, or, in the last octave, behind its place.
+        let below = width - octave - u32::from(octave < last);
+        let mantissa = (magnitude << mantissa_bits >> below) & ((1 << mantissa_bits) - 1);
+        ((octave as usize) << mantissa_bits) | mantissa as usize
+    }
+
+    /// The segment of a number from -1 to 1; numbers outside belong to the nearest one.
+    pub fn index_of(self, number: f64, octaves: bool) -> usize {
+        const BITS: u32 = 53;
+        let scaled = libm::floor(libm::scalbn(number, BITS as i32 - 1));
+        let largest = libm::scalbn(1.0, BITS as i32 - 1);
+        self.index(scaled.clamp(-largest, largest - 1.0) as i64, BITS, octaves)
+    }
+
+    /// The range of numbers that have an index.
+    pub fn range(self, index: usize, octaves: bool) -> (f64, f64) {
+        if !octaves {
+            let width = libm::scalbn(2.0, -(self.index_bits as i32));
+            return (index as f64 * width - 1.0, (index + 1) as f64 * width - 1.0);
+        }
+        let mantissa_bits = self.index_bits - self.octave_bits;
+        let (octave, mantissa) = (index >> mantissa_bits, index & ((1 << mantissa_bits) - 1));
+        let last = (1usize << self.octave_bits) - 1;
+        let width = libm::scalbn(1.0, -(octave as i32) - mantissa_bits as i32 - i32::from(octave < last));
+        let start = if octave < last { libm::scalbn(1.0, -(octave as i32) - 1) } else { 0.0 };
+        (start + mantissa as f64 * width, start + (mantissa + 1) as f64 * width)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_follow_one_another_and_agree_with_their_ranges() {
+        for (segments, octaves) in [
+            (Segments { index_bits: 1, octave_bits: 0 }, false),
+            (Segments { index_bits: 5, octave_bits: 0 }, false),
+            (Segments { index_bits: 5, octave_bits: 3 }, true),
+            (Segments { index_bits: 3, octave_bits: 3 }, true),
+        ] {
+            let mut seen = vec![0; segments.count()];
+            for operand in -512i64..512 {
+                let index = segments.index(operand, 10, octaves);
+                seen[index] += 1;
+                let number = operand as f64 / 512.0;
+                assert_eq!(segments.index_of(number, octaves), index, "{number} in {segments:?}");
+                let (low, high) = segments.range(index, octaves);
+                assert!((low..high).contains(&number) || (octaves && number < 0.0), "{number}: {low} .. {high}");
+            }
+            assert!(octaves || seen.iter().all(|count| *count > 0), "{segments:?}: {seen:?}");
+        }
+    }
+}
