@@ -184,6 +184,10 @@ fn merge(
         }
         chain.terms = start..terms.len() as u32;
     }
-    let graph = StepGraph { chains, terms, ..graph.clone() };
-    Some(Paired { graph, fixed: FixedPoint { coefficients, ..fixed.clone() }, pairs, sent_home: 0 })
+    Some(Paired {
+        graph: graph.with_chains(chains, terms),
+        fixed: FixedPoint { coefficients, ..fixed.clone() },
+        pairs,
+        sent_home: 0,
+    })
 }

@@ -124,9 +124,7 @@ impl Finder<'_> {
             form: StageForm::Euler,
             stages: 1,
             values: Vec::new(),
-            chains: Vec::new(),
-            terms: Vec::new(),
-            ..graph.clone()
+            ..graph.with_chains(Vec::new(), Vec::new())
         };
         let mut known: BTreeMap<(u32, u32, i64, u64), ValueId> = BTreeMap::new();
         let mut values = Vec::with_capacity(graph.values.len());
@@ -242,32 +240,5 @@ impl Finder<'_> {
             Role::Algebraic(_, stage) => Some(u32::from(stage) - 1),
             _ => None,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_step_of_one_stage_is_one_round_of_itself() {
-        let graph = StepGraph {
-            form: StageForm::Euler,
-            stages: 1,
-            forms: Vec::new(),
-            pre_adder: false,
-            step: 1.0,
-            equations: Vec::new(),
-            values: Vec::new(),
-            chains: Vec::new(),
-            terms: Vec::new(),
-            states: Vec::new(),
-            initial: Vec::new(),
-            inputs: Vec::new(),
-            outputs: Vec::new(),
-            functions: pe_ir::functions::Functions::default(),
-            names: pe_ir::graph::Names::default(),
-        };
-        assert_eq!(Rounds::single(&graph).count, 1);
     }
 }

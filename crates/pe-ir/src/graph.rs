@@ -273,6 +273,27 @@ impl StepGraph {
         &self.terms[chain.terms.start as usize..chain.terms.end as usize]
     }
 
+    /// The graph with other chains, which write the same values.
+    pub fn with_chains(&self, chains: Vec<Chain>, terms: Vec<Term>) -> StepGraph {
+        StepGraph {
+            form: self.form,
+            stages: self.stages,
+            forms: self.forms.clone(),
+            step: self.step,
+            pre_adder: self.pre_adder,
+            equations: self.equations.clone(),
+            values: self.values.clone(),
+            chains,
+            terms,
+            states: self.states.clone(),
+            initial: self.initial.clone(),
+            inputs: self.inputs.clone(),
+            outputs: self.outputs.clone(),
+            functions: self.functions.clone(),
+            names: self.names.clone(),
+        }
+    }
+
     /// Whether states are kept in pairs of words that change roles from step to step: in a single stage every equation
     /// reads old states and writes new ones, so no order of writes suits all readers.
     pub fn swaps(&self) -> bool {

@@ -29,6 +29,16 @@ impl MemoryCells {
     }
 }
 
+impl std::iter::Sum for MemoryCells {
+    fn sum<I: Iterator<Item = MemoryCells>>(memories: I) -> MemoryCells {
+        memories.fold(MemoryCells::default(), |sum, one| MemoryCells {
+            lut: sum.lut + one.lut,
+            ff: sum.ff + one.ff,
+            bram18: sum.bram18 + one.bram18,
+        })
+    }
+}
+
 /// Blocks of a memory: the shape that takes the fewest.
 pub fn blocks(words: u32, bits: u32) -> u32 {
     BLOCK_SHAPES.iter().map(|(depth, width)| words.div_ceil(*depth) * bits.div_ceil(*width)).min().unwrap_or(0)

@@ -148,7 +148,8 @@ impl<V: Copy + Default> Gathered<V> {
     }
 }
 
-/// The value of a slot. Slots are never beyond the end; told so, the compiler forms vectors of such accesses, too.
+/// The value of a slot. Slots are never beyond the end; told so, the compiler leaves out the branch to a panic, which
+/// would keep it from unrolling.
 #[inline(always)]
 fn at<V: Copy>(values: &[V], slot: u32) -> V {
     values[(slot as usize).min(values.len() - 1)]

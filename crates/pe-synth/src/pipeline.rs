@@ -4,11 +4,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use pe_hls::assemble::TooLarge;
 use pe_hls::even::even;
 use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, WireLength};
 use pe_hls::pairs::{self, Paired};
-
-use pe_hls::assemble::TooLarge;
 use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
 use pe_ir::codes;
@@ -116,17 +115,23 @@ pub struct StageTime {
 }
 
 /// Times of each stage, in order.
-#[derive(Default)]
 pub struct Stopwatch {
     /// Stages done.
     pub stages: Vec<StageTime>,
+    start: Instant,
     quiet: bool,
 }
 
 impl Stopwatch {
     /// A stopwatch; unless `quiet` every stage is reported on standard error as it ends.
     pub fn new(quiet: bool) -> Self {
-        Stopwatch { stages: Vec::new(), quiet }
+        Stopwatch { stages: Vec::new(), start: Instant::now(), quiet }
+    }
+
+    /// Seconds since the beginning, without those of the runs over the span.
+    pub fn seconds_without_runs(&self) -> f64 {
+        let runs: f64 = self.stages.iter().filter(|time| time.stage == "runs").map(|time| time.seconds).sum();
+        self.start.elapsed().as_secs_f64() - runs
     }
 
     /// A bar for a long stage; invisible when quiet or when standard error is no terminal.
@@ -332,12 +337,13 @@ fn assemble(
     }
     let Some(rounds) = Rounds::of(graph, fixed) else { return Ok((schedule, flat)) };
     let round = pe_hls::schedule::schedule(&rounds.graph, mapping, Latency::of(&fixed.format));
-    let looped = pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round)?;
     let cost = |program: &Program| area::estimate(program).equivalent_luts() * f64::from(program.period);
-    if stage_loop == StageLoop::Auto && cost(&looped) >= cost(&flat) {
-        return Ok((schedule, flat));
+    match (pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round), stage_loop) {
+        (Ok(looped), StageLoop::Auto) if cost(&looped) >= cost(&flat) => Ok((schedule, flat)),
+        (Ok(looped), _) => Ok((rounds.unroll(graph, &round), looped)),
+        (Err(_), StageLoop::Auto) => Ok((schedule, flat)),
+        (Err(limit), _) => Err(limit),
     }
-    Ok((rounds.unroll(graph, &round), looped))
 }
 
 /// Builds the step graph.

@@ -236,12 +236,11 @@ pub fn timing(watch: &Stopwatch, design: &Design) -> Value {
     let map = |of: &dyn Fn(&StageTime) -> Value| -> serde_json::Map<String, Value> {
         watch.stages.iter().map(|time| (time.stage.to_owned(), of(time))).collect()
     };
-    let without_runs = watch.stages.iter().filter(|time| time.stage != "runs");
     let processor_of_runs = watch.stages.iter().find(|time| time.stage == "runs").map(|time| time.processor_seconds);
     let processor_without_runs = processor_seconds().zip(processor_of_runs.flatten()).map(|(all, runs)| all - runs);
     json!({
         "seconds": map(&|time| json!(time.seconds)),
-        "seconds_without_runs": without_runs.map(|time| time.seconds).sum::<f64>(),
+        "seconds_without_runs": watch.seconds_without_runs(),
         "processor_seconds": map(&|time| json!(time.processor_seconds)),
         "processor_seconds_without_runs": processor_without_runs,
         "double_ns_per_mac": design.judged.ns_per_mac.0,

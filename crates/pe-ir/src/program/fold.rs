@@ -72,15 +72,9 @@ impl Fold {
 
     /// What the memories are made of.
     pub fn cells(&self) -> MemoryCells {
-        let (repeated, stream) = (
-            rom(self.repeated.len() as u32, self.repeated_bits()),
-            rom(self.stream.len() as u32, self.streamed_bits()),
-        );
-        MemoryCells {
-            lut: repeated.lut + stream.lut,
-            ff: repeated.ff + stream.ff,
-            bram18: repeated.bram18 + stream.bram18,
-        }
+        let repeated = rom(self.repeated.len() as u32, self.repeated_bits());
+        let stream = rom(self.stream.len() as u32, self.streamed_bits());
+        [repeated, stream].into_iter().sum()
     }
 }
 

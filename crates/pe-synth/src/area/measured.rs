@@ -114,12 +114,7 @@ fn shape(line: &str) -> Option<MeasuredShape> {
 fn program(number: impl Fn(&str) -> Option<u32>) -> Option<MemoryCells> {
     let (words, bits, streamed) = (number("program_words")?, number("program_bits")?, number("streamed_bits")?);
     let repeated = memory::rom(words.checked_div(number("rounds")?)?, bits.checked_sub(streamed)?);
-    let stream = memory::rom(words, streamed);
-    Some(MemoryCells {
-        lut: repeated.lut + stream.lut,
-        ff: repeated.ff + stream.ff,
-        bram18: repeated.bram18 + stream.bram18,
-    })
+    Some([repeated, memory::rom(words, streamed)].into_iter().sum())
 }
 
 #[cfg(test)]

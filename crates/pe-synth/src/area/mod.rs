@@ -37,8 +37,8 @@ pub struct Area {
     pub pes: u32,
 }
 
-/// Look-up tables that a multiplier block is worth, as Huang et al. count.
-const DSP_LUTS: f64 = 250.0;
+/// Look-up tables that a multiplier block is worth, as Huang, Vahid and Givargis count in section 6.2.2.
+pub const DSP_LUTS: f64 = 250.0;
 
 impl Area {
     /// Look-up tables and what the blocks are worth in them.
@@ -247,11 +247,7 @@ fn memories(features: &PeFeatures, format: &WordFormat) -> MemoryCells {
         memory::ram(features.imported_words, format.data_bits),
         coefficients,
     ];
-    all.into_iter().fold(MemoryCells::default(), |sum, one| MemoryCells {
-        lut: sum.lut + one.lut,
-        ff: sum.ff + one.ff,
-        bram18: sum.bram18 + one.bram18,
-    })
+    all.into_iter().sum()
 }
 
 /// Tables per bit of the choice of shift, as `pe.vhd` groups the positions. Groups with the same distances share them.

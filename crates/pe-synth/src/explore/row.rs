@@ -1,9 +1,11 @@
 //! What became of a design point.
 
+use pe_ir::memory::BLOCK_LUTS;
 use pe_ir::model::Solver;
 use pe_ir::source::Severity;
 use serde_json::{Map, Value, json};
 
+use crate::area::DSP_LUTS;
 use crate::failure::Failure;
 use crate::options::DesignPoint;
 
@@ -28,11 +30,6 @@ const KEPT: [&str; 18] = [
     "error",
     "widenings",
 ];
-
-/// LUTs that a DSP block and a block RAM of 18 kbit count for in the size of a design: what Huang, Vahid and Givargis
-/// take, section 6.2.2, with half of their block RAM of 36 kbit.
-const LUTS_PER_DSP: f64 = 250.0;
-const LUTS_PER_BRAM18: f64 = 180.0;
 
 /// A design point of a sweep with its result.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,7 +120,7 @@ impl Figures {
     /// Size in LUTs, DSP blocks and block RAM counted as LUTs.
     pub fn equivalent_lut(&self) -> f64 {
         let count = |key| self.number(key).unwrap_or(f64::NAN);
-        count("area.lut") + LUTS_PER_DSP * count("area.dsp") + LUTS_PER_BRAM18 * count("area.bram18")
+        count("area.lut") + DSP_LUTS * count("area.dsp") + BLOCK_LUTS * count("area.bram18")
     }
 
     /// Error against the library reference.
