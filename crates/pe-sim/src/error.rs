@@ -10,12 +10,15 @@ pub struct Trajectory {
     pub states: usize,
     /// Samples one after another, `states` numbers each.
     pub samples: Vec<f64>,
+    /// Largest magnitude of each state between the samples, too, where the run knows it; empty otherwise. A state that
+    /// falls within the first sample would be judged by its rounding noise without it.
+    pub largest: Vec<f64>,
 }
 
 impl Trajectory {
     /// An empty trajectory of `states` states.
     pub fn new(states: usize) -> Self {
-        Trajectory { states, samples: Vec::new() }
+        Trajectory { states, samples: Vec::new(), largest: Vec::new() }
     }
 
     /// Appends a sample.
@@ -36,7 +39,7 @@ impl Trajectory {
     /// Scale of each state for relative errors: its own largest magnitude, but at least [`SCALE_FLOOR`] times the largest
     /// of its quantity, so that a state that hardly moves is not judged by its noise.
     pub fn scales(&self, quantity: &[u32]) -> Vec<f64> {
-        let mut own = vec![0.0f64; self.states];
+        let mut own = if self.largest.is_empty() { vec![0.0f64; self.states] } else { self.largest.clone() };
         for sample in self.samples.chunks_exact(self.states.max(1)) {
             for (largest, number) in own.iter_mut().zip(sample) {
                 *largest = largest.max(number.abs());
@@ -53,7 +56,7 @@ impl Trajectory {
     /// The last sample alone.
     pub fn last(&self) -> Trajectory {
         let from = self.samples.len() - self.states.min(self.samples.len());
-        Trajectory { states: self.states, samples: self.samples[from..].to_vec() }
+        Trajectory { states: self.states, samples: self.samples[from..].to_vec(), largest: Vec::new() }
     }
 
     /// How far `other`, sampled at the same times, deviates.

@@ -358,7 +358,9 @@ fn reference_run(
             moments.add(graph, |value| run.value(value));
         }
     }
-    let ranges = Ranges { largest: run.largest(), widened: vec![0; graph.values.len()] };
+    let largest = run.largest();
+    reference.largest = graph.states.iter().map(|(state, _)| largest[state.index()]).collect();
+    let ranges = Ranges { largest, widened: vec![0; graph.values.len()] };
     Ok((reference, curves, ranges, moments))
 }
 

@@ -171,6 +171,7 @@ impl<'a> Integration<'a> {
             self.advance(&mut method, &piece, piece.to, progress)?;
             states = method.y().clone();
         }
+        samples.largest.clone_from(&self.scales.own);
         Ok(samples)
     }
 

@@ -1,0 +1,123 @@
+//! Compiles the validation set and prints its results as a page, which is `docs/validation.md`.
+//!
+//! ```sh
+//! validation [CASE...] > docs/validation.md         # all cases if none is named; `quick` are those of the test
+//! ```
+//!
+//! Ends with exit code 4 if a case is not what `models/validation/cases.csv` asks for; the page says which.
+
+#[path = "../tests/support/validation.rs"]
+mod validation;
+
+use std::process::ExitCode;
+
+use validation::{Case, Outcome};
+
+/// Clock that run times on the hardware are stated for: the assumption of `pe-synth compile`.
+const CLOCK: f64 = 150e6;
+
+const HEAD: &str = "\
+# Validation
+
+Written by [`docs/validation.sh`](validation.sh), which compiles every case of
+[models/validation/cases.csv](../models/validation/cases.csv): published test problems and models of the fields that
+pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the options say otherwise.
+[models/validation](../models/validation/README.md) says where they are from. Decision
+[0029](decisions/0029-validation-set.md) says why it is done this way.
+
+- **word length**: fixed point against double precision with the same step, rounded coefficients included;
+  **coefficients** alone is a part of it.
+- **total**: the hardware's numbers against a reference solution by another library, at 20 times.
+- Errors are those of the worst state, relative to its largest magnitude over the span. **must** and **aim** are what the
+  word-length error has to be below, and should be.
+- **verdict** is `fine`, or the codes of the warnings and errors that the case has to end with
+  (`pe-synth explain CODE`). A refusal is the right answer where there is no result to be had.
+- **run** is cycles per step times steps at a clock of 150 MHz, which is assumed. **s** are seconds of the compiler on
+  two cores.
+";
+
+/// A figure in as many digits as it is worth.
+fn short(number: f64) -> String {
+    format!("{number:.1e}")
+}
+
+/// What was reached of what was asked for.
+fn reached(found: f64, (must, aim): (f64, f64)) -> &'static str {
+    if found <= aim {
+        "aim"
+    } else if found <= must {
+        "must"
+    } else {
+        "**missed**"
+    }
+}
+
+/// A time with a unit that leaves one to three digits before the point.
+fn time(seconds: f64) -> String {
+    let (number, unit) = match seconds {
+        s if s >= 1.0 => (s, "s"),
+        s if s >= 1e-3 => (s * 1e3, "ms"),
+        s => (s * 1e6, "us"),
+    };
+    format!("{number:.3} {unit}")
+}
+
+fn row(case: &Case, outcome: &Outcome) -> String {
+    let mut cells = vec![case.name.clone()];
+    match &outcome.figures {
+        Some(figures) => {
+            let run = f64::from(figures.cycles) * figures.steps as f64 / CLOCK;
+            cells.extend([
+                figures.method.0.clone(),
+                format!("{:e}", figures.method.1),
+                figures.states.to_string(),
+                figures.steps.to_string(),
+                figures.cycles.to_string(),
+                time(run),
+                format!("{}, `{}`", short(figures.word_length), figures.worst),
+                short(figures.coefficient),
+                case.word_length.map_or(String::new(), |(must, aim)| format!("{must:e} / {aim:e}")),
+                case.word_length.map_or("", |goal| reached(figures.word_length, goal)).to_owned(),
+                figures.total.map_or(String::new(), short),
+            ]);
+        }
+        None => cells.extend(std::iter::repeat_n(String::new(), 11)),
+    }
+    cells.extend([outcome.verdict.clone(), format!("{:.1}", outcome.seconds)]);
+    format!("| {} |", cells.join(" | "))
+}
+
+fn main() -> ExitCode {
+    let wanted: Vec<String> = std::env::args().skip(1).collect();
+    let mut cases = validation::cases();
+    let asks = |case: &Case, name: &str| case.name == name || (name == "quick" && case.quick);
+    if let Some(unknown) = wanted.iter().find(|name| !cases.iter().any(|case| asks(case, name))) {
+        eprintln!("there is no case `{unknown}`");
+        return ExitCode::from(2);
+    }
+    cases.retain(|case| wanted.is_empty() || wanted.iter().any(|name| asks(case, name)));
+    println!("{HEAD}");
+    println!(
+        "| case | solver | step, s | states | steps | cycles | run | word length | coefficients | must / aim | reached \
+         | total | verdict | s |"
+    );
+    println!("|{}", "---|".repeat(14));
+    let (mut complaints, mut refusals) = (Vec::new(), Vec::new());
+    for case in &cases {
+        eprintln!("{}", case.name);
+        let outcome = case.run();
+        println!("{}", row(case, &outcome));
+        complaints.extend(case.complaints(&outcome));
+        if let Some(message) = outcome.message {
+            refusals.push(format!("- {}: {} {message}", case.name, outcome.verdict));
+        }
+    }
+    println!("\nWhat the cases with a code say:\n\n{}", refusals.join("\n"));
+    if complaints.is_empty() {
+        println!("\nAll {} cases are what they must be.", cases.len());
+        return ExitCode::SUCCESS;
+    }
+    println!("\n{} of {} cases are not what they must be:\n", complaints.len(), cases.len());
+    complaints.iter().for_each(|complaint| println!("- {complaint}"));
+    ExitCode::from(4)
+}

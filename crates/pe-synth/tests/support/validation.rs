@@ -1,0 +1,240 @@
+//! The validation set: compiles the cases of `models/validation/cases.csv` and holds each against its reference.
+//!
+//! A reference is a small file of states at times, made by `models/validation/reference.py` with another library. Used
+//! by the tests, and by `examples/validation.rs`, which prints the table of `docs/validation.md`.
+
+// The test and the example each use a part.
+#![allow(dead_code)]
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Parser;
+use pe_sim::error::{SCALE_FLOOR, Trajectory};
+use pe_synth::failure::Failure;
+use pe_synth::options::{DesignPoint, ModelOptions};
+use pe_synth::pipeline::{self, Design, MappingOptions, Stopwatch};
+
+/// Times closer than this part of the last one are the same.
+const SAME_TIME: f64 = 1e-9;
+
+/// A model with options, and what must come out.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Name of the case.
+    pub name: String,
+    /// The spec, below `models/`.
+    pub spec: String,
+    /// Name of the reference; the spec has none in this set if it is empty.
+    pub reference: String,
+    /// Options of the command line.
+    pub options: String,
+    /// Codes of errors and warnings that it must end with, or `fine`.
+    pub verdict: String,
+    /// Largest word-length error that is accepted, coefficients included, and the one that is aimed at.
+    pub word_length: Option<(f64, f64)>,
+    /// Largest total error that is accepted.
+    pub total: Option<f64>,
+    /// Whether it takes little enough time for the test.
+    pub quick: bool,
+}
+
+/// What came out.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Codes of errors and warnings, ascending, or `fine`.
+    pub verdict: String,
+    /// The first of the messages.
+    pub message: Option<String>,
+    /// Figures, unless it was refused.
+    pub figures: Option<Figures>,
+    /// Seconds of the compiler.
+    pub seconds: f64,
+}
+
+/// Figures of a compiled case. Errors are relative to the largest magnitude of a state; the worst state counts.
+#[derive(Clone, Debug)]
+pub struct Figures {
+    /// Name of the solver and step in seconds.
+    pub method: (String, f64),
+    /// Number of states.
+    pub states: usize,
+    /// Steps of the span.
+    pub steps: u64,
+    /// Clocks per step.
+    pub cycles: u32,
+    /// Fixed point against double precision with exact coefficients.
+    pub word_length: f64,
+    /// Its state.
+    pub worst: String,
+    /// The part of coefficients alone.
+    pub coefficient: f64,
+    /// Fixed point against the reference, if there is one.
+    pub total: Option<f64>,
+}
+
+#[derive(Parser)]
+struct Options {
+    #[command(flatten)]
+    model: ModelOptions,
+    #[command(flatten)]
+    point: DesignPoint,
+    #[command(flatten)]
+    mapping: MappingOptions,
+}
+
+/// The folder of all models.
+fn models() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../models")
+}
+
+/// All cases, in the order of their file.
+pub fn cases() -> Vec<Case> {
+    let path = models().join("validation/cases.csv");
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_path(path).unwrap();
+    let head: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
+    let case = |record: csv::StringRecord| {
+        let field = |name: &str| {
+            let at = head.iter().position(|title| title == name).unwrap_or_else(|| panic!("cases.csv lacks `{name}`"));
+            record[at].to_owned()
+        };
+        let number = |name: &str| {
+            let text = field(name);
+            (!text.is_empty()).then(|| text.parse::<f64>().unwrap_or_else(|_| panic!("`{text}` is not a number")))
+        };
+        Case {
+            name: field("case"),
+            spec: field("spec"),
+            reference: field("reference"),
+            options: field("options"),
+            verdict: field("verdict"),
+            word_length: number("word must").zip(number("word aim")),
+            total: number("total must"),
+            quick: field("run") == "quick",
+        }
+    };
+    let cases: Vec<Case> = reader.records().map(|record| case(record.expect("cases.csv can be read"))).collect();
+    assert!(!cases.is_empty(), "there are no cases");
+    cases
+}
+
+/// States at times, from a file beside the models.
+pub struct Reference {
+    /// Names of the states.
+    names: Vec<String>,
+    /// Largest magnitude of each over the span.
+    largest: Vec<f64>,
+    /// Time and states.
+    rows: Vec<(f64, Vec<f64>)>,
+}
+
+impl Reference {
+    /// Reads a reference.
+    pub fn read(name: &str) -> Reference {
+        let path = models().join(format!("validation/reference/{name}.csv"));
+        Reference::parse(&std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{name}: {error}")))
+    }
+
+    /// Parses the text of a reference: remarks, names, largest magnitudes, rows.
+    pub fn parse(text: &str) -> Reference {
+        let mut lines = text.lines().filter(|line| !line.starts_with('#')).map(|line| line.split_once(',').unwrap());
+        let (_, names) = lines.next().expect("a line of names");
+        let numbers = |text: &str| -> Vec<f64> { text.split(',').map(|n| n.parse().expect("a number")).collect() };
+        let (title, largest) = lines.next().expect("a line of magnitudes");
+        assert_eq!(title, "largest");
+        let rows = lines.map(|(time, states)| (time.parse().expect("a time"), numbers(states))).collect();
+        Reference { names: names.split(',').map(str::to_owned).collect(), largest: numbers(largest), rows }
+    }
+
+    /// The largest error of a run, relative to the largest magnitude of the state.
+    ///
+    /// # Panics
+    /// If a state or a time of the reference is not in the run: a comparison of nothing must not pass.
+    pub fn error(&self, names: &[&str], times: &[f64], run: &Trajectory) -> f64 {
+        assert!(!self.rows.is_empty() && !names.is_empty(), "nothing to compare");
+        let end = self.rows.last().map_or(0.0, |(time, _)| *time);
+        let everything = self.largest.iter().fold(0.0, |most: f64, n| most.max(*n));
+        let mut worst = 0.0f64;
+        for (time, expected) in &self.rows {
+            let sample = times.partition_point(|sample| *sample < time - SAME_TIME * end);
+            let found = times.get(sample).filter(|sample| **sample <= time + SAME_TIME * end);
+            assert!(found.is_some(), "the run has no sample at t = {time}");
+            for (state, name) in names.iter().enumerate() {
+                let column = self.names.iter().position(|known| known == name);
+                let column = column.unwrap_or_else(|| panic!("the reference lacks `{name}`"));
+                let difference = (run.samples[sample * run.states + state] - expected[column]).abs();
+                let error = difference / self.largest[column].max(SCALE_FLOOR * everything);
+                worst = if error.is_nan() { f64::INFINITY } else { worst.max(error) };
+            }
+        }
+        worst
+    }
+}
+
+impl Case {
+    /// Compiles the case and compares it with its reference.
+    pub fn run(&self) -> Outcome {
+        let clock = Instant::now();
+        let spec = models().join(&self.spec).into_os_string();
+        let words = ["validation".into(), spec].into_iter().chain(self.options.split_whitespace().map(Into::into));
+        let options = Options::try_parse_from(words).unwrap_or_else(|error| panic!("{}: {error}", self.name));
+        let mut states = Vec::new();
+        let design = options.model.load(&options.point).and_then(|loaded| {
+            states = loaded.model.states.iter().map(|state| state.name.clone()).collect();
+            let watch = &mut Stopwatch::new(true);
+            let design = pipeline::design(&loaded, &options.model, &options.point, &options.mapping, watch)?;
+            Ok((self.figures(&loaded.model, &design), design))
+        });
+        let seconds = clock.elapsed().as_secs_f64();
+        let (findings, figures) = match design {
+            Ok((figures, design)) => (design.judged.warnings.clone(), Some(figures)),
+            Err(Failure::Spec(findings, _)) => (findings, None),
+            Err(failure) => panic!("{}: {failure:?}", self.name),
+        };
+        let mut codes: Vec<&str> = findings.iter().map(|finding| finding.code).collect();
+        codes.sort_unstable();
+        codes.dedup();
+        let verdict = if codes.is_empty() { "fine".to_owned() } else { codes.join(" ") };
+        Outcome { verdict, message: findings.first().map(|finding| finding.message.clone()), figures, seconds }
+    }
+
+    fn figures(&self, model: &pe_ir::model::Model, design: &Design) -> Figures {
+        let judged = &design.judged;
+        let names: Vec<&str> = model.states.iter().map(|state| state.name.as_str()).collect();
+        let reference = (!self.reference.is_empty()).then(|| Reference::read(&self.reference));
+        Figures {
+            method: (model.solver.name().to_owned(), model.step),
+            states: names.len(),
+            steps: model.steps(),
+            cycles: design.program.period,
+            word_length: judged.errors.word_length,
+            worst: names[judged.errors.worst_state].to_owned(),
+            coefficient: judged.errors.coefficient,
+            total: reference.map(|reference| reference.error(&names, &judged.times, &judged.hardware)),
+        }
+    }
+
+    /// Why an outcome is not what the case asks for; empty if it is.
+    pub fn complaints(&self, outcome: &Outcome) -> Vec<String> {
+        let mut complaints = Vec::new();
+        if outcome.verdict != self.verdict {
+            let message = outcome.message.as_deref().unwrap_or("no message");
+            complaints.push(format!("{}: {} in place of {}: {message}", self.name, outcome.verdict, self.verdict));
+        }
+        let word_length = outcome.figures.as_ref().map(|figures| figures.word_length);
+        let total = outcome.figures.as_ref().and_then(|figures| figures.total);
+        for (what, found, most) in
+            [("word-length", word_length, self.word_length.map(|(must, _)| must)), ("total", total, self.total)]
+        {
+            match (found, most) {
+                (Some(found), Some(most)) if found <= most => {}
+                (_, None) => {}
+                (found, Some(most)) => {
+                    let found = found.map_or("no".to_owned(), |found| format!("{found:.1e} as"));
+                    complaints.push(format!("{}: {found} {what} error, at most {most:.1e} is accepted", self.name));
+                }
+            }
+        }
+        complaints
+    }
+}

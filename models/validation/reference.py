@@ -1,0 +1,374 @@
+#!/usr/bin/env python3
+"""Writes reference solutions of the validation models: models/validation/reference/NAME.csv.
+
+    python3 -m venv VENV && VENV/bin/pip install numpy==2.4.6 scipy==1.17.1
+    VENV/bin/python models/validation/reference.py [NAME...]
+
+The right-hand sides are written out here a second time, by hand and from the sources that README.md names, so that a
+mistake in a spec shows. Every model is solved by two methods of scipy at tight tolerance. What differs between them at
+the times of the file is printed, relative to the largest magnitude of the state, and may be LIMIT at most; so is the
+difference to published values. A file has a row with the largest magnitudes over the span and one for each time.
+"""
+
+import math
+import os
+import sys
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+# The two solutions agree to this part of a state's largest magnitude, unless a case says that its own sensitivity
+# forbids it.
+LIMIT = 1e-10
+ROWS = 20
+FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "reference")
+CASES = {}
+
+
+class Case:
+    """A model: right-hand side, names and initial values of the states, end of the span."""
+
+    def __init__(self, f, names, start, end, methods, published, limit, finest):
+        self.f, self.names, self.start, self.end = f, names, np.array(start, float), end
+        self.methods, self.published, self.limit, self.finest = methods, published, limit, finest
+
+
+def case(name, names, start, end, methods=("DOP853", "LSODA"), published=None, limit=LIMIT, finest=1e-13):
+    """Registers a right-hand side `f(t, y)`. `published` is (time, values, relative tolerance)."""
+
+    def register(f):
+        CASES[name] = Case(f, names.split() if isinstance(names, str) else names, start, end, methods, published,
+                           limit, finest)
+        return f
+
+    return register
+
+
+def solve(case, method, times):
+    """The states at the times, one row each, and their largest magnitudes over all steps of the solver."""
+    size = np.abs(case.start)
+    size = np.maximum(size, 1e-3 * np.max(size)) if np.max(size) > 0 else np.ones(len(size))
+    atol = 1e-3 * case.finest * np.minimum(size, 1.0)
+    result = solve_ivp(case.f, (0, times[-1]), case.start, method, rtol=case.finest, atol=atol, dense_output=True)
+    if not result.success:
+        raise SystemExit(f"{method}: {result.message}")
+    return result.sol(times).T, np.max(np.abs(result.y), axis=1)
+
+
+# --- not stiff: DETEST (Hull, Enright, Fellen, Sedgwick 1972) -------------------------------------------------------
+
+case("detest_a1", "y", [1], 20)(lambda t, y: [-y[0]])
+case("detest_a2", "y", [1], 20)(lambda t, y: [-(y[0] ** 3) / 2])
+case("detest_a3", "c s y", [1, 0, 1], 20)(lambda t, y: [-y[1], y[0], y[2] * math.cos(t)])
+case("detest_a4", "y", [1], 20)(lambda t, y: [y[0] / 4 * (1 - y[0] / 20)])
+case("detest_a5", "t y", [0, 4], 20)(lambda t, y: [1, (y[1] - t) / (y[1] + t)])
+case("detest_b1", "prey predator", [1, 3], 20)(
+    lambda t, y: [2 * (y[0] - y[0] * y[1]), -(y[1] - y[0] * y[1])])
+case("detest_b2", "a b c", [2, 0, 1], 20)(lambda t, y: [-y[0] + y[1], y[0] - 2 * y[1] + y[2], y[1] - y[2]])
+case("detest_b3", "a b c", [1, 0, 0], 20)(lambda t, y: [-y[0], y[0] - y[1] ** 2, y[1] ** 2])
+case("detest_b5", "x y z", [0, 1, 1], 20, ("DOP853", "Radau"))(lambda t, y: [y[1] * y[2], -y[0] * y[2], -0.51 * y[0] * y[1]])
+
+
+@case("detest_b4", "x y z", [3, 0, 0], 20)
+def detest_b4(t, y):
+    r = math.hypot(y[0], y[1])
+    return [-y[1] - y[0] * y[2] / r, y[0] - y[1] * y[2] / r, y[0] / r]
+
+
+def numbered(name, count, first=1):
+    """Names of the elements of an array."""
+    return [f"{name}[{k}]" for k in range(first, first + count)]
+
+
+@case("detest_c1", numbered("y", 10), [1] + [0] * 9, 20)
+def detest_c1(t, y):
+    out = np.append(y[:-1], 0)
+    return np.append(0, y[:-1]) - out
+
+
+@case("detest_c3", numbered("y", 10), [1] + [0] * 9, 20)
+def detest_c3(t, y):
+    return np.append(0, y[:-1]) - 2 * y + np.append(y[1:], 0)
+
+
+def kepler(t, y):
+    r3 = math.hypot(y[0], y[1]) ** 3
+    return [y[2], y[3], -y[0] / r3, -y[1] / r3]
+
+
+def orbit(e, t):
+    """Position and velocity at time t by Kepler's equation, as an independent check of the orbits."""
+    a = t
+    for _ in range(200):
+        a -= (a - e * math.sin(a) - t) / (1 - e * math.cos(a))
+    root = math.sqrt(1 - e * e)
+    speed = 1 / (1 - e * math.cos(a))
+    return [math.cos(a) - e, root * math.sin(a), -speed * math.sin(a), speed * root * math.cos(a)]
+
+
+for at, e in enumerate([0.1, 0.3, 0.5, 0.7, 0.9]):
+    case(f"detest_d{at + 1}", "x y u v", [1 - e, 0, 0, math.sqrt((1 + e) / (1 - e))], 20, ("DOP853", "Radau"),
+         published=(20, orbit(e, 20), 1e-9))(kepler)
+
+case("detest_e2", "x v", [2, 0], 20)(lambda t, y: [y[1], (1 - y[0] ** 2) * y[1] - y[0]])
+
+# --- not stiff: others ----------------------------------------------------------------------------------------------
+
+case("lorenz", "x y z", [1, 1, 1], 5)(
+    lambda t, y: [10 * (y[1] - y[0]), y[0] * (28 - y[2]) - y[1], y[0] * y[1] - 8 / 3 * y[2]])
+# Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4: values at t = 20.
+case("brusselator", "x y", [1.5, 3], 40,
+     published=(20, [0.4986370712683478291402659846476, 4.596780349452011024598321237263], 1e-10))(
+    lambda t, y: [1 + y[0] ** 2 * y[1] - 4 * y[0], 3 * y[0] - y[0] ** 2 * y[1]])
+
+
+@case("fhn_cube", numbered("v", 27, 0) + numbered("w", 27, 0), [-1.2] * 27 + [-0.62] * 27, 100)
+def fhn_cube(t, y):
+    v, w = y[:27].reshape(3, 3, 3), y[27:].reshape(3, 3, 3)
+    # Mirrored edges: no current leaves the cube.
+    padded = np.pad(v, 1, mode="edge")
+    coupling = -6 * v
+    for axis in range(3):
+        for shift in (0, 2):
+            part = [slice(1, 4)] * 3
+            part[axis] = slice(shift, shift + 3)
+            coupling = coupling + padded[tuple(part)]
+    drive = np.zeros((3, 3, 3))
+    drive[0, 0, 0] = 0.5
+    dv = v - v ** 3 / 3 - w + drive + 0.1 * coupling
+    dw = 0.08 * (v + 0.7 - 0.8 * w)
+    return np.concatenate([dv.ravel(), dw.ravel()])
+
+
+# Szebehely 1967; Hairer, Norsett, Wanner I, section II.0: the orbit closes after 17.0652165601579625588917206249.
+MOON = 0.012277471
+
+
+@case("arenstorf", "x y u v", [0.994, 0, 0, -2.00158510637908252240537862224], 17.06, ("DOP853", "LSODA"),
+      published=(17.0652165601579625588917206249, [0.994, None, None, None], 1e-6), limit=1e-6)
+def arenstorf(t, y):
+    d1 = ((y[0] + MOON) ** 2 + y[1] ** 2) ** 1.5
+    d2 = ((y[0] - 1 + MOON) ** 2 + y[1] ** 2) ** 1.5
+    return [y[2], y[3], y[0] + 2 * y[3] - (1 - MOON) * (y[0] + MOON) / d1 - MOON * (y[0] - 1 + MOON) / d2,
+            y[1] - 2 * y[2] - (1 - MOON) * y[1] / d1 - MOON * y[1] / d2]
+
+
+# --- stiff ----------------------------------------------------------------------------------------------------------
+
+# The values at t = 40 are those of the example of CVODE (Hindmarsh and others, ACM TOMS 31, 2005), five digits.
+case("robertson", "a b c", [1, 0, 0], 40, ("DOP853", "LSODA"),
+     published=(40, [7.1583e-01, 9.1855e-06, 2.8416e-01], 2e-5))(
+    lambda t, y: [-0.04 * y[0] + 1e4 * y[1] * y[2], 0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2,
+                  3e7 * y[1] ** 2])
+case("van_der_pol_10", "x v", [2, 0], 40, ("DOP853", "Radau"))(lambda t, y: [y[1], 10 * (1 - y[0] ** 2) * y[1] - y[0]])
+# Test Set for IVP Solvers, release 2.4, problem VDPOL: t = 2 there is t = 2000 here, and velocities are per 1000.
+case("van_der_pol_1000", "x v", [2, 0], 2000, ("Radau", "LSODA"), limit=1e-6,
+     published=(2000, [1.706167732170483, -0.8928097010247975e-3], 1e-7))(
+    lambda t, y: [y[1], 1000 * (1 - y[0] ** 2) * y[1] - y[0]])
+
+
+# Test Set for IVP Solvers, release 2.4, problem HIRES, values at t = 321.8122.
+@case("hires", numbered("y", 8), [1, 0, 0, 0, 0, 0, 0, 0.0057], 321.8, ("DOP853", "LSODA"), published=(321.8122, [
+    0.7371312573325668e-3, 0.1442485726316185e-3, 0.5888729740967575e-4, 0.1175651343283149e-2,
+    0.2386356198831331e-2, 0.6238968252742796e-2, 0.2849998395185769e-2, 0.2850001604814231e-2], 1e-9))
+def hires(t, y):
+    fast = 280 * y[5] * y[7]
+    return [-1.71 * y[0] + 0.43 * y[1] + 8.32 * y[2] + 0.0007,
+            1.71 * y[0] - 8.75 * y[1],
+            -10.03 * y[2] + 0.43 * y[3] + 0.035 * y[4],
+            8.32 * y[1] + 1.71 * y[2] - 1.12 * y[3],
+            -1.745 * y[4] + 0.43 * y[5] + 0.43 * y[6],
+            -fast + 0.69 * y[3] + 1.71 * y[4] - 0.43 * y[5] + 0.69 * y[6],
+            fast - 1.81 * y[6],
+            -fast + 1.81 * y[6]]
+
+
+# Test Set for IVP Solvers, release 2.4, problem OREGO, values at t = 360.
+case("orego", "x y z", [1, 2, 3], 360, ("Radau", "LSODA"), limit=1e-7,
+     published=(360, [0.1000814870318523e1, 0.1228178521549917e4, 0.1320554942846706e3], 1e-7))(
+    lambda t, y: [77.27 * (y[1] + y[0] * (1 - 8.375e-6 * y[0] - y[1])), (y[2] - (1 + y[0]) * y[1]) / 77.27,
+                  0.161 * (y[0] - y[2])])
+# Values at t = 1000 as E. Hairer's page of stiff problems gives them.
+case("e5", "y1 y2 y3 y4", [1.76e-3, 0, 0, 0], 1000, ("Radau", "LSODA"), limit=1e-9, published=(
+    1000, [1.6180769999072942552e-3, 1.3822370304983735443e-10, 8.2515735006838336088e-12, 1.2997212954915352082e-10],
+    1e-8))(
+    lambda t, y: [-7.89e-10 * y[0] - 1.1e7 * y[0] * y[2], 7.89e-10 * y[0] - 1.13e9 * y[1] * y[2],
+                  7.89e-10 * y[0] - 1.1e7 * y[0] * y[2] - 1.13e9 * y[1] * y[2] + 1.13e3 * y[3],
+                  1.1e7 * y[0] * y[2] - 1.13e3 * y[3]])
+
+
+@case("brusselator20", numbered("u", 20) + numbered("v", 20),
+      [1 + math.sin(2 * math.pi * i / 21) for i in range(1, 21)] + [3] * 20, 10)
+def brusselator20(t, y):
+    u, v = y[:20], y[20:]
+    c = 21 ** 2 / 50
+    far = np.concatenate([[1], u, [1]])
+    wide = np.concatenate([[3], v, [3]])
+    return np.concatenate([1 + u * u * v - 4 * u + c * (far[:-2] - 2 * u + far[2:]),
+                           3 * u - u * u * v + c * (wide[:-2] - 2 * v + wide[2:])])
+
+
+RATES = np.array([1e4, 1e3, 1e2, 1e1, 1e0, 1e-1, 0])
+
+
+@case("decay_chain", numbered("y", 7), [1] + [0] * 6, 10)
+def decay_chain(t, y):
+    flow = RATES * y
+    return np.append(0, flow[:-1]) - flow
+
+
+case("prothero_robinson", "c s y", [1, 0, 1], 10)(
+    lambda t, y: [-y[1], y[0], -1e4 * (y[2] - math.cos(t)) - math.sin(t)])
+
+
+# --- physiology -----------------------------------------------------------------------------------------------------
+
+# Beeler and Reuter, J. Physiol. 268 (1977) 177-210, table 1: c1 .. c7 of each rate.
+BEELER_REUTER = {
+    "x1": ((0.0005, 0.083, 50, 0, 0, 0.057, 1), (0.0013, -0.06, 20, 0, 0, -0.04, 1)),
+    "m": ((0, 0, 47, -1, 47, -0.1, -1), (40, -0.056, 72, 0, 0, 0, 0)),
+    "h": ((0.126, -0.25, 77, 0, 0, 0, 0), (1.7, 0, 22.5, 0, 0, -0.082, 1)),
+    "j": ((0.055, -0.25, 78, 0, 0, -0.2, 1), (0.3, 0, 32, 0, 0, -0.1, 1)),
+    "d": ((0.095, -0.01, -5, 0, 0, -0.072, 1), (0.07, -0.017, 44, 0, 0, 0.05, 1)),
+    "f": ((0.012, -0.008, 28, 0, 0, 0.15, 1), (0.0065, -0.02, 30, 0, 0, -0.2, 1)),
+}
+
+
+@case("beeler_reuter", "V Ca m h j d f x1", [-20, 1e-7, 0.011, 0.988, 0.975, 0.003, 0.994, 0.0001], 400, limit=1e-9)
+def beeler_reuter(t, y):
+    v, ca, gates = y[0], y[1], dict(zip(["m", "h", "j", "d", "f", "x1"], y[2:]))
+
+    def rate(c1, c2, c3, c4, c5, c6, c7):
+        below = math.exp(c6 * (v + c3)) + c7
+        return (c1 * math.exp(c2 * (v + c3)) + c4 * (v + c5)) / below
+
+    i_s = 0.09 * gates["d"] * gates["f"] * (v + 82.3 + 13.0287 * math.log(ca))
+    i_na = (4 * gates["m"] ** 3 * gates["h"] * gates["j"] + 0.003) * (v - 50)
+    i_x1 = gates["x1"] * 0.8 * (math.exp(0.04 * (v + 77)) - 1) / math.exp(0.04 * (v + 35))
+    i_k1 = 0.35 * (4 * (math.exp(0.04 * (v + 85)) - 1) / (math.exp(0.08 * (v + 53)) + math.exp(0.04 * (v + 53)))
+                   + 0.2 * (v + 23) / (1 - math.exp(-0.04 * (v + 23))))
+    change = [-(i_k1 + i_x1 + i_na + i_s), -1e-7 * i_s + 0.07 * (1e-7 - ca)]
+    for gate in ["m", "h", "j", "d", "f", "x1"]:
+        alpha, beta = (rate(*constants) for constants in BEELER_REUTER[gate])
+        change.append(alpha * (1 - gates[gate]) - beta * gates[gate])
+    return change
+
+
+# --- mechanics ------------------------------------------------------------------------------------------------------
+
+@case("double_pendulum", "a b p r", [1, 0.5, 0, 0], 5)
+def double_pendulum(t, y):
+    # From the mass matrix, where the spec has the solved form.
+    a, b, p, r = y
+    c, s = math.cos(a - b), math.sin(a - b)
+    mass = np.array([[2, c], [c, 1]])
+    force = [-s * r * r - 2 * 9.81 * math.sin(a), s * p * p - 9.81 * math.sin(b)]
+    return [p, r, *np.linalg.solve(mass, force)]
+
+
+case("duffing", "c s x v", [1, 0, 1, 0], 40)(
+    lambda t, y: [-1.2 * y[1], 1.2 * y[0], y[3], y[2] - y[2] ** 3 - 0.3 * y[3] + 0.2 * math.cos(1.2 * t)])
+
+
+def rocker_angle(theta):
+    """Angle of the rocker from the closed loop of the four-bar, for complex angles, too."""
+    x, y = 2.5 - np.cos(theta), -np.sin(theta)
+    square = x * x + y * y
+    # The rocker's tip lies on circles about its joint (radius 2) and the tip of the crank (radius 2.5).
+    along = (square + 2 ** 2 - 2.5 ** 2) / (2 * np.sqrt(square))
+    across = np.sqrt(2 ** 2 - along * along)
+    root = np.sqrt(square)
+    tip_x, tip_y = (-x * along - y * across) / root, (-y * along + x * across) / root
+    return tip_x, tip_y
+
+
+def rocker_rate(theta):
+    """d psi/d theta by a complex step."""
+    step = 1e-30
+    (x, y), (dx, dy) = rocker_angle(theta), rocker_angle(theta + 1j * step)
+    return (x * dy.imag / step - y * dx.imag / step) / 4
+
+
+@case("four_bar", "theta omega", [-0.4, 0], 10)
+def four_bar(t, y):
+    theta, omega = y
+    k = rocker_rate(theta)
+    # Fourth-order central differences of an exact derivative: good to 1e-13.
+    d = 2e-3
+    near, far = rocker_rate(theta + d) - rocker_rate(theta - d), rocker_rate(theta + 2 * d) - rocker_rate(theta - 2 * d)
+    beyond = rocker_rate(theta + 3 * d) - rocker_rate(theta - 3 * d)
+    dk = (45 * near - 9 * far + beyond) / (60 * d)
+    cos_psi = rocker_angle(theta)[0] / 2
+    return [omega, -(2 * k * dk * omega ** 2 + 9.81 * math.cos(theta) + 12 * cos_psi * k) / (1 + 2 * k * k)]
+
+
+# --- control --------------------------------------------------------------------------------------------------------
+
+@case("dc_motor", "theta omega current integral filtered", [0] * 5, 2)
+def dc_motor(t, y):
+    theta, omega, current, integral, filtered = y
+    error = 1 - theta
+    u = 10 * error + 20 * integral + 0.5 * 500 * (error - filtered)
+    return [omega, (0.05 * current - 1e-5 * omega) / 1e-4, (u - current - 0.05 * omega) / 5e-3, error,
+            500 * (error - filtered)]
+
+
+@case("cart_pole", "x v theta omega", [0.2, 0, 0.3, 0], 10)
+def cart_pole(t, y):
+    # From the mass matrix, where the spec has the solved form.
+    x, v, theta, omega = y
+    force = 3.16227766 * x + 3.50208771 * v + 25.89061504 * theta + 3.78605672 * omega
+    s, c = math.sin(theta), math.cos(theta)
+    mass = np.array([[0.7, 0.2 * 0.3 * c], [c, 0.3]])
+    acceleration = np.linalg.solve(mass, [force + 0.2 * 0.3 * omega ** 2 * s, 9.81 * s])
+    return [v, acceleration[0], omega, acceleration[1]]
+
+
+@case("chebyshev", "x[1] v[1] x[2] v[2]", [0] * 4, 1)
+def chebyshev(t, y):
+    change, feed = [], 1.0
+    sections = [(68.00870769, -10.75430763 + 29.91438642j), (164.18754448, -31.70099692 + 15.12931249j)]
+    for (zero, pole), (x, v) in zip(sections, [y[:2], y[2:]]):
+        w = abs(pole)
+        change += [w * v, w * (feed - x) + 2 * pole.real * v]
+        # (s^2 + zero^2) w^2/zero^2 applied to x/w^2, with s^2 x/w^2 = feed - x + 2 Re(pole) v/w.
+        feed = (w / zero) ** 2 * (feed - x + 2 * pole.real * v / w) + x
+    return change
+
+
+def write(name):
+    """Solves a case, judges the solution and writes its file."""
+    case = CASES[name]
+    times = np.array([case.end * row / ROWS for row in range(1, ROWS + 1)])
+    (first, largest), (second, _) = (solve(case, method, times) for method in case.methods)
+    agreement = np.max(np.abs(first - second) / largest)
+    text = f"{name}: {case.methods[0]} and {case.methods[1]} differ by {agreement:.1e}"
+    if not agreement <= case.limit:
+        raise SystemExit(text + f", more than {case.limit:.1e}")
+    if case.published:
+        time, values, tolerance = case.published
+        found = solve(case, case.methods[0], np.array([time]))[0][-1]
+        pairs = [(value, known) for value, known in zip(found, values) if known is not None]
+        worst = max(abs(value - known) / abs(known) for value, known in pairs)
+        text += f"; published values at t = {time:g} differ by {worst:.1e}"
+        if not worst <= tolerance:
+            raise SystemExit(text + f", more than {tolerance:.1e}")
+    print(text, flush=True)
+    os.makedirs(FOLDER, exist_ok=True)
+    with open(os.path.join(FOLDER, f"{name}.csv"), "w") as file:
+        file.write(f"# {case.methods[0]} of scipy; {case.methods[1]} differs by {agreement:.1e}\n")
+        file.write(",".join(["t"] + case.names) + "\n")
+        file.write(",".join(["largest"] + [f"{number:.6e}" for number in largest]) + "\n")
+        for time, row in zip(times, first):
+            file.write(",".join([f"{time:.12g}"] + [f"{number:.12e}" for number in row]) + "\n")
+
+
+def main():
+    unknown = [name for name in sys.argv[1:] if name not in CASES]
+    if unknown:
+        raise SystemExit(f"unknown: {' '.join(unknown)}; known: {' '.join(CASES)}")
+    for name in sys.argv[1:] or CASES:
+        write(name)
+
+
+main()
