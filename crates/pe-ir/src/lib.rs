@@ -6,6 +6,7 @@
 pub mod codes;
 mod expr;
 pub mod functions;
+mod gradient;
 pub mod graph;
 pub mod mapping;
 pub mod memory;
@@ -13,6 +14,7 @@ pub mod model;
 pub mod program;
 pub mod schedule;
 pub mod source;
+mod stability;
 pub mod verify;
 mod waveform;
 pub mod word;

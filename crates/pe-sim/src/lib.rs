@@ -5,17 +5,21 @@
 //! * [`machine`]: the program, control word by control word, what the hardware does;
 //! * [`native`]: the step graph as loops for the computer at hand;
 //! * [`reference`]: the model's equations by a library for differential equations, what is right;
+//! * [`linear`]: the model and its Jacobian at a point;
+//! * [`spectrum`]: the eigenvalues of a matrix;
 //! * [`error`]: comparison of runs.
 
 pub mod double;
 pub mod error;
 pub mod fixed;
 mod lanes;
+pub mod linear;
 pub mod machine;
 pub mod native;
 mod record;
 pub mod reference;
 mod slots;
+pub mod spectrum;
 mod tiles;
 pub mod trace;
 mod words;

@@ -141,9 +141,67 @@ fn states_far_from_the_input_do_not_hold_the_solution_up() {
     assert!(best.deviation(&good).worst(&best.scales(&[0; N as usize])).1 < 1e-8);
 }
 
+/// Robertson's reactions.
+fn robertson(span: f64) -> Model {
+    let square = |index| Expr::Power(Box::new(state(index)), 2);
+    let derivatives = [
+        Expr::Sum(vec![times(-0.04, &[state(0)]), times(1e4, &[state(1), state(2)])]),
+        Expr::Sum(vec![times(0.04, &[state(0)]), times(-1e4, &[state(1), state(2)]), times(-3e7, &[square(1)])]),
+        times(3e7, &[square(1)]),
+    ];
+    let states = [1.0, 0.0, 0.0].into_iter().zip(derivatives).collect();
+    model(states, vec![], vec![], 1e-3, span)
+}
+
 #[test]
-fn a_stiff_model_is_given_up_in_bounded_time() {
-    let model = model(vec![(1.0, times(-1e9, &[state(0)]))], vec![], vec![], 0.5, 10.0);
-    let error = reference::solve(&model, &[10.0], TOLERANCE, &mut |_| {}).expect_err("it is stiff");
+fn a_stiff_model_is_solved_by_the_implicit_method_as_well_as_by_the_explicit_one() {
+    let model = robertson(40.0);
+    let at = sample_times(&model, 20);
+    let explicit = reference::solve(&model, &at, TOLERANCE, &mut |_| {}).expect("it has a solution");
+    // So few steps are not enough for the explicit method.
+    let implicit = reference::solve_with_limit(&model, &at, TOLERANCE, 500, &mut |_| {}).expect("it has a solution");
+    assert!(explicit.samples != implicit.samples, "the implicit method was not asked");
+    let scales = explicit.scales(&[0, 1, 2]);
+    let (state, error) = explicit.deviation(&implicit).worst(&scales);
+    assert!(error < 1e-10, "state {state} is off by {error:e}");
+    // The end point that the literature has for t = 40.
+    for (found, wanted) in implicit.last().samples.iter().zip([0.715_827_068_7, 9.185_534_76e-6, 0.284_163_745_7]) {
+        assert!((found / wanted - 1.0).abs() < 1e-8, "{found} against {wanted}");
+    }
+}
+
+#[test]
+fn a_very_stiff_model_has_a_reference_over_all_its_span() {
+    // To t = 4e5 the explicit method would take some 1e8 steps.
+    let model = robertson(4e5);
+    let at = sample_times(&model, 10);
+    let solution = reference::solve_with_limit(&model, &at, TOLERANCE, 10_000, &mut |_| {}).expect("it has a solution");
+    for (found, wanted) in solution.last().samples.iter().zip([4.938_3e-3, 1.985e-8, 0.995_06]) {
+        assert!((found / wanted - 1.0).abs() < 2e-3, "{found} against {wanted}");
+    }
+    for sample in solution.samples.chunks_exact(3) {
+        assert!((sample.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{sample:?}");
+    }
+}
+
+#[test]
+fn jumps_of_an_input_are_met_by_the_implicit_method() {
+    // x' = 1e6 (u - x): x is u but right behind its jumps, none of which is a sample time.
+    let square = Waveform::Square { amplitude: 2.0, frequency: 0.7, offset: 0.5, duty: 0.3 };
+    let difference = Expr::Sum(vec![Expr::Variable(Variable::Input(0)), times(-1.0, &[state(0)])]);
+    let derivative = times(1e6, &[Expr::Variable(Variable::Algebraic(0))]);
+    let model = model(vec![(0.0, derivative)], vec![square.clone()], vec![difference], 1e-6, 9.9);
+    let at = sample_times(&model, 97);
+    let solution = reference::solve_with_limit(&model, &at, TOLERANCE, 1000, &mut |_| {}).expect("it has a solution");
+    for (sample, time) in solution.samples.iter().zip(&at) {
+        assert!((sample - square.at(*time)).abs() < 1e-10, "{sample} at {time}");
+    }
+}
+
+#[test]
+fn a_stiff_model_that_is_too_large_is_given_up_in_bounded_time() {
+    let chain = |index: u32| times(-1e9, &[state(index)]);
+    let model = model((0..500).map(|index| (1.0, chain(index))).collect(), vec![], vec![], 0.01, 1.0);
+    let error = reference::solve_with_limit(&model, &[1.0], TOLERANCE, 1000, &mut |_| {}).expect_err("too many steps");
     assert_eq!(error.obstacle, Obstacle::TooManySteps, "{error}");
 }

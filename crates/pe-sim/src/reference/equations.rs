@@ -3,10 +3,12 @@
 use std::cell::RefCell;
 use std::ops::Range;
 
+use differential_equations::linalg::Matrix;
 use differential_equations::ode::ODE;
 use pe_ir::model::{Expr, Input, Model, Variable};
 
 use super::states::States;
+use crate::linear::Linearised;
 
 /// A product of a number and variables: its factors are slots.
 struct Term {
@@ -24,6 +26,7 @@ struct Sum {
 
 /// All equations of a model. Slots hold the states, the inputs, the algebraic quantities, then intermediate results.
 pub(super) struct Equations<'a> {
+    model: &'a Model,
     inputs: &'a [Input],
     states: u32,
     sums: Vec<Sum>,
@@ -52,7 +55,7 @@ impl<'a> Equations<'a> {
         let derivatives = model.states.iter().map(|state| builder.fresh(&state.derivative)).collect();
         let slots = RefCell::new(vec![0.0; builder.next as usize]);
         let Builder { sums, terms, factors, .. } = builder;
-        Equations { inputs: &model.inputs, states, sums, terms, factors, derivatives, slots }
+        Equations { model, inputs: &model.inputs, states, sums, terms, factors, derivatives, slots }
     }
 
     fn evaluate(&self, states: &[f64], input: impl Fn(&Input) -> f64, derivatives: &mut [f64]) {
@@ -172,5 +175,16 @@ impl ODE<f64, States> for Piece<'_> {
     fn diff(&self, time: f64, states: &States, derivatives: &mut States) {
         let input = |input: &Input| input.waveform.piece(0.5 * (self.from + self.to), time);
         self.equations.evaluate(&states.0, input, &mut derivatives.0);
+    }
+
+    fn jacobian(&self, time: f64, states: &States, jacobian: &mut Matrix<f64>) {
+        let model = self.equations.model;
+        let middle = 0.5 * (self.from + self.to);
+        let inputs: Vec<f64> = model.inputs.iter().map(|input| input.waveform.piece(middle, time)).collect();
+        let columns = Linearised::at(model, &states.0, &inputs).dense();
+        let count = states.0.len();
+        for (index, number) in columns.into_iter().enumerate() {
+            jacobian[(index % count, index / count)] = number;
+        }
     }
 }

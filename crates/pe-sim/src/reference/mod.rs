@@ -3,10 +3,12 @@
 //! In: the model's equations and its declared signals, continuous in time. Out: all states at given times. Nothing is
 //! shared with the step graph, and nothing with the solvers of the hardware, so that the comparison with a run says how
 //! wrong that run is. The method is DOP853 of the crate `differential-equations`: explicit, of eighth order, its step
-//! controlled by an error estimate (decision 0010). It is started anew wherever a signal jumps or bends.
+//! controlled by an error estimate (decision 0010). A stiff model, for which it needs too many steps, is solved by the
+//! library's implicit Radau5 (decision 0027). Both are started anew wherever a signal jumps or bends.
 
 mod equations;
 mod states;
+mod stiff;
 
 use differential_equations::error::Error;
 use differential_equations::methods::{DormandPrince, ExplicitRungeKutta, Ordinary};
@@ -17,6 +19,7 @@ use pe_ir::model::{Input, Model};
 
 use self::equations::{Equations, Piece};
 use self::states::States;
+use self::stiff::Stiff;
 use crate::error::{SCALE_FLOOR, Trajectory};
 
 /// Relative tolerance of reference solutions: what the summary and the report call "total error" is measured with it.
@@ -78,10 +81,36 @@ pub fn solve(
     tolerance: f64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Trajectory, ReferenceError> {
+    solve_with_limit(model, times, tolerance, STEP_FLOOR + STEP_RATIO * model.steps(), progress)
+}
+
+/// The same, with a limit to the steps of the explicit method for those who cannot wait.
+///
+/// # Errors
+/// [`ReferenceError`] with the time at which the solution ends.
+pub fn solve_with_limit(
+    model: &Model,
+    times: &[f64],
+    tolerance: f64,
+    steps: u64,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Trajectory, ReferenceError> {
+    States::expect(model.states.len());
     let equations = Equations::new(model);
-    let mut rough = Integration::new(model, &equations, ROUGH_TOLERANCE, Scales::growing(model, &equations));
-    rough.run(times, progress)?;
-    Integration::new(model, &equations, tolerance, rough.scales.into_known()).run(times, progress)
+    let scales = || Scales::growing(model, &equations);
+    let mut rough = Integration { model, equations: &equations, tolerance: ROUGH_TOLERANCE, scales: scales(), steps };
+    let explicit = rough.run(times, progress).map(|_| rough.scales).and_then(|scales| {
+        let scales = scales.into_known();
+        Integration { model, equations: &equations, tolerance, scales, steps }.run(times, progress)
+    });
+    match explicit {
+        Err(ReferenceError { obstacle: Obstacle::TooManySteps, .. }) if Stiff::suits(model) => {
+            let mut rough = Stiff::new(model, &equations, ROUGH_TOLERANCE, scales());
+            rough.run(times, progress)?;
+            Stiff::new(model, &equations, tolerance, rough.scales.into_known()).run(times, progress)
+        }
+        result => result,
+    }
 }
 
 /// The method with its types.
@@ -117,6 +146,10 @@ impl Scales {
         Scales { own: vec![0.0; quantities.len()], shared, quantities, growing: true }
     }
 
+    fn is_growing(&self) -> bool {
+        self.growing
+    }
+
     fn into_known(self) -> Scales {
         Scales { growing: false, ..self }
     }
@@ -147,12 +180,7 @@ struct Integration<'a> {
     steps: u64,
 }
 
-impl<'a> Integration<'a> {
-    fn new(model: &'a Model, equations: &'a Equations<'a>, tolerance: f64, scales: Scales) -> Self {
-        let steps = STEP_FLOOR + STEP_RATIO * model.steps();
-        Integration { model, equations, tolerance, scales, steps }
-    }
-
+impl Integration<'_> {
     fn run(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
         let mut samples = Trajectory::new(self.model.states.len());
         let Some(end) = times.last().copied() else { return Ok(samples) };

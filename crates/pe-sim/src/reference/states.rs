@@ -1,14 +1,28 @@
 //! The vector of states as the library wants it.
 
+use std::cell::Cell;
+
 use differential_equations::traits::State;
 
 /// Magnitudes below this become zero. Denormal numbers, as in the far tail of a diffusion, mean nothing to the result
 /// and cost a hundred times the time.
 const SMALLEST: f64 = 1e-280;
 
+thread_local! {
+    /// States of the model at hand: the library's implicit methods make vectors of zeros from the type alone.
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
 /// All states of a model.
 #[derive(Clone, Debug)]
 pub(super) struct States(pub Vec<f64>);
+
+impl States {
+    /// Says how many states the vectors of this thread have from here on.
+    pub fn expect(count: usize) {
+        COUNT.set(count);
+    }
+}
 
 impl State<f64> for States {
     fn len(&self) -> usize {
@@ -32,7 +46,7 @@ impl State<f64> for States {
     }
 
     fn zeros() -> Self {
-        States(Vec::new())
+        States(vec![0.0; COUNT.get()])
     }
 
     fn mul_add_assign(&mut self, alpha: f64, other: &Self) {

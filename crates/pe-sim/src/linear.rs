@@ -1,0 +1,188 @@
+//! The model linearised at a point: its derivatives there, and its Jacobian.
+//!
+//! The Jacobian is kept as the gradients of the equations, algebraic variables included, so that a product with a
+//! vector costs what an evaluation of the model does, however many states depend on each other through algebraic
+//! variables.
+
+use std::ops::Range;
+
+use pe_ir::model::{Expr, Model, Variable};
+
+/// Whether the Jacobian of a model is the same everywhere: no product of variables, no function, no choice.
+pub fn is_affine(model: &Model) -> bool {
+    let mut algebraics: Vec<u32> = Vec::with_capacity(model.algebraics.len());
+    for algebraic in &model.algebraics {
+        algebraics.push(degree(&algebraic.expr, &algebraics));
+    }
+    model.states.iter().all(|state| degree(&state.derivative, &algebraics) <= 1)
+}
+
+/// 0 for a constant, 1 for what is affine in states and inputs, 2 for all else.
+fn degree(expr: &Expr, algebraics: &[u32]) -> u32 {
+    let degree_of = |member: &Expr| degree(member, algebraics);
+    match expr {
+        Expr::Constant(_) => 0,
+        Expr::Variable(Variable::Algebraic(index)) => algebraics[*index as usize],
+        Expr::Variable(_) => 1,
+        Expr::Sum(members) => members.iter().map(degree_of).max().unwrap_or(0),
+        Expr::Product(members) => members.iter().map(degree_of).sum::<u32>().min(2),
+        Expr::Power(base, exponent) => (degree_of(base) * exponent).min(2),
+        Expr::Apply(_, argument) => 2 * degree_of(argument).min(1),
+        Expr::Select(select) => {
+            2 * [&select.condition, &select.yes, &select.no].into_iter().map(degree_of).max().unwrap_or(0).min(1)
+        }
+    }
+}
+
+/// A model at a point.
+#[derive(Clone, Debug)]
+pub struct Linearised {
+    /// The derivative of each state, in units of the state per second.
+    pub derivatives: Vec<f64>,
+    /// The algebraic variables.
+    pub algebraics: Vec<f64>,
+    /// Gradients of the algebraic equations, then of the states.
+    rows: Vec<Range<u32>>,
+    /// Column and partial derivative; columns are the states, then the algebraic variables.
+    entries: Vec<(u32, f64)>,
+}
+
+impl Linearised {
+    /// The model at `states` with these inputs.
+    pub fn at(model: &Model, states: &[f64], inputs: &[f64]) -> Linearised {
+        let count = model.states.len() as u32;
+        let mut algebraics: Vec<f64> = Vec::with_capacity(model.algebraics.len());
+        let (mut rows, mut entries) = (Vec::new(), Vec::new());
+        let mut derivatives = Vec::with_capacity(states.len());
+        let all = model.algebraics.iter().map(|algebraic| &algebraic.expr);
+        for (index, expr) in all.chain(model.states.iter().map(|state| &state.derivative)).enumerate() {
+            let value = |variable| match variable {
+                Variable::State(state) => states[state as usize],
+                Variable::Input(input) => inputs[input as usize],
+                Variable::Algebraic(algebraic) => algebraics[algebraic as usize],
+            };
+            let start = entries.len() as u32;
+            expr.gradient(&value, 1.0, &mut |variable, partial| match variable {
+                Variable::State(state) => entries.push((state, partial)),
+                Variable::Algebraic(algebraic) => entries.push((count + algebraic, partial)),
+                Variable::Input(_) => {}
+            });
+            rows.push(start..entries.len() as u32);
+            let number = expr.evaluate(&value);
+            if index < model.algebraics.len() { algebraics.push(number) } else { derivatives.push(number) }
+        }
+        Linearised { derivatives, algebraics, rows, entries }
+    }
+
+    /// Number of states.
+    pub fn states(&self) -> usize {
+        self.derivatives.len()
+    }
+
+    /// Whether all partial derivatives are finite.
+    pub fn is_finite(&self) -> bool {
+        self.entries.iter().all(|(_, partial)| partial.is_finite())
+    }
+
+    /// The Jacobian times a vector of as many numbers as there are states.
+    pub fn product(&self, vector: &[f64]) -> Vec<f64> {
+        self.forward(vector, |partial| partial)
+    }
+
+    /// A bound of the magnitude of every eigenvalue: the largest sum of magnitudes of a row of the Jacobian, or, where
+    /// algebraic variables are shared, a bound of it (Gershgorin's circles around zero).
+    pub fn row_bound(&self) -> f64 {
+        self.forward(&vec![1.0; self.states()], f64::abs).into_iter().fold(0.0, f64::max)
+    }
+
+    /// Passes a change of the states through all equations.
+    fn forward(&self, vector: &[f64], weigh: impl Fn(f64) -> f64) -> Vec<f64> {
+        let algebraics = self.rows.len() - vector.len();
+        let mut changes = Vec::with_capacity(vector.len() + algebraics);
+        changes.extend_from_slice(vector);
+        let sum = |row: &Range<u32>, changes: &[f64]| {
+            let entries = &self.entries[row.start as usize..row.end as usize];
+            entries.iter().map(|(column, partial)| weigh(*partial) * changes[*column as usize]).sum::<f64>()
+        };
+        for row in &self.rows[..algebraics] {
+            changes.push(sum(row, &changes));
+        }
+        self.rows[algebraics..].iter().map(|row| sum(row, &changes)).collect()
+    }
+
+    /// The whole Jacobian, column after column.
+    pub fn dense(&self) -> Vec<f64> {
+        let states = self.states();
+        let mut unit = vec![0.0; states];
+        let mut matrix = Vec::with_capacity(states * states);
+        for column in 0..states {
+            unit[column] = 1.0;
+            matrix.extend(self.product(&unit));
+            unit[column] = 0.0;
+        }
+        matrix
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pe_ir::model::{Algebraic, Solver, State};
+    use pe_ir::source::Span;
+
+    /// x' = a y, y' = 3 a - x with a = x y, whose Jacobian is (y^2, 2 x y; 3 y - 1, 3 x).
+    fn model() -> Model {
+        let variable = |index| Expr::Variable(Variable::State(index));
+        let product = Expr::product(vec![variable(0), variable(1)]);
+        let algebraic = Expr::Variable(Variable::Algebraic(0));
+        let state = |name: &str, derivative| State {
+            name: name.to_owned(),
+            quantity: 0,
+            initial: 0.0,
+            range: None,
+            unit: None,
+            derivative,
+            span: Span::default(),
+        };
+        let shared = Algebraic { name: "a".to_owned(), unit: None, expr: product, range: None, span: Span::default() };
+        Model {
+            name: "m".to_owned(),
+            title: String::new(),
+            solver: Solver::Rk4,
+            step: 0.1,
+            span: 1.0,
+            states: vec![
+                state("x", Expr::product(vec![algebraic.clone(), variable(1)])),
+                state("y", Expr::sum(vec![Expr::scaled(3.0, algebraic), Expr::scaled(-1.0, variable(0))])),
+            ],
+            algebraics: vec![shared],
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            left_out: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_jacobian_goes_through_algebraic_variables() {
+        let (x, y) = (2.0, 5.0);
+        let linear = Linearised::at(&model(), &[x, y], &[]);
+        assert_eq!(
+            (linear.derivatives.as_slice(), linear.algebraics.as_slice()),
+            ([50.0, 28.0].as_slice(), [10.0].as_slice())
+        );
+        assert_eq!(linear.dense(), [y * y, 3.0 * y - 1.0, 2.0 * x * y, 3.0 * x]);
+        assert_eq!(linear.product(&[1.0, 10.0]), [y * y + 20.0 * x * y, 3.0 * y - 1.0 + 30.0 * x]);
+        // Through the shared variable the bound of a row adds magnitudes.
+        assert_eq!(linear.row_bound(), f64::max(y * (y + x) + x * y, 3.0 * (x + y) + 1.0));
+        assert!(linear.is_finite() && !is_affine(&model()));
+    }
+
+    #[test]
+    fn products_of_variables_are_not_affine_and_sums_are() {
+        let mut model = model();
+        model.algebraics[0].expr = Expr::sum(vec![Expr::Variable(Variable::State(0)), Expr::Constant(1.0)]);
+        assert!(!is_affine(&model));
+        model.states[0].derivative = Expr::scaled(2.0, Expr::Variable(Variable::Algebraic(0)));
+        assert!(is_affine(&model));
+    }
+}
