@@ -339,6 +339,20 @@ pub enum Comparison {
     GreaterEqual,
 }
 
+impl Comparison {
+    /// Whether it holds between two numbers.
+    pub fn holds(self, left: f64, right: f64) -> bool {
+        match self {
+            Comparison::Equal => left == right,
+            Comparison::NotEqual => left != right,
+            Comparison::Less => left < right,
+            Comparison::LessEqual => left <= right,
+            Comparison::Greater => left > right,
+            Comparison::GreaterEqual => left >= right,
+        }
+    }
+}
+
 /// A logical operator that joins conditions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Connective {

@@ -1,17 +1,15 @@
 //! Evaluates bound expressions for given index values: to a number where everything is constant, else to an
 //! expression over the flat variables.
 
-use crate::ast::{Comparison, Connective, Factor, Sign};
+use crate::ast::{Connective, Factor, Sign};
 use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
+use crate::elementary::reciprocal;
 use crate::fold::{ProductBuilder, SumBuilder, negate};
-use crate::functions::{Function, modulo};
+use crate::functions::modulo;
 use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names};
 use pe_ir::codes;
 use pe_ir::model::{Expr, Variable};
 use pe_ir::source::{Diagnostic, Span};
-
-/// Largest power of a variable; more is a mistake, and would be that many multiplications.
-const LARGEST_POWER: f64 = 255.0;
 
 /// Integers up to this size are exact in double precision.
 const LARGEST_INTEGER: f64 = 9_007_199_254_740_992.0;
@@ -30,8 +28,6 @@ pub(crate) enum Fault {
 /// What a constant is needed for.
 #[derive(Clone, Copy)]
 pub(crate) enum Purpose {
-    Divisor,
-    Exponent,
     Condition,
     Argument(&'static str),
     Integer,
@@ -77,10 +73,7 @@ impl Evaluator {
             NodeKind::Product(first, rest) => self.product(names, first, rest, node.span),
             NodeKind::Power(base, exponent) => self.power(names, base, exponent, node.span),
             NodeKind::Negate(operand) => Ok(negate(self.expr(names, operand)?)),
-            NodeKind::If(condition, yes, no) => {
-                let taken = if self.condition(names, condition)? { yes } else { no };
-                self.expr(names, taken)
-            }
+            NodeKind::If(condition, yes, no) => self.choice(names, condition, yes, no),
             NodeKind::SumOver(sum) => self.sum_over(names, sum, node.span),
             NodeKind::Call(function, arguments) => self.call(names, function, arguments, node.span),
             NodeKind::Argument(place) => self.argument(*place, node.span),
@@ -127,14 +120,7 @@ impl Evaluator {
             Condition::Compare(comparison, left, right) => {
                 let left = self.number(names, left, Purpose::Condition)?;
                 let right = self.number(names, right, Purpose::Condition)?;
-                Ok(match comparison {
-                    Comparison::Equal => left == right,
-                    Comparison::NotEqual => left != right,
-                    Comparison::Less => left < right,
-                    Comparison::LessEqual => left <= right,
-                    Comparison::Greater => left > right,
-                    Comparison::GreaterEqual => left >= right,
-                })
+                Ok(comparison.holds(left, right))
             }
             Condition::Logical(connective, operands) => {
                 // Stops at the first operand that decides: the others may be out of range.
@@ -214,13 +200,11 @@ impl Evaluator {
         for (factor, operand) in rest {
             match factor {
                 Factor::Multiply => product.multiply(self.expr(names, operand)?),
-                Factor::Divide => {
-                    let divisor = self.number(names, operand, Purpose::Divisor)?;
-                    if divisor == 0.0 {
-                        return Err(fault(not_finite(operand.span, "division by zero")));
-                    }
-                    product.divide(divisor);
-                }
+                Factor::Divide => match self.expr(names, operand)? {
+                    Expr::Constant(0.0) => return Err(fault(not_finite(operand.span, "division by zero"))),
+                    Expr::Constant(divisor) => product.divide(divisor),
+                    divisor => product.multiply(reciprocal(divisor)),
+                },
                 Factor::IntegerDivide | Factor::Modulo => {
                     let divisor = self.integer(names, operand)? as f64;
                     let dividend =
@@ -243,30 +227,6 @@ impl Evaluator {
             }
         }
         Ok(product.finish())
-    }
-
-    fn power(&mut self, names: &Names, base: &Node, exponent: &Node, span: Span) -> Result<Expr, Fault> {
-        let power = self.number(names, exponent, Purpose::Exponent)?;
-        let base = match self.expr(names, base)? {
-            Expr::Constant(value) => {
-                let result = libm::pow(value, power);
-                if result.is_finite() {
-                    return Ok(Expr::Constant(result));
-                }
-                return Err(fault(not_finite(span, &format!("{value}^{power} is no finite number"))));
-            }
-            base => base,
-        };
-        if power != libm::floor(power) || !(0.0..=LARGEST_POWER).contains(&power) {
-            let message = format!("a variable cannot be raised to the power {power}");
-            let help = format!("powers of variables are products: integers from 0 to {LARGEST_POWER}");
-            return Err(fault(Diagnostic::error(codes::BAD_POWER, exponent.span, message).with_help(help)));
-        }
-        Ok(match power as u32 {
-            0 => Expr::Constant(1.0),
-            1 => base,
-            power => Expr::Power(Box::new(base), power),
-        })
     }
 
     fn sum_over(&mut self, names: &Names, sum_over: &SumOver, span: Span) -> Result<Expr, Fault> {
@@ -295,20 +255,6 @@ impl Evaluator {
         }
         self.expr(names, &sum.body).map(Some)
     }
-
-    fn call(&mut self, names: &Names, function: &Function, arguments: &[Node], span: Span) -> Result<Expr, Fault> {
-        let mut values = Vec::with_capacity(arguments.len());
-        for argument in arguments {
-            values.push(self.number(names, argument, Purpose::Argument(function.name))?);
-        }
-        let result = function.apply(&values);
-        if result.is_finite() {
-            return Ok(Expr::Constant(result));
-        }
-        let shown: Vec<String> = values.iter().take(4).map(f64::to_string).collect();
-        let message = format!("{}({}) is no finite number", function.name, shown.join(", "));
-        Err(fault(not_finite(span, &message)))
-    }
 }
 
 fn finish_sum(sum: SumBuilder, span: Span) -> Result<Expr, Fault> {
@@ -319,7 +265,7 @@ pub(crate) fn fault(diagnostic: Diagnostic) -> Fault {
     Fault::Report(Box::new(diagnostic))
 }
 
-fn not_finite(span: Span, reason: &str) -> Diagnostic {
+pub(crate) fn not_finite(span: Span, reason: &str) -> Diagnostic {
     Diagnostic::error(codes::NOT_FINITE, span, reason)
 }
 
@@ -328,27 +274,17 @@ pub(crate) fn too_large(span: Span) -> Diagnostic {
         .with_help("look for a sum or an index range that is larger than intended")
 }
 
-fn not_constant(span: Span, purpose: Purpose) -> Diagnostic {
+pub(crate) fn not_constant(span: Span, purpose: Purpose) -> Diagnostic {
     let (code, message, help) = match purpose {
-        Purpose::Divisor => (
-            codes::VARIABLE_DIVISOR,
-            "the divisor depends on a variable".to_owned(),
-            "only constants can divide; make its inverse a state with an equation of its own, or approximate it by a polynomial",
-        ),
-        Purpose::Exponent => (
-            codes::BAD_POWER,
-            "the exponent depends on a variable".to_owned(),
-            "powers of variables are products: constant integers from 0 on",
-        ),
         Purpose::Condition => (
             codes::VARIABLE_CONDITION,
             "the condition depends on a variable".to_owned(),
-            "conditions choose between equations when the model is built; they can read indices and constants only",
+            "`where` chooses between equations when the model is built; it can read indices and constants only. `if` can read variables",
         ),
         Purpose::Argument(function) => (
             codes::VARIABLE_ARGUMENT,
             format!("`{function}` of a variable cannot be computed"),
-            "functions take constants; write the function as the solution of equations of its own, or as a polynomial",
+            "what jumps at every whole number takes constants only; `if` can compare variables",
         ),
         Purpose::Integer => (
             codes::NOT_CONSTANT,

@@ -1,6 +1,7 @@
-//! Functions of constants. All are evaluated with `libm`, so that every platform gives the same bits.
+//! Functions of the language, applied to constants. All are evaluated with `libm`, so that every platform gives the
+//! same bits.
 
-/// A function of constants.
+/// A function of the language.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Function {
     /// The name in specs.

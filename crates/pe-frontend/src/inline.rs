@@ -203,7 +203,7 @@ impl Evaluator {
 }
 
 /// Variables read by an expression, and its depth.
-fn size(expr: &Expr) -> (u64, usize) {
+pub(crate) fn size(expr: &Expr) -> (u64, usize) {
     match expr {
         Expr::Constant(_) => (0, 1),
         Expr::Variable(_) => (1, 1),

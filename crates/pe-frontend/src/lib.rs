@@ -15,6 +15,7 @@ mod constants;
 mod data;
 mod declarations;
 mod elaborate;
+mod elementary;
 mod equations;
 mod evaluate;
 mod files;

@@ -59,8 +59,7 @@ codes! {
 
     ARGUMENT_COUNT = "E0401", "wrong number of arguments";
     NUMBER_OR_CONDITION = "E0402", "number and condition mixed up";
-    VARIABLE_DIVISOR = "E0403", "division by a variable";
-    BAD_POWER = "E0404", "power that is no product";
+    BAD_POWER = "E0404", "power too large";
     VARIABLE_CONDITION = "E0405", "condition on a variable";
     VARIABLE_ARGUMENT = "E0406", "function of a variable";
     NOT_CONSTANT = "E0407", "constant expected";
@@ -92,6 +91,7 @@ codes! {
     DIVERGED = "E0901", "value not finite during the run";
     SATURATED = "E0902", "value saturates however wide its range";
     STEP_TOO_LARGE = "E0903", "step too large";
+    OUTSIDE_DOMAIN = "E0904", "function outside its domain";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";

@@ -223,6 +223,14 @@ impl Expr {
         }
     }
 
+    /// The number, if it is one.
+    pub fn as_constant(&self) -> Option<f64> {
+        match self {
+            Expr::Constant(number) => Some(*number),
+            _ => None,
+        }
+    }
+
     /// Visits every occurrence of a variable.
     pub fn each_variable(&self, visit: &mut impl FnMut(Variable)) {
         match self {
@@ -236,6 +244,79 @@ impl Expr {
                 [&select.condition, &select.yes, &select.no].into_iter().for_each(|part| part.each_variable(visit));
             }
         }
+    }
+
+    /// The expression with another one in place of each variable; nothing is folded.
+    pub fn substituted(&self, variable: &impl Fn(Variable) -> Expr) -> Expr {
+        let again = |expr: &Expr| expr.substituted(variable);
+        match self {
+            Expr::Constant(number) => Expr::Constant(*number),
+            Expr::Variable(name) => variable(*name),
+            Expr::Sum(members) => Expr::Sum(members.iter().map(again).collect()),
+            Expr::Product(members) => Expr::Product(members.iter().map(again).collect()),
+            Expr::Power(base, exponent) => Expr::Power(Box::new(again(base)), *exponent),
+            Expr::Apply(function, argument) => Expr::Apply(*function, Box::new(again(argument))),
+            Expr::Select(select) => {
+                let [condition, yes, no] = [&select.condition, &select.yes, &select.no].map(again);
+                Expr::Select(Box::new(Select { condition, yes, no }))
+            }
+        }
+    }
+
+    /// The expression as a spec would have it, without blanks.
+    pub fn text(&self, variable: &impl Fn(Variable) -> String) -> String {
+        self.text_within(variable, 0)
+    }
+
+    /// The same in parentheses if it binds less tightly than `rank`: 1 for members of a sum, 2 for factors, 3 for bases.
+    fn text_within(&self, variable: &impl Fn(Variable) -> String, rank: u32) -> String {
+        let at = |expr: &Expr, rank| expr.text_within(variable, rank);
+        let (own, text) = match self {
+            Expr::Constant(number) => (if *number < 0.0 { 1 } else { 4 }, number_text(*number)),
+            Expr::Variable(name) => (4, variable(*name)),
+            Expr::Sum(members) => {
+                let mut text = String::new();
+                for member in members {
+                    let member = at(member, 1);
+                    if !text.is_empty() && !member.starts_with('-') {
+                        text.push('+');
+                    }
+                    text += &member;
+                }
+                (0, text)
+            }
+            Expr::Product(members) => match members.as_slice() {
+                [Expr::Constant(-1.0), rest @ ..] if !rest.is_empty() => {
+                    (1, format!("-{}", at(&Expr::product(rest.to_vec()), 2)))
+                }
+                members => {
+                    let mut text = String::new();
+                    for member in members {
+                        match member {
+                            Expr::Apply(Function::Reciprocal, divisor) if !text.is_empty() => {
+                                text += &format!("/{}", at(divisor, 3));
+                            }
+                            member => {
+                                let sign = if text.is_empty() { "" } else { "*" };
+                                text += &format!("{sign}{}", at(member, if text.is_empty() { 1 } else { 2 }));
+                            }
+                        }
+                    }
+                    (1, text)
+                }
+            },
+            Expr::Power(base, exponent) => (2, format!("{}^{exponent}", at(base, 3))),
+            Expr::Apply(Function::Reciprocal, divisor) => (1, format!("1/{}", at(divisor, 3))),
+            Expr::Apply(Function::RealPower(exponent), base) => {
+                (2, format!("{}^{}", at(base, 3), Expr::Constant(*exponent).text_within(variable, 3)))
+            }
+            Expr::Apply(function, argument) => (4, format!("{}({})", function.name(), at(argument, 0))),
+            Expr::Select(select) => {
+                let Select { condition, yes, no } = &**select;
+                (4, format!("if({}>0:{}:{})", at(condition, 0), at(yes, 0), at(no, 0)))
+            }
+        };
+        if own < rank { format!("({text})") } else { text }
     }
 
     /// Whether it is made of sums, products and integer powers alone.
@@ -281,6 +362,12 @@ impl Expr {
             }
         }
     }
+}
+
+/// A number in its shorter form.
+fn number_text(number: f64) -> String {
+    let magnitude = number.abs();
+    if number == 0.0 || (1e-4..1e6).contains(&magnitude) { number.to_string() } else { format!("{number:e}") }
 }
 
 #[cfg(test)]

@@ -1,16 +1,22 @@
 //! The step graph in double precision.
 
-use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
 
+use crate::functions::FunctionRun;
 use crate::lanes::{self, DoubleSums, Gathered};
 use crate::slots::Slots;
 use crate::tiles::{LANES, Place, Shared, Tiles};
 
 /// A value stopped being a finite number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Diverged {
     /// The first value that did.
     pub value: ValueId,
+    /// The argument for which a function has no value, if that is the reason: the function in [`Functions::exact`],
+    /// and the argument.
+    ///
+    /// [`Functions::exact`]: pe_ir::functions::Functions::exact
+    pub outside: Option<(u32, f64)>,
 }
 
 /// A run in double precision.
@@ -21,6 +27,7 @@ pub struct DoubleRun<'a> {
     /// Current numbers, a slot per value and a zero.
     values: Vec<f64>,
     largest: Vec<f64>,
+    functions: FunctionRun,
 }
 
 impl<'a> DoubleRun<'a> {
@@ -46,14 +53,16 @@ impl<'a> DoubleRun<'a> {
 
     fn with_coefficients(graph: &'a StepGraph, coefficient: impl Fn(usize) -> f64) -> Self {
         let slots = Slots::new(graph);
-        let tiles = slots.arrange(graph, |_, _| 0, coefficient, |_, _, write| write.weight);
+        let functions = FunctionRun::new(graph, &slots);
+        let class = |_, chain: &Chain| functions.class(chain, &slots);
+        let tiles = slots.arrange(graph, class, coefficient, |_, _, write| write.weight);
         let mut values = vec![0.0; slots.count()];
         for (index, value) in graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
                 values[slots.of(ValueId(index as u32)) as usize] = number;
             }
         }
-        let mut run = DoubleRun { graph, slots, tiles, largest: vec![0.0; values.len()], values };
+        let mut run = DoubleRun { graph, slots, tiles, largest: vec![0.0; values.len()], values, functions };
         for (index, initial) in graph.initial.iter().enumerate() {
             run.set_state(index, *initial);
         }
@@ -91,6 +100,11 @@ impl<'a> DoubleRun<'a> {
         self.slots.in_graph_order(&self.largest)
     }
 
+    /// Smallest and largest argument of each of the step's exact functions so far; an empty range if there is none.
+    pub fn arguments(&self) -> &[(f64, f64)] {
+        &self.functions.arguments
+    }
+
     /// Advances by one step with the inputs held.
     ///
     /// # Errors
@@ -107,7 +121,9 @@ impl<'a> DoubleRun<'a> {
             let written = self.graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
             let given = self.graph.inputs.iter().copied().chain(self.graph.states.iter().map(|(state, _)| *state));
             let first = written.chain(given).find(|value| !self.number(*value).is_finite());
-            return Err(Diverged { value: first.expect("a value is not finite") });
+            let value = first.expect("a value is not finite");
+            let outside = self.functions.outside.filter(|(slot, ..)| *slot == self.slots.of(value));
+            return Err(Diverged { value, outside: outside.map(|(_, function, argument)| (function, argument)) });
         }
         self.slots.take_over(&mut self.values);
         Ok(())
@@ -141,6 +157,9 @@ impl<'a> DoubleRun<'a> {
                         }
                     }
                 }
+                if tile.class != 0 {
+                    self.functions.apply(tile.class, results, |lane| self.tiles.slot(writes.targets, lane) as u32);
+                }
                 lanes::store(writes.targets, results, &mut self.values, &self.tiles.slots);
                 finite &= match writes.targets {
                     Place::Row(start) => note_largest(&mut self.largest[start as usize..][..lanes], results),
@@ -153,6 +172,13 @@ impl<'a> DoubleRun<'a> {
                         })
                     }
                 };
+            }
+            if tile.class == FunctionRun::ARGUMENTS {
+                let targets = self.tiles.writes[tile.writes.start as usize].targets;
+                for lane in 0..lanes {
+                    let slot = self.tiles.slot(targets, lane);
+                    self.functions.look_up(slot as u32, &mut self.values, &mut self.largest);
+                }
             }
         }
         finite

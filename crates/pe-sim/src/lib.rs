@@ -12,6 +12,7 @@
 pub mod double;
 pub mod error;
 pub mod fixed;
+mod functions;
 mod lanes;
 pub mod linear;
 pub mod machine;

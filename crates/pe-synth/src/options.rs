@@ -127,7 +127,7 @@ impl ModelOptions {
         };
         crate::failure::print_findings(&warnings, &sources, self.message_format);
         model.span = self.span.unwrap_or(model.span);
-        Ok(LoadedModel { model, sources })
+        Ok(LoadedModel { model: pe_hls::lift::lift(model), sources })
     }
 
     /// Turns allowed errors into warnings; what remains is a failure.

@@ -190,6 +190,10 @@ impl Exact {
     /// # Errors
     /// `E0902` saturates however wide, `E080x` no format.
     pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
+        if let Some(function) = graph.functions.exact.first() {
+            let message = format!("`{}` has no table yet", function.name);
+            return Err(vec![Diagnostic::global(codes::NO_FORMAT, message)]);
+        }
         let settle = |graph: &StepGraph| {
             settle_formats(model, graph, format, &self.plan, &self.reference, self.ranges.clone(), &self.moments)
         };
@@ -366,6 +370,12 @@ fn reference_run(
 
 fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
     let equation = &graph.equations[graph.value(diverged.value).equation as usize];
+    if let Some((function, argument)) = diverged.outside {
+        let function = &graph.functions.exact[function as usize].name;
+        let message = format!("`{}` has no value at t = {time:.6e} s: `{function}` at x = {argument:e}", equation.name);
+        return Diagnostic::error(codes::OUTSIDE_DOMAIN, equation.span, message)
+            .with_help("try a smaller `--step`; or keep the argument in the domain, with `max`, `min` or `if`");
+    }
     let message = format!("`{}` is no longer a finite number at t = {time:.6e} s", equation.name);
     Diagnostic::error(codes::DIVERGED, equation.span, message)
         .with_help("the model or the step is unstable: try a smaller `--step`, then check the equation")

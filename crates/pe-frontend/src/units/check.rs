@@ -14,7 +14,7 @@ use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Functions whose value has the unit of their arguments.
-const SAME: [&str; 8] = ["floor", "ceil", "round", "abs", "min", "max", "mod", "sign"];
+const SAME: [&str; 7] = ["floor", "ceil", "round", "abs", "min", "max", "mod"];
 
 /// What to do about units of different dimensions.
 const DIMENSION_HELP: &str = "check the equation; a constant that ought to have a unit can be a parameter with one";
@@ -378,6 +378,7 @@ impl<'a> Checker<'_, 'a> {
         match (name, units.as_slice()) {
             ("sqrt", [(Known(unit), _)]) => unit.power(0.5).map_or(Unknown, Known),
             ("sqrt", [(unit, _)]) => *unit,
+            ("sign", _) => Number,
             _ if functions::find(name).is_some() => {
                 units.into_iter().for_each(|side| self.plain(side, scope));
                 Number

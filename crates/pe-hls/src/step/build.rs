@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use pe_ir::functions::Functions;
+use pe_ir::functions::{Functions, ScalarFunction};
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::model::{Model, Solver, Variable};
+use pe_ir::model::{Expr, Model, Solver, Variable};
 use pe_ir::source::Diagnostic;
 
 use super::forms::{self, StepOptions};
@@ -82,7 +82,12 @@ pub fn build(model: &Model) -> Result<StepGraph, Vec<Diagnostic>> {
     build_with(model, &StepOptions::default())
 }
 
+/// Products that a table is taken to cost in estimates.
+const TABLE_PRODUCTS: u32 = 7;
+
 /// Builds the step graph of a model with its own solver and step, in the form that is asked for or suits best.
+/// The model is lifted
+/// (see [`crate::lift`]).
 ///
 /// # Errors
 /// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have.
@@ -97,7 +102,9 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
         _ => StageForm::Increments,
     };
     let slots = |nested: &Nested| nested.cost() as u32 + u32::from(nested.constant != 0.0);
-    let shared = algebraics.iter().zip(&used).filter(|(_, used)| **used).map(|(nested, _)| nested.cost().max(1) as u32);
+    let table = |index: usize| if expanded.functions[index].is_some() { TABLE_PRODUCTS } else { 0 };
+    let shared = algebraics.iter().enumerate().filter(|(index, _)| used[*index]);
+    let shared = shared.map(|(index, nested)| nested.cost().max(1) as u32 + table(index));
     let slots: Vec<u32> = derivatives.iter().map(slots).chain(shared).collect();
     let plain = forms::plain_cost(plain, model.solver.stages(), &slots, options.pes);
     let (form, costs) = forms::choose(model, &expanded, &plain, options)?;
@@ -112,7 +119,7 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     for stage in written {
         let mut operands = Operands { states: &current, algebraics: HashMap::new() };
         for (index, nested) in algebraics.iter().enumerate().filter(|(index, _)| used[*index]) {
-            builder.algebraic(index, stage.number, nested, &mut operands);
+            builder.algebraic(index, stage.number, (nested, &expanded.functions[index]), &mut operands);
         }
         let next: Vec<ValueId> = (0..derivatives.len())
             .map(|index| builder.derivative(index, &stage, &derivatives[index], &operands))
@@ -125,6 +132,9 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     Ok(graph)
 }
 
+/// The degree that stands for that of a function.
+const NOT_AFFINE: usize = 2;
+
 /// Whether every derivative is affine in the states when the inputs are held: then Horner's form equals RK4.
 fn is_affine(expanded: &Expanded) -> bool {
     let mut degrees: Vec<usize> = Vec::with_capacity(expanded.algebraics.len());
@@ -136,8 +146,8 @@ fn is_affine(expanded: &Expanded) -> bool {
         };
         polynomial.terms().map(|(monomial, _)| monomial.iter().map(of_variable).sum()).max().unwrap_or(0)
     };
-    for polynomial in &expanded.algebraics {
-        let own = degree(polynomial, &degrees);
+    for (polynomial, function) in expanded.algebraics.iter().zip(&expanded.functions) {
+        let own = if function.is_some() { NOT_AFFINE } else { degree(polynomial, &degrees) };
         degrees.push(own);
     }
     expanded.derivatives.iter().all(|polynomial| degree(polynomial, &degrees) <= 1)
@@ -182,6 +192,8 @@ struct Builder {
     inner_serials: HashMap<u32, u32>,
     /// Latest running sum of each state's increments.
     sums: Vec<Option<ValueId>>,
+    /// Numbers of the functions so far.
+    functions: HashMap<String, u32>,
 }
 
 impl Builder {
@@ -221,15 +233,42 @@ impl Builder {
         }
         let states = model.states.len();
         let algebraic_equations = (0..model.algebraics.len()).map(|a| (a, (states + a) as u32)).collect();
-        Builder { graph, algebraic_equations, inner_serials: HashMap::new(), sums: vec![None; states] }
+        Builder {
+            graph,
+            algebraic_equations,
+            inner_serials: HashMap::new(),
+            sums: vec![None; states],
+            functions: HashMap::new(),
+        }
     }
 
     /// Chain of an algebraic equation in one stage.
-    fn algebraic(&mut self, index: usize, stage: u8, nested: &Nested, operands: &mut Operands) {
+    fn algebraic(
+        &mut self,
+        index: usize,
+        stage: u8,
+        (nested, function): (&Nested, &Option<Expr>),
+        operands: &mut Operands,
+    ) {
         let equation = self.algebraic_equations[&index];
         let value = push(&mut self.graph, Role::Algebraic(index as u32, stage), equation, false);
         self.sum(equation, nested, value, operands);
+        let function = function.as_ref().map(|function| self.function(function));
+        self.graph.chains.last_mut().expect("the chain of the equation").function = function;
         operands.algebraics.insert(index as u32, value);
+    }
+
+    /// The number of a function among those of the graph; equal ones of different variables are one.
+    fn function(&mut self, function: &Expr) -> u32 {
+        let variable = Variable::State(0);
+        let body = function.substituted(&|_| Expr::Variable(variable));
+        let next = self.graph.functions.exact.len() as u32;
+        let number = *self.functions.entry(format!("{body:?}")).or_insert(next);
+        if number == next {
+            let name = body.text(&|_| "x".to_owned());
+            self.graph.functions.exact.push(ScalarFunction { name, body, variable });
+        }
+        number
     }
 
     /// Chain of a derivative equation in one stage; returns the value that the next stage reads.
@@ -298,7 +337,7 @@ impl Builder {
         let mut operands = Operands { states, algebraics: HashMap::new() };
         for (index, nested) in algebraics.iter().enumerate() {
             if used[index] && (wanted[index] || expanded.shared[index]) {
-                self.algebraic(index, published, nested, &mut operands);
+                self.algebraic(index, published, (nested, &expanded.functions[index]), &mut operands);
             }
         }
         for (index, output) in model.outputs.iter().enumerate() {

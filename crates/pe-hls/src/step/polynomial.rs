@@ -76,6 +76,11 @@ impl Polynomial {
         self.terms.iter().map(|(monomial, coefficient)| (monomial, *coefficient))
     }
 
+    /// Most variables of a product.
+    pub fn degree(&self) -> usize {
+        self.terms.keys().map(Vec::len).max().unwrap_or(0)
+    }
+
     /// Number of monomials.
     pub fn len(&self) -> usize {
         self.terms.len()

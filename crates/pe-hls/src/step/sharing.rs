@@ -6,22 +6,45 @@ use pe_ir::codes;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
-use super::polynomial::{Nested, Polynomial};
+use super::polynomial::{Nested, Polynomial, TooManyTerms};
 
 /// Expanded equations of a model after the decision.
 pub struct Expanded {
     /// Right-hand side of each state's derivative.
     pub derivatives: Vec<Polynomial>,
-    /// Right-hand side of each algebraic equation.
+    /// Right-hand side of each algebraic equation; of a function its argument.
     pub algebraics: Vec<Polynomial>,
+    /// The functions among the algebraic equations.
+    pub functions: Vec<Option<Expr>>,
     /// Whether an algebraic variable is computed on its own; the others occur in no polynomial.
     pub shared: Vec<bool>,
+}
+
+/// The variable that a function reads.
+fn only_variable(expr: &Expr) -> Variable {
+    let mut only = None;
+    expr.each_variable(&mut |variable| {
+        assert!(only.is_none_or(|other| other == variable), "a function of several variables was not lifted");
+        only = Some(variable);
+    });
+    only.expect("a function of a variable")
+}
+
+/// What the products of an equation are computed from: the polynomial that it is, or the argument of its function.
+fn polynomial_of<'a>(
+    expr: &Expr,
+    inline: &impl Fn(Variable) -> Option<&'a Polynomial>,
+) -> Result<Polynomial, TooManyTerms> {
+    match expr.is_polynomial() {
+        true => Polynomial::expand(expr, inline),
+        false => Polynomial::expand(&Expr::Variable(only_variable(expr)), inline),
+    }
 }
 
 /// Above this product of terms and readers inlining is not even priced: it would cost more than it could save.
 const PRICING_LIMIT: usize = 4096;
 
-/// Inlines an algebraic equation unless sharing it costs fewer products. Ties are inlined: no transfer, no waiting.
+/// Inlines an algebraic equation of a lifted model unless it is a function, or sharing it costs fewer products. Ties are inlined: no transfer, no waiting.
 ///
 /// # Errors
 /// `E0801` for an equation with too many monomials.
@@ -31,7 +54,7 @@ pub fn expand(model: &Model) -> Result<Expanded, Vec<Diagnostic>> {
     let mut shared = vec![false; model.algebraics.len()];
     let mut errors = Vec::new();
     for (index, algebraic) in model.algebraics.iter().enumerate() {
-        let polynomial = match Polynomial::expand(&algebraic.expr, &inlined(&algebraics, &shared)) {
+        let polynomial = match polynomial_of(&algebraic.expr, &inlined(&algebraics, &shared)) {
             Ok(polynomial) => polynomial,
             Err(_) => {
                 errors.push(too_many_terms(&algebraic.name, algebraic.span));
@@ -48,7 +71,9 @@ pub fn expand(model: &Model) -> Result<Expanded, Vec<Diagnostic>> {
             Err(_) => errors.push(too_many_terms(&state.name, state.span)),
         }
     }
-    if errors.is_empty() { Ok(Expanded { derivatives, algebraics, shared }) } else { Err(errors) }
+    let function = |expr: &Expr| (!expr.is_polynomial()).then(|| expr.clone());
+    let functions = model.algebraics.iter().map(|algebraic| function(&algebraic.expr)).collect();
+    if errors.is_empty() { Ok(Expanded { derivatives, algebraics, functions, shared }) } else { Err(errors) }
 }
 
 fn inlined<'a>(algebraics: &'a [Polynomial], shared: &'a [bool]) -> impl Fn(Variable) -> Option<&'a Polynomial> {
@@ -67,6 +92,16 @@ fn sharing_pays(
 ) -> bool {
     let own = &algebraics[index];
     let readers = readers.of_algebraic(index);
+    let read_by_function = || {
+        readers.iter().any(|reader| match *reader {
+            Variable::Algebraic(a) => !model.algebraics[a as usize].expr.is_polynomial(),
+            _ => false,
+        })
+    };
+    // The argument of a function is computed by a single chain.
+    if !model.algebraics[index].expr.is_polynomial() || (own.degree() > 1 && read_by_function()) {
+        return true;
+    }
     if readers.len() < 2 && own.variables().count() <= own.len() {
         return false;
     }
@@ -82,7 +117,7 @@ fn sharing_pays(
                 Variable::Algebraic(a) => &model.algebraics[a as usize].expr,
                 Variable::Input(_) => continue,
             };
-            cost += Nested::of(&Polynomial::expand(expr, &inlined(algebraics, shared)).ok()?).cost();
+            cost += Nested::of(&polynomial_of(expr, &inlined(algebraics, shared)).ok()?).cost();
         }
         Some(cost)
     };
