@@ -27,7 +27,8 @@ pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the
 
 - **word length**: fixed point against double precision with the same step, rounded coefficients included;
   **coefficients** alone is a part of it.
-- **total**: the hardware's numbers against a reference solution by another library, at 20 times.
+- **method**: the step in double precision against a reference solution by another library, at 20 times; **total**: the
+  hardware's numbers against it.
 - Errors are those of the worst state, relative to its largest magnitude over the span. **must** and **aim** are what the
   word-length error has to be below, and should be.
 - **verdict** is `fine`, or the codes of the warnings and errors that the case has to end with
@@ -83,6 +84,8 @@ fn row(case: &Case, outcome: &Outcome) -> String {
         }
         None => cells.extend(std::iter::repeat_n(String::new(), 11)),
     }
+    // The method stands before the total.
+    cells.insert(11, outcome.method.map_or(String::new(), short));
     cells.extend([outcome.verdict.clone(), format!("{:.1}", outcome.seconds)]);
     format!("| {} |", cells.join(" | "))
 }
@@ -99,9 +102,9 @@ fn main() -> ExitCode {
     println!("{HEAD}");
     println!(
         "| case | solver | step, s | states | steps | cycles | run | word length | coefficients | must / aim | reached \
-         | total | verdict | s |"
+         | method | total | verdict | s |"
     );
-    println!("|{}", "---|".repeat(14));
+    println!("|{}", "---|".repeat(15));
     let (mut complaints, mut refusals) = (Vec::new(), Vec::new());
     for case in &cases {
         eprintln!("{}", case.name);

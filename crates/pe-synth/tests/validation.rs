@@ -56,9 +56,12 @@ fn a_wrong_state_a_wrong_verdict_and_a_missing_figure_are_noticed() {
     let mut bad = good.clone();
     bad.figures.as_mut().expect("it compiles").word_length = f64::NAN;
     assert_eq!(case.complaints(&bad).len(), 1);
-    let mut bad = good;
+    let mut bad = good.clone();
     bad.figures.as_mut().expect("it compiles").total = Some(1.0);
     assert_eq!(case.complaints(&bad).len(), 1);
+    for method in [None, Some(f64::INFINITY)] {
+        assert_eq!(case.complaints(&Outcome { method, ..good.clone() }).len(), 1);
+    }
 }
 
 #[test]

@@ -10,6 +10,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
+use pe_ir::graph::StepGraph;
+use pe_ir::model::Model;
+use pe_sim::double::DoubleRun;
 use pe_sim::error::{SCALE_FLOOR, Trajectory};
 use pe_synth::failure::Failure;
 use pe_synth::options::{DesignPoint, ModelOptions};
@@ -33,7 +36,7 @@ pub struct Case {
     pub verdict: String,
     /// Largest word-length error that is accepted, coefficients included, and the one that is aimed at.
     pub word_length: Option<(f64, f64)>,
-    /// Largest total error that is accepted.
+    /// Largest total error that is accepted, and error in double precision.
     pub total: Option<f64>,
     /// Whether it takes little enough time for the test.
     pub quick: bool,
@@ -46,6 +49,8 @@ pub struct Outcome {
     pub verdict: String,
     /// The first of the messages.
     pub message: Option<String>,
+    /// The step in double precision against the reference, if there is one and the run does not diverge.
+    pub method: Option<f64>,
     /// Figures, unless it was refused.
     pub figures: Option<Figures>,
     /// Seconds of the compiler.
@@ -146,6 +151,11 @@ impl Reference {
         Reference { names: names.split(',').map(str::to_owned).collect(), largest: numbers(largest), rows }
     }
 
+    /// Times of the rows.
+    pub fn times(&self) -> impl Iterator<Item = f64> {
+        self.rows.iter().map(|(time, _)| *time)
+    }
+
     /// The largest error of a run, relative to the largest magnitude of the state.
     ///
     /// # Panics
@@ -178,12 +188,16 @@ impl Case {
         let spec = models().join(&self.spec).into_os_string();
         let words = ["validation".into(), spec].into_iter().chain(self.options.split_whitespace().map(Into::into));
         let options = Options::try_parse_from(words).unwrap_or_else(|error| panic!("{}: {error}", self.name));
-        let mut states = Vec::new();
+        let reference = (!self.reference.is_empty()).then(|| Reference::read(&self.reference));
+        let mut method = None;
         let design = options.model.load(&options.point).and_then(|loaded| {
-            states = loaded.model.states.iter().map(|state| state.name.clone()).collect();
             let watch = &mut Stopwatch::new(true);
+            if let Some(reference) = &reference {
+                let graph = pipeline::build(&loaded, &options.point, &options.mapping, watch)?;
+                method = in_double_precision(&loaded.model, &graph, reference);
+            }
             let design = pipeline::design(&loaded, &options.model, &options.point, &options.mapping, watch)?;
-            Ok((self.figures(&loaded.model, &design), design))
+            Ok((figures(&loaded.model, &design, reference.as_ref()), design))
         });
         let seconds = clock.elapsed().as_secs_f64();
         let (findings, figures) = match design {
@@ -195,23 +209,7 @@ impl Case {
         codes.sort_unstable();
         codes.dedup();
         let verdict = if codes.is_empty() { "fine".to_owned() } else { codes.join(" ") };
-        Outcome { verdict, message: findings.first().map(|finding| finding.message.clone()), figures, seconds }
-    }
-
-    fn figures(&self, model: &pe_ir::model::Model, design: &Design) -> Figures {
-        let judged = &design.judged;
-        let names: Vec<&str> = model.states.iter().map(|state| state.name.as_str()).collect();
-        let reference = (!self.reference.is_empty()).then(|| Reference::read(&self.reference));
-        Figures {
-            method: (model.solver.name().to_owned(), model.step),
-            states: names.len(),
-            steps: model.steps(),
-            cycles: design.program.period,
-            word_length: judged.errors.word_length,
-            worst: names[judged.errors.worst_state].to_owned(),
-            coefficient: judged.errors.coefficient,
-            total: reference.map(|reference| reference.error(&names, &judged.times, &judged.hardware)),
-        }
+        Outcome { verdict, message: findings.first().map(|finding| finding.message.clone()), method, figures, seconds }
     }
 
     /// Why an outcome is not what the case asks for; empty if it is.
@@ -223,12 +221,18 @@ impl Case {
         }
         let word_length = outcome.figures.as_ref().map(|figures| figures.word_length);
         let total = outcome.figures.as_ref().and_then(|figures| figures.total);
-        for (what, found, most) in
-            [("word-length", word_length, self.word_length.map(|(must, _)| must)), ("total", total, self.total)]
-        {
+        // What is refused on purpose has no figures but that of double precision, where it gets so far.
+        let refused = outcome.figures.is_none() && self.verdict == outcome.verdict;
+        let word_must = self.word_length.map(|(must, _)| must);
+        for (what, found, most, needed) in [
+            ("word-length", word_length, word_must, !refused),
+            ("total", total, self.total, !refused),
+            ("method", outcome.method, self.total, true),
+        ] {
             match (found, most) {
                 (Some(found), Some(most)) if found <= most => {}
                 (_, None) => {}
+                (None, _) if !needed => {}
                 (found, Some(most)) => {
                     let found = found.map_or("no".to_owned(), |found| format!("{found:.1e} as"));
                     complaints.push(format!("{}: {found} {what} error, at most {most:.1e} is accepted", self.name));
@@ -237,4 +241,40 @@ impl Case {
         }
         complaints
     }
+}
+
+fn figures(model: &Model, design: &Design, reference: Option<&Reference>) -> Figures {
+    let judged = &design.judged;
+    let names = names(model);
+    Figures {
+        method: (model.solver.name().to_owned(), model.step),
+        states: names.len(),
+        steps: model.steps(),
+        cycles: design.program.period,
+        word_length: judged.errors.word_length,
+        worst: names[judged.errors.worst_state].to_owned(),
+        coefficient: judged.errors.coefficient,
+        total: reference.map(|reference| reference.error(&names, &judged.times, &judged.hardware)),
+    }
+}
+
+fn names(model: &Model) -> Vec<&str> {
+    model.states.iter().map(|state| state.name.as_str()).collect()
+}
+
+/// Error of the step graph in double precision; none if it diverges.
+fn in_double_precision(model: &Model, graph: &StepGraph, reference: &Reference) -> Option<f64> {
+    let mut run = DoubleRun::new(graph);
+    let mut samples = Trajectory::new(model.states.len());
+    let (mut times, mut rows) = (Vec::new(), reference.times().peekable());
+    for done in 1..=model.steps() {
+        run.step(&model.sample_inputs((done - 1) as f64 * model.step)).ok()?;
+        let time = done as f64 * model.step;
+        if rows.peek().is_some_and(|row| (time - row).abs() <= model.step / 2.0) {
+            rows.next();
+            times.push(time);
+            samples.push(|state| run.state(state));
+        }
+    }
+    Some(reference.error(&names(model), &times, &samples))
 }
