@@ -139,7 +139,9 @@ impl Finder<'_> {
                 Role::Algebraic(a, _) => (Role::Algebraic(a, 1), 0),
                 // Looped stages have no lookups.
                 role @ (Role::Input(_) | Role::Constant(_) | Role::Published(_) | Role::Column(..)) => (role, 0),
-                Role::Sum(..) | Role::Inner(..) | Role::Partial(..) => return None,
+                Role::Sum(..) | Role::Inner(..) | Role::Partial(..) | Role::Auxiliary(_) | Role::Pivot(..) => {
+                    return None;
+                }
             };
             let key = match role {
                 Role::State(s) => (0, s, 0, 0),

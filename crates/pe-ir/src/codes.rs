@@ -87,11 +87,13 @@ codes! {
     ACCUMULATOR = "E0803", "products do not fit the accumulator";
     IN_DEGREE = "E0804", "more input ports than a PE may have";
     UNSUITABLE_FORM = "E0805", "the model has no step of this form";
+    UNSUITABLE_SOLVER = "E0806", "the solver does not suit the model";
 
     DIVERGED = "E0901", "value not finite during the run";
     SATURATED = "E0902", "value saturates however wide its range";
     STEP_TOO_LARGE = "E0903", "step too large";
     OUTSIDE_DOMAIN = "E0904", "function outside its domain";
+    SMALL_PIVOT = "E0905", "pivot of the step close to zero";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";

@@ -319,6 +319,11 @@ impl Expr {
         if own < rank { format!("({text})") } else { text }
     }
 
+    /// The same expression of other variables.
+    pub fn renamed(&self, name: &impl Fn(Variable) -> Variable) -> Expr {
+        self.substituted(&|variable| Expr::Variable(name(variable)))
+    }
+
     /// Whether it is made of sums, products and integer powers alone.
     pub fn is_polynomial(&self) -> bool {
         match self {

@@ -33,14 +33,23 @@ pub enum StageForm {
     Horner,
     /// The same polynomial as a product of its real factors, one stage each, with matrices that hold powers.
     Factors,
-    /// The same polynomial as one matrix, one stage.
+    /// The method's whole map as one matrix, one stage.
     Full,
+    /// Equations of a method that is no explicit Runge-Kutta method, in an order in which states are overwritten in
+    /// place.
+    Method,
 }
 
 impl StageForm {
     /// All forms.
-    pub const ALL: [StageForm; 5] =
-        [StageForm::Euler, StageForm::Increments, StageForm::Horner, StageForm::Factors, StageForm::Full];
+    pub const ALL: [StageForm; 6] = [
+        StageForm::Euler,
+        StageForm::Increments,
+        StageForm::Horner,
+        StageForm::Factors,
+        StageForm::Full,
+        StageForm::Method,
+    ];
 
     /// The name that options and reports have for it.
     pub fn name(self) -> &'static str {
@@ -50,6 +59,7 @@ impl StageForm {
             StageForm::Horner => "horner",
             StageForm::Factors => "factors",
             StageForm::Full => "full",
+            StageForm::Method => "method",
         }
     }
 }
@@ -100,6 +110,10 @@ pub enum Role {
     Constant(f64),
     /// An output computed at the end of the step: index into the model's outputs.
     Published(u32),
+    /// A quantity of the method, such as a slope or an entry of a matrix: index into [`Names::auxiliaries`].
+    Auxiliary(u32),
+    /// The reciprocal of a pivot of the method's matrix: the state of its row, and which matrix of the step it is.
+    Pivot(u32, u8),
     /// What a lookup finds in a column of its table: index into [`Functions::lookups`], and the column. Only the base
     /// of a write reads it.
     Column(u32, u8),
@@ -223,7 +237,7 @@ pub struct StepGraph {
     pub chains: Vec<Chain>,
     /// Terms of all chains.
     pub terms: Vec<Term>,
-    /// For each state its value at the start and at the end of the step.
+    /// For each state its value at the start and at the end of the step; the states of the model come first.
     pub states: Vec<(ValueId, ValueId)>,
     /// Initial value of each state.
     pub initial: Vec<f64>,
@@ -233,7 +247,8 @@ pub struct StepGraph {
     pub outputs: Vec<ValueId>,
     /// Functions of one variable.
     pub functions: Functions,
-    /// Names: states, inputs, algebraic variables, outputs.
+    /// Names: states, inputs, algebraic variables, outputs. States that the method keeps from step to step, such as
+    /// slopes, come after those of the model.
     pub names: Names,
 }
 
@@ -248,6 +263,8 @@ pub struct Names {
     pub algebraics: Vec<String>,
     /// Outputs.
     pub outputs: Vec<String>,
+    /// Quantities of the method.
+    pub auxiliaries: Vec<String>,
 }
 
 impl Names {
@@ -258,6 +275,7 @@ impl Names {
             inputs: model.inputs.iter().map(|s| s.name.clone()).collect(),
             algebraics: model.algebraics.iter().map(|s| s.name.clone()).collect(),
             outputs: model.outputs.iter().map(|s| s.name.clone()).collect(),
+            auxiliaries: Vec::new(),
         }
     }
 }
@@ -297,7 +315,7 @@ impl StepGraph {
     /// Whether states are kept in pairs of words that change roles from step to step: in a single stage every equation
     /// reads old states and writes new ones, so no order of writes suits all readers.
     pub fn swaps(&self) -> bool {
-        self.stages == 1
+        self.stages == 1 && self.form != StageForm::Method
     }
 
     /// Products per step.
@@ -318,6 +336,8 @@ impl StepGraph {
             Role::Partial(equation, serial) => format!("{}.partial{serial}", self.equations[equation as usize].name),
             Role::Input(i) => self.names.inputs[i as usize].clone(),
             Role::Constant(c) => format!("{c:e}"),
+            Role::Auxiliary(a) => self.names.auxiliaries[a as usize].clone(),
+            Role::Pivot(s, matrix) => format!("{}.pivot{matrix}", self.names.states[s as usize]),
             Role::Published(o) => format!("{}.published", self.names.outputs[o as usize]),
             Role::Column(lookup, column) => {
                 let lookup = &self.functions.lookups[lookup as usize];

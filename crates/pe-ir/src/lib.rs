@@ -4,6 +4,8 @@
 //! [`mapping`], [`schedule`], [`memory`], [`program`], [`verify`].
 
 pub mod codes;
+pub mod coefficients;
+mod complex;
 mod expr;
 pub mod functions;
 mod gradient;
@@ -13,6 +15,7 @@ pub mod memory;
 pub mod model;
 pub mod program;
 pub mod schedule;
+mod solver;
 pub mod source;
 mod stability;
 pub mod verify;

@@ -5,60 +5,8 @@
 use crate::source::Span;
 
 pub use crate::expr::{Expr, Function, Select};
+pub use crate::solver::Solver;
 pub use crate::waveform::{Interpolation, Samples, Waveform};
-
-/// A numerical method that advances the model by one step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Solver {
-    /// Explicit Euler, `y+ = y + h f(y)`.
-    Euler,
-    /// Heun's second-order method, the explicit trapezoidal rule.
-    Heun,
-    /// Heun's third-order method.
-    Heun3,
-    /// Classic fourth-order Runge-Kutta.
-    Rk4,
-}
-
-impl Solver {
-    /// All methods, from lowest to highest order.
-    pub const ALL: [Solver; 4] = [Solver::Euler, Solver::Heun, Solver::Heun3, Solver::Rk4];
-
-    /// The name used in the spec, on the command line and in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Solver::Euler => "euler",
-            Solver::Heun => "heun",
-            Solver::Heun3 => "heun3",
-            Solver::Rk4 => "rk4",
-        }
-    }
-
-    /// What it is called in full.
-    pub fn title(self) -> &'static str {
-        match self {
-            Solver::Euler => "explicit Euler",
-            Solver::Heun => "Heun's method of second order",
-            Solver::Heun3 => "Heun's method of third order",
-            Solver::Rk4 => "classic Runge-Kutta of fourth order",
-        }
-    }
-
-    /// Order of the global error in the step size.
-    pub fn order(self) -> u32 {
-        self.stages()
-    }
-
-    /// Evaluations of the right-hand side per step; up to order four as many as the order.
-    pub fn stages(self) -> u32 {
-        match self {
-            Solver::Euler => 1,
-            Solver::Heun => 2,
-            Solver::Heun3 => 3,
-            Solver::Rk4 => 4,
-        }
-    }
-}
 
 /// A variable of the flat model: indices into [`Model::states`], [`Model::inputs`] and [`Model::algebraics`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

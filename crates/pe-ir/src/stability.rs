@@ -1,5 +1,7 @@
 //! How the numerical methods amplify a mode of a linear model, in one place for all of them.
 
+use crate::coefficients::{ROS2_GAMMA, adams, chebyshev};
+use crate::complex::{Complex, largest_root};
 use crate::model::Solver;
 
 /// Relative excess over 1 that counts as rounding and not as growth.
@@ -17,18 +19,59 @@ impl Solver {
     /// and imaginary part `im`. A step is stable for the mode if it is at most 1. Hairer and Wanner, Solving Ordinary
     /// Differential Equations II, section IV.2.
     ///
-    /// The Runge-Kutta methods here have as many stages as their order, so that R is the exponential series up to there.
+    /// The explicit Runge-Kutta methods of `rk4` and below have as many stages as their order, so that R is the
+    /// exponential series up to there. Of multi-step methods the largest root of the characteristic equation counts. The
+    /// methods of positions and velocities are judged on the oscillator with this pair of eigenvalues, and Rush and
+    /// Larsen's as Euler's, which all states but the gates have.
     pub fn amplification(self, re: f64, im: f64) -> f64 {
+        let z = Complex { re, im };
         match self {
-            Solver::Euler | Solver::Heun | Solver::Heun3 | Solver::Rk4 => {
+            Solver::Euler | Solver::Heun | Solver::Heun3 | Solver::Rk4 | Solver::RushLarsen => {
                 // Horner's rule: 1 + z (1 + z/2 (1 + z/3 (..))).
-                let (mut real, mut imaginary) = (1.0, 0.0);
-                for divisor in (1..=self.stages()).rev().map(f64::from) {
-                    let (a, b) = (re / divisor, im / divisor);
-                    (real, imaginary) = (1.0 + a * real - b * imaginary, a * imaginary + b * real);
-                }
-                libm::hypot(real, imaginary)
+                let inner = |sum, divisor| Complex::ONE + z.scaled(1.0 / f64::from(divisor)) * sum;
+                (1..=self.stages()).rev().fold(Complex::ONE, inner).magnitude()
             }
+            Solver::SymplecticEuler | Solver::Leapfrog => {
+                let trace = 2.0 + 2.0 * re - (re * re + im * im);
+                let real = |re| Complex { re, im: 0.0 };
+                largest_root(&[real(-trace), real(1.0 + 2.0 * re)])
+            }
+            Solver::Ab2 | Solver::Ab3 | Solver::Ab4 => {
+                let mut coefficients: Vec<Complex> = adams(self).iter().map(|weight| z.scaled(-weight)).collect();
+                coefficients[0] = coefficients[0] - Complex::ONE;
+                largest_root(&coefficients)
+            }
+            Solver::Rkc5 | Solver::Rkc10 => {
+                let (mut before, mut last) = (Complex::ZERO, Complex::ZERO);
+                for (index, stage) in chebyshev(self.stages() as usize).into_iter().enumerate() {
+                    let first = if index == 0 { Complex::ZERO } else { z.scaled(stage.first_slope) };
+                    let slope = z.scaled(stage.slope) * (Complex::ONE + last);
+                    let next = last.scaled(stage.mu) + before.scaled(stage.nu) + slope + first;
+                    (before, last) = (last, next);
+                }
+                (Complex::ONE + last).magnitude()
+            }
+            Solver::ImplicitEuler => 1.0 / (Complex::ONE - z).magnitude(),
+            Solver::Trapezoidal => {
+                (Complex::ONE + z.scaled(0.5)).magnitude() / (Complex::ONE - z.scaled(0.5)).magnitude()
+            }
+            Solver::Ros2 => {
+                let matrix = Complex::ONE - z.scaled(ROS2_GAMMA);
+                let first = z / matrix;
+                let second = (z * (Complex::ONE + first) - first.scaled(2.0)) / matrix;
+                (Complex::ONE + first.scaled(1.5) + second.scaled(0.5)).magnitude()
+            }
+            Solver::Rodas3 => {
+                let half = z.scaled(0.5);
+                let matrix = Complex::ONE - half;
+                let u1 = half / matrix;
+                let u2 = (half + u1.scaled(2.0)) / matrix;
+                let point = Complex::ONE + u1.scaled(2.0);
+                let u3 = (half * point + (u1 - u2).scaled(0.5)) / matrix;
+                let u4 = (half * (point + u3) + (u1 - u2).scaled(0.5) - u3.scaled(4.0 / 3.0)) / matrix;
+                (point + u3 + u4).magnitude()
+            }
+            Solver::Exact => libm::exp(re),
         }
     }
 
@@ -87,6 +130,51 @@ mod tests {
         // Euler: the circle around -1, h < 2 |re| / |lambda|^2.
         let found = Solver::Euler.largest_step(-0.1, 3.0).expect("a limit");
         assert!((found / (0.2 / 9.01) - 1.0).abs() < 1e-3, "{found}");
+    }
+
+    #[test]
+    fn limits_of_multi_step_and_stabilised_methods_are_those_of_the_textbooks() {
+        let cases = [
+            (Solver::Ab2, 1.0),
+            (Solver::Ab3, 6.0 / 11.0),
+            (Solver::Ab4, 0.3),
+            (Solver::Rkc5, 16.60),
+            (Solver::Rkc10, 64.74),
+        ];
+        for (solver, limit) in cases {
+            let found = solver.largest_step(-10.0, 0.0).expect("explicit methods have a limit");
+            assert!((10.0 * found / limit - 1.0).abs() < 1e-3, "{solver:?}: {}", 10.0 * found);
+        }
+        for (solver, limit) in
+            [(Solver::Ab3, 0.7236), (Solver::Ab4, 0.4300), (Solver::SymplecticEuler, 2.0), (Solver::Leapfrog, 2.0)]
+        {
+            let found = solver.largest_step(-1e-7, 1.0).expect("explicit methods have a limit");
+            assert!((found / limit - 1.0).abs() < 2e-3, "{solver:?}: {found}");
+        }
+    }
+
+    #[test]
+    fn implicit_methods_have_no_limit_and_damp_fast_modes_as_published() {
+        let damped = [Solver::ImplicitEuler, Solver::Ros2, Solver::Rodas3, Solver::Exact];
+        for solver in damped.into_iter().chain([Solver::Trapezoidal]) {
+            for angle in [91, 120, 150, 180] {
+                let angle = f64::from(angle).to_radians();
+                let step = solver.largest_step(libm::cos(angle), libm::sin(angle));
+                assert_eq!(step, None, "{solver:?} at {angle}");
+            }
+            let fast = solver.amplification(-1e9, 0.0);
+            let expected = if solver == Solver::Trapezoidal { 1.0 } else { 0.0 };
+            assert!((fast - expected).abs() < 1e-6, "{solver:?}: {fast}");
+        }
+    }
+
+    #[test]
+    fn methods_agree_with_the_exponential_to_their_order() {
+        for solver in Solver::ALL.into_iter().filter(|solver| ![Solver::Exact, Solver::Leapfrog].contains(solver)) {
+            let error = |h: f64| (solver.amplification(-0.3 * h, h) - libm::exp(-0.3 * h)).abs();
+            let order = libm::log2(error(0.02) / error(0.01)) - 1.0;
+            assert!(order > f64::from(solver.order()) - 0.2, "{solver:?}: {order}");
+        }
     }
 
     #[test]

@@ -129,6 +129,8 @@ fn kind(role: &Role) -> (u32, u32, u32) {
         Role::Inner(equation, serial) => (7, serial, equation),
         Role::Partial(equation, serial) => (8, serial, equation),
         Role::Published(output) => (9, 0, output),
+        Role::Pivot(state, matrix) => (12, u32::from(matrix), state),
+        Role::Auxiliary(auxiliary) => (11, 0, auxiliary),
         Role::Column(lookup, column) => (10, u32::from(column), lookup),
     }
 }

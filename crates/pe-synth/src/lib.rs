@@ -28,6 +28,7 @@ pub mod options;
 pub mod output;
 pub mod pictures;
 pub mod pipeline;
+pub mod pivots;
 pub mod render;
 pub mod report;
 pub mod runs;

@@ -160,6 +160,7 @@ pub fn report(
         "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.step,
         "error": error(model, design, total),
+        "smallest_pivot": design.judged.smallest_pivot.as_ref().map(|pivot| json!({"state": pivot.state, "magnitude": pivot.magnitude})),
         "headroom": variables::report(variables),
         "saturations": 0,
         "widenings": design.judged.widenings,

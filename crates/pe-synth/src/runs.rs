@@ -23,6 +23,7 @@ use pe_sim::error::{Deviation, Trajectory};
 use pe_sim::fixed::FixedRun;
 
 use crate::options::ModelOptions;
+use crate::pivots::{self, SmallestPivot};
 
 /// Samples of the trajectory, at most; never fewer than 200 if the span has as many steps.
 const SAMPLES: u64 = 400;
@@ -123,6 +124,8 @@ pub struct Judged {
     pub largest: Vec<f64>,
     /// Word-length error of each state.
     pub state_errors: Vec<f64>,
+    /// The smallest pivot of an implicit method.
+    pub smallest_pivot: Option<SmallestPivot>,
 }
 
 /// Runs the model over its span.
@@ -158,23 +161,36 @@ pub struct Exact {
     moments: Moments,
     scales: Vec<f64>,
     seconds: f64,
+    smallest_pivot: Option<SmallestPivot>,
 }
 
 impl Exact {
     /// Runs the step graph over the span.
     ///
     /// # Errors
-    /// `E0901` non-finite.
+    /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero.
     pub fn run(model: &Model, graph: &StepGraph, progress: ProgressBar) -> Result<Exact, Vec<Diagnostic>> {
         let plan = Plan::of(model, progress);
         let clock = Instant::now();
         let (reference, curves, mut ranges, moments) = reference_run(model, graph, &plan)?;
         let largest = ranges.largest.clone();
+        let smallest_pivot = pivots::smallest(graph, &largest)?;
         let seconds = clock.elapsed().as_secs_f64();
         include_declared(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = reference.scales(&quantities);
-        Ok(Exact { plan, form: graph.form, reference, curves, largest, ranges, moments, scales, seconds })
+        Ok(Exact {
+            plan,
+            form: graph.form,
+            reference,
+            curves,
+            largest,
+            ranges,
+            moments,
+            scales,
+            seconds,
+            smallest_pivot,
+        })
     }
 
     /// Compares with smaller steps.
@@ -249,6 +265,7 @@ impl Exact {
             curves: Curves { fixed: settled.curves, ..self.curves.clone() },
             largest: self.largest.clone(),
             state_errors: deviation.relative(&self.scales).collect(),
+            smallest_pivot: self.smallest_pivot.clone(),
         })
     }
 }

@@ -75,7 +75,10 @@ fn values_of(graph: &StepGraph, model: &Model) -> [Vec<Vec<ValueId>>; 2] {
     for (index, value) in graph.values.iter().enumerate() {
         let id = ValueId(index as u32);
         match value.role {
-            Role::State(state) | Role::Stage(state, _) | Role::Next(state) => states[state as usize].push(id),
+            // Behind the states of the model come those that its method keeps.
+            Role::State(state) | Role::Stage(state, _) | Role::Next(state) => {
+                states.get_mut(state as usize).into_iter().for_each(|values| values.push(id));
+            }
             Role::Algebraic(algebraic, _) => algebraics[algebraic as usize].push(id),
             _ => {}
         }

@@ -169,7 +169,7 @@ impl Step<'_> {
 fn every_value_of_a_run_is_its_chain_in_exact_integers_and_near_it_in_real_numbers() {
     let mut compared = 0u64;
     for family in FAMILIES {
-        for solver in Solver::ALL {
+        for solver in Solver::RUNGE_KUTTA {
             for format in FORMATS {
                 compared += compare(family, solver, format);
             }

@@ -46,7 +46,7 @@ fn looped_stages_agree() {
 fn random_models_on_a_single_multiplier_block_agree() {
     let mut sum = Agreement::default();
     for (seed, family) in (11..).zip(FAMILIES) {
-        let solver = Solver::ALL[seed as usize % Solver::ALL.len()];
+        let solver = Solver::RUNGE_KUTTA[seed as usize % Solver::RUNGE_KUTTA.len()];
         sum += agree(family, (10, 4), solver, (32, 25, 18), seed);
     }
     report("25x18", sum);
@@ -56,7 +56,7 @@ fn random_models_on_a_single_multiplier_block_agree() {
 fn random_models_on_wide_multipliers_agree() {
     let mut sum = Agreement::default();
     for (seed, family) in (21..).zip(FAMILIES) {
-        let solver = Solver::ALL[seed as usize % Solver::ALL.len()];
+        let solver = Solver::RUNGE_KUTTA[seed as usize % Solver::RUNGE_KUTTA.len()];
         sum += agree(family, (9, 3), solver, (32, 32, 32), seed);
     }
     report("32x32", sum);
@@ -97,4 +97,28 @@ fn classic_models_agree() {
     sum += agree_on_model("lotka_volterra", &["--pes", "1", "--solver", "euler", "--span", "100ms"]);
     sum += agree_on_model("harmonic_oscillator", &["--pes", "2", "--storage", "18", "--multiplier", "18x25"]);
     report("classic models", sum);
+}
+
+#[test]
+fn methods_beside_runge_kutta_agree() {
+    let cases = [
+        ("harmonic_oscillator", "leapfrog", "2", "25x18"),
+        ("spring_chain", "symplectic_euler", "3", "32x32"),
+        ("van_der_pol", "ab3", "2", "32x32"),
+        ("lotka_volterra", "ab4", "2", "25x18"),
+        ("heat_plate", "rkc5", "4", "25x18"),
+        ("rc_ladder", "implicit_euler", "3", "32x32"),
+        ("rc_ladder", "rodas3", "4", "25x18"),
+        ("rc_ladder", "exact", "2", "32x32"),
+    ];
+    let mut sum = Agreement::default();
+    for (model, solver, pes, multiplier) in cases {
+        let step = if solver == "ab4" { "1ms" } else { "" };
+        let mut options = vec!["--solver", solver, "--pes", pes, "--multiplier", multiplier, "--span", "400ms"];
+        if !step.is_empty() {
+            options.extend(["--step", step]);
+        }
+        sum += agree_on_model(model, &options);
+    }
+    report("methods", sum);
 }

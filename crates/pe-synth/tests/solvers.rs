@@ -20,6 +20,7 @@ fn tableau(solver: Solver) -> (Vec<Vec<f64>>, Vec<f64>) {
             vec![vec![], vec![0.5], vec![0.0, 0.5], vec![0.0, 0.0, 1.0]],
             vec![1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
         ),
+        _ => unreachable!("no explicit Runge-Kutta method"),
     }
 }
 
@@ -100,7 +101,7 @@ fn affine_model(family: Family, solver: Solver) -> Model {
 
 #[test]
 fn every_form_of_an_affine_step_is_the_textbook_step() {
-    for solver in Solver::ALL {
+    for solver in Solver::RUNGE_KUTTA {
         for family in AFFINE_FAMILIES {
             let model = affine_model(family, solver);
             for form in [StageForm::Horner, StageForm::Factors, StageForm::Full] {
@@ -127,7 +128,7 @@ fn every_form_of_an_affine_step_is_the_textbook_step() {
 #[test]
 fn the_step_graph_is_the_textbook_step_of_every_solver() {
     let mut compared = 0;
-    for solver in Solver::ALL {
+    for solver in Solver::RUNGE_KUTTA {
         for family in FAMILIES {
             let model = random_model(family, 9, solver, 5);
             let graph = stage_by_stage(&model);

@@ -30,7 +30,7 @@ const STEPS: u64 = 12;
 
 fn flows() -> impl Iterator<Item = Flow> {
     FAMILIES.into_iter().flat_map(|family| {
-        Solver::ALL.into_iter().flat_map(move |solver| {
+        Solver::RUNGE_KUTTA.into_iter().flat_map(move |solver| {
             FORMATS
                 .into_iter()
                 .map(move |format| Flow::random(family, (7, 2), solver, format, Placement::Scattered, 82))

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use pe_ir::functions::{Functions, ScalarFunction};
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::model::{Expr, Model, Solver, Variable};
+use pe_ir::model::{Expr, Model, Output, Solver, Variable};
 use pe_ir::source::Diagnostic;
 
 use super::forms::{self, StepOptions};
@@ -12,6 +12,7 @@ use super::polynomial::{Nested, NestedFactor};
 use super::prune::prune;
 use super::rows::Rows;
 use super::sharing::{self, Expanded};
+use super::{method, planned};
 use crate::pairs;
 
 /// One stage of a solver: where its chains read, how they are scaled, and what they write.
@@ -71,6 +72,7 @@ fn increments(solver: Solver, h: f64) -> Vec<Stage> {
             inner(3, h, Some(0)),
             last(4, h / 6.0, Some(1.0 / 3.0)),
         ],
+        _ => unreachable!("the step of {} is planned", solver.name()),
     }
 }
 
@@ -90,14 +92,19 @@ const TABLE_PRODUCTS: u32 = 7;
 /// (see [`crate::lift`]).
 ///
 /// # Errors
-/// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have.
+/// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have, `E0806`
+/// for a solver that does not suit it.
 pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
+    if let Some(plan) = method::plan(model)? {
+        return planned::build(plan, options);
+    }
     let expanded = sharing::expand(model)?;
     let derivatives: Vec<Nested> = expanded.derivatives.iter().map(Nested::of).collect();
     let algebraics: Vec<Nested> = expanded.algebraics.iter().map(Nested::of).collect();
     let used = shared_by_derivatives(&expanded);
     let plain = match model.solver {
         Solver::Euler => StageForm::Euler,
+        Solver::Exact => StageForm::Full,
         _ if is_affine(&expanded) => StageForm::Horner,
         _ => StageForm::Increments,
     };
@@ -107,7 +114,10 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     let shared = shared.map(|(index, nested)| nested.cost().max(1) as u32 + table(index));
     let slots: Vec<u32> = derivatives.iter().map(slots).chain(shared).collect();
     let plain = forms::plain_cost(plain, model.solver.stages(), &slots, options.pes);
-    let (form, costs) = forms::choose(model, &expanded, &plain, options)?;
+    let (form, costs) = match model.solver {
+        Solver::Exact => forms::single(model, method::exponential(model, &expanded)?, options)?,
+        _ => forms::choose(model, &expanded, &plain, options)?,
+    };
     let mut builder = Builder::new(model, form.cost);
     builder.graph.forms = costs;
     let mut current: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
@@ -179,13 +189,13 @@ fn close(expanded: &Expanded, used: &mut [bool]) {
 }
 
 /// The values that stand for variables in a stage.
-struct Operands<'a> {
-    states: &'a [ValueId],
-    algebraics: HashMap<u32, ValueId>,
+pub(super) struct Operands<'a> {
+    pub states: &'a [ValueId],
+    pub algebraics: HashMap<u32, ValueId>,
 }
 
-struct Builder {
-    graph: StepGraph,
+pub(super) struct Builder {
+    pub graph: StepGraph,
     /// Equation of each algebraic variable that has one.
     algebraic_equations: HashMap<usize, u32>,
     /// Number of inner sums of each equation so far.
@@ -197,7 +207,7 @@ struct Builder {
 }
 
 impl Builder {
-    fn new(model: &Model, cost: FormCost) -> Builder {
+    pub(super) fn new(model: &Model, cost: FormCost) -> Builder {
         let mut graph = StepGraph {
             form: cost.form,
             stages: cost.stages,
@@ -259,7 +269,7 @@ impl Builder {
     }
 
     /// The number of a function among those of the graph; equal ones of different variables are one.
-    fn function(&mut self, function: &Expr) -> u32 {
+    pub(super) fn function(&mut self, function: &Expr) -> u32 {
         let variable = Variable::State(0);
         let body = function.substituted(&|_| Expr::Variable(variable));
         let next = self.graph.functions.exact.len() as u32;
@@ -344,18 +354,21 @@ impl Builder {
             let value = match output.variable {
                 Variable::State(s) => states[s as usize],
                 Variable::Algebraic(a) => operands.algebraics[&a],
-                Variable::Input(i) => {
-                    let equation = self.graph.equations.len() as u32;
-                    self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
-                    let value = push(&mut self.graph, Role::Published(index as u32), equation, false);
-                    let operand = self.graph.inputs[i as usize];
-                    let terms = vec![Term::new(operand, Factor::Coefficient(1.0))];
-                    self.chain(equation, terms, Write { value, base: None, weight: 0 }, None);
-                    value
-                }
+                Variable::Input(i) => self.published_input(index, output, i),
             };
             self.graph.outputs.push(value);
         }
+    }
+
+    /// The value to publish of an output that is an input.
+    pub(super) fn published_input(&mut self, index: usize, output: &Output, input: u32) -> ValueId {
+        let equation = self.graph.equations.len() as u32;
+        self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
+        let value = push(&mut self.graph, Role::Published(index as u32), equation, false);
+        let operand = self.graph.inputs[input as usize];
+        let terms = vec![Term::new(operand, Factor::Coefficient(1.0))];
+        self.chain(equation, terms, Write { value, base: None, weight: 0 }, None);
+        value
     }
 
     /// Chain `value := constant + products`.
@@ -372,13 +385,13 @@ impl Builder {
     }
 
     /// A base constant; it takes the role of port of the value it is the base of.
-    fn constant(&mut self, number: f64, equation: u32, destination: ValueId) -> ValueId {
+    pub(super) fn constant(&mut self, number: f64, equation: u32, destination: ValueId) -> ValueId {
         let factor = self.graph.value(destination).factor;
         push(&mut self.graph, Role::Constant(number), equation, factor)
     }
 
     /// The products of a nested sum, times `scale`; inner sums get chains of their own.
-    fn terms(&mut self, equation: u32, nested: &Nested, scale: f64, operands: &Operands) -> Vec<Term> {
+    pub(super) fn terms(&mut self, equation: u32, nested: &Nested, scale: f64, operands: &Operands) -> Vec<Term> {
         let mut terms = Vec::with_capacity(nested.products.len() + 2);
         for (variable, factor) in &nested.products {
             let operand = match variable {
@@ -407,7 +420,7 @@ impl Builder {
         value
     }
 
-    fn chain(&mut self, equation: u32, terms: Vec<Term>, write: Write, second: Option<Write>) {
+    pub(super) fn chain(&mut self, equation: u32, terms: Vec<Term>, write: Write, second: Option<Write>) {
         let start = self.graph.terms.len() as u32;
         self.graph.terms.extend(terms);
         let terms = start..self.graph.terms.len() as u32;
@@ -415,7 +428,7 @@ impl Builder {
     }
 }
 
-fn push(graph: &mut StepGraph, role: Role, equation: u32, factor: bool) -> ValueId {
+pub(super) fn push(graph: &mut StepGraph, role: Role, equation: u32, factor: bool) -> ValueId {
     graph.values.push(Value { role, equation, factor });
     ValueId(graph.values.len() as u32 - 1)
 }

@@ -125,6 +125,30 @@ pub fn choose(
     }
 }
 
+/// The only form of a method whose step is a matrix.
+///
+/// # Errors
+/// `E0805` if another form was asked for.
+pub fn single(model: &Model, rows: Rows, options: &StepOptions) -> Result<(Form, Vec<FormCost>), Vec<Diagnostic>> {
+    let form = StageForm::Full;
+    check_only(model, form, options)?;
+    let parts = Parts::of(&rows, options.pes);
+    let stages = vec![rows];
+    let cost = cost(form, &stages, &parts, options.pes);
+    Ok((Form { form, stages, cost }, vec![cost]))
+}
+
+/// Whether the only form that a step has is the one asked for, if any is.
+///
+/// # Errors
+/// `E0805` if it is not.
+pub fn check_only(model: &Model, has: StageForm, options: &StepOptions) -> Result<(), Vec<Diagnostic>> {
+    match options.form {
+        Some(asked) if asked != has => Err(vec![unsuitable(model, asked, has)]),
+        _ => Ok(()),
+    }
+}
+
 /// The cost of the right-hand side as it is written, stage after stage.
 pub fn plain_cost(form: StageForm, stages: u32, equations: &[u32], pes: Option<u32>) -> FormCost {
     // By increments the last stage of a state has one product more.
@@ -146,7 +170,7 @@ fn cost(form: StageForm, stages: &[Rows], parts: &Parts, pes: Option<u32>) -> Fo
 
 /// Completes a cost with the cycles that products, the largest equation or the latency of the stages take. Arrivals
 /// never take more than products: every imported word is an operand of one at least.
-fn with_cycles(cost: FormCost, pes: Option<u32>) -> FormCost {
+pub fn with_cycles(cost: FormCost, pes: Option<u32>) -> FormCost {
     let latency = pes.map_or(0, |_| u64::from(cost.stages) * LATENCY);
     let spread = cost.products.div_ceil(u64::from(pes.unwrap_or(1).max(1)));
     FormCost { cycles: spread.max(u64::from(cost.largest)).max(latency), ..cost }

@@ -2,6 +2,9 @@
 
 mod build;
 mod forms;
+mod method;
+mod plan;
+mod planned;
 mod polynomial;
 mod prune;
 mod rows;

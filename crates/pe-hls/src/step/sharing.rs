@@ -49,6 +49,14 @@ const PRICING_LIMIT: usize = 4096;
 /// # Errors
 /// `E0801` for an equation with too many monomials.
 pub fn expand(model: &Model) -> Result<Expanded, Vec<Diagnostic>> {
+    expand_keeping(model, &|_| false)
+}
+
+/// The same, with some algebraic equations that are always computed on their own.
+///
+/// # Errors
+/// `E0801` for an equation with too many monomials.
+pub fn expand_keeping(model: &Model, keep: &dyn Fn(usize) -> bool) -> Result<Expanded, Vec<Diagnostic>> {
     let readers = Readers::of(model);
     let mut algebraics: Vec<Polynomial> = Vec::with_capacity(model.algebraics.len());
     let mut shared = vec![false; model.algebraics.len()];
@@ -62,7 +70,7 @@ pub fn expand(model: &Model) -> Result<Expanded, Vec<Diagnostic>> {
             }
         };
         algebraics.push(polynomial);
-        shared[index] = sharing_pays(model, &readers, index, &algebraics, &mut shared);
+        shared[index] = keep(index) || sharing_pays(model, &readers, index, &algebraics, &mut shared);
     }
     let mut derivatives = Vec::with_capacity(model.states.len());
     for state in &model.states {

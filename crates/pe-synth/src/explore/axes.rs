@@ -18,7 +18,7 @@ pub struct Axes {
     /// Numbers of processing elements [default: powers of two, for as long as more of them can be faster]
     #[arg(long, value_name = "N,...", value_delimiter = ',', help_heading = "Sweep")]
     pub pes: Vec<u32>,
-    /// Numerical methods [default: all]
+    /// Numerical methods [default: euler,heun,heun3,rk4]
     #[arg(long, value_name = "SOLVER,...", value_delimiter = ',', value_parser = solver(), help_heading = "Sweep")]
     pub solver: Vec<Solver>,
     /// Steps [default: the spec's, its half and its double]
@@ -41,7 +41,7 @@ impl Axes {
     pub fn complete(&self, model: &Model) -> (Axes, Vec<(Solver, StepGraph)>) {
         let mut axes = self.clone();
         if axes.solver.is_empty() {
-            axes.solver = Solver::ALL.to_vec();
+            axes.solver = Solver::RUNGE_KUTTA.to_vec();
         }
         if axes.step.is_empty() {
             axes.step = vec![2.0 * model.step, model.step, model.step / 2.0];

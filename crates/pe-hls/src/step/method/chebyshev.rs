@@ -1,0 +1,56 @@
+//! Runge-Kutta-Chebyshev methods of second order.
+//!
+//! Sommeijer, Shampine, Verwer, RKC: an explicit solver for parabolic PDEs, J. Comput. Appl. Math. 88 (1997), equations
+//! 2.1 to 2.7. The stages are written as increments `d_j = y_j - y`, so that only small numbers are
+//! multiplied: `d_j = mu_j d_{j-1} + nu_j d_{j-2} + h (mu~_j f_{j-1} + gamma~_j f_0)`.
+
+use pe_ir::coefficients::chebyshev;
+use pe_ir::model::{Expr, Model, Variable};
+
+use crate::step::plan::{Plan, Point, times};
+
+/// The step of a model.
+pub fn plan(model: &Model) -> Plan<'_> {
+    let states: Vec<u32> = (0..model.states.len() as u32).collect();
+    let mut plan = Plan::new(model);
+    let mut point = plan.start();
+    let mut first: Vec<Variable> = Vec::new();
+    // Increments of the last stage but one and of the last.
+    let mut before: Vec<Vec<Variable>> = Vec::new();
+    let stages = chebyshev(model.solver.stages() as usize);
+    for (number, stage) in (2..).zip(&stages) {
+        let slopes = plan.slopes(&mut point, &states);
+        let last = number as usize == stages.len() + 1;
+        let (mut next, mut increments) = (Vec::new(), Vec::new());
+        for (state, slope) in states.iter().zip(slopes) {
+            let index = *state as usize;
+            let name = &model.states[index].name;
+            let mut terms = Vec::new();
+            if number == 2 {
+                // The first slope is read by all stages.
+                let slope = plan.auxiliary(*state, format!("{name}.slope"), Expr::scaled(model.step, slope), true);
+                first.push(slope);
+                terms.push(times(stage.slope, slope));
+            } else {
+                terms.push(Expr::scaled(model.step * stage.slope, slope));
+                terms.push(times(stage.first_slope, first[index]));
+            }
+            let factors = [stage.mu, stage.nu];
+            terms.extend(before.iter().rev().zip(factors).map(|(increments, factor)| times(factor, increments[index])));
+            let (base, sum) = (Variable::State(*state), Expr::sum(terms));
+            if last {
+                plan.end(*state, Some(base), sum);
+                continue;
+            }
+            let value = plan.stage(*state, number, base, sum);
+            increments.push(plan.increment_of(value, *state, format!("{name}.increment{number}")));
+            next.push(value);
+        }
+        point = Point::new(next, number);
+        before.push(increments);
+        if before.len() > 2 {
+            before.remove(0);
+        }
+    }
+    plan
+}

@@ -1,0 +1,153 @@
+//! Linearly implicit methods, and the trapezoidal rule with a fixed number of Newton iterations.
+//!
+//! All are written with the matrix `I - gamma h J` and unknowns in the units of the states, so that every number has the
+//! range of a state. Inputs stand still within a step, so the step is that of an autonomous model.
+//!
+//! - `implicit_euler`: Rosenbrock's method of one stage, Hairer and Wanner, Solving Ordinary Differential Equations II,
+//!   section IV.7.
+//! - `ros2`: Verwer, Spee, Blom, Hundsdorfer, A second-order Rosenbrock method applied to photochemical dispersion
+//!   problems, SIAM J. Sci. Comput. 20 (1999), with `gamma = 1 - 1/sqrt(2)`, which makes it L-stable.
+//! - `rodas3`: Sandu, Verwer, Blom, Spee, Carmichael, Potra, Benchmarking stiff ODE solvers for atmospheric chemistry
+//!   problems II, Atmospheric Environment 31 (1997); third order, stiffly accurate.
+
+use pe_ir::coefficients::ROS2_GAMMA;
+use pe_ir::model::{Expr, Model};
+use pe_ir::source::Diagnostic;
+
+use super::elimination::{self, Factors};
+use super::jacobian::jacobian;
+use crate::step::plan::{Plan, Point, of};
+
+/// Newton iterations of the trapezoidal rule. Each has a Jacobian of its own: with a frozen one Newton's iteration
+/// diverges where the first step is large.
+const ITERATIONS: u8 = 2;
+
+fn states(model: &Model) -> Vec<u32> {
+    (0..model.states.len() as u32).collect()
+}
+
+/// The matrix at a point whose slopes have been asked for.
+fn factors(plan: &mut Plan, point: &Point, scale: f64, matrix: u8) -> Result<Factors, Vec<Diagnostic>> {
+    let jacobian = jacobian(plan, point);
+    elimination::factor(plan, jacobian, scale, matrix)
+}
+
+fn scaled(factor: f64, exprs: &[Expr]) -> Vec<Expr> {
+    exprs.iter().map(|expr| Expr::scaled(factor, expr.clone())).collect()
+}
+
+/// Sums, state by state.
+fn sums(parts: &[(f64, &[Expr])]) -> Vec<Expr> {
+    let sum = |state: usize| {
+        Expr::sum(parts.iter().map(|(factor, part)| Expr::scaled(*factor, part[state].clone())).collect())
+    };
+    (0..parts[0].1.len()).map(sum).collect()
+}
+
+/// A point at which all states have moved from a point on.
+fn moved(plan: &mut Plan, from: &Point, increments: Vec<Expr>, stage: u8) -> Point {
+    let states = (0..).zip(increments);
+    let states = states.map(|(state, sum)| plan.stage(state, stage, from.states[state as usize], sum)).collect();
+    Point::new(states, stage)
+}
+
+fn end(plan: &mut Plan, from: &Point, increments: Vec<Expr>) {
+    for (state, sum) in (0..).zip(increments) {
+        plan.end(state, Some(from.states[state as usize]), sum);
+    }
+}
+
+/// `(I - h J) u = h f(y)`, `y+ = y + u`.
+pub fn implicit_euler(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
+    let mut plan = Plan::new(model);
+    let mut start = plan.start();
+    let slopes = plan.slopes(&mut start, &states(model));
+    let matrix = factors(&mut plan, &start, model.step, 1)?;
+    let u = matrix.solve(&mut plan, scaled(model.step, &slopes), "u");
+    end(&mut plan, &start, u);
+    Ok(plan)
+}
+
+/// `(I - g h J) u1 = h f(y)`, `(I - g h J) u2 = h f(y + u1) - 2 u1`, `y+ = y + 3/2 u1 + 1/2 u2`.
+pub fn ros2(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
+    let gamma = ROS2_GAMMA;
+    let h = model.step;
+    let states = states(model);
+    let mut plan = Plan::new(model);
+    let mut start = plan.start();
+    let slopes = plan.slopes(&mut start, &states);
+    let matrix = factors(&mut plan, &start, gamma * h, 1)?;
+    let u1 = matrix.solve(&mut plan, scaled(h, &slopes), "u1");
+    let mut second = moved(&mut plan, &start, u1.clone(), 2);
+    let slopes = plan.slopes(&mut second, &states);
+    let u2 = matrix.solve(&mut plan, sums(&[(h, &slopes), (-2.0, &u1)]), "u2");
+    end(&mut plan, &start, sums(&[(1.5, &u1), (0.5, &u2)]));
+    Ok(plan)
+}
+
+/// With `W = I - h J / 2`: `W u1 = h/2 f(y)`, `W u2 = h/2 f(y) + 2 u1`, `W u3 = h/2 f(y + 2 u1) + (u1 - u2)/2`,
+/// `W u4 = h/2 f(y + 2 u1 + u3) + (u1 - u2)/2 - 4/3 u3`, `y+ = y + 2 u1 + u3 + u4`.
+pub fn rodas3(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
+    let half = model.step / 2.0;
+    let states = states(model);
+    let mut plan = Plan::new(model);
+    let mut start = plan.start();
+    let slopes = plan.slopes(&mut start, &states);
+    let first: Vec<Expr> = states
+        .iter()
+        .zip(scaled(half, &slopes))
+        .map(|(state, slope)| {
+            let name = format!("{}.slope", model.states[*state as usize].name);
+            of(plan.auxiliary(*state, name, slope, true))
+        })
+        .collect();
+    let matrix = factors(&mut plan, &start, half, 1)?;
+    let u1 = matrix.solve(&mut plan, first.clone(), "u1");
+    let u2 = matrix.solve(&mut plan, sums(&[(1.0, &first), (2.0, &u1)]), "u2");
+    let mut third = moved(&mut plan, &start, scaled(2.0, &u1), 3);
+    let slopes = plan.slopes(&mut third, &states);
+    let u3 = matrix.solve(&mut plan, sums(&[(half, &slopes), (0.5, &u1), (-0.5, &u2)]), "u3");
+    let mut fourth = moved(&mut plan, &third, u3.clone(), 4);
+    let slopes = plan.slopes(&mut fourth, &states);
+    let right = sums(&[(half, &slopes), (0.5, &u1), (-0.5, &u2), (-4.0 / 3.0, &u3)]);
+    let u4 = matrix.solve(&mut plan, right, "u4");
+    end(&mut plan, &fourth, u4);
+    Ok(plan)
+}
+
+/// Newton's iteration for `d = h/2 (f(y) + f(y + d))`, from `d = 0`: `(I - h/2 J(y + d)) e = h/2 (f(y) + f(y + d)) - d`,
+/// then `d + e` in place of `d`. A linear model is solved by the first iteration.
+pub fn trapezoidal(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
+    let half = model.step / 2.0;
+    let states = states(model);
+    let mut plan = Plan::new(model);
+    let mut point = plan.start();
+    let slopes = plan.slopes(&mut point, &states);
+    let matrix = factors(&mut plan, &point, half, 1)?;
+    if matrix.constant {
+        let e = matrix.solve(&mut plan, scaled(model.step, &slopes), "u");
+        end(&mut plan, &point, e);
+        return Ok(plan);
+    }
+    let first: Vec<Expr> = states
+        .iter()
+        .zip(scaled(half, &slopes))
+        .map(|(state, slope)| {
+            let name = format!("{}.slope", model.states[*state as usize].name);
+            of(plan.auxiliary(*state, name, slope, true))
+        })
+        .collect();
+    // The sum of the corrections so far; increments are added to the last point, exactly.
+    let mut moves = matrix.solve(&mut plan, scaled(2.0, &first), "u1");
+    let mut total = moves.clone();
+    for iteration in 2..=ITERATIONS {
+        point = moved(&mut plan, &point, moves, iteration);
+        let slopes = plan.slopes(&mut point, &states);
+        let matrix = factors(&mut plan, &point, half, iteration)?;
+        let right = sums(&[(1.0, &first), (half, &slopes), (-1.0, &total)]);
+        moves = matrix.solve(&mut plan, right, &format!("u{iteration}"));
+        total = sums(&[(1.0, &total), (1.0, &moves)]);
+    }
+    end(&mut plan, &point, moves);
+    Ok(plan)
+}

@@ -1,0 +1,44 @@
+//! Methods other than explicit Runge-Kutta methods with as many stages as their order, as plans of a step.
+
+mod adams;
+mod chebyshev;
+mod elimination;
+mod exponential;
+mod gates;
+mod implicit;
+mod jacobian;
+mod partitioned;
+
+use pe_ir::codes;
+use pe_ir::model::{Model, Solver};
+use pe_ir::source::Diagnostic;
+
+pub use exponential::exponential;
+
+use super::plan::Plan;
+
+/// The step of a model by its method; none if the method is an explicit Runge-Kutta method, or needs no plan.
+///
+/// # Errors
+/// `E0806` if the method does not suit the model.
+pub fn plan(model: &Model) -> Result<Option<Plan<'_>>, Vec<Diagnostic>> {
+    let plan = match model.solver {
+        Solver::Euler | Solver::Heun | Solver::Heun3 | Solver::Rk4 | Solver::Exact => return Ok(None),
+        Solver::SymplecticEuler => partitioned::symplectic_euler(model)?,
+        Solver::Leapfrog => partitioned::leapfrog(model)?,
+        Solver::Ab2 | Solver::Ab3 | Solver::Ab4 => adams::plan(model),
+        Solver::Rkc5 | Solver::Rkc10 => chebyshev::plan(model),
+        Solver::ImplicitEuler => implicit::implicit_euler(model)?,
+        Solver::Trapezoidal => implicit::trapezoidal(model)?,
+        Solver::Ros2 => implicit::ros2(model)?,
+        Solver::Rodas3 => implicit::rodas3(model)?,
+        Solver::RushLarsen => gates::plan(model)?,
+    };
+    Ok(Some(plan))
+}
+
+/// The finding that the method does not suit the model.
+fn unsuitable(model: &Model, reason: &str, help: &str) -> Vec<Diagnostic> {
+    let message = format!("`{}` is no solver for `{}`: {reason}", model.solver.name(), model.name);
+    vec![Diagnostic::global(codes::UNSUITABLE_SOLVER, message).with_help(help)]
+}

@@ -1,0 +1,196 @@
+//! The step of a method as equations, before they are chains.
+//!
+//! Each equation of a plan defines a variable: a state in an intermediate stage or at the end of the step, an algebraic
+//! variable in some stage, or a quantity of the method. Equations read states at the start of the step, inputs, and
+//! variables of earlier equations, under the name [`Variable::Algebraic`] with the number of the equation.
+
+use std::collections::BTreeMap;
+
+use pe_ir::graph::Role;
+use pe_ir::model::{Expr, Model, Variable};
+
+/// `variable := base + sum`.
+#[derive(Clone, Debug)]
+pub struct Planned {
+    /// What it is. Indices of auxiliaries are those of [`Plan::auxiliaries`], indices of algebraic variables the model's.
+    pub role: Role,
+    /// The state on whose PE it is computed; none for the model's algebraic variables, which are units of their own.
+    pub owner: Option<u32>,
+    /// What the sum is added to without a loss, in the same number format.
+    pub base: Option<Variable>,
+    /// The sum.
+    pub sum: Expr,
+    /// The equation whose sum is taken in place of an own one.
+    pub same_sum: Option<u32>,
+    /// Whether it has to be computed; otherwise it may be put in place where it is read.
+    pub keep: bool,
+}
+
+/// A number that the method keeps from step to step beside the states, such as a slope of the step before.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Memory {
+    /// The state that it belongs to.
+    pub owner: u32,
+    /// Name.
+    pub name: String,
+    /// Value at time zero.
+    pub initial: f64,
+}
+
+/// Equations of a step.
+pub struct Plan<'m> {
+    /// The model.
+    pub model: &'m Model,
+    /// Equations, each reading only earlier ones.
+    pub equations: Vec<Planned>,
+    /// Names of quantities of the method.
+    pub auxiliaries: Vec<String>,
+    /// Numbers kept from step to step; they count as states behind those of the model.
+    pub memories: Vec<Memory>,
+    /// For each state and memory its value at the end of the step.
+    pub ends: Vec<Option<Variable>>,
+}
+
+/// States at some point of a step, and the algebraic variables there.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// For each state of the model the variable that stands for it.
+    pub states: Vec<Variable>,
+    algebraics: BTreeMap<u32, Variable>,
+    stage: u8,
+}
+
+impl Point {
+    /// The point with these states; `stage` numbers it in names.
+    pub fn new(states: Vec<Variable>, stage: u8) -> Point {
+        Point { states, algebraics: BTreeMap::new(), stage }
+    }
+
+    /// Whether an algebraic variable has been asked for.
+    pub fn has(&self, algebraic: u32) -> bool {
+        self.algebraics.contains_key(&algebraic)
+    }
+
+    /// What stands for a variable of the model here; its algebraic variables must have been asked for.
+    pub fn variable(&self, variable: Variable) -> Variable {
+        match variable {
+            Variable::State(state) => self.states[state as usize],
+            Variable::Algebraic(algebraic) => self.algebraics[&algebraic],
+            input @ Variable::Input(_) => input,
+        }
+    }
+}
+
+impl<'m> Plan<'m> {
+    /// A plan without equations.
+    pub fn new(model: &'m Model) -> Plan<'m> {
+        let ends = vec![None; model.states.len()];
+        Plan { model, equations: Vec::new(), auxiliaries: Vec::new(), memories: Vec::new(), ends }
+    }
+
+    /// The start of the step.
+    pub fn start(&self) -> Point {
+        Point::new((0..self.model.states.len() as u32).map(Variable::State).collect(), 1)
+    }
+
+    /// The derivatives of some states at a point.
+    pub fn slopes(&mut self, point: &mut Point, states: &[u32]) -> Vec<Expr> {
+        let model = self.model;
+        let derivative = |state: &u32| &model.states[*state as usize].derivative;
+        self.algebraics(point, states.iter().map(derivative), false);
+        states.iter().map(|state| derivative(state).renamed(&|variable| point.variable(variable))).collect()
+    }
+
+    /// Plans the algebraic variables that expressions of the model read at a point.
+    pub fn algebraics<'e>(&mut self, point: &mut Point, readers: impl Iterator<Item = &'e Expr>, keep: bool) {
+        let model = self.model;
+        let mut needed = vec![false; model.algebraics.len()];
+        let mark = |expr: &Expr, needed: &mut Vec<bool>| {
+            expr.each_variable(&mut |variable| {
+                if let Variable::Algebraic(algebraic) = variable {
+                    needed[algebraic as usize] = true;
+                }
+            });
+        };
+        readers.for_each(|expr| mark(expr, &mut needed));
+        let asked = needed.clone();
+        for index in (0..needed.len()).rev().filter(|index| !point.algebraics.contains_key(&(*index as u32))) {
+            if needed[index] {
+                mark(&model.algebraics[index].expr, &mut needed);
+            }
+        }
+        for index in (0..needed.len()).filter(|index| needed[*index]) {
+            let algebraic = index as u32;
+            if !point.algebraics.contains_key(&algebraic) {
+                let sum = model.algebraics[index].expr.renamed(&|variable| point.variable(variable));
+                let role = Role::Algebraic(algebraic, point.stage);
+                let keep = keep && asked[index];
+                let variable = self.add(Planned { role, owner: None, base: None, sum, same_sum: None, keep });
+                point.algebraics.insert(algebraic, variable);
+            }
+        }
+    }
+
+    /// A state in an intermediate stage.
+    pub fn stage(&mut self, state: u32, number: u8, base: Variable, sum: Expr) -> Variable {
+        let role = Role::Stage(state, number);
+        self.add(Planned { role, owner: Some(state), base: Some(base), sum, same_sum: None, keep: true })
+    }
+
+    /// A quantity of the method that is computed on the PE of a state. Without `keep` it may be put in place.
+    pub fn auxiliary(&mut self, owner: u32, name: String, sum: Expr, keep: bool) -> Variable {
+        let role = self.auxiliary_role(name);
+        self.add(Planned { role, owner: Some(owner), base: None, sum, same_sum: None, keep })
+    }
+
+    /// A quantity of the method: the sum of an earlier equation without that equation's base.
+    pub fn increment_of(&mut self, equation: Variable, owner: u32, name: String) -> Variable {
+        let Variable::Algebraic(number) = equation else { unreachable!("only equations have a sum") };
+        let role = self.auxiliary_role(name);
+        let sum = Expr::Constant(0.0);
+        self.add(Planned { role, owner: Some(owner), base: None, sum, same_sum: Some(number), keep: true })
+    }
+
+    /// The reciprocal of a pivot in the row of a state of a matrix.
+    pub fn pivot(&mut self, state: u32, matrix: u8, sum: Expr) -> Variable {
+        let role = Role::Pivot(state, matrix);
+        self.add(Planned { role, owner: Some(state), base: None, sum, same_sum: None, keep: true })
+    }
+
+    /// A number kept from step to step; the variable is its value at the start of the step.
+    pub fn memory(&mut self, owner: u32, name: String, initial: f64) -> Variable {
+        self.memories.push(Memory { owner, name, initial });
+        self.ends.push(None);
+        Variable::State(self.ends.len() as u32 - 1)
+    }
+
+    /// The end value of a state or memory.
+    pub fn end(&mut self, state: u32, base: Option<Variable>, sum: Expr) -> Variable {
+        let states = self.model.states.len();
+        let owner = (state as usize).checked_sub(states).map_or(state, |memory| self.memories[memory].owner);
+        let role = Role::Next(state);
+        let end = self.add(Planned { role, owner: Some(owner), base, sum, same_sum: None, keep: true });
+        self.ends[state as usize] = Some(end);
+        end
+    }
+
+    fn auxiliary_role(&mut self, name: String) -> Role {
+        self.auxiliaries.push(name);
+        Role::Auxiliary(self.auxiliaries.len() as u32 - 1)
+    }
+
+    fn add(&mut self, equation: Planned) -> Variable {
+        self.equations.push(equation);
+        Variable::Algebraic(self.equations.len() as u32 - 1)
+    }
+}
+
+/// A variable as an expression.
+pub fn of(variable: Variable) -> Expr {
+    Expr::Variable(variable)
+}
+
+/// A number times a variable.
+pub fn times(factor: f64, variable: Variable) -> Expr {
+    Expr::scaled(factor, of(variable))
+}

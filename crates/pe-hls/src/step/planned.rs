@@ -1,0 +1,219 @@
+//! Chains from the plan of a method's step.
+
+use std::collections::HashMap;
+
+use pe_ir::graph::{Factor, FormCost, Role, StageForm, StepGraph, Term, ValueId, Write};
+use pe_ir::model::{Algebraic, Model, Variable};
+use pe_ir::source::Diagnostic;
+
+use super::build::{Builder, Operands, push};
+use super::forms::{self, StepOptions};
+use super::plan::{Plan, Planned, Point};
+use super::polynomial::Nested;
+use super::prune::prune;
+use super::sharing;
+use crate::pairs;
+
+const NONE: u32 = u32::MAX;
+
+/// The step graph of a plan.
+///
+/// # Errors
+/// `E0801` for an equation that expands to too many products, `E0805` for a form that was asked for: a planned step has
+/// only one.
+pub fn build(mut plan: Plan, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
+    let model = plan.model;
+    let published = publish(&mut plan);
+    let flat = flat(&plan);
+    let expanded = sharing::expand_keeping(&flat, &|index| plan.equations[index].keep)?;
+    let cost = FormCost {
+        form: StageForm::Method,
+        stages: model.solver.stages(),
+        products: 0,
+        largest: 0,
+        ports: 0,
+        cycles: 0,
+    };
+    let mut builder = Builder::new(model, cost);
+    memories(&mut builder, &plan);
+    builder.graph.names.auxiliaries = plan.auxiliaries.clone();
+    let states: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
+    let mut operands = Operands { states: &states, algebraics: HashMap::new() };
+    let mut riders: Vec<Option<usize>> = vec![None; plan.equations.len()];
+    for (index, planned) in plan.equations.iter().enumerate() {
+        if let Some(leader) = planned.same_sum {
+            riders[leader as usize] = Some(index);
+        }
+    }
+    for index in (0..plan.equations.len()).filter(|index| expanded.shared[*index]) {
+        if plan.equations[index].same_sum.is_none() {
+            let nested = Nested::of(&expanded.algebraics[index]);
+            let rider = riders[index].map(|rider| (rider as u32, &plan.equations[rider]));
+            equation(&mut builder, &plan, (index as u32, rider), &nested, &mut operands);
+            let function = expanded.functions[index].as_ref().map(|function| builder.function(function));
+            builder.graph.chains.last_mut().expect("the chain of the equation").function = function;
+        }
+    }
+    let ends: Vec<ValueId> = builder.graph.states.iter().map(|(_, next)| *next).collect();
+    for (index, output) in model.outputs.iter().enumerate() {
+        let value = match output.variable {
+            Variable::State(state) => ends[state as usize],
+            Variable::Input(input) => builder.published_input(index, output, input),
+            Variable::Algebraic(algebraic) => match published.variable(Variable::Algebraic(algebraic)) {
+                Variable::Algebraic(equation) => operands.algebraics[&equation],
+                _ => unreachable!("equations define algebraic variables"),
+            },
+        };
+        builder.graph.outputs.push(value);
+    }
+    let mut graph = prune(builder.graph);
+    if !can_overwrite(&graph) {
+        // Words in pairs, which no order of equations can spoil.
+        (graph.form, graph.stages) = (StageForm::Euler, 1);
+    }
+    forms::check_only(model, graph.form, options)?;
+    graph.forms = vec![whole_cost(&graph, options)];
+    graph.pre_adder = options.pre_adder && pairs::worthwhile(&graph);
+    Ok(graph)
+}
+
+/// Plans the outputs that are algebraic variables, at the end of the step.
+fn publish(plan: &mut Plan) -> Point {
+    let model = plan.model;
+    let ends = plan.ends[..model.states.len()].iter().map(|end| end.expect("every state has an end")).collect();
+    let mut point = Point::new(ends, u8::MAX);
+    let wanted: Vec<_> = model.outputs.iter().map(|output| pe_ir::model::Expr::Variable(output.variable)).collect();
+    plan.algebraics(&mut point, wanted.iter(), true);
+    point
+}
+
+/// The equations of a plan as the algebraic equations of a model without states.
+fn flat(plan: &Plan) -> Model {
+    let algebraic = |planned: &Planned| {
+        let (name, span) = match (planned.role, planned.owner) {
+            (Role::Algebraic(algebraic, _), _) => {
+                let algebraic = &plan.model.algebraics[algebraic as usize];
+                (algebraic.name.clone(), algebraic.span)
+            }
+            (_, Some(owner)) => {
+                let state = &plan.model.states[owner as usize];
+                (state.name.clone(), state.span)
+            }
+            (_, None) => unreachable!("only algebraic variables have no owner"),
+        };
+        Algebraic { name, unit: None, expr: planned.sum.clone(), range: None, span }
+    };
+    Model {
+        name: plan.model.name.clone(),
+        title: String::new(),
+        states: Vec::new(),
+        algebraics: plan.equations.iter().map(algebraic).collect(),
+        inputs: plan.model.inputs.clone(),
+        outputs: Vec::new(),
+        left_out: Vec::new(),
+        ..*plan.model
+    }
+}
+
+/// Adds what the method keeps from step to step as states behind those of the model.
+fn memories(builder: &mut Builder, plan: &Plan) {
+    let graph = &mut builder.graph;
+    for (index, memory) in (plan.model.states.len() as u32..).zip(&plan.memories) {
+        let start = push(graph, Role::State(index), memory.owner, false);
+        let next = push(graph, Role::Next(index), memory.owner, false);
+        graph.states.push((start, next));
+        graph.initial.push(memory.initial);
+        graph.names.states.push(memory.name.clone());
+    }
+}
+
+/// Chain of an equation, and of the one that takes the same sum.
+fn equation(
+    builder: &mut Builder,
+    plan: &Plan,
+    (index, rider): (u32, Option<(u32, &Planned)>),
+    nested: &Nested,
+    operands: &mut Operands,
+) {
+    let planned = &plan.equations[index as usize];
+    let states = plan.model.states.len() as u32;
+    let number = match (planned.role, planned.owner) {
+        (Role::Algebraic(algebraic, _), _) => states + algebraic,
+        (_, owner) => owner.expect("of a state"),
+    };
+    let mut terms = builder.terms(number, nested, 1.0, operands);
+    let value = match planned.role {
+        Role::Next(state) => builder.graph.states[state as usize].1,
+        role => push(&mut builder.graph, role, number, false),
+    };
+    let mut base = planned.base.map(|base| match base {
+        Variable::State(state) => operands.states[state as usize],
+        Variable::Input(input) => builder.graph.inputs[input as usize],
+        Variable::Algebraic(equation) => operands.algebraics[&equation],
+    });
+    // A constant is a base word where nothing else is, and no other value takes the same sum.
+    if nested.constant != 0.0 && base.is_none() && rider.is_none() && !terms.is_empty() {
+        base = Some(builder.constant(nested.constant, number, value));
+    } else if nested.constant != 0.0 || terms.is_empty() {
+        let one = push(&mut builder.graph, Role::Constant(1.0), number, false);
+        terms.push(Term::new(one, Factor::Coefficient(nested.constant)));
+    }
+    let second = rider.map(|(rider, planned)| {
+        let value = push(&mut builder.graph, planned.role, number, false);
+        operands.algebraics.insert(rider, value);
+        Write { value, base: None, weight: 0 }
+    });
+    builder.chain(number, terms, Write { value, base, weight: 0 }, second);
+    operands.algebraics.insert(index, value);
+}
+
+/// Whether there is an order of chains in which all readers of a state's old word come before the write of the new one.
+fn can_overwrite(graph: &StepGraph) -> bool {
+    let producers = graph.producers();
+    let mut arcs: Vec<(u32, u32)> = Vec::new();
+    for (index, chain) in (0..).zip(&graph.chains) {
+        let mut visit = |value: ValueId| match graph.value(value).role {
+            Role::State(state) => {
+                let writer = producers[graph.states[state as usize].1.index()];
+                if writer != index {
+                    arcs.push((index, writer));
+                }
+            }
+            _ if producers[value.index()] != NONE => arcs.push((producers[value.index()], index)),
+            _ => {}
+        };
+        for term in graph.chain_terms(chain) {
+            visit(term.operand);
+            if let Factor::Value(factor) = term.factor {
+                visit(factor);
+            }
+        }
+        chain.writes().filter_map(|write| write.base).for_each(visit);
+    }
+    arcs.sort_unstable();
+    arcs.dedup();
+    let mut waits = vec![0u32; graph.chains.len()];
+    arcs.iter().for_each(|(_, later)| waits[*later as usize] += 1);
+    let mut ready: Vec<u32> = (0..graph.chains.len() as u32).filter(|chain| waits[*chain as usize] == 0).collect();
+    let mut done = 0;
+    while let Some(chain) = ready.pop() {
+        done += 1;
+        let first = arcs.partition_point(|(earlier, _)| *earlier < chain);
+        for (_, later) in arcs[first..].iter().take_while(|(earlier, _)| *earlier == chain) {
+            waits[*later as usize] -= 1;
+            if waits[*later as usize] == 0 {
+                ready.push(*later);
+            }
+        }
+    }
+    done == graph.chains.len()
+}
+
+/// The cost of a step as it stands.
+fn whole_cost(graph: &StepGraph, options: &StepOptions) -> FormCost {
+    let loads = graph.loads();
+    let products = loads.iter().map(|load| u64::from(*load)).sum();
+    let largest = loads.into_iter().max().unwrap_or(0);
+    let cost = FormCost { form: graph.form, stages: graph.stages, products, largest, ports: 0, cycles: 0 };
+    forms::with_cycles(cost, options.pes)
+}

@@ -1,0 +1,41 @@
+//! The pivots of implicit methods over the run in double precision.
+//!
+//! The matrix of a step is `I - gamma h J` in the units of the states, and it is eliminated in a fixed order. A pivot is
+//! 1 for a state that nothing moves and above 1 for one that decays; near zero the step is that of another model.
+
+use pe_ir::codes;
+use pe_ir::graph::{Role, StepGraph};
+use pe_ir::source::Diagnostic;
+
+/// Smallest magnitude of a pivot that is accepted, beside the 1 of the identity.
+const SMALLEST: f64 = 1.0 / (1u64 << 20) as f64;
+
+/// The smallest magnitude that the pivot of a state had.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SmallestPivot {
+    /// Name of the state.
+    pub state: String,
+    /// Magnitude.
+    pub magnitude: f64,
+}
+
+/// The smallest pivot, from the largest magnitude of each value of the graph; none if no pivot varies.
+///
+/// # Errors
+/// `E0905` if it is below 2^-20.
+pub fn smallest(graph: &StepGraph, largest: &[f64]) -> Result<Option<SmallestPivot>, Vec<Diagnostic>> {
+    let reciprocals = graph.values.iter().zip(largest).filter_map(|(value, largest)| match value.role {
+        Role::Pivot(state, _) => Some((state, value.equation, 1.0 / largest)),
+        _ => None,
+    });
+    let Some((state, equation, magnitude)) = reciprocals.min_by(|a, b| a.2.total_cmp(&b.2)) else { return Ok(None) };
+    let state = graph.names.states[state as usize].clone();
+    if magnitude >= SMALLEST {
+        return Ok(Some(SmallestPivot { state, magnitude }));
+    }
+    let message = format!("the pivot of `{state}` falls to {magnitude:.1e}: the matrix of the step is nearly singular");
+    let finding = Diagnostic::error(codes::SMALL_PIVOT, graph.equations[equation as usize].span, message);
+    Err(vec![
+        finding.with_help("try half of the `--step`; where the model grows, its rate times the step must stay below 1"),
+    ])
+}
