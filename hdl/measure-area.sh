@@ -101,7 +101,8 @@ $(program_memories)
       PRE_ADDER => ${shape[pre_adder]},
       SWAP => ${shape[swap]}, BASE_LAST => ${shape[base_last]}, SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
       BASE_IMAGE => PE${shape[example]}_BASE_IMAGE, COEFF_IMAGE => PE${shape[example]}_COEFFICIENT_IMAGE,
-      IMPORTED_IMAGE => PE${shape[example]}_IMPORTED_IMAGE
+      IMPORTED_IMAGE => PE${shape[example]}_IMPORTED_IMAGE, INDEX_WORDS => ${shape[index_words]:-0},
+      INDEX_WIDTH => ${shape[index_bits]:-0}, OCTAVE_WIDTH => ${shape[octave_bits]:-0}
     )
     port map (
       clk_i => clk_i, advance_i => advance_i, settle_i => settle_i, parity_i => parity_i, last_i => last_i, control_i => control,
@@ -246,6 +247,9 @@ while read -r line; do
   features="own ${shape[own_words]}, base ${shape[base_words]}, coefficients ${shape[coefficient_words]}"
   features+=", imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
   features+=", accumulator ${shape[accumulator_bits]}, ${shape[program_words]} words of ${shape[program_bits]} bits"
+  if ((${shape[index_words]:-0} > 0)); then
+    features+=", indices ${shape[index_words]} of ${shape[index_bits]} bits, ${shape[octave_bits]} of them for octaves"
+  fi
   for flag in factor pre_adder swap base_last send; do
     if [[ ${shape[$flag]} == true ]]; then features+=", $flag"; fi
   done

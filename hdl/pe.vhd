@@ -6,6 +6,7 @@ library ieee;
 
 library pe_lib;
   use pe_lib.pe_pkg.all;
+  use pe_lib.pe_write_pkg.all;
 
 -- One processing element. Each group of the control word acts in the clock in which the word is in the control
 -- register; docs/hardware.md, "Timing", tells the distances between the groups of one operation.
@@ -32,6 +33,9 @@ entity pe is
     BASE_IMAGE       : word_array_t;    -- initial base memory
     COEFF_IMAGE      : word_array_t;    -- initial coefficient memory
     IMPORTED_IMAGE   : word_array_t;    -- initial imported memory
+    INDEX_WORDS      : natural := 0;    -- index memory, 0 or a power of two
+    INDEX_WIDTH      : natural := 0;    -- bits of an index
+    OCTAVE_WIDTH     : natural := 0;    -- bits of an index that count octaves, 0 if none do
     TRACE            : boolean := false -- drives trace_o
   );
   port (
@@ -52,7 +56,8 @@ end entity pe;
 architecture rtl of pe is
 
   constant LAYOUT : layout_t := control_layout(OWN_WORDS, BASE_WORDS, COEFF_WORDS, IMPORTED_WORDS, PORT_COUNT,
-                                               SHIFTS'length, COEFFICIENT_BITS, FACTOR, SWAP, SEND);
+                                               SHIFTS'length, COEFFICIENT_BITS, FACTOR, SWAP, SEND, INDEX_WORDS,
+                                               OCTAVE_WIDTH > 0);
 
   constant OWN_BITS   : positive := index_bits(OWN_WORDS);
   constant BASE_BITS  : positive := index_bits(BASE_WORDS);
@@ -75,67 +80,10 @@ architecture rtl of pe is
   constant SHIFT_COUNT : positive := SHIFTS'length;
   constant SHIFT_BITS  : natural  := index_bits(SHIFT_COUNT);
 
-  function first_of_mid return positive is
-  begin
-
-    if (SHIFT_COUNT <= 3) then
-      return 1;
-    end if;
-
-    return 4;
-
-  end function first_of_mid;
-
-  function first_of_high return positive is
-  begin
-
-    if (SHIFT_COUNT = 3 or SHIFT_COUNT = 6) then
-      return SHIFT_COUNT - 1;
-    end if;
-
-    return 8;
-
-  end function first_of_high;
-
-  constant FIRST_MID   : positive := first_of_mid;
-  constant FIRST_HIGH  : positive := first_of_high;
+  constant FIRST_MID   : positive := first_of_mid(SHIFT_COUNT);
+  constant FIRST_HIGH  : positive := first_of_high(SHIFT_COUNT);
   constant HIGH_SHIFTS : natural  := larger(SHIFT_COUNT - FIRST_HIGH, 0);
   constant MID_SHIFTS  : natural  := larger(SHIFT_COUNT - FIRST_MID, 0) - HIGH_SHIFTS;
-
-  -- The shifted sums of `count` shift positions from `first` on, the first one rightmost.
-
-  function shifted (
-    value : signed(ACCUMULATOR_BITS - 1 downto 0);
-    first : natural;
-    count : positive
-  ) return std_ulogic_vector is
-
-    variable entries : std_ulogic_vector(count * SHIFTED_BITS - 1 downto 0);
-    variable source  : integer;
-
-  begin
-
-    for entry in 0 to count - 1 loop
-
-      for i in 0 to SHIFTED_BITS - 1 loop
-
-        source := i + SHIFTS(SHIFTS'low + first + entry) - 1 - LIFT;
-
-        if (source < 0) then
-          entries(entry * SHIFTED_BITS + i) := '0';
-        elsif (source >= ACCUMULATOR_BITS) then
-          entries(entry * SHIFTED_BITS + i) := value(ACCUMULATOR_BITS - 1);
-        else
-          entries(entry * SHIFTED_BITS + i) := value(source);
-        end if;
-
-      end loop;
-
-    end loop;
-
-    return entries;
-
-  end function shifted;
 
   -- Operand group
   signal own_operand         : std_ulogic_vector(DATA_BITS - 1 downto 0);
@@ -150,6 +98,7 @@ architecture rtl of pe is
 
   -- Scale group
   signal offset    : std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal address   : std_ulogic_vector(BASE_BITS - 1 downto 0);
   signal base      : std_ulogic_vector(WORD_BITS - 1 downto 0);
   signal position  : unsigned(larger(SHIFT_BITS, 1) - 1 downto 0) := (others => '0');
   signal use_mid   : std_ulogic                                   := '0';
@@ -165,6 +114,7 @@ architecture rtl of pe is
   signal write_own     : std_ulogic;
   signal write_base    : std_ulogic;
   signal write_factor  : std_ulogic;
+  signal write_index   : std_ulogic;
   signal base_round    : std_ulogic;
   signal write_address : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal link          : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
@@ -342,10 +292,53 @@ begin
       write_address_i => write_address(BASE_BITS - 1 downto 0),
       write_data_i    => word,
       read_enable_i   => flag(control_i, LAYOUT.base.enable),
-      read_address_i  => bits(control_i, LAYOUT.base.address, BASE_BITS),
+      read_address_i  => address,
       default_i       => offset,
       read_data_o     => base
     );
+
+  -- The index is fetched in the word before; without one it is 0.
+
+  g_index : if INDEX_WORDS > 0 generate
+
+    constant PLACE_BITS : positive := larger(index_bits(INDEX_WORDS), 1);
+
+    signal index : std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
+
+  begin
+
+    write_index <= flag(control_i, LAYOUT.write_index) and not settle_i;
+
+    u_index : entity pe_lib.pe_index
+      generic map (
+        WORDS        => INDEX_WORDS,
+        WORD_BITS    => WORD_BITS,
+        INDEX_WIDTH  => INDEX_WIDTH,
+        OCTAVE_WIDTH => OCTAVE_WIDTH
+      )
+      port map (
+        clk_i           => clk_i,
+        ce_i            => advance_i,
+        write_enable_i  => write_index,
+        octave_i        => flag(control_i, LAYOUT.write_octave),
+        write_address_i => bits(control_i, LAYOUT.write_index_address, PLACE_BITS),
+        word_i          => word,
+        read_enable_i   => flag(control_i, LAYOUT.index.enable),
+        read_address_i  => bits(control_i, LAYOUT.index.address, PLACE_BITS),
+        index_o         => index
+      );
+
+    address <= bits(control_i, LAYOUT.base.address, BASE_BITS)
+               or std_ulogic_vector(resize(unsigned(index), BASE_BITS));
+
+  end generate g_index;
+
+  g_no_index : if INDEX_WORDS = 0 generate
+
+    write_index <= '0';
+    address     <= bits(control_i, LAYOUT.base.address, BASE_BITS);
+
+  end generate g_no_index;
 
   p_scale : process (clk_i) is
 
@@ -373,11 +366,12 @@ begin
   end process p_scale;
 
   -- Groups of more than one position begin at multiples of four, so the index's low bits are theirs.
-  low_sum <= chosen(shifted(hold, 0, FIRST_MID), std_ulogic_vector(position), SHIFTED_BITS);
+  low_sum <= chosen(shifted(hold, SHIFTS, 0, FIRST_MID, LIFT, SHIFTED_BITS), std_ulogic_vector(position), SHIFTED_BITS);
 
   g_mid : if MID_SHIFTS > 0 generate
 
-    mid_sum <= chosen(shifted(hold, FIRST_MID, MID_SHIFTS), std_ulogic_vector(position), SHIFTED_BITS);
+    mid_sum <= chosen(shifted(hold, SHIFTS, FIRST_MID, MID_SHIFTS, LIFT, SHIFTED_BITS), std_ulogic_vector(position),
+                      SHIFTED_BITS);
 
   end generate g_mid;
 
@@ -389,7 +383,8 @@ begin
 
   g_high : if HIGH_SHIFTS > 0 generate
 
-    high_sum <= chosen(shifted(hold, FIRST_HIGH, HIGH_SHIFTS), std_ulogic_vector(position - FIRST_HIGH), SHIFTED_BITS);
+    high_sum <= chosen(shifted(hold, SHIFTS, FIRST_HIGH, HIGH_SHIFTS, LIFT, SHIFTED_BITS),
+                       std_ulogic_vector(position - FIRST_HIGH), SHIFTED_BITS);
 
   end generate g_high;
 
@@ -481,7 +476,7 @@ begin
     if rising_edge(clk_i) then
       if (advance_i = '1') then
         -- A value that is only sent must not saturate unseen either.
-        if (saturated = '1' and (write_own = '1' or write_base = '1' or write_factor = '1'
+        if (saturated = '1' and (write_own = '1' or write_base = '1' or write_factor = '1' or write_index = '1'
                                  or (flag(control_i, LAYOUT.send) = '1' and settle_i = '0'))) then
           overflow <= '1';
         end if;

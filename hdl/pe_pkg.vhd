@@ -35,11 +35,15 @@ package pe_pkg is
     coefficient_address : field_t;
     close               : field_t;
     base                : address_field_t;
+    index               : address_field_t;
     shift               : field_t;
     write_own           : field_t;
     write_base          : field_t;
     write_factor        : field_t;
     write               : address_field_t;
+    write_index         : field_t;
+    write_octave        : field_t;
+    write_index_address : field_t;
     send                : field_t;
     receive             : address_field_t;
     port_index          : field_t;
@@ -64,7 +68,9 @@ package pe_pkg is
     coefficient_bits  : natural;
     factor            : boolean;
     swap              : boolean;
-    send              : boolean
+    send              : boolean;
+    index_words       : natural;
+    octaves           : boolean
   ) return layout_t;
 
   -- Value of a one-bit field; '0' if the PE does not have it.
@@ -189,7 +195,9 @@ package body pe_pkg is
     coefficient_bits  : natural;
     factor            : boolean;
     swap              : boolean;
-    send              : boolean
+    send              : boolean;
+    index_words       : natural;
+    octaves           : boolean
   ) return layout_t is
 
     variable layout      : layout_t;
@@ -201,6 +209,8 @@ package body pe_pkg is
     variable factor_flag : natural;
     variable swap_flag   : natural;
     variable send_flag   : natural;
+    variable index_flag  : natural;
+    variable octave_flag : natural;
 
     -- Fields are placed from the least significant end.
 
@@ -239,6 +249,8 @@ package body pe_pkg is
     factor_flag := 0;
     swap_flag   := 0;
     send_flag   := 0;
+    index_flag  := 0;
+    octave_flag := 0;
 
     if (imported_words > 0) then
       import_flag := 1;
@@ -260,10 +272,21 @@ package body pe_pkg is
       send_flag := 1;
     end if;
 
+    if (index_words > 0) then
+      index_flag := 1;
+    end if;
+
+    if (index_words > 0 and octaves) then
+      octave_flag := 1;
+    end if;
+
     position    := 0;
     place(layout.port_index, index_bits(port_count));
     place_address(layout.receive, import_flag, swap_flag, import_bits);
     place(layout.send, send_flag);
+    place(layout.write_index_address, index_bits(index_words));
+    place(layout.write_octave, octave_flag);
+    place(layout.write_index, index_flag);
     place(layout.write.address, index_bits(write_words(own_words, base_words, coefficient_words, factor)));
     place(layout.write.swap, swap_flag);
     place(layout.write.enable, 0);
@@ -271,6 +294,7 @@ package body pe_pkg is
     place(layout.write_base, 1);
     place(layout.write_own, 1);
     place(layout.shift, index_bits(shift_count));
+    place_address(layout.index, index_flag, 0, index_bits(index_words));
     place_address(layout.base, 1, 0, index_bits(base_words));
     place(layout.close, 1);
     place(layout.coefficient_address, stored_flag * index_bits(coefficient_words));

@@ -199,6 +199,11 @@ begin
       BASE_IMAGE       => PE{{ pe.index }}_BASE_IMAGE,
       COEFF_IMAGE      => PE{{ pe.index }}_COEFFICIENT_IMAGE,
       IMPORTED_IMAGE   => PE{{ pe.index }}_IMPORTED_IMAGE,
+{%- if pe.index_words > 0 %}
+      INDEX_WORDS      => {{ pe.index_words }},
+      INDEX_WIDTH      => {{ pe.index_width }},
+      OCTAVE_WIDTH     => {{ pe.octave_width }},
+{%- endif %}
       TRACE            => TRACE
     )
     port map (

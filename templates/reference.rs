@@ -49,6 +49,10 @@ struct Description {
     pre_adder: bool,
     swap: bool,
     send: bool,
+    /// 0 if no base address takes an index.
+    index_words: u32,
+    index_width: u32,
+    octave_width: u32,
     own_image: &'static [i64],
     base_image: &'static [i64],
     coefficient_image: &'static [i64],
@@ -92,6 +96,24 @@ fn index_bits(count: u32) -> u32 {
     bits
 }
 
+/// The segment of a word: which of equal parts it is in, or its octave and the bits behind its leading one.
+fn segment(word: i64, index_width: u32, octave_width: u32, octaves: bool) -> u16 {
+    if !octaves {
+        return ((word >> (WORD_BITS - index_width)) + (1 << (index_width - 1))) as u16;
+    }
+    let last = (1u32 << octave_width) - 1;
+    let mut bits = if word < 0 { 0 } else { word };
+    let mut octave = 0;
+    while octave < last && bits >> (WORD_BITS - 2) & 1 == 0 {
+        bits <<= 1;
+        octave += 1;
+    }
+    let mantissa_width = index_width - octave_width;
+    let first = if octave < last { WORD_BITS - 2 } else { WORD_BITS - 1 };
+    let mantissa = bits >> (first - mantissa_width) & ((1 << mantissa_width) - 1);
+    (octave << mantissa_width) as u16 | mantissa as u16
+}
+
 /// Puts the bits of a word, lowest first, to the places of a mask.
 fn spread(mut word: u128, mask: u128) -> u128 {
     let mut places = 0;
@@ -104,141 +126,7 @@ fn spread(mut word: u128, mask: u128) -> u128 {
     places
 }
 
-/// Reads the fields of a control word from its most significant end.
-struct Fields {
-    word: u128,
-    left: u32,
-}
-
-impl Fields {
-    fn take(&mut self, width: u32) -> u64 {
-        self.left -= width;
-        (self.word >> self.left) as u64 & ((1u64 << width) - 1)
-    }
-
-    /// Enable, swap and address: the address in even and in odd steps.
-    fn address(&mut self, present: bool, swap: bool, width: u32) -> Option<[u16; 2]> {
-        if !present {
-            return None;
-        }
-        let enable = self.take(1) == 1;
-        let swapped = swap && self.take(1) == 1;
-        let address = self.take(width) as u16;
-        let odd = if swapped { address ^ 1 << (width - 1) } else { address };
-        if enable { Some([address, odd]) } else { None }
-    }
-}
-
-/// A decoded control word.
-struct Word {
-    own: Option<[u16; 2]>,
-    imported: Option<[u16; 2]>,
-    /// Word of the coefficient memory.
-    stored: Option<u16>,
-    coefficient: i64,
-    close: bool,
-    base: Option<u16>,
-    shift: u32,
-    write_own: bool,
-    write_base: bool,
-    write_factor: bool,
-    /// Write address in even and in odd steps.
-    write: [u16; 2],
-    send: bool,
-    receive: Option<([u16; 2], Source)>,
-}
-
-impl Description {
-    /// Words that a write address tells apart.
-    fn write_words(&self) -> u32 {
-        let factors = if self.factor { self.coefficient_words } else { 0 };
-        self.own_words.max(self.base_words).max(factors)
-    }
-
-    /// Control words of a step, put together from the two memories.
-    fn control_words(&self) -> Vec<u128> {
-        let read = |text: &str| -> Vec<u128> {
-            let word = |line: &str| u128::from_str_radix(line.trim(), 16).expect("control words are hexadecimal");
-            text.lines().filter(|line| !line.trim().is_empty()).map(word).collect()
-        };
-        let (repeated, stream) = (read(self.repeated), read(self.stream));
-        let word = |k: usize| {
-            let looped = repeated.get(k % ROUND_WORDS).copied().unwrap_or(0);
-            let streamed = stream.get(k).copied().unwrap_or(0);
-            spread(looped, !self.streamed) | spread(streamed, self.streamed)
-        };
-        (0..PERIOD).map(word).collect()
-    }
-}
-
-impl Word {
-    fn writes(&self) -> bool {
-        self.write_own || self.write_base || self.write_factor
-    }
-
-    fn decode(pe: &Description, word: u128) -> Word {
-        let own = index_bits(pe.own_words);
-        let imports = pe.imported_words > 0;
-        let imported = if imports { index_bits(pe.imported_words) } else { 0 };
-        let swap = pe.swap as u32;
-        let address = |present: bool, swap: u32, width: u32| if present { 1 + swap + width } else { 0 };
-        let shift_bits = index_bits(pe.shifts.len() as u32);
-        let port_bits = index_bits(pe.ports.len() as u32);
-        let base_bits = index_bits(pe.base_words);
-        let stored_bits = index_bits(pe.coefficient_words.max(1));
-        let coefficient_bits = if pe.coefficient_words == 0 { COEFFICIENT_BITS } else { 0 };
-        let write_bits = index_bits(pe.write_words());
-        let bits = address(true, swap, own)
-            + 2 * address(imports, swap, imported)
-            + stored_bits
-            + coefficient_bits
-            + 1
-            + address(true, 0, base_bits)
-            + shift_bits
-            + 2
-            + pe.factor as u32
-            + swap
-            + write_bits
-            + pe.send as u32
-            + port_bits;
-        let mut fields = Fields { word, left: bits };
-        let own_operand = fields.address(true, pe.swap, own);
-        let imported_operand = fields.address(imports, pe.swap, imported);
-        let coefficient = match coefficient_bits {
-            0 => 0,
-            bits => signed(fields.take(bits) as i64, bits),
-        };
-        let stored = fields.take(stored_bits) as u16;
-        let close = fields.take(1) == 1;
-        let base_enable = fields.take(1) == 1;
-        let base = fields.take(base_bits) as u16;
-        let shift = pe.shifts.get(fields.take(shift_bits) as usize).copied().unwrap_or(0);
-        let write_own = fields.take(1) == 1;
-        let write_base = fields.take(1) == 1;
-        let write_factor = pe.factor && fields.take(1) == 1;
-        let write_swap = pe.swap && fields.take(1) == 1;
-        let even = fields.take(write_bits) as u16;
-        let odd = if write_swap { even ^ 1 << (own - 1) } else { even };
-        let send = pe.send && fields.take(1) == 1;
-        let receive = fields.address(imports, pe.swap, imported);
-        let port = fields.take(port_bits) as usize;
-        Word {
-            own: own_operand,
-            imported: imported_operand,
-            stored: (pe.coefficient_words > 0).then_some(stored),
-            coefficient,
-            close,
-            base: base_enable.then_some(base),
-            shift,
-            write_own,
-            write_base,
-            write_factor,
-            write: [even, odd],
-            send,
-            receive: receive.map(|address| (address, pe.ports[port])),
-        }
-    }
-}
+{% include "reference_words.rs" %}
 
 /// Registers and memories of one PE.
 struct Pe {
@@ -264,6 +152,11 @@ struct Pe {
     word: i64,
     saturated: bool,
     overflow: bool,
+    index_width: u32,
+    octave_width: u32,
+    /// Index memory, and the index that the base address takes.
+    indices: Vec<u16>,
+    index: u16,
 }
 
 struct Network {
@@ -305,6 +198,10 @@ impl Network {
             word: 0,
             saturated: false,
             overflow: false,
+            index_width: pe.index_width,
+            octave_width: pe.octave_width,
+            indices: vec![0; pe.index_words as usize],
+            index: 0,
         };
         Network {
             pes: PES.iter().map(pe).collect(),
@@ -365,7 +262,8 @@ impl Network {
             let own = word.own.map_or(0, |address| pe.own[address[odd] as usize]);
             let imported = word.imported.map_or(0, |address| pe.imported[address[odd] as usize]);
             let multiplier = word.stored.map_or(word.coefficient, |address| pe.coefficients[address as usize]);
-            let base = word.base.map_or(half(WORD_BITS - DATA_BITS), |address| pe.base_words[address as usize]);
+            let base = word.base.map_or(half(WORD_BITS - DATA_BITS), |address| pe.base_words[(address | pe.index) as usize]);
+            let fetched = word.index.map_or(0, |place| pe.indices[place as usize]);
             let result = pe.word;
             let saturated = pe.saturated;
             // Saturation: only the upper eight bits of the word tell in which direction.
@@ -385,6 +283,7 @@ impl Network {
             // Scale group.
             pe.base = base;
             pe.shift = word.shift;
+            pe.index = fetched;
             // Accumulate group.
             let product = pe.products[MULTIPLIER_LATENCY];
             let mut kept = pe.accumulator;
@@ -408,7 +307,7 @@ impl Network {
                 let writes = word.writes();
                 let address = word.write[odd] as usize;
                 let receive = word.receive.map(|(address, _)| address[odd] as usize);
-                pe.overflow |= saturated && (writes || word.send);
+                pe.overflow |= saturated && (writes || word.write_index.is_some() || word.send);
                 let depth = pe.write_words as usize;
                 // Each memory takes as many low bits of the address as it needs.
                 if word.write_own {
@@ -422,6 +321,9 @@ impl Network {
                 if word.write_factor {
                     let factor = address & (pe.coefficients.len() - 1);
                     pe.coefficients[factor] = result >> (WORD_BITS - COEFFICIENT_BITS);
+                }
+                if let Some((place, octaves)) = word.write_index {
+                    pe.indices[place as usize] = segment(result, pe.index_width, pe.octave_width, octaves);
                 }
                 if let Some(address) = receive {
                     pe.imported[address] = self.received[index];
@@ -556,6 +458,9 @@ const PES: &[Description] = &[
         pre_adder: {{ pe.pre_adder }},
         swap: {{ pe.swap }},
         send: {{ pe.send }},
+        index_words: {{ pe.index_words }},
+        index_width: {{ pe.index_width }},
+        octave_width: {{ pe.octave_width }},
         own_image: &[{{ pe.own_image }}],
         base_image: &[{{ pe.base_image }}],
         coefficient_image: &[{{ pe.coefficient_image }}],

@@ -9,9 +9,10 @@ library std;
 
 library pe_lib;
   use pe_lib.pe_pkg.all;
+  use pe_lib.pe_write_pkg.all;
   use pe_lib.pe_trace_pkg.all;
 
--- Functions of pe_pkg: layout, selection, latency.
+-- Functions of pe_pkg and pe_write_pkg: layout, selection, latency, segments.
 
 entity pe_pkg_tb is
 end entity pe_pkg_tb;
@@ -25,6 +26,9 @@ begin
     variable checks  : natural;
     variable layout  : layout_t;
     variable entries : std_ulogic_vector(8 * 4 - 1 downto 0);
+
+    variable octave   : natural;
+    variable mantissa : natural;
 
     procedure check (
       constant what  : in string;
@@ -51,17 +55,43 @@ begin
     check("index_bits(64)", index_bits(64) = 6);
 
     -- own 1+5, imported 1+5, coefficient 18, close 1, base 1+5, shift 2, write 2+5, send 1, receive 1+5, port 2
-    layout := control_layout(32, 32, 0, 32, 4, 4, 18, false, false, true);
+    layout := control_layout(32, 32, 0, 32, 4, 4, 18, false, false, true, 0, false);
     check("plain layout", layout.bits = 55);
     check("own_enable is the top bit", layout.own.enable.lsb = 54 and layout.own.enable.width = 1);
     check("port is at the bottom", layout.port_index.lsb = 0 and layout.port_index.width = 2);
     check("coefficient", layout.coefficient.lsb = 25 and layout.coefficient.width = 18);
     check("absent coefficient memory", layout.coefficient_address.width = 0 and layout.write_factor.width = 0);
     check("absent flag reads 0", flag((54 downto 0 => '1'), layout.write_factor) = '0');
-    layout := control_layout(32, 16, 16, 32, 4, 4, 18, true, true, true);
+    layout := control_layout(32, 16, 16, 32, 4, 4, 18, true, true, true, 0, false);
     check("full layout", layout.bits = 45);
-    layout := control_layout(2, 2, 0, 0, 0, 1, 25, false, false, false);
+    layout := control_layout(2, 2, 0, 0, 0, 1, 25, false, false, false, 0, false);
     check("smallest layout", layout.bits = 2 + 25 + 1 + 2 + 3);
+    layout := control_layout(2, 2, 0, 0, 0, 1, 25, false, false, false, 8, false);
+    check("layout with indices", layout.bits = 2 + 25 + 1 + 2 + 3 + 2 * (1 + 3) and layout.write_octave.width = 0);
+    layout := control_layout(2, 2, 0, 0, 0, 1, 25, false, false, false, 8, true);
+    check("layout with octaves", layout.bits = 2 + 25 + 1 + 2 + 3 + 2 * (1 + 3) + 1);
+
+    -- Indices: words of ten bits, counted down from the largest in steps that the definition says.
+    for i in -512 to 511 loop
+
+      check("equal segment", to_integer(unsigned(equal_segment(std_ulogic_vector(to_signed(i, 10)), 3))) = (i + 512) / 128);
+
+      octave := 0;
+      while (octave < 3 and i < 2 ** (8 - octave)) loop
+        octave := octave + 1;
+      end loop;
+
+      -- Two bits behind the leading one; in the last octave, below 64, the two upper ones of six.
+      mantissa := larger(i, 0) / 16;
+
+      if (octave < 3) then
+        mantissa := (i - 2 ** (8 - octave)) / 2 ** (6 - octave);
+      end if;
+
+      check("octave segment",
+            to_integer(unsigned(octave_segment(std_ulogic_vector(to_signed(i, 10)), 4, 2))) = 4 * octave + mantissa);
+
+    end loop;
 
     -- Selection
     for i in 0 to 7 loop

@@ -140,7 +140,7 @@ pub fn shape(program: &Program, index: usize) -> String {
     let format = &program.format;
     let features = &program.pes[index].features;
     let shifts = features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(",");
-    format!(
+    let mut text = format!(
         "storage_bits={} word_bits={} data_bits={} coefficient_bits={} own_words={} base_words={} \
          coefficient_words={} imported_words={} ports={} shifts={shifts} accumulator_bits={} factor={} pre_adder={} \
          swap={} base_last={} send={} program_words={} program_bits={} rounds={} streamed_bits={}",
@@ -163,5 +163,11 @@ pub fn shape(program: &Program, index: usize) -> String {
         Layout::new(features, format).bits,
         program.rounds,
         Fold::of(program, &program.pes[index]).streamed_bits(),
-    )
+    );
+    if features.index_words > 0 {
+        let PeFeatures { index_words, index_bits, octave_bits, .. } = features;
+        write!(text, " index_words={index_words} index_bits={index_bits} octave_bits={octave_bits}")
+            .expect("writing to a string succeeds");
+    }
+    text
 }

@@ -286,6 +286,9 @@ fn word_comment(program: &Program, shown: &[String], pe: &PeProgram, word: &Cont
         (None, true) => push(&mut text, &["send ", &name(note.write, &|| "the sum".to_owned())]),
         (None, false) => {}
     }
+    if word.index.is_some() {
+        push(&mut text, &["index"]);
+    }
     if let Some((port, address)) = word.receive {
         let source = match pe.ports[usize::from(port)] {
             LinkSource::Pe(source) => format!("PE {source}"),

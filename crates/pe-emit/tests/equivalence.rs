@@ -64,6 +64,21 @@ fn cases() -> Vec<Case> {
             vec![features(4, 4, 2, &[0, 14, 15], 56, "s"), features(8, 4, 2, &[14, 18], 50, "fws")],
         ),
         case("whole", 17, (25, 18), 19, 1, 7, vec![features(4, 4, 2, &[12, 16], 44, "fws")]),
+        case(
+            "tables",
+            32,
+            (25, 18),
+            31,
+            1,
+            8,
+            vec![
+                features(4, 4, 2, &[6, 12, 16], 48, "fst"),
+                features(32, 8, 2, &[9, 14], 48, "wst"),
+                features(16, 4, 1, &[4, 10, 17], 48, "fpso"),
+                features(64, 4, 1, &[8, 13], 48, "wo"),
+            ],
+        ),
+        case("wide_tables", 32, (32, 32), 23, 1, 9, vec![features(8, 4, 1, &[20, 26, 33], 64, "fso")]),
     ]
 }
 
@@ -114,9 +129,21 @@ fn ghdl_agrees_on_words_without_dropped_bits() {
 }
 
 #[test]
+fn ghdl_agrees_on_tables() {
+    check(7);
+}
+
+#[test]
+fn ghdl_agrees_on_wide_tables() {
+    check(8);
+}
+
+#[test]
 fn verilator_agrees() {
-    let design = Design::new(&random_program(&cases()[0]), "verilator", 12);
-    let expected = design.reference();
-    design.analyse();
-    assert_same("verilator", &expected, &design.verilator());
+    for (case, directory) in [(0, "verilator"), (7, "verilator_tables")] {
+        let design = Design::new(&random_program(&cases()[case]), directory, 12);
+        let expected = design.reference();
+        design.analyse();
+        assert_same("verilator", &expected, &design.verilator());
+    }
 }

@@ -1,6 +1,7 @@
 //! Chooses the number format of every value, coefficient and write.
 //!
-//! Each value has a binary point of its own. Within a chain all products share one (the *product point*), as fine as
+//! Each value has a binary point of its own; only that of the arguments of tables is given, as their upper bits count
+//! segments. Within a chain all products share one (the *product point*), as fine as
 //! the coefficient port and the accumulator allow; what remains per write is one right shift.
 
 use pe_ir::codes;
@@ -74,6 +75,8 @@ struct Chooser<'a> {
     group: Vec<u32>,
     /// Exponent of each group.
     exponent: Vec<i32>,
+    /// For each group whether its exponent is given: full scale of a table's argument is 1.
+    pinned: Vec<bool>,
     /// For each value whether it stays within half of full scale.
     headroom: Vec<bool>,
     products: Vec<i32>,
@@ -89,9 +92,13 @@ impl<'a> Chooser<'a> {
         let mut group = groups(graph);
         let mut largest = vec![0.0f64; graph.values.len()];
         let mut widened = vec![0; graph.values.len()];
+        let entries = largest_entries(graph);
         for (index, group) in group.iter().enumerate() {
             let number = match graph.values[index].role {
                 Role::Constant(number) => number.abs(),
+                Role::Column(lookup, column) => {
+                    entries[graph.functions.lookups[lookup as usize].table as usize][usize::from(column)]
+                }
                 _ => ranges.largest[index],
             };
             largest[*group as usize] = largest[*group as usize].max(number);
@@ -104,8 +111,13 @@ impl<'a> Chooser<'a> {
             magnitude - full_scale + widened
         };
         let mut exponent: Vec<i32> = largest.iter().zip(&widened).map(exponent).collect();
+        let mut pinned = vec![false; graph.values.len()];
+        for lookup in &graph.functions.lookups {
+            let group = group[lookup.argument.index()] as usize;
+            (pinned[group], exponent[group]) = (true, -full_scale);
+        }
         let headroom = if graph.pre_adder {
-            share_points(graph, &mut group, &mut exponent)
+            share_points(graph, &mut group, &mut exponent, &pinned)
         } else {
             vec![false; graph.values.len()]
         };
@@ -114,6 +126,7 @@ impl<'a> Chooser<'a> {
             format,
             group,
             exponent,
+            pinned,
             headroom,
             products: vec![0; graph.chains.len()],
             last_stage: last_stages(graph),
@@ -131,8 +144,9 @@ impl<'a> Chooser<'a> {
     }
 
     fn raise(&mut self, id: ValueId, exponent: i32) {
-        let slot = &mut self.exponent[self.group[id.index()] as usize];
-        if *slot < exponent {
+        let group = self.group[id.index()] as usize;
+        let slot = &mut self.exponent[group];
+        if *slot < exponent && !self.pinned[group] {
             *slot = exponent;
             self.changed = true;
             self.runaway |= exponent > LARGEST_EXPONENT;
@@ -182,10 +196,22 @@ impl<'a> Chooser<'a> {
             }
         }
         for write in chain.writes() {
-            self.raise(write.value, product + write.weight - self.format.lift() as i32);
+            let finest = product + write.weight - self.format.lift() as i32;
+            self.raise(write.value, finest);
+            if self.of(write.value) < finest {
+                return Err(self.coarse_argument(chain));
+            }
         }
         self.products[index] = product;
         Ok(())
+    }
+
+    /// The argument of a table has a given format; its sum may be too coarse for it.
+    fn coarse_argument(&self, chain: &Chain) -> Diagnostic {
+        let equation = &self.graph.equations[chain.equation as usize];
+        let message = format!("the argument of `{}` is too coarse for the range of its table", equation.name);
+        Diagnostic::error(codes::NO_FORMAT, equation.span, message)
+            .with_help("what the argument is computed from is far larger than its range: shift or scale that variable")
     }
 
     /// Floor rule: a sum spans at least four LSB of its coarsest operand, or noise alone would overflow it.
@@ -273,6 +299,12 @@ impl<'a> Chooser<'a> {
     }
 }
 
+/// For each table and column the largest magnitude of its entries.
+fn largest_entries(graph: &StepGraph) -> Vec<Vec<f64>> {
+    let largest = |column: &Vec<f64>| column.iter().fold(0.0, |largest: f64, entry| largest.max(entry.abs()));
+    graph.functions.tables.iter().map(|table| table.columns.iter().map(largest).collect()).collect()
+}
+
 /// For each chain that computes an intermediate stage of a state the chain of the state's last stage. Real factors are
 /// equals: what the first of them loses the last one does not make small, so each keeps its own product point.
 fn last_stages(graph: &StepGraph) -> Vec<u32> {
@@ -306,9 +338,9 @@ const COMMON_POINT: i32 = 2;
 const SILENT: i32 = -150;
 
 /// Gives operands with equal coefficients one binary point and a bit of headroom, so that they may be added in front
-/// of the multiplier, as long as none loses more than [`COMMON_POINT`] bits for the common point. Returns which values
-/// have headroom.
-fn share_points(graph: &StepGraph, group: &mut [u32], exponent: &mut [i32]) -> Vec<bool> {
+/// of the multiplier, as long as none loses more than [`COMMON_POINT`] bits for the common point and none is `pinned`.
+/// Returns which values have headroom.
+fn share_points(graph: &StepGraph, group: &mut [u32], exponent: &mut [i32], pinned: &[bool]) -> Vec<bool> {
     let mut parent: Vec<u32> = (0..group.len() as u32).collect();
     let lowest = |exponent: i32| if exponent < SILENT { i32::MAX } else { exponent };
     let mut low: Vec<i32> = exponent.iter().map(|exponent| lowest(*exponent)).collect();
@@ -320,7 +352,8 @@ fn share_points(graph: &StepGraph, group: &mut [u32], exponent: &mut [i32]) -> V
                 let (a, b) = (a.min(b), a.max(b));
                 let (bottom, top) =
                     (low[a as usize].min(low[b as usize]), exponent[a as usize].max(exponent[b as usize]));
-                if a != b && (bottom == i32::MAX || top - bottom <= COMMON_POINT) {
+                let free = !pinned[a as usize] && !pinned[b as usize];
+                if a != b && free && (bottom == i32::MAX || top - bottom <= COMMON_POINT) {
                     parent[b as usize] = a;
                     low[a as usize] = bottom;
                     exponent[a as usize] = top;
@@ -338,7 +371,7 @@ fn share_points(graph: &StepGraph, group: &mut [u32], exponent: &mut [i32]) -> V
             groups.sort_unstable();
             groups
                 .chunk_by(|a, b| a == b)
-                .filter(|same| same.len() > 1)
+                .filter(|same| same.len() > 1 && !pinned[same[0] as usize])
                 .for_each(|same| shared[same[0] as usize] = true);
         }
     }

@@ -29,7 +29,8 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
     let total: u64 = loads.iter().map(|load| u64::from(*load)).sum();
     let balanced = total.div_ceil(u64::from(pes.max(1))).min(u64::from(u32::MAX)) as u32;
     let ports = max_in_degree.max(SHORTEST);
-    let heavy = pes > 1 && loads.iter().any(|load| *load > balanced);
+    let tabled = tabled(graph);
+    let heavy = pes > 1 && loads.iter().zip(&tabled).any(|(load, tabled)| *load > balanced && !tabled);
     // Whether an equation, or the one that it is a part of, reads from too many places.
     let mut hubs = vec![false; loads.len()];
     if pes > ports + 1 && loads.iter().any(|load| *load > HUB * ports) {
@@ -45,6 +46,9 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
         let current = done.as_ref().unwrap_or(graph);
         let (loads, sources, mains) = (current.loads(), sources(current), main_chains(current));
         let length = |equation: usize| {
+            if tabled.get(equation).copied().unwrap_or(false) {
+                return None;
+            }
             let heavy = pes > 1 && loads[equation] > balanced;
             let by_load = heavy.then(|| balanced / (2 * mains[equation].max(1)));
             let by_ports = (hubs[equation] && sources[equation] > ports).then_some(ports * 2 / 3);
@@ -61,6 +65,15 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
     }
     let bound = |graph: &StepGraph| Bound::of(graph, pes, latency).binding().0;
     done.filter(|split| hub || bound(split) < bound(graph))
+}
+
+/// Equations with lookups, which stay whole: only the PE that computes the argument of a table can look it up.
+fn tabled(graph: &StepGraph) -> Vec<bool> {
+    let mut tabled = vec![false; graph.equations.len()];
+    for lookup in &graph.functions.lookups {
+        tabled[graph.value(lookup.argument).equation as usize] = true;
+    }
+    tabled
 }
 
 /// For each equation the number of others and inputs that it reads.

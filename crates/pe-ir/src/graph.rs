@@ -6,7 +6,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use crate::functions::Functions;
+use crate::functions::{Functions, Lookup};
 use crate::model::Model;
 use crate::source::Span;
 use crate::word::WordFormat;
@@ -347,6 +347,14 @@ impl StepGraph {
         }
     }
 
+    /// The lookup that a column's value belongs to, with its index.
+    pub fn lookup(&self, value: ValueId) -> Option<(u32, Lookup)> {
+        match self.value(value).role {
+            Role::Column(lookup, _) => Some((lookup, self.functions.lookups[lookup as usize])),
+            _ => None,
+        }
+    }
+
     /// For each value the chain that writes it; `u32::MAX` for states, inputs and constants.
     pub fn producers(&self) -> Vec<u32> {
         let mut producers = vec![u32::MAX; self.values.len()];
@@ -415,6 +423,19 @@ impl FixedPoint {
         match value.role {
             Role::Constant(number) => self.number_word(number, id, value),
             _ => panic!("{} is not a constant", graph.value_name(id)),
+        }
+    }
+
+    /// The base word that a column's value is in a segment of its table.
+    pub fn column_word(&self, graph: &StepGraph, id: ValueId, segment: usize) -> i64 {
+        let value = graph.value(id);
+        match value.role {
+            Role::Column(lookup, column) => {
+                let table = graph.functions.lookups[lookup as usize].table;
+                let number = graph.functions.tables[table as usize].columns[usize::from(column)][segment];
+                self.number_word(number, id, value)
+            }
+            _ => panic!("{} is not in a table", graph.value_name(id)),
         }
     }
 

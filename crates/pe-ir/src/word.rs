@@ -212,6 +212,12 @@ impl Latency {
     /// Write word (or receive word) to the first word that may read the value.
     pub const WRITE_TO_READ: u32 = 1;
 
+    /// Word that reads the index memory to the scale word whose base address takes the index.
+    pub const INDEX_TO_SCALE: u32 = 1;
+
+    /// Write word of a table's argument to the first scale word that may read an entry at its index.
+    pub const WRITE_TO_INDEXED: u32 = Self::WRITE_TO_READ + Self::INDEX_TO_SCALE;
+
     /// Write word with `send` to the first word that may receive the value.
     pub const SEND_TO_RECEIVE: u32 = 1;
 

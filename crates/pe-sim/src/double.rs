@@ -5,7 +5,7 @@ use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
 use crate::functions::FunctionRun;
 use crate::lanes::{self, DoubleSums, Gathered};
 use crate::slots::Slots;
-use crate::tiles::{LANES, Place, Shared, Tiles};
+use crate::tiles::{LANES, Lookups, Place, Shared, Tiles};
 
 /// A value stopped being a finite number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,13 +53,20 @@ impl<'a> DoubleRun<'a> {
 
     fn with_coefficients(graph: &'a StepGraph, coefficient: impl Fn(usize) -> f64) -> Self {
         let slots = Slots::new(graph);
-        let functions = FunctionRun::new(graph, &slots);
-        let class = |_, chain: &Chain| functions.class(chain, &slots);
+        let functions = FunctionRun::new(graph);
+        let class = |_, chain: &Chain| FunctionRun::class(chain);
         let tiles = slots.arrange(graph, class, coefficient, |_, _, write| write.weight);
         let mut values = vec![0.0; slots.count()];
         for (index, value) in graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
                 values[slots.of(ValueId(index as u32)) as usize] = number;
+            }
+        }
+        for (value, segment, slot) in slots.column_entries(graph) {
+            if let Role::Column(lookup, column) = graph.value(value).role {
+                let table = graph.functions.lookups[lookup as usize].table;
+                let column = &graph.functions.tables[table as usize].columns[usize::from(column)];
+                values[slot as usize] = column[segment];
             }
         }
         let mut run = DoubleRun { graph, slots, tiles, largest: vec![0.0; values.len()], values, functions };
@@ -138,6 +145,10 @@ impl<'a> DoubleRun<'a> {
         let mut sums = DoubleSums([0.0; LANES]);
         for tile in &self.tiles.tiles {
             let lanes = tile.lanes as usize;
+            if let Some(lookups) = tile.lookups {
+                look_up(&self.tiles, lanes, lookups, &mut self.values);
+                continue;
+            }
             sums.0[..lanes].fill(0.0);
             lanes::accumulate((&self.tiles, tile), (&self.values, &self.values), &mut room, &mut sums);
             for writes in &self.tiles.writes[tile.writes.start as usize..tile.writes.end as usize] {
@@ -173,15 +184,25 @@ impl<'a> DoubleRun<'a> {
                     }
                 };
             }
-            if tile.class == FunctionRun::ARGUMENTS {
-                let targets = self.tiles.writes[tile.writes.start as usize].targets;
-                for lane in 0..lanes {
-                    let slot = self.tiles.slot(targets, lane);
-                    self.functions.look_up(slot as u32, &mut self.values, &mut self.largest);
-                }
-            }
         }
         finite
+    }
+}
+
+/// Lookups in the place of sums. Segments are kept as numbers.
+fn look_up(tiles: &Tiles<f64>, lanes: usize, lookups: Lookups, values: &mut [f64]) {
+    for lane in 0..lanes {
+        let (target, number) = match lookups {
+            Lookups::Segments { targets, arguments, octaves } => {
+                let argument = values[tiles.slot(arguments, lane)];
+                (targets, tiles.columns.segments.index_of(argument, octaves) as f64)
+            }
+            Lookups::Choices { targets, segments, among } => {
+                let segment = values[tiles.slot(segments, lane)] as usize;
+                (targets, values[tiles.choice(among, lane, segment)])
+            }
+        };
+        values[tiles.slot(target, lane)] = number;
     }
 }
 

@@ -34,7 +34,8 @@ macro_rules! on_words {
 impl<'a> FixedRun<'a> {
     /// Starts a run from the initial values.
     pub fn new(graph: &'a StepGraph, fixed: &'a FixedPoint) -> Self {
-        let slots = Slots::new(graph);
+        let kind = |value: ValueId| 2 * fixed.exponents[value.index()] + i32::from(graph.value(value).factor);
+        let slots = Slots::with_columns(graph, kind);
         let state = if fixed.format.data_bits.max(fixed.format.coefficient_bits) <= 32 {
             let (words, tiles) = prepare(graph, fixed, &slots);
             Ports::Short(words, tiles)
@@ -119,6 +120,9 @@ fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots) -> (Wo
         if let Role::Constant(_) = value.role {
             words.set(slots.of(id) as usize, fixed.constant_word(graph, id));
         }
+    }
+    for (value, segment, slot) in slots.column_entries(graph) {
+        words.set(slot as usize, fixed.column_word(graph, value, segment));
     }
     (words, tiles)
 }

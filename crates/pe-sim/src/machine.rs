@@ -9,7 +9,7 @@ use pe_ir::program::{ControlWord, Fold, Layout, Program};
 use pe_ir::word::WordFormat;
 
 use crate::record::{Homes, KeptSums, Move, Moves, NULL, OFFSET, Recording, Stretch};
-use crate::tiles::{self, Chain, Factor, Outcome, Term, Tiles, Write};
+use crate::tiles::{self, Chain, Columns, Factor, Outcome, Term, Tiles, Write};
 use crate::trace::{Checksums, MemoryWrite, TraceLine};
 use crate::words::{Port, Words};
 
@@ -228,7 +228,7 @@ impl<P: Port> Steps<P> {
 impl<P: Port> Step<P> {
     fn new(recording: Recording, program: &Program, homes: &Homes, needed: &BTreeSet<u32>) -> Step<P> {
         // What the step computes is renumbered so that tiles write rows.
-        let order = tiles::rows(&recording.chains, &recording.terms, recording.slots as usize);
+        let order = tiles::rows(&recording.chains, &recording.terms, recording.slots as usize, &recording.columns);
         let mut renumbered: Vec<u32> = (0..recording.slots).collect();
         order.iter().zip(homes.count..).for_each(|(slot, new)| renumbered[*slot as usize] = new);
         let slot = |slot: u32| renumbered[slot as usize];
@@ -243,12 +243,20 @@ impl<P: Port> Step<P> {
         let chain = |chain: &Chain| Chain {
             outcome: match chain.outcome.clone() {
                 Outcome::Words(first, second) => Outcome::Words(write(first), second.map(write)),
-                kept => kept,
+                Outcome::Kept(index) => Outcome::Kept(index),
+                Outcome::Segment { target, argument, octaves } => {
+                    Outcome::Segment { target: slot(target), argument: slot(argument), octaves }
+                }
+                Outcome::Choice { target, segment, among } => {
+                    Outcome::Choice { target: slot(target), segment: slot(segment), among }
+                }
             },
             ..chain.clone()
         };
         let terms: Vec<Term<P>> = recording.terms.iter().map(term).collect();
         let chains: Vec<Chain> = recording.chains.iter().map(chain).collect();
+        let choices = recording.columns.choices.iter().map(|choice| slot(*choice)).collect();
+        let columns = Columns { choices, ..recording.columns };
         let mut moves = recording.moves(homes);
         for list in [&mut moves.words, &mut moves.operands, &mut moves.factors] {
             list.retain(|(_, to)| needed.contains(to));
@@ -263,7 +271,7 @@ impl<P: Port> Step<P> {
             named
         };
         Step {
-            tiles: Tiles::new(&chains, &terms, recording.slots as usize),
+            tiles: Tiles::new(&chains, &terms, recording.slots as usize, columns),
             checksums: Checksums::new(&writes, program.pes.len()),
             writes,
             outputs: recording.outputs.iter().map(|output| slot(*output)).collect(),
@@ -294,6 +302,8 @@ fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> B
         }
         let writes = recording.chains.iter().flat_map(Chain::writes);
         needed.extend(writes.map(|write| write.base));
+        needed.extend(recording.chains.iter().filter_map(Chain::looked_at));
+        needed.extend(&recording.columns.choices);
         needed.extend(recording.writes.iter().map(|write| write.slot));
         needed.extend(&recording.outputs);
     }

@@ -3,11 +3,12 @@
 
 use std::fmt::Write;
 
+use pe_ir::functions::Segments;
 use pe_ir::graph::{Factor, Role, StepGraph, ValueId};
 
 use crate::double::power_of_two;
 use crate::slots::Slots;
-use crate::tiles::{Factors, Place, Shared, Tile, Tiles};
+use crate::tiles::{Factors, Lookups, Place, Shared, Tile, Tiles};
 
 /// Loops and tables of a step. Numbers are of the type `R`, which the program defines.
 ///
@@ -30,7 +31,19 @@ pub fn loops(graph: &StepGraph) -> String {
     for ((state, _), number) in graph.states.iter().zip(&graph.initial) {
         initial[slots.of(*state) as usize] = *number;
     }
+    for (value, segment, slot) in slots.column_entries(graph) {
+        if let Role::Column(lookup, column) = graph.value(value).role {
+            let table = graph.functions.lookups[lookup as usize].table;
+            let column = &graph.functions.tables[table as usize].columns[usize::from(column)];
+            initial[slot as usize] = column[segment];
+        }
+    }
     let mut text = String::new();
+    if !graph.functions.lookups.is_empty() {
+        text.push_str(&segment_function(graph.functions.segments));
+        table(&mut text, "CHOICES", "u32", &tiles.columns.choices, |slot| slot.to_string());
+        table(&mut text, "FIRSTS", "u32", &tiles.firsts, |first| first.to_string());
+    }
     for (index, tile) in tiles.tiles.iter().enumerate() {
         function(&mut text, &tiles, tile, index);
     }
@@ -59,9 +72,54 @@ fn table<T>(text: &mut String, name: &str, kind: &str, rows: &[T], row: impl Fn(
     text.push_str("\n];\n");
 }
 
+/// A function that gives the segment of a number, as [`Segments::index_of`] has it.
+fn segment_function(segments: Segments) -> String {
+    let count = segments.count();
+    let last = (1u32 << segments.octave_bits) - 1;
+    let mantissas = 1u32 << (segments.index_bits - segments.octave_bits);
+    format!(
+        "fn segment(x: R, octaves: bool) -> usize {{
+    if !octaves {{
+        return (((x + 1.0) * {half}.0).max(0.0) as usize).min({count} - 1);
+    }}
+    let (mut x, mut octave) = (x.max(0.0), 0);
+    while octave < {last} && x < 0.5 {{
+        x *= 2.0;
+        octave += 1;
+    }}
+    let mantissa = if octave < {last} {{ (x - 0.5) * 2.0 }} else {{ x }};
+    octave * {mantissas} + ((mantissa * {mantissas}.0) as usize).min({mantissas} - 1)
+}}
+",
+        half = count / 2,
+    )
+}
+
+/// A tile of lookups.
+fn lookups(text: &mut String, (lanes, index): (u32, usize), lookups: Lookups) {
+    let (target, number) = match lookups {
+        Lookups::Segments { targets, arguments, octaves } => {
+            (targets, format!("segment({}, {octaves}) as R", at(arguments)))
+        }
+        Lookups::Choices { targets, segments, among } => {
+            let first = match among {
+                Shared::Same(first) => first.to_string(),
+                Shared::Each(start) => format!("*FIRSTS.get_unchecked({start} + i) as usize"),
+            };
+            let segment = at(segments);
+            (targets, format!("*v.add(*CHOICES.get_unchecked({first} + {segment} as usize) as usize)"))
+        }
+    };
+    let target = at(target);
+    let _ = writeln!(text, "unsafe fn t{index}(v: *mut R) {{\n    for i in 0..{lanes} {{ {target} = {number}; }}\n}}");
+}
+
 /// A tile: the sums of all lanes, then the writes.
 fn function(text: &mut String, tiles: &Tiles<f64>, tile: &Tile, index: usize) {
     let lanes = tile.lanes;
+    if let Some(found) = tile.lookups {
+        return lookups(text, (lanes, index), found);
+    }
     let _ = writeln!(text, "unsafe fn t{index}(v: *mut R) {{\n    let mut sums: [R; {lanes}] = [0.0; {lanes}];");
     let _ = writeln!(text, "    for i in 0..{lanes} {{\n        let mut sum: R = 0.0;");
     for products in &tiles.products[tile.products.start as usize..tile.products.end as usize] {

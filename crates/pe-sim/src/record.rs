@@ -13,7 +13,7 @@ use std::rc::Rc;
 
 use pe_ir::program::{Address, ControlWord, LinkSource, Multiplier, Program};
 
-use crate::tiles::{Chain, Factor, Outcome, Term, Write};
+use crate::tiles::{Chain, Columns, Factor, Outcome, Term, Write};
 use crate::trace::MemoryWrite;
 use crate::words;
 
@@ -39,6 +39,9 @@ struct PeHomes {
     scale: u32,
     sum: u32,
     result: u32,
+    /// Indices, as words, in the index memory and in its read register.
+    indices: u32,
+    index: u32,
 }
 
 impl Homes {
@@ -57,6 +60,8 @@ impl Homes {
             scale: take(1),
             sum: take(1),
             result: take(1),
+            indices: take(pe.features.index_words as usize),
+            index: take(1),
         };
         let pes = program.pes.iter().map(&mut home).collect();
         Homes { inputs: OFFSET + 1, pes, count }
@@ -165,6 +170,9 @@ struct Pe {
     sum: Pending,
     result: Pending,
     link: u32,
+    indices: Vec<u32>,
+    /// Index that the base address takes.
+    index: u32,
 }
 
 /// Control words to follow: `words` of each PE, from word `from` for `count` words.
@@ -209,6 +217,10 @@ pub(crate) struct Recording {
     pub paired: Vec<u32>,
     /// Those of the last word, which set it in the step that follows.
     pub paired_last: Vec<u32>,
+    /// Base words that indices choose among.
+    pub columns: Columns,
+    /// Where in [`Columns::choices`] the same words stand.
+    known_choices: BTreeMap<Vec<u32>, u32>,
     accumulator_bits: Vec<u32>,
     format: pe_ir::word::WordFormat,
     pes: Vec<Pe>,
@@ -228,6 +240,8 @@ impl Recording {
             flagged: Vec::new(),
             paired: Vec::new(),
             paired_last: Vec::new(),
+            columns: Columns { segments: program.segments(), choices: Vec::new() },
+            known_choices: BTreeMap::new(),
             accumulator_bits: program.pes.iter().map(|pe| pe.features.accumulator_bits).collect(),
             format: program.format,
             pes: (0..program.pes.len()).map(pe).collect(),
@@ -287,9 +301,11 @@ impl Recording {
             }
         }
         let product = Sum { registers: 0, terms: operands.map(|operand| Term { operand, factor: second }).collect() };
-        let base = word.base.map_or(OFFSET, |word| pe.base[usize::from(word)]);
+        let base = word.base.map_or(OFFSET, |word| self.base_word(index, word));
+        let next_index = word.index.map_or(NULL, |address| self.pes[index].indices[usize::from(address)]);
         let write = word.write.filter(|_| !stretch.settle);
-        if write.is_some() || word.send || !captured.is_empty() {
+        let write_index = word.write_index.filter(|_| !stretch.settle);
+        if write.is_some() || write_index.is_some() || word.send || !captured.is_empty() {
             let slot = self.result(index, kept);
             if let Some(target) = write {
                 // The swap bit turns the top bit of the own memory's address over, also in a wider write address.
@@ -306,8 +322,12 @@ impl Recording {
                 }
                 self.writes.push(MemoryWrite { cycle, pe: index as u32, address: address as u32, slot, own: true });
             }
+            if let Some((address, octaves)) = write_index {
+                let segment = self.lookup(|target| Outcome::Segment { target, argument: slot, octaves });
+                self.pes[index].indices[usize::from(address)] = segment;
+            }
             // A value that is only sent must not saturate unseen either.
-            if !stretch.settle && (write.is_some() || word.send) {
+            if !stretch.settle && (write.is_some() || write_index.is_some() || word.send) {
                 self.flagged.push(slot);
             }
             if word.send {
@@ -328,6 +348,7 @@ impl Recording {
         }
         let sum = Pending { base: pe.scale.0, held: Rc::clone(&pe.hold), shift: pe.scale.1, slot: None };
         pe.result = std::mem::replace(&mut pe.sum, sum);
+        pe.index = next_index;
         pe.scale = (base, program.features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0));
         if word.close {
             pe.hold = Rc::new(Held { sum: std::mem::take(&mut pe.accumulator), chain: Cell::new(None) });
@@ -336,6 +357,32 @@ impl Recording {
             pe.accumulator.add(&oldest);
         }
         pe.products.push_back(product);
+    }
+
+    /// The slot of the base word that a PE reads: with an index, of the one that it chooses.
+    fn base_word(&mut self, index: usize, word: u16) -> u32 {
+        let pe = &self.pes[index];
+        if pe.index == NULL {
+            return pe.base[usize::from(word)];
+        }
+        let segment = pe.index;
+        let words = 0..self.columns.segments.count();
+        let among: Vec<u32> = words.map(|index| pe.base[usize::from(word) | index]).collect();
+        let next = self.columns.choices.len() as u32;
+        let first = *self.known_choices.entry(among).or_insert_with_key(|among| {
+            self.columns.choices.extend(among);
+            next
+        });
+        self.lookup(|target| Outcome::Choice { target, segment, among: first })
+    }
+
+    /// A new slot with the outcome of a lookup.
+    fn lookup(&mut self, outcome: impl FnOnce(u32) -> Outcome) -> u32 {
+        let slot = self.slots;
+        self.slots += 1;
+        let none = self.terms.len() as u32;
+        self.chains.push(Chain { terms: none..none, start: None, outcome: outcome(slot), class: 0 });
+        slot
     }
 
     /// The slot of the word in a PE's result register; from now on something reads it.
@@ -395,6 +442,8 @@ impl Recording {
         let Moves { mut words, mut operands, mut factors } = Moves::default();
         for (pe, home) in self.pes.iter().zip(&homes.pes) {
             words.extend(pe.base.iter().copied().zip(home.base..));
+            words.extend(pe.indices.iter().copied().zip(home.indices..));
+            words.push((pe.index, home.index));
             words.extend([(pe.scale.0, home.scale), (pe.sum.base, home.sum), (pe.result.base, home.result)]);
             factors.extend(pe.coefficients.iter().zip(home.coefficients..).filter_map(|(factor, to)| match factor {
                 Factor::Value(from) => Some((*from, to)),
@@ -423,6 +472,8 @@ impl Pe {
             let word = stretch.words[index][((stretch.from + period - before) % period) as usize];
             (base, program.features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0))
         };
+        let period = stretch.program.period;
+        let before = stretch.words[index][((stretch.from + period - 1) % period) as usize];
         let register = |bit: u64| if stretch.settle { Sum::default() } else { Sum::of_register(bit) };
         let held = |bit: u64| Rc::new(Held { sum: register(bit), chain: Cell::new(None) });
         let pending = |bit: u64, (base, shift): (u32, u8)| Pending { base, held: held(bit), shift, slot: None };
@@ -445,6 +496,8 @@ impl Pe {
             sum: pending(SUM, scale(homes.sum, 2)),
             result: pending(RESULT, scale(homes.result, 3)),
             link: homes.link,
+            indices: (homes.indices..homes.indices + program.features.index_words).collect(),
+            index: if stretch.settle || before.index.is_none() { NULL } else { homes.index },
         }
     }
 

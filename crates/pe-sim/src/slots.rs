@@ -1,13 +1,24 @@
 //! Where the values of a step graph lie while it runs.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use pe_ir::graph::{Chain, Role, StepGraph, ValueId, Write};
 
-use crate::tiles;
+use crate::tiles::{self, Outcome};
 
-/// A slot for each value, and one behind them that stands for a missing base.
+/// A slot for each value, one behind them that stands for a missing base, then one for the segment of each lookup and
+/// one for each entry of the tables' columns.
 #[derive(Clone, Debug)]
 pub(crate) struct Slots {
     of: Vec<u32>,
+    /// Number of lookups.
+    lookups: u32,
+    /// First entry of each column that is kept, by a value that it gives and its index into [`Slots::entries`].
+    columns: Vec<(ValueId, u32)>,
+    /// Values that read a column, and which of [`Slots::columns`] it is.
+    column_of: BTreeMap<u32, u32>,
+    /// Number of entries of all columns.
+    entries: u32,
     /// Slots from the first on that no chain writes: states, inputs, constants.
     pub given: usize,
     /// States taken over at the end of a step, as rows: from, to, length.
@@ -18,6 +29,11 @@ impl Slots {
     /// Puts values of one kind in a row, in the order of what they belong to: equations that differ only in their
     /// indices then read rows as well.
     pub fn new(graph: &StepGraph) -> Slots {
+        Slots::with_columns(graph, |_| 0)
+    }
+
+    /// The same, where values of a column that differ in `kind` have entries of their own.
+    pub fn with_columns(graph: &StepGraph, column_kind: impl Fn(ValueId) -> i32) -> Slots {
         let mut order: Vec<u32> = (0..graph.values.len() as u32).collect();
         order.sort_by_key(|index| (kind(&graph.values[*index as usize].role), *index));
         let mut of = vec![0; order.len()];
@@ -25,7 +41,29 @@ impl Slots {
             of[*value as usize] = slot as u32;
         }
         let given = order.iter().take_while(|value| kind(&graph.values[**value as usize].role).0 < COMPUTED).count();
-        let mut slots = Slots { of, given, copies: Vec::new() };
+        let lookups = graph.functions.lookups.len() as u32;
+        let mut slots = Slots {
+            of,
+            lookups,
+            columns: Vec::new(),
+            column_of: BTreeMap::new(),
+            entries: 0,
+            given,
+            copies: Vec::new(),
+        };
+        let mut known: BTreeMap<(u32, u8, i32), u32> = BTreeMap::new();
+        for (index, value) in (0..).zip(&graph.values) {
+            if let Role::Column(lookup, column) = value.role {
+                let table = graph.functions.lookups[lookup as usize].table;
+                let next = slots.columns.len() as u32;
+                let number = *known.entry((table, column, column_kind(ValueId(index)))).or_insert(next);
+                if number == next {
+                    slots.columns.push((ValueId(index), slots.entries));
+                    slots.entries += graph.functions.segments.count() as u32;
+                }
+                slots.column_of.insert(index, number);
+            }
+        }
         for (state, next) in &graph.states {
             let (from, to) = (slots.of(*next), slots.of(*state));
             match slots.copies.last_mut() {
@@ -53,7 +91,24 @@ impl Slots {
 
     /// Number of slots.
     pub fn count(&self) -> usize {
-        self.of.len() + 1
+        (self.first_entry() + self.entries) as usize
+    }
+
+    /// The slot of the segment of a lookup.
+    fn segment(&self, lookup: u32) -> u32 {
+        self.zero() + 1 + lookup
+    }
+
+    fn first_entry(&self) -> u32 {
+        self.segment(self.lookups)
+    }
+
+    /// Entries of the columns: a value that the column gives, the segment, and the slot.
+    pub fn column_entries<'a>(&'a self, graph: &'a StepGraph) -> impl Iterator<Item = (ValueId, usize, u32)> + 'a {
+        let segments = 0..graph.functions.segments.count();
+        self.columns.iter().flat_map(move |(value, first)| {
+            segments.clone().map(move |segment| (*value, segment, self.first_entry() + first + segment as u32))
+        })
     }
 
     /// Numbers of all values, in the order of the graph, from those of all slots.
@@ -81,7 +136,27 @@ impl Slots {
         use pe_ir::graph::Factor;
         let mut terms = Vec::with_capacity(graph.terms.len());
         let mut chains = Vec::with_capacity(graph.chains.len());
+        let mut looked_up = vec![false; self.lookups as usize];
+        let mut chosen: BTreeSet<ValueId> = BTreeSet::new();
         for (index, chain) in graph.chains.iter().enumerate() {
+            for base in chain.writes().filter_map(|write| write.base) {
+                let Role::Column(lookup, _) = graph.value(base).role else { continue };
+                let mut look_up = |outcome| {
+                    let none = terms.len() as u32;
+                    chains.push(tiles::Chain { terms: none..none, start: None, outcome, class: 0 });
+                };
+                let segment = self.segment(lookup);
+                let lookup = lookup as usize;
+                if !std::mem::replace(&mut looked_up[lookup], true) {
+                    let lookup = graph.functions.lookups[lookup];
+                    let octaves = graph.functions.tables[lookup.table as usize].octaves;
+                    look_up(Outcome::Segment { target: segment, argument: self.of(lookup.argument), octaves });
+                }
+                if chosen.insert(base) {
+                    let among = self.columns[self.column_of[&base.0] as usize].1;
+                    look_up(Outcome::Choice { target: self.of(base), segment, among });
+                }
+            }
             let start = terms.len() as u32;
             for with_factor in [false, true] {
                 for term in chain.terms.clone() {
@@ -102,14 +177,13 @@ impl Slots {
             chains.push(tiles::Chain {
                 terms: start..terms.len() as u32,
                 start: None,
-                outcome: tiles::Outcome::Words(
-                    write(0, &chain.write),
-                    chain.second.as_ref().map(|second| write(1, second)),
-                ),
+                outcome: Outcome::Words(write(0, &chain.write), chain.second.as_ref().map(|second| write(1, second))),
                 class: class(index, chain),
             });
         }
-        tiles::Tiles::new(&chains, &terms, self.count())
+        let choices = (self.first_entry()..self.first_entry() + self.entries).collect();
+        let columns = tiles::Columns { segments: graph.functions.segments, choices };
+        tiles::Tiles::new(&chains, &terms, self.count(), columns)
     }
 }
 

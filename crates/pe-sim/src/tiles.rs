@@ -9,6 +9,8 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use pe_ir::functions::Segments;
+
 /// Most chains of a tile: enough to make the choice of a loop cheap, few enough for the nearest cache.
 pub(crate) const LANES: usize = 128;
 
@@ -45,6 +47,11 @@ pub(crate) enum Outcome {
     Words(Write, Option<Write>),
     /// As it is to the sums that are kept, at this index.
     Kept(u32),
+    /// No sum: a slot takes the segment of what the data port sees of another slot.
+    Segment { target: u32, argument: u32, octaves: bool },
+    /// No sum: a slot takes the word of that slot among some that the segment in a slot tells. The slots stand in
+    /// [`Tiles::choices`] from this index on, one for each segment.
+    Choice { target: u32, segment: u32, among: u32 },
 }
 
 /// A sum of products with its outcome.
@@ -63,9 +70,39 @@ impl Chain {
     pub fn writes(&self) -> impl Iterator<Item = &Write> {
         let (first, second) = match &self.outcome {
             Outcome::Words(first, second) => (Some(first), second.as_ref()),
-            Outcome::Kept(_) => (None, None),
+            Outcome::Kept(_) | Outcome::Segment { .. } | Outcome::Choice { .. } => (None, None),
         };
         first.into_iter().chain(second)
+    }
+
+    /// The slots that it writes, in order.
+    pub fn targets(&self) -> impl Iterator<Item = u32> {
+        let found = match self.outcome {
+            Outcome::Segment { target, .. } | Outcome::Choice { target, .. } => Some(target),
+            Outcome::Words(..) | Outcome::Kept(_) => None,
+        };
+        self.writes().map(|write| write.target).chain(found)
+    }
+
+    /// What a lookup reads besides the words that it chooses among.
+    pub fn looked_at(&self) -> Option<u32> {
+        match self.outcome {
+            Outcome::Segment { argument, .. } => Some(argument),
+            Outcome::Choice { segment, .. } => Some(segment),
+            Outcome::Words(..) | Outcome::Kept(_) => None,
+        }
+    }
+
+    /// Chains of different kinds do not share a tile.
+    fn kind(&self) -> u8 {
+        match self.outcome {
+            Outcome::Kept(_) => 0,
+            Outcome::Words(_, None) => 1,
+            Outcome::Words(_, Some(_)) => 2,
+            Outcome::Segment { octaves: false, .. } => 3,
+            Outcome::Segment { octaves: true, .. } => 4,
+            Outcome::Choice { .. } => 5,
+        }
     }
 
     /// Where it goes first: the order of the chains of a group.
@@ -73,6 +110,7 @@ impl Chain {
         match &self.outcome {
             Outcome::Words(write, _) => write.target,
             Outcome::Kept(index) => *index,
+            Outcome::Segment { target, .. } | Outcome::Choice { target, .. } => *target,
         }
     }
 }
@@ -118,6 +156,15 @@ pub(crate) struct Writes {
     pub shifts: Shared<i32>,
 }
 
+/// A lookup of every lane, in the place of sums.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Lookups {
+    /// The segments of arguments.
+    Segments { targets: Place, arguments: Place, octaves: bool },
+    /// The words of chosen slots: the first of each lane's in [`Tiles::choices`].
+    Choices { targets: Place, segments: Place, among: Shared<u32> },
+}
+
 /// Chains side by side.
 #[derive(Clone, Debug)]
 pub(crate) struct Tile {
@@ -131,6 +178,17 @@ pub(crate) struct Tile {
     pub writes: Range<u32>,
     /// Where the sums are kept, if they are.
     pub kept: Option<Place>,
+    /// What is done in the place of sums, if the tile is one of lookups.
+    pub lookups: Option<Lookups>,
+}
+
+/// What lookups choose among.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Columns {
+    /// How arguments become segments.
+    pub segments: Segments,
+    /// Slots, as many for each choice as there are segments.
+    pub choices: Vec<u32>,
 }
 
 /// The step.
@@ -142,11 +200,14 @@ pub(crate) struct Tiles<C> {
     pub slots: Vec<u32>,
     pub coefficients: Vec<C>,
     pub shifts: Vec<i32>,
+    pub columns: Columns,
+    /// First choice of each lane.
+    pub firsts: Vec<u32>,
 }
 
 impl<C: Copy + PartialEq> Tiles<C> {
     /// Arranges chains that read only what earlier ones write, or what no chain writes.
-    pub fn new(chains: &[Chain], terms: &[Term<C>], slots: usize) -> Tiles<C> {
+    pub fn new(chains: &[Chain], terms: &[Term<C>], slots: usize, columns: Columns) -> Tiles<C> {
         let mut tiles = Tiles {
             tiles: Vec::new(),
             products: Vec::new(),
@@ -154,8 +215,10 @@ impl<C: Copy + PartialEq> Tiles<C> {
             slots: Vec::new(),
             coefficients: Vec::new(),
             shifts: Vec::new(),
+            columns,
+            firsts: Vec::new(),
         };
-        for (shape, group) in &groups(chains, terms, slots) {
+        for (shape, group) in &groups(chains, terms, slots, &tiles.columns) {
             let mut rest = &group[..];
             while !rest.is_empty() {
                 let (tile, others) = rest.split_at(tile_length(rest, terms));
@@ -196,15 +259,32 @@ impl<C: Copy + PartialEq> Tiles<C> {
         }
         let starts = first.start.is_some().then(|| self.place(lanes.iter().filter_map(|chain| chain.start)));
         let kept = matches!(first.outcome, Outcome::Kept(_)).then(|| self.place(lanes.iter().map(|c| c.target())));
+        let lookups = self.lookups(lanes);
         self.tiles.push(Tile {
             lanes: lanes.len() as u32,
             level,
             class: first.class,
             starts,
             kept,
+            lookups,
             products: products..self.products.len() as u32,
             writes: writes..self.writes.len() as u32,
         });
+    }
+
+    fn lookups(&mut self, lanes: &[&Chain]) -> Option<Lookups> {
+        let looked_at =
+            self.place(lanes.iter().map(|chain| chain.looked_at()).collect::<Option<Vec<u32>>>()?.into_iter());
+        let targets = self.place(lanes.iter().map(|chain| chain.target()));
+        if let Outcome::Segment { octaves, .. } = lanes[0].outcome {
+            return Some(Lookups::Segments { targets, arguments: looked_at, octaves });
+        }
+        let among = lanes.iter().filter_map(|chain| match chain.outcome {
+            Outcome::Choice { among, .. } => Some(among),
+            _ => None,
+        });
+        let among = shared(among, &mut self.firsts);
+        Some(Lookups::Choices { targets, segments: looked_at, among })
     }
 
     fn place(&mut self, slots: impl Iterator<Item = u32> + Clone) -> Place {
@@ -222,6 +302,15 @@ impl<C: Copy + PartialEq> Tiles<C> {
 }
 
 impl<C> Tiles<C> {
+    /// The slot that a lane chooses in a segment.
+    pub fn choice(&self, among: Shared<u32>, lane: usize, segment: usize) -> usize {
+        let first = match among {
+            Shared::Same(first) => first,
+            Shared::Each(start) => self.firsts[start as usize + lane],
+        };
+        self.columns.choices[first as usize + segment] as usize
+    }
+
     /// The slot of a lane.
     #[inline(always)]
     pub fn slot(&self, place: Place, lane: usize) -> usize {
@@ -243,12 +332,17 @@ fn shared<T: Copy + PartialEq>(numbers: impl Iterator<Item = T> + Clone, all: &m
     Shared::Each(start)
 }
 
-/// What chains of a group have in common: level of their dependencies, class, start, number of writes, and the kinds of
-/// their products, long chains first.
-type Shape = (u32, u32, bool, usize, Reverse<usize>, Vec<bool>);
+/// What chains of a group have in common: level of their dependencies, class, start, kind, and the kinds of their
+/// products, long chains first.
+type Shape = (u32, u32, bool, u8, Reverse<usize>, Vec<bool>);
 
 /// Chains that may run side by side, in the order of what they write.
-fn groups<'a, C>(chains: &'a [Chain], terms: &[Term<C>], slots: usize) -> BTreeMap<Shape, Vec<&'a Chain>> {
+fn groups<'a, C>(
+    chains: &'a [Chain],
+    terms: &[Term<C>],
+    slots: usize,
+    columns: &Columns,
+) -> BTreeMap<Shape, Vec<&'a Chain>> {
     let mut level_of = vec![0u32; slots];
     let mut groups: BTreeMap<Shape, Vec<&Chain>> = BTreeMap::new();
     for chain in chains {
@@ -258,14 +352,18 @@ fn groups<'a, C>(chains: &'a [Chain], terms: &[Term<C>], slots: usize) -> BTreeM
             Factor::Value(slot) => Some(slot),
             Factor::Coefficient(_) => None,
         });
+        let among = match chain.outcome {
+            Outcome::Choice { among, .. } => &columns.choices[among as usize..][..columns.segments.count()],
+            _ => &[],
+        };
         let read = operands.chain(factors).chain(chain.writes().map(|write| write.base));
+        let read = read.chain(chain.looked_at()).chain(among.iter().copied());
         let level = read.map(|slot| level_of[slot as usize]).max().unwrap_or(0);
-        for write in chain.writes() {
-            level_of[write.target as usize] = level + 1;
+        for target in chain.targets() {
+            level_of[target as usize] = level + 1;
         }
         let kinds = own.iter().map(|term| matches!(term.factor, Factor::Value(_))).collect();
-        let writes = chain.writes().count();
-        let shape = (level, chain.class, chain.start.is_some(), writes, Reverse(own.len()), kinds);
+        let shape = (level, chain.class, chain.start.is_some(), chain.kind(), Reverse(own.len()), kinds);
         groups.entry(shape).or_default().push(chain);
     }
     for group in groups.values_mut() {
@@ -275,11 +373,11 @@ fn groups<'a, C>(chains: &'a [Chain], terms: &[Term<C>], slots: usize) -> BTreeM
 }
 
 /// The slots that chains write, in an order in which each tile would write rows.
-pub(crate) fn rows<C>(chains: &[Chain], terms: &[Term<C>], slots: usize) -> Vec<u32> {
+pub(crate) fn rows<C>(chains: &[Chain], terms: &[Term<C>], slots: usize, columns: &Columns) -> Vec<u32> {
     let mut order = Vec::new();
-    for group in groups(chains, terms, slots).values() {
+    for group in groups(chains, terms, slots, columns).values() {
         for position in 0..2 {
-            order.extend(group.iter().filter_map(|chain| chain.writes().nth(position)).map(|write| write.target));
+            order.extend(group.iter().filter_map(|chain| chain.targets().nth(position)));
         }
     }
     order
@@ -341,5 +439,6 @@ fn streams<'a, C>(chain: &'a Chain, terms: &'a [Term<C>]) -> impl Iterator<Item 
         Factor::Coefficient(_) => None,
     });
     let writes = chain.writes().flat_map(|write| [write.target, write.base]);
-    own.iter().map(|term| term.operand).chain(factors).chain(writes)
+    let lookup = chain.looked_at().into_iter().flat_map(|slot| [chain.target(), slot]);
+    own.iter().map(|term| term.operand).chain(factors).chain(writes).chain(lookup)
 }

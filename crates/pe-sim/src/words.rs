@@ -3,7 +3,7 @@
 use pe_ir::word::{WordFormat, round_shift};
 
 use crate::lanes::{self, Gathered, NarrowSums, SPLIT, SplitSums, WideSums};
-use crate::tiles::{LANES, Place, Shared, Tile, Tiles, Writes};
+use crate::tiles::{LANES, Lookups, Place, Shared, Tile, Tiles, Writes};
 
 /// What a port of the multiplier sees: 32 bits where that suffices, for twice as many fit a vector.
 pub(crate) trait Port: Copy + Default + PartialEq + Into<i64> {
@@ -115,6 +115,10 @@ impl<P: Port> Words<P> {
         let lift = self.format.lift();
         for tile in &tiles.tiles {
             let lanes = tile.lanes as usize;
+            if let Some(lookups) = tile.lookups {
+                self.look_up(tiles, lanes, lookups);
+                continue;
+            }
             let ports = (&self.data[..], &self.factors[..]);
             match of_class(tile.class) {
                 (Width::Narrow, wrap) => {
@@ -142,6 +146,26 @@ impl<P: Port> Words<P> {
             }
         }
         saturated
+    }
+
+    /// Lookups in the place of sums. Segments are kept as words.
+    fn look_up(&mut self, tiles: &Tiles<P>, lanes: usize, lookups: Lookups) {
+        let segments = tiles.columns.segments;
+        match lookups {
+            Lookups::Segments { targets, arguments, octaves } => {
+                for lane in 0..lanes {
+                    let operand: i64 = self.data[tiles.slot(arguments, lane)].into();
+                    let segment = segments.index(operand, self.format.data_bits, octaves);
+                    self.words[tiles.slot(targets, lane)] = segment as i64;
+                }
+            }
+            Lookups::Choices { targets, segments, among } => {
+                for lane in 0..lanes {
+                    let segment = self.words[tiles.slot(segments, lane)] as usize;
+                    self.words[tiles.slot(targets, lane)] = self.words[tiles.choice(among, lane, segment)];
+                }
+            }
+        }
     }
 
     #[inline(always)]

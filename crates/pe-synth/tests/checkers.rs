@@ -21,6 +21,20 @@ fn latency(flow: &Flow) -> Latency {
     Latency::of(&flow.fixed.format)
 }
 
+/// A design with tables of both kinds.
+fn tabled() -> Flow {
+    Flow::tabled((8, 2), Solver::Heun, format(32, 25, 18), Placement::Scattered, 72)
+}
+
+/// Breaks the program of a design with tables and asserts that the checker says so.
+fn assert_tables_rejected(message: &str, break_it: impl Fn(&Flow, &mut Program)) {
+    let flow = tabled();
+    let mut program = flow.program.clone();
+    break_it(&flow, &mut program);
+    assert_ne!(program, flow.program, "nothing was broken");
+    assert_found(&verify::program::check(&program, &flow.graph, &flow.fixed, 3), message);
+}
+
 /// Asserts that one of the findings is about what was broken.
 fn assert_found(violations: &[String], message: &str) {
     assert!(violations.iter().any(|text| text.contains(message)), "no `{message}` in {violations:#?}");
@@ -166,6 +180,89 @@ fn writes_are_done_before_the_pause_point_of_the_next_step() {
     // A result of this step must not fall before this step's pause point either.
     assert_schedule_rejected("belongs to no step", |flow, schedule| {
         schedule.starts[chain(flow, |index| flow.graph.chains[index].len() == 1)] = 0;
+    });
+}
+
+#[test]
+fn an_entry_is_read_after_the_index_of_its_argument_is_there() {
+    let flow = tabled();
+    let lookup = |index: usize| {
+        let base = flow.graph.chains[index].write.base?;
+        Some(flow.graph.lookup(base)?.1.argument)
+    };
+    let reader = chain(&flow, |index| lookup(index).is_some());
+    let argument = lookup(reader).expect("chosen so");
+    let producer = chain(&flow, |index| flow.graph.chains[index].write.value == argument);
+    let latency = latency(&flow);
+    let ends = |schedule: &Schedule, index: usize| schedule.starts[index] + flow.graph.chains[index].len() - 1;
+    // The earliest scale word that the datasheet allows is two words after the argument's write.
+    let first = ends(&flow.schedule, producer) + latency.write() + 2 - latency.scale();
+    for (last, allowed) in [(first, true), (first - 1, false)] {
+        let mut schedule = flow.schedule.clone();
+        schedule.starts[reader] = last + 1 - flow.graph.chains[reader].len();
+        let name = flow.graph.value_name(argument);
+        let scale = last + latency.scale();
+        let early = format!("`{name}` read in word {}, there after", scale - 1);
+        let violations = verify::schedule::check(&flow.graph, &flow.mapping, &schedule, latency);
+        assert_eq!(violations.iter().any(|text| text.contains(&early)), !allowed, "{early}: {violations:#?}");
+    }
+    let mut mapping = flow.mapping.clone();
+    let equation = flow.graph.value(argument).equation as usize;
+    mapping.pe_of[equation] = 1 - mapping.pe_of[equation];
+    let mut graph = flow.graph.clone();
+    graph.chains[reader].equation = (0..mapping.pe_of.len() as u32)
+        .find(|equation| mapping.pe_of[*equation as usize] != mapping.pe_of[graph.value(argument).equation as usize])
+        .expect("two PEs have equations");
+    let violations = verify::schedule::check(&graph, &mapping, &flow.schedule, latency);
+    assert_found(&violations, "is looked up where its argument is not computed");
+}
+
+#[test]
+fn an_entry_is_that_of_the_column_and_of_the_argument() {
+    assert_tables_rejected("base Some(", |_, program| {
+        let words = program.pes.iter_mut().flat_map(|pe| &mut pe.words);
+        let index = words.filter_map(|word| word.index.as_mut()).next().expect("a lookup");
+        *index ^= 1;
+    });
+    assert_tables_rejected("base Some(Image", |_, program| {
+        let words = program.pes.iter_mut().flat_map(|pe| &mut pe.words);
+        words.filter(|word| word.index.is_some()).for_each(|word| word.index = None);
+    });
+    assert_tables_rejected("base Some(Entry", |_, program| {
+        let pe = program.pes.iter_mut().find(|pe| pe.features.octave_bits > 0).expect("a PE with octaves");
+        let written = pe.words.iter_mut().filter_map(|word| word.write_index.as_mut());
+        written.for_each(|(_, octaves)| *octaves = !*octaves);
+    });
+    assert_tables_rejected("base Some(Unknown)", |_, program| {
+        let words = program.pes.iter_mut().flat_map(|pe| &mut pe.words);
+        words.filter(|word| word.write_index.is_some()).for_each(|word| word.write_index = None);
+    });
+}
+
+#[test]
+fn columns_are_whole_aligned_and_never_overwritten() {
+    let first_column = |program: &Program| {
+        let (pe, word) = (0..program.pes.len())
+            .flat_map(|pe| (0..program.period as usize).map(move |word| (pe, word)))
+            .find(|(pe, word)| program.pes[*pe].words[*word].index.is_some())
+            .expect("a lookup");
+        let scale = (word + 1) % program.period as usize;
+        (pe, scale, usize::from(program.pes[pe].words[scale].base.expect("a column")))
+    };
+    assert_tables_rejected("base Some(Entry", |_, program| {
+        let (pe, _, first) = first_column(program);
+        program.pes[pe].base_image[first + 5] += 1;
+    });
+    assert_tables_rejected("base Some(Unknown)", |_, program| {
+        let (pe, scale, first) = first_column(program);
+        program.pes[pe].words[scale].base = Some(first as u16 + 1);
+    });
+    assert_tables_rejected("base Some(Unknown)", |_, program| {
+        let (pe, _, first) = first_column(program);
+        let pe = &mut program.pes[pe];
+        let target = pe.words.iter_mut().filter_map(|word| word.write.as_mut()).find(|target| !target.own);
+        let target = target.expect("a write to the base or coefficient memory alone");
+        *target = Target { base: true, address: Address { word: first as u16, swap: false }, ..*target };
     });
 }
 

@@ -32,6 +32,7 @@ fn designs() -> Vec<Flow> {
         flow(Family::Hub, (6, 4), Solver::Rk4, (32, 32, 32), 53),
         flow(Family::Affine, (7, 3), Solver::Euler, (18, 18, 25), 54),
         flow(Family::Stencil, (9, 2), Solver::Heun, (32, 25, 18), 55),
+        Flow::tabled((8, 3), Solver::Heun, format(32, 25, 18), Placement::Scattered, 56),
     ]
 }
 

@@ -53,6 +53,23 @@ fn random_models_on_a_single_multiplier_block_agree() {
 }
 
 #[test]
+fn designs_with_tables_agree() {
+    let mut sum = Agreement::default();
+    let designs = [
+        (Solver::Rk4, (32, 25, 18)),
+        (Solver::Euler, (32, 32, 32)),
+        (Solver::Heun, (18, 18, 25)),
+        (Solver::Heun3, (40, 35, 35)),
+    ];
+    for (seed, (solver, (storage, data, coefficient))) in (61..).zip(designs) {
+        let flow = Flow::tabled((9, 3), solver, format(storage, data, coefficient), Placement::Annealed, seed);
+        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
+        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
+    }
+    report("tables", sum);
+}
+
+#[test]
 fn random_models_on_wide_multipliers_agree() {
     let mut sum = Agreement::default();
     for (seed, family) in (21..).zip(FAMILIES) {

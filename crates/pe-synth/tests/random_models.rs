@@ -78,11 +78,30 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
             }
         }
     }
+    let mut entries = 0;
+    for (widths, sizes) in cases {
+        for (storage, data, coefficient) in widths {
+            for solver in Solver::ALL {
+                for (seed, (states, pes, placement)) in (1..).zip(sizes) {
+                    let format = format(*storage, *data, *coefficient);
+                    let flow = Flow::tabled((*states, *pes), solver, format, *placement, seed);
+                    let count = check(&flow);
+                    assert!(count > 0, "{}: nothing was compared", flow.label);
+                    assert!(flow.looped().is_none(), "{}: stages with lookups", flow.label);
+                    let words = flow.program.pes.iter().flat_map(|pe| &pe.words);
+                    entries += words.filter(|word| word.index.is_some()).count();
+                    designs += 1;
+                    compared += count;
+                }
+            }
+        }
+    }
     println!(
         "{what}: {designs} designs, {looped} of them looped as well, {compared} comparisons, {pairs} pairs, \
-         {looped_pairs} looped"
+         {looped_pairs} looped, {entries} entries looked up"
     );
     assert!(pairs > 1_000, "{pairs} pairs");
+    assert!(entries > 2_000, "{entries} entries");
     assert!(looped > 0, "{what}: no stages are alike");
     assert!(looped_pairs > 100, "{what}: {looped_pairs} pairs in looped designs");
 }

@@ -54,11 +54,16 @@ pub struct Case {
 }
 
 /// Shorthand for a feature record: own words, imported words, ports, shifts, and the flags among `fpws` for factor,
-/// pre-adder, swap and send.
+/// pre-adder, swap and send; `t` is for tables, `o` for tables of octaves.
 pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_bits: u32, flags: &str) -> PeFeatures {
+    let tables = flags.contains(['t', 'o']);
     PeFeatures {
         own_words: own,
-        base_words: if flags.contains('w') { own.max(4) / 2 } else { own },
+        base_words: match (flags.contains('w'), tables) {
+            (true, _) => own.max(4) / 2,
+            (false, true) => own.max(8),
+            (false, false) => own,
+        },
         coefficient_words: if flags.contains('f') { own.max(8) } else { 0 },
         imported_words: imported,
         ports,
@@ -69,6 +74,9 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
         swap: flags.contains('w'),
         base_last: flags.contains('l'),
         send: flags.contains('s'),
+        index_words: if tables { 4 } else { 0 },
+        index_bits: if tables { 3 } else { 0 },
+        octave_bits: if flags.contains('o') { 2 } else { 0 },
     }
 }
 
@@ -183,6 +191,11 @@ fn random_word(random: &mut Random, format: &WordFormat, features: &PeFeatures) 
     };
     word.close = random.chance(30);
     word.base = random.chance(60).then(|| random.below(u64::from(features.base_words)) as u16);
+    if features.index_words > 0 {
+        word.index = random.chance(50).then(|| random.below(u64::from(features.index_words)) as u16);
+        let octaves = features.octave_bits > 0 && random.chance(60);
+        word.write_index = random.chance(50).then(|| (random.below(u64::from(features.index_words)) as u16, octaves));
+    }
     word.shift = random.below(features.shifts.len() as u64) as u8;
     let target = Target {
         address: address(random, features.write_words()),

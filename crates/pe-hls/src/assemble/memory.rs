@@ -34,6 +34,8 @@ pub(super) struct Home {
     pub base: Option<u32>,
     /// Word of the coefficient memory.
     pub factor: Option<u32>,
+    /// Word of the index memory, of a table's argument.
+    pub index: Option<u32>,
 }
 
 /// Depths of a PE's memories.
@@ -44,6 +46,7 @@ pub(super) struct Depths {
     /// Words for factors; coefficients come on top.
     pub factors: u32,
     pub imported: u32,
+    pub indices: u32,
 }
 
 /// Places of all values.
@@ -52,6 +55,8 @@ pub(super) struct Memories {
     pub homes: Vec<Home>,
     /// Depths of each PE's memories.
     pub depths: Vec<Depths>,
+    /// Columns of tables: PE, first base word, and a value that the column gives.
+    pub columns: Vec<(u32, u32, ValueId)>,
     /// Place of each imported value, by value and PE; start and end value of a state have entries of their own.
     imported: BTreeMap<(u32, u32), Place>,
 }
@@ -75,11 +80,61 @@ impl Memories {
         let mut memories = Memories {
             homes: vec![Home::default(); graph.values.len()],
             depths: vec![Depths::default(); pes],
+            columns: Vec::new(),
             imported: BTreeMap::new(),
         };
+        memories.allocate_indices(graph, mapping, schedule.period, &lives);
         memories.allocate_own(rounds, fixed, mapping, schedule.period, &lives);
         memories.allocate_imported(rounds, schedule, &lives, pes);
         memories
+    }
+
+    /// Indices live from the word of their argument to the last lookup.
+    fn allocate_indices(&mut self, graph: &StepGraph, mapping: &Mapping, period: u32, lives: &Lives) {
+        let mut arcs: Vec<Vec<Arc>> = vec![Vec::new(); self.depths.len()];
+        for (argument, last_read) in &lives.indexed {
+            let pe = mapping.pe_of[graph.values[*argument as usize].equation as usize] as usize;
+            let write = lives.own[*argument as usize].0;
+            arcs[pe].push(Arc { write, last_read: *last_read, key: *argument });
+        }
+        for (depths, arcs) in self.depths.iter_mut().zip(arcs) {
+            let (assigned, count) = pack(arcs, period);
+            for (argument, register) in assigned {
+                self.homes[argument as usize].index = Some(register);
+            }
+            depths.indices = if count > 0 { depth(count) } else { 0 };
+        }
+    }
+
+    /// Places for the columns that each PE reads, the first one at or behind `end`; the ends.
+    fn allocate_columns(
+        &mut self,
+        rounds: &Rounds,
+        fixed: &FixedPoint,
+        mapping: &Mapping,
+        mut ends: Vec<u32>,
+    ) -> Vec<u32> {
+        let graph = rounds.graph.as_ref();
+        let length = graph.functions.segments.count() as u32;
+        // Equal columns are stored once.
+        let mut known: HashMap<(u32, u32, u8, i32, bool), u32> = HashMap::new();
+        for (index, value) in graph.values.iter().enumerate() {
+            let Role::Column(lookup, column) = value.role else { continue };
+            let pe = mapping.pe_of[value.equation as usize];
+            let id = rounds.original(ValueId(index as u32));
+            let table = graph.functions.lookups[lookup as usize].table;
+            let end = &mut ends[pe as usize];
+            let columns = &mut self.columns;
+            let place =
+                known.entry((pe, table, column, fixed.exponents[id.index()], value.factor)).or_insert_with(|| {
+                    let place = end.next_multiple_of(length);
+                    *end = place + length;
+                    columns.push((pe, place, id));
+                    place
+                });
+            self.homes[index].base = Some(*place);
+        }
+        ends
     }
 
     fn allocate_own(&mut self, rounds: &Rounds, fixed: &FixedPoint, mapping: &Mapping, period: u32, lives: &Lives) {
@@ -112,7 +167,7 @@ impl Memories {
         let mut base_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
         let mut factor_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
         for (index, value) in graph.values.iter().enumerate() {
-            if value.equation == NONE || matches!(value.role, Role::State(_) | Role::Next(_)) {
+            if value.equation == NONE || matches!(value.role, Role::State(_) | Role::Next(_) | Role::Column(..)) {
                 continue;
             }
             let pe = pe_of(index);
@@ -142,7 +197,7 @@ impl Memories {
                 (false, false) => own_arcs[pe].push(arc),
             }
         }
-        for (pe, depths) in self.depths.iter_mut().enumerate() {
+        for pe in 0..pes {
             let (assigned, count) = pack(std::mem::take(&mut own_arcs[pe]), period);
             let first = layouts[pe].single;
             layouts[pe].single += count;
@@ -153,14 +208,20 @@ impl Memories {
             for (value, register) in assigned {
                 self.homes[value as usize].base = Some(bases[pe] + register);
             }
-            depths.base = depth(bases[pe] + count);
+            bases[pe] += count;
+        }
+        let ends = self.allocate_columns(rounds, fixed, mapping, bases.clone());
+        for (pe, depths) in self.depths.iter_mut().enumerate() {
+            depths.base = depth(ends[pe]);
             let (assigned, count) = pack(std::mem::take(&mut factor_arcs[pe]), period);
             for (value, register) in assigned {
                 self.homes[value as usize].factor = Some(register);
             }
             depths.factors = count;
             // Both words of a pair mean one base word: the address bit that tells them apart is beyond the base memory.
-            layouts[pe].least = if swap { 2 * depths.base } else { 0 };
+            // A PE without states has no pairs; only columns make its base memory deep.
+            let pairs = layouts[pe].pairs > 0 || ends[pe] == bases[pe];
+            layouts[pe].least = if swap && pairs { 2 * depths.base } else { 0 };
             depths.own = layouts[pe].depth();
         }
         for index in 0..graph.values.len() {
@@ -272,6 +333,8 @@ struct Lives {
     bases: BTreeSet<u32>,
     /// Values that are operands in their own PE.
     operands: BTreeSet<u32>,
+    /// Last read of the index of each argument of a table.
+    indexed: BTreeMap<u32, u32>,
     /// By value and PE: last read of the import.
     imported: HashMap<(u32, u32), u32>,
 }
@@ -281,6 +344,7 @@ impl Lives {
         let mut own = vec![(0, 0); graph.values.len()];
         let mut bases = BTreeSet::new();
         let mut operands = BTreeSet::new();
+        let mut indexed: BTreeMap<u32, u32> = BTreeMap::new();
         let mut imported: HashMap<(u32, u32), u32> = HashMap::new();
         for (index, chain) in graph.chains.iter().enumerate() {
             let pe = mapping.pe_of[chain.equation as usize];
@@ -309,13 +373,18 @@ impl Lives {
             for (position, write) in chain.writes().enumerate() {
                 let scale = last + latency.scale() + position as u32;
                 if let Some(base) = write.base {
-                    let read = &mut own[base.index()].1;
-                    *read = (*read).max(scale);
-                    bases.insert(base.0);
+                    if let Some((_, lookup)) = graph.lookup(base) {
+                        let read = indexed.entry(lookup.argument.0).or_insert(0);
+                        *read = (*read).max(scale - Latency::INDEX_TO_SCALE);
+                    } else {
+                        let read = &mut own[base.index()].1;
+                        *read = (*read).max(scale);
+                        bases.insert(base.0);
+                    }
                 }
                 own[write.value.index()].0 = scale + Latency::SCALE_TO_WRITE;
             }
         }
-        Lives { own, bases, operands, imported }
+        Lives { own, bases, operands, indexed, imported }
     }
 }

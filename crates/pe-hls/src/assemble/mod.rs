@@ -6,7 +6,8 @@ mod registers;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::functions::Lookup;
+use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
@@ -54,12 +55,18 @@ pub fn assemble_rounds(
     let schedule = &rounds.unroll(graph, round);
     let coefficients = vec![BTreeMap::new(); mapping.pes as usize];
     let latency = Latency::of(&fixed.format);
-    let assembler = Assembler { model, graph, fixed, mapping, rounds, schedule, memories, coefficients, latency };
+    let read = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| graph.lookup(write.base?));
+    let octaves = |(_, lookup): (u32, Lookup)| (lookup.argument, graph.functions.tables[lookup.table as usize].octaves);
+    let octaves = read.map(octaves).collect();
+    let assembler =
+        Assembler { model, graph, fixed, mapping, rounds, schedule, memories, coefficients, octaves, latency };
     let ports = assembler.ports();
     let sizes = assembler.memories.depths.iter().zip(&ports);
-    limits::check(sizes.map(|(depths, ports)| [depths.own, depths.base, depths.imported, ports.len() as u32, 0]))?;
+    limits::check(
+        sizes.map(|(depths, ports)| [depths.own, depths.base, depths.imported, depths.indices, ports.len() as u32, 0]),
+    )?;
     let program = assembler.program(&ports);
-    limits::check(program.pes.iter().map(|pe| [0, 0, 0, 0, pe.features.coefficient_words]))?;
+    limits::check(program.pes.iter().map(|pe| [0, 0, 0, 0, 0, pe.features.coefficient_words]))?;
     Ok(program)
 }
 
@@ -73,6 +80,8 @@ struct Assembler<'a> {
     memories: Memories,
     /// Words of the distinct coefficients of each PE, if it has a coefficient memory.
     coefficients: Vec<BTreeMap<i64, u32>>,
+    /// Arguments of tables that are read, and whether their indices count octaves.
+    octaves: BTreeMap<ValueId, bool>,
     latency: Latency,
 }
 
@@ -103,6 +112,9 @@ impl Assembler<'_> {
                     swap: self.rounds.graph.swaps(),
                     base_last: self.rounds.base_last,
                     send: senders.contains(&pe),
+                    index_words: depths.indices,
+                    index_bits: if depths.indices > 0 { self.graph.functions.segments.index_bits } else { 0 },
+                    octave_bits: 0,
                 };
                 self.blank(features, ports)
             })
@@ -111,6 +123,7 @@ impl Assembler<'_> {
             pes[*pe as usize].equations.push(self.graph.equations[equation].name.clone());
         }
         self.collect_features(&mut pes);
+        self.place_columns(&mut pes);
         self.place_coefficients(&mut pes);
         let sent: BTreeSet<u32> = self.schedule.transfers.iter().map(|transfer| transfer.value.0).collect();
         for chain in 0..self.graph.chains.len() {
@@ -233,6 +246,21 @@ impl Assembler<'_> {
         }
     }
 
+    /// Writes the columns of tables into the images.
+    fn place_columns(&self, pes: &mut [PeProgram]) {
+        let functions = &self.graph.functions;
+        for (pe, first, value) in &self.memories.columns {
+            let image = &mut pes[*pe as usize].base_image[*first as usize..];
+            for (segment, word) in image.iter_mut().take(functions.segments.count()).enumerate() {
+                *word = self.fixed.column_word(self.graph, *value, segment);
+            }
+        }
+        for lookup in functions.lookups.iter().filter(|lookup| functions.tables[lookup.table as usize].octaves) {
+            let pe = self.home(lookup.argument).expect("arguments of tables have a PE");
+            pes[pe as usize].features.octave_bits = functions.segments.octave_bits;
+        }
+    }
+
     /// Control word of a time; times beyond the period belong to the next round.
     fn word(&self, time: u32) -> usize {
         debug_assert!(time < self.schedule.period + self.latency.pause());
@@ -270,6 +298,12 @@ impl Assembler<'_> {
     fn base_word(&self, value: ValueId) -> u16 {
         let word = self.memories.homes[self.rounds.value(value).0.index()].base.expect("bases are in the base memory");
         u16::try_from(word).expect("memory depth")
+    }
+
+    /// Word of the index memory of a table's argument.
+    fn index_word(&self, argument: ValueId) -> u16 {
+        let word = self.memories.homes[self.rounds.value(argument).0.index()].index;
+        u16::try_from(word.expect("arguments of tables are in the index memory")).expect("memory depth")
     }
 
     /// Address of a word whose pair has changed roles `swaps` times since the step began, for an access at `time`.
@@ -321,10 +355,14 @@ impl Assembler<'_> {
             let store = scale + Latency::SCALE_TO_WRITE;
             let shift = self.fixed.shifts[index][position];
             let slot = pe.features.shifts.binary_search(&shift).expect("collected from all chains");
+            if let Some((_, lookup)) = write.base.and_then(|base| self.graph.lookup(base)) {
+                pe.words[self.word(scale - Latency::INDEX_TO_SCALE)].index = Some(self.index_word(lookup.argument));
+            }
             let word = &mut pe.words[self.word(scale)];
             word.base = write.base.map(|base| self.base_word(base));
             word.shift = slot as u8;
             let word = &mut pe.words[self.word(store)];
+            word.write_index = self.octaves.get(&write.value).map(|o| (self.index_word(write.value), *o));
             word.write = Some(self.target(write.value, store));
             word.send = position == 0 && sent.contains(&write.value.0);
             pe.notes[self.word(store)].write = write.value.0;

@@ -130,7 +130,7 @@ impl<'a> List<'a> {
         for (position, store) in code.stores().enumerate() {
             if let Some(base) = store.base {
                 let scale = last_offset + problem.latency.scale() + position as u32;
-                start = start.max(self.ready[base.slot()].saturating_sub(scale));
+                start = start.max((self.ready[base.slot()] + base.lag()).saturating_sub(scale));
             }
         }
         let pe = code.pe as usize;

@@ -20,11 +20,18 @@ pub(super) struct Operand(u32);
 const FROM_BEFORE: u32 = 1 << 31;
 /// Set where the word comes from another PE.
 const IMPORTED: u32 = 1 << 30;
+/// Set where the word is an entry of a table: the slot is that of the table's argument.
+const INDEXED: u32 = 1 << 29;
 
 impl Operand {
     /// The slot of the word: a value in its own PE, or an import.
     pub fn slot(self) -> usize {
-        (self.0 & !(FROM_BEFORE | IMPORTED)) as usize
+        (self.0 & !(FROM_BEFORE | IMPORTED | INDEXED)) as usize
+    }
+
+    /// Words that pass between the first possible read of the slot and that of the operand.
+    pub fn lag(self) -> u32 {
+        if self.0 & INDEXED != 0 { Latency::INDEX_TO_SCALE } else { 0 }
     }
 
     /// Whether the word is that of the step before, the start value of a state.
@@ -149,7 +156,7 @@ impl<'a> Problem<'a> {
             operands.extend(graph.chain_terms(chain).iter().map(|term| places.operand(graph, term.operand, pe)));
             let store = |write: &Write| Store {
                 slot: places.own[write.value.index()],
-                base: write.base.map(|base| places.operand(graph, base, pe)),
+                base: write.base.map(|base| places.base(graph, base, pe)),
             };
             let ends_state = matches!(graph.value(chain.write.value).role, Role::Next(_));
             chains.push(Code {
@@ -300,7 +307,8 @@ impl<'a> Problem<'a> {
                     read(value);
                 }
             }
-            chain.writes().filter_map(|write| write.base).for_each(&mut read);
+            let bases = chain.writes().filter_map(|write| write.base);
+            bases.map(|base| graph.lookup(base).map_or(base, |(_, lookup)| lookup.argument)).for_each(&mut read);
             // Each wait of a chain counts once, however often it reads a value.
             of_chain.sort_unstable();
             of_chain.dedup();
@@ -422,7 +430,7 @@ impl Places {
             slots += owned[pe] + first_import[pe + 1];
             first_import[pe + 1] += first_import[pe];
         }
-        assert!(slots < IMPORTED, "more values than slots can be told apart");
+        assert!(slots < INDEXED, "more values than slots can be told apart");
         let take = |pe: u32, next: &mut Vec<u32>| {
             let slot = &mut next[pe as usize];
             *slot += 1;
@@ -444,6 +452,13 @@ impl Places {
             return Operand(self.own[value.index()] | before);
         }
         self.import(graph, value, pe)
+    }
+
+    /// Where a PE reads a base.
+    fn base(&self, graph: &StepGraph, value: ValueId, pe: u32) -> Operand {
+        let Some((_, lookup)) = graph.lookup(value) else { return self.operand(graph, value, pe) };
+        assert_eq!(self.home[lookup.argument.index()], pe, "lookups and their arguments belong to one equation");
+        Operand(self.own[lookup.argument.index()] | INDEXED)
     }
 
     /// Where a PE reads a value that it imports.

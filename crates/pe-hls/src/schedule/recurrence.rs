@@ -96,7 +96,15 @@ impl<'a> Step<'a> {
             let mut last = begin.unwrap_or(PAST).max(PAST) + count - 1;
             for (position, write) in chain.writes().enumerate() {
                 if let Some(base) = write.base {
-                    last = last.max(self.ready[base.index()] - i64::from(self.latency.scale()) - position as i64);
+                    let (awaited, lag) = match graph.lookup(base) {
+                        Some((_, lookup)) => (lookup.argument, Latency::INDEX_TO_SCALE),
+                        None => (base, 0),
+                    };
+                    last = last.max(
+                        self.ready[awaited.index()] + i64::from(lag)
+                            - i64::from(self.latency.scale())
+                            - position as i64,
+                    );
                 }
             }
             last = last.max(self.inner_sums(index));

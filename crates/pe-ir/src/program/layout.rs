@@ -18,12 +18,17 @@ pub enum FieldName {
     Close,
     BaseEnable,
     BaseAddress,
+    IndexEnable,
+    IndexAddress,
     Shift,
     WriteOwn,
     WriteBase,
     WriteFactor,
     WriteSwap,
     WriteAddress,
+    WriteIndex,
+    WriteOctave,
+    WriteIndexAddress,
     Send,
     ReceiveEnable,
     ReceiveSwap,
@@ -47,12 +52,17 @@ impl FieldName {
             Close => "close",
             BaseEnable => "base_enable",
             BaseAddress => "base_address",
+            IndexEnable => "index_enable",
+            IndexAddress => "index_address",
             Shift => "shift",
             WriteOwn => "write_own",
             WriteBase => "write_base",
             WriteFactor => "write_factor",
             WriteSwap => "write_swap",
             WriteAddress => "write_address",
+            WriteIndex => "write_index",
+            WriteOctave => "write_octave",
+            WriteIndexAddress => "write_index_address",
             Send => "send",
             ReceiveEnable => "receive_enable",
             ReceiveSwap => "receive_swap",
@@ -96,6 +106,9 @@ impl Layout {
         let imported = if imports > 0 { index_bits(features.imported_words) } else { 0 };
         let swap = u32::from(features.swap);
         let stored = u32::from(features.coefficient_words > 0);
+        let indexed = u32::from(features.index_words > 0);
+        let octaves = u32::from(features.octave_bits > 0);
+        let index = indexed * index_bits(features.index_words);
         let widths = [
             (OwnEnable, 1),
             (OwnSwap, swap),
@@ -108,12 +121,17 @@ impl Layout {
             (Close, 1),
             (BaseEnable, 1),
             (BaseAddress, index_bits(features.base_words)),
+            (IndexEnable, indexed),
+            (IndexAddress, index),
             (Shift, index_bits(features.shifts.len() as u32)),
             (WriteOwn, 1),
             (WriteBase, 1),
             (WriteFactor, u32::from(features.factor)),
             (WriteSwap, swap),
             (WriteAddress, index_bits(features.write_words())),
+            (WriteIndex, indexed),
+            (WriteOctave, indexed * octaves),
+            (WriteIndexAddress, index),
             (Send, u32::from(features.send)),
             (ReceiveEnable, imports),
             (ReceiveSwap, swap * imports),
@@ -158,6 +176,12 @@ impl Layout {
         address(ReceiveEnable, ReceiveSwap, ReceiveAddress, word.receive.map(|(_, address)| address));
         put(BaseEnable, u64::from(word.base.is_some()));
         put(BaseAddress, u64::from(word.base.unwrap_or(0)));
+        put(IndexEnable, u64::from(word.index.is_some()));
+        put(IndexAddress, u64::from(word.index.unwrap_or(0)));
+        let (index, octaves) = word.write_index.unwrap_or_default();
+        put(WriteIndex, u64::from(word.write_index.is_some()));
+        put(WriteOctave, u64::from(octaves));
+        put(WriteIndexAddress, u64::from(index));
         let target = word.write.unwrap_or_default();
         put(WriteOwn, u64::from(target.own));
         put(WriteBase, u64::from(target.base));
@@ -188,7 +212,9 @@ impl Layout {
             Coefficient | CoefficientAddress => word.own.is_none() && word.imported.is_none(),
             BaseEnable | Shift => !result,
             BaseAddress => !result || word.base.is_none(),
+            IndexAddress => word.index.is_none(),
             WriteSwap | WriteAddress => word.write.is_none(),
+            WriteOctave | WriteIndexAddress => word.write_index.is_none(),
             ReceiveSwap | ReceiveAddress | Port => word.receive.is_none(),
             _ => false,
         };
@@ -223,8 +249,10 @@ impl Layout {
             },
             close: get(Close) == 1,
             base: (get(BaseEnable) == 1).then(|| get(BaseAddress) as u16),
+            index: (get(IndexEnable) == 1).then(|| get(IndexAddress) as u16),
             shift: get(Shift) as u8,
             write: (target.own || target.base || target.factor).then_some(target),
+            write_index: (get(WriteIndex) == 1).then(|| (get(WriteIndexAddress) as u16, get(WriteOctave) == 1)),
             send: get(Send) == 1,
             receive: address(ReceiveEnable, ReceiveSwap, ReceiveAddress).map(|address| (get(Port) as u8, address)),
         }

@@ -9,6 +9,7 @@ pub use fold::{Fold, closed_up};
 pub use layout::{Field, FieldName, Layout, index_bits};
 pub use text::ParseError;
 
+use crate::functions::Segments;
 use crate::word::{Latency, WordFormat};
 
 /// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds.
@@ -56,10 +57,14 @@ pub struct ControlWord {
     pub close: bool,
     /// Scale group: word of the base memory; without one the rounding offset is the base.
     pub base: Option<u16>,
+    /// Index group: word of the index memory whose index the base address of the next word takes.
+    pub index: Option<u16>,
     /// Scale group: index into [`PeFeatures::shifts`].
     pub shift: u8,
     /// Write group: memory words that take the result.
     pub write: Option<Target>,
+    /// Write group: word of the index memory that takes the segment of the result, and whether it counts octaves.
+    pub write_index: Option<(u16, bool)>,
     /// Write group: puts the result on the PE's link.
     pub send: bool,
     /// Receive group: input port and imported memory word.
@@ -74,8 +79,10 @@ impl Default for ControlWord {
             multiplier: Multiplier::Coefficient(0),
             close: false,
             base: None,
+            index: None,
             shift: 0,
             write: None,
+            write_index: None,
             send: false,
             receive: None,
         }
@@ -109,6 +116,12 @@ pub struct PeFeatures {
     pub base_last: bool,
     /// Output link.
     pub send: bool,
+    /// Depth of the index memory, zero or a power of two, at least 2.
+    pub index_words: u32,
+    /// Bits of an index; base memories of PEs with an index memory have at least as many address bits.
+    pub index_bits: u32,
+    /// Bits of an index that count octaves; zero if all indices are those of equal segments.
+    pub octave_bits: u32,
 }
 
 impl PeFeatures {
@@ -120,6 +133,11 @@ impl PeFeatures {
     /// The coefficient word that a write address means.
     pub fn factor_word(&self, address: u16) -> usize {
         usize::from(address) & (self.coefficient_words as usize - 1)
+    }
+
+    /// How arguments become indices.
+    pub fn segments(&self) -> Segments {
+        Segments { index_bits: self.index_bits, octave_bits: self.octave_bits }
     }
 
     /// Whether a write address lies within the deepest memory that takes the word.
@@ -271,6 +289,12 @@ impl Program {
     /// The latency table.
     pub fn latency(&self) -> Latency {
         Latency::of(&self.format)
+    }
+
+    /// How the arguments of tables become indices, in all PEs.
+    pub fn segments(&self) -> Segments {
+        let segments = self.pes.iter().map(|pe| pe.features.segments());
+        segments.max_by_key(|segments| (segments.index_bits, segments.octave_bits)).unwrap_or_default()
     }
 
     /// Name of a noted value; empty for [`Note::NONE`].

@@ -77,6 +77,12 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
             write!(f, " {name}")?;
         }
     }
+    if features.index_words > 0 {
+        write!(f, " index {} bits {}", features.index_words, features.index_bits)?;
+        if features.octave_bits > 0 {
+            write!(f, " octaves {}", features.octave_bits)?;
+        }
+    }
     writeln!(f)?;
     for port in &pe.ports {
         match port {
@@ -131,6 +137,9 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
     if let Some(base) = word.base {
         write!(f, " base {base}")?;
     }
+    if let Some(index) = word.index {
+        write!(f, " index {index}")?;
+    }
     if word.shift != 0 {
         write!(f, " shift {}", word.shift)?;
     }
@@ -139,6 +148,9 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
         for (taken, memory) in [(target.own, " to-own"), (target.base, " to-base"), (target.factor, " to-factor")] {
             write!(f, "{}", if taken { memory } else { "" })?;
         }
+    }
+    if let Some((index, octaves)) = word.write_index {
+        write!(f, " {} {index}", if octaves { "to-octave" } else { "to-index" })?;
     }
     if word.send {
         write!(f, " send")?;
@@ -205,6 +217,10 @@ fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) -> bool {
     multiplier
         && own(word.own)
         && word.base.is_none_or(|base| u32::from(base) < features.base_words)
+        && word.index.is_none_or(|index| u32::from(index) < features.index_words)
+        && word.write_index.is_none_or(|(index, octaves)| {
+            u32::from(index) < features.index_words && (features.octave_bits > 0 || !octaves)
+        })
         && word.write.is_none_or(target)
         && imported(word.imported)
         && word.receive.is_none_or(|(port, a)| usize::from(port) < pe.ports.len() && imported(Some(a)))
@@ -363,6 +379,12 @@ impl Parser {
         let accumulator_bits = self.keyed(fields, "accumulator")?;
         let rest: Vec<&str> = std::iter::from_fn(|| fields.next()).collect();
         let has = |name: &str| rest.contains(&name);
+        let after = |name: &str| match rest.iter().position(|field| *field == name) {
+            Some(place) => self.number(rest.get(place + 1).copied()),
+            None => Ok(0),
+        };
+        let (index_words, index_bits, octave_bits): (u32, u32, u32) =
+            (after("index")?, after("bits")?, after("octaves")?);
         let features = PeFeatures {
             own_words,
             base_words,
@@ -376,11 +398,25 @@ impl Parser {
             swap: has("swap"),
             base_last: has("base_last"),
             send: has("send"),
+            index_words,
+            index_bits,
+            octave_bits,
         };
         let depth = |words: u32| words.is_power_of_two() && (2..=1 << 16).contains(&words);
         let optional = |words: u32| words == 0 || depth(words);
         if !depth(own_words) || !depth(base_words) || !optional(coefficient_words) || !optional(imported_words) {
             return Err(self.error("memory depths that are powers of two up to 65536"));
+        }
+        let data_bits = self.program.format.data_bits;
+        let indexed = depth(index_words)
+            && (1..16).contains(&index_bits)
+            && base_words >= 1 << index_bits
+            && octave_bits < 6
+            && octave_bits <= index_bits
+            && (1u32 << octave_bits) - 1 + index_bits - octave_bits < data_bits;
+        let absent = index_words == 0 && index_bits == 0 && octave_bits == 0;
+        if !absent && !indexed {
+            return Err(self.error("an index memory whose indices are within a data operand and the base memory"));
         }
         self.program.pes.push(PeProgram {
             own_image: vec![0; own_words as usize],
@@ -413,6 +449,9 @@ impl Parser {
                 "imported" => word.imported = Some(self.address(fields.next())?),
                 "close" => word.close = true,
                 "base" => word.base = Some(self.number(fields.next())?),
+                "index" => word.index = Some(self.number(fields.next())?),
+                "to-index" => word.write_index = Some((self.number(fields.next())?, false)),
+                "to-octave" => word.write_index = Some((self.number(fields.next())?, true)),
                 "shift" => word.shift = self.number(fields.next())?,
                 "write" => target = Some(Target { address: self.address(fields.next())?, ..Target::default() }),
                 "to-own" | "to-base" | "to-factor" => {

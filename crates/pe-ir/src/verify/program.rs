@@ -8,7 +8,9 @@
 //! 2. each operand, factor and base is that value of that step: nothing read too early, nothing overwritten too soon;
 //! 3. a received word is the one its link carries at that time;
 //! 4. every value is written once per step, every output is captured when its value is in the result register;
-//! 5. before the pause point of the first round nothing is written.
+//! 5. before the pause point of the first round nothing is written;
+//! 6. an index is that of the value and step which the graph looks up, and the base words that it chooses among are the
+//!    column of the graph, in order and never overwritten.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -27,7 +29,12 @@ enum Cell {
     Image(i64),
     /// A value of a step. The end value of a state is its start value in the next step.
     Value(u32, i64),
+    /// The base word, from this one on, that the segment of a value of a step tells; whether octaves are counted.
+    Entry(u16, u32, i64, bool),
 }
+
+/// What a word of the index memory tells the segment of: value, step, and whether octaves are counted.
+type Index = (u32, i64, bool);
 
 /// A product: data operand and second factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -63,6 +70,18 @@ struct Pe<'a> {
     added: Option<Result>,
     result: Option<Result>,
     link: Cell,
+    /// Index memory, and its read register; none is nothing known.
+    indices: Vec<Option<Index>>,
+    index: IndexRegister,
+}
+
+/// The read register of the index memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum IndexRegister {
+    /// Cleared: the base address is that of the control word.
+    Clear,
+    /// An index of something known or not.
+    Loaded(Option<Index>),
 }
 
 /// Runs `rounds` rounds of the program on symbols; returns what is wrong, at most a few dozen findings.
@@ -117,6 +136,8 @@ impl<'a> Checker<'a> {
             added: None,
             result: None,
             link: Cell::Unknown,
+            indices: vec![None; pe.features.index_words as usize],
+            index: IndexRegister::Clear,
         });
         let mut checker = Checker {
             program,
@@ -171,18 +192,30 @@ impl<'a> Checker<'a> {
             if control.own.is_some() && control.imported.is_some() {
                 self.joined(index, round, word, &control, parity);
             }
-            if note.write != NONE && control.write.is_none() {
+            if note.write != NONE && control.write.is_none() && control.write_index.is_none() {
                 self.fail(index, round, word, "a noted write is missing".into());
             }
             let operands = self.pes[index].read(&control, parity);
+            let indices = &self.pes[index].indices;
+            let fetched = control.index.map_or(IndexRegister::Clear, |address| {
+                IndexRegister::Loaded(indices.get(usize::from(address)).copied().flatten())
+            });
             self.capture(index, round, word, finishing);
-            if let Some(target) = control.write.filter(|_| settled) {
+            let writes = settled && (control.write.is_some() || control.write_index.is_some());
+            let written = writes.then(|| self.written_cell(index, round, word, note.write, finishing));
+            if let (Some(target), Some(cell)) = (control.write, written) {
                 if !self.pes[index].program.features.reaches(target) {
                     self.fail(index, round, word, "a write address beyond its memory".into());
                 }
-                let cell = self.written_cell(index, round, word, note.write, finishing);
                 let target = Target { base: target.base && self.takes_base(index, word), ..target };
                 self.pes[index].write(target, parity, cell);
+            }
+            if let (Some((address, octaves)), Some(cell)) = (control.write_index, written) {
+                let known = match cell {
+                    Cell::Value(value, step) => Some((value, step, octaves)),
+                    _ => None,
+                };
+                self.pes[index].indices[usize::from(address)] = known;
             }
             if control.send {
                 // Whatever is sent may set the overflow flag, received or not.
@@ -212,7 +245,7 @@ impl<'a> Checker<'a> {
                 let slot = physical(address, self.pes[index].imported.len(), parity);
                 self.pes[index].imported[slot] = cell;
             }
-            self.pes[index].advance(&control, operands);
+            self.pes[index].advance(&control, operands, fetched);
         }
     }
 
@@ -226,7 +259,7 @@ impl<'a> Checker<'a> {
             }
             let room = match product.operand {
                 Cell::Value(value, _) => self.fixed.headroom[value as usize],
-                Cell::Image(_) | Cell::Unknown => false,
+                Cell::Image(_) | Cell::Entry(..) | Cell::Unknown => false,
             };
             if !room {
                 self.fail(pe, round, word, format!("{:?} has no headroom for a sum", product.operand));
@@ -291,7 +324,10 @@ impl<'a> Checker<'a> {
             })
             .collect();
         expected.sort_unstable();
-        let expected_base = write.base.map(|base| self.cell(base, step, |word| word));
+        let expected_base = write.base.map(|base| match self.graph.value(base).role {
+            Role::Column(..) => self.entry(pe, base, step),
+            _ => self.cell(base, step, |word| word),
+        });
         let problem = match &self.pes[pe].result {
             None => Some("no result".to_owned()),
             Some(result) => {
@@ -300,7 +336,7 @@ impl<'a> Checker<'a> {
                 let wrong = sum.iter().zip(&expected).find(|(is, should)| is != should);
                 if sum.len() != expected.len() || wrong.is_some() {
                     Some(format!("{} products instead of {}, first difference {wrong:?}", sum.len(), expected.len()))
-                } else if result.base != expected_base {
+                } else if result.base != expected_base || expected_base == Some(Cell::Unknown) {
                     Some(format!("base {:?} instead of {expected_base:?}", result.base))
                 } else if result.shift != self.fixed.shifts[producer][position] {
                     Some(format!("shift {} instead of {}", result.shift, self.fixed.shifts[producer][position]))
@@ -314,6 +350,25 @@ impl<'a> Checker<'a> {
         }
         self.written[id.index()] += 1;
         self.cell(id, step, |word| word)
+    }
+
+    /// What the base must be where the graph looks a column up; unknown if the column is not where it is looked up.
+    fn entry(&self, pe: usize, base: ValueId, step: i64) -> Cell {
+        let found = self.pes[pe].result.as_ref().and_then(|result| result.base);
+        let (Role::Column(lookup, _), Some(Cell::Entry(first, ..))) = (self.graph.value(base).role, found) else {
+            return Cell::Unknown;
+        };
+        let functions = &self.graph.functions;
+        let lookup = functions.lookups[lookup as usize];
+        let image = &self.pes[pe].program.base_image[usize::from(first)..];
+        let words = (0..functions.segments.count()).map(|segment| self.fixed.column_word(self.graph, base, segment));
+        let same = image.len() >= words.len() && words.zip(image).all(|(should, is)| should == *is);
+        match self.cell(lookup.argument, step, |word| word) {
+            Cell::Value(value, step) if same => {
+                Cell::Entry(first, value, step, functions.tables[lookup.table as usize].octaves)
+            }
+            _ => Cell::Unknown,
+        }
     }
 
     /// After a round every value has been written once per finished step.
@@ -338,7 +393,10 @@ impl Pe<'_> {
     /// What a control word reads from the memories, before this word's writes.
     fn read(&self, control: &ControlWord, parity: bool) -> (Operands, Option<Cell>) {
         let own = |address: Address| self.own[physical(address, self.own.len(), parity)];
-        let base = |word: u16| self.base[usize::from(word)];
+        let base = |word: u16| match self.index {
+            IndexRegister::Clear => self.base[usize::from(word)],
+            IndexRegister::Loaded(index) => self.entry(word, index),
+        };
         let imported = |address: Address| self.imported[physical(address, self.imported.len(), parity)];
         let factor = match control.multiplier {
             Multiplier::Coefficient(coefficient) => Cell::Image(coefficient),
@@ -346,6 +404,21 @@ impl Pe<'_> {
         };
         let operands = [control.own.map(own), control.imported.map(imported)];
         (operands.map(|operand| operand.map(|operand| Product { operand, factor })), control.base.map(base))
+    }
+
+    /// The base word that an index chooses, if it chooses among words that nothing writes.
+    fn entry(&self, first: u16, index: Option<Index>) -> Cell {
+        let count = 1 << self.program.features.index_bits;
+        let words = self.base.get(usize::from(first)..usize::from(first) + count).unwrap_or_default();
+        let constant = |cell: &Cell| matches!(cell, Cell::Image(_));
+        match index {
+            Some((value, step, octaves))
+                if usize::from(first) % count == 0 && words.len() == count && words.iter().all(constant) =>
+            {
+                Cell::Entry(first, value, step, octaves)
+            }
+            _ => Cell::Unknown,
+        }
     }
 
     /// The memories take a result.
@@ -366,7 +439,8 @@ impl Pe<'_> {
     }
 
     /// Moves the pipeline on by one word.
-    fn advance(&mut self, control: &ControlWord, (products, base): (Operands, Option<Cell>)) {
+    fn advance(&mut self, control: &ControlWord, (products, base): (Operands, Option<Cell>), index: IndexRegister) {
+        self.index = index;
         self.result = self.added.take();
         self.added = Some(Result { base: self.scale.0, sum: Rc::clone(&self.hold), shift: self.scale.1 });
         self.scale = (base, self.program.features.shifts.get(usize::from(control.shift)).copied().unwrap_or(u8::MAX));

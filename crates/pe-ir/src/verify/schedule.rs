@@ -5,7 +5,8 @@
 //! 1. a PE issues at most one product per word, and all issues lie within the period;
 //! 2. a chain's writes find its sum in the hold register, and own writes of a PE never share a word;
 //! 3. a PE receives at most one word at a time, and inputs only after they are sampled;
-//! 4. every operand, factor and base is in the memory before it is read, in this step or from the step before;
+//! 4. every operand, factor and base is in the memory before it is read, in this step or from the step before; an entry
+//!    of a table is read where its argument is computed, and two words after that is written at the earliest;
 //! 5. a link carries a word until its last receiver has taken it;
 //! 6. a value written in place comes after every read of the word it overwrites;
 //! 7. what falls into the next step's first words is done before its pause point.
@@ -162,9 +163,23 @@ impl<'a> Checker<'a> {
             for (position, write) in chain.writes().enumerate() {
                 if let Some(base) = write.base {
                     let scale = start + chain.len() - 1 + self.latency.scale() + position as u32;
-                    self.read(base, (pe, self.local(base, pe)), scale);
+                    match graph.value(base).role {
+                        Role::Column(lookup, _) => self.read_entry(base, lookup, pe, scale),
+                        _ => self.read(base, (pe, self.local(base, pe)), scale),
+                    }
                 }
             }
+        }
+    }
+
+    /// A read of an entry of a table: the word before fetches the index of its argument.
+    fn read_entry(&mut self, entry: ValueId, lookup: u32, pe: u32, scale: u32) {
+        let argument = self.graph.functions.lookups[lookup as usize].argument;
+        if self.local(entry, pe) && self.local(argument, pe) && self.written(argument).is_some() {
+            self.read(argument, (pe, true), scale - 1);
+        } else {
+            let name = self.graph.value_name(entry);
+            self.violations.push(format!("PE {pe}: `{name}` is looked up where its argument is not computed"));
         }
     }
 

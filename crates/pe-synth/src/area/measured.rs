@@ -79,6 +79,7 @@ fn shape(line: &str) -> Option<MeasuredShape> {
     let number = |name: &str| fields.get(name)?.parse::<u32>().ok();
     // A line from before there was a feature does not name it.
     let flag = |name: &str| fields.get(name).map_or(Some(false), |value| value.parse::<bool>().ok());
+    let missing_is_zero = |name: &str| if fields.contains_key(name) { number(name) } else { Some(0) };
     let shifts = fields.get("shifts")?.split(',').map(|shift| shift.parse().ok()).collect::<Option<Vec<u8>>>()?;
     Some(MeasuredShape {
         features: PeFeatures {
@@ -94,6 +95,9 @@ fn shape(line: &str) -> Option<MeasuredShape> {
             swap: flag("swap")?,
             base_last: flag("base_last")?,
             send: flag("send")?,
+            index_words: missing_is_zero("index_words")?,
+            index_bits: missing_is_zero("index_bits")?,
+            octave_bits: missing_is_zero("octave_bits")?,
         },
         format: WordFormat {
             storage_bits: number("storage_bits")?,

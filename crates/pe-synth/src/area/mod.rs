@@ -245,6 +245,7 @@ fn memories(features: &PeFeatures, format: &WordFormat) -> MemoryCells {
         memory::ram(features.base_words, format.word_bits()),
         memory::ram(features.own_words, format.data_bits),
         memory::ram(features.imported_words, format.data_bits),
+        memory::ram(features.index_words, features.index_bits),
         coefficients,
     ];
     all.into_iter().sum()

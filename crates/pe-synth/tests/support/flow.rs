@@ -16,7 +16,7 @@ use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_synth::runs;
 
-use super::{Family, random_model};
+use super::{Family, random_model, tables};
 
 /// Widths with the guard bits that the product gives them.
 pub const fn format(storage_bits: u32, data_bits: u32, coefficient_bits: u32) -> WordFormat {
@@ -93,6 +93,14 @@ impl Flow {
         let graph = pe_hls::step::build_with(&model, &options).unwrap_or_else(|error| panic!("{form}: {error:?}"));
         let label = format!("{family:?} {solver:?} {form}, {format:?}, {states} states on {pes} PEs, seed {seed}");
         Flow::with(label, model, graph, pes, format, placement)
+    }
+
+    /// A random model with algebraic variables that go through tables.
+    pub fn tabled(size: (usize, u32), solver: Solver, format: WordFormat, placement: Placement, seed: u64) -> Flow {
+        let model = random_model(Family::Shared, size.0, solver, seed);
+        let graph = tables::tabled(&stage_by_stage(&model));
+        let label = format!("tables {solver:?}, {format:?}, {size:?}, {placement:?}, seed {seed}");
+        Flow::with(label, model, graph, size.1, format, placement)
     }
 
     /// The same for a given model.

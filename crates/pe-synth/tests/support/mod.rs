@@ -7,6 +7,7 @@ pub mod bench;
 pub mod faults;
 pub mod flow;
 pub mod models;
+pub mod tables;
 
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
 use pe_ir::source::Span;
