@@ -94,6 +94,7 @@ codes! {
     STEP_TOO_LARGE = "E0903", "step too large";
     OUTSIDE_DOMAIN = "E0904", "function outside its domain";
     SMALL_PIVOT = "E0905", "pivot of the step close to zero";
+    SOLUTION_ENDS = "E0906", "solution ends within the span";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";
@@ -106,6 +107,12 @@ codes! {
     STEP_LARGE = "W0903", "step large for the accuracy";
     NO_REFERENCE = "W0904", "no reference solution";
     WORD_SHORT = "W0905", "word short for the accuracy";
+    NEAR_LIMIT = "W0906", "step near the limit of stability";
+    METHOD_GROWTH = "W0907", "method or coefficients let the solution grow";
+    DEAD_BAND = "W0908", "increments below one LSB";
+    CHAOTIC = "W0909", "chaotic over this span";
+    STEP_SPAN = "W0910", "span is no whole number of steps";
+    STILL = "W0911", "no state moves";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.

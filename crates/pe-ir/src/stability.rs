@@ -102,7 +102,8 @@ impl Solver {
                 outside = middle;
             }
         }
-        Some(inside / magnitude)
+        let step = inside / magnitude;
+        step.is_finite().then_some(step)
     }
 }
 

@@ -4,7 +4,9 @@
 
 pub mod area;
 pub mod bottleneck;
+pub mod check;
 pub mod cmd_bench;
+pub mod cmd_check;
 pub mod cmd_compile;
 pub mod cmd_diff;
 pub mod cmd_dump;

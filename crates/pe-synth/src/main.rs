@@ -7,8 +7,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use pe_synth::failure::{Failure, MessageFormat, guarded, print_plain};
 use pe_synth::{
-    cmd_bench, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden, cmd_shell, cmd_sim, cmd_verify,
-    console,
+    cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden, cmd_shell, cmd_sim,
+    cmd_verify, console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -27,6 +27,7 @@ struct Arguments {
 const AFTER_HELP: &str = "\
 Examples:
   pe-synth compile models/van_der_pol/van_der_pol.spec --pes 2 -o out/van_der_pol
+  pe-synth check models/van_der_pol/van_der_pol.spec --step 0.2
   pe-synth verify out/van_der_pol
   pe-synth sim models/van_der_pol/van_der_pol.spec --double -o van_der_pol.csv
   pe-synth explore models/van_der_pol/van_der_pol.spec --pes 1,2 --solver rk4
@@ -51,6 +52,7 @@ Documents:
 #[derive(Subcommand)]
 enum Command {
     Compile(Box<cmd_compile::Compile>),
+    Check(Box<cmd_check::Check>),
     Verify(cmd_verify::Verify),
     Explore(Box<cmd_explore::Explore>),
     Sim(Box<cmd_sim::Sim>),
@@ -70,6 +72,7 @@ fn main() -> ExitCode {
     };
     let outcome = guarded(|| match &arguments.command {
         Command::Compile(compile) => (compile.message_format(), compile.run(&command_line())),
+        Command::Check(check) => (check.message_format(), check.run()),
         Command::Verify(verify) => (verify.message_format(), verify.run()),
         Command::Explore(explore) => (explore.message_format(), explore.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),

@@ -521,6 +521,13 @@ pub struct Comparison {
     finding: Diagnostic,
 }
 
+impl Comparison {
+    /// The method error that it found.
+    pub fn method(&self) -> f64 {
+        self.method
+    }
+}
+
 /// Runs half the step, with inputs held as the hardware does and with inputs sampled twice as often.
 fn half_step_runs(
     model: &Model,

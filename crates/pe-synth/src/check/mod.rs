@@ -1,0 +1,124 @@
+//! `check`: is the step stable and good enough, why, and what would be cheaper or safer?
+//!
+//! The verdict comes from runs of the step graph (`runs`); the eigenvalues of the model along a trusted trajectory
+//! explain it (`prediction`), trials with other steps confirm it (`trials`), and what is proposed has been tried
+//! (`remedies`). See `docs/decisions/0027-check.md`.
+
+mod findings;
+mod observed;
+mod prediction;
+mod remedies;
+mod show;
+mod trials;
+mod trusted;
+
+use pe_ir::codes;
+use pe_ir::graph::StepGraph;
+use pe_ir::source::Diagnostic;
+use pe_ir::word::WordFormat;
+
+use crate::options::{DesignPoint, LoadedModel, ModelOptions};
+use crate::runs::Judged;
+
+use self::observed::{Chaos, DeadBand, StepGrowth};
+use self::prediction::Prediction;
+use self::trials::{Found, Trials};
+use self::trusted::Trusted;
+
+pub use self::show::{json, report, rows, text, verdict};
+
+/// Method error that the accuracy step is for unless the user gives another.
+pub const ACCURACY: f64 = 1e-3;
+
+/// States above which no trials with other steps are run.
+pub const TRIED_STATES: usize = 10_000;
+
+/// What is asked about.
+#[derive(Clone, Copy)]
+pub struct Question<'a> {
+    /// The model with its texts.
+    pub loaded: &'a LoadedModel,
+    /// Its step.
+    pub graph: &'a StepGraph,
+    /// How it is computed.
+    pub point: &'a DesignPoint,
+    /// What it is judged over.
+    pub options: &'a ModelOptions,
+    /// Word widths.
+    pub format: WordFormat,
+    /// Method error that the accuracy step is for; none if that is not asked.
+    pub goal: Option<f64>,
+}
+
+/// What was found about a model and its step.
+pub struct Check {
+    /// What eigenvalues say.
+    prediction: Prediction,
+    /// Whether the model was linearised along the run of its own step.
+    own_trajectory: bool,
+    /// The end of the stable steps by trial.
+    found: Option<Found>,
+    /// Step for the accuracy asked for, and its method error.
+    accuracy: Option<(f64, f64)>,
+    /// Growth of one step, with exact and rounded coefficients.
+    growth: Option<StepGrowth>,
+    /// States that lose increments.
+    dead_bands: Vec<DeadBand>,
+    /// Whether the model is chaotic; only found when the accuracy is asked for.
+    chaos: Option<Chaos>,
+    /// All findings, warnings and refusals, those of the runs among them.
+    pub findings: Vec<Diagnostic>,
+}
+
+impl Check {
+    /// Judges a step whose runs succeeded.
+    pub fn of_judged(question: &Question, judged: &Judged) -> Check {
+        let model = &question.loaded.model;
+        let trusted = Trusted::of(model, Some(judged));
+        let trials = Trials::new(model, &trusted);
+        let mut check = Check::explain(question, &trusted, &trials);
+        check.accuracy = question
+            .goal
+            .and_then(|goal| trials.accuracy_step(judged.errors.method, goal, check.found.map(|found| found.stable)));
+        check.growth = observed::step_growth(model, question.graph, &judged.fixed, &trusted);
+        check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
+        if question.goal.is_some() {
+            check.chaos = observed::chaos(model, question.graph, Some(&judged.fixed), &trusted);
+        }
+        check.findings = check.warnings(question, judged, &trusted, &trials);
+        check
+    }
+
+    /// Explains why the runs of a step were refused.
+    pub fn of_refused(question: &Question, refusals: Vec<Diagnostic>) -> Check {
+        let model = &question.loaded.model;
+        let trusted = Trusted::of(model, None);
+        let trials = Trials::new(model, &trusted);
+        let mut check = Check::explain(question, &trusted, &trials);
+        if refusals.iter().any(|refusal| refusal.code == codes::STEP_TOO_LARGE) {
+            check.chaos = observed::chaos(model, question.graph, None, &trusted);
+        }
+        check.findings =
+            refusals.into_iter().map(|refusal| check.explained(question, refusal, &trusted, &trials)).collect();
+        check.findings.extend(findings::of_span(model));
+        check
+    }
+
+    fn explain(question: &Question, trusted: &Trusted, trials: &Trials) -> Check {
+        let model = &question.loaded.model;
+        let prediction = Prediction::of(model, trusted);
+        let guess = prediction.limit.as_ref().map_or(model.step, |limit| limit.step);
+        let tried = model.states.len() <= TRIED_STATES;
+        let found = if tried { trials.limit(model.solver, guess) } else { None };
+        Check {
+            prediction,
+            own_trajectory: trusted.own,
+            found,
+            accuracy: None,
+            growth: None,
+            dead_bands: Vec::new(),
+            chaos: None,
+            findings: Vec::new(),
+        }
+    }
+}

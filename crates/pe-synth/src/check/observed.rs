@@ -1,0 +1,233 @@
+//! What else the runs show: states that stand still or lose their increments, steps that rounded coefficients let grow,
+//! sensitivity to the last bit.
+
+use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::model::Model;
+use pe_sim::double::DoubleRun;
+use pe_sim::linear::{Linearised, is_affine};
+use pe_sim::spectrum::{eigenvalues, outer_eigenvalues};
+
+use super::trusted::Trusted;
+
+/// Points at which increments are looked at.
+const POINTS: usize = 150;
+
+/// Part of the run from which on lost increments are worth a word, and part of a state's magnitude that they must come
+/// to: a state that comes to rest loses its last increments, and nothing with them.
+const DEAD_PART: f64 = 0.01;
+const DEAD_LOSS: f64 = 1e-3;
+
+/// States up to which the matrix of a step is found column by column.
+const COLUMNS: usize = 120;
+
+/// Vectors of Arnoldi's method for larger ones.
+const VECTORS: usize = 40;
+
+/// First difference of the two runs that measure sensitivity, relative to each state, and products they may take.
+const DISTURBANCE: f64 = 1e-9;
+const PRODUCTS: u64 = 400_000_000;
+
+/// Growth of a disturbance from which on a model is called chaotic.
+const CHAOTIC: f64 = 1e4;
+
+/// Part of a state's magnitude at which two runs have nothing in common.
+const APART: f64 = 0.1;
+
+/// A state whose increments are below half an LSB, so that rounding loses them, for a part of the run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeadBand {
+    /// The state.
+    pub state: usize,
+    /// First time at which its increment is lost, in seconds.
+    pub time: f64,
+    /// Part of the run in which increments are below one LSB.
+    pub part: f64,
+    /// What the lost increments come to, relative to its largest magnitude.
+    pub loss: f64,
+}
+
+/// States whose increments vanish for long enough to matter, those that lose most first.
+pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted: &Trusted) -> Vec<DeadBand> {
+    let states = model.states.len();
+    let points = trusted.points(POINTS);
+    let mut found: Vec<DeadBand> =
+        (0..states).map(|state| DeadBand { state, time: f64::INFINITY, part: 0.0, loss: 0.0 }).collect();
+    let mut largest = vec![0.0f64; states];
+    let weight = 1.0 / points.len() as f64;
+    for point in &points {
+        let (time, at) = (trusted.times[*point], trusted.at(*point));
+        let linear = Linearised::at(model, at, &model.sample_inputs(time));
+        for (state, dead) in found.iter_mut().enumerate() {
+            largest[state] = largest[state].max(at[state].abs());
+            let increment = (model.step * linear.derivatives[state]).abs();
+            let lsb = libm::scalbn(1.0, fixed.exponents[graph.states[state].0.index()]);
+            if increment > 0.0 && increment < lsb {
+                dead.part += weight;
+                if increment < 0.5 * lsb {
+                    dead.time = dead.time.min(time);
+                    dead.loss += weight * increment * model.steps() as f64;
+                }
+            }
+        }
+    }
+    found.iter_mut().for_each(|dead| dead.loss /= largest[dead.state].max(f64::MIN_POSITIVE));
+    found.retain(|dead| dead.part > DEAD_PART && dead.loss > DEAD_LOSS);
+    found.sort_by(|a, b| b.loss.total_cmp(&a.loss).then(a.state.cmp(&b.state)));
+    found
+}
+
+/// Whether no state ever moves, not even in double precision.
+pub fn is_still(model: &Model, trusted: &Trusted) -> bool {
+    let (states, first) = (trusted.states.states, trusted.at(0));
+    let linear = Linearised::at(model, first, &model.sample_inputs(0.0));
+    let rests = |(state, derivative): (&f64, &f64)| state + model.step * derivative == *state;
+    trusted.states.samples.chunks_exact(states.max(1)).all(|sample| sample == first)
+        && first.iter().zip(&linear.derivatives).all(rests)
+}
+
+/// Largest magnitude of the eigenvalues of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepGrowth {
+    /// With coefficients in double precision.
+    pub exact: f64,
+    /// With the coefficients of the hardware.
+    pub rounded: f64,
+    /// Whether all eigenvalues were computed; else the outer ones were estimated.
+    pub all: bool,
+}
+
+/// Eigenvalues of one step around the middle of the trajectory; none if they cannot be had.
+pub fn step_growth(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted: &Trusted) -> Option<StepGrowth> {
+    let affine = is_affine(model);
+    if !affine && model.states.len() > COLUMNS {
+        return None;
+    }
+    let point = trusted.count() / 2;
+    let exact = radius(model, DoubleRun::new(graph), affine, trusted, point)?;
+    let rounded = radius(model, DoubleRun::quantised(graph, fixed), affine, trusted, point)?;
+    Some(StepGrowth { exact, rounded, all: model.states.len() <= COLUMNS })
+}
+
+fn radius(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, point: usize) -> Option<f64> {
+    let states = model.states.len();
+    let run = std::cell::RefCell::new(run);
+    let inputs = model.sample_inputs(trusted.times[point]);
+    let step = |at: &[f64]| {
+        let mut run = run.borrow_mut();
+        at.iter().enumerate().for_each(|(index, number)| run.set_state(index, *number));
+        let finite = run.step(&inputs).is_ok();
+        (0..states).map(|index| if finite { run.state(index) } else { f64::NAN }).collect::<Vec<f64>>()
+    };
+    // An affine step is the same everywhere; of others a difference quotient around the point is taken.
+    let at = if affine { vec![0.0; states] } else { trusted.at(point).to_vec() };
+    let scales = if affine { vec![1.0; states] } else { scales(trusted) };
+    let size = if affine { 1.0 } else { 1e-6 };
+    let origin = step(&at);
+    let product = |vector: &[f64]| -> Vec<f64> {
+        let moved: Vec<f64> = (0..states).map(|i| at[i] + size * scales[i] * vector[i]).collect();
+        let after = step(&moved);
+        (0..states).map(|i| (after[i] - origin[i]) / (size * scales[i])).collect()
+    };
+    let values = if states <= COLUMNS {
+        let mut unit = vec![0.0; states];
+        let mut columns = Vec::with_capacity(states * states);
+        for column in 0..states {
+            unit[column] = 1.0;
+            columns.extend(product(&unit));
+            unit[column] = 0.0;
+        }
+        eigenvalues(states, &columns)?
+    } else {
+        outer_eigenvalues(states, VECTORS, product)?
+    };
+    Some(values.iter().map(|(re, im)| libm::hypot(*re, *im)).fold(0.0, f64::max))
+}
+
+/// Largest magnitude of each state, or of the whole model where it is zero.
+fn scales(trusted: &Trusted) -> Vec<f64> {
+    let quantities: Vec<u32> = (0..trusted.states.states as u32).collect();
+    let own = trusted.states.scales(&quantities);
+    let largest = own.iter().copied().fold(0.0, f64::max);
+    let floor = if largest > 0.0 { 1e-6 * largest } else { 1.0 };
+    own.into_iter().map(|scale| scale.max(floor)).collect()
+}
+
+/// How fast two runs that begin almost alike part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chaos {
+    /// Largest Lyapunov exponent, estimated, in 1/s.
+    pub rate: f64,
+    /// Time at which a difference of one LSB has grown to a tenth of a state, in seconds.
+    pub divergence: f64,
+}
+
+/// Whether a model is chaotic, from a run beside a disturbed one; none if it is not, or that would take too long. Without
+/// number formats an LSB is that of 32 bits.
+pub fn chaos(model: &Model, graph: &StepGraph, fixed: Option<&FixedPoint>, trusted: &Trusted) -> Option<Chaos> {
+    if is_affine(model) || model.steps().saturating_mul(2 * graph.macs()) > PRODUCTS {
+        return None;
+    }
+    let (mut run, mut other) = (DoubleRun::new(graph), DoubleRun::new(graph));
+    let scales = scales(trusted);
+    for (index, state) in model.states.iter().enumerate() {
+        let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
+        other.set_state(index, state.initial * (1.0 + sign * DISTURBANCE));
+    }
+    let difference = |run: &DoubleRun, other: &DoubleRun| {
+        let of = |index: usize| (run.state(index) - other.state(index)).abs() / scales[index];
+        (0..scales.len()).map(of).fold(0.0, f64::max)
+    };
+    let first = difference(&run, &other);
+    let stride = model.steps().div_ceil(200);
+    // Natural logarithms of the difference over time, until the runs have parted.
+    let mut course: Vec<(f64, f64)> = Vec::new();
+    for done in 1..=model.steps() {
+        let inputs = model.sample_inputs((done - 1) as f64 * model.step);
+        run.step(&inputs).ok()?;
+        other.step(&inputs).ok()?;
+        if done % stride == 0 {
+            let apart = difference(&run, &other);
+            if apart > APART {
+                break;
+            }
+            course.push((done as f64 * model.step, libm::log(apart.max(f64::MIN_POSITIVE))));
+        }
+    }
+    let (end, last) = *course.last()?;
+    if first == 0.0 || last - libm::log(first) < libm::log(CHAOTIC) {
+        return None;
+    }
+    let rate = slope(&course);
+    // The difference grows for the whole time, not in one leap: each third of the time has its part.
+    let third = |part: usize| course[(course.len() - 1) * part / 3].1;
+    if rate <= 0.0 || !(1..=3).all(|part| third(part) > third(part - 1)) || rate * end < libm::log(CHAOTIC) / 2.0 {
+        return None;
+    }
+    let of = |fixed: &FixedPoint| {
+        let lsb = |index: usize| libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()]) / scales[index];
+        (0..scales.len()).map(lsb).fold(0.0, f64::max)
+    };
+    let lsb = fixed.map_or(libm::scalbn(1.0, -31), of);
+    Some(Chaos { rate, divergence: libm::log(APART / lsb.max(f64::MIN_POSITIVE)) / rate })
+}
+
+/// Slope of the straight line through points with the least squares.
+fn slope(points: &[(f64, f64)]) -> f64 {
+    let count = points.len() as f64;
+    let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), point| (x + point.0 / count, y + point.1 / count));
+    let (above, below) = points.iter().fold((0.0, 0.0), |(above, below), point| {
+        (above + (point.0 - x) * (point.1 - y), below + (point.0 - x) * (point.0 - x))
+    });
+    if below > 0.0 { above / below } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slope_is_that_of_the_line() {
+        assert!((slope(&[(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)]) - 2.0).abs() < 1e-12);
+        assert_eq!(slope(&[(1.0, 1.0)]), 0.0);
+    }
+}

@@ -1,0 +1,163 @@
+//! The cheapest change that works, found by trying changes from the cheapest on.
+
+use indicatif::ProgressBar;
+use pe_hls::schedule::Bound;
+use pe_ir::graph::StepGraph;
+use pe_ir::model::{Model, Solver, step_count_problem};
+use pe_ir::word::{Latency, WordFormat};
+
+use super::prediction::Prediction;
+use super::trials::{Outcome, Trials};
+use crate::options::{DesignPoint, ModelOptions};
+use crate::pipeline;
+use crate::runs;
+
+/// Part of the largest stable step that is proposed.
+pub const SAFE: f64 = 0.8;
+
+/// Method error up to which a step is a remedy, and word-length error up to which a word is.
+const METHOD_ERROR: f64 = 0.02;
+const WORD_ERROR: f64 = 0.02;
+
+/// Changes that are tried, at most.
+const MOST_TRIALS: usize = 10;
+
+/// Products of the runs over the span that a wider word may take to be tried.
+const PRODUCTS: u64 = 300_000_000;
+
+/// A change that was tried and works.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Remedy {
+    /// Options to add to the command.
+    pub options: String,
+    /// Bound of the cycles per step with it, before a mapping.
+    pub cycles: u32,
+    /// Cycles per second of the model, against those of the model as it is.
+    pub cost: f64,
+    /// Time over which it was tried, if that is not the whole span, in seconds.
+    pub tried: Option<f64>,
+}
+
+impl Remedy {
+    /// In words, as a help line.
+    pub fn text(&self) -> String {
+        let Remedy { options, cycles, cost, tried } = self;
+        let tried = tried.map_or("tried".to_owned(), |span| format!("tried over the first {span:.1e} s"));
+        format!("`{options}` works ({tried}): {cycles} cycles per step at least, {cost:.3} times the cycles per second")
+    }
+}
+
+/// Lower bound of the cycles per step.
+fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
+    let pes = pes.unwrap_or_else(|| pipeline::default_pes(graph));
+    Bound::of(graph, pes, Latency::of(format)).binding().0
+}
+
+/// A step with two digits, as it can be typed; never larger than asked for.
+pub fn rounded(step: f64) -> f64 {
+    let unit = libm::pow(10.0, libm::floor(libm::log10(step)) - 1.0);
+    let text = format!("{:.1e}", libm::floor(step / unit * (1.0 + 1e-9)) * unit);
+    text.parse().unwrap_or(step)
+}
+
+/// The cheapest method and step that is stable and accurate; one that is only stable unless that is not enough.
+pub fn for_step(
+    model: &Model,
+    trials: &Trials,
+    prediction: &Prediction,
+    point: &DesignPoint,
+    format: &WordFormat,
+    accurate: bool,
+) -> Option<Remedy> {
+    let mut candidates: Vec<(f64, u32, Solver, f64)> = Vec::new();
+    let (_, own) = trials.variant(model.solver, model.step)?;
+    let own_cost = f64::from(cycles(&own, point.pes, format)) / model.step;
+    for solver in Solver::ALL {
+        let Some((_, graph)) = trials.variant(solver, model.step) else { continue };
+        let cycles = cycles(&graph, point.pes, format);
+        let mut steps = vec![model.step, model.step / 2.0, model.step / 4.0, model.step / 8.0];
+        if let Some((limit, ..)) = prediction.limit_of(solver) {
+            let safe = SAFE * limit;
+            steps.retain(|step| *step <= safe);
+            steps.extend([safe, safe / 2.0, safe / 4.0].into_iter().filter(|step| *step < model.step));
+        }
+        let runs = |step: &f64| step_count_problem(*step, model.span).is_none();
+        let other = |step: &f64| (solver, *step) != (model.solver, model.step);
+        let steps = steps.into_iter().map(rounded).filter(other).filter(runs);
+        candidates.extend(steps.map(|step| (f64::from(cycles) / step, cycles, solver, step)));
+    }
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut stable_only = None;
+    for (cost, cycles, solver, step) in candidates.into_iter().take(MOST_TRIALS) {
+        if trials.run(solver, step) != Outcome::Stable {
+            continue;
+        }
+        let mut options = Vec::new();
+        if solver != model.solver {
+            options.push(format!("--solver {}", solver.name()));
+        }
+        if step != model.step {
+            options.push(format!("--step {step:e}"));
+        }
+        let remedy =
+            Remedy { options: options.join(" "), cycles, cost: cost / own_cost, tried: trials.shortened(solver, step) };
+        match trials.method_error(solver, step) {
+            Some(error) if error <= METHOD_ERROR => return Some(remedy),
+            _ if accurate => {}
+            _ => stable_only = stable_only.or(Some(remedy)),
+        }
+    }
+    stable_only
+}
+
+/// The cheapest word that is long enough.
+pub fn for_word(
+    model: &Model,
+    graph: &StepGraph,
+    point: &DesignPoint,
+    options: &ModelOptions,
+    format: &WordFormat,
+) -> Option<Remedy> {
+    if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
+        return None;
+    }
+    let own = f64::from(cycles(graph, point.pes, format));
+    let mut candidates: Vec<DesignPoint> = Vec::new();
+    for multiplier in [point.multiplier, (25, 18), (25, 35), (32, 32), (35, 35)] {
+        for storage in [point.storage, point.storage + 4, point.storage + 8].map(|bits| bits.min(40)) {
+            let wider = multiplier.0 >= point.multiplier.0 && multiplier.1 >= point.multiplier.1;
+            let candidate = DesignPoint { multiplier, storage, ..*point };
+            if wider && candidate != *point && !candidates.contains(&candidate) {
+                candidates.push(candidate);
+            }
+        }
+    }
+    let blocks = |point: &DesignPoint| point.format().map_or(u32::MAX, |format| format.dsp_per_pe());
+    candidates.sort_by_key(|candidate| (blocks(candidate), candidate.storage));
+    for candidate in candidates.into_iter().take(MOST_TRIALS) {
+        let Ok(wider) = candidate.format() else { continue };
+        let judged = runs::judge(model, graph, wider, options, ProgressBar::hidden());
+        if judged.is_ok_and(|judged| judged.errors.word_length <= WORD_ERROR) {
+            let mut words = Vec::new();
+            if candidate.multiplier != point.multiplier {
+                words.push(format!("--multiplier {}x{}", candidate.multiplier.0, candidate.multiplier.1));
+            }
+            if candidate.storage != point.storage {
+                words.push(format!("--storage {}", candidate.storage));
+            }
+            let cycles = cycles(graph, point.pes, &wider);
+            return Some(Remedy { options: words.join(" "), cycles, cost: f64::from(cycles) / own, tried: None });
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_rounded_down_to_what_can_be_typed() {
+        assert_eq!([1.279e-3, 0.1, 4e-4, 9.99e-7, 3.0].map(rounded), [1.2e-3, 0.1, 4e-4, 9.9e-7, 3.0]);
+    }
+}

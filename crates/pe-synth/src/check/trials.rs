@@ -1,0 +1,218 @@
+//! Cheap runs in double precision with other steps and methods.
+
+use indicatif::ProgressBar;
+use pe_hls::step::{StepOptions, build_with};
+use pe_ir::graph::StepGraph;
+use pe_ir::model::{Model, Solver};
+use pe_sim::double::DoubleRun;
+
+use super::trusted::Trusted;
+use crate::runs::Exact;
+
+/// Products that a trial may take; what takes more runs over the first part of the span only. A step costs as much as
+/// some products more.
+const PRODUCTS: u64 = 100_000_000;
+const PRODUCTS_PER_STEP: u64 = 300;
+
+/// Steps below which a trial says nothing.
+const FEWEST_STEPS: u64 = 50;
+
+/// Times at which a trial looks where the states are.
+const LOOKS: u64 = 400;
+
+/// Ratio of neighbouring trials while the limit is looked for, and ratio of its ends at which it is found.
+const STRIDE: f64 = 1.5;
+const CLOSE: f64 = 1.02;
+
+/// Trials in search of a limit to either side.
+const STRIDES: usize = 14;
+
+/// Trials in search of the step for an accuracy.
+const ACCURACY_TRIALS: usize = 6;
+
+/// How a trial ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// All states stayed near where the trusted trajectory goes.
+    Stable,
+    /// A state left it, at this time in seconds.
+    Unstable(f64),
+    /// It would take too long, or the model has no such step.
+    Impossible,
+}
+
+/// The end of the stable steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Largest step that was found stable, in seconds.
+    pub stable: f64,
+    /// Smallest step that was found unstable; none if there is none worth a name.
+    pub unstable: Option<f64>,
+    /// Time over which trials ran, in seconds.
+    pub span: f64,
+}
+
+/// Steps of a trial.
+fn affordable(graph: &StepGraph) -> u64 {
+    PRODUCTS / (graph.macs() + PRODUCTS_PER_STEP)
+}
+
+/// Runs trials of a model.
+pub struct Trials<'a> {
+    model: &'a Model,
+    /// Where states may be.
+    low: Vec<f64>,
+    high: Vec<f64>,
+    /// Time up to which the solution is known.
+    end: f64,
+}
+
+impl<'a> Trials<'a> {
+    /// Trials are held against the range that a trusted trajectory visits: a state may leave it by its own width.
+    pub fn new(model: &'a Model, trusted: &Trusted) -> Self {
+        let states = model.states.len();
+        let (mut low, mut high) = (trusted.at(0).to_vec(), trusted.at(0).to_vec());
+        for sample in trusted.states.samples.chunks_exact(states.max(1)) {
+            for (index, number) in sample.iter().enumerate() {
+                low[index] = low[index].min(*number);
+                high[index] = high[index].max(*number);
+            }
+        }
+        // What hardly moves may move as far as others of its quantity, or of the model, do.
+        let quantities = model.states.iter().map(|state| state.quantity).max().map_or(0, |last| last as usize + 1);
+        let mut widths = vec![0.0f64; quantities];
+        let mut largest = 0.0f64;
+        for (state, (low, high)) in model.states.iter().zip(low.iter().zip(&high)) {
+            let width = &mut widths[state.quantity as usize];
+            *width = width.max(high - low).max(0.1 * high.abs().max(low.abs()));
+            largest = largest.max(*width);
+        }
+        for (state, (low, high)) in model.states.iter().zip(low.iter_mut().zip(&mut high)) {
+            let shared = widths[state.quantity as usize];
+            let width = (*high - *low).max(1e-2 * shared).max(1e-6 * largest);
+            let width = if width > 0.0 { width } else { f64::INFINITY };
+            (*low, *high) = (*low - width, *high + width);
+        }
+        Trials { model, low, high, end: trusted.times[trusted.count() - 1] }
+    }
+
+    /// The model with another method and step, and its step graph; none if the method does not suit it.
+    pub fn variant(&self, solver: Solver, step: f64) -> Option<(Model, StepGraph)> {
+        let model = Model { solver, step, ..self.model.clone() };
+        let graph = build_with(&model, &StepOptions::default()).ok()?;
+        Some((model, graph))
+    }
+
+    /// Time over which a trial of a step runs, if it is not the whole span.
+    pub fn shortened(&self, solver: Solver, step: f64) -> Option<f64> {
+        let (_, graph) = self.variant(solver, step)?;
+        let span = step * affordable(&graph) as f64;
+        (span < self.end).then_some(span)
+    }
+
+    /// Runs a step.
+    pub fn run(&self, solver: Solver, step: f64) -> Outcome {
+        let Some((model, graph)) = self.variant(solver, step) else { return Outcome::Impossible };
+        let steps = ((self.end / step) as u64).min(affordable(&graph));
+        if steps < FEWEST_STEPS.min((self.end / step) as u64).max(1) {
+            return Outcome::Impossible;
+        }
+        let mut run = DoubleRun::new(&graph);
+        let stride = steps.div_ceil(LOOKS);
+        for done in 1..=steps {
+            let time = (done - 1) as f64 * step;
+            let finite = run.step(&model.sample_inputs(time)).is_ok();
+            let looks = done % stride == 0 || done == steps;
+            let inside = |index| (self.low[index]..=self.high[index]).contains(&run.state(index));
+            if !finite || (looks && !(0..self.low.len()).all(inside)) {
+                return Outcome::Unstable(time);
+            }
+        }
+        Outcome::Stable
+    }
+
+    /// Looks for the end of the stable steps from a first guess on; none if no trial can be run.
+    pub fn limit(&self, solver: Solver, guess: f64) -> Option<Found> {
+        let longest = self.end / 4.0;
+        let mut step = guess.min(longest);
+        let (mut stable, mut unstable) = (None, None);
+        for _ in 0..STRIDES {
+            match self.run(solver, step) {
+                Outcome::Impossible => break,
+                Outcome::Stable => stable = Some(step),
+                Outcome::Unstable(_) => unstable = Some(step),
+            }
+            match (stable, unstable) {
+                (Some(_), Some(_)) => break,
+                (Some(_), None) if step >= longest => break,
+                (Some(_), None) => step = (step * STRIDE).min(longest),
+                _ => step /= STRIDE,
+            }
+        }
+        if let (Some(mut inside), Some(mut outside)) = (stable, unstable) {
+            while outside / inside > CLOSE {
+                let middle = libm::sqrt(inside * outside);
+                match self.run(solver, middle) {
+                    Outcome::Stable => inside = middle,
+                    _ => outside = middle,
+                }
+            }
+            (stable, unstable) = (Some(inside), Some(outside));
+        }
+        let steps = affordable(&self.variant(solver, guess)?.1);
+        let span = stable.map_or(0.0, |step: f64| step * steps as f64).min(self.end);
+        Some(Found { stable: stable?, unstable, span })
+    }
+
+    /// Method error of a step: what half of it changes, extrapolated; none if it cannot be run.
+    pub fn method_error(&self, solver: Solver, step: f64) -> Option<f64> {
+        let (model, graph) = self.variant(solver, step)?;
+        if model.steps() > affordable(&graph) || model.span < step {
+            return None;
+        }
+        let exact = Exact::run(&model, &graph, ProgressBar::hidden()).ok()?;
+        Some(exact.compare(&model).ok()?.method())
+    }
+
+    /// The step at which the method error meets a goal, and the error there. `known` is the error of the model's step.
+    /// None if that cannot be found by a few runs.
+    pub fn accuracy_step(&self, known: f64, goal: f64, limit: Option<f64>) -> Option<(f64, f64)> {
+        let order = f64::from(self.model.solver.order());
+        let next = |step: f64, error: f64| {
+            let ratio = libm::pow(goal / error.max(1e-300), 1.0 / order);
+            (step * ratio.clamp(1e-3, 1e3)).min(limit.unwrap_or(f64::INFINITY)).min(self.end / 4.0)
+        };
+        if known <= 0.0 || !known.is_finite() {
+            return None;
+        }
+        let mut best = (known <= goal).then_some((self.model.step, known));
+        let mut tried = (self.model.step, known);
+        for _ in 0..ACCURACY_TRIALS {
+            let step = next(tried.0, tried.1);
+            if best.is_some_and(|(best, _)| step <= 1.05 * best) {
+                break;
+            }
+            match self.method_error(self.model.solver, step) {
+                // Beyond the range in which the order means anything: half way back, in ratio.
+                None => {
+                    let (inside, _) = best?;
+                    tried = (libm::sqrt(inside * step), goal);
+                    if let Some(error) = self.method_error(self.model.solver, tried.0) {
+                        tried.1 = error;
+                        if error <= goal {
+                            best = Some(tried);
+                        }
+                    }
+                    break;
+                }
+                Some(error) => {
+                    tried = (step, error);
+                    if error <= goal && best.is_none_or(|(best, _)| step > best) {
+                        best = Some(tried);
+                    }
+                }
+            }
+        }
+        best
+    }
+}

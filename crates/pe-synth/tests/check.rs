@@ -1,0 +1,288 @@
+//! Extreme and malformed cases with the answer that `check` must give: exit code, codes, state, time, remedy.
+
+mod support;
+
+use std::fs;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use support::bench::Folder;
+
+/// No answer may take longer on a busy machine.
+const LONGEST: Duration = Duration::from_secs(60);
+
+/// What `check` answers: exit code, JSON if there is a result, messages and text for people.
+struct Answer {
+    exit: Option<i32>,
+    result: Value,
+    codes: Vec<String>,
+    messages: String,
+}
+
+fn check(folder: &Folder, spec: &str, options: &[&str]) -> Answer {
+    let path = folder.0.join("m.spec");
+    fs::write(&path, spec).expect("the spec can be written");
+    let begin = Instant::now();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    let command = command.current_dir(&folder.0).args(["check", "m.spec", "--message-format", "json"]).args(options);
+    let output = command.output().expect("pe-synth starts");
+    assert!(begin.elapsed() < LONGEST, "{spec}: {:?}", begin.elapsed());
+    let messages = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!messages.contains("panicked") && !messages.contains("internal"), "{spec}: {messages}");
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
+    let lines = messages.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let codes = lines.filter_map(|line| line["code"].as_str().map(str::to_owned)).collect();
+    let left: Vec<_> = fs::read_dir(&folder.0).expect("the folder").flatten().map(|entry| entry.file_name()).collect();
+    assert_eq!(left, ["m.spec"], "check writes no file");
+    Answer { exit: output.status.code(), result, codes, messages }
+}
+
+fn spec(solver: &str, step: &str, span: &str, statements: &str) -> String {
+    format!("model m\nsolver {solver}\nstep {step}\nspan {span}\n{statements}\n")
+}
+
+/// A case: what is special, the spec, options, exit code, codes, and what the messages must hold.
+type Case<'a> = (&'a str, String, &'a [&'a str], i32, &'a [&'a str], &'a [&'a str]);
+
+#[test]
+fn extreme_cases_get_the_answer_that_they_must() {
+    let folder = Folder::new("check_cases");
+    let decay = "state x = 1\nstate q = 1\nq' = -q\nx' = -1000*x + q\noutput x, q";
+    let oscillator = "state x = 1\nstate v = 0\nx' = v\nv' = -100*x\noutput x";
+    let lorenz =
+        "state x = 1\nstate y = 1\nstate z = 1\nx' = 10*(y - x)\ny' = x*(28 - z) - y\nz' = x*y - 8/3*z\noutput x";
+    let cases: Vec<Case> = vec![
+        (
+            "zero dynamics",
+            spec("rk4", "1 ms", "100 ms", "state x = 0\nstate y = 3\nx' = 0\ny' = 0*x\noutput x, y"),
+            &[],
+            0,
+            &["W0911"],
+            &["no state moves"],
+        ),
+        (
+            "a denormal parameter",
+            spec("rk4", "1 ms", "100 ms", "state x = 1\nx' = -1e-320*x\noutput x"),
+            &[],
+            0,
+            &["W0911"],
+            &[],
+        ),
+        (
+            "a rate of 1e12",
+            spec("rk4", "1 ms", "100 ms", "state x = 1\nx' = -1e12*x\noutput x"),
+            &[],
+            1,
+            &["E0901"],
+            &["`x`", "eigenvalue -1.00e12"],
+        ),
+        ("not a number", spec("rk4", "1 ms", "100 ms", "state x = NaN\nx' = -x\noutput x"), &[], 1, &["E0201"], &[]),
+        ("infinite", spec("rk4", "1 ms", "100 ms", "state x = 1e308*10\nx' = -x\noutput x"), &[], 1, &["E0503"], &[]),
+        (
+            "step far too large",
+            spec("rk4", "20 ms", "1 s", decay),
+            &[],
+            1,
+            &["E0903"],
+            &["`x`", "steps above 2.79e-3 s are unstable for `x`", "works (tried)"],
+        ),
+        (
+            "step just stable",
+            spec("rk4", "2.7 ms", "999 ms", "state x = 0.995\nx' = -1000*x + 1000\noutput x"),
+            &[],
+            0,
+            &["W0906"],
+            &["of the largest stable one", "`x`", "works (tried)"],
+        ),
+        (
+            "step at 0.8 of the limit",
+            spec("rk4", "2 ms", "1 s", "state x = 0.995\nx' = -1000*x + 1000\noutput x"),
+            &[],
+            0,
+            &[],
+            &[],
+        ),
+        (
+            "step that does not divide the span",
+            spec("rk4", "30 ms", "1 s", "state x = 1\nx' = -x\noutput x"),
+            &[],
+            0,
+            &["W0910"],
+            &["33.333 steps", "--span 0.99"],
+        ),
+        (
+            "Euler on an undamped oscillator",
+            spec("euler", "1 ms", "10 s", oscillator),
+            &[],
+            0,
+            &["W0903", "W0907"],
+            &["lets undamped oscillations grow by a factor of 1.65", "works (tried)"],
+        ),
+        (
+            "Euler on an undamped oscillator with a long step",
+            spec("euler", "10 ms", "10 s", oscillator),
+            &[],
+            1,
+            &["E0903"],
+            &["lets undamped oscillations grow by a factor of 144.77", "works (tried)"],
+        ),
+        (
+            "Euler on an undamped oscillator for a short time",
+            spec("euler", "0.1 ms", "3 s", oscillator),
+            &[],
+            0,
+            &[],
+            &[],
+        ),
+        (
+            "a jump between steps",
+            spec("rk4", "1 ms", "1 s", "input u = square(1, 3.3 Hz)\nstate x = 0\nx' = 50*(u - x)\noutput x"),
+            &[],
+            0,
+            &[],
+            &[],
+        ),
+        (
+            "a jump on a step",
+            spec("rk4", "1 ms", "1 s", "input u = square(1, 2.5 Hz)\nstate x = 0\nx' = 50*(u - x)\noutput x"),
+            &[],
+            0,
+            &[],
+            &[],
+        ),
+        (
+            "chaos past the divergence time",
+            spec("rk4", "1 ms", "60 s", lorenz),
+            &[],
+            1,
+            &["E0903"],
+            &["chaotic", "--span"],
+        ),
+        ("chaos before it", spec("rk4", "1 ms", "5 s", lorenz), &[], 0, &[], &[]),
+        (
+            "finite-time blow-up",
+            spec("rk4", "1 ms", "2 s", "state z = 1\nstate x = 1\nz' = -z\nx' = x^2\noutput x, z"),
+            &[],
+            1,
+            &["E0906"],
+            &["`x`", "t = 1.000000e0 s"],
+        ),
+        (
+            "blow-up at another time",
+            spec("heun", "1 ms", "2 s", "state x = 1\nstate z = 1.25\nz' = z^2\nx' = -x\noutput x, z"),
+            &[],
+            1,
+            &["E0906"],
+            &["`z`", "t = 8.00000"],
+        ),
+        (
+            "1e13 steps",
+            spec("rk4", "1 ns", "10000 s", "state x = 1\nx' = -x\noutput x"),
+            &[],
+            1,
+            &["E0505"],
+            &["1.0e13"],
+        ),
+        (
+            "1e13 steps by option",
+            spec("rk4", "1 ms", "1 s", "state x = 1\nx' = -x\noutput x"),
+            &["--step", "1e-9", "--span", "10000"],
+            2,
+            &[],
+            &["1.0e13"],
+        ),
+        (
+            "an algebraic cycle",
+            spec("rk4", "1 ms", "1 s", "state x = 1\na = b + x\nb = a - x\nx' = -a\noutput x"),
+            &[],
+            1,
+            &["E0307"],
+            &["`a`", "`b`"],
+        ),
+        (
+            "an unused state",
+            spec("rk4", "1 ms", "1 s", "state x = 1\nstate y = 1\nx' = -x\ny' = y^2\noutput x"),
+            &[],
+            0,
+            &["W0002"],
+            &["`y`"],
+        ),
+        (
+            "increments below one LSB",
+            spec("rk4", "1 us", "1 s", "state x = 0.5\nx' = 0.01*(1 - x)\noutput x"),
+            &["--storage", "16", "--multiplier", "16x16"],
+            0,
+            &["W0908"],
+            &["`x`"],
+        ),
+        ("growth of the model itself", spec("rk4", "1 ms", "5 s", "state x = 1\nx' = 2*x\noutput x"), &[], 0, &[], &[]),
+    ];
+    let mut wrong = Vec::new();
+    for (name, text, options, exit, codes, parts) in &cases {
+        let answer = check(&folder, text, options);
+        let wanted: Vec<String> = codes.iter().map(|code| (*code).to_owned()).collect();
+        let complete = parts.iter().all(|part| answer.messages.contains(part));
+        if (answer.exit, &answer.codes) != (Some(*exit), &wanted) || !complete {
+            wrong.push(format!("{name}: exit {:?} {:?}\n{}", answer.exit, answer.codes, answer.messages));
+        }
+        // A result is there whenever the model could be read, and says the same.
+        if !answer.result.is_null() {
+            let verdict = match (exit, codes.iter().any(|code| code.starts_with('W') && *code != "W0002")) {
+                (1, _) => "refused",
+                (_, true) => "warning",
+                _ => "fine",
+            };
+            let findings = answer.result["findings"].as_array().map_or(0, Vec::len);
+            let counted = codes.iter().filter(|code| **code != "W0002").count();
+            if answer.result["verdict"] != verdict || findings != counted {
+                wrong.push(format!("{name}: {}", answer.result));
+            }
+        }
+    }
+    assert!(wrong.is_empty() && cases.len() > 20, "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_text_fits_a_terminal_and_names_the_limit() {
+    let folder = Folder::new("check_text");
+    let statements = "state pressure = 1\nstate volume = 1\nvolume' = -volume\npressure' = -1000*pressure + volume\noutput pressure, volume";
+    fs::write(folder.0.join("m.spec"), spec("rk4", "1 ms", "1 s", statements)).expect("the spec can be written");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    let output = command.current_dir(&folder.0).args(["check", "m.spec"]).output().expect("pe-synth starts");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success() && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    for part in [
+        "verdict          fine",
+        "2.785e-3 s by all eigenvalues",
+        "`pressure`",
+        "2.228e-3 s, 0.8 of it",
+        "accuracy step",
+    ] {
+        assert!(text.contains(part), "no {part} in {text}");
+    }
+}
+
+#[test]
+fn a_remedy_works_when_it_is_taken() {
+    let folder = Folder::new("check_remedy");
+    let text = spec("rk4", "20 ms", "1 s", "state x = 1\nstate q = 1\nq' = -q\nx' = -1000*x + q\noutput x, q");
+    let answer = check(&folder, &text, &[]);
+    let help = answer.result["findings"][0]["help"].as_str().expect("a remedy");
+    let options: Vec<&str> = help.split('`').nth(1).expect("options in backticks").split(' ').collect();
+    let answer = check(&folder, &text, &options);
+    assert_eq!(answer.exit, Some(0), "{options:?}: {}", answer.messages);
+    assert!(
+        !answer.codes.iter().any(|code| code.starts_with("E0") || code == "W0906"),
+        "{options:?}: {}",
+        answer.messages
+    );
+}
+
+#[test]
+fn the_same_question_gets_the_same_bytes() {
+    let folder = Folder::new("check_bytes");
+    let text = spec("rk4", "10 ms", "5 s", "state x = 2\nstate v = 0\nx' = v\nv' = 5*(1 - x^2)*v - x\noutput x");
+    let [first, second] = [(), ()].map(|()| check(&folder, &text, &[]).result.to_string());
+    assert!(first == second && first.contains("predicted_step_s"), "{first}\n{second}");
+}
