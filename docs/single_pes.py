@@ -4,7 +4,8 @@
     docs/single_pes.py FOLDER [SET]
 
 SET is `table1`, the PEs of table I of the paper as ours (default), `shifts`, the same PE with other shift positions, or
-`pre_adder`, PEs with and without sums of two operands, or `model`, PEs that the area model is fitted to.
+`pre_adder`, PEs with and without sums of two operands, `tables`, PEs with and without lookups, or `model`, PEs that
+the area model is fitted to.
 Programs and memory images are random bits, so that no tool can simplify them.
 """
 
@@ -17,9 +18,9 @@ STORAGE, PERIOD = 32, 512
 
 
 def shape(own=16, base=None, coefficients=0, imported=16, ports=3, shifts="1,2,3,4,5", word=40, data=25, coefficient=18,
-          accumulator=43, flags=""):
+          accumulator=43, flags="", indices=0, index=0, octaves=0):
     """One PE, its base memory as deep as the own one unless said; flags are among `fpws`: factor, pre-adder,
-    swap, send."""
+    swap, send. `indices` words of `index` bits, `octaves` of which count octaves, are the index memory."""
     base = base or own
     return locals()
 
@@ -45,7 +46,13 @@ MODEL = [
     shape(own=32, imported=32, ports=7, shifts="9,10,13,14", word=33, flags="s"),
     shape(own=64, imported=0, ports=0, shifts="8,9,10,11,12", word=33),
 ]
-SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "model": MODEL}
+# What lookups cost: the deep base memory that columns need, then the index memory, and the count of octaves.
+TABLES = [shape(own=32, base=base, coefficients=32, flags="fs", data=data, coefficient=coefficient, accumulator=bits,
+                indices=indices, index=index, octaves=octaves)
+          for data, coefficient, bits in [(25, 18, 43), (32, 32, 64)]
+          for base, indices, index, octaves in [(32, 0, 0, 0), (256, 0, 0, 0), (256, 16, 5, 0), (256, 32, 6, 0),
+                                                (256, 16, 5, 3), (256, 32, 6, 4)]]
+SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "tables": TABLES, "model": MODEL}
 
 
 def index_bits(count):
@@ -62,10 +69,11 @@ def control_bits(pe):
     swap, factor = "w" in pe["flags"], "f" in pe["flags"]
     imports = pe["imported"] > 0
     received = imports * (index_bits(pe["imported"]) + 1 + swap)
+    indexed = (pe["indices"] > 0) * (2 * (index_bits(pe["indices"]) + 1) + (pe["octaves"] > 0))
     coefficient = index_bits(pe["coefficients"]) if pe["coefficients"] else pe["coefficient"]
     return (index_bits(pe["own"]) + 1 + swap + 2 * received + coefficient + 1 + 1 + index_bits(pe["base"])
             + index_bits(len(pe["shifts"].split(","))) + 2 + factor + swap + index_bits(write_words(pe))
-            + ("s" in pe["flags"]) + index_bits(pe["ports"]))
+            + indexed + ("s" in pe["flags"]) + index_bits(pe["ports"]))
 
 
 def words(generator, name, count, bits):
@@ -96,7 +104,9 @@ def main(folder, name="table1"):
                      f"base_words={pe['base']} coefficient_words={pe['coefficients']} "
                      f"imported_words={pe['imported']} ports={pe['ports']} shifts={pe['shifts']} "
                      f"accumulator_bits={pe['accumulator']} {' '.join(flags)} base_last=false program_words={PERIOD} "
-                     f"program_bits={bits} rounds=1 streamed_bits={bits}")
+                     f"program_bits={bits} rounds=1 streamed_bits={bits}"
+                     + f" index_words={pe['indices']} index_bits={pe['index']} octave_bits={pe['octaves']}"
+                     * (pe["indices"] > 0))
     with open(os.path.join(folder, f"{name}_program_pkg.vhd"), "w") as file:
         file.write("library ieee;\nuse ieee.std_logic_1164.all;\nlibrary pe_lib;\nuse pe_lib.pe_pkg.all;\n\n"
                    f"package {name}_program_pkg is\n  constant PERIOD : positive := {PERIOD};\n  constant ROUNDS : positive := 1;\n")

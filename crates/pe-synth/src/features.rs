@@ -19,6 +19,28 @@ struct Feature {
     need: fn(&Program, &PeProgram) -> String,
 }
 
+/// What PEs have that look functions up; in reports of designs with such PEs.
+const LOOKUPS: [Feature; 2] = [
+    Feature {
+        name: "index_memory",
+        size: |features| features.index_words,
+        nothing: 0,
+        need: |program, pe| {
+            let indexed = |word: &ControlWord| word.write_index.is_some();
+            format!("looks a function up at {}", first(program, pe, indexed, |note| note.write))
+        },
+    },
+    Feature {
+        name: "octaves",
+        size: |features| features.octave_bits,
+        nothing: 0,
+        need: |program, pe| {
+            let octaves = |word: &ControlWord| word.write_index.is_some_and(|(_, octaves)| octaves);
+            format!("a function of {} is steep near zero", first(program, pe, octaves, |note| note.write))
+        },
+    },
+];
+
 const FEATURES: [Feature; 12] = [
     Feature {
         name: "input_ports",
@@ -44,7 +66,10 @@ const FEATURES: [Feature; 12] = [
         nothing: 0,
         need: |program, pe| {
             let written = |word: &ControlWord| word.write.is_some_and(|target| target.base);
-            format!("increments are added to {}", first(program, pe, written, |note| note.write))
+            match pe.words.iter().any(written) || pe.features.index_words == 0 {
+                true => format!("increments are added to {}", first(program, pe, written, |note| note.write)),
+                false => "keeps tables of functions".to_owned(),
+            }
         },
     },
     Feature {
@@ -125,7 +150,9 @@ fn first(program: &Program, pe: &PeProgram, kind: fn(&ControlWord) -> bool, valu
 
 /// The features of the PEs with their reasons, and the fields of the control words.
 pub fn features(program: &Program, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Value {
-    let mut rows: Vec<Value> = FEATURES.iter().map(|feature| row(program, feature)).collect();
+    let lookups = program.pes.iter().any(|pe| pe.features.index_words > 0);
+    let features = FEATURES.iter().chain(LOOKUPS.iter().filter(|_| lookups));
+    let mut rows: Vec<Value> = features.map(|feature| row(program, feature)).collect();
     rows.push(saturation(program, graph, fixed, mapping));
     json!({"pe": rows, "control_word": fields(program), "program": folds(program)})
 }

@@ -20,7 +20,7 @@ const APPROXIMATION: f64 = 6e-5;
 fn looked_up_polynomials_are_the_functions_they_were_made_of() {
     let mut compared = 0;
     let mut segments = BTreeSet::new();
-    for (seed, solver) in (81..).zip(Solver::ALL) {
+    for (seed, solver) in (81..).zip(Solver::RUNGE_KUTTA) {
         let flow = Flow::tabled((10, 3), solver, format(32, 32, 32), Placement::Scattered, seed);
         let functions = &flow.graph.functions;
         let scale = functions.tables[0].columns[0].iter().fold(0.0f64, |most, entry| most.max(entry.abs()));

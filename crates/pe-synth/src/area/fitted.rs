@@ -13,4 +13,4 @@ pub const FF: [f64; 6] = [1.06, 0.943, 0.922, 1.004, 0.801, 1.998];
 pub const FF_DEVIATION: f64 = 0.0187;
 
 /// Measured PEs with each of `TRAITS`.
-pub const SHAPES: [u32; 13] = [4, 3, 0, 2, 0, 2, 3, 1, 2, 2, 3, 3, 0];
+pub const SHAPES: [u32; 14] = [4, 3, 0, 2, 0, 2, 3, 1, 2, 2, 3, 3, 0, 0];

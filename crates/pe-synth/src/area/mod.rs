@@ -84,7 +84,7 @@ pub const FF_TERMS: [&str; 6] = [
 ];
 
 /// Traits of PEs that the model may not know from enough measured ones.
-pub const TRAITS: [&str; 13] = [
+pub const TRAITS: [&str; 14] = [
     "multiplier of 32x32",
     "multiplier of 18x25",
     "multiplier of another size but 25x18",
@@ -98,6 +98,7 @@ pub const TRAITS: [&str; 13] = [
     "more than five shift positions",
     "more than four ports",
     "bases written in the last round only",
+    "tables of functions",
 ];
 
 /// Measured PEs with a trait from which on estimates of others with it have the error of the fit.
@@ -126,6 +127,7 @@ pub fn traits(features: &PeFeatures, format: &WordFormat) -> [bool; TRAITS.len()
         features.shifts.len() > 5,
         features.ports > 4,
         features.base_last,
+        features.index_words > 0,
     ]
 }
 
