@@ -15,3 +15,4 @@ pub mod rounds;
 pub mod schedule;
 pub mod split;
 pub mod step;
+pub mod two_slots;

@@ -143,6 +143,13 @@ impl Canvas<'_> {
                 self.polygon(&corners, PAPER);
                 outline(&corners);
             }
+            Marker::Ring => {
+                let corner = |index: u32| {
+                    let angle = f64::from(index) * std::f64::consts::TAU / 48.0;
+                    (x + 8.0 * libm::cos(angle), y + 8.0 * libm::sin(angle))
+                };
+                outline(&(0..=48).map(corner).collect::<Vec<_>>());
+            }
             Marker::Cross => {
                 outline(&[(x - r, y - r), (x + r, y + r)]);
                 outline(&[(x - r, y + r), (x + r, y - r)]);

@@ -11,4 +11,5 @@ pub mod layout;
 pub mod network;
 pub mod occupancy;
 pub mod ranges;
+pub mod raster;
 pub mod style;

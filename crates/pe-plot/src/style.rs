@@ -39,6 +39,8 @@ pub enum Marker {
     Cross,
     /// Empty circle.
     Circle,
+    /// Large empty circle around another marker.
+    Ring,
 }
 
 /// Tone, dash and shape of a series.
@@ -66,10 +68,12 @@ const LOOKS: [(Tone, &[f64], Marker); 6] = [
 
 impl Look {
     fn of(index: usize) -> (Tone, &'static [f64], Marker) {
-        LOOKS[index % LOOKS.len()]
+        let (tone, dash, _) = LOOKS[index % LOOKS.len()];
+        // Tones repeat after six, with other markers.
+        (tone, dash, LOOKS[(index + index / LOOKS.len()) % LOOKS.len()].2)
     }
 
-    /// A line without markers; the looks repeat after six.
+    /// A line without markers; tone and dash repeat after six, tone and marker together after 36.
     pub fn line(index: usize) -> Look {
         let (tone, dash, _) = Look::of(index);
         Look { tone, line: Some(dash), width: 1.4, marker: None }
@@ -84,6 +88,16 @@ impl Look {
     /// Joined markers.
     pub fn joined(index: usize) -> Look {
         Look { marker: Some(Look::of(index).2), ..Look::line(index) }
+    }
+
+    /// A thin line for a limit.
+    pub fn limit() -> Look {
+        Look { tone: SOFT, line: Some(&[4.0, 4.0]), width: 1.0, marker: None }
+    }
+
+    /// Rings around points of other series.
+    pub fn ring() -> Look {
+        Look { tone: INK, line: None, width: 1.4, marker: Some(Marker::Ring) }
     }
 
     /// A wide pale line behind the others, for a front or a reference.

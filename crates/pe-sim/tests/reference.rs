@@ -2,6 +2,7 @@
 
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
 use pe_ir::source::Span;
+use pe_sim::error::Trajectory;
 use pe_sim::reference::{self, Obstacle, TOLERANCE};
 
 const SPAN: Span = Span { start: 0, end: 0 };
@@ -45,15 +46,24 @@ fn sample_times(model: &Model, count: u32) -> Vec<f64> {
     (1..=count).map(|k| model.span * f64::from(k) / f64::from(count)).collect()
 }
 
+/// The solutions of both methods.
+fn by_both_methods(model: &Model, at: &[f64]) -> [Trajectory; 2] {
+    let first = reference::solve(model, at, TOLERANCE, &mut |_| {}).expect("it has a solution");
+    let second = reference::solve_by_second_method(model, at, TOLERANCE).expect("it has a solution");
+    assert_ne!(first.samples, second.samples, "the methods are one");
+    [first, second]
+}
+
 #[test]
 fn an_oscillator_keeps_its_cosine_for_sixteen_periods() {
     let model = model(vec![(1.0, state(1)), (0.0, times(-1.0, &[state(0)]))], vec![], vec![], 0.01, 100.0);
     let at = sample_times(&model, 173);
-    let solution = reference::solve(&model, &at, TOLERANCE, &mut |_| {}).expect("it has a solution");
-    assert_eq!(solution.len(), at.len());
-    for (sample, time) in solution.samples.chunks_exact(2).zip(&at) {
-        assert!((sample[0] - time.cos()).abs() < 1e-10, "{} at {time}", sample[0] - time.cos());
-        assert!((sample[1] + time.sin()).abs() < 1e-10, "{} at {time}", sample[1] + time.sin());
+    for solution in by_both_methods(&model, &at) {
+        assert_eq!(solution.len(), at.len());
+        for (sample, time) in solution.samples.chunks_exact(2).zip(&at) {
+            assert!((sample[0] - time.cos()).abs() < 1e-10, "{} at {time}", sample[0] - time.cos());
+            assert!((sample[1] + time.sin()).abs() < 1e-10, "{} at {time}", sample[1] + time.sin());
+        }
     }
 }
 
@@ -66,17 +76,18 @@ fn a_square_wave_is_followed_from_jump_to_jump() {
     let derivative = times(3.0, &[Expr::Variable(Variable::Algebraic(0))]);
     let model = model(vec![(0.0, derivative)], vec![square.clone()], vec![difference], 0.01, 10.0);
     let at = sample_times(&model, 91);
-    let solution = reference::solve(&model, &at, TOLERANCE, &mut |_| {}).expect("it has a solution");
-    let (mut x, mut time, mut edges) = (0.0f64, 0.0f64, square.breakpoints(11.0).peekable());
-    for (sample, until) in solution.samples.iter().zip(&at) {
-        while time < *until {
-            let next = edges.peek().copied().filter(|edge| edge < until).unwrap_or(*until);
-            let level = square.piece(0.5 * (time + next), time);
-            x = level + (x - level) * (-3.0 * (next - time)).exp();
-            time = next;
-            edges.next_if(|edge| *edge <= time);
+    for solution in by_both_methods(&model, &at) {
+        let (mut x, mut time, mut edges) = (0.0f64, 0.0f64, square.breakpoints(11.0).peekable());
+        for (sample, until) in solution.samples.iter().zip(&at) {
+            while time < *until {
+                let next = edges.peek().copied().filter(|edge| edge < until).unwrap_or(*until);
+                let level = square.piece(0.5 * (time + next), time);
+                x = level + (x - level) * (-3.0 * (next - time)).exp();
+                time = next;
+                edges.next_if(|edge| *edge <= time);
+            }
+            assert!((sample - x).abs() < 1e-11, "{:e} at {until}", sample - x);
         }
-        assert!((sample - x).abs() < 1e-11, "{:e} at {until}", sample - x);
     }
 }
 

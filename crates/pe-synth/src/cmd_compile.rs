@@ -8,11 +8,13 @@ use pe_ir::source::Diagnostic;
 use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
 
+use crate::accuracy::choice::{Choice, Fixed, Question};
 use crate::area::{self, Measured};
+use crate::conserved::Conserved;
 use crate::console;
 use crate::devices::{self, Device, Fit};
 use crate::failure::{Failure, MessageFormat, print_findings};
-use crate::options::{DesignPoint, LoadedModel, ModelOptions};
+use crate::options::{ConservedOptions, DesignPoint, LoadedModel, ModelOptions};
 use crate::output::OutputFolder;
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
 use crate::report::{self, Clock, Silicon};
@@ -28,8 +30,12 @@ const TRACE_LINES: u64 = 120_000;
 Examples:
   pe-synth compile models/weibel5/weibel5.spec
   pe-synth compile models/weibel5/weibel5.spec --pes 8 --multiplier 25x18 -o out/small
-  pe-synth compile models/weibel5/weibel5.spec --span 20ms --set generations=4")]
+  pe-synth compile models/weibel5/weibel5.spec --span 20ms --set generations=4
+  pe-synth compile models/van_der_pol/van_der_pol.spec --max-error 1e-4")]
 pub struct Compile {
+    // The first field, for each takes what it reads away from those that follow.
+    #[command(flatten)]
+    fixed: Fixed,
     #[command(flatten)]
     point: DesignPoint,
     #[command(flatten)]
@@ -52,6 +58,12 @@ pub struct Compile {
     /// Solves the model with a library for differential equations to measure the total error
     #[arg(long, help_heading = "Output")]
     reference: bool,
+    #[command(flatten)]
+    conserved: ConservedOptions,
+    /// Takes the solver, step, multiplier and storage that meet this total error at least run time; those that are
+    /// given are kept
+    #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
+    max_error: Option<f64>,
     #[command(flatten)]
     model: ModelOptions,
     /// Prints errors and warnings only
@@ -77,7 +89,7 @@ impl Compile {
     pub fn run(&self, command: &str) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
         let mut watch = Stopwatch::new(quiet);
-        let loaded = watch.stage(
+        let mut loaded = watch.stage(
             "read",
             || self.model.load(&self.point),
             |loaded| match loaded {
@@ -87,13 +99,22 @@ impl Compile {
                 Err(_) => "refused".to_owned(),
             },
         )?;
-        let model = &loaded.model;
-        let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&model.name));
-        OutputFolder::permitted(&target)?;
-        let measured = self.area_from.as_deref().map_or_else(|| Ok(Measured::default()), measured)?;
-        let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
-        let total = self.reference.then(|| total_error(&loaded, &design, self.message_format(), &mut watch));
         let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
+        let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.model.name));
+        OutputFolder::permitted(&target)?;
+        let conserved = self.conserved.of(&loaded.model)?;
+        let measured = self.area_from.as_deref().map_or_else(|| Ok(Measured::default()), measured)?;
+        let choice = match self.max_error {
+            Some(max_error) => Some(self.choose(&loaded, &conserved, clock, max_error, &mut watch)?),
+            None => None,
+        };
+        let point = choice.as_ref().map_or(self.point, |choice| choice.point);
+        point.apply(&mut loaded.model)?;
+        let model = &loaded.model;
+        let design = pipeline::design(&loaded, &self.model, &point, &self.mapping, &mut watch)?;
+        let format = self.message_format();
+        let total =
+            (self.reference || choice.is_some()).then(|| total_error(&loaded, &design, &conserved, format, &mut watch));
         let area = area::size(&design.program, &measured);
         let pes = design.program.pes.len() as u32;
         let fit = self.device.map(|device| Fit::of(device, &area, &design.program.format, pes));
@@ -106,6 +127,9 @@ impl Compile {
             let help = format!("there is room for {} such PEs", fit.fitting_pes);
             let warning = warning.map(|warning| warning.with_help(help).into_warning());
             print_findings(warning.as_slice(), &loaded.sources, self.message_format());
+        }
+        if let Some(choice) = &choice {
+            report["choice"] = choice.report(model);
         }
         let folder = OutputFolder::create(&target)?;
         folder.remove_when_interrupted();
@@ -131,13 +155,36 @@ impl Compile {
         folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
         folder.finish()?;
         if !quiet {
+            let chosen = choice.map_or(Vec::new(), |choice| choice.table(model));
+            let chosen: String = chosen.iter().map(|(name, text)| report::row(name, text)).collect();
             let device = fit.map_or(String::new(), |fit| report::row("device", &fit.summary()));
             let files = report::row("files", &format!("{}; all figures in report.json", target.display()));
             console::out(
-                &(report::table(model, &design, &variables, silicon, &total, self.model.seed) + &device + &files),
+                &(report::table(model, &design, &variables, silicon, &total, self.model.seed)
+                    + &chosen
+                    + &device
+                    + &files),
             );
         }
         Ok(())
+    }
+
+    /// The cheapest design that is right enough.
+    fn choose(
+        &self,
+        loaded: &LoadedModel,
+        conserved: &[Conserved],
+        clock: Clock,
+        max_error: f64,
+        watch: &mut Stopwatch,
+    ) -> Result<Choice, Failure> {
+        let (options, mapping, point, fixed) = (&self.model, &self.mapping, self.point, self.fixed);
+        let question = Question { loaded, options, mapping, point, fixed, conserved, clock, max_error };
+        watch.stage(
+            "choose",
+            || question.answer(),
+            |choice| choice.as_ref().map_or("no design".to_owned(), |choice| choice.figure(&loaded.model)),
+        )
     }
 }
 
@@ -153,14 +200,18 @@ fn measured(path: &Path) -> Result<Measured, Failure> {
 fn total_error(
     loaded: &LoadedModel,
     design: &Design,
+    conserved: &[Conserved],
     format: MessageFormat,
     watch: &mut Stopwatch,
 ) -> Result<TotalError, ReferenceError> {
     let model = &loaded.model;
     let progress = watch.progress_bar("reference");
-    let result = watch.timed(
+    let result: Result<TotalError, ReferenceError> = watch.timed(
         "reference",
-        || Reference::solve(model, &design.judged.times, &progress).map(|r| r.compare(&design.judged.hardware)),
+        || {
+            let reference = Reference::solve(model, &design.judged.times, conserved, &progress)?;
+            Ok(reference.compare(model, &design.judged))
+        },
         |total| match total {
             Ok(total) => format!("total error {:.1e}", total.whole.error),
             Err(_) => "no solution".to_owned(),

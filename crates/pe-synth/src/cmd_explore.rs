@@ -1,35 +1,27 @@
 //! `pe-synth explore`: many design points of a model, their size, speed and error.
 
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use indicatif::HumanDuration;
 use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
-use sha2::{Digest, Sha256};
 
 use crate::cmd_compile::positive;
 use crate::console;
 use crate::explore::axes::Axes;
+use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::estimate::Estimate;
 use crate::explore::files::Sheet;
-use crate::explore::given::Given;
-use crate::explore::record::Record;
-use crate::explore::row::Outcome;
+use crate::explore::given::{Given, Sweeping};
+use crate::explore::record::{Kind, Record};
 use crate::explore::show;
-use crate::explore::sweep::{self, Event, Job, Sweep};
+use crate::explore::sweep::{self, Sweep};
 use crate::failure::{Failure, MessageFormat};
 use crate::options::ModelOptions;
 use crate::output::OutputFolder;
 use crate::pipeline::MappingOptions;
 use crate::report::{ASSUMED_CLOCK_MHZ, Clock};
-
-/// First part of `generator` in all our files, and the version.
-const GENERATOR: &str = concat!("pe-synth ", env!("CARGO_PKG_VERSION"));
-
-/// Fineness of the progress bar.
-const TICKS_PER_SECOND: f64 = 1000.0;
 
 /// Compiles many design points of a model and shows what size, speed and accuracy cost each other
 ///
@@ -46,7 +38,7 @@ Examples:
 pub struct Explore {
     // The first field, for each takes what it reads away from those that follow.
     #[command(flatten)]
-    given: Given,
+    given: Given<Explore>,
     #[command(flatten)]
     axes: Axes,
     #[command(flatten)]
@@ -73,6 +65,10 @@ pub struct Explore {
     quiet: bool,
 }
 
+impl Sweeping for Explore {
+    const NAME: &'static str = "explore";
+}
+
 impl Explore {
     /// Form of messages.
     pub fn message_format(&self) -> MessageFormat {
@@ -97,27 +93,21 @@ impl Explore {
             clock: format!("{} MHz ({})", clock.mhz, if clock.given { "given" } else { "assumed" }),
             rows: points.map(|point| (point, self.given.command(&point), None)).collect(),
             target,
+            kind: Kind { store: "points.json", files: Sheet::files },
         };
         if self.resume {
             record.resume()?;
         }
         let jobs = record.pending();
-        let threads = self.jobs.map(usize::from);
-        let threads = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        let threads = Driver::threads(self.jobs);
         let estimate = Estimate::of(model, &graphs, &self.mapping);
         let seconds = estimate.total(&sweep::families(jobs.clone()));
         if !quiet {
             console::err(&announcement(&axes, &record, jobs.len(), seconds, threads));
         }
-        let bar = if quiet { ProgressBar::hidden() } else { progress_bar(seconds) };
-        let sweep = Sweep { loaded, options: self.model.clone(), mapping: self.mapping.clone(), clock, estimate };
-        let events = start(sweep, jobs, threads)?;
-        let followed = record.follow(&events, &mut |done, total, seconds| {
-            bar.set_message(format!("{done}/{total} points"));
-            bar.inc((seconds * TICKS_PER_SECOND) as u64);
-        });
-        bar.finish_and_clear();
-        followed?;
+        let (options, mapping) = (self.model.clone(), self.mapping.clone());
+        let sweep = Sweep { loaded, options, mapping, conserved: Vec::new(), within: None, clock, estimate };
+        Driver::new(threads)?.round(&mut record, sweep, quiet)?;
         let sheet = record.sheet();
         if !quiet {
             let page = record.target.join("index.html");
@@ -149,33 +139,6 @@ impl Explore {
     }
 }
 
-/// A hash of all that a model is, wherever it was read from.
-fn fingerprint(model: &Model) -> String {
-    let digest = Sha256::digest(format!("{model:?}"));
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// Starts the sweep in threads of its own, so that the command can end without them.
-fn start(sweep: Sweep, jobs: Vec<Job>, threads: usize) -> Result<Receiver<Event>, Failure> {
-    let (sender, events) = channel();
-    watch_signals(sender.clone())?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Failure::File(format!("cannot start {threads} threads: {error}")))?;
-    std::thread::spawn(move || {
-        sweep::run(&sweep, jobs, &pool, &sender);
-        let _ = sender.send(Event::Finished);
-    });
-    Ok(events)
-}
-
-/// Lets Ctrl-C and requests to terminate end the sweep with a partial result.
-fn watch_signals(sender: Sender<Event>) -> Result<(), Failure> {
-    ctrlc::set_handler(move || {
-        let _ = sender.send(Event::Interrupted);
-    })
-    .map_err(|error| Failure::Internal(format!("cannot watch for signals: {error}")))
-}
-
 /// Number of points, axis by axis, and roughly how long they take.
 fn announcement(axes: &Axes, record: &Record, pending: usize, seconds: f64, threads: usize) -> String {
     let axis = |count: usize, name: &str| format!("{count} {name}{}", if count == 1 { "" } else { "s" });
@@ -196,25 +159,4 @@ fn announcement(axes: &Axes, record: &Record, pending: usize, seconds: f64, thre
         sizes.join(" x "),
         axis(threads, "thread")
     )
-}
-
-/// A bar for all the work; invisible when standard error is no terminal.
-fn progress_bar(seconds: f64) -> ProgressBar {
-    let style = ProgressStyle::with_template("   explore  {bar:40} {msg}, {eta} left").expect("a valid template");
-    ProgressBar::new((seconds * TICKS_PER_SECOND) as u64).with_style(style)
-}
-
-/// A sweep fails if no point succeeded, or if one met an error of the compiler itself.
-fn verdict(sheet: &Sheet) -> Result<(), Failure> {
-    let internal = sheet.rows.iter().find_map(|row| match &row.outcome {
-        Outcome::Failed(reason) if reason.exit_code == Failure::INTERNAL => Some((row, reason)),
-        _ => None,
-    });
-    if let Some((row, reason)) = internal {
-        return Err(Failure::Internal(format!("{}; met by `{}`", reason.message, row.command)));
-    }
-    match sheet.rows.iter().any(|row| row.figures().is_some()) {
-        true => Ok(()),
-        false => Err(Failure::Fruitless("no point could be compiled; the table has the reasons".into())),
-    }
 }

@@ -2,9 +2,11 @@
 //!
 //! A library so that tests and other tools can run single stages; `main.rs` only parses arguments.
 
+pub mod accuracy;
 pub mod area;
 pub mod bottleneck;
 pub mod check;
+pub mod cmd_accuracy;
 pub mod cmd_bench;
 pub mod cmd_check;
 pub mod cmd_compile;
@@ -17,6 +19,7 @@ pub mod cmd_shell;
 pub mod cmd_sim;
 pub mod cmd_verify;
 pub mod command;
+pub mod conserved;
 pub mod console;
 pub mod contest;
 pub mod devices;
@@ -27,6 +30,7 @@ pub mod features;
 pub mod figures;
 pub mod files;
 pub mod options;
+pub mod oscillation;
 pub mod output;
 pub mod pictures;
 pub mod pipeline;
@@ -35,6 +39,7 @@ pub mod render;
 pub mod report;
 pub mod runs;
 pub mod scene;
+pub mod slots;
 pub mod total;
 pub mod variables;
 pub mod waveforms;

@@ -7,8 +7,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use pe_synth::failure::{Failure, MessageFormat, guarded, print_plain};
 use pe_synth::{
-    cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden, cmd_shell, cmd_sim,
-    cmd_verify, console,
+    cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden,
+    cmd_shell, cmd_sim, cmd_verify, console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -31,6 +31,7 @@ Examples:
   pe-synth verify out/van_der_pol
   pe-synth sim models/van_der_pol/van_der_pol.spec --double -o van_der_pol.csv
   pe-synth explore models/van_der_pol/van_der_pol.spec --pes 1,2 --solver rk4
+  pe-synth accuracy models/van_der_pol/van_der_pol.spec --max-error 1e-4
   pe-synth explain E0307
 
 Exit codes:
@@ -55,6 +56,7 @@ enum Command {
     Check(Box<cmd_check::Check>),
     Verify(cmd_verify::Verify),
     Explore(Box<cmd_explore::Explore>),
+    Accuracy(Box<cmd_accuracy::Accuracy>),
     Sim(Box<cmd_sim::Sim>),
     Bench(Box<cmd_bench::Bench>),
     Dump(Box<cmd_dump::Dump>),
@@ -74,6 +76,7 @@ fn main() -> ExitCode {
         Command::Compile(compile) => (compile.message_format(), compile.run(&command_line())),
         Command::Check(check) => (check.message_format(), check.run()),
         Command::Verify(verify) => (verify.message_format(), verify.run()),
+        Command::Accuracy(accuracy) => (accuracy.message_format(), accuracy.run()),
         Command::Explore(explore) => (explore.message_format(), explore.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),
         Command::Bench(bench) => (bench.message_format(), bench.run()),

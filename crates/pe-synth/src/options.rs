@@ -11,6 +11,7 @@ use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::word::WordFormat;
 
+use crate::conserved::Conserved;
 use crate::failure::{Failure, MessageFormat};
 use crate::files::{self, ModelFolder};
 use crate::pipeline::MappingOptions;
@@ -43,6 +44,26 @@ pub struct ModelOptions {
     pub message_format: MessageFormat,
 }
 
+/// What the total error is asked about beside the states.
+#[derive(Args, Clone, Debug, Default)]
+pub struct ConservedOptions {
+    /// Outputs that shall stay constant, such as an energy: their drift is reported
+    #[arg(long, value_name = "NAME[,NAME...]", value_delimiter = ',', help_heading = "Output")]
+    pub conserved: Vec<String>,
+}
+
+impl ConservedOptions {
+    /// The quantities of a model.
+    ///
+    /// # Errors
+    /// If a name is no output.
+    pub fn of(&self, model: &Model) -> Result<Vec<Conserved>, Failure> {
+        Conserved::named(model, &self.conserved).map_err(|name| {
+            Failure::Usage(format!("`--conserved {name}`: `{name}` is no output of the model; name it in `output`"))
+        })
+    }
+}
+
 /// How it is computed: a point of the design space.
 #[derive(Args, Clone, Copy, Debug, PartialEq)]
 pub struct DesignPoint {
@@ -58,12 +79,38 @@ pub struct DesignPoint {
     /// Multiplier: bits of its data port x bits of its coefficient port
     #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier, help_heading = "Numbers")]
     pub multiplier: (u32, u32),
+    /// Products that a coefficient takes: with two, a port of 18 bits computes with about 35
+    #[arg(long, value_enum, default_value_t, help_heading = "Numbers")]
+    pub coefficients: Coefficients,
     /// Form of the step of a model that is affine in its states
     #[arg(long, value_enum, default_value_t, help_heading = "Mapping")]
     pub form: FormChoice,
     /// Number of processing elements; all of them are used [default: one for every 200 issue slots]
     #[arg(long, value_name = "N", help_heading = "Mapping")]
     pub pes: Option<u32>,
+}
+
+/// How coefficients are rounded, as the command line has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Coefficients {
+    /// A product each, rounded to the coefficient port
+    #[default]
+    OneSlot,
+    /// A second product with what the port does not see, where that can be seen in the result
+    TwoSlot,
+    /// Two slots if they at least halve the word-length error
+    Auto,
+}
+
+impl Coefficients {
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Coefficients::OneSlot => "one-slot",
+            Coefficients::TwoSlot => "two-slot",
+            Coefficients::Auto => "auto",
+        }
+    }
 }
 
 /// The form of a step, as the command line has it.
@@ -182,7 +229,7 @@ pub fn solver() -> impl TypedValueParser<Value = Solver> {
 
 /// Parses bits of a stored word.
 pub fn storage() -> impl TypedValueParser<Value = u32> {
-    clap::value_parser!(u32).range(12..=40)
+    clap::value_parser!(u32).range(12..=48)
 }
 
 /// Parses a way to check units.

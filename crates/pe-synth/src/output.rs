@@ -14,7 +14,7 @@ use crate::console;
 use crate::failure::Failure;
 
 /// Files that mark a folder as written by this program; only such folders are replaced.
-const MARKERS: [&str; 2] = ["report.json", "points.json"];
+const MARKERS: [&str; 3] = ["report.json", "points.json", "accuracy.json"];
 
 /// Writes files into a new folder beside the target and puts it in place at the end.
 pub struct OutputFolder {
@@ -71,12 +71,17 @@ impl OutputFolder {
 
     /// Writes a file; `path` is relative and uses `/`.
     pub fn write(&self, path: &str, text: &str) -> Result<(), Failure> {
+        self.write_bytes(path, text.as_bytes())
+    }
+
+    /// Writes a file that is no text.
+    pub fn write_bytes(&self, path: &str, content: &[u8]) -> Result<(), Failure> {
         let _held = self.finished.lock().unwrap_or_else(PoisonError::into_inner);
         let file = self.partial.join(path);
         if let Some(folder) = file.parent() {
             fs::create_dir_all(folder).map_err(|error| Failure::file("create", folder, error))?;
         }
-        fs::write(&file, text).map_err(|error| Failure::file("write", &file, error))
+        fs::write(&file, content).map_err(|error| Failure::file("write", &file, error))
     }
 
     /// Puts the folder in place.

@@ -23,8 +23,9 @@ use pe_ir::word::{Latency, WordFormat};
 use crate::area;
 use crate::contest;
 use crate::failure::{Failure, print_findings};
-use crate::options::{DesignPoint, LoadedModel, ModelOptions};
+use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions};
 use crate::runs::{self, Judged};
+use crate::slots;
 
 /// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
 const DEFAULT_SLOTS_PER_PE: u64 = 200;
@@ -219,7 +220,12 @@ pub fn design(
 ) -> Result<Design, Failure> {
     let format = point.format()?;
     let graph = build(loaded, point, mapping_options, watch)?;
-    let graph = Arc::new(split(&graph, point.pes, mapping_options, format).unwrap_or(graph));
+    let graph = split(&graph, point.pes, mapping_options, format).unwrap_or(graph);
+    let graph = match point.coefficients {
+        Coefficients::OneSlot => graph,
+        _ => two_slots(loaded, graph, format, point.coefficients, watch)?,
+    };
+    let graph = Arc::new(graph);
     let progress = watch.progress_bar("runs");
     let judged = watch
         .timed("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
@@ -363,6 +369,31 @@ pub fn build(
         },
     );
     graph.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))
+}
+
+/// Puts coefficients in two slots.
+fn two_slots(
+    loaded: &LoadedModel,
+    graph: StepGraph,
+    format: WordFormat,
+    coefficients: Coefficients,
+    watch: &mut Stopwatch,
+) -> Result<StepGraph, Failure> {
+    let products = graph.macs();
+    let refined = watch.stage(
+        "slots",
+        || {
+            let exact = runs::Exact::run(&loaded.model, &graph, ProgressBar::hidden())?;
+            slots::refine(&loaded.model, &graph, &exact, format, coefficients)
+        },
+        |refined| match refined {
+            Ok(Some((split, _))) => format!("two for coefficients, {} products per step", split.macs()),
+            Ok(None) => format!("one for coefficients, {products} products per step"),
+            Err(_) => "refused".to_owned(),
+        },
+    );
+    let refined = refined.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    Ok(refined.map_or(graph, |(split, _)| split))
 }
 
 fn runs_figure(judged: &Result<Judged, Vec<Diagnostic>>) -> String {

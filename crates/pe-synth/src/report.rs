@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use pe_hls::mapping::RANDOM;
+use pe_hls::two_slots;
 use pe_ir::graph::{FormCost, Role};
 use pe_ir::mapping::MappingCost;
 use pe_ir::model::Model;
@@ -12,6 +13,7 @@ use serde_json::{Value, json};
 
 use crate::area::Area;
 use crate::bottleneck::Bottleneck;
+use crate::conserved::Drift;
 use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name, processor_seconds};
 use crate::total::TotalError;
 use crate::variables::{self, Variable};
@@ -151,6 +153,7 @@ pub fn report(
             "mul_a_bits": format.data_bits,
             "mul_b_bits": format.coefficient_bits,
             "dsp_per_pe": format.dsp_per_pe(),
+            "coefficient_slots": 1 + u32::from(two_slots::used(&design.graph)),
         },
         "instruction_words_max": sizes.instruction_words,
         "data_words_max": sizes.data_words,
@@ -204,6 +207,8 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
         "method": errors.method,
         "word_length": errors.word_length,
         "coefficient": errors.coefficient,
+        "word_length_at_end": errors.at_end.0,
+        "coefficient_at_end": errors.at_end.1,
         "function": null,
         "function_reason": "the model has no elementary function of a variable",
         "input_hold": errors.input_hold,
@@ -218,11 +223,37 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
             value["total_worst_state"] = json!(model.states[total.whole.state].name);
             value["total_at_end"] = json!(total.end.error);
             value["total_at_end_worst_state"] = json!(model.states[total.end.state].name);
+            value["total_l2"] = json!(total.l2);
+            value["digits_at_end"] = json!(total.digits);
+            value["double"] = json!(total.double.0);
+            value["double_at_end"] = json!(total.double.1);
+            value["diverged_s"] = json!(total.diverged);
+            value["period"] = json!(total.period.map(|period| {
+                json!({"state": model.states[period.state].name, "seconds": period.seconds,
+                       "error": finite(period.error)})
+            }));
+            let drift = |drift: &Drift| json!({"name": drift.name, "drift": finite(drift.drift)});
+            value["conserved"] = total.drift.iter().map(drift).collect();
             value["reference_tolerance"] = json!(TOLERANCE);
             value["reference_uncertainty"] = json!(total.uncertainty);
+            match total.agreement {
+                Ok(agreement) => {
+                    value["reference_agreement"] = json!(agreement.difference);
+                    value["reference_apart_s"] = json!(agreement.apart);
+                }
+                Err(error) => {
+                    value["reference_agreement"] = Value::Null;
+                    value["reference_agreement_reason"] = json!(error.to_string());
+                }
+            }
         }
     }
     value
+}
+
+/// A number, or `inf` for one that has no place in JSON.
+fn finite(number: f64) -> Value {
+    if number.is_finite() { json!(number) } else { json!("inf") }
 }
 
 /// Word-length errors of the outputs that are drawn.

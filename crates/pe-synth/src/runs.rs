@@ -7,6 +7,7 @@
 //! double, step h/2      method error; once more with inputs sampled twice as often: input-hold error
 //! ```
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use indicatif::ProgressBar;
@@ -53,6 +54,8 @@ pub struct Errors {
     pub word_length: f64,
     /// The part of it that quantised coefficients alone cause.
     pub coefficient: f64,
+    /// Both at the end of the span alone.
+    pub at_end: (f64, f64),
     /// Step `h` against step `h/2`, extrapolated with the order of the method.
     pub method: f64,
     /// Inputs held over `h` against inputs held over `h/2`, extrapolated; zero if all inputs are constant.
@@ -114,6 +117,8 @@ pub struct Judged {
     pub times: Vec<f64>,
     /// States of the fixed-point run at these times.
     pub hardware: Trajectory,
+    /// States of the run in double precision at these times.
+    pub double: Arc<Trajectory>,
     /// Warnings.
     pub warnings: Vec<Diagnostic>,
     /// Nanoseconds per product in double precision and in fixed point.
@@ -153,7 +158,7 @@ pub fn judge(
 pub struct Exact {
     plan: Plan,
     form: StageForm,
-    reference: Trajectory,
+    reference: Arc<Trajectory>,
     /// Outputs in double precision alone.
     curves: Curves,
     largest: Vec<f64>,
@@ -173,6 +178,7 @@ impl Exact {
         let plan = Plan::of(model, progress);
         let clock = Instant::now();
         let (reference, curves, mut ranges, moments) = reference_run(model, graph, &plan)?;
+        let reference = Arc::new(reference);
         let largest = ranges.largest.clone();
         let smallest_pivot = pivots::smallest(graph, &largest)?;
         let seconds = clock.elapsed().as_secs_f64();
@@ -221,7 +227,8 @@ impl Exact {
         Ok(if self.word_length(&alone) < self.word_length(&settled) { alone } else { settled })
     }
 
-    fn word_length(&self, settled: &Settled) -> f64 {
+    /// Word-length error of a run: the worst state's largest deviation from this run.
+    pub fn word_length(&self, settled: &Settled) -> f64 {
         self.reference.deviation(&settled.hardware).worst(&self.scales).1
     }
 
@@ -242,8 +249,10 @@ impl Exact {
         let deviation = self.reference.deviation(&settled.hardware);
         let (worst_state, word_length) = deviation.worst(&self.scales);
         let coefficient = settled.quantised.worst(&self.scales).1;
+        let word_length_at_end = self.reference.last().deviation(&settled.hardware.last()).worst(&self.scales).1;
+        let at_end = (word_length_at_end, settled.quantised_at_end.worst(&self.scales).1);
         let Comparison { method, input_hold, finding } = comparison;
-        let errors = Errors { worst_state, word_length, coefficient, method, input_hold };
+        let errors = Errors { worst_state, word_length, coefficient, at_end, method, input_hold };
         let mut warnings = Vec::new();
         if errors.method > METHOD_ERROR_REFUSED {
             warnings.extend(options.permit(vec![finding])?);
@@ -260,6 +269,7 @@ impl Exact {
             checkpoint: settled.checkpoint,
             times: self.plan.times(),
             hardware: settled.hardware,
+            double: Arc::clone(&self.reference),
             warnings,
             ns_per_mac: (self.seconds * 1e9 / macs, settled.seconds * 1e9 / macs),
             curves: Curves { fixed: settled.curves, ..self.curves.clone() },
@@ -277,11 +287,20 @@ pub struct Settled {
     hardware: Trajectory,
     /// Deviation of the run in double precision with quantised coefficients.
     quantised: Deviation,
+    /// The same at the last sample alone.
+    quantised_at_end: Deviation,
     checkpoint: Checkpoint,
     curves: Trajectory,
     widenings: usize,
     /// Time of the fixed-point run.
     seconds: f64,
+}
+
+impl Settled {
+    /// The formats.
+    pub fn fixed(&self) -> &FixedPoint {
+        &self.fixed
+    }
 }
 
 /// Chooses formats and widens them until the fixed-point run does not saturate.
@@ -305,7 +324,10 @@ fn settle_formats(
                 let run = DoubleRun::quantised(graph, &fixed);
                 let samples = trajectory(model, run, plan, Substeps { count: 1, resample: false })?;
                 let quantised = reference.deviation(&samples);
-                return Ok(Settled { fixed, hardware, quantised, checkpoint, curves, widenings, seconds });
+                let quantised_at_end = reference.last().deviation(&samples.last());
+                let settled =
+                    Settled { fixed, hardware, quantised, quantised_at_end, checkpoint, curves, widenings, seconds };
+                return Ok(settled);
             }
             Err(saturated) if widenings < WIDENINGS => {
                 widenings += 1;

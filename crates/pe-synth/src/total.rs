@@ -1,9 +1,13 @@
 //! The total error: the hardware's states against the reference solution of the model.
 
 use indicatif::ProgressBar;
-use pe_ir::model::Model;
-use pe_sim::error::Trajectory;
+use pe_ir::model::{Model, Variable};
+use pe_sim::error::{SCALE_FLOOR, Trajectory};
 use pe_sim::reference::{self, ReferenceError};
+
+use crate::conserved::{Conserved, Drift};
+use crate::oscillation::{self, Period};
+use crate::runs::{Judged, varying_inputs};
 
 /// How much looser the tolerance of the second solution is, which tells how far the first can be trusted.
 const LOOSER: f64 = 10.0;
@@ -11,13 +15,26 @@ const LOOSER: f64 = 10.0;
 /// Parts of the progress bar.
 const BAR: u64 = 1000;
 
+/// Deviation relative to the scale of a state from which on a run and the solution have nothing to do with each other.
+const DIVERGED: f64 = 0.1;
+
+/// Correct digits that are told apart, at most.
+const DIGITS: f64 = 16.0;
+
 /// A reference solution at sample times.
 pub struct Reference {
+    times: Vec<f64>,
     solution: Trajectory,
     /// Magnitudes that errors are relative to.
     scales: Vec<f64>,
+    /// States in the order in which their periods are looked for.
+    candidates: Vec<usize>,
+    /// Quantities that the solution conserves.
+    conserved: Vec<Conserved>,
     /// Relative difference to a solution with a tolerance `LOOSER` times as large.
     pub uncertainty: f64,
+    /// Comparison with the solution of another method, which may have none.
+    pub agreement: Result<Agreement, ReferenceError>,
 }
 
 /// The largest error of all states, and where it is.
@@ -30,48 +47,218 @@ pub struct Worst {
 }
 
 /// The total error of a run.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct TotalError {
     /// Over all samples.
     pub whole: Worst,
     /// At the last one.
     pub end: Worst,
-    /// How far the reference itself can be trusted.
+    /// The run in double precision with the same step, over all samples and at the last one: what the method and held
+    /// inputs cost.
+    pub double: (f64, f64),
+    /// L2 norm of the deviation over that of the solution, all states at all samples, each relative to its scale.
+    pub l2: f64,
+    /// Significant correct digits of the worst state at the last sample: the negative decimal logarithm of its
+    /// deviation over its own magnitude there; at most 16.
+    pub digits: f64,
+    /// Time in seconds of the first sample at which a state is wrong by a tenth of its scale.
+    pub diverged: Option<f64>,
+    /// The period of the first output that oscillates.
+    pub period: Option<Period>,
+    /// Drift of conserved quantities.
+    pub drift: Vec<Drift>,
+    /// How far the reference itself can be trusted, by its tolerance.
     pub uncertainty: f64,
+    /// How far another method agrees with it.
+    pub agreement: Result<Agreement, ReferenceError>,
+}
+
+/// Two methods compared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agreement {
+    /// Largest difference of the solutions, relative to the scale of the state.
+    pub difference: f64,
+    /// Time in seconds of the first sample at which they differ by [`Agreement::APART`].
+    pub apart: Option<f64>,
+}
+
+impl Agreement {
+    /// Relative difference from which on the solutions of two methods are apart: then neither is the model's.
+    pub const APART: f64 = 1e-6;
+
+    /// Whether errors of this size mean something: the solutions agree ten times better.
+    pub fn vouches_for(&self, error: f64) -> bool {
+        10.0 * self.difference <= error
+    }
 }
 
 impl Reference {
-    /// Solves the model twice, with different tolerances, side by side.
+    /// Solves the model three times side by side: with different tolerances, and by another method of the library.
+    /// `conserved` are the user's conserved quantities; linear invariants are found.
     ///
     /// # Errors
     /// If there is no solution up to the last of the times.
-    pub fn solve(model: &Model, times: &[f64], progress: &ProgressBar) -> Result<Reference, ReferenceError> {
+    pub fn solve(
+        model: &Model,
+        times: &[f64],
+        conserved: &[Conserved],
+        progress: &ProgressBar,
+    ) -> Result<Reference, ReferenceError> {
         let end = times.last().copied().unwrap_or(0.0);
         progress.set_length(BAR);
         let mut silent = |_: f64| {};
         let mut tell = |time: f64| progress.set_position((time / end * BAR as f64) as u64);
-        let (loose, solution) = std::thread::scope(|scope| {
+        let ended = |panic| std::panic::resume_unwind(panic);
+        let (loose, second, solution) = std::thread::scope(|scope| {
             let loose = scope.spawn(|| reference::solve(model, times, LOOSER * reference::TOLERANCE, &mut silent));
+            let second = scope.spawn(|| reference::solve_by_second_method(model, times, reference::TOLERANCE));
             let solution = reference::solve(model, times, reference::TOLERANCE, &mut tell);
-            (loose.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), solution)
+            (loose.join().unwrap_or_else(ended), second.join().unwrap_or_else(ended), solution)
         });
         let (loose, solution) = (loose?, solution?);
-        let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
-        let scales = solution.scales(&quantities);
+        let scales = solution.scales(&quantities(model));
         let uncertainty = solution.deviation(&loose).worst(&scales).1.max(reference::TOLERANCE);
-        Ok(Reference { solution, scales, uncertainty })
+        let conserved = conserved.iter().cloned().chain(Conserved::found(model, &scales)).collect();
+        let candidates = if varying_inputs(model) { Vec::new() } else { outputs_first(model) };
+        let times = times.to_vec();
+        let agreement = second.map(|second| agreement(&times, &solution, &second, &scales));
+        Ok(Reference { times, solution, scales, candidates, conserved, uncertainty, agreement })
     }
 
-    /// How far `run`, sampled at the same times, is from it.
-    pub fn compare(&self, run: &Trajectory) -> TotalError {
+    /// How far the fixed-point run of `judged`, sampled at the same times, is from it.
+    pub fn compare(&self, model: &Model, judged: &Judged) -> TotalError {
+        let run = &judged.hardware;
         let worst = |solution: &Trajectory, run: &Trajectory| {
             let (state, error) = solution.deviation(run).worst(&self.scales);
             Worst { state, error }
         };
+        let (last, run_last) = (self.solution.last(), run.last());
+        let drift = |conserved: &Conserved| conserved.drift(model, &self.times, &run.samples);
         TotalError {
             whole: worst(&self.solution, run),
-            end: worst(&self.solution.last(), &run.last()),
+            end: worst(&last, &run_last),
+            double: (worst(&self.solution, &judged.double).error, worst(&last, &judged.double.last()).error),
+            l2: self.l2(run),
+            digits: self.digits(&last, &run_last),
+            diverged: first_beyond(&self.times, &self.solution, run, &self.scales, DIVERGED),
+            period: self.period(run),
+            drift: self.conserved.iter().map(drift).collect(),
             uncertainty: self.uncertainty,
+            agreement: self.agreement,
         }
+    }
+
+    fn l2(&self, run: &Trajectory) -> f64 {
+        let mut sums = (0.0, 0.0);
+        for (solution, run, scale) in pairs(&self.solution, run, &self.scales).filter(|(.., scale)| *scale > 0.0) {
+            let (wrong, whole) = ((run - solution) / scale, solution / scale);
+            sums = (sums.0 + wrong * wrong, sums.1 + whole * whole);
+        }
+        if sums.0 == 0.0 { 0.0 } else { libm::sqrt(sums.0 / sums.1) }
+    }
+
+    /// Significant correct digits of a sample; a state close to zero is judged by a part of its scale.
+    fn digits(&self, solution: &Trajectory, run: &Trajectory) -> f64 {
+        let numbers = solution.samples.iter().zip(&run.samples).zip(&self.scales);
+        let digits = numbers.map(|((solution, run), scale)| {
+            let wrong = (run - solution).abs();
+            if wrong == 0.0 { DIGITS } else { -libm::log10(wrong / solution.abs().max(SCALE_FLOOR * scale)) }
+        });
+        digits.fold(DIGITS, f64::min)
+    }
+
+    fn period(&self, run: &Trajectory) -> Option<Period> {
+        let of = |trajectory: &Trajectory, state: usize| -> Vec<f64> {
+            trajectory.samples.iter().skip(state).step_by(trajectory.states).copied().collect()
+        };
+        let period =
+            |state: &usize| oscillation::period(*state, &self.times, &of(&self.solution, *state), &of(run, *state));
+        self.candidates.iter().find_map(period)
+    }
+}
+
+/// Numbers of samples, state by state: solution, other, scale.
+fn pairs<'a>(
+    solution: &'a Trajectory,
+    other: &'a Trajectory,
+    scales: &'a [f64],
+) -> impl Iterator<Item = (f64, f64, f64)> + 'a {
+    let numbers = solution.samples.iter().zip(&other.samples);
+    numbers.zip(scales.iter().cycle()).map(|((solution, other), scale)| (*solution, *other, *scale))
+}
+
+/// Time of the first sample at which some state of `other` deviates by more than `limit` of its scale.
+fn first_beyond(times: &[f64], solution: &Trajectory, other: &Trajectory, scales: &[f64], limit: f64) -> Option<f64> {
+    let within = |(solution, other, scale): (f64, f64, f64)| (other - solution).abs() <= limit * scale;
+    let beyond = pairs(solution, other, scales).position(|numbers| !within(numbers))?;
+    Some(times[beyond / solution.states])
+}
+
+/// How far another solution at the same times agrees.
+fn agreement(times: &[f64], solution: &Trajectory, second: &Trajectory, scales: &[f64]) -> Agreement {
+    Agreement {
+        difference: solution.deviation(second).worst(scales).1,
+        apart: first_beyond(times, solution, second, scales, Agreement::APART),
+    }
+}
+
+fn quantities(model: &Model) -> Vec<u32> {
+    model.states.iter().map(|state| state.quantity).collect()
+}
+
+/// The first states, those that are outputs first.
+fn outputs_first(model: &Model) -> Vec<usize> {
+    const MOST: usize = 16;
+    let outputs = model.outputs.iter().filter_map(|output| match output.variable {
+        Variable::State(state) => Some(state as usize),
+        _ => None,
+    });
+    let mut states: Vec<usize> = Vec::new();
+    for state in outputs.chain(0..model.states.len()) {
+        if states.len() < MOST && !states.contains(&state) {
+            states.push(state);
+        }
+    }
+    states
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one_state(samples: [f64; 4]) -> Trajectory {
+        Trajectory { samples: samples.to_vec(), ..Trajectory::new(1) }
+    }
+
+    const TIMES: [f64; 4] = [0.5, 1.0, 1.5, 2.0];
+    const RISE: [f64; 4] = [1.0, 2.0, 3.0, 4.0];
+
+    #[test]
+    fn a_wrong_solution_of_the_second_method_is_noticed() {
+        let second = |samples| agreement(&TIMES, &one_state(RISE), &one_state(samples), &[4.0]);
+        let close = second([1.0, 2.0, 3.0, 4.0 + 4e-10]);
+        assert!(close.vouches_for(1e-8) && close.apart.is_none(), "{close:?}");
+        let wrong = second([1.0, 2.0, 3.0 + 4e-4, 4.0]);
+        assert!(!wrong.vouches_for(1e-8) && wrong.apart == Some(1.5), "{wrong:?}");
+        let broken = second([1.0, f64::NAN, 3.0, 4.0]);
+        assert!(!broken.vouches_for(1e-8) && broken.apart == Some(1.0), "{broken:?}");
+    }
+
+    #[test]
+    fn norms_and_digits_are_those_of_their_definitions() {
+        let reference = Reference {
+            times: TIMES.to_vec(),
+            solution: one_state(RISE),
+            scales: vec![4.0],
+            candidates: Vec::new(),
+            conserved: Vec::new(),
+            uncertainty: 1e-12,
+            agreement: Ok(Agreement { difference: 0.0, apart: None }),
+        };
+        let run = one_state([1.0, 2.0, 3.0, 4.04]);
+        assert!((reference.l2(&run) - 0.04 / libm::sqrt(30.0)).abs() < 1e-12);
+        assert!((reference.digits(&reference.solution.last(), &run.last()) - 2.0).abs() < 1e-9);
+        let beyond = |limit| first_beyond(&TIMES, &reference.solution, &run, &[4.0], limit);
+        assert_eq!((beyond(0.1), beyond(0.001)), (None, Some(2.0)));
     }
 }

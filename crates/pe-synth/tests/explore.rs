@@ -280,3 +280,19 @@ fn a_folder_of_somebody_else_is_not_replaced_by_a_sweep() {
     assert!(clock.elapsed() < Duration::from_secs(20), "the refusal came late");
     assert_eq!(fs::read_to_string(folder.0.join("thesis.txt")).unwrap(), "irreplaceable");
 }
+
+#[test]
+fn with_a_largest_error_the_cheapest_point_is_named() {
+    let folder = Folder::new("explore_choice");
+    let target = folder.0.join("out");
+    let options = ["--pes", "1,2", "--solver", "heun,rk4", "--multiplier", "25x18,32x32", "--span", "5s"];
+    let output = succeeded(sweep(&spec("van_der_pol"), &target, &options).args(["--max-error", "1e-4"]));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("<- chosen"), "{output:?}");
+    let rows = rows(&target);
+    let chosen = &rows[points(&target)["chosen"].as_u64().expect("a choice") as usize];
+    let number = |row: &Value, pointer: &str| row.pointer(pointer).and_then(Value::as_f64).unwrap_or(f64::INFINITY);
+    let time = |row: &Value| number(row, "/time_per_simulated_second_ms");
+    assert!(number(chosen, "/error/total") <= 1e-4);
+    let met = rows.iter().filter(|row| number(row, "/error/total") <= 1e-4);
+    assert!(met.clone().count() > 1 && met.clone().all(|row| time(chosen) <= 1.021 * time(row)));
+}

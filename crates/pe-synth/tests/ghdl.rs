@@ -91,8 +91,10 @@ fn random_models_on_turned_square_and_largest_multipliers_agree() {
 /// A model from the beginning and from the middle of its span.
 fn agree_on_model(model: &str, options: &[&str]) -> Agreement {
     let compiled = compile(model, options);
-    let mut sum = assert_agreement(model, &compiled.beginning(STEPS), &ENGINES);
-    sum += assert_agreement(model, &compiled.middle(STEPS), &ENGINES);
+    // Tests run side by side: each design has a name of its own.
+    let label = format!("{model} {}", options.join(" ").replace("--", ""));
+    let mut sum = assert_agreement(&label, &compiled.beginning(STEPS), &ENGINES);
+    sum += assert_agreement(&label, &compiled.middle(STEPS), &ENGINES);
     sum
 }
 
@@ -138,4 +140,15 @@ fn methods_beside_runge_kutta_agree() {
         sum += agree_on_model(model, &options);
     }
     report("methods", sum);
+}
+
+#[test]
+fn coefficients_in_two_slots_and_words_of_48_bits_agree() {
+    let two_slots = ["--coefficients", "two-slot", "--multiplier", "25x18"];
+    let with = |options: &[&'static str]| [&two_slots[..], options].concat();
+    let mut sum = agree_on_model("lorenz", &with(&["--pes", "3", "--span", "1s"]));
+    sum += agree_on_model("weibel5", &with(&["--pes", "9", "--span", "20ms"]));
+    sum += agree_on_model("van_der_pol", &["--pes", "2", "--storage", "48", "--multiplier", "35x35", "--span", "2s"]);
+    sum += agree_on_model("lorenz", &["--pes", "3", "--storage", "48", "--multiplier", "25x18", "--span", "1s"]);
+    report("two slots, 48 bits", sum);
 }

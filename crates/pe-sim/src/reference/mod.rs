@@ -4,14 +4,15 @@
 //! shared with the step graph, and nothing with the solvers of the hardware, so that the comparison with a run says how
 //! wrong that run is. The method is DOP853 of the crate `differential-equations`: explicit, of eighth order, its step
 //! controlled by an error estimate (decision 0010). A stiff model, for which it needs too many steps, is solved by the
-//! library's implicit Radau5 (decision 0027). Both are started anew wherever a signal jumps or bends.
+//! library's implicit Radau5 (decision 0027). Both are started anew wherever a signal jumps or bends. Where more depends
+//! on it, a second explicit method of the library, Verner's of ninth order, checks the first.
 
 mod equations;
 mod states;
 mod stiff;
 
 use differential_equations::error::Error;
-use differential_equations::methods::{DormandPrince, ExplicitRungeKutta, Ordinary};
+use differential_equations::methods::{Adaptive, DormandPrince, ExplicitRungeKutta, Ordinary};
 use differential_equations::ode::{ODE, OrdinaryNumericalMethod};
 use differential_equations::status::Status;
 use differential_equations::traits::State;
@@ -95,17 +96,10 @@ pub fn solve_with_limit(
     steps: u64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Trajectory, ReferenceError> {
-    States::expect(model.states.len());
-    let equations = Equations::new(model);
-    let scales = || Scales::growing(model, &equations);
-    let mut rough = Integration { model, equations: &equations, tolerance: ROUGH_TOLERANCE, scales: scales(), steps };
-    let explicit = rough.run(times, progress).map(|_| rough.scales).and_then(|scales| {
-        let scales = scales.into_known();
-        Integration { model, equations: &equations, tolerance, scales, steps }.run(times, progress)
-    });
-    match explicit {
+    match explicit::<DormandPrince853>(model, times, tolerance, steps, progress) {
         Err(ReferenceError { obstacle: Obstacle::TooManySteps, .. }) if Stiff::suits(model) => {
-            let mut rough = Stiff::new(model, &equations, ROUGH_TOLERANCE, scales());
+            let equations = Equations::new(model);
+            let mut rough = Stiff::new(model, &equations, ROUGH_TOLERANCE, Scales::growing(model, &equations));
             rough.run(times, progress)?;
             Stiff::new(model, &equations, tolerance, rough.scales.into_known()).run(times, progress)
         }
@@ -113,8 +107,63 @@ pub fn solve_with_limit(
     }
 }
 
-/// The method with its types.
-type Method = ExplicitRungeKutta<Ordinary, DormandPrince, f64, States, 8, 12, 16>;
+/// The same by another method, which shares no coefficient with that of [`solve`]: Verner's of ninth order with an
+/// embedded one of eighth. Stiff models are beyond it.
+///
+/// # Errors
+/// [`ReferenceError`] with the time at which the solution ends.
+pub fn solve_by_second_method(model: &Model, times: &[f64], tolerance: f64) -> Result<Trajectory, ReferenceError> {
+    explicit::<Verner98>(model, times, tolerance, STEP_FLOOR + STEP_RATIO * model.steps(), &mut |_| {})
+}
+
+/// Solves by an explicit method, first roughly, to learn the magnitudes of the states.
+fn explicit<M: Explicit>(
+    model: &Model,
+    times: &[f64],
+    tolerance: f64,
+    steps: u64,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Trajectory, ReferenceError> {
+    States::expect(model.states.len());
+    let equations = &Equations::new(model);
+    let scales = Scales::growing(model, equations);
+    let mut rough = Integration { model, equations, tolerance: ROUGH_TOLERANCE, scales, steps };
+    rough.run::<M>(times, progress)?;
+    let scales = rough.scales.into_known();
+    Integration { model, equations, tolerance, scales, steps }.run::<M>(times, progress)
+}
+
+/// The methods with their types.
+type DormandPrince853 = ExplicitRungeKutta<Ordinary, DormandPrince, f64, States, 8, 12, 16>;
+type Verner98 = ExplicitRungeKutta<Ordinary, Adaptive, f64, States, 9, 16, 21>;
+
+/// What [`Integration`] asks of a method beside its steps.
+trait Explicit: OrdinaryNumericalMethod<f64, States> + Sized {
+    /// The method with its first step.
+    fn beginning(step: f64) -> Self;
+    /// Sets a relative tolerance, and an absolute one of each state.
+    fn tolerate(&mut self, relative: f64, absolute: Vec<f64>);
+}
+
+impl Explicit for DormandPrince853 {
+    fn beginning(step: f64) -> Self {
+        ExplicitRungeKutta::dop853().max_steps(usize::MAX).h0(step)
+    }
+
+    fn tolerate(&mut self, relative: f64, absolute: Vec<f64>) {
+        (self.rtol, self.atol) = (relative.into(), absolute.into());
+    }
+}
+
+impl Explicit for Verner98 {
+    fn beginning(step: f64) -> Self {
+        ExplicitRungeKutta::rkv988e().max_steps(usize::MAX).h0(step)
+    }
+
+    fn tolerate(&mut self, relative: f64, absolute: Vec<f64>) {
+        (self.rtol, self.atol) = (relative.into(), absolute.into());
+    }
+}
 
 /// Magnitudes of the states, which absolute errors are measured by.
 struct Scales {
@@ -181,7 +230,7 @@ struct Integration<'a> {
 }
 
 impl Integration<'_> {
-    fn run(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
+    fn run<M: Explicit>(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
         let mut samples = Trajectory::new(self.model.states.len());
         let Some(end) = times.last().copied() else { return Ok(samples) };
         let mut states = States(self.model.states.iter().map(|state| state.initial).collect());
@@ -191,7 +240,7 @@ impl Integration<'_> {
             let piece = Piece { from: bounds[0], to: bounds[1], equations: self.equations };
             let (in_piece, later) = pending.split_at(pending.partition_point(|time| !after(*time, piece.to)));
             pending = later;
-            let mut method = self.start(&piece, piece.from, &states, self.model.step)?;
+            let mut method: M = self.start(&piece, piece.from, &states, self.model.step)?;
             for time in in_piece {
                 self.advance(&mut method, &piece, *time, progress)?;
                 samples.push(|state| method.y().0[state]);
@@ -204,12 +253,12 @@ impl Integration<'_> {
     }
 
     /// The method at the beginning of a piece, or anew within it.
-    fn start(&self, piece: &Piece, time: f64, states: &States, step: f64) -> Result<Method, ReferenceError> {
+    fn start<M: Explicit>(&self, piece: &Piece, time: f64, states: &States, step: f64) -> Result<M, ReferenceError> {
         if !piece.is_finite(time, states) {
             return Err(ReferenceError { time, obstacle: Obstacle::NotFinite });
         }
-        let method: Method = ExplicitRungeKutta::dop853().max_steps(usize::MAX).h0(step.min(piece.to - time));
-        let mut method = method.rtol(self.tolerance).atol(self.scales.tolerances(self.tolerance));
+        let mut method = M::beginning(step.min(piece.to - time));
+        method.tolerate(self.tolerance, self.scales.tolerances(self.tolerance));
         method
             .init(piece, time, piece.to, states)
             .map_err(|_| ReferenceError { time, obstacle: Obstacle::StepUnderflow })?;
@@ -218,9 +267,9 @@ impl Integration<'_> {
     }
 
     /// Integrates to `target` within the piece.
-    fn advance(
+    fn advance<M: Explicit>(
         &mut self,
-        method: &mut Method,
+        method: &mut M,
         piece: &Piece,
         target: f64,
         progress: &mut dyn FnMut(f64),
@@ -259,7 +308,7 @@ impl Integration<'_> {
             }
             if self.scales.growing {
                 self.scales.include(method.y());
-                method.atol = self.scales.tolerances(self.tolerance).into();
+                method.tolerate(self.tolerance, self.scales.tolerances(self.tolerance));
             }
             progress(method.t());
         }

@@ -6,7 +6,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_ir::word::Latency;
 
-use crate::options::{DesignPoint, FormChoice, duration, multiplier, solver, storage};
+use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, solver, storage};
 use crate::pipeline::MappingOptions;
 
 /// Multipliers of a sweep unless told otherwise: one block each way round, and four blocks.
@@ -84,22 +84,9 @@ impl Axes {
         pes
     }
 
-    /// The points with the form that each would choose, so that those with the same step graph are found.
+    /// The points with the form that each would choose.
     pub fn formed(&self, model: &Model, mapping: &MappingOptions) -> Vec<DesignPoint> {
-        let mut known: Vec<(DesignPoint, FormChoice)> = Vec::new();
-        let choose = |point: &DesignPoint| {
-            let model = Model { solver: point.solver.unwrap_or(model.solver), ..model.clone() };
-            let options = point.step_options(mapping);
-            // What is refused is refused again when the point is compiled.
-            pe_hls::step::build_with(&model, &options).map_or(point.form, |graph| FormChoice::of(graph.form))
-        };
-        let form = |point: DesignPoint| {
-            let same = |(other, _): &&(DesignPoint, FormChoice)| other.solver == point.solver && other.pes == point.pes;
-            let form = known.iter().find(same).map_or_else(|| choose(&point), |(_, form)| *form);
-            known.push((point, form));
-            DesignPoint { form, ..point }
-        };
-        self.points().into_iter().map(form).collect()
+        with_forms(self.points(), model, mapping)
     }
 
     /// All points, those that share most side by side.
@@ -114,6 +101,7 @@ impl Axes {
                             solver: Some(*solver),
                             step: Some(*step),
                             form: self.form,
+                            coefficients: Coefficients::OneSlot,
                             storage: *storage,
                             multiplier: *multiplier,
                         }));
@@ -125,8 +113,26 @@ impl Axes {
     }
 }
 
+/// The points with the form that each would choose, so that those with the same step graph are found.
+pub fn with_forms(points: Vec<DesignPoint>, model: &Model, mapping: &MappingOptions) -> Vec<DesignPoint> {
+    let mut known: Vec<(DesignPoint, FormChoice)> = Vec::new();
+    let choose = |point: &DesignPoint| {
+        let model = Model { solver: point.solver.unwrap_or(model.solver), ..model.clone() };
+        let options = point.step_options(mapping);
+        // What is refused is refused again when the point is compiled.
+        pe_hls::step::build_with(&model, &options).map_or(point.form, |graph| FormChoice::of(graph.form))
+    };
+    let form = |point: DesignPoint| {
+        let same = |(other, _): &&(DesignPoint, FormChoice)| other.solver == point.solver && other.pes == point.pes;
+        let form = known.iter().find(same).map_or_else(|| choose(&point), |(_, form)| *form);
+        known.push((point, form));
+        DesignPoint { form, ..point }
+    };
+    points.into_iter().map(form).collect()
+}
+
 /// Drops repeated values; the first of each stays where it is.
-fn once<T: Copy + PartialEq>(values: &mut Vec<T>) {
+pub fn once<T: Copy + PartialEq>(values: &mut Vec<T>) {
     let mut seen: Vec<T> = Vec::new();
     values.retain(|value| {
         let new = !seen.contains(value);

@@ -7,8 +7,11 @@ use pe_plot::style::Look;
 use serde_json::{Map, Value, json};
 
 use super::fronts::{Pair, front, knee, size_and_time, time_and_error};
+use super::record::Files;
 use super::row::{Figures, Outcome, Row};
 use super::show;
+use crate::accuracy::goal::cheapest;
+use crate::failure::Failure;
 
 /// Looks that can be told apart in black and white.
 const LOOKS: usize = 6;
@@ -66,19 +69,23 @@ impl Sheet {
         ]
     }
 
-    /// All files: path and text.
-    pub fn files(&self) -> Vec<(&'static str, String)> {
+    /// All files: path and content.
+    ///
+    /// # Errors
+    /// None here; sweeps of other kinds have files that may fail.
+    pub fn files(&self) -> Result<Files, Failure> {
         let fronts = self.fronts();
         let pictures = [self.error_time(&fronts[0]), self.size_speed(&fronts[1])];
         let page = self.page(&fronts, &pictures);
         let [error_time, size_speed] = pictures;
-        vec![
+        let files = [
             ("points.json", self.json(&fronts)),
             ("points.csv", self.csv(&fronts)),
             ("error_time.svg", error_time),
             ("size_speed.svg", size_speed),
             ("index.html", page),
-        ]
+        ];
+        Ok(files.map(|(path, text)| (path, text.into_bytes())).into())
     }
 
     fn json(&self, fronts: &[Front]) -> String {
@@ -98,6 +105,12 @@ impl Sheet {
         let knees: Map<String, Value> =
             fronts.iter().map(|front| (front.key.to_owned(), json!(place(front.knee)))).collect();
         whole.insert("knees".into(), Value::Object(knees));
+        if let Some(limit) = self.max_error {
+            let mut met = cheapest(&self.rows, limit).into_iter();
+            whole.insert("chosen".into(), json!(place(met.next())));
+            let next = met.take(show::RUNNERS_UP).map(|row| json!(self.places[row]));
+            whole.insert("runners_up".into(), next.collect());
+        }
         format!("{:#}\n", Value::Object(whole))
     }
 
@@ -324,6 +337,6 @@ impl Sheet {
 }
 
 /// A value without quotes.
-fn plain(value: &Value) -> String {
+pub fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }

@@ -53,7 +53,7 @@ mod tests {
 
     use super::*;
     use crate::explore::row::Outcome;
-    use crate::options::{DesignPoint, FormChoice};
+    use crate::options::{Coefficients, DesignPoint, FormChoice};
 
     /// Rows with these run times and total errors.
     fn rows(figures: &[(f64, Option<f64>)]) -> Vec<Row> {
@@ -64,6 +64,7 @@ mod tests {
                 solver: None,
                 step: None,
                 form: FormChoice::Auto,
+                coefficients: Coefficients::OneSlot,
                 storage: 32,
                 multiplier: (32, 32),
             };

@@ -1,26 +1,37 @@
 //! What the user gave, as words of commands.
 
+use std::marker::PhantomData;
+
 use clap::{Args, FromArgMatches};
 
 use super::show;
 use crate::cmd_compile::Compile;
-use crate::cmd_explore::Explore;
 use crate::command;
-use crate::options::DesignPoint;
+use crate::options::{Coefficients, DesignPoint};
 
 /// Options that do not change a result.
 const WITHOUT_EFFECT: [&str; 5] = ["output", "jobs", "resume", "quiet", "message_format"];
 
-/// What the user gave, as words of commands.
+/// Options of sweeps that a point's command lacks, or has with another meaning.
+const OF_SWEEPS: [&str; 1] = ["max_error"];
+
+/// A command that sweeps over points.
+pub trait Sweeping: Args {
+    /// Its name.
+    const NAME: &'static str;
+}
+
+/// What the user gave to the command `C`, as words of commands.
 #[derive(Clone, Debug)]
-pub struct Given {
+pub struct Given<C> {
     /// This command.
     pub command: String,
     /// The words of a point's command that do not belong to the point.
     pub shared: Vec<String>,
+    sweep: PhantomData<C>,
 }
 
-impl FromArgMatches for Given {
+impl<C: Sweeping> FromArgMatches for Given<C> {
     fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
         let options = |command: clap::Command, without: &[&str]| {
             let known = |argument: &&clap::Arg| !without.contains(&argument.get_id().as_str());
@@ -28,21 +39,22 @@ impl FromArgMatches for Given {
         };
         let of_point = DesignPoint::augment_args(clap::Command::new("point"));
         let mut without: Vec<&str> = of_point.get_arguments().map(|argument| argument.get_id().as_str()).collect();
-        without.extend(WITHOUT_EFFECT);
-        let words = options(Explore::augment_args(clap::Command::new("explore")), &WITHOUT_EFFECT);
+        without.extend(WITHOUT_EFFECT.iter().chain(&OF_SWEEPS));
+        let words = options(C::augment_args(clap::Command::new(C::NAME)), &WITHOUT_EFFECT);
         Ok(Given {
-            command: format!("pe-synth explore {}", words.join(" ")),
+            command: format!("pe-synth {} {}", C::NAME, words.join(" ")),
             shared: options(Compile::augment_args(clap::Command::new("compile")), &without),
+            sweep: PhantomData,
         })
     }
 
     fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
-        *self = Given::from_arg_matches(matches)?;
+        *self = Given::<C>::from_arg_matches(matches)?;
         Ok(())
     }
 }
 
-impl Args for Given {
+impl<C: Sweeping> Args for Given<C> {
     fn augment_args(command: clap::Command) -> clap::Command {
         command
     }
@@ -52,7 +64,7 @@ impl Args for Given {
     }
 }
 
-impl Given {
+impl<C: Sweeping> Given<C> {
     /// The command that compiles a point alone.
     pub fn command(&self, point: &DesignPoint) -> String {
         let mut words = vec!["pe-synth".to_owned(), "compile".to_owned()];
@@ -62,6 +74,9 @@ impl Given {
         words.extend(point.step.map(|step| format!("--step {step:e}")));
         words.extend(point.form.form().map(|form| format!("--form {form}")));
         words.push(format!("--storage {} --multiplier {}", point.storage, show::multiplier(point)));
+        if point.coefficients != Coefficients::OneSlot {
+            words.push(format!("--coefficients {}", point.coefficients.name()));
+        }
         words.push("--reference".to_owned());
         words.join(" ")
     }

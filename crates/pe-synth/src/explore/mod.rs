@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! axes       lists of options -> design points
+//! drive      threads, progress and end of a sweep
 //! sweep      design points -> rows, in parallel; shares what points have in common
 //! row        what became of a point, and how it is stored
 //! record     the rows as they come, the folder they are kept in, taking up an earlier result
@@ -13,6 +14,7 @@
 //! [`crate::report`].
 
 pub mod axes;
+pub mod drive;
 pub mod estimate;
 pub mod files;
 pub mod fronts;

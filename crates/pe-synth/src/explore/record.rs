@@ -17,9 +17,23 @@ use crate::output::OutputFolder;
 /// Time between two writings of an unfinished result.
 const SAVE_EVERY: Duration = Duration::from_secs(5);
 
+/// Files of a sweep: path and content.
+pub type Files = Vec<(&'static str, Vec<u8>)>;
+
+/// Which files a sweep leaves.
+#[derive(Clone, Copy)]
+pub struct Kind {
+    /// The one that an earlier result is read from.
+    pub store: &'static str,
+    /// All of them, from what is known.
+    pub files: fn(&Sheet) -> Result<Files, Failure>,
+}
+
 /// The result as far as it is known.
 pub struct Record {
-    /// Keys of `points.json` that say what was asked for.
+    /// Its files.
+    pub kind: Kind,
+    /// Keys of the store that say what was asked for.
     pub head: Map<String, Value>,
     /// Name of the model.
     pub title: String,
@@ -39,7 +53,7 @@ impl Record {
     /// # Errors
     /// If that result is of another version, model or options, or has points that this sweep has not.
     pub fn resume(&mut self) -> Result<(), Failure> {
-        let path = self.target.join("points.json");
+        let path = self.target.join(self.kind.store);
         if !path.exists() {
             return Ok(());
         }
@@ -144,8 +158,8 @@ impl Record {
 
     fn save(&self) -> Result<(), Failure> {
         let folder = OutputFolder::create(&self.target)?;
-        for (path, text) in self.sheet().files() {
-            folder.write(path, &text)?;
+        for (path, bytes) in (self.kind.files)(&self.sheet())? {
+            folder.write_bytes(path, &bytes)?;
         }
         folder.finish()
     }

@@ -69,9 +69,17 @@ pub struct Reason {
     pub message: String,
     /// Exit code of the point's command.
     pub exit_code: u8,
+    /// Total error of a point that is wrong by more than was asked for, and that of its run in double precision.
+    pub beyond: Option<(f64, f64)>,
 }
 
 impl Reason {
+    /// A total error that is larger than was asked for; `double` is that of the run in double precision.
+    pub fn beyond(error: f64, double: f64) -> Reason {
+        let message = format!("total error {error:.1e} is larger than was asked for");
+        Reason { code: None, message, exit_code: 0, beyond: Some((error, double)) }
+    }
+
     /// The reason that a failure gives.
     pub fn of(failure: &Failure) -> Reason {
         let exit_code = failure.code();
@@ -80,7 +88,7 @@ impl Reason {
                 let first = findings.iter().find(|finding| finding.severity == Severity::Error);
                 let (code, message) = first
                     .map_or((None, String::new()), |finding| (Some(finding.code.to_owned()), finding.message.clone()));
-                Reason { code, message, exit_code }
+                Reason { code, message, exit_code, beyond: None }
             }
             Failure::Fruitless(text)
             | Failure::Usage(text)
@@ -88,7 +96,7 @@ impl Reason {
             | Failure::Mismatch(text)
             | Failure::MissingTool(text)
             | Failure::Internal(text)
-            | Failure::Interrupted(text) => Reason { code: None, message: text.clone(), exit_code },
+            | Failure::Interrupted(text) => Reason { code: None, message: text.clone(), exit_code, beyond: None },
         }
     }
 }
@@ -177,7 +185,7 @@ impl Row {
             }
             "failed" => {
                 let exit_code = u8::try_from(row.get("exit_code")?.as_u64()?).ok()?;
-                Some(Outcome::Failed(Reason { code: text("code"), message: text("message")?, exit_code }))
+                Some(Outcome::Failed(Reason { code: text("code"), message: text("message")?, exit_code, beyond: None }))
             }
             _ => None,
         }

@@ -2,7 +2,11 @@
 
 use super::files::Sheet;
 use super::row::{Outcome, Row};
+use crate::accuracy::goal::cheapest;
 use crate::options::DesignPoint;
+
+/// Points shown beside the chosen one.
+pub const RUNNERS_UP: usize = 4;
 
 /// Columns of [`cells`].
 pub const HEAD: [&str; 12] =
@@ -57,6 +61,16 @@ pub fn summary(sheet: &Sheet) -> String {
             let knee = if front.knee == Some(*index) { "  <- knee" } else { "" };
             (cells(&sheet.rows[*index]), knee)
         });
+        text += &columns(&lines.collect::<Vec<_>>());
+    }
+    if let Some(limit) = sheet.max_error {
+        let met = cheapest(&sheet.rows, limit);
+        text += &format!("  Cheapest by run time, then size, with a total error of at most {limit:e}\n");
+        let lines = met
+            .iter()
+            .take(1 + RUNNERS_UP)
+            .enumerate()
+            .map(|(place, index)| (cells(&sheet.rows[*index]), if place == 0 { "  <- chosen" } else { "" }));
         text += &columns(&lines.collect::<Vec<_>>());
     }
     let mut reasons: Vec<(String, usize)> = Vec::new();

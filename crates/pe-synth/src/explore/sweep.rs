@@ -24,11 +24,13 @@ use rayon::Scope;
 use super::estimate::Estimate;
 use super::row::{Figures, Outcome, Reason};
 use crate::area;
+use crate::conserved::Conserved;
 use crate::failure::Failure;
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Stopwatch};
 use crate::report::{self, Clock, Silicon};
 use crate::runs::{Comparison, Exact, Judged};
+use crate::slots;
 use crate::total::{Reference, TotalError};
 use crate::variables::variables;
 
@@ -40,6 +42,10 @@ pub struct Sweep {
     pub options: ModelOptions,
     /// Options of the mapping.
     pub mapping: MappingOptions,
+    /// Quantities that the user says are conserved.
+    pub conserved: Vec<Conserved>,
+    /// Largest total error of points whose networks are designed; others fail. All are designed if there is none.
+    pub within: Option<f64>,
     /// The clock that speeds are computed with.
     pub clock: Clock,
     /// How long the pieces of work take.
@@ -89,6 +95,8 @@ struct Base {
 /// What the points with the same formats share.
 struct Format {
     base: Arc<Base>,
+    /// The family's step graph, or that with coefficients in two slots.
+    graph: Arc<StepGraph>,
     judged: Arc<Judged>,
     total: Result<TotalError, ReferenceError>,
 }
@@ -108,7 +116,9 @@ pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sen
 pub fn families(jobs: Vec<Job>) -> Vec<Family> {
     let mut families: Vec<Family> = Vec::new();
     let same_graph = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && a.step == b.step && a.form == b.form;
-    let same_format = |a: &DesignPoint, b: &DesignPoint| a.multiplier == b.multiplier && a.storage == b.storage;
+    let same_format = |a: &DesignPoint, b: &DesignPoint| {
+        (a.multiplier, a.storage, a.coefficients) == (b.multiplier, b.storage, b.coefficients)
+    };
     for job in jobs {
         let family = match families.iter().position(|family| same_graph(&family.formats[0][0].point, &job.point)) {
             Some(index) => &mut families[index],
@@ -180,12 +190,19 @@ impl Sweep {
 
     fn format<'a>(&'a self, base: &Arc<Base>, jobs: Vec<Job>, scope: &Scope<'a>, sender: &'a Sender<Event>) {
         let judged = guarded(|| {
-            let judged = self.judged(base, &base.graph, &base.exact, &jobs[0].point)?;
-            let total = self.total(base, &judged, &jobs[0].point, sender);
-            Ok(Format { base: Arc::clone(base), judged: Arc::new(judged), total })
+            let point = &jobs[0].point;
+            let (graph, judged) = match self.refined(base, &base.graph, &base.exact, point)? {
+                Some((graph, exact)) => {
+                    let judged = self.judged(base, &graph, &exact, point)?;
+                    (Arc::new(graph), judged)
+                }
+                None => (Arc::clone(&base.graph), self.judged(base, &base.graph, &base.exact, point)?),
+            };
+            let total = self.total(base, &judged, point, sender);
+            Ok(Format { base: Arc::clone(base), graph, judged: Arc::new(judged), total })
         });
         let _ = sender.send(Event::Work(self.estimate.format(&jobs[0].point)));
-        match judged {
+        match judged.and_then(|format| self.admitted(format)) {
             Ok(format) => {
                 let format = Arc::new(format);
                 for job in jobs.into_iter().rev() {
@@ -202,6 +219,13 @@ impl Sweep {
         }
     }
 
+    /// The runs of points if they are right enough for a network.
+    fn admitted(&self, format: Format) -> Result<Format, Reason> {
+        let (Some(limit), Ok(total)) = (self.within, &format.total) else { return Ok(format) };
+        let error = total.whole.error;
+        if error <= limit { Ok(format) } else { Err(Reason::beyond(error, total.double.0)) }
+    }
+
     /// The total error of a fixed-point run.
     fn total(
         &self,
@@ -210,12 +234,25 @@ impl Sweep {
         point: &DesignPoint,
         sender: &Sender<Event>,
     ) -> Result<TotalError, ReferenceError> {
+        let model = &base.loaded.model;
         let reference = base.reference.get_or_init(|| {
-            let solution = Reference::solve(&base.loaded.model, &judged.times, &ProgressBar::hidden());
+            let solution = Reference::solve(model, &judged.times, &self.conserved, &ProgressBar::hidden());
             let _ = sender.send(Event::Work(self.estimate.reference(point)));
             solution
         });
-        reference.as_ref().map(|reference| reference.compare(&judged.hardware)).map_err(|error| *error)
+        reference.as_ref().map(|reference| reference.compare(model, judged)).map_err(|error| *error)
+    }
+
+    /// The graph with coefficients in two slots, if the point has them.
+    fn refined(
+        &self,
+        base: &Base,
+        graph: &StepGraph,
+        exact: &Exact,
+        point: &DesignPoint,
+    ) -> Result<Option<(StepGraph, Exact)>, Failure> {
+        let refined = slots::refine(&base.loaded.model, graph, exact, point.format()?, point.coefficients);
+        refined.map_err(|findings| Failure::Spec(findings, base.loaded.sources.clone()))
     }
 
     /// Formats and errors of a graph, which is that of the family or a split of it.
@@ -228,13 +265,14 @@ impl Sweep {
 
     /// Designs the network of a point and reports on it as `compile` does.
     fn network(&self, format: &Format, job: &Job, sender: &Sender<Event>) -> Result<Figures, Failure> {
-        let Format { base, judged, total } = format;
+        let Format { base, graph, judged, total } = format;
         let (loaded, point) = (&base.loaded, &job.point);
-        let (mut graph, mut judged, mut total) = (Arc::clone(&base.graph), Arc::clone(judged), *total);
+        let (mut graph, mut judged, mut total) = (Arc::clone(graph), Arc::clone(judged), total.clone());
         // Heavy equations are split differently for every number of PEs; then nothing is shared.
-        if let Some(split) = pipeline::split(&graph, point.pes, &self.mapping, point.format()?) {
+        if let Some(split) = pipeline::split(&base.graph, point.pes, &self.mapping, point.format()?) {
             let exact = Exact::run(&loaded.model, &split, ProgressBar::hidden());
             let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+            let (split, exact) = self.refined(base, &split, &exact, point)?.unwrap_or((split, exact));
             judged = Arc::new(self.judged(base, &split, &exact, point)?);
             total = self.total(base, &judged, point, sender);
             graph = Arc::new(split);

@@ -1,0 +1,227 @@
+//! The design that `compile --max-error` builds: the cheapest one that is right enough.
+
+use std::sync::mpsc::channel;
+
+use clap::{Args, FromArgMatches};
+use pe_ir::model::Model;
+use serde_json::{Value, json};
+
+use super::goal::{Search, cheapest};
+use super::lists::Lists;
+use crate::conserved::Conserved;
+use crate::explore::estimate::Estimate;
+use crate::explore::row::{Outcome, Row};
+use crate::explore::show;
+use crate::explore::sweep::{self, Event, Job, Sweep};
+use crate::failure::Failure;
+use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions};
+use crate::pipeline::MappingOptions;
+use crate::report::Clock;
+
+/// Which axes of the design space the user fixed: those whose options were given.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Fixed {
+    storage: bool,
+    multiplier: bool,
+    coefficients: bool,
+}
+
+impl FromArgMatches for Fixed {
+    fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+        let given = |id: &str| {
+            let known = matches.try_contains_id(id).is_ok();
+            known && matches.value_source(id) == Some(clap::parser::ValueSource::CommandLine)
+        };
+        Ok(Fixed { storage: given("storage"), multiplier: given("multiplier"), coefficients: given("coefficients") })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
+        *self = Fixed::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for Fixed {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        command
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        command
+    }
+}
+
+/// What the choice is made from.
+pub struct Question<'a> {
+    /// The model with the spec's solver and step.
+    pub loaded: &'a LoadedModel,
+    /// Options of the model.
+    pub options: &'a ModelOptions,
+    /// Options of the mapping.
+    pub mapping: &'a MappingOptions,
+    /// What the user fixed: solver, step and PEs if they are given, words if `fixed` says so.
+    pub point: DesignPoint,
+    /// See `point`.
+    pub fixed: Fixed,
+    /// Quantities that the user says are conserved.
+    pub conserved: &'a [Conserved],
+    /// The clock that run times are computed with.
+    pub clock: Clock,
+    /// Largest total error.
+    pub max_error: f64,
+}
+
+/// The chosen point and those after it.
+pub struct Choice {
+    /// The point.
+    pub point: DesignPoint,
+    /// Rows of the chosen point and the next ones.
+    rows: Vec<Row>,
+    /// Points that were tried, and those that were right enough.
+    tried: usize,
+    met: usize,
+    max_error: f64,
+}
+
+impl Question<'_> {
+    /// Tries solvers, steps and word lengths. Only points that are right enough get a network.
+    ///
+    /// # Errors
+    /// If no point is right enough; the message names the one that comes closest.
+    pub fn answer(&self) -> Result<Choice, Failure> {
+        let model = &self.loaded.model;
+        let DesignPoint { solver, step, storage, multiplier, coefficients, form, pes } = self.point;
+        let lists = Lists {
+            solver: solver.into_iter().collect(),
+            step: step.into_iter().collect(),
+            multiplier: if self.fixed.multiplier { vec![multiplier] } else { Vec::new() },
+            storage: if self.fixed.storage { vec![storage] } else { Vec::new() },
+            coefficients: if self.fixed.coefficients { vec![coefficients] } else { Vec::new() },
+            form,
+            pes,
+        };
+        let plan = lists.plan(model, self.mapping);
+        let mut search = Search::new(model, self.mapping, &lists, &plan, self.max_error);
+        let pool = rayon::ThreadPoolBuilder::new().build();
+        let pool = pool.map_err(|error| Failure::File(format!("cannot start threads: {error}")))?;
+        let estimate = Estimate::of(model, &plan.graphs, self.mapping);
+        let mut rows: Vec<Row> = Vec::new();
+        let mut points = search.begin(&plan);
+        while !points.is_empty() {
+            rows.extend(self.compiled(&points, &estimate, &pool));
+            points = search.next(&rows);
+        }
+        let ranked = cheapest(&rows, self.max_error);
+        let Some(first) = ranked.first() else { return Err(self.refusal(&rows)) };
+        let point = rows[*first].point;
+        let shown = ranked.iter().take(1 + show::RUNNERS_UP).map(|index| rows[*index].clone()).collect();
+        Ok(Choice { point, rows: shown, tried: rows.len(), met: ranked.len(), max_error: self.max_error })
+    }
+
+    fn compiled(&self, points: &[DesignPoint], estimate: &Estimate, pool: &rayon::ThreadPool) -> Vec<Row> {
+        let sweep = Sweep {
+            loaded: self.loaded.clone(),
+            options: self.options.clone(),
+            mapping: self.mapping.clone(),
+            conserved: self.conserved.to_vec(),
+            within: Some(self.max_error),
+            clock: self.clock,
+            estimate: estimate.clone(),
+        };
+        let job = |(index, point): (usize, &DesignPoint)| Job { index, point: *point, command: String::new() };
+        let (sender, events) = channel();
+        sweep::run(&sweep, points.iter().enumerate().map(job).collect(), pool, &sender);
+        drop(sender);
+        let mut rows: Vec<Option<Row>> = vec![None; points.len()];
+        for event in events {
+            if let Event::Point(index, outcome) = event {
+                rows[index] = Some(Row { point: points[index], command: String::new(), outcome });
+            }
+        }
+        rows.into_iter().map(|row| row.expect("every point has an outcome")).collect()
+    }
+
+    fn refusal(&self, rows: &[Row]) -> Failure {
+        let error = |row: &Row| match &row.outcome {
+            Outcome::Compiled(figures) => figures.total_error(),
+            Outcome::Failed(reason) => reason.beyond.map(|(total, _)| total),
+        };
+        let known = rows.iter().filter_map(|row| Some((error(row)?, row)));
+        let best = known.min_by(|a, b| a.0.total_cmp(&b.0));
+        let text = match best {
+            Some((error, row)) => format!(
+                "no design has a total error of at most {:e}; the best of {} has {error:.1e}: {}. Allow more, or take \
+                 a shorter `--span` if the model is chaotic",
+                self.max_error,
+                rows.len(),
+                described(&self.loaded.model, row)
+            ),
+            None => {
+                let reasons = rows.iter().find_map(|row| match &row.outcome {
+                    Outcome::Failed(reason) => Some(reason.message.clone()),
+                    Outcome::Compiled(figures) => {
+                        figures.value("error.total_reason").and_then(Value::as_str).map(str::to_owned)
+                    }
+                });
+                let first = reasons.unwrap_or_else(|| "no solver applies".to_owned());
+                format!("no design has a known total error; the first of {} says: {first}", rows.len())
+            }
+        };
+        Failure::Fruitless(text)
+    }
+}
+
+/// A point in words.
+fn described(model: &Model, row: &Row) -> String {
+    let solver = row.point.solver.unwrap_or(model.solver).name();
+    let slots = if row.point.coefficients == Coefficients::TwoSlot { ", coefficients in two slots" } else { "" };
+    let (step, multiplier) = (show::step(&row.point), show::multiplier(&row.point));
+    format!("{solver}, step {step}, {} bits, {multiplier}{slots}", row.point.storage)
+}
+
+impl Choice {
+    /// The key `choice` of the report.
+    pub fn report(&self, model: &Model) -> Value {
+        let runners_up = self.rows.iter().skip(1).map(|row| {
+            let figures = row.figures();
+            json!({
+                "solver": row.point.solver.map(|solver| solver.name()),
+                "step_s": row.point.step,
+                "storage_bits": row.point.storage,
+                "multiplier": show::multiplier(&row.point),
+                "coefficients": row.point.coefficients.name(),
+                "total_error": figures.and_then(|figures| figures.total_error()),
+                "seconds": figures.map(|figures| figures.time_ms() * 1e-3 * model.span),
+                "equivalent_lut": figures.map(|figures| figures.equivalent_lut()),
+            })
+        });
+        json!({
+            "max_error": self.max_error, "tried": self.tried, "met": self.met,
+            "runners_up": runners_up.collect::<Vec<_>>(),
+        })
+    }
+
+    /// In a few words.
+    pub fn figure(&self, model: &Model) -> String {
+        format!(
+            "{}: cheapest of {} points that meet {:e}, {} tried",
+            described(model, &self.rows[0]),
+            self.met,
+            self.max_error,
+            self.tried
+        )
+    }
+
+    /// The rows of the summary table: the chosen point and those after it.
+    pub fn table(&self, model: &Model) -> Vec<(&'static str, String)> {
+        let line = |(place, row): (usize, &Row)| {
+            let figures = row.figures();
+            let error = figures.and_then(|figures| figures.total_error()).unwrap_or(f64::NAN);
+            let seconds = figures.map_or(f64::NAN, |figures| figures.time_ms() * 1e-3 * model.span);
+            let size = figures.map_or(f64::NAN, |figures| figures.equivalent_lut());
+            let name = if place == 0 { "chosen" } else { "next" };
+            (name, format!("{}: error {error:.1e}, {seconds:.2e} s, {size:.0} eq. LUT", described(model, row)))
+        };
+        self.rows.iter().enumerate().map(line).collect()
+    }
+}

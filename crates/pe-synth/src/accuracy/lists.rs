@@ -1,0 +1,208 @@
+//! The points of a work-precision study.
+
+use clap::Args;
+use pe_ir::graph::StepGraph;
+use pe_ir::model::{Model, Solver, step_count_problem};
+
+use crate::explore::axes::{once, with_forms};
+use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, solver, storage};
+use crate::pipeline::MappingOptions;
+
+/// A stored word, the ports of the multiplier that reads it, and how coefficients are rounded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Word {
+    /// Bits of a stored word, without its guard bits.
+    pub storage: u32,
+    /// Bits of the data port and the coefficient port.
+    pub multiplier: (u32, u32),
+    /// Products of a coefficient.
+    pub coefficients: Coefficients,
+}
+
+impl Word {
+    const fn new(storage: u32, multiplier: (u32, u32)) -> Word {
+        Word { storage, multiplier, coefficients: Coefficients::OneSlot }
+    }
+
+    /// The word of a point.
+    pub fn of(point: &DesignPoint) -> Word {
+        let DesignPoint { storage, multiplier, coefficients, .. } = *point;
+        Word { storage, multiplier, coefficients }
+    }
+
+    /// In a few letters: `/2` stands for coefficients in two slots.
+    pub fn name(&self) -> String {
+        let slots = if self.coefficients == Coefficients::TwoSlot { "/2" } else { "" };
+        format!("{} {}x{}{slots}", self.storage, self.multiplier.0, self.multiplier.1)
+    }
+}
+
+/// The word of the comparison of solvers and steps.
+pub const WORD: Word = Word::new(32, (32, 32));
+
+/// Other words: the paper's, one block either way round and with coefficients in two slots, two blocks, longer words.
+const OTHER_WORDS: [Word; 7] = [
+    Word::new(18, (18, 18)),
+    Word::new(24, (25, 18)),
+    Word::new(32, (25, 18)),
+    Word::new(32, (18, 25)),
+    Word { storage: 32, multiplier: (25, 18), coefficients: Coefficients::TwoSlot },
+    Word::new(32, (25, 35)),
+    Word::new(40, (35, 35)),
+];
+
+/// Multipliers, where storage bits are given and multipliers are not.
+const MULTIPLIERS: [(u32, u32); 6] = [(18, 18), (18, 25), (25, 18), (25, 35), (32, 32), (35, 35)];
+
+/// Powers of two of the steps, relative to the model's: few solvers are tried with more steps.
+const MANY_STEPS: [i32; 5] = [2, 1, 0, -1, -2];
+const FEW_STEPS: [i32; 3] = [1, 0, -1];
+
+/// More solvers than this are tried with few steps.
+const FEW_SOLVERS: usize = 6;
+
+/// Lists of what is compared.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Lists {
+    /// Numerical methods [default: all that apply]
+    #[arg(long, visible_alias = "solvers", value_name = "SOLVER,...", value_delimiter = ',', value_parser = solver(), help_heading = "Points")]
+    pub solver: Vec<Solver>,
+    /// Steps [default: the spec's, times and divided by 2 and 4; with many solvers by 2 only]
+    #[arg(long, visible_alias = "steps", value_name = "T,...", value_delimiter = ',', value_parser = duration, help_heading = "Points")]
+    pub step: Vec<f64>,
+    /// Multipliers; with these lists every solver and step is combined with every word length
+    #[arg(long, visible_alias = "multipliers", value_name = "AxB,...", value_delimiter = ',', value_parser = multiplier, help_heading = "Points")]
+    pub multiplier: Vec<(u32, u32)>,
+    /// Bits of a stored word, without its guard bits [default: 32]
+    #[arg(long, visible_alias = "storages", value_name = "BITS,...", value_delimiter = ',', value_parser = storage(), help_heading = "Points")]
+    pub storage: Vec<u32>,
+    /// Products of a coefficient: one-slot, two-slot, auto [default: one-slot]
+    #[arg(
+        long,
+        value_name = "SLOTS,...",
+        value_delimiter = ',',
+        value_enum,
+        hide_possible_values = true,
+        help_heading = "Points"
+    )]
+    pub coefficients: Vec<Coefficients>,
+    /// Form of the step of a model that is affine in its states
+    #[arg(long, value_enum, default_value_t, help_heading = "Points")]
+    pub form: FormChoice,
+    /// Number of processing elements of every point [default: one for every 200 issue slots]
+    #[arg(long, value_name = "N", help_heading = "Points")]
+    pub pes: Option<u32>,
+}
+
+/// A method that cannot compute the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOut {
+    /// The method.
+    pub solver: Solver,
+    /// Why.
+    pub reason: String,
+}
+
+/// What is compared, and what is not.
+pub struct Plan {
+    /// The points.
+    pub points: Vec<DesignPoint>,
+    /// Methods that do not apply.
+    pub left_out: Vec<LeftOut>,
+    /// The step graph of each other method at the spec's step.
+    pub graphs: Vec<(Solver, StepGraph)>,
+    /// Whether steps may be added to the list.
+    pub free_steps: bool,
+    /// Words that may be tried.
+    pub words: Vec<Word>,
+}
+
+impl Lists {
+    /// The points of a model.
+    pub fn plan(&self, model: &Model, mapping: &MappingOptions) -> Plan {
+        let mut solvers = if self.solver.is_empty() { Solver::ALL.to_vec() } else { self.solver.clone() };
+        once(&mut solvers);
+        let (mut graphs, mut left_out) = (Vec::new(), Vec::new());
+        for solver in solvers {
+            match pe_hls::step::build(&Model { solver, ..model.clone() }) {
+                Ok(graph) => graphs.push((solver, graph)),
+                Err(findings) => {
+                    let reason = findings.first().map(|first| format!("{} {}", first.code, first.message));
+                    left_out.push(LeftOut { solver, reason: reason.unwrap_or_default() });
+                }
+            }
+        }
+        let mut plan =
+            Plan { points: Vec::new(), left_out, graphs, free_steps: self.step.is_empty(), words: Vec::new() };
+        let solvers: Vec<Solver> = plan.graphs.iter().map(|(solver, _)| *solver).collect();
+        let steps = self.steps(model, solvers.len());
+        let mut points = Vec::new();
+        if self.multiplier.is_empty() && self.storage.is_empty() && self.coefficients.is_empty() {
+            plan.words = std::iter::once(WORD).chain(OTHER_WORDS).collect();
+            solvers.iter().for_each(|solver| points.extend(steps.iter().map(|step| self.point(*solver, *step, WORD))));
+            // The spec's solver shows what word lengths do, at steps around the spec's.
+            let of_spec = solvers.iter().copied().find(|solver| *solver == model.solver).or(solvers.first().copied());
+            let near = |step: &&f64| (0.5..=2.0).contains(&(**step / model.step)) && solvers.len() <= FEW_SOLVERS;
+            let near: Vec<f64> = steps.iter().filter(|step| near(step) || **step == model.step).copied().collect();
+            if let Some(solver) = of_spec {
+                for word in OTHER_WORDS {
+                    points.extend(near.iter().map(|step| self.point(solver, *step, word)));
+                }
+            }
+        } else {
+            plan.words = self.words();
+            for solver in &solvers {
+                for word in &plan.words {
+                    points.extend(steps.iter().map(|step| self.point(*solver, *step, *word)));
+                }
+            }
+        }
+        plan.points = with_forms(points, model, mapping);
+        plan
+    }
+
+    /// A point of these lists.
+    pub fn point(&self, solver: Solver, step: f64, word: Word) -> DesignPoint {
+        let Word { storage, multiplier, coefficients } = word;
+        let (solver, step, form, pes) = (Some(solver), Some(step), self.form, self.pes);
+        DesignPoint { solver, step, storage, multiplier, coefficients, form, pes }
+    }
+
+    fn steps(&self, model: &Model, solvers: usize) -> Vec<f64> {
+        let mut steps = self.step.clone();
+        once(&mut steps);
+        if steps.is_empty() {
+            let powers: &[i32] = if solvers > FEW_SOLVERS { &FEW_STEPS } else { &MANY_STEPS };
+            steps = powers.iter().map(|power| libm::scalbn(model.step, *power)).collect();
+            steps.retain(|step| step_count_problem(*step, model.span).is_none());
+        }
+        steps
+    }
+
+    /// Every combination of the lists; of a default list what goes together.
+    fn words(&self) -> Vec<Word> {
+        let or = |given: &[u32], default: u32| if given.is_empty() { vec![default] } else { given.to_vec() };
+        let multipliers = match (self.multiplier.is_empty(), self.storage.is_empty()) {
+            (false, _) => self.multiplier.clone(),
+            (true, false) => MULTIPLIERS.to_vec(),
+            (true, true) => vec![(25, 18)],
+        };
+        let slots = match self.coefficients.is_empty() {
+            true => vec![Coefficients::OneSlot],
+            false => self.coefficients.clone(),
+        };
+        let mut words = Vec::new();
+        for storage in or(&self.storage, WORD.storage) {
+            for multiplier in &multipliers {
+                let format = pe_ir::word::WordFormat::new(storage, multiplier.0, multiplier.1);
+                let fits = multiplier.0.max(multiplier.1) <= format.word_bits();
+                if fits || !self.multiplier.is_empty() {
+                    let word = |slots: &Coefficients| Word { coefficients: *slots, ..Word::new(storage, *multiplier) };
+                    words.extend(slots.iter().map(word));
+                }
+            }
+        }
+        once(&mut words);
+        words
+    }
+}

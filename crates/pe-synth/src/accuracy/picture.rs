@@ -1,0 +1,112 @@
+//! The work-precision diagram: error against run time, a line for each solver.
+
+use pe_ir::model::Solver;
+use pe_plot::axis::Scale;
+use pe_plot::chart::{AxisPlan, Chart, Point, Series};
+use pe_plot::style::Look;
+
+use super::lists::Word;
+use super::view::{View, seconds};
+use crate::explore::row::{Figures, Row};
+use crate::explore::show;
+
+/// Size of the picture in points.
+const WIDTH: f64 = 760.0;
+const HEIGHT: f64 = 460.0;
+
+/// Draws the diagram as SVG.
+pub fn work_precision(view: &View) -> String {
+    let sheet = view.sheet;
+    let chart = Chart {
+        title: format!("{}: error against run time", sheet.title),
+        x: AxisPlan::new("run time for the span [s]", Scale::Log),
+        y: AxisPlan::new("total error", Scale::Log),
+        series: series(view),
+        height: HEIGHT,
+    };
+    chart.draw(&caption(view), WIDTH)
+}
+
+fn caption(view: &View) -> String {
+    let sheet = view.sheet;
+    let failed = sheet.rows.iter().filter(|row| row.figures().is_none()).count();
+    let mut text = format!("{} points", sheet.rows.len());
+    if sheet.rows.len() < sheet.total {
+        text += &format!(" of {}, the study was interrupted", sheet.total);
+    }
+    if failed > 0 {
+        text += &format!("; {failed} diverged or failed and are not shown");
+    }
+    let chosen = match (view.chosen, sheet.max_error) {
+        (None, _) => String::new(),
+        (Some(_), Some(limit)) => format!(" Ring: the cheapest point with an error of at most {limit:e}."),
+        (Some(_), None) => " Ring: knee of the front.".to_owned(),
+    };
+    format!(
+        "{text}. Clock {}. Lines join the steps of a solver with one word length. Error: largest deviation of a state \
+         from the library's solution over the span, relative to its largest magnitude.{chosen}",
+        sheet.clock
+    )
+}
+
+fn place(view: &View, row: &Row) -> Option<(f64, f64)> {
+    Some((seconds(view.sheet, row)?, row.figures().and_then(Figures::total_error)?))
+}
+
+fn series(view: &View) -> Vec<Series> {
+    let rows = &view.sheet.rows;
+    let at = |index: &usize| place(view, &rows[*index]);
+    let mut all = vec![Series::new("Pareto front", Look::broad(), view.front.iter().filter_map(at))];
+    if let Some(limit) = view.sheet.max_error {
+        let shown: Vec<f64> = rows.iter().filter_map(|row| place(view, row)).map(|(time, _)| time).collect();
+        let (first, last) = shown.iter().fold((f64::MAX, 0.0f64), |(low, high), x| (low.min(*x), high.max(*x)));
+        if !shown.is_empty() {
+            all.push(Series::new(&format!("error {limit:e}"), Look::limit(), [(first, limit), (last, limit)]));
+        }
+    }
+    let mut solvers: Vec<Solver> = Vec::new();
+    let mut words: Vec<(Solver, Word)> = Vec::new();
+    for row in rows {
+        let Some(solver) = row.point.solver else { continue };
+        let word = (solver, Word::of(&row.point));
+        if !solvers.contains(&solver) {
+            solvers.push(solver);
+        }
+        if !words.contains(&word) {
+            words.push(word);
+        }
+    }
+    let several = several_words(rows);
+    for (solver, word) in words {
+        let kind = solvers.iter().position(|known| *known == solver).unwrap_or(0);
+        let member = |row: &&Row| row.point.solver == Some(solver) && Word::of(&row.point) == word;
+        let mut points: Vec<Point> = rows.iter().filter(member).filter_map(|row| point(view, row)).collect();
+        points.sort_by(|a, b| a.x.total_cmp(&b.x));
+        // The end of a line says which word it is.
+        if let Some(last) = points.last_mut().filter(|last| several && last.label.is_none()) {
+            last.label = Some(word.name());
+        }
+        all.push(Series { name: solver.name().to_owned(), points, look: Look::joined(kind) });
+    }
+    if let Some(chosen) = view.chosen {
+        all.push(Series::new("chosen", Look::ring(), at(&chosen)));
+    }
+    all.retain(|series| !series.points.is_empty());
+    all
+}
+
+/// A row as a point; on the front with its step, and its word if there are several.
+fn point(view: &View, row: &Row) -> Option<Point> {
+    let (x, y) = place(view, row)?;
+    let rows = &view.sheet.rows;
+    let several = several_words(rows);
+    let label = view.front.iter().any(|index| std::ptr::eq(&rows[*index], row)).then(|| {
+        let step = show::step(&row.point);
+        if several { format!("{step}, {}", Word::of(&row.point).name()) } else { step }
+    });
+    Some(Point { x, y, label })
+}
+
+fn several_words(rows: &[Row]) -> bool {
+    rows.windows(2).any(|pair| Word::of(&pair[0].point) != Word::of(&pair[1].point))
+}

@@ -1,0 +1,404 @@
+//! The rows of a work-precision study: `accuracy.json`, `accuracy.csv`, and the table for the terminal.
+
+use pe_ir::word::WordFormat;
+use serde_json::{Map, Value, json};
+
+use super::goal::cheapest;
+use super::lists::Word;
+use super::picture;
+use crate::explore::files::{Sheet, plain};
+use crate::explore::fronts::{front, knee, time_and_error};
+use crate::explore::record::Files;
+use crate::explore::row::{Outcome, Row};
+use crate::explore::show;
+use crate::failure::Failure;
+
+/// Rows and what they amount to.
+pub struct View<'a> {
+    /// The rows.
+    pub sheet: &'a Sheet,
+    /// Points that no other beats in error and run time, by run time.
+    pub front: Vec<usize>,
+    /// With a largest error the cheapest point that is right enough; without one the knee of the front.
+    pub chosen: Option<usize>,
+    /// The next points that are right enough.
+    pub runners_up: Vec<usize>,
+}
+
+/// All files of a study.
+///
+/// # Errors
+/// If the picture cannot be rasterised.
+pub fn files(sheet: &Sheet) -> Result<Files, Failure> {
+    let view = View::new(sheet);
+    let svg = picture::work_precision(&view);
+    let png = pe_plot::raster::png(&svg).map_err(|error| Failure::Internal(format!("work-precision.png: {error}")))?;
+    Ok(vec![
+        ("accuracy.json", view.json().into_bytes()),
+        ("accuracy.csv", view.csv().into_bytes()),
+        ("work-precision.svg", svg.into_bytes()),
+        ("work-precision.png", png),
+    ])
+}
+
+/// Seconds that the network takes for the span, at its clock.
+pub fn seconds(sheet: &Sheet, row: &Row) -> Option<f64> {
+    let span = sheet.head.get("span_s").and_then(Value::as_f64)?;
+    Some(row.figures()?.time_ms() * 1e-3 * span)
+}
+
+/// Steps in the span.
+fn steps(sheet: &Sheet, row: &Row) -> Option<f64> {
+    let span = sheet.head.get("span_s").and_then(Value::as_f64)?;
+    Some(libm::round(span / row.point.step?).max(1.0))
+}
+
+impl<'a> View<'a> {
+    /// Finds front and choice.
+    pub fn new(sheet: &'a Sheet) -> View<'a> {
+        let all: Vec<usize> = (0..sheet.rows.len()).collect();
+        let front = front(&sheet.rows, &all, time_and_error);
+        let (chosen, runners_up) = match sheet.max_error {
+            Some(limit) => {
+                let ranked = cheapest(&sheet.rows, limit);
+                (ranked.first().copied(), ranked.into_iter().skip(1).take(show::RUNNERS_UP).collect())
+            }
+            None => (knee(&sheet.rows, &front, time_and_error), Vec::new()),
+        };
+        View { sheet, front, chosen, runners_up }
+    }
+
+    fn json(&self) -> String {
+        let sheet = self.sheet;
+        let rows = sheet.rows.iter().zip(&sheet.places).enumerate().map(|(index, (row, place))| {
+            let mut stored = row.to_json();
+            if row.figures().is_none() {
+                stored.insert("error".into(), json!({"total": "inf"}));
+            }
+            stored.insert("point".into(), json!(place));
+            stored.insert("steps".into(), json!(steps(sheet, row)));
+            stored.insert("operations".into(), json!(self.operations(row)));
+            stored.insert("seconds".into(), json!(seconds(sheet, row)));
+            stored.insert("on_front".into(), json!(self.front.contains(&index)));
+            Value::Object(stored)
+        });
+        let place = |index: &usize| json!(sheet.places[*index]);
+        let mut whole: Map<String, Value> = sheet.head.clone();
+        whole.insert("points".into(), rows.collect());
+        whole.insert("points_total".into(), json!(sheet.total));
+        whole.insert("complete".into(), json!(sheet.rows.len() == sheet.total));
+        whole.insert("max_error".into(), json!(sheet.max_error));
+        whole.insert("chosen".into(), self.chosen.as_ref().map_or(Value::Null, place));
+        whole.insert("runners_up".into(), self.runners_up.iter().map(place).collect());
+        whole.insert("reference_agreement".into(), json!(self.agreement()));
+        whole.insert("reference_vouched".into(), json!(self.vouched()));
+        format!("{:#}\n", Value::Object(whole))
+    }
+
+    /// Products over the span.
+    fn operations(&self, row: &Row) -> Option<f64> {
+        Some(row.figures()?.number("macs_per_step")? * steps(self.sheet, row)?)
+    }
+
+    /// Largest difference of the two reference methods; none if the second found no solution.
+    fn agreement(&self) -> Option<f64> {
+        let figures = || self.sheet.rows.iter().filter_map(Row::figures).filter(|row| row.total_error().is_some());
+        let all: Option<Vec<f64>> = figures().map(|row| row.number("error.reference_agreement")).collect();
+        all.filter(|all| !all.is_empty()).map(|all| all.into_iter().fold(0.0, f64::max))
+    }
+
+    /// Smallest total error.
+    fn smallest(&self) -> f64 {
+        let errors = self.sheet.rows.iter().filter_map(|row| row.figures()?.total_error());
+        errors.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether the reference methods agree to a tenth of the smallest error.
+    fn vouched(&self) -> bool {
+        self.agreement().is_some_and(|difference| 10.0 * difference <= self.smallest())
+    }
+
+    /// What there is to say about the reference.
+    pub fn reference(&self) -> String {
+        let figures = || self.sheet.rows.iter().filter_map(Row::figures);
+        if figures().all(|row| row.total_error().is_none()) {
+            let reason = figures().find_map(|row| row.value("error.total_reason").and_then(Value::as_str));
+            return format!("no reference: {}", reason.unwrap_or("no point was compiled"));
+        }
+        let Some(difference) = self.agreement() else {
+            let reason =
+                figures().find_map(|row| row.value("error.reference_agreement_reason").and_then(Value::as_str));
+            return format!("reference not checked by a second method: {}", reason.unwrap_or("it gave no solution"));
+        };
+        let apart = figures().filter_map(|row| row.number("error.reference_apart_s")).reduce(f64::min);
+        let smallest = self.smallest();
+        match apart {
+            Some(time) => format!(
+                "the two reference methods part at t = {time:.4} s (difference {difference:.0e}): the model is \
+                 chaotic or unstable, and errors after that mean nothing; take a shorter --span"
+            ),
+            None if self.vouched() => format!(
+                "two reference methods agree to {difference:.0e}, a tenth or less of the smallest error {smallest:.1e}"
+            ),
+            None => format!(
+                "two reference methods agree to {difference:.0e} only: errors below {:.0e} mean little",
+                10.0 * difference
+            ),
+        }
+    }
+
+    fn csv(&self) -> String {
+        const HEAD: [&str; 50] = [
+            "point",
+            "status",
+            "solver",
+            "step_s",
+            "steps",
+            "form",
+            "pes",
+            "storage_bits",
+            "guard_bits",
+            "multiplier",
+            "coefficient_slots",
+            "cycles_per_step",
+            "products_per_step",
+            "operations",
+            "clock_mhz",
+            "seconds",
+            "speed",
+            "lut",
+            "ff",
+            "dsp",
+            "bram18",
+            "equivalent_lut",
+            "error_total",
+            "worst_state",
+            "error_total_at_end",
+            "error_l2",
+            "digits_at_end",
+            "error_double",
+            "error_double_at_end",
+            "error_method",
+            "error_word_length",
+            "error_word_length_at_end",
+            "error_coefficient",
+            "error_coefficient_at_end",
+            "error_function",
+            "error_input_hold",
+            "diverged_s",
+            "period_state",
+            "period_s",
+            "period_error",
+            "conserved",
+            "drift",
+            "reference_uncertainty",
+            "reference_agreement",
+            "on_front",
+            "chosen",
+            "warnings",
+            "code",
+            "message",
+            "command",
+        ];
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        let mut record = |fields: &[String]| writer.write_record(fields).expect("memory takes every record");
+        record(&HEAD.map(str::to_owned));
+        for (index, (row, place)) in self.sheet.rows.iter().zip(&self.sheet.places).enumerate() {
+            record(&self.fields(index, row, *place));
+        }
+        let bytes = writer.into_inner().expect("memory takes every record");
+        String::from_utf8(bytes).expect("fields are text")
+    }
+
+    fn fields(&self, index: usize, row: &Row, place: usize) -> [String; 50] {
+        let point = &row.point;
+        let field = |path: &str| row.figures().and_then(|figures| figures.value(path)).map(plain).unwrap_or_default();
+        // Of a point without a result every error is infinite.
+        let error = |path: &str| if row.figures().is_some() { field(path) } else { "inf".to_owned() };
+        let number = |number: Option<f64>| number.map_or(String::new(), |number| number.to_string());
+        let drift = |key: &str| {
+            let all = row.figures().and_then(|figures| figures.value("error.conserved")?.as_array());
+            let texts = all.into_iter().flatten().map(|entry| plain(&entry[key]));
+            texts.collect::<Vec<_>>().join("; ")
+        };
+        let (status, warnings, code, message) = match &row.outcome {
+            Outcome::Compiled(figures) => ("compiled", figures.warnings.join(" "), String::new(), String::new()),
+            Outcome::Failed(reason) => {
+                ("failed", String::new(), reason.code.clone().unwrap_or_default(), reason.message.clone())
+            }
+        };
+        let (data, coefficient) = point.multiplier;
+        let format = WordFormat::new(point.storage, data, coefficient);
+        [
+            place.to_string(),
+            status.to_owned(),
+            point.solver.map_or("", |solver| solver.name()).to_owned(),
+            point.step.map_or(String::new(), |step| format!("{step:e}")),
+            number(steps(self.sheet, row)),
+            field("stage_form"),
+            field("pes"),
+            point.storage.to_string(),
+            format.guard_bits.to_string(),
+            show::multiplier(point),
+            field("word.coefficient_slots"),
+            field("cycles_per_step"),
+            field("macs_per_step"),
+            number(self.operations(row)),
+            field("clock.mhz"),
+            number(seconds(self.sheet, row)),
+            number(row.figures().map(|figures| 1e3 / figures.time_ms())),
+            field("area.lut"),
+            field("area.ff"),
+            field("area.dsp"),
+            field("area.bram18"),
+            number(row.figures().map(|figures| figures.equivalent_lut())),
+            error("error.total"),
+            field("error.total_worst_state"),
+            error("error.total_at_end"),
+            error("error.total_l2"),
+            field("error.digits_at_end"),
+            error("error.double"),
+            error("error.double_at_end"),
+            error("error.method"),
+            error("error.word_length"),
+            error("error.word_length_at_end"),
+            error("error.coefficient"),
+            error("error.coefficient_at_end"),
+            error("error.function"),
+            error("error.input_hold"),
+            field("error.diverged_s"),
+            field("error.period.state"),
+            field("error.period.seconds"),
+            field("error.period.error"),
+            drift("name"),
+            drift("drift"),
+            field("error.reference_uncertainty"),
+            field("error.reference_agreement"),
+            u8::from(self.front.contains(&index)).to_string(),
+            u8::from(self.chosen == Some(index)).to_string(),
+            warnings,
+            code,
+            message,
+            row.command.clone(),
+        ]
+    }
+
+    /// The table for the terminal: front, choice with the parts of its error, what failed, what was left out.
+    pub fn summary(&self) -> String {
+        let mut text = format!("  {:<7} {HEADINGS}\n", "error");
+        for index in &self.front {
+            text += &self.line(*index, if self.chosen == Some(*index) { "<" } else { "" });
+        }
+        if self.front.is_empty() {
+            text += "  no point has an error\n";
+        }
+        match (self.sheet.max_error, self.chosen) {
+            (Some(limit), Some(_)) => {
+                let met = cheapest(&self.sheet.rows, limit).len();
+                text += &format!("  cheapest of the {met} points with an error of at most {limit:e}:\n");
+            }
+            (Some(limit), None) => text += &format!("  no point has an error of at most {limit:e}\n"),
+            (None, Some(_)) => text += "  knee of the front, where both error and run time are small:\n",
+            (None, None) => {}
+        }
+        if let Some(chosen) = self.chosen {
+            text += &self.line(chosen, "<");
+            text += &self.parts(chosen);
+        }
+        if !self.runners_up.is_empty() {
+            text += "  next:\n";
+            self.runners_up.iter().for_each(|index| text += &self.line(*index, ""));
+        }
+        text += &wrapped(&self.reference());
+        text + &self.missing()
+    }
+
+    fn line(&self, index: usize, mark: &str) -> String {
+        let row = &self.sheet.rows[index];
+        let count = |key: &str| row.figures().and_then(|figures| figures.number(key)).unwrap_or(f64::NAN);
+        let error = row.figures().and_then(|figures| figures.total_error()).unwrap_or(f64::INFINITY);
+        let seconds = seconds(self.sheet, row).unwrap_or(f64::NAN);
+        let line = format!(
+            "  {error:<7.1e} {seconds:>9.2e} {:>6.0} {:>7.1e} {:<16} {:>8} {:<10}{:>7.0} {mark}",
+            count("cycles_per_step"),
+            self.operations(row).unwrap_or(f64::NAN),
+            row.point.solver.map_or("", |solver| solver.name()),
+            show::step(&row.point),
+            Word::of(&row.point).name(),
+            row.figures().map_or(f64::NAN, |figures| figures.equivalent_lut()),
+        );
+        line.trim_end().to_owned() + "\n"
+    }
+
+    /// The parts of a point's error, and what else is known of it.
+    fn parts(&self, index: usize) -> String {
+        let Some(figures) = self.sheet.rows[index].figures() else { return String::new() };
+        let part = |name: &str, key: &str| {
+            figures.number(key).map_or_else(String::new, |number| format!("{name} {number:.1e}, "))
+        };
+        let mut text = part("method", "error.method")
+            + &part("word length", "error.word_length")
+            + &part("of it coefficients", "error.coefficient")
+            + &part("functions", "error.function")
+            + &part("input hold", "error.input_hold")
+            + &part("at the end", "error.total_at_end")
+            + &part("L2", "error.total_l2");
+        text += &figures.number("error.digits_at_end").map_or(String::new(), |n| format!("{n:.1} digits, "));
+        if let Some(period) = figures.value("error.period") {
+            let seconds = period["seconds"].as_f64().unwrap_or(f64::NAN);
+            let error = period["error"].as_f64().map_or("inf".to_owned(), |error| format!("{error:.1e}"));
+            text += &format!("period {seconds:.4} s wrong by {error}, ");
+        }
+        for conserved in figures.value("error.conserved").and_then(Value::as_array).into_iter().flatten() {
+            let drift = conserved["drift"].as_f64().map_or("inf".to_owned(), |drift| format!("{drift:.1e}"));
+            text += &format!("drift of {} {drift}, ", plain(&conserved["name"]));
+        }
+        if let Some(time) = figures.number("error.diverged_s") {
+            text += &format!("wrong by a tenth from t = {time:.4} s on, ");
+        }
+        wrapped(text.trim_end_matches(", "))
+    }
+
+    /// Points without a result by reason, and methods that were left out.
+    fn missing(&self) -> String {
+        // Points of a solver that fail for one reason are told once, with the message of the first.
+        let mut reasons: Vec<((&str, &str), &str, usize)> = Vec::new();
+        for row in &self.sheet.rows {
+            let Outcome::Failed(reason) = &row.outcome else { continue };
+            let solver = row.point.solver.map_or("", |solver| solver.name());
+            let key = (solver, reason.code.as_deref().unwrap_or(&reason.message));
+            match reasons.iter_mut().find(|(known, ..)| *known == key) {
+                Some((.., count)) => *count += 1,
+                None => reasons.push((key, &reason.message, 1)),
+            }
+        }
+        let mut text = String::new();
+        for ((solver, key), message, count) in reasons {
+            let code = if key == message { String::new() } else { format!("{key} ") };
+            text += &wrapped(&format!("{count} failed: {solver}: {code}{message}"));
+        }
+        for left_out in self.sheet.head.get("left_out").and_then(Value::as_array).into_iter().flatten() {
+            text += &wrapped(&format!("left out: {}: {}", plain(&left_out["solver"]), plain(&left_out["reason"])));
+        }
+        text
+    }
+}
+
+/// Columns of the table after the error.
+const HEADINGS: &str = " run time cycles  prod. solver               step word       eq. LUT";
+
+/// Text in lines of at most 78 characters, indented.
+fn wrapped(text: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.len() + 1 + word.len() <= 74 => *line += &format!(" {word}"),
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    let indented = lines.iter().enumerate().map(|(place, line)| {
+        let indent = if place == 0 { "  " } else { "    " };
+        format!("{indent}{line}\n")
+    });
+    indented.collect()
+}

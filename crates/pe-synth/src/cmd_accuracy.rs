@@ -1,0 +1,154 @@
+//! `pe-synth accuracy`: error against run time for solvers, steps and word lengths.
+
+use std::path::PathBuf;
+
+use pe_ir::model::Model;
+use serde_json::{Map, Value, json};
+
+use crate::accuracy::goal::Search;
+use crate::accuracy::lists::{Lists, Plan};
+use crate::accuracy::view::{self, View};
+use crate::cmd_compile::positive;
+use crate::console;
+use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
+use crate::explore::estimate::Estimate;
+use crate::explore::given::{Given, Sweeping};
+use crate::explore::record::{Kind, Record};
+use crate::explore::sweep::{self, Sweep};
+use crate::failure::{Failure, MessageFormat};
+use crate::options::{ConservedOptions, DesignPoint, ModelOptions};
+use crate::output::OutputFolder;
+use crate::pipeline::MappingOptions;
+use crate::report::{ASSUMED_CLOCK_MHZ, Clock};
+
+/// Shows what accuracy costs in run time: solvers, steps and word lengths of a model against a library's solution
+///
+/// Every point is compiled as `compile --reference` would. Its run time on the hardware stands beside its total error
+/// and the parts of it: method, word length, coefficients, functions, input hold. A work-precision diagram, a table
+/// and a CSV file show them all; a point that diverges is a row with an infinite error and the reason.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "\
+Examples:
+  pe-synth accuracy models/lorenz/lorenz.spec --span 5s
+  pe-synth accuracy models/lorenz/lorenz.spec --span 5s --max-error 1e-4
+  pe-synth accuracy models/van_der_pol/van_der_pol.spec --solver heun,rk4 --step 10ms,5ms,2ms --multiplier 25x18,32x32")]
+pub struct Accuracy {
+    // The first field, for each takes what it reads away from those that follow.
+    #[command(flatten)]
+    given: Given<Accuracy>,
+    #[command(flatten)]
+    lists: Lists,
+    #[command(flatten)]
+    mapping: MappingOptions,
+    /// Output folder; replaced if it is one of ours [default: out/MODEL_accuracy]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Clock for the run time [default: 150, marked as assumed]
+    #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
+    clock: Option<f64>,
+    /// Picks the cheapest point with at most this total error, and tries more steps and words for it
+    #[arg(long, value_name = "E", value_parser = positive, help_heading = "Points")]
+    max_error: Option<f64>,
+    #[command(flatten)]
+    conserved: ConservedOptions,
+    /// Points compiled at the same time; the result does not depend on it [default: one per core]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Points")]
+    jobs: Option<u16>,
+    #[command(flatten)]
+    model: ModelOptions,
+    /// Prints errors and warnings only
+    #[arg(short, long, help_heading = "Diagnostics")]
+    quiet: bool,
+}
+
+impl Sweeping for Accuracy {
+    const NAME: &'static str = "accuracy";
+}
+
+impl Accuracy {
+    /// Form of messages.
+    pub fn message_format(&self) -> MessageFormat {
+        self.model.message_format
+    }
+
+    /// Runs the command.
+    pub fn run(&self) -> Result<(), Failure> {
+        let quiet = self.quiet || self.message_format() == MessageFormat::Json;
+        let loaded = self.model.read()?;
+        let model = &loaded.model;
+        let folder = || PathBuf::from("out").join(format!("{}_accuracy", model.name));
+        let target = self.output.clone().unwrap_or_else(folder);
+        OutputFolder::permitted(&target)?;
+        let conserved = self.conserved.of(model)?;
+        let plan = self.lists.plan(model, &self.mapping);
+        let clock = Clock { mhz: self.clock.unwrap_or(ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
+        let row = |point: DesignPoint| (point, self.given.command(&point), None);
+        let mut record = Record {
+            kind: Kind { store: "accuracy.json", files: view::files },
+            head: self.head(model, &plan),
+            title: format!("{} ({} ODEs)", model.name, model.states.len()),
+            max_error: self.max_error,
+            clock: format!("{} MHz ({})", clock.mhz, if clock.given { "given" } else { "assumed" }),
+            rows: plan.points.iter().copied().map(row).collect(),
+            target,
+        };
+        let estimate = Estimate::of(model, &plan.graphs, &self.mapping);
+        let sweep = || Sweep {
+            loaded: loaded.clone(),
+            options: self.model.clone(),
+            mapping: self.mapping.clone(),
+            conserved: conserved.clone(),
+            within: None,
+            clock,
+            estimate: estimate.clone(),
+        };
+        let threads = Driver::threads(self.jobs);
+        if !quiet {
+            let seconds = estimate.total(&sweep::families(record.pending())) / threads as f64;
+            let (points, title) = (record.rows.len(), &record.title);
+            let time = indicatif::HumanDuration(std::time::Duration::from_secs_f64(seconds.max(1.0)));
+            console::err(&format!("  accuracy  {title}: {points} points, about {time}\n"));
+        }
+        let driver = Driver::new(threads)?;
+        driver.round(&mut record, sweep(), quiet)?;
+        if let Some(limit) = self.max_error {
+            let mut search = Search::new(model, &self.mapping, &self.lists, &plan, limit);
+            loop {
+                let more = search.next(&record.sheet().rows);
+                if more.is_empty() {
+                    break;
+                }
+                record.rows.extend(more.into_iter().map(row));
+                driver.round(&mut record, sweep(), quiet)?;
+            }
+        }
+        let sheet = record.sheet();
+        let view = View::new(&sheet);
+        if !quiet {
+            console::out(&format!("{}  see {}\n", view.summary(), record.target.display()));
+        }
+        verdict(&sheet)?;
+        match (self.max_error, view.chosen) {
+            (Some(limit), None) => Err(Failure::Fruitless(format!("no point has a total error of at most {limit:e}"))),
+            _ => Ok(()),
+        }
+    }
+
+    /// What was asked for, as `accuracy.json` says it.
+    fn head(&self, model: &Model, plan: &Plan) -> Map<String, Value> {
+        let left_out = plan.left_out.iter();
+        let left_out = left_out.map(|left_out| json!({"solver": left_out.solver.name(), "reason": left_out.reason}));
+        let head = json!({
+            "generator": GENERATOR,
+            "model": model.name,
+            "odes": model.states.len(),
+            "model_sha256": fingerprint(model),
+            "span_s": model.span,
+            "command": self.given.command,
+            "shared_options": self.given.shared.join(" "),
+            "left_out": left_out.collect::<Vec<_>>(),
+        });
+        let Value::Object(head) = head else { unreachable!("written as an object") };
+        head
+    }
+}
