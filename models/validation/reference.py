@@ -28,17 +28,18 @@ CASES = {}
 class Case:
     """A model: right-hand side, names and initial values of the states, end of the span."""
 
-    def __init__(self, f, names, start, end, methods, published, limit, finest):
+    def __init__(self, f, names, start, end, methods, published, limit, finest, jumps):
         self.f, self.names, self.start, self.end = f, names, np.array(start, float), end
-        self.methods, self.published, self.limit, self.finest = methods, published, limit, finest
+        self.methods, self.published, self.limit, self.finest, self.jumps = methods, published, limit, finest, jumps
 
 
-def case(name, names, start, end, methods=("DOP853", "LSODA"), published=None, limit=LIMIT, finest=1e-13):
-    """Registers a right-hand side `f(t, y)`. `published` is (time, values, relative tolerance)."""
+def case(name, names, start, end, methods=("DOP853", "LSODA"), published=None, limit=LIMIT, finest=1e-13,
+         jumps=()):
+    """Registers a right-hand side `f(t, y)`, which jumps at `jumps`. `published` is (time, values, relative tolerance)."""
 
     def register(f):
         CASES[name] = Case(f, names.split() if isinstance(names, str) else names, start, end, methods, published,
-                           limit, finest)
+                           limit, finest, jumps)
         return f
 
     return register
@@ -49,10 +50,18 @@ def solve(case, method, times):
     size = np.abs(case.start)
     size = np.maximum(size, 1e-3 * np.max(size)) if np.max(size) > 0 else np.ones(len(size))
     atol = 1e-3 * case.finest * np.minimum(size, 1.0)
-    result = solve_ivp(case.f, (0, times[-1]), case.start, method, rtol=case.finest, atol=atol, dense_output=True)
-    if not result.success:
-        raise SystemExit(f"{method}: {result.message}")
-    return result.sol(times).T, np.max(np.abs(result.y), axis=1)
+    state, largest, rows = case.start, np.abs(case.start), []
+    bounds = [0, *case.jumps, times[-1]]
+    for start, end in zip(bounds, bounds[1:]):
+        # The last stage of the last step must not see what comes after the jump.
+        before = np.nextafter(end, start)
+        result = solve_ivp(lambda t, y: case.f(min(t, before), y), (start, end), state, method, rtol=case.finest,
+                           atol=atol, dense_output=True)
+        if not result.success:
+            raise SystemExit(f"{method}: {result.message}")
+        rows.append(result.sol(times[(times > start) & (times <= end)]).T)
+        state, largest = result.y[:, -1], np.maximum(largest, np.max(np.abs(result.y), axis=1))
+    return np.concatenate(rows), largest
 
 
 # --- not stiff: DETEST (Hull, Enright, Fellen, Sedgwick 1972) -------------------------------------------------------
@@ -155,11 +164,14 @@ def arenstorf(t, y):
 
 # --- stiff ----------------------------------------------------------------------------------------------------------
 
+ROBERTSON = lambda t, y: [-0.04 * y[0] + 1e4 * y[1] * y[2], 0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2,
+                          3e7 * y[1] ** 2]
 # The values at t = 40 are those of the example of CVODE (Hindmarsh and others, ACM TOMS 31, 2005), five digits.
 case("robertson", "a b c", [1, 0, 0], 40, ("DOP853", "LSODA"),
-     published=(40, [7.1583e-01, 9.1855e-06, 2.8416e-01], 2e-5))(
-    lambda t, y: [-0.04 * y[0] + 1e4 * y[1] * y[2], 0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2,
-                  3e7 * y[1] ** 2])
+     published=(40, [7.1583e-01, 9.1855e-06, 2.8416e-01], 2e-5))(ROBERTSON)
+# The same in two parts, which want steps of their own: up to 0.4 s, and from there on.
+case("robertson_start", "a b c", [1, 0, 0], 0.4)(ROBERTSON)
+case("robertson_rest", "a b c", [0.985172113861, 3.386395378975e-5, 0.01479402218522], 40, finest=1e-12)(ROBERTSON)
 case("van_der_pol_10", "x v", [2, 0], 40, ("DOP853", "Radau"))(lambda t, y: [y[1], 10 * (1 - y[0] ** 2) * y[1] - y[0]])
 # Test Set for IVP Solvers, release 2.4, problem VDPOL: t = 2 there is t = 2000 here, and velocities are per 1000.
 case("van_der_pol_1000", "x v", [2, 0], 2000, ("Radau", "LSODA"), limit=1e-6,
@@ -252,6 +264,21 @@ def beeler_reuter(t, y):
         alpha, beta = (rate(*constants) for constants in BEELER_REUTER[gate])
         change.append(alpha * (1 - gates[gate]) - beta * gates[gate])
     return change
+
+
+# Hodgkin and Huxley, J. Physiol. 117 (1952) 500-544, voltages with the rest at -65 mV, times in seconds.
+@case("hodgkin_huxley", "V m h n", [-65, 0.052932, 0.596121, 0.317677], 0.05, limit=1e-9, jumps=(0.005, 0.045))
+def hodgkin_huxley(t, y):
+    v, m, h, n = y
+    current = 10 if 0.005 <= t < 0.045 else 0
+
+    def singular(x):
+        return x / (1 - math.exp(-x)) if abs(x) > 1e-5 else 1 + x / 2 + x * x / 12
+
+    alpha = [singular((v + 40) / 10), 0.07 * math.exp(-(v + 65) / 20), 0.1 * singular((v + 55) / 10)]
+    beta = [4 * math.exp(-(v + 65) / 18), 1 / (1 + math.exp(-(v + 35) / 10)), 0.125 * math.exp(-(v + 65) / 80)]
+    ionic = 120 * m ** 3 * h * (v - 50) + 36 * n ** 4 * (v + 77) + 0.3 * (v + 54.387)
+    return [1e3 * (current - ionic)] + [1e3 * (a * (1 - x) - b * x) for a, b, x in zip(alpha, beta, (m, h, n))]
 
 
 # --- mechanics ------------------------------------------------------------------------------------------------------
