@@ -87,7 +87,7 @@ fn missing(statement: &StatementKind) -> Broken {
         StatementKind::State { declared, .. } => ("state", vec![declared.name.text.clone()]),
         StatementKind::Equation(equation) => ("", vec![equation.target.name.text.clone()]),
         StatementKind::Function { name, .. } => ("function", vec![name.text.clone()]),
-        StatementKind::Step(_) => ("step", Vec::new()),
+        StatementKind::Step(..) => ("step", Vec::new()),
         StatementKind::Span(_) => ("span", Vec::new()),
         _ => ("", Vec::new()),
     };
@@ -141,7 +141,11 @@ fn expressions(statement: &StatementKind) -> Vec<&Expr> {
             range = equation.within.as_ref();
         }
         StatementKind::Function { body, .. } => all.push(body),
-        StatementKind::Step(Measure { value, .. }) | StatementKind::Span(Measure { value, .. }) => all.push(value),
+        StatementKind::Step(last, early) => {
+            all.push(&last.value);
+            all.extend(early.iter().flat_map(|(step, until)| [&step.value, &until.value]));
+        }
+        StatementKind::Span(Measure { value, .. }) => all.push(value),
         _ => {}
     }
     all.extend(range.into_iter().flat_map(|range| [&range.low, &range.high]));
@@ -273,7 +277,11 @@ impl<'a> Writer<'_, 'a> {
             }
             StatementKind::Equation(equation) => self.equation(equation),
             StatementKind::Function { parameters, body, .. } => self.scalar(body, parameters),
-            StatementKind::Step(measure) | StatementKind::Span(measure) => self.scalar(&mut measure.value, &[]),
+            StatementKind::Step(last, early) => {
+                let early = early.iter_mut().flat_map(|(step, until)| [step, until]);
+                early.chain([last]).try_for_each(|measure| self.scalar(&mut measure.value, &[]))
+            }
+            StatementKind::Span(measure) => self.scalar(&mut measure.value, &[]),
             _ => Some(()),
         }
     }

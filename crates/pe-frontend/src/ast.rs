@@ -71,8 +71,8 @@ pub enum StatementKind {
     },
     /// `solver NAME`.
     Solver(Name),
-    /// `step 100 us`.
-    Step(Measure),
+    /// `step 100 us`, with steps for the beginning of the run, each with the time until which it is taken, in front.
+    Step(Measure, Vec<(Measure, Measure)>),
     /// `span 2 s`.
     Span(Measure),
     /// `const NAME = expr`.

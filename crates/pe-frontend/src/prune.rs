@@ -4,7 +4,7 @@ use crate::declarations::{Driven, Initial};
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use crate::names::{Kind, Quantity};
-use crate::settings::Header;
+use crate::settings::{Header, Times};
 use pe_ir::codes;
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Select, State, Variable};
 use pe_ir::source::Diagnostic;
@@ -140,8 +140,11 @@ impl Elaborator<'_> {
             .into_iter()
             .map(|output| Output { variable: numbers.renumbered(output.variable), ..output })
             .collect();
-        let Header { name, title, solver, step, span } = header;
-        Some(Model { name, title, solver, step, span, states, algebraics, inputs, outputs, left_out })
+        let Header { name, title, solver, times: Times { step, phases, span } } = header;
+        let mut model =
+            Model { name, title, solver, step, phases, span, states, algebraics, inputs, outputs, left_out };
+        model.add_step_ratio();
+        Some(model)
     }
 
     /// Marks whatever an output depends on with zero, everything else as left out.

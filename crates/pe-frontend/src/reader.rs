@@ -178,7 +178,7 @@ fn section(kind: &StatementKind) -> Option<&'static str> {
     Some(match kind {
         StatementKind::Model { .. } => MAIN_ONLY[0],
         StatementKind::Solver(_) => MAIN_ONLY[1],
-        StatementKind::Step(_) => MAIN_ONLY[2],
+        StatementKind::Step(..) => MAIN_ONLY[2],
         StatementKind::Span(_) => MAIN_ONLY[3],
         StatementKind::Units(_) => MAIN_ONLY[4],
         _ => return None,

@@ -6,7 +6,7 @@ use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::units::Units;
 use pe_ir::codes;
-use pe_ir::model::{Solver, step_count_problem};
+use pe_ir::model::{Phase, Solver, step_count_problem};
 use pe_ir::source::{Diagnostic, Span};
 
 /// Units of time and their length in seconds.
@@ -22,6 +22,7 @@ pub(crate) struct Settings<'a> {
     model: Option<(&'a Name, &'a str)>,
     solver: Option<Solver>,
     step: Option<&'a Measure>,
+    early: &'a [(Measure, Measure)],
     span: Option<&'a Measure>,
     pub(crate) units: Option<Units>,
 }
@@ -31,9 +32,18 @@ pub(crate) struct Header {
     pub(crate) name: String,
     pub(crate) title: String,
     pub(crate) solver: Solver,
+    pub(crate) times: Times,
+}
+
+/// Steps and span.
+pub(crate) struct Times {
     pub(crate) step: f64,
+    pub(crate) phases: Vec<Phase>,
     pub(crate) span: f64,
 }
+
+/// Steps for the beginning of a run, at most.
+const MOST_EARLY_STEPS: f64 = 1e9;
 
 impl<'a> Settings<'a> {
     /// Finds the single statements; reports missing and repeated ones.
@@ -55,7 +65,7 @@ impl<'a> Settings<'a> {
             let section = match &statement.kind {
                 StatementKind::Model { .. } => 0,
                 StatementKind::Solver(_) => 1,
-                StatementKind::Step(_) => 2,
+                StatementKind::Step(..) => 2,
                 StatementKind::Span(_) => 3,
                 _ => continue,
             };
@@ -73,7 +83,7 @@ impl<'a> Settings<'a> {
                     settings.model = Some((name, title));
                 }
                 StatementKind::Solver(name) => settings.solver = solver(name, report),
-                StatementKind::Step(step) => settings.step = Some(step),
+                StatementKind::Step(step, early) => (settings.step, settings.early) = (Some(step), early),
                 StatementKind::Span(span) => settings.span = Some(span),
                 _ => {}
             }
@@ -91,9 +101,9 @@ impl<'a> Settings<'a> {
     }
 
     /// Everything together; `None` if something is missing.
-    pub(crate) fn header(&self, (step, span): (f64, f64)) -> Option<Header> {
+    pub(crate) fn header(&self, times: Times) -> Option<Header> {
         let (name, title) = self.model?;
-        Some(Header { name: name.text.clone(), title: title.to_owned(), solver: self.solver?, step, span })
+        Some(Header { name: name.text.clone(), title: title.to_owned(), solver: self.solver?, times })
     }
 }
 
@@ -127,16 +137,38 @@ fn solver(name: &Name, report: &mut Report) -> Option<Solver> {
 }
 
 impl<'a> Elaborator<'a> {
-    /// Step and span in seconds.
-    pub(crate) fn times(&mut self, settings: &Settings<'a>) -> Option<(f64, f64)> {
+    /// Step, steps for the beginning, and span.
+    pub(crate) fn times(&mut self, settings: &Settings<'a>) -> Option<Times> {
         let step = settings.step.and_then(|step| self.time(step, "step"));
         let span = settings.span.and_then(|span| self.time(span, "span"));
         let (step, span) = (step?, span?);
+        let phases = self.phases(settings.early, step, span)?;
         let place = settings.span.map_or_else(Span::default, |span| span.value.span);
         if let Some(problem) = step_count_problem(step, span) {
             self.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, problem).with_help("check the units"));
         }
-        Some((step, span))
+        Some(Times { step, phases, span })
+    }
+
+    /// The steps for the beginning of the run.
+    fn phases(&mut self, early: &'a [(Measure, Measure)], last: f64, span: f64) -> Option<Vec<Phase>> {
+        let mut phases: Vec<Phase> = Vec::with_capacity(early.len());
+        for (step, until) in early {
+            let place = until.value.span;
+            let (step, until) = (self.time(step, "step")?, self.time(until, "end of a step")?);
+            let from = phases.last().map_or(0.0, |phase| phase.until);
+            let steps = (until - from) / step;
+            if until <= from || until >= span {
+                let message = format!("a step until {until} s does not lie between {from} s and the span of {span} s");
+                self.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, message));
+            } else if (steps - libm::round(steps)).abs() > 1e-6 * steps || steps > MOST_EARLY_STEPS {
+                let message = format!("the stretch from {from} s to {until} s is {steps} steps of {step} s");
+                let help = "it must be a whole number of steps, at most 1e9";
+                self.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, message).with_help(help));
+            }
+            phases.push(Phase { until, ratio: last / step });
+        }
+        Some(phases)
     }
 
     fn time(&mut self, measure: &'a Measure, what: &str) -> Option<f64> {

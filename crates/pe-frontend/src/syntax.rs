@@ -108,7 +108,15 @@ impl Builder<'_> {
                 StatementKind::Model { name, title: text.map_or_else(String::new, |text| text.as_str().to_owned()) }
             }
             Rule::solver_statement => StatementKind::Solver(self.name(parts.take(Rule::name)?)),
-            Rule::step_statement => StatementKind::Step(self.measure(parts.take(Rule::measure)?)?),
+            Rule::step_statement => {
+                let mut early = Vec::new();
+                while let Some(pair) = parts.take(Rule::early) {
+                    let mut parts = Parts::of(pair);
+                    let step = self.measure(parts.take(Rule::measure)?)?;
+                    early.push((step, self.measure(parts.take(Rule::measure)?)?));
+                }
+                StatementKind::Step(self.measure(parts.take(Rule::measure)?)?, early)
+            }
             Rule::span_statement => StatementKind::Span(self.measure(parts.take(Rule::measure)?)?),
             Rule::const_statement => {
                 let name = self.name(parts.take(Rule::name)?);
@@ -443,6 +451,7 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_model
             | Rule::kw_solver
             | Rule::kw_step
+            | Rule::kw_until
             | Rule::kw_span
             | Rule::kw_const
             | Rule::kw_index

@@ -32,6 +32,26 @@ fn header_values_reach_the_model() {
 }
 
 #[test]
+fn a_list_of_steps_is_phases_and_an_input() {
+    let listed = |steps: &str| {
+        format!("model a\nsolver rodas3\nstep {steps}\nspan 40 s\nconst end = 2\nstate x = 1\nx' = -x\noutput x")
+    };
+    let model = model(&listed("1 ms until 0.4, then 10 ms until end s, then 100 ms"));
+    let phases: Vec<(f64, f64)> = model.phases.iter().map(|phase| (phase.until, phase.ratio)).collect();
+    assert_eq!(phases, [(0.4, 100.0), (2.0, 10.0)]);
+    assert_eq!((model.step, model.steps()), (0.1, 400 + 160 + 380));
+    assert_eq!(model.inputs.last().expect("the ratio").name, "step_ratio");
+    for wrong in [
+        "1 ms until 50 s, then 0.1 s",
+        "1 ms until 1 s, then 2 ms until 1 s, then 0.1 s",
+        "1 ms until 0.4005 s, then 0.1 s",
+    ] {
+        assert_eq!(codes(&listed(wrong)), ["E0505"], "{wrong}");
+    }
+    assert_eq!(codes(&listed("1 ms until 1 s 0.1 s")), ["E0101"]);
+}
+
+#[test]
 fn line_ends_of_windows_and_a_byte_order_mark_do_not_matter() {
     let text = spec("state x = 1 +\n  2 // note\nx' = -x\noutput x");
     let other = format!("\u{FEFF}{}", text.replace('\n', "\r\n"));

@@ -306,11 +306,14 @@ fn largest_entries(graph: &StepGraph) -> Vec<Vec<f64>> {
 }
 
 /// For each chain that computes an intermediate stage of a state the chain of the state's last stage. Real factors are
-/// equals: what the first of them loses the last one does not make small, so each keeps its own product point.
+/// equals: what the first of them loses the last one does not make small, so each keeps its own product point; so do the
+/// stages of planned methods, which are not alike.
 fn last_stages(graph: &StepGraph) -> Vec<u32> {
     let producers = graph.producers();
     let last = |(index, chain): (usize, &Chain)| match graph.value(chain.write.value).role {
-        Role::Stage(state, _) if graph.form != StageForm::Factors => producers[graph.states[state as usize].1.index()],
+        Role::Stage(state, _) if matches!(graph.form, StageForm::Horner | StageForm::Increments) => {
+            producers[graph.states[state as usize].1.index()]
+        }
         _ => index as u32,
     };
     graph.chains.iter().enumerate().map(last).collect()

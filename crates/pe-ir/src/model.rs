@@ -2,6 +2,8 @@
 //!
 //! Every array element is a variable of its own here; parameters and constants are folded into the expressions.
 
+use std::sync::Arc;
+
 use crate::source::Span;
 
 pub use crate::expr::{Expr, Function, Select};
@@ -90,8 +92,11 @@ pub struct Model {
     pub title: String,
     /// Numerical method.
     pub solver: Solver,
-    /// Step in seconds.
+    /// Step in seconds; with a list of steps the last one.
     pub step: f64,
+    /// Other steps for the beginning of the run. With one or more of them the last input is the step ratio: what
+    /// [`Model::step`] is divided by.
+    pub phases: Vec<Phase>,
     /// Span in seconds over which ranges, error and stability are judged.
     pub span: f64,
     /// State variables with their derivative equations.
@@ -105,6 +110,18 @@ pub struct Model {
     /// Names of equations and inputs that no output depends on, in source order; they are gone from the lists above.
     pub left_out: Vec<String>,
 }
+
+/// A stretch at the beginning of a run with a step of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phase {
+    /// Time in seconds at which it ends; those of a model ascend.
+    pub until: f64,
+    /// What the model's step is divided by here.
+    pub ratio: f64,
+}
+
+/// Name of the input, with `_` behind it where that is taken, that says what the step is divided by, in models with a list of steps.
+pub const STEP_RATIO: &str = "step_ratio";
 
 /// Most steps over a span; a run of more would never end.
 const MOST_STEPS: f64 = 1e10;
@@ -124,7 +141,68 @@ pub fn step_count_problem(step: f64, span: f64) -> Option<String> {
 impl Model {
     /// Number of steps over the span, at least one.
     pub fn steps(&self) -> u64 {
-        libm::round(self.span / self.step).max(1.0) as u64
+        let (mut steps, mut from) = (0, 0.0);
+        for phase in self.phases.iter().filter(|phase| phase.until < self.span) {
+            steps += self.steps_of(from, phase);
+            from = phase.until;
+        }
+        // A span that ends within the beginning ends with the step that is taken there.
+        let ratio = self.phases.iter().find(|phase| phase.until >= self.span).map_or(1.0, |phase| phase.ratio);
+        (steps + libm::round((self.span - from) * ratio / self.step) as u64).max(1)
+    }
+
+    fn steps_of(&self, from: f64, phase: &Phase) -> u64 {
+        libm::round((phase.until - from) * phase.ratio / self.step) as u64
+    }
+
+    /// The time in seconds at which a step begins, plus a part of the step.
+    pub fn time(&self, step: u64, part: f64) -> f64 {
+        let (mut steps, mut from) = (step, 0.0);
+        for phase in &self.phases {
+            let own = self.steps_of(from, phase);
+            if steps < own {
+                return from + (steps as f64 + part) * (self.step / phase.ratio);
+            }
+            steps -= own;
+            from = phase.until;
+        }
+        from + (steps as f64 + part) * self.step
+    }
+
+    /// Mean step over the span in seconds: the step, if there is only one.
+    pub fn mean_step(&self) -> f64 {
+        if self.phases.is_empty() { self.step } else { self.span / self.steps() as f64 }
+    }
+
+    /// The input that says what the step is divided by, if there is a list of steps.
+    pub fn step_ratio(&self) -> Option<Variable> {
+        (!self.phases.is_empty()).then(|| Variable::Input(self.inputs.len() as u32 - 1))
+    }
+
+    /// Adds the input that [`Model::step_ratio`] names to a model with a list of steps.
+    pub fn add_step_ratio(&mut self) {
+        if self.phases.is_empty() {
+            return;
+        }
+        let starts = std::iter::once(0.0).chain(self.phases.iter().map(|phase| phase.until)).collect();
+        let ratios = self.phases.iter().map(|phase| phase.ratio).chain([1.0]).collect();
+        let samples = Samples::new(starts, ratios, Interpolation::Hold).expect("phases ascend");
+        let mut name = STEP_RATIO.to_owned();
+        let taken = |name: &str| {
+            self.states.iter().any(|state| state.name == name)
+                || self.inputs.iter().any(|input| input.name == name)
+                || self.algebraics.iter().any(|algebraic| algebraic.name == name)
+        };
+        while taken(&name) {
+            name.push('_');
+        }
+        self.inputs.push(Input {
+            name,
+            unit: None,
+            waveform: Waveform::Samples(Arc::new(samples)),
+            range: None,
+            span: Span::default(),
+        });
     }
 
     /// The inputs as a step that begins at `time` samples them.
@@ -142,6 +220,35 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_list_of_steps_has_their_times() {
+        let mut model = Model {
+            name: "m".to_owned(),
+            title: String::new(),
+            solver: Solver::Rodas3,
+            step: 0.1,
+            phases: vec![Phase { until: 0.4, ratio: 200.0 }],
+            span: 40.0,
+            states: Vec::new(),
+            algebraics: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            left_out: Vec::new(),
+        };
+        model.add_step_ratio();
+        assert_eq!(model.steps(), 800 + 396);
+        for (step, part, time) in
+            [(0, 0.0, 0.0), (1, 0.5, 7.5e-4), (800, 0.0, 0.4), (801, 0.5, 0.55), (1196, 0.0, 40.0)]
+        {
+            assert!((model.time(step, part) - time).abs() < 1e-12, "step {step}: {}", model.time(step, part));
+        }
+        for (step, ratio) in [(0, 200.0), (799, 200.0), (800, 1.0), (1195, 1.0)] {
+            assert_eq!(model.sample_inputs(model.time(step, 0.0)), [ratio], "step {step}");
+        }
+        assert_eq!(Model { span: 0.2, ..model.clone() }.steps(), 400);
+        assert_eq!(Model { step: 0.05, ..model }.steps(), 2 * 1196);
+    }
+
+    #[test]
     fn a_jump_on_the_beginning_of_a_step_has_happened_however_times_are_rounded() {
         let input = |waveform| Input { name: "u".to_owned(), unit: None, waveform, range: None, span: Span::default() };
         let model = Model {
@@ -149,6 +256,7 @@ mod tests {
             title: String::new(),
             solver: Solver::Rk4,
             step: 50e-6,
+            phases: Vec::new(),
             span: 12.0,
             states: Vec::new(),
             algebraics: Vec::new(),

@@ -150,6 +150,7 @@ mod tests {
             title: String::new(),
             solver: Solver::Rk4,
             step: 0.1,
+            phases: Vec::new(),
             span: 1.0,
             states: vec![
                 state("x", Expr::product(vec![algebraic.clone(), variable(1)])),

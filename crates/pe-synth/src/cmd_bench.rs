@@ -83,7 +83,7 @@ impl Bench {
         let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
         let graph = &design.graph;
         let steps = self.steps.unwrap_or((PRODUCTS / graph.macs().max(1)).clamp(10, 1_000_000));
-        let inputs: Vec<Vec<f64>> = (0..steps).map(|step| model.sample_inputs(step as f64 * model.step)).collect();
+        let inputs: Vec<Vec<f64>> = (0..steps).map(|step| model.sample_inputs(model.time(step, 0.0))).collect();
         let (reference, own) = watch.stage(
             "in process",
             || in_process(model, graph, &inputs),
@@ -224,7 +224,7 @@ fn figures(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str,
             "precision": run.precision,
             "cores": run.cores,
             "us_per_step": run.seconds_per_step * 1e6,
-            "ms_per_simulated_second": run.seconds_per_step * 1e3 / model.step,
+            "ms_per_simulated_second": run.seconds_per_step * 1e3 / model.mean_step(),
             "ns_per_product": run.seconds_per_step * 1e9 / design.graph.macs() as f64,
             "error": run.error,
             "hardware_faster": run.seconds_per_step / hardware,
@@ -248,7 +248,7 @@ fn figures(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str,
             "cycles_per_step": design.program.period,
             "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
             "us_per_step": hardware * 1e6,
-            "ms_per_simulated_second": hardware * 1e3 / model.step,
+            "ms_per_simulated_second": hardware * 1e3 / model.mean_step(),
             "word_length_error": design.judged.errors.word_length,
         },
     })
@@ -259,7 +259,7 @@ fn table(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str, u
     let mut text =
         format!("  {:<30} {:>12} {:>20} {:>9} {:>10}\n", "", "us per step", "ms per simulated s", "error", "hardware");
     let mut line = |name: &str, seconds: f64, error: f64, factor: &str| {
-        let (step, second) = (seconds * 1e6, seconds * 1e3 / model.step);
+        let (step, second) = (seconds * 1e6, seconds * 1e3 / model.mean_step());
         let _ = writeln!(text, "  {name:<30} {step:>12.3} {second:>20.3} {error:>9.1e} {factor:>10}");
     };
     for run in runs {

@@ -57,7 +57,7 @@ impl Check {
         let graph = pipeline::split(&graph, self.point.pes, &self.mapping, format).unwrap_or(graph);
         if loaded.model.states.len() > LARGE {
             let steps = (PRODUCTS / graph.macs().max(1)).max(FEWEST_STEPS).min(loaded.model.steps());
-            loaded.model.span = loaded.model.span.min(steps as f64 * loaded.model.step);
+            loaded.model.span = loaded.model.span.min(loaded.model.time(steps, 0.0));
         }
         let (loaded, model) = (&loaded, &loaded.model);
         let goal = Some(self.max_error);

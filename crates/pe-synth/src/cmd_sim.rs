@@ -63,7 +63,7 @@ impl Sim {
         let mut run = DoubleRun::new(&graph);
         let mut rows = Vec::new();
         for step in 0..model.steps() {
-            let time = step as f64 * model.step;
+            let time = model.time(step, 0.0);
             run.step(&model.sample_inputs(time)).map_err(|diverged| {
                 let message =
                     format!("`{}` is no longer a finite number at t = {time:.6e} s", graph.value_name(diverged.value));
@@ -97,7 +97,7 @@ fn csv(model: &Model, rows: &[Vec<f64>]) -> String {
     }
     csv.push('\n');
     for (step, row) in rows.iter().enumerate() {
-        csv += &format!("{:e}", (step + 1) as f64 * model.step);
+        csv += &format!("{:e}", model.time(step as u64 + 1, 0.0));
         for number in row {
             csv += &format!(",{number:e}");
         }

@@ -133,6 +133,7 @@ pub fn report(
         "stage_form": design.graph.form.name(),
         "forms": design.graph.forms.iter().map(form).collect::<Vec<_>>(),
         "step_s": model.step,
+        "early_steps": model.phases.iter().map(|phase| json!({"until_s": phase.until, "step_s": model.step / phase.ratio})).collect::<Vec<_>>(),
         "span_s": model.span,
         "cycles_per_step": program.period,
         "macs_per_step": design.issued().macs(),
@@ -161,7 +162,7 @@ pub fn report(
                  "ff_error": area.ff_error.round(), "dsp": area.dsp, "bram18": area.bram18,
                  "basis": area.basis(), "measured_pes": area.measured_pes},
         "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
-        "time_per_simulated_second_ms": per_step_us * 1e-3 / model.step,
+        "time_per_simulated_second_ms": per_step_us * 1e-3 / model.mean_step(),
         "error": error(model, design, total),
         "smallest_pivot": design.judged.smallest_pivot.as_ref().map(|pivot| json!({"state": pivot.state, "magnitude": pivot.magnitude})),
         "headroom": variables::report(variables),
@@ -325,7 +326,7 @@ pub fn table(
     let errors = design.judged.errors;
     let sizes = Sizes::of(design);
     let (bound, binds) = design.bound.binding();
-    let time_ms = f64::from(program.period) / clock.mhz * 1e-3 / model.step;
+    let time_ms = f64::from(program.period) / clock.mhz * 1e-3 / model.mean_step();
     let defaulted = if design.default_pes { " (default)" } else { "" };
     let mut rows = vec![
         ("equations", format!("{} ODEs, {} left out", model.states.len(), model.left_out.len())),

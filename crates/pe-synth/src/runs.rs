@@ -342,7 +342,7 @@ fn settle_formats(
 
 /// Which steps are sampled, and who is told about the progress.
 struct Plan {
-    step: f64,
+    model: Model,
     steps: u64,
     samples: u64,
     progress: ProgressBar,
@@ -354,7 +354,7 @@ impl Plan {
         // Reference, fixed point, quantised, and two substeps each in the half-step runs.
         progress.set_length(steps * if varying_inputs(model) { 7 } else { 5 });
         let affordable = (SAMPLE_BUDGET / model.states.len().max(1) as u64).max(200);
-        Plan { step: model.step, steps, samples: SAMPLES.min(affordable).min(steps), progress }
+        Plan { model: model.clone(), steps, samples: SAMPLES.min(affordable).min(steps), progress }
     }
 
     /// Tells the progress after `done` steps; rarely, for a step may take no longer than the telling.
@@ -373,7 +373,7 @@ impl Plan {
 
     /// Times of the samples.
     fn times(&self) -> Vec<f64> {
-        (1..=self.steps).filter(|done| self.sampled(*done)).map(|done| done as f64 * self.step).collect()
+        (1..=self.steps).filter(|done| self.sampled(*done)).map(|done| self.model.time(done, 0.0)).collect()
     }
 }
 
@@ -392,7 +392,7 @@ fn reference_run(
     let mut reference = Trajectory::new(model.states.len());
     let mut curves = Curves { double: Trajectory::new(curve_count(graph)), ..Curves::default() };
     for done in 1..=plan.steps {
-        let time = (done - 1) as f64 * model.step;
+        let time = model.time(done - 1, 0.0);
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
         if plan.sampled(done) {
@@ -456,7 +456,7 @@ impl Saturated {
     fn refusal(&self, model: &Model, graph: &StepGraph) -> Diagnostic {
         let value = self.values[0];
         let equation = &graph.equations[graph.value(value).equation as usize];
-        let time = self.step as f64 * model.step;
+        let time = model.time(self.step, 0.0);
         let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", equation.name);
         Diagnostic::error(codes::SATURATED, equation.span, message)
             .with_help("rounding noise grows without bound: try more `--storage` bits or a wider `--multiplier`")
@@ -496,7 +496,7 @@ fn fixed_run(
 
 /// Input port words of a step.
 pub fn port_words(model: &Model, run: &FixedRun, step: u64) -> Vec<i64> {
-    let numbers = model.sample_inputs(step as f64 * model.step);
+    let numbers = model.sample_inputs(model.time(step, 0.0));
     numbers.iter().enumerate().map(|(index, number)| run.encode_input(index, *number).0).collect()
 }
 
@@ -519,7 +519,7 @@ fn trajectory(
     for done in 1..=plan.steps {
         for substep in 0..substeps.count {
             let part = if substeps.resample { substep as f64 / substeps.count as f64 } else { 0.0 };
-            let time = ((done - 1) as f64 + part) * model.step;
+            let time = model.time(done - 1, part);
             run.step(&model.sample_inputs(time)).map_err(|_| {
                 let message = format!("a comparison run is not finite at t = {time:.6e} s");
                 let help = "the model is at the edge of stability: try a smaller `--step`";

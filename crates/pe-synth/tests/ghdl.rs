@@ -125,7 +125,7 @@ fn methods_beside_runge_kutta_agree() {
         ("spring_chain", "symplectic_euler", "3", "32x32"),
         ("van_der_pol", "ab3", "2", "32x32"),
         ("lotka_volterra", "ab4", "2", "25x18"),
-        ("heat_plate", "rkc5", "4", "25x18"),
+        ("rc_ladder", "rkc5", "4", "25x18"),
         ("rc_ladder", "implicit_euler", "3", "32x32"),
         ("rc_ladder", "rodas3", "4", "25x18"),
         ("rc_ladder", "exact", "2", "32x32"),

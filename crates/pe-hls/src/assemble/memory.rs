@@ -274,7 +274,11 @@ impl Memories {
             let transfer = &schedule.transfers[index];
             let place = layouts[transfer.to as usize].place(slot);
             if let Role::Next(s) = graph.value(transfer.value).role {
-                self.imported.insert((graph.states[s as usize].0.0, transfer.to), place);
+                // A word that is read under the name of the end value alone may be another's when the step begins.
+                let start = (graph.states[s as usize].0.0, transfer.to);
+                if swap || lives.imported.contains_key(&start) {
+                    self.imported.insert(start, place);
+                }
             }
             self.imported.insert((transfer.value.0, transfer.to), place);
         }

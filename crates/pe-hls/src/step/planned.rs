@@ -106,6 +106,7 @@ fn flat(plan: &Plan) -> Model {
     Model {
         name: plan.model.name.clone(),
         title: String::new(),
+        phases: Vec::new(),
         states: Vec::new(),
         algebraics: plan.equations.iter().map(algebraic).collect(),
         inputs: plan.model.inputs.clone(),

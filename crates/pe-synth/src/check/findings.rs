@@ -32,7 +32,7 @@ pub fn of_span(model: &Model) -> Option<Diagnostic> {
     if over.abs() <= SPAN_ROUNDING * steps.clamp(1.0, 1e3) {
         return None;
     }
-    let end = model.steps() as f64 * model.step;
+    let end = model.time(model.steps(), 0.0);
     let message =
         format!("the span of {} s is {steps:.3} steps of {:e} s; it was judged to t = {end} s", model.span, model.step);
     let help = format!("take `--span {end}`, or `--step {}/{}`", model.span, libm::ceil(steps));

@@ -182,7 +182,7 @@ pub fn chaos(model: &Model, graph: &StepGraph, fixed: Option<&FixedPoint>, trust
     // Natural logarithms of the difference over time, until the runs have parted.
     let mut course: Vec<(f64, f64)> = Vec::new();
     for done in 1..=model.steps() {
-        let inputs = model.sample_inputs((done - 1) as f64 * model.step);
+        let inputs = model.sample_inputs(model.time(done - 1, 0.0));
         run.step(&inputs).ok()?;
         other.step(&inputs).ok()?;
         if done % stride == 0 {
@@ -190,7 +190,7 @@ pub fn chaos(model: &Model, graph: &StepGraph, fixed: Option<&FixedPoint>, trust
             if apart > APART {
                 break;
             }
-            course.push((done as f64 * model.step, libm::log(apart.max(f64::MIN_POSITIVE))));
+            course.push((model.time(done, 0.0), libm::log(apart.max(f64::MIN_POSITIVE))));
         }
     }
     let (end, last) = *course.last()?;

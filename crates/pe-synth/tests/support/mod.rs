@@ -70,6 +70,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
         title: format!("random {family:?} model, seed {seed}"),
         solver,
         step: 0.01,
+        phases: Vec::new(),
         span: 0.5,
         states: Vec::new(),
         algebraics: Vec::new(),

@@ -7,7 +7,7 @@
 use pe_ir::coefficients::chebyshev;
 use pe_ir::model::{Expr, Model, Variable};
 
-use crate::step::plan::{Plan, Point, times};
+use crate::step::plan::{Plan, Point, of, times};
 
 /// The step of a model.
 pub fn plan(model: &Model) -> Plan<'_> {
@@ -16,7 +16,7 @@ pub fn plan(model: &Model) -> Plan<'_> {
     let mut point = plan.start();
     let mut first: Vec<Variable> = Vec::new();
     // Increments of the last stage but one and of the last.
-    let mut before: Vec<Vec<Variable>> = Vec::new();
+    let mut before: Vec<Vec<Expr>> = Vec::new();
     let stages = chebyshev(model.solver.stages() as usize);
     for (number, stage) in (2..).zip(&stages) {
         let slopes = plan.slopes(&mut point, &states);
@@ -35,15 +35,20 @@ pub fn plan(model: &Model) -> Plan<'_> {
                 terms.push(Expr::scaled(model.step * stage.slope, slope));
                 terms.push(times(stage.first_slope, first[index]));
             }
-            let factors = [stage.mu, stage.nu];
-            terms.extend(before.iter().rev().zip(factors).map(|(increments, factor)| times(factor, increments[index])));
+            for (increments, factor) in before.iter().rev().zip([stage.mu, stage.nu]) {
+                terms.push(Expr::scaled(factor, increments[index].clone()));
+            }
             let (base, sum) = (Variable::State(*state), Expr::sum(terms));
             if last {
                 plan.end(*state, Some(base), sum);
                 continue;
             }
             let value = plan.stage(*state, number, base, sum);
-            increments.push(plan.increment_of(value, *state, format!("{name}.increment{number}")));
+            // The first increment is a multiple of the first slope.
+            increments.push(match number {
+                2 => times(stage.slope, first[index]),
+                _ => of(plan.increment_of(value, *state, format!("{name}.increment{number}"))),
+            });
             next.push(value);
         }
         point = Point::new(next, number);

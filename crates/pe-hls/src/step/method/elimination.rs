@@ -30,7 +30,7 @@ pub struct Factors {
     pub constant: bool,
 }
 
-/// Factors `I - scale J`, which is number `matrix` of the step.
+/// Factors `r I - scale J`, `r` the step ratio or 1, which is number `matrix` of the step.
 ///
 /// # Errors
 /// `E0806` if a pivot that is a number is zero, or the triangles have too many entries.
@@ -42,7 +42,8 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
     for (index, row) in (0..).zip(jacobian) {
         let mut row: Row = row.into_iter().map(|(column, expr)| (column, Expr::scaled(-scale, expr))).collect();
         let diagonal = row.remove(&index).unwrap_or(Expr::Constant(0.0));
-        row.insert(index, Expr::sum(vec![Expr::Constant(1.0), diagonal]));
+        let ratio = model.step_ratio().map_or(Expr::Constant(1.0), of);
+        row.insert(index, Expr::sum(vec![ratio, diagonal]));
         row.keys().for_each(|column| {
             columns[*column as usize].insert(index);
         });
@@ -166,10 +167,7 @@ impl Factors {
                 (Expr::Constant(number), terms) => {
                     Expr::sum(terms.into_iter().map(|term| Expr::scaled(*number, term)).collect())
                 }
-                (reciprocal, terms) => {
-                    let sum = simple(plan, *state, || format!("{own}.rest.{name}"), Expr::sum(terms));
-                    Expr::product(vec![reciprocal.clone(), sum])
-                }
+                (reciprocal, terms) => Expr::product(vec![reciprocal.clone(), Expr::sum(terms)]),
             };
             solution[index] = simple(plan, *state, || format!("{own}.{name}"), expr);
         }

@@ -44,6 +44,15 @@ fn sums(parts: &[(f64, &[Expr])]) -> Vec<Expr> {
     (0..parts[0].1.len()).map(sum).collect()
 }
 
+/// What stages before carry over: times the step ratio, if there is a list of steps.
+///
+/// With the matrix `1/(g h) I - J` a Rosenbrock method has `h` in its diagonal and in what it carries over only. Times
+/// `g H`, `H` the last step of the list, all other coefficients are those of `H`, and the diagonal is `r = H/h`.
+fn carried(plan: &Plan, sum: Vec<Expr>) -> Vec<Expr> {
+    let Some(ratio) = plan.model.step_ratio() else { return sum };
+    sum.into_iter().map(|sum| Expr::product(vec![of(ratio), sum])).collect()
+}
+
 /// A point at which all states have moved from a point on.
 fn moved(plan: &mut Plan, from: &Point, increments: Vec<Expr>, stage: u8) -> Point {
     let states = (0..).zip(increments);
@@ -80,7 +89,8 @@ pub fn ros2(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
     let u1 = matrix.solve(&mut plan, scaled(h, &slopes), "u1");
     let mut second = moved(&mut plan, &start, u1.clone(), 2);
     let slopes = plan.slopes(&mut second, &states);
-    let u2 = matrix.solve(&mut plan, sums(&[(h, &slopes), (-2.0, &u1)]), "u2");
+    let before = carried(&plan, scaled(-2.0, &u1));
+    let u2 = matrix.solve(&mut plan, sums(&[(h, &slopes), (1.0, &before)]), "u2");
     end(&mut plan, &start, sums(&[(1.5, &u1), (0.5, &u2)]));
     Ok(plan)
 }
@@ -103,13 +113,16 @@ pub fn rodas3(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
         .collect();
     let matrix = factors(&mut plan, &start, half, 1)?;
     let u1 = matrix.solve(&mut plan, first.clone(), "u1");
-    let u2 = matrix.solve(&mut plan, sums(&[(1.0, &first), (2.0, &u1)]), "u2");
+    let before = carried(&plan, scaled(2.0, &u1));
+    let u2 = matrix.solve(&mut plan, sums(&[(1.0, &first), (1.0, &before)]), "u2");
     let mut third = moved(&mut plan, &start, scaled(2.0, &u1), 3);
     let slopes = plan.slopes(&mut third, &states);
-    let u3 = matrix.solve(&mut plan, sums(&[(half, &slopes), (0.5, &u1), (-0.5, &u2)]), "u3");
+    let before = carried(&plan, sums(&[(0.5, &u1), (-0.5, &u2)]));
+    let u3 = matrix.solve(&mut plan, sums(&[(half, &slopes), (1.0, &before)]), "u3");
     let mut fourth = moved(&mut plan, &third, u3.clone(), 4);
     let slopes = plan.slopes(&mut fourth, &states);
-    let right = sums(&[(half, &slopes), (0.5, &u1), (-0.5, &u2), (-4.0 / 3.0, &u3)]);
+    let before = carried(&plan, sums(&[(0.5, &u1), (-0.5, &u2), (-4.0 / 3.0, &u3)]));
+    let right = sums(&[(half, &slopes), (1.0, &before)]);
     let u4 = matrix.solve(&mut plan, right, "u4");
     end(&mut plan, &fourth, u4);
     Ok(plan)
@@ -144,7 +157,8 @@ pub fn trapezoidal(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
         point = moved(&mut plan, &point, moves, iteration);
         let slopes = plan.slopes(&mut point, &states);
         let matrix = factors(&mut plan, &point, half, iteration)?;
-        let right = sums(&[(1.0, &first), (half, &slopes), (-1.0, &total)]);
+        let before = carried(&plan, scaled(-1.0, &total));
+        let right = sums(&[(1.0, &first), (half, &slopes), (1.0, &before)]);
         moves = matrix.solve(&mut plan, right, &format!("u{iteration}"));
         total = sums(&[(1.0, &total), (1.0, &moves)]);
     }

@@ -17,11 +17,22 @@ pub use exponential::exponential;
 
 use super::plan::Plan;
 
+/// Methods in which the step stands in the diagonal of a matrix, so that an input can change it.
+const IMPLICIT: [Solver; 4] = [Solver::ImplicitEuler, Solver::Trapezoidal, Solver::Ros2, Solver::Rodas3];
+
 /// The step of a model by its method; none if the method is an explicit Runge-Kutta method, or needs no plan.
 ///
 /// # Errors
 /// `E0806` if the method does not suit the model.
 pub fn plan(model: &Model) -> Result<Option<Plan<'_>>, Vec<Diagnostic>> {
+    if !model.phases.is_empty() && !IMPLICIT.contains(&model.solver) {
+        let reason = "a list of steps needs an implicit solver";
+        return Err(unsuitable(
+            model,
+            reason,
+            "take `rodas3`, `ros2`, `implicit_euler` or `trapezoidal`, or a single step",
+        ));
+    }
     let plan = match model.solver {
         Solver::Euler | Solver::Heun | Solver::Heun3 | Solver::Rk4 | Solver::Exact => return Ok(None),
         Solver::SymplecticEuler => partitioned::symplectic_euler(model)?,
