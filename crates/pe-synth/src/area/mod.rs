@@ -213,7 +213,7 @@ fn outside(features: &PeFeatures, format: &WordFormat) -> f64 {
 pub fn lut_terms(features: &PeFeatures, format: &WordFormat) -> [f64; LUT_TERMS.len()] {
     let (shifted, sum) = sum_bits(features, format);
     [
-        memories(features, format).lut,
+        memories(features, format).lut + lookup_tables(features),
         shift_tables(&features.shifts) * shifted,
         sum,
         f64::from(format.data_bits) * port_tables(features.ports),
@@ -251,6 +251,19 @@ fn memories(features: &PeFeatures, format: &WordFormat) -> MemoryCells {
         coefficients,
     ];
     all.into_iter().sum()
+}
+
+/// Tables that lookups take beside the index memory: index into base address, and the count of octaves, a shift by each
+/// of its bits.
+fn lookup_tables(features: &PeFeatures) -> f64 {
+    if features.index_words == 0 {
+        return 0.0;
+    }
+    let octaves = match features.octave_bits {
+        0 => 0.0,
+        bits => f64::from(bits * ((1 << bits) + features.index_bits - bits)) / 2.0,
+    };
+    f64::from(features.index_bits + 4) + octaves
 }
 
 /// Tables per bit of the choice of shift, as `pe.vhd` groups the positions. Groups with the same distances share them.
@@ -292,6 +305,39 @@ mod tests {
         (18, 25, 8, 26.0),
         (24, 24, 8, 3.0),
     ];
+
+    /// Index words, bits of an index, of these for octaves, and the LUTs of a synthesised PE beside those of the same
+    /// PE without lookups (`docs/single_pes.py FOLDER tables`).
+    const MEASURED_LOOKUPS: &[(u32, u32, u32, f64)] =
+        &[(0, 0, 0, 0.0), (16, 5, 0, 13.0), (32, 6, 0, 14.0), (16, 5, 3, 28.0), (32, 6, 4, 53.0)];
+
+    #[test]
+    fn estimates_of_lookups_agree_with_synthesis() {
+        for &(index_words, index_bits, octave_bits, lut) in MEASURED_LOOKUPS {
+            let features = PeFeatures {
+                own_words: 32,
+                base_words: 256,
+                coefficient_words: 32,
+                imported_words: 16,
+                ports: 3,
+                shifts: vec![1, 2, 3, 4, 5],
+                accumulator_bits: 43,
+                factor: true,
+                pre_adder: false,
+                swap: false,
+                base_last: false,
+                send: true,
+                index_words: 0,
+                index_bits: 0,
+                octave_bits: 0,
+            };
+            let format = WordFormat::new(32, 25, 18);
+            let without = weighted(&lut_terms(&features, &format), &fitted::LUT);
+            let features = PeFeatures { index_words, index_bits, octave_bits, ..features };
+            let with = weighted(&lut_terms(&features, &format), &fitted::LUT);
+            assert!((with - without - lut).abs() < 4.0, "{features:?}: {} instead of {lut}", with - without);
+        }
+    }
 
     #[test]
     fn estimates_of_outputs_agree_with_synthesis() {
