@@ -1,5 +1,6 @@
 //! The cheapest point that is right enough, and which points to try next.
 
+use pe_ir::codes;
 use pe_ir::model::{Model, Solver};
 
 use super::lists::{Lists, Plan, WORD, Word};
@@ -113,7 +114,8 @@ impl<'a> Search<'a> {
                     // Words, not steps, are what is wrong.
                     Some((_, double)) if double <= self.limit => return None,
                     Some((_, double)) => libm::pow(self.limit / double, 1.0 / f64::from(solver.order())),
-                    None => 0.5,
+                    None if unstable(finest) => 0.5,
+                    None => return None,
                 };
                 let halvings = libm::ceil(-libm::log2(wanted)).max(1.0);
                 let step = libm::scalbn(smallest, -(halvings as i32));
@@ -145,6 +147,15 @@ impl<'a> Search<'a> {
             |(solver, step): (Solver, f64)| self.words.iter().map(move |word| self.lists.point(solver, step, *word));
         best.into_iter().flat_map(words).collect()
     }
+}
+
+/// Whether a point failed for a reason that a smaller step can mend.
+fn unstable(row: &Row) -> bool {
+    let code = match &row.outcome {
+        Outcome::Failed(reason) => reason.code.as_deref(),
+        Outcome::Compiled(_) => None,
+    };
+    [codes::DIVERGED, codes::STEP_TOO_LARGE, codes::SATURATED].iter().any(|known| code == Some(*known))
 }
 
 /// Total error of a row and that of its run in double precision, if both are known.
