@@ -47,10 +47,11 @@ pub fn seconds(sheet: &Sheet, row: &Row) -> Option<f64> {
     Some(row.figures()?.time_ms() * 1e-3 * span)
 }
 
-/// Steps in the span.
+/// Steps in the span: of a model with a list of steps there are more than the last one gives.
 fn steps(sheet: &Sheet, row: &Row) -> Option<f64> {
-    let span = sheet.head.get("span_s").and_then(Value::as_f64)?;
-    Some(libm::round(span / row.point.step?).max(1.0))
+    let figures = row.figures()?;
+    let clocks = seconds(sheet, row)? * figures.number("clock.mhz")? * 1e6;
+    Some(libm::round(clocks / figures.number("cycles_per_step")?))
 }
 
 impl<'a> View<'a> {
