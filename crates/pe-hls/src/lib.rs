@@ -1,12 +1,13 @@
 //! From model to program: step graph, number formats, mapping, schedule, assembly.
 //!
 //! ```text
-//! Model -> lift -> step -> StepGraph -> split -> formats -> FixedPoint -> mapping -> schedule -> assemble -> Program
+//! Model -> lift -> step -> StepGraph -> functions -> split -> formats -> FixedPoint -> mapping -> schedule -> assemble -> Program
 //! ```
 
 pub mod assemble;
 pub mod even;
 pub mod formats;
+pub mod functions;
 pub mod lift;
 pub mod mapping;
 pub mod pairs;

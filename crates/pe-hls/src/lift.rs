@@ -137,6 +137,45 @@ fn root(expr: &Expr) -> Option<f64> {
     Some(-offset / slope + 0.0).filter(|root| root.is_finite())
 }
 
+/// Where a lifted function of one variable has a kink or jumps.
+pub(crate) fn kinks(body: &Expr) -> Vec<f64> {
+    let mut found = Vec::new();
+    collect_roots(body, &|function| matches!(function, Function::Abs | Function::Sign), true, &mut found);
+    found.sort_unstable_by(f64::total_cmp);
+    found.dedup();
+    found
+}
+
+/// Where divisors, radicands and arguments of logarithms in a function of one variable are zero, as far as they are
+/// affine: near these places it may be steep.
+pub(crate) fn edges(body: &Expr) -> Vec<f64> {
+    let ends = |function: Function| {
+        matches!(function, Function::Reciprocal | Function::RealPower(_) | Function::Sqrt | Function::Log)
+    };
+    let mut found = Vec::new();
+    collect_roots(body, &ends, false, &mut found);
+    found
+}
+
+/// The roots of the affine arguments of some functions, and of conditions if these count.
+fn collect_roots(expr: &Expr, counts: &impl Fn(Function) -> bool, conditions: bool, found: &mut Vec<f64>) {
+    match expr {
+        Expr::Constant(_) | Expr::Variable(_) => {}
+        Expr::Sum(members) | Expr::Product(members) => {
+            members.iter().for_each(|member| collect_roots(member, counts, conditions, found));
+        }
+        Expr::Power(base, _) => collect_roots(base, counts, conditions, found),
+        Expr::Apply(function, argument) => {
+            found.extend(root(argument).filter(|_| counts(*function)));
+            collect_roots(argument, counts, conditions, found);
+        }
+        Expr::Select(select) => {
+            found.extend(root(&select.condition).filter(|_| conditions));
+            [&select.yes, &select.no].into_iter().for_each(|branch| collect_roots(branch, counts, conditions, found));
+        }
+    }
+}
+
 struct Lifter<'a> {
     model: &'a Model,
     /// New numbers of the algebraic equations so far.

@@ -276,7 +276,10 @@ impl Expr {
             Expr::Variable(name) => (4, variable(*name)),
             Expr::Sum(members) => {
                 let mut text = String::new();
-                for member in members {
+                // `1-x` is easier to read than `-x+1`.
+                let last_first = members.iter().skip(members.len() - 1).filter(|_| at(&members[0], 1).starts_with('-'));
+                let rest = members.len() - last_first.clone().count();
+                for member in last_first.chain(&members[..rest]) {
                     let member = at(member, 1);
                     if !text.is_empty() && !member.starts_with('-') {
                         text.push('+');

@@ -85,6 +85,15 @@ pub struct Table {
     pub error: f64,
 }
 
+impl Table {
+    /// The degree of its polynomials. A column more than their coefficients gives the local coordinate, with octaves
+    /// two; constants need none.
+    pub fn degree(&self) -> usize {
+        let count = self.columns.len();
+        if count == 1 { 0 } else { count - 2 - usize::from(self.octaves) }
+    }
+}
+
 /// A table that is read at the index of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lookup {

@@ -101,7 +101,7 @@ impl Explore {
         let jobs = record.pending();
         let threads = Driver::threads(self.jobs);
         let estimate = Estimate::of(model, &graphs, &self.mapping);
-        let seconds = estimate.total(&sweep::families(jobs.clone()));
+        let seconds = estimate.total(&sweep::families(jobs.clone(), sweep::has_functions(model)));
         if !quiet {
             console::err(&announcement(&axes, &record, jobs.len(), seconds, threads));
         }

@@ -40,6 +40,7 @@ pub mod report;
 pub mod runs;
 pub mod scene;
 pub mod slots;
+pub mod tables;
 pub mod total;
 pub mod variables;
 pub mod waveforms;

@@ -26,6 +26,7 @@ use crate::failure::{Failure, print_findings};
 use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions};
 use crate::runs::{self, Judged};
 use crate::slots;
+use crate::tables;
 
 /// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
 const DEFAULT_SLOTS_PER_PE: u64 = 200;
@@ -352,7 +353,7 @@ fn assemble(
     }
 }
 
-/// Builds the step graph.
+/// Builds the step graph; functions of variables are tables in it, for the arguments that they have over the span.
 pub fn build(
     loaded: &LoadedModel,
     point: &DesignPoint,
@@ -368,7 +369,17 @@ pub fn build(
             Err(_) => "refused".to_owned(),
         },
     );
-    graph.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))
+    let graph = graph.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    if graph.functions.exact.is_empty() {
+        return Ok(graph);
+    }
+    let (format, progress) = (point.format()?, watch.progress_bar("functions"));
+    let tabulated = watch.timed(
+        "functions",
+        || tables::tabulate(&loaded.model, &graph, format, &progress),
+        |graph| graph.as_ref().map_or_else(|_| "refused".to_owned(), tables::summary),
+    );
+    tabulated.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))
 }
 
 /// Puts coefficients in two slots.

@@ -17,7 +17,7 @@ use crate::conserved::Drift;
 use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name, processor_seconds};
 use crate::total::TotalError;
 use crate::variables::{self, Variable};
-use crate::{features, scene};
+use crate::{features, scene, tables};
 
 /// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
 pub const ASSUMED_CLOCK_MHZ: f64 = 150.0;
@@ -165,6 +165,7 @@ pub fn report(
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.mean_step(),
         "error": error(model, design, total),
         "smallest_pivot": design.judged.smallest_pivot.as_ref().map(|pivot| json!({"state": pivot.state, "magnitude": pivot.magnitude})),
+        "functions": tables::report(&design.graph, &design.judged.fixed),
         "headroom": variables::report(variables),
         "saturations": 0,
         "widenings": design.judged.widenings,
@@ -210,12 +211,14 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
         "coefficient": errors.coefficient,
         "word_length_at_end": errors.at_end.0,
         "coefficient_at_end": errors.at_end.1,
-        "function": null,
-        "function_reason": "the model has no elementary function of a variable",
+        "function": errors.function,
         "input_hold": errors.input_hold,
         "samples": design.judged.times.len(),
         "outputs": output_errors(model, design),
     });
+    if errors.function.is_none() {
+        value["function_reason"] = json!("the model has no elementary function of a variable");
+    }
     match total {
         None => value["total_reason"] = json!("no reference solution was asked for with --reference"),
         Some(Err(error)) => value["total_reason"] = json!(error.to_string()),
@@ -379,6 +382,9 @@ pub fn table(
         ("method error", format!("{:.1e} (half-step estimate)", errors.method)),
         ("input-hold error", format!("{:.1e}", errors.input_hold)),
     ];
+    if let Some(function) = errors.function {
+        rows.push(("function error", format!("{function:.1e}; {}", tables::summary(&design.graph))));
+    }
     if let Some(total) = total {
         rows.push(("total error", total_row(model, total)));
     }

@@ -15,6 +15,7 @@ use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Moments};
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
+use pe_ir::functions::Lookup;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
 use pe_ir::model::{Model, Variable, Waveform};
 use pe_ir::source::Diagnostic;
@@ -56,6 +57,8 @@ pub struct Errors {
     pub coefficient: f64,
     /// Both at the end of the span alone.
     pub at_end: (f64, f64),
+    /// Tables against the functions that they stand for, both in double precision; none without functions.
+    pub function: Option<f64>,
     /// Step `h` against step `h/2`, extrapolated with the order of the method.
     pub method: f64,
     /// Inputs held over `h` against inputs held over `h/2`, extrapolated; zero if all inputs are constant.
@@ -158,6 +161,8 @@ pub fn judge(
 pub struct Exact {
     plan: Plan,
     form: StageForm,
+    /// Whether tables stand for functions.
+    tables: bool,
     reference: Arc<Trajectory>,
     /// Outputs in double precision alone.
     curves: Curves,
@@ -188,6 +193,7 @@ impl Exact {
         Ok(Exact {
             plan,
             form: graph.form,
+            tables: !graph.functions.tables.is_empty(),
             reference,
             curves,
             largest,
@@ -204,7 +210,15 @@ impl Exact {
     /// # Errors
     /// `E0901` non-finite.
     pub fn compare(&self, model: &Model) -> Result<Comparison, Vec<Diagnostic>> {
-        half_step_runs(model, self.form, &self.plan, &self.reference, &self.scales)
+        if !self.tables {
+            return half_step_runs(model, self.form, &self.plan, &self.reference, &self.scales);
+        }
+        let options = StepOptions { form: Some(self.form), ..StepOptions::default() };
+        let graph = pe_hls::step::build_with(model, &options)?;
+        let functions = trajectory(model, DoubleRun::new(&graph), &self.plan, Substeps { count: 1, resample: false })?;
+        let function = Some(functions.deviation(&self.reference).worst(&self.scales).1);
+        let comparison = half_step_runs(model, self.form, &self.plan, &functions, &self.scales)?;
+        Ok(Comparison { function, ..comparison })
     }
 
     /// Finds formats under which the span runs without saturation.
@@ -212,10 +226,6 @@ impl Exact {
     /// # Errors
     /// `E0902` saturates however wide, `E080x` no format.
     pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
-        if let Some(function) = graph.functions.exact.first() {
-            let message = format!("`{}` has no table yet", function.name);
-            return Err(vec![Diagnostic::global(codes::NO_FORMAT, message)]);
-        }
         let settle = |graph: &StepGraph| {
             settle_formats(model, graph, format, &self.plan, &self.reference, self.ranges.clone(), &self.moments)
         };
@@ -251,8 +261,8 @@ impl Exact {
         let coefficient = settled.quantised.worst(&self.scales).1;
         let word_length_at_end = self.reference.last().deviation(&settled.hardware.last()).worst(&self.scales).1;
         let at_end = (word_length_at_end, settled.quantised_at_end.worst(&self.scales).1);
-        let Comparison { method, input_hold, finding } = comparison;
-        let errors = Errors { worst_state, word_length, coefficient, at_end, method, input_hold };
+        let Comparison { function, method, input_hold, finding } = comparison;
+        let errors = Errors { worst_state, word_length, coefficient, at_end, function, method, input_hold };
         let mut warnings = Vec::new();
         if errors.method > METHOD_ERROR_REFUSED {
             warnings.extend(options.permit(vec![finding])?);
@@ -328,6 +338,9 @@ fn settle_formats(
                 let settled =
                     Settled { fixed, hardware, quantised, quantised_at_end, checkpoint, curves, widenings, seconds };
                 return Ok(settled);
+            }
+            Err(saturated) if saturated.argument(graph).is_some() => {
+                return Err(vec![saturated.refusal(model, graph)]);
             }
             Err(saturated) if widenings < WIDENINGS => {
                 widenings += 1;
@@ -407,7 +420,8 @@ fn reference_run(
     Ok((reference, curves, ranges, moments))
 }
 
-fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
+/// What a run says that met a value that is not finite.
+pub fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
     let equation = &graph.equations[graph.value(diverged.value).equation as usize];
     if let Some((function, argument)) = diverged.outside {
         let function = &graph.functions.exact[function as usize].name;
@@ -453,7 +467,25 @@ struct Saturated {
 }
 
 impl Saturated {
+    /// The lookup whose argument saturated before all else, if one did: no wider format would help.
+    fn argument<'a>(&self, graph: &'a StepGraph) -> Option<&'a Lookup> {
+        let mut written = graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
+        let first = written.find(|value| self.values.contains(value))?;
+        graph.functions.lookups.iter().find(|lookup| lookup.argument == first)
+    }
+
     fn refusal(&self, model: &Model, graph: &StepGraph) -> Diagnostic {
+        if let Some(lookup) = self.argument(graph) {
+            let equation = &graph.equations[graph.value(lookup.argument).equation as usize];
+            let table = &graph.functions.tables[lookup.table as usize];
+            let time = self.step as f64 * model.step;
+            let message = format!(
+                "`{}` gets an argument beyond its table at t = {time:.6e} s: `{}` is tabulated from {:.6e} to {:.6e}",
+                equation.name, table.name, table.domain.0, table.domain.1
+            );
+            return Diagnostic::error(codes::SATURATED, equation.span, message)
+                .with_help("rounding moves the argument: try more `--storage` bits or a wider `--multiplier`");
+        }
         let value = self.values[0];
         let equation = &graph.equations[graph.value(value).equation as usize];
         let time = model.time(self.step, 0.0);
@@ -537,6 +569,7 @@ fn trajectory(
 /// What smaller steps say about the method.
 #[derive(Clone)]
 pub struct Comparison {
+    function: Option<f64>,
     method: f64,
     input_hold: f64,
     /// The finding that a large method error would be.
@@ -574,7 +607,7 @@ fn half_step_runs(
     let message = format!("the step is too large for `{name}`: half of it changes the result by {difference:.1e}");
     let finding = Diagnostic::error(codes::STEP_TOO_LARGE, model.states[worst].span, message)
         .with_help(format!("try `--step {:.3e}`; a chaotic model needs a shorter `--span`", model.step / 2.0));
-    Ok(Comparison { method: difference * gain / (gain - 1.0), input_hold, finding })
+    Ok(Comparison { function: None, method: difference * gain / (gain - 1.0), input_hold, finding })
 }
 
 /// The warning about a word-length error that is no longer small.

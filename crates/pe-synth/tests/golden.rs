@@ -11,14 +11,17 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 /// Models with a golden folder: those that compile in a moment.
-const MODELS: [&str; 13] = [
+const MODELS: [&str; 16] = [
     "atrial3",
     "harmonic_oscillator",
+    "hodgkin_huxley",
+    "kepler",
     "lorenz",
     "lotka_volterra",
     "lung",
     "lutchen20",
     "lutchen_breathing",
+    "pendulum",
     "pump_station",
     "rc_ladder",
     "van_der_pol",
@@ -31,7 +34,7 @@ const MODELS: [&str; 13] = [
 fn first_options(model: &str) -> [&'static str; 4] {
     let span = match model {
         "harmonic_oscillator" | "lorenz" => "500ms",
-        "lotka_volterra" | "van_der_pol" => "2s",
+        "kepler" | "lotka_volterra" | "pendulum" | "van_der_pol" => "2s",
         "lutchen_breathing" => "100ms",
         "wave6" | "wave_fdtd" => "2ms",
         _ => "20ms",

@@ -17,6 +17,7 @@ use std::sync::{Arc, OnceLock};
 use indicatif::ProgressBar;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
+use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::reference::ReferenceError;
 use rayon::Scope;
@@ -103,7 +104,7 @@ struct Format {
 
 /// Compiles all jobs in the pool and sends what got done; ends early if nobody listens any more.
 pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sender<Event>) {
-    let families = families(jobs);
+    let families = families(jobs, has_functions(&sweep.loaded.model));
     pool.scope(|scope| {
         // The newest task is taken first.
         for family in families.into_iter().rev() {
@@ -112,10 +113,17 @@ pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sen
     });
 }
 
-/// Sorts jobs by what they share.
-pub fn families(jobs: Vec<Job>) -> Vec<Family> {
+/// Whether a model has functions of variables.
+pub fn has_functions(model: &Model) -> bool {
+    model.algebraics.iter().any(|algebraic| !algebraic.expr.is_polynomial())
+}
+
+/// Sorts jobs by what they share; with functions, whose tables depend on the multiplier's ports, these as well.
+pub fn families(jobs: Vec<Job>, functions: bool) -> Vec<Family> {
     let mut families: Vec<Family> = Vec::new();
-    let same_graph = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && a.step == b.step && a.form == b.form;
+    let same_tables = |a: &DesignPoint, b: &DesignPoint| !functions || a.multiplier == b.multiplier;
+    let same_step = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && a.step == b.step && a.form == b.form;
+    let same_graph = |a: &DesignPoint, b: &DesignPoint| same_step(a, b) && same_tables(a, b);
     let same_format = |a: &DesignPoint, b: &DesignPoint| {
         (a.multiplier, a.storage, a.coefficients) == (b.multiplier, b.storage, b.coefficients)
     };

@@ -1,0 +1,139 @@
+//! The arguments that a table covers, and how they are mapped to -1 .. 1.
+
+use pe_ir::functions::ScalarFunction;
+use pe_ir::word::WordFormat;
+
+use crate::lift::{edges, kinks};
+
+/// Factor by which a table covers more than the run needed.
+const MARGIN: f64 = 1.2;
+
+/// Points at which a function is looked at beyond and between its arguments.
+const PROBES: usize = 256;
+
+/// How much larger or steeper than in the run a function may become in the margin.
+const GROWTH: f64 = 2.0;
+
+/// Part of the range that is left free at both ends, so that rounding does not leave it.
+const SLACK: f64 = 1.0 / 1024.0;
+
+/// A function over the arguments that its table covers.
+pub(super) struct Domain<'a> {
+    pub function: &'a ScalarFunction,
+    pub low: f64,
+    pub high: f64,
+    /// Largest magnitude of the function.
+    pub largest: f64,
+    /// Error up to which the data port of what reads the function sees no difference: half of its lowest bit.
+    pub tolerance: f64,
+    /// Whether scales are powers of two: coefficients are too short for others.
+    binary: bool,
+}
+
+/// `z = slope*x + offset`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Map {
+    pub slope: f64,
+    pub offset: f64,
+}
+
+impl Map {
+    /// The argument that is mapped to `z`.
+    pub fn argument(self, z: f64) -> f64 {
+        (z - self.offset) / self.slope
+    }
+}
+
+impl<'a> Domain<'a> {
+    /// The domain for arguments of a run.
+    ///
+    /// # Errors
+    /// A place between the arguments where the function has no value.
+    pub fn of(function: &'a ScalarFunction, run: (f64, f64), format: WordFormat) -> Result<Domain<'a>, f64> {
+        let probe = |from: f64, to: f64, step: usize| from + (to - from) * (step as f64 / PROBES as f64);
+        let (mut largest, mut steepest): (f64, f64) = (0.0, 0.0);
+        let mut before = function.evaluate(run.0);
+        for step in 0..=PROBES {
+            let x = probe(run.0, run.1, step);
+            let value = function.evaluate(x);
+            if !value.is_finite() {
+                return Err(x);
+            }
+            largest = largest.max(value.abs());
+            steepest = steepest.max((value - before).abs() * PROBES as f64 / (run.1 - run.0));
+            before = value;
+        }
+        let kinks = kinks(&function.body);
+        let (middle, half) = (0.5 * (run.0 + run.1), 0.5 * (run.1 - run.0));
+        let magnitude = run.0.abs().max(run.1.abs());
+        // An argument that hardly changes still needs room for what rounding makes of it.
+        let room = (MARGIN * half).max(1e-3 * if magnitude == 0.0 { 1.0 } else { magnitude });
+        let reach = |from: f64, to: f64| {
+            // What has a sign keeps it: it may be a divisor, or under a root.
+            let to = if from != 0.0 && to / from < 1.0 / MARGIN { from / MARGIN } else { to };
+            let (mut reached, mut before) = (from, function.evaluate(from));
+            for step in 1..=PROBES {
+                let x = probe(from, to, step);
+                let value = function.evaluate(x);
+                let slope = ((value - before) / (x - reached)).abs();
+                let jumps = kinks.iter().any(|kink| (x.min(reached)..=x.max(reached)).contains(kink));
+                let grows = largest > 0.0 && value.abs() > GROWTH * largest;
+                if !value.is_finite() || (!jumps && (grows || (steepest > 0.0 && slope > GROWTH * steepest))) {
+                    break;
+                }
+                (reached, before) = (x, value);
+            }
+            reached
+        };
+        let (mut low, mut high) = (reach(run.0, middle - room), reach(run.1, middle + room));
+        if low == high {
+            // Alone between two places where the function has no value.
+            (low, high) = (low - f64::EPSILON * magnitude, high + f64::EPSILON * magnitude);
+        }
+        let largest = (0..=PROBES).map(|step| function.evaluate(probe(low, high, step)).abs());
+        let largest = largest.filter(|value| value.is_finite()).fold(0.0, f64::max);
+        let scale = if largest > 0.0 { libm::exp2(libm::ceil(libm::log2(largest))) } else { 1.0 };
+        let tolerance = libm::scalbn(scale, -(format.data_bits as i32));
+        let binary = format.coefficient_bits < format.data_bits;
+        Ok(Domain { function, low, high, largest, tolerance, binary })
+    }
+
+    /// The map for equal segments: a kink falls on zero, with the value of the function there on the positive side.
+    pub fn uniform(&self) -> Map {
+        let inside = |kink: &f64| (self.low..=self.high).contains(kink);
+        let kink = kinks(&self.function.body).into_iter().find(inside);
+        let centre = kink.unwrap_or(0.5 * (self.low + self.high));
+        let reach = (self.high - centre).max(centre - self.low);
+        let sign = match kink {
+            Some(kink) => {
+                let [left, at, right] =
+                    [kink - SLACK * reach, kink, kink + SLACK * reach].map(|x| self.function.evaluate(x));
+                if (at - left).abs() < (right - at).abs() { -1.0 } else { 1.0 }
+            }
+            None => 1.0,
+        };
+        let slope = sign * self.scale(reach);
+        Map { slope, offset: -centre * slope }
+    }
+
+    /// The map for octaves of distances from where the function is steep, or from zero, if all arguments are on one
+    /// side of that place.
+    pub fn octaves(&self) -> Option<Map> {
+        if kinks(&self.function.body).iter().any(|kink| (self.low..=self.high).contains(kink)) {
+            return None;
+        }
+        let places = edges(&self.function.body).into_iter().chain([0.0]);
+        let distance = |place: &f64| (self.low - place).max(place - self.high);
+        let beside = places.filter(|place| *place <= self.low || *place >= self.high);
+        let place = beside.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let (sign, reach) = if place <= self.low { (1.0, self.high - place) } else { (-1.0, place - self.low) };
+        let slope = sign * self.scale(reach);
+        Some(Map { slope, offset: -place * slope })
+    }
+
+    /// What distances up to `reach` are multiplied by.
+    fn scale(&self, reach: f64) -> f64 {
+        let reach = reach * (1.0 + SLACK);
+        1.0 / if self.binary { libm::exp2(libm::ceil(libm::log2(reach))) } else { reach }
+    }
+}

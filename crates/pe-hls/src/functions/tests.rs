@@ -1,0 +1,209 @@
+//! Tables against the functions themselves, on dense grids.
+
+use pe_ir::functions::{ScalarFunction, Segments};
+use pe_ir::model::{Expr, Function, Select, Variable};
+use pe_ir::word::WordFormat;
+
+use super::domain::Domain;
+use super::fit::Layout;
+use super::{Planned, plan};
+
+/// Points of a dense grid.
+const POINTS: usize = 20_001;
+
+fn x() -> Expr {
+    Expr::Variable(Variable::State(0))
+}
+
+fn apply(function: Function, argument: Expr) -> Expr {
+    Expr::Apply(function, Box::new(argument))
+}
+
+fn scalar(body: Expr) -> ScalarFunction {
+    ScalarFunction { name: body.text(&|_| "x".to_owned()), body, variable: Variable::State(0) }
+}
+
+fn planned(function: &ScalarFunction, range: (f64, f64), format: WordFormat) -> (Segments, Planned<'_>) {
+    let domain = Domain::of(function, range, format).expect("a bounded function");
+    let (segments, mut planned) = plan(vec![Some(domain)], &[1], format);
+    (segments, planned.remove(0).expect("a table"))
+}
+
+/// What the PE computes from a table, in exact arithmetic; written from the decision record, not from the expansion.
+fn looked_up(planned: &Planned, segments: Segments, x: f64) -> f64 {
+    let fit = &planned.fit;
+    let z = fit.map.slope * x + fit.map.offset;
+    assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z}");
+    let octaves = fit.layout == Layout::Octaves;
+    let entry = |column: usize| fit.columns[column][segments.index_of(z, octaves)];
+    if fit.columns.len() == 1 {
+        return entry(0);
+    }
+    let scale = if octaves { entry(1) } else { segments.count() as f64 };
+    let u = entry(0) + scale * z;
+    let head = if octaves { 2 } else { 1 };
+    (head..fit.columns.len()).fold(0.0, |sum, column| entry(column) + u * sum)
+}
+
+fn grid((low, high): (f64, f64)) -> impl Iterator<Item = f64> {
+    (0..POINTS).map(move |point| low + (high - low) * point as f64 / (POINTS - 1) as f64)
+}
+
+/// A function, a library's version of it, and arguments.
+type Case = (Function, fn(f64) -> f64, (f64, f64));
+
+/// All functions, with arguments as they occur in models.
+fn cases() -> Vec<Case> {
+    vec![
+        (Function::Exp, libm::exp, (-5.0, 5.0)),
+        (Function::Exp, libm::exp, (-30.0, 0.0)),
+        (Function::Reciprocal, |x| 1.0 / x, (1.0, 2.0)),
+        (Function::Reciprocal, |x| 1.0 / x, (0.05, 40.0)),
+        (Function::Reciprocal, |x| 1.0 / x, (-3.0, -0.01)),
+        (Function::Sqrt, libm::sqrt, (0.01, 9.0)),
+        (Function::RealPower(-0.5), |x| 1.0 / libm::sqrt(x), (0.1, 9.0)),
+        (Function::RealPower(-1.5), |x| 1.0 / (x * libm::sqrt(x)), (0.2, 4.0)),
+        (Function::RealPower(0.3), |x| libm::pow(x, 0.3), (0.1, 5.0)),
+        (Function::Log, libm::log, (1e-3, 10.0)),
+        (Function::Sin, libm::sin, (-3.2, 3.2)),
+        (Function::Cos, libm::cos, (-3.2, 3.2)),
+        (Function::Tan, libm::tan, (-1.2, 1.2)),
+        (Function::Asin, libm::asin, (-0.9, 0.9)),
+        (Function::Acos, libm::acos, (-0.9, 0.9)),
+        (Function::Atan, libm::atan, (-20.0, 20.0)),
+        (Function::Sinh, libm::sinh, (-4.0, 4.0)),
+        (Function::Cosh, libm::cosh, (-4.0, 4.0)),
+        (Function::Tanh, libm::tanh, (-6.0, 6.0)),
+        (Function::Abs, |x| if x < 0.0 { -x } else { x }, (-2.0, 3.0)),
+        (Function::Sign, |x| if x < 0.0 { -1.0 } else { 1.0 }, (-2.0, 3.0)),
+    ]
+}
+
+#[test]
+fn tables_hold_their_bound_and_half_a_bit_of_their_readers() {
+    for format in [WordFormat::new(32, 32, 32), WordFormat::new(32, 25, 18)] {
+        for (function, library, range) in cases() {
+            let scalar = scalar(apply(function, x()));
+            let (segments, planned) = planned(&scalar, range, format);
+            let fit = &planned.fit;
+            assert!(fit.excess <= 1.0, "{function:?} on {range:?}: {} times the tolerance", fit.excess);
+            let (mut worst, mut largest): (f64, f64) = (0.0, 0.0);
+            for x in grid(range) {
+                worst = worst.max((looked_up(&planned, segments, x) - library(x)).abs());
+                largest = largest.max(library(x).abs());
+            }
+            let rounding = 64.0 * f64::EPSILON * largest;
+            assert!(worst <= fit.error * 1.05 + rounding, "{function:?} on {range:?}: {worst:e} above {:e}", fit.error);
+            // Half a unit of a data operand that can hold the largest value.
+            let half = largest * libm::scalbn(2.0, -(format.data_bits as i32)) * 1.2;
+            assert!(worst <= half, "{function:?} on {range:?}: {worst:e} above {half:e}");
+        }
+    }
+}
+
+#[test]
+fn a_reduced_range_takes_eight_products_at_most() {
+    use core::f64::consts::{FRAC_PI_2, LN_2};
+    let format = WordFormat::new(32, 32, 32);
+    let reduced = [
+        (Function::Exp, (-LN_2 / 2.0, LN_2 / 2.0)),
+        (Function::Reciprocal, (1.0, 2.0)),
+        (Function::Sin, (-FRAC_PI_2, FRAC_PI_2)),
+        (Function::Cos, (-FRAC_PI_2, FRAC_PI_2)),
+    ];
+    for (function, range) in reduced {
+        let scalar = scalar(apply(function, x()));
+        let (segments, planned) = planned(&scalar, range, format);
+        let (products, words) = (planned.fit.products(), planned.fit.columns.len() << segments.index_bits);
+        assert!(products <= 8 && words <= 1024, "{function:?}: {products} products, {words} words");
+        assert!(planned.fit.error <= 0.5 * libm::exp2(-30.0), "{function:?}: {:e}", planned.fit.error);
+    }
+}
+
+#[test]
+fn tables_rise_and_fall_with_their_functions() {
+    let format = WordFormat::new(32, 32, 32);
+    for (function, library, range) in cases() {
+        let rises = grid(range).zip(grid(range).skip(1)).all(|(x, next)| library(next) >= library(x));
+        if !rises {
+            continue;
+        }
+        let scalar = scalar(apply(function, x()));
+        let (segments, planned) = planned(&scalar, range, format);
+        let mut before = f64::NEG_INFINITY;
+        for x in grid(range) {
+            let value = looked_up(&planned, segments, x);
+            // Of words that are rounded to a unit, none is more than a unit below the one before.
+            assert!(value >= before - 2.0 * planned.fit.error, "{function:?} falls at {x}");
+            before = value;
+        }
+    }
+}
+
+#[test]
+fn a_choice_is_exact_at_its_jump_and_undefined_branches_do_no_harm() {
+    let format = WordFormat::new(32, 32, 32);
+    let above = Expr::sum(vec![x(), Expr::Constant(-0.3)]);
+    for (condition, at_jump) in [(above.clone(), 7.0), (Expr::scaled(-2.0, above), 7.0)] {
+        // A logarithm where it is taken, and 7 elsewhere, at 0.3 itself as well.
+        let rising = condition.derivative(Variable::State(0)) == Expr::Constant(1.0);
+        let distance = Expr::sum(vec![Expr::scaled(if rising { 1.0 } else { -1.0 }, x()), Expr::Constant(2.0)]);
+        let yes = apply(Function::Log, distance.clone());
+        let select = Select { condition, yes, no: Expr::Constant(7.0) };
+        let scalar = scalar(Expr::Select(Box::new(select)));
+        let (segments, planned) = planned(&scalar, (-1.5, 1.5), format);
+        assert!(planned.fit.excess <= 1.0, "{}", planned.fit.excess);
+        assert!((looked_up(&planned, segments, 0.3) - at_jump).abs() < 1e-9);
+        for x in grid((-1.5, 1.5)).filter(|x| (x - 0.3).abs() > 1e-9) {
+            let taken = if rising { x > 0.3 } else { x < 0.3 };
+            let should = if taken { libm::log(if rising { x } else { -x } + 2.0) } else { 7.0 };
+            assert!((looked_up(&planned, segments, x) - should).abs() < 1e-8, "{x}");
+        }
+    }
+}
+
+#[test]
+fn a_gate_rate_is_one_table_across_its_removable_singularity() {
+    let moved = Expr::sum(vec![x(), Expr::Constant(40.0)]);
+    let fallen = apply(Function::Exp, Expr::scaled(-0.1, moved.clone()));
+    let below = Expr::sum(vec![Expr::Constant(1.0), Expr::scaled(-1.0, fallen)]);
+    let rate = scalar(Expr::product(vec![moved, apply(Function::Reciprocal, below)]));
+    let range = (-77.0, 45.0);
+    let (segments, planned) = planned(&rate, range, WordFormat::new(32, 32, 32));
+    assert!(planned.fit.excess <= 1.0);
+    for x in grid(range) {
+        // u/(1 - exp(-u)) without cancellation.
+        let u = 0.1 * (x + 40.0);
+        let should = if u == 0.0 { 10.0 } else { -10.0 * u / libm::expm1(-u) };
+        assert!((looked_up(&planned, segments, x) - should).abs() < 2e-8, "{x}");
+    }
+}
+
+#[test]
+fn what_is_steep_beside_its_arguments_is_divided_by_octaves_from_there() {
+    let moved = Expr::sum(vec![x(), Expr::Constant(0.05)]);
+    for (body, library) in [
+        (apply(Function::Log, moved.clone()), (|x| libm::log(x + 0.05)) as fn(f64) -> f64),
+        (apply(Function::Reciprocal, Expr::scaled(-1.0, moved)), |x| -1.0 / (x + 0.05)),
+    ] {
+        let scalar = scalar(body);
+        let (segments, planned) = planned(&scalar, (-0.045, 4.0), WordFormat::new(32, 32, 32));
+        assert!(planned.fit.layout == Layout::Octaves && planned.fit.excess <= 1.0, "{}", scalar.name);
+        for x in grid((-0.045, 4.0)) {
+            assert!((looked_up(&planned, segments, x) - library(x)).abs() < 1e-7, "{} at {x}", scalar.name);
+        }
+    }
+}
+
+#[test]
+fn a_pole_between_the_arguments_is_found() {
+    let format = WordFormat::new(32, 32, 32);
+    for range in [(-1.0, 2.0), (-1e-3, 1.0)] {
+        let reciprocal = scalar(apply(Function::Reciprocal, x()));
+        if let Ok(domain) = Domain::of(&reciprocal, range, format) {
+            let (_, planned) = plan(vec![Some(domain)], &[1], format);
+            let planned = planned[0].as_ref().expect("a table");
+            assert!(planned.fit.error > super::COARSEST * planned.domain.largest, "{range:?}");
+        }
+    }
+}
