@@ -76,6 +76,7 @@ fn model(derivatives: Vec<Expr>, algebraics: Vec<Expr>) -> Model {
         title: String::new(),
         solver: Solver::Rk4,
         step: 1e-3,
+        phases: Vec::new(),
         span: 1.0,
         states: states.collect(),
         outputs: outputs.collect(),

@@ -104,7 +104,8 @@ impl Accuracy {
         };
         let threads = Driver::threads(self.jobs);
         if !quiet {
-            let seconds = estimate.total(&sweep::families(record.pending())) / threads as f64;
+            let seconds =
+                estimate.total(&sweep::families(record.pending(), sweep::has_functions(model))) / threads as f64;
             let (points, title) = (record.rows.len(), &record.title);
             let time = indicatif::HumanDuration(std::time::Duration::from_secs_f64(seconds.max(1.0)));
             console::err(&format!("  accuracy  {title}: {points} points, about {time}\n"));

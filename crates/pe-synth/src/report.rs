@@ -123,7 +123,7 @@ pub fn report(
         })
         .collect();
     let bottleneck = Bottleneck::of(design);
-    json!({
+    let mut report = json!({
         "generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")),
         "model": model.name,
         "odes": model.states.len(),
@@ -165,7 +165,6 @@ pub fn report(
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.mean_step(),
         "error": error(model, design, total),
         "smallest_pivot": design.judged.smallest_pivot.as_ref().map(|pivot| json!({"state": pivot.state, "magnitude": pivot.magnitude})),
-        "functions": tables::report(&design.graph, &design.judged.fixed),
         "headroom": variables::report(variables),
         "saturations": 0,
         "widenings": design.judged.widenings,
@@ -175,7 +174,9 @@ pub fn report(
         "features": features::features(program, &design.graph, &design.judged.fixed, &design.mapping),
         "seed": seed,
         "command": command,
-    })
+    });
+    report["functions"] = json!(tables::report(&design.graph, &design.judged.fixed));
+    report
 }
 
 /// The key `pairs`.

@@ -478,7 +478,7 @@ impl Saturated {
         if let Some(lookup) = self.argument(graph) {
             let equation = &graph.equations[graph.value(lookup.argument).equation as usize];
             let table = &graph.functions.tables[lookup.table as usize];
-            let time = self.step as f64 * model.step;
+            let time = model.time(self.step, 0.0);
             let message = format!(
                 "`{}` gets an argument beyond its table at t = {time:.6e} s: `{}` is tabulated from {:.6e} to {:.6e}",
                 equation.name, table.name, table.domain.0, table.domain.1

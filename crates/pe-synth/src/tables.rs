@@ -27,7 +27,7 @@ pub fn tabulate(
     progress.set_length(model.steps());
     let mut run = DoubleRun::new(graph);
     for step in 0..model.steps() {
-        let time = step as f64 * model.step;
+        let time = model.time(step, 0.0);
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![runs::non_finite(graph, diverged, time)])?;
         if step.is_multiple_of(STRIDE) {
             progress.inc(STRIDE);

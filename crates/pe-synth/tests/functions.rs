@@ -50,7 +50,7 @@ fn every_function_is_tabulated_to_half_a_bit() {
         "(1 + t)^t",
         "2^(5*t)",
         "if t > 0.2 then log(t - 0.1) else 3*t",
-        "if t > 0.1 and x1 > 0 then sqrt(t - 0.1)/x1 else 0",
+        "if t > 0.1 and x1 > 0 then log(t + 0.1)/x1 else 0",
         "(t - 0.15)/(1 - exp(-(t - 0.15)/0.1))",
     ];
     let mut spec = "state t = 0\nt' = 1\n".to_owned();

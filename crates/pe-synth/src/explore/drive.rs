@@ -50,7 +50,7 @@ impl Driver {
     /// As of [`Record::follow`].
     pub fn round(&self, record: &mut Record, sweep: Sweep, quiet: bool) -> Result<(), Failure> {
         let jobs = record.pending();
-        let seconds = sweep.estimate.total(&sweep::families(jobs.clone()));
+        let seconds = sweep.estimate.total(&sweep::families(jobs.clone(), sweep::has_functions(&sweep.loaded.model)));
         let bar = if quiet { ProgressBar::hidden() } else { progress_bar(seconds) };
         let (pool, sender) = (std::sync::Arc::clone(&self.pool), self.sender.clone());
         std::thread::spawn(move || {
