@@ -22,8 +22,10 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, planned: &[Option<Pl
         .collect();
     let mut serials = vec![0; graph.equations.len()];
     for value in &graph.values {
-        if let Role::Inner(equation, serial) = value.role {
-            serials[equation as usize] = serials[equation as usize].max(serial);
+        if let Role::Inner(_, serial) = value.role {
+            // The role has the number that the equation had before unread ones were left out.
+            let last: &mut u32 = &mut serials[value.equation as usize];
+            *last = serial.max(*last);
         }
     }
     let functions = Functions { exact: Vec::new(), segments, tables, lookups: Vec::new() };
