@@ -10,7 +10,7 @@ use crate::pipeline::{self, MappingOptions, Stopwatch};
 use crate::runs;
 
 /// Products of a run over the span of a large model; a longer span is judged over its first part.
-const PRODUCTS: u64 = 1_500_000_000;
+const PRODUCTS: u64 = 500_000_000;
 
 /// States from which on a model is large.
 const LARGE: usize = 10_000;

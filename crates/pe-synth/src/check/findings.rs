@@ -163,11 +163,12 @@ impl Check {
     ) -> Diagnostic {
         let model = &question.loaded.model;
         match refusal.code {
-            codes::DIVERGED => match trusted.end.filter(|end| end.obstacle != Obstacle::TooManySteps) {
+            codes::DIVERGED => match trusted.end.filter(|end| end.obstacle != Obstacle::TooManySteps && end.time > 0.0)
+            {
                 Some(end) => solution_ends(model, trusted, end.time),
                 None => self.with_limit(question, refusal, trials),
             },
-            codes::STEP_TOO_LARGE => self.with_limit(question, refusal, trials),
+            codes::STEP_TOO_LARGE | codes::SMALL_PIVOT => self.with_limit(question, refusal, trials),
             codes::SATURATED => {
                 let remedy =
                     remedies::for_word(model, question.graph, question.point, question.options, &question.format);

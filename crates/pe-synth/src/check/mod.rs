@@ -18,6 +18,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
+use crate::pivots::SmallestPivot;
 use crate::runs::Judged;
 
 use self::observed::{Chaos, DeadBand, StepGrowth};
@@ -25,13 +26,20 @@ use self::prediction::Prediction;
 use self::trials::{Found, Trials};
 use self::trusted::Trusted;
 
-pub use self::show::{json, report, rows, text, verdict};
+pub use self::show::{json, report, summary, text};
 
 /// Method error that the accuracy step is for unless the user gives another.
 pub const ACCURACY: f64 = 1e-3;
 
 /// States above which no trials with other steps are run.
 pub const TRIED_STATES: usize = 10_000;
+
+/// Refusals that the check can explain.
+pub const EXPLAINED: [&str; 4] = [codes::DIVERGED, codes::SATURATED, codes::STEP_TOO_LARGE, codes::SMALL_PIVOT];
+
+/// Warnings of the check alone; others come from the runs.
+const OWN: [&str; 6] =
+    [codes::NEAR_LIMIT, codes::METHOD_GROWTH, codes::DEAD_BAND, codes::CHAOTIC, codes::STEP_SPAN, codes::STILL];
 
 /// What is asked about.
 #[derive(Clone, Copy)]
@@ -62,6 +70,8 @@ pub struct Check {
     accuracy: Option<(f64, f64)>,
     /// Growth of one step, with exact and rounded coefficients.
     growth: Option<StepGrowth>,
+    /// The smallest pivot of an implicit method.
+    pivot: Option<SmallestPivot>,
     /// States that lose increments.
     dead_bands: Vec<DeadBand>,
     /// Whether the model is chaotic; only found when the accuracy is asked for.
@@ -81,6 +91,7 @@ impl Check {
             .goal
             .and_then(|goal| trials.accuracy_step(judged.errors.method, goal, check.found.map(|found| found.stable)));
         check.growth = observed::step_growth(model, question.graph, &judged.fixed, &trusted);
+        check.pivot = judged.smallest_pivot.clone();
         check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
         if question.goal.is_some() {
             check.chaos = observed::chaos(model, question.graph, Some(&judged.fixed), &trusted);
@@ -104,6 +115,11 @@ impl Check {
         check
     }
 
+    /// Warnings that the runs did not give.
+    pub fn own_warnings(&self) -> Vec<Diagnostic> {
+        self.findings.iter().filter(|finding| OWN.contains(&finding.code)).cloned().collect()
+    }
+
     fn explain(question: &Question, trusted: &Trusted, trials: &Trials) -> Check {
         let model = &question.loaded.model;
         let prediction = Prediction::of(model, trusted);
@@ -116,6 +132,7 @@ impl Check {
             found,
             accuracy: None,
             growth: None,
+            pivot: None,
             dead_bands: Vec::new(),
             chaos: None,
             findings: Vec::new(),

@@ -9,8 +9,10 @@ use pe_sim::spectrum::{eigenvalues, outer_eigenvalues};
 
 use super::trusted::Trusted;
 
-/// Points at which increments are looked at.
+/// Points at which increments are looked at, fewer in models of very many states, but some.
 const POINTS: usize = 150;
+const NUMBERS: usize = 3_000_000;
+const FEWEST_POINTS: usize = 5;
 
 /// Part of the run from which on lost increments are worth a word, and part of a state's magnitude that they must come
 /// to: a state that comes to rest loses its last increments, and nothing with them.
@@ -49,7 +51,7 @@ pub struct DeadBand {
 /// States whose increments vanish for long enough to matter, those that lose most first.
 pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted: &Trusted) -> Vec<DeadBand> {
     let states = model.states.len();
-    let points = trusted.points(POINTS);
+    let points = trusted.points((NUMBERS / states.max(1)).clamp(FEWEST_POINTS, POINTS));
     let mut found: Vec<DeadBand> =
         (0..states).map(|state| DeadBand { state, time: f64::INFINITY, part: 0.0, loss: 0.0 }).collect();
     let mut largest = vec![0.0f64; states];

@@ -6,6 +6,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::word::{Latency, WordFormat};
 
+use super::TRIED_STATES;
 use super::prediction::Prediction;
 use super::trials::{Outcome, Trials};
 use crate::options::{DesignPoint, ModelOptions};
@@ -21,6 +22,9 @@ const WORD_ERROR: f64 = 0.02;
 
 /// Changes that are tried, at most.
 const MOST_TRIALS: usize = 10;
+
+/// States up to which methods are tried that eliminate or fill a matrix.
+const MATRIX_STATES: usize = 200;
 
 /// Products of the runs over the span that a wider word may take to be tried.
 const PRODUCTS: u64 = 300_000_000;
@@ -69,10 +73,19 @@ pub fn for_step(
     format: &WordFormat,
     accurate: bool,
 ) -> Option<Remedy> {
+    if model.states.len() > TRIED_STATES {
+        return None;
+    }
     let mut candidates: Vec<(f64, u32, Solver, f64)> = Vec::new();
     let (_, own) = trials.variant(model.solver, model.step)?;
     let own_cost = f64::from(cycles(&own, point.pes, format)) / model.step;
+    // The methods without a limit on the negative real axis are those with a matrix.
+    let has_matrix =
+        |solver: Solver| solver.amplification(-100.0, 0.0) <= 1.0 && solver.largest_step(-1.0, 0.0).is_none();
     for solver in Solver::ALL {
+        if solver != model.solver && model.states.len() > MATRIX_STATES && has_matrix(solver) {
+            continue;
+        }
         let Some((_, graph)) = trials.variant(solver, model.step) else { continue };
         let cycles = cycles(&graph, point.pes, format);
         let mut steps = vec![model.step, model.step / 2.0, model.step / 4.0, model.step / 8.0];

@@ -20,7 +20,7 @@ const LISTED: usize = 10;
 const DIGITS: i32 = 4;
 
 /// The verdict in a word: `fine`, `warning` or `refused`.
-pub fn verdict(findings: &[Diagnostic]) -> &'static str {
+fn verdict(findings: &[Diagnostic]) -> &'static str {
     match findings.iter().map(|finding| finding.severity).max() {
         None => "fine",
         Some(Severity::Warning) => "warning",
@@ -35,6 +35,11 @@ fn few(number: f64) -> Value {
     }
     let text = format!("{number:.*e}", DIGITS as usize - 1);
     json!(text.parse::<f64>().unwrap_or(number))
+}
+
+/// A growth of one step: as many digits as do not depend on the order of sums.
+fn steady(number: f64) -> f64 {
+    libm::round(number * 1e9) / 1e9
 }
 
 impl Check {
@@ -76,9 +81,10 @@ pub fn report(model: &Model, check: &Check) -> Value {
         "stiffness": few(prediction.fastest * model.span),
         "growth_log": few(prediction.growth),
         "amplification": check.growth.map(|growth| {
-            json!({"exact": growth.exact, "rounded": growth.rounded,
+            json!({"exact": steady(growth.exact), "rounded": steady(growth.rounded),
                    "basis": if growth.all { "all eigenvalues" } else { "outer eigenvalues, estimated" }})
         }),
+        "smallest_pivot": check.pivot.as_ref().map(|pivot| json!({"state": pivot.state, "magnitude": few(pivot.magnitude)})),
         "dead_bands": check.dead_bands.iter().take(LISTED).map(|dead| {
             json!({"state": model.states[dead.state].name, "time_s": dead.time, "part": few(dead.part), "loss": few(dead.loss)})
         }).collect::<Vec<_>>(),
@@ -91,6 +97,15 @@ pub fn report(model: &Model, check: &Check) -> Value {
     }
     if prediction.limit.is_none() {
         value["predicted_step_reason"] = json!("no damped mode of the model limits this method");
+    }
+    if check.pivot.is_none() {
+        value["smallest_pivot_reason"] = json!("the method has no pivot that varies, or the runs were refused");
+    }
+    if check.growth.is_none() {
+        value["amplification_reason"] = json!("only of refused steps, and of large models that are not linear");
+    }
+    if check.chaos.is_none() {
+        value["chaos_reason"] = json!("only `check` looks for it, and only where it is");
     }
     if check.found.is_none() {
         value["found_step_reason"] = json!(not_found(model));
@@ -128,8 +143,18 @@ pub fn json(model: &Model, check: &Check, judged: Option<&Judged>, asked_span: f
     })
 }
 
-/// Rows of the summary: name and text.
-pub fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
+/// The check in a line.
+pub fn summary(model: &Model, check: &Check) -> String {
+    let limit = match (check.found.filter(|found| found.unstable.is_some()), &check.prediction.limit) {
+        (Some(found), _) => format!("stable up to {:.2e} s by trial", found.stable),
+        (None, Some(limit)) => format!("stable up to {:.2e} s by {}", limit.step, check.prediction.basis.name()),
+        (None, None) => format!("nothing limits {}", model.solver.name()),
+    };
+    format!("{}: step {:.2e} s, {limit}", verdict(&check.findings), model.step)
+}
+
+/// Rows of the result: name and text.
+fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
     let prediction = &check.prediction;
     let mut rows = Vec::new();
     let mut row = |name, text: String| rows.push((name, text));

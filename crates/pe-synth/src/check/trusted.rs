@@ -20,6 +20,9 @@ const SAMPLES: u32 = 150;
 const OPERATIONS: u64 = 200_000_000;
 const FEWEST_STEPS: u64 = 2000;
 
+/// Numbers that a trajectory keeps.
+const MOST_NUMBERS: usize = 4_000_000;
+
 /// States at times, the initial ones first.
 #[derive(Clone, Debug)]
 pub struct Trusted {
@@ -51,8 +54,11 @@ impl Trusted {
         let mut trusted = Trusted::start(model, false);
         let mut solution = solve(model.span);
         // Up to shortly before its end the solution exists.
-        if let Err(error) = &solution {
-            trusted.end = Some(*error);
+        if let Err(error) = solution {
+            trusted.end = Some(error);
+            if error.time <= 0.0 {
+                return trusted;
+            }
             solution = solve(0.98 * error.time);
         }
         if let Ok((times, states)) = solution {
@@ -67,10 +73,16 @@ impl Trusted {
         Trusted { times: vec![0.0], states, own, end: None }
     }
 
+    /// Takes over samples, of a large model only so many that they do not weigh on the memory.
     fn append(&mut self, times: &[f64], states: &Trajectory) {
-        self.times.extend_from_slice(times);
+        let stride = (times.len() * states.states).div_ceil(MOST_NUMBERS).max(1);
         let samples = states.samples.chunks_exact(states.states.max(1));
-        samples.for_each(|sample| self.states.push(|state| sample[state]));
+        for (index, (time, sample)) in times.iter().zip(samples).enumerate() {
+            if (times.len() - 1 - index).is_multiple_of(stride) {
+                self.times.push(*time);
+                self.states.push(|state| sample[state]);
+            }
+        }
     }
 
     /// Number of points, at least one.
