@@ -146,7 +146,8 @@ impl Bench<'_> {
         let mut run = Command::new("ghdl");
         run.args(["-r", "--std=08"]).args(self.work_folder()).arg(&bench);
         run.arg(format!("-gSTEPS={}", self.steps)).arg(format!("-gSTIMULUS={}", self.stimulus().display()));
-        run.arg("--ieee-asserts=disable-at-0").current_dir(self.scratch);
+        // The images of program memories are larger than a process may put on its stack unless told otherwise.
+        run.args(["--ieee-asserts=disable-at-0", "--max-stack-alloc=0"]).current_dir(self.scratch);
         execute(&mut run, "ghdl", GHDL_INSTALL)
     }
 

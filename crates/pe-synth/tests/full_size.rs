@@ -47,3 +47,12 @@ fn wave80_on_380_pes_agrees() {
 fn atrial15_on_309_pes_agrees() {
     agree("atrial15", "309", "10 ms");
 }
+
+#[test]
+fn a_step_of_thousands_of_control_words_agrees() {
+    let options = ["--set", "n=1000", "--pes", "3", "--multiplier", "25x18", "--form", "horner", "--span", "10ms"];
+    let compiled = compile("lutchen4000", &options);
+    // Their images are beyond what GHDL puts on the stack by default.
+    assert!(compiled.design.program.period > 2800, "only {} words", compiled.design.program.period);
+    assert_agreement("long", &compiled.middle(1), &[Engine::Reference, Engine::Ghdl]);
+}
