@@ -4,12 +4,15 @@ use std::path::{Path, PathBuf};
 
 use pe_emit::EmitOptions;
 use pe_ir::codes;
+use pe_ir::graph::StepGraph;
 use pe_ir::source::Diagnostic;
 use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
+use serde_json::{Value, json};
 
 use crate::accuracy::choice::{Choice, Fixed, Question};
 use crate::area::{self, Measured};
+use crate::check::{self, Check};
 use crate::conserved::Conserved;
 use crate::console;
 use crate::devices::{self, Device, Fit};
@@ -23,6 +26,9 @@ use crate::variables::{self, variables};
 
 /// Lines of the reference trace that is written with a design, roughly.
 const TRACE_LINES: u64 = 120_000;
+
+/// States up to which a compilation explains its step by eigenvalues and trials, which then takes below a second.
+const JUDGED_STATES: usize = 500;
 
 /// Compiles a model to VHDL, test bench, Rust reference, reference trace and report
 #[derive(clap::Args, Debug)]
@@ -111,7 +117,9 @@ impl Compile {
         let point = choice.as_ref().map_or(self.point, |choice| choice.point);
         point.apply(&mut loaded.model)?;
         let model = &loaded.model;
-        let design = pipeline::design(&loaded, &self.model, &point, &self.mapping, &mut watch)?;
+        let design = pipeline::design(&loaded, &self.model, &point, &self.mapping, &mut watch)
+            .map_err(|failure| self.explained(failure, &loaded, &point))?;
+        let check = self.check(&loaded, &design, &point, &mut watch)?;
         let format = self.message_format();
         let total =
             (self.reference || choice.is_some()).then(|| total_error(&loaded, &design, &conserved, format, &mut watch));
@@ -121,6 +129,10 @@ impl Compile {
         let silicon = Silicon { area, clock };
         let variables = variables(model, &design);
         let mut report = report::report(model, &design, &variables, silicon, &total, self.model.seed, command);
+        report["stability"] = check.as_ref().map_or(Value::Null, |check| check::report(model, check));
+        if check.is_none() {
+            report["stability_reason"] = json!(unjudged());
+        }
         if let Some(fit) = &fit {
             report["device"] = fit.report();
             let warning = fit.complaint().map(|text| Diagnostic::global(codes::DOES_NOT_FIT, text));
@@ -159,8 +171,11 @@ impl Compile {
             let chosen: String = chosen.iter().map(|(name, text)| report::row(name, text)).collect();
             let device = fit.map_or(String::new(), |fit| report::row("device", &fit.summary()));
             let files = report::row("files", &format!("{}; all figures in report.json", target.display()));
+            let stability = check.as_ref().map_or_else(unjudged, |check| check::summary(model, check));
+            let stability = report::row("stability", &stability);
             console::out(
                 &(report::table(model, &design, &variables, silicon, &total, self.model.seed)
+                    + &stability
                     + &chosen
                     + &device
                     + &files),
@@ -186,6 +201,59 @@ impl Compile {
             |choice| choice.as_ref().map_or("no design".to_owned(), |choice| choice.figure(&loaded.model)),
         )
     }
+}
+
+impl Compile {
+    /// Judges the step of a design, unless it is large; its warnings are printed.
+    fn check(
+        &self,
+        loaded: &LoadedModel,
+        design: &Design,
+        point: &DesignPoint,
+        watch: &mut Stopwatch,
+    ) -> Result<Option<Check>, Failure> {
+        if loaded.model.states.len() > JUDGED_STATES {
+            return Ok(None);
+        }
+        let question = self.step_question(loaded, &design.graph, point)?;
+        let check = watch.stage(
+            "stability",
+            || Check::of_judged(&question, &design.judged),
+            |check| check::summary(&loaded.model, check),
+        );
+        print_findings(&check.own_warnings(), &loaded.sources, self.message_format());
+        Ok(Some(check))
+    }
+
+    /// A refusal of the runs with what explains it and what helps; other failures as they are.
+    fn explained(&self, failure: Failure, loaded: &LoadedModel, point: &DesignPoint) -> Failure {
+        let Failure::Spec(refusals, sources) = failure else { return failure };
+        let explained = refusals.iter().any(|refusal| check::EXPLAINED.contains(&refusal.code));
+        if !explained || loaded.model.states.len() > JUDGED_STATES {
+            return Failure::Spec(refusals, sources);
+        }
+        let graph = pipeline::build(loaded, point, &self.mapping, &mut Stopwatch::new(true));
+        let question = graph.as_ref().ok().and_then(|graph| self.step_question(loaded, graph, point).ok());
+        let findings = match question {
+            Some(question) => Check::of_refused(&question, refusals).findings,
+            None => refusals,
+        };
+        Failure::Spec(findings, sources)
+    }
+
+    fn step_question<'a>(
+        &'a self,
+        loaded: &'a LoadedModel,
+        graph: &'a StepGraph,
+        point: &'a DesignPoint,
+    ) -> Result<check::Question<'a>, Failure> {
+        Ok(check::Question { loaded, graph, point, options: &self.model, format: point.format()?, goal: None })
+    }
+}
+
+/// Why a large model has no verdict.
+fn unjudged() -> String {
+    format!("not judged beyond the runs: more than {JUDGED_STATES} states, see `pe-synth check`")
 }
 
 /// Measured PEs of a file.
@@ -226,7 +294,7 @@ fn total_error(
     result
 }
 
-fn pretty(value: &serde_json::Value) -> String {
+fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
 }
 

@@ -286,3 +286,25 @@ fn the_same_question_gets_the_same_bytes() {
     let [first, second] = [(), ()].map(|()| check(&folder, &text, &[]).result.to_string());
     assert!(first == second && first.contains("predicted_step_s"), "{first}\n{second}");
 }
+
+#[test]
+fn compile_says_the_same_before_it_writes_anything() {
+    let folder = Folder::new("check_compile");
+    let compile = |statements: &str| {
+        let text = spec("rk4", "1 ms", "2 s", statements);
+        fs::write(folder.0.join("m.spec"), text).expect("the spec can be written");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+        let output = command.current_dir(&folder.0).args(["compile", "m.spec", "-o", "out", "--no-pictures"]).output();
+        let output = output.expect("pe-synth starts");
+        let report = fs::read_to_string(folder.0.join("out/report.json")).unwrap_or_default();
+        (String::from_utf8_lossy(&output.stderr).into_owned(), report)
+    };
+    let (messages, report) = compile("state x = 1\nx' = x^2\noutput x");
+    assert!(messages.contains("E0906") && messages.contains("t = 1.000000e0 s") && report.is_empty(), "{messages}");
+    let (messages, report) = compile("state x = 1\nx' = -100*x + 100\noutput x");
+    let report: Value = serde_json::from_str(&report).unwrap_or_else(|_| panic!("{messages}"));
+    let stability = &report["stability"];
+    // 2.785 / 100, the end of RK4's stability region on the real axis.
+    let predicted = stability["predicted_step_s"].as_f64().expect("a limit");
+    assert!((predicted - 2.785e-2).abs() < 1e-4 && stability["basis"] == "all eigenvalues", "{stability}");
+}

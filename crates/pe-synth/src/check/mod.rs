@@ -32,7 +32,7 @@ pub use self::show::{json, report, summary, text};
 pub const ACCURACY: f64 = 1e-3;
 
 /// States above which no trials with other steps are run.
-pub const TRIED_STATES: usize = 10_000;
+const TRIED_STATES: usize = 10_000;
 
 /// Refusals that the check can explain.
 pub const EXPLAINED: [&str; 4] = [codes::DIVERGED, codes::SATURATED, codes::STEP_TOO_LARGE, codes::SMALL_PIVOT];
