@@ -1,0 +1,89 @@
+//! Runs in double precision that a run of the step is compared with, and what smaller steps say about the method.
+
+use pe_hls::step::StepOptions;
+use pe_ir::codes;
+use pe_ir::graph::StageForm;
+use pe_ir::model::Model;
+use pe_ir::source::Diagnostic;
+use pe_sim::double::DoubleRun;
+use pe_sim::error::Trajectory;
+
+use super::{Plan, varying_inputs};
+
+/// How a comparison run divides a step.
+#[derive(Clone, Copy)]
+pub(super) struct Substeps {
+    pub count: u64,
+    /// Whether inputs are sampled at each substep; otherwise they are held over the whole step.
+    pub resample: bool,
+}
+
+/// Samples of a run in double precision at the reference's sample times.
+pub(super) fn trajectory(
+    model: &Model,
+    mut run: DoubleRun,
+    plan: &Plan,
+    substeps: Substeps,
+) -> Result<Trajectory, Vec<Diagnostic>> {
+    let mut samples = Trajectory::new(model.states.len());
+    for done in 1..=plan.steps {
+        for substep in 0..substeps.count {
+            let part = if substeps.resample { substep as f64 / substeps.count as f64 } else { 0.0 };
+            let time = model.time(done - 1, part);
+            run.step(&model.sample_inputs(time)).map_err(|_| {
+                let message = format!("a comparison run is not finite at t = {time:.6e} s");
+                let help = "the model is at the edge of stability: try a smaller `--step`";
+                vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]
+            })?;
+        }
+        plan.advance(done, substeps.count);
+        if plan.sampled(done) {
+            samples.push(|state| run.state(state));
+        }
+    }
+    Ok(samples)
+}
+
+/// What smaller steps say about the method.
+#[derive(Clone)]
+pub struct Comparison {
+    pub(super) function: Option<f64>,
+    pub(super) method: f64,
+    pub(super) input_hold: f64,
+    /// The finding that a large method error would be.
+    pub(super) finding: Diagnostic,
+}
+
+impl Comparison {
+    /// The method error that it found.
+    pub fn method(&self) -> f64 {
+        self.method
+    }
+}
+
+/// Runs half the step, with inputs held as the hardware does and with inputs sampled twice as often.
+pub(super) fn half_step_runs(
+    model: &Model,
+    form: StageForm,
+    plan: &Plan,
+    reference: &Trajectory,
+    scales: &[f64],
+) -> Result<Comparison, Vec<Diagnostic>> {
+    let half = Model { step: model.step / 2.0, ..model.clone() };
+    let graph = pe_hls::step::build_with(&half, &StepOptions { form: Some(form), ..StepOptions::default() })?;
+    let halved = trajectory(model, DoubleRun::new(&graph), plan, Substeps { count: 2, resample: false })?;
+    let (worst, difference) = reference.deviation(&halved).worst(scales);
+    // With error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).
+    let gain = f64::from(1u32 << model.solver.order());
+    let mut input_hold = 0.0;
+    if varying_inputs(model) {
+        let resampled = trajectory(model, DoubleRun::new(&graph), plan, Substeps { count: 2, resample: true })?;
+        // Both runs share the method error of h/2; holding inputs is an error of first order.
+        input_hold = 2.0 * halved.deviation(&resampled).worst(scales).1;
+    }
+    let name = &model.states[worst].name;
+    let message = format!("the step is too large for `{name}`: half of it changes the result by {difference:.1e}");
+    let finding = Diagnostic::error(codes::STEP_TOO_LARGE, model.states[worst].span, message)
+        .with_help(format!("try `--step {:.3e}`; a chaotic model needs a shorter `--span`", model.step / 2.0));
+    Ok(Comparison { function: None, method: difference * gain / (gain - 1.0), input_hold, finding })
+}
