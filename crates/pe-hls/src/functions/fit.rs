@@ -112,7 +112,8 @@ impl Piece {
             return Piece { polynomial, error: 0.0, worst: nearest };
         }
         let (middle, width) = (0.5 * (from + to), 0.5 * (to - from));
-        let polynomial = interpolate(degree, |t| domain.function.evaluate(argument(middle + width * t)));
+        let value = |u: f64| smooth(domain, &argument, u);
+        let polynomial = interpolate(degree, |t| value(middle + width * t));
         let polynomial = moved(&polynomial, middle, width);
         let (mut error, mut worst) = (0.0, argument(middle));
         for check in 0..CHECKS {
@@ -120,13 +121,27 @@ impl Piece {
             let t = (2.0 * check as f64 / (CHECKS - 1) as f64 - 1.0) * (1.0 - 1e-12);
             let u = middle + width * t;
             let is = polynomial.iter().rev().fold(0.0, |sum, coefficient| sum * u + coefficient);
-            let difference = (is - domain.function.evaluate(argument(u))).abs();
+            let difference = (is - value(u)).abs();
             if difference.is_nan() || difference > error {
                 (error, worst) = (difference, argument(u));
             }
         }
         Piece { polynomial, error, worst }
     }
+}
+
+/// The function at a place of a segment. Right beside a removable singularity, where rounding makes nonsense of 0/0, what
+/// two places further inside lead to stands in for it.
+fn smooth(domain: &Domain, argument: &impl Fn(f64) -> f64, u: f64) -> f64 {
+    const APART: f64 = 1e-4;
+    let inwards = if u > 0.0 { -APART } else { APART };
+    let at = |steps: f64| domain.function.evaluate(argument(u + steps * inwards));
+    let ahead = [0.0, 1.0, 2.0, 3.0].map(at);
+    let led = 2.0 * ahead[1] - ahead[2];
+    // What the same does a step further in tells how much of the difference is curvature.
+    let curved = (2.0 * ahead[2] - ahead[3] - ahead[1]).abs();
+    let noise = (ahead[0] - led).abs();
+    if led.is_finite() && noise > 0.25 * domain.tolerance && noise > 16.0 * curved { led } else { ahead[0] }
 }
 
 /// The coefficients of the polynomial of a degree that agrees with a function at the Chebyshev nodes of -1 .. 1, lowest

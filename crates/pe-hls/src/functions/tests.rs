@@ -168,14 +168,16 @@ fn a_gate_rate_is_one_table_across_its_removable_singularity() {
     let fallen = apply(Function::Exp, Expr::scaled(-0.1, moved.clone()));
     let below = Expr::sum(vec![Expr::Constant(1.0), Expr::scaled(-1.0, fallen)]);
     let rate = scalar(Expr::product(vec![moved, apply(Function::Reciprocal, below)]));
-    let range = (-77.0, 45.0);
-    let (segments, planned) = planned(&rate, range, WordFormat::new(32, 32, 32));
-    assert!(planned.fit.excess <= 1.0);
-    for x in grid(range) {
-        // u/(1 - exp(-u)) without cancellation.
-        let u = 0.1 * (x + 40.0);
-        let should = if u == 0.0 { 10.0 } else { -10.0 * u / libm::expm1(-u) };
-        assert!((looked_up(&planned, segments, x) - should).abs() < 2e-8, "{x}");
+    // Also with the singularity in the middle of the range, at an end of two segments.
+    for range in [(-77.0, 45.0), (-90.0, 10.0)] {
+        let (segments, planned) = planned(&rate, range, WordFormat::new(32, 32, 32));
+        assert!(planned.fit.excess <= 1.0, "{range:?}: {}", planned.fit.excess);
+        for x in grid(range) {
+            // u/(1 - exp(-u)) without cancellation.
+            let u = 0.1 * (x + 40.0);
+            let should = if u == 0.0 { 10.0 } else { -10.0 * u / libm::expm1(-u) };
+            assert!((looked_up(&planned, segments, x) - should).abs() < 2e-8, "{x}");
+        }
     }
 }
 

@@ -8,6 +8,7 @@
 //! ```
 
 mod comparison;
+mod saturated;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -17,7 +18,6 @@ use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Moments};
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
-use pe_ir::functions::Lookup;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
 use pe_ir::model::{Model, Variable, Waveform};
 use pe_ir::source::Diagnostic;
@@ -30,6 +30,7 @@ use crate::options::ModelOptions;
 use crate::pivots::{self, SmallestPivot};
 
 use self::comparison::{Substeps, half_step_runs, trajectory};
+use self::saturated::Saturated;
 
 pub use self::comparison::Comparison;
 
@@ -463,41 +464,6 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
             let range = model.algebraics[algebraic as usize].range;
             range.into_iter().for_each(|range| include(ValueId(index as u32), range));
         }
-    }
-}
-
-/// A fixed-point run met the end of a range.
-struct Saturated {
-    values: Vec<ValueId>,
-    step: u64,
-}
-
-impl Saturated {
-    /// The lookup whose argument saturated before all else, if one did: no wider format would help.
-    fn argument<'a>(&self, graph: &'a StepGraph) -> Option<&'a Lookup> {
-        let mut written = graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
-        let first = written.find(|value| self.values.contains(value))?;
-        graph.functions.lookups.iter().find(|lookup| lookup.argument == first)
-    }
-
-    fn refusal(&self, model: &Model, graph: &StepGraph) -> Diagnostic {
-        if let Some(lookup) = self.argument(graph) {
-            let equation = &graph.equations[graph.value(lookup.argument).equation as usize];
-            let table = &graph.functions.tables[lookup.table as usize];
-            let time = model.time(self.step, 0.0);
-            let message = format!(
-                "`{}` gets an argument beyond its table at t = {time:.6e} s: `{}` is tabulated from {:.6e} to {:.6e}",
-                equation.name, table.name, table.domain.0, table.domain.1
-            );
-            return Diagnostic::error(codes::SATURATED, equation.span, message)
-                .with_help("rounding moves the argument: try more `--storage` bits or a wider `--multiplier`");
-        }
-        let value = self.values[0];
-        let equation = &graph.equations[graph.value(value).equation as usize];
-        let time = model.time(self.step, 0.0);
-        let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", equation.name);
-        Diagnostic::error(codes::SATURATED, equation.span, message)
-            .with_help("rounding noise grows without bound: try more `--storage` bits or a wider `--multiplier`")
     }
 }
 

@@ -1,0 +1,45 @@
+//! What a fixed-point run says that met the end of a range.
+
+use pe_ir::codes;
+use pe_ir::functions::Lookup;
+use pe_ir::graph::{StepGraph, ValueId};
+use pe_ir::model::Model;
+use pe_ir::source::Diagnostic;
+
+/// A fixed-point run met the end of a range.
+pub struct Saturated {
+    /// The values that did, in this step.
+    pub values: Vec<ValueId>,
+    /// The step.
+    pub step: u64,
+}
+
+impl Saturated {
+    /// The lookup whose argument saturated before all else, if one did: no wider format would help.
+    pub fn argument<'a>(&self, graph: &'a StepGraph) -> Option<&'a Lookup> {
+        let mut written = graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
+        let first = written.find(|value| self.values.contains(value))?;
+        graph.functions.lookups.iter().find(|lookup| lookup.argument == first)
+    }
+
+    /// The finding for a range that no widening makes wide enough.
+    pub fn refusal(&self, model: &Model, graph: &StepGraph) -> Diagnostic {
+        if let Some(lookup) = self.argument(graph) {
+            let equation = &graph.equations[graph.value(lookup.argument).equation as usize];
+            let table = &graph.functions.tables[lookup.table as usize];
+            let time = model.time(self.step, 0.0);
+            let message = format!(
+                "`{}` gets an argument beyond its table at t = {time:.6e} s: `{}` is tabulated from {:.6e} to {:.6e}",
+                equation.name, table.name, table.domain.0, table.domain.1
+            );
+            return Diagnostic::error(codes::SATURATED, equation.span, message)
+                .with_help("rounding moves the argument: try more `--storage` bits or a wider `--multiplier`");
+        }
+        let value = self.values[0];
+        let equation = &graph.equations[graph.value(value).equation as usize];
+        let time = model.time(self.step, 0.0);
+        let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", equation.name);
+        Diagnostic::error(codes::SATURATED, equation.span, message)
+            .with_help("rounding noise grows without bound: try more `--storage` bits or a wider `--multiplier`")
+    }
+}
