@@ -143,8 +143,7 @@ impl Compile {
         if let Some(choice) = &choice {
             report["choice"] = choice.report(model);
         }
-        let folder = OutputFolder::create(&target)?;
-        folder.remove_when_interrupted();
+        let folder = OutputFolder::create_until_interrupted(&target)?;
         let written = watch.stage(
             "write",
             || write_design(&folder, loaded.sources.main().name(), model, &design, command),

@@ -44,6 +44,19 @@ impl OutputFolder {
     /// # Errors
     /// If `target` is not permitted, or nothing can be written beside it.
     pub fn create(target: &Path) -> Result<OutputFolder, Failure> {
+        Self::begin(target, |_, _| {})
+    }
+
+    /// The same; from here on an interrupt removes what has been written and ends the process.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn create_until_interrupted(target: &Path) -> Result<OutputFolder, Failure> {
+        Self::begin(target, remove_when_interrupted)
+    }
+
+    /// Prepares the folder after `before` has been told of its hidden path and its end.
+    fn begin(target: &Path, before: impl FnOnce(&Path, &Arc<Mutex<bool>>)) -> Result<OutputFolder, Failure> {
         Self::permitted(target)?;
         let name = target.file_name().ok_or_else(|| Failure::file("write to", target, "it has no name"))?;
         let parent = target.parent().unwrap_or(Path::new("."));
@@ -51,22 +64,12 @@ impl OutputFolder {
         let prefix = format!(".{}.partial-", name.to_string_lossy());
         remove_abandoned(if parent == Path::new("") { Path::new(".") } else { parent }, &prefix);
         let partial = target.with_file_name(format!("{prefix}{}", std::process::id()));
+        let finished: Arc<Mutex<bool>> = Arc::default();
+        before(&partial, &finished);
+        let held = finished.lock().unwrap_or_else(PoisonError::into_inner);
         let lock = create_locked(&partial).map_err(|error| Failure::file("create", &partial, error))?;
-        Ok(OutputFolder { target: target.to_owned(), partial, _lock: lock, finished: Arc::default() })
-    }
-
-    /// From here on an interrupt removes what has been written and ends the process.
-    pub fn remove_when_interrupted(&self) {
-        let (partial, finished) = (self.partial.clone(), Arc::clone(&self.finished));
-        // Where signals cannot be caught, the next compilation removes the folder.
-        let _ = ctrlc::set_handler(move || {
-            let finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
-            let _ = fs::remove_dir_all(&partial);
-            if !*finished {
-                console::err("interrupted: nothing has been written\n");
-            }
-            std::process::exit(i32::from(Failure::Interrupted(String::new()).code()));
-        });
+        drop(held);
+        Ok(OutputFolder { target: target.to_owned(), partial, _lock: lock, finished })
     }
 
     /// Writes a file; `path` is relative and uses `/`.
@@ -98,6 +101,20 @@ impl OutputFolder {
     fn rename(&self) -> std::io::Result<()> {
         fs::rename(&self.partial, &self.target)
     }
+}
+
+/// Catches interrupts before there is anything to remove: one that comes just as the folder does finds it.
+fn remove_when_interrupted(partial: &Path, finished: &Arc<Mutex<bool>>) {
+    let (partial, finished) = (partial.to_owned(), Arc::clone(finished));
+    // Where signals cannot be caught, the next compilation removes the folder.
+    let _ = ctrlc::set_handler(move || {
+        let finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
+        let _ = fs::remove_dir_all(&partial);
+        if !*finished {
+            console::err("interrupted: nothing has been written\n");
+        }
+        std::process::exit(i32::from(Failure::Interrupted(String::new()).code()));
+    });
 }
 
 /// Exchanges the names of two folders.
