@@ -86,7 +86,8 @@ struct Scene<'a> {
     elements: Vec<(&'a str, &'static str)>,
     states: usize,
     algebraics: usize,
-    /// The element that reads this one and is nearest to an output; itself for an output.
+    /// The element that reads this one and is nearest to an output; itself for an output, the largest number for an input
+    /// that only the solver reads.
     reader: Vec<usize>,
     /// Readers up to the nearest output.
     distance: Vec<u32>,
@@ -160,6 +161,7 @@ impl<'a> Scene<'a> {
         let name = self.elements[at].0;
         match self.reader[at] {
             reader if reader == at => format!("`{name}` is an output"),
+            usize::MAX => format!("`{name}` is read by the solver's own equations"),
             reader => format!("`{name}` is read by `{}`", self.elements[reader].0),
         }
     }
@@ -169,7 +171,7 @@ impl<'a> Scene<'a> {
         // Models of many scalars ask for many chains, which may be long.
         let long = self.distance[at] as usize >= SHOWN_OF_CHAIN;
         let mut chain = vec![self.elements[at].0];
-        while self.reader[at] != at {
+        while ![at, usize::MAX].contains(&self.reader[at]) {
             at = self.reader[at];
             if long && chain.len() == SHOWN_OF_CHAIN / 2 {
                 chain.push("...");

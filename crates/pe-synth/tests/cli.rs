@@ -161,6 +161,18 @@ fn a_run_that_turns_non_finite_is_refused_with_state_and_time() {
 }
 
 #[test]
+fn a_list_of_steps_compiles_and_its_input_is_kept_for_the_solver() {
+    let home = folder("step_list");
+    let text = "model m\nsolver rodas3\nstep 1 ms until 20 ms, then 10 ms\nspan 200 ms\nstate x = 1\n\
+                x' = -5*x^2\noutput x\n";
+    fs::write(home.join("m.spec"), text).unwrap();
+    let output = compile(&home.join("m.spec"), &home.join("out"), &["--no-pictures"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let report = fs::read_to_string(home.join("out/report.json")).unwrap();
+    assert!(report.contains("`step_ratio` is read by the solver's own equations"), "{report}");
+}
+
+#[test]
 fn a_step_that_is_too_large_is_refused_unless_allowed() {
     let text = format!(
         "model m \"eight steps in a period\"\n{HEAD}state x = 1\nstate v = 0\nx' = 785*v\nv' = -785*x\noutput x\n"
