@@ -88,8 +88,7 @@ pub fn build(model: &Model) -> Result<StepGraph, Vec<Diagnostic>> {
 const TABLE_PRODUCTS: u32 = 7;
 
 /// Builds the step graph of a model with its own solver and step, in the form that is asked for or suits best.
-/// The model is lifted
-/// (see [`crate::lift`]).
+/// The model is lifted (see [`crate::lift`]).
 ///
 /// # Errors
 /// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have, `E0806`

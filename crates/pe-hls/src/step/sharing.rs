@@ -44,7 +44,8 @@ fn polynomial_of<'a>(
 /// Above this product of terms and readers inlining is not even priced: it would cost more than it could save.
 const PRICING_LIMIT: usize = 4096;
 
-/// Inlines an algebraic equation of a lifted model unless it is a function, or sharing it costs fewer products. Ties are inlined: no transfer, no waiting.
+/// Inlines an algebraic equation of a lifted model unless it is a function, or sharing it costs fewer products. Ties are
+/// inlined: no transfer, no waiting.
 ///
 /// # Errors
 /// `E0801` for an equation with too many monomials.
