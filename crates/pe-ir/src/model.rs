@@ -120,7 +120,8 @@ pub struct Phase {
     pub ratio: f64,
 }
 
-/// Name of the input, with `_` behind it where that is taken, that says what the step is divided by, in models with a list of steps.
+/// Name of the input that says what the step is divided by, in models with a list of steps; with `_` behind it where
+/// that is taken.
 pub const STEP_RATIO: &str = "step_ratio";
 
 /// Most steps over a span; a run of more would never end.

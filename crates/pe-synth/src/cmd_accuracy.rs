@@ -110,7 +110,7 @@ impl Accuracy {
             let time = indicatif::HumanDuration(std::time::Duration::from_secs_f64(seconds.max(1.0)));
             console::err(&format!("  accuracy  {title}: {points} points, about {time}\n"));
         }
-        let driver = Driver::new(threads)?;
+        let driver = Driver::new(Self::NAME, threads)?;
         driver.round(&mut record, sweep(), quiet)?;
         if let Some(limit) = self.max_error {
             let mut search = Search::new(model, &self.mapping, &self.lists, &plan, limit);

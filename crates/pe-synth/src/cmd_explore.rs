@@ -107,7 +107,7 @@ impl Explore {
         }
         let (options, mapping) = (self.model.clone(), self.mapping.clone());
         let sweep = Sweep { loaded, options, mapping, conserved: Vec::new(), within: None, clock, estimate };
-        Driver::new(threads)?.round(&mut record, sweep, quiet)?;
+        Driver::new(Self::NAME, threads)?.round(&mut record, sweep, quiet)?;
         let sheet = record.sheet();
         if !quiet {
             let page = record.target.join("index.html");

@@ -27,12 +27,12 @@ const SPAN_ROUNDING: f64 = 1e-6;
 
 /// Whether the span is a whole number of steps; a warning if not.
 pub fn of_span(model: &Model) -> Option<Diagnostic> {
-    let steps = model.span / model.step;
-    let over = steps - libm::round(steps);
+    let end = model.time(model.steps(), 0.0);
+    let over = (model.span - end) / model.step;
+    let steps = model.steps() as f64 + over;
     if over.abs() <= SPAN_ROUNDING * steps.clamp(1.0, 1e3) {
         return None;
     }
-    let end = model.time(model.steps(), 0.0);
     let message =
         format!("the span of {} s is {steps:.3} steps of {:e} s; it was judged to t = {end} s", model.span, model.step);
     let help = format!("take `--span {end}`, or `--step {}/{}`", model.span, libm::ceil(steps));

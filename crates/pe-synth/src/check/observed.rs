@@ -2,7 +2,7 @@
 //! sensitivity to the last bit.
 
 use pe_ir::graph::{FixedPoint, StepGraph};
-use pe_ir::model::Model;
+use pe_ir::model::{Model, Variable};
 use pe_sim::double::DoubleRun;
 use pe_sim::linear::{Linearised, is_affine};
 use pe_sim::spectrum::{eigenvalues, outer_eigenvalues};
@@ -58,10 +58,15 @@ pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted:
     let weight = 1.0 / points.len() as f64;
     for point in &points {
         let (time, at) = (trusted.times[*point], trusted.at(*point));
-        let linear = Linearised::at(model, at, &model.sample_inputs(time));
+        let inputs = model.sample_inputs(time);
+        let linear = Linearised::at(model, at, &inputs);
+        let step = match model.step_ratio() {
+            Some(Variable::Input(ratio)) => model.step / inputs[ratio as usize],
+            _ => model.step,
+        };
         for (state, dead) in found.iter_mut().enumerate() {
             largest[state] = largest[state].max(at[state].abs());
-            let increment = (model.step * linear.derivatives[state]).abs();
+            let increment = (step * linear.derivatives[state]).abs();
             let lsb = libm::scalbn(1.0, fixed.exponents[graph.states[state].0.index()]);
             if increment > 0.0 && increment < lsb {
                 dead.part += weight;

@@ -110,17 +110,26 @@ impl<'a> Trials<'a> {
         (span < self.end).then_some(span)
     }
 
-    /// Runs a step.
+    /// Whole steps of a variant up to where the solution is known.
+    fn steps(&self, variant: &Model) -> u64 {
+        if variant.phases.is_empty() {
+            return (self.end / variant.step) as u64;
+        }
+        Model { span: self.end, ..variant.clone() }.steps()
+    }
+
+    /// Runs a step; with a list of steps the last of them, the others in their ratios to it.
     pub fn run(&self, solver: Solver, step: f64) -> Outcome {
         let Some((model, graph)) = self.variant(solver, step) else { return Outcome::Impossible };
-        let steps = ((self.end / step) as u64).min(affordable(&graph));
-        if steps < FEWEST_STEPS.min((self.end / step) as u64).max(1) {
+        let whole = self.steps(&model);
+        let steps = whole.min(affordable(&graph));
+        if steps < FEWEST_STEPS.min(whole).max(1) {
             return Outcome::Impossible;
         }
         let mut run = DoubleRun::new(&graph);
         let stride = steps.div_ceil(LOOKS);
         for done in 1..=steps {
-            let time = (done - 1) as f64 * step;
+            let time = model.time(done - 1, 0.0);
             let finite = run.step(&model.sample_inputs(time)).is_ok();
             let looks = done % stride == 0 || done == steps;
             let inside = |index| (self.low[index]..=self.high[index]).contains(&run.state(index));

@@ -20,22 +20,24 @@ const TICKS_PER_SECOND: f64 = 1000.0;
 
 /// The threads of a sweep, which may have several rounds.
 pub struct Driver {
+    /// The command, for the progress bar.
+    name: &'static str,
     pool: std::sync::Arc<rayon::ThreadPool>,
     sender: Sender<Event>,
     events: Receiver<Event>,
 }
 
 impl Driver {
-    /// Threads; by default one for every core. From here on Ctrl-C ends sweeps, not the process.
+    /// Threads of a command. From here on Ctrl-C ends sweeps, not the process.
     ///
     /// # Errors
     /// If threads cannot be started or signals not be watched.
-    pub fn new(threads: usize) -> Result<Driver, Failure> {
+    pub fn new(name: &'static str, threads: usize) -> Result<Driver, Failure> {
         let (sender, events) = channel();
         watch_signals(sender.clone())?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.map_err(|error| Failure::File(format!("cannot start {threads} threads: {error}")))?;
-        Ok(Driver { pool: pool.into(), sender, events })
+        Ok(Driver { name, pool: pool.into(), sender, events })
     }
 
     /// Number of threads that were asked for, or of cores.
@@ -51,7 +53,7 @@ impl Driver {
     pub fn round(&self, record: &mut Record, sweep: Sweep, quiet: bool) -> Result<(), Failure> {
         let jobs = record.pending();
         let seconds = sweep.estimate.total(&sweep::families(jobs.clone(), sweep::has_functions(&sweep.loaded.model)));
-        let bar = if quiet { ProgressBar::hidden() } else { progress_bar(seconds) };
+        let bar = if quiet { ProgressBar::hidden() } else { progress_bar(self.name, seconds) };
         let (pool, sender) = (std::sync::Arc::clone(&self.pool), self.sender.clone());
         std::thread::spawn(move || {
             sweep::run(&sweep, jobs, &pool, &sender);
@@ -81,9 +83,9 @@ fn watch_signals(sender: Sender<Event>) -> Result<(), Failure> {
 }
 
 /// A bar for all the work; invisible when standard error is no terminal.
-fn progress_bar(seconds: f64) -> ProgressBar {
-    let style = ProgressStyle::with_template("   explore  {bar:40} {msg}, {eta} left").expect("a valid template");
-    ProgressBar::new((seconds * TICKS_PER_SECOND) as u64).with_style(style)
+fn progress_bar(name: &'static str, seconds: f64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{prefix:>10}  {bar:40} {msg}, {eta} left").expect("a valid template");
+    ProgressBar::new((seconds * TICKS_PER_SECOND) as u64).with_style(style).with_prefix(name)
 }
 
 /// A sweep fails if no point succeeded, or if one met an error of the compiler itself.

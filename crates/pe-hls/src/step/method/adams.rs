@@ -1,7 +1,8 @@
 //! Adams-Bashforth methods: `y+ = y + h (b_1 f_n + b_2 f_{n-1} + ..)`.
 //!
-//! The slopes before the first step are those of the solution backwards in time, computed here with classic Runge-Kutta in double
-//! precision. Inputs that jump later find slopes from before the jump: there the method loses its order for a few steps.
+//! The slopes before the first step are those of the solution backwards in time, computed here with classic Runge-Kutta
+//! in double precision. Inputs that jump later find slopes from before the jump: there the method loses its order for a
+//! few steps.
 
 use pe_ir::coefficients::adams;
 use pe_ir::model::{Expr, Model, Variable};

@@ -26,6 +26,13 @@ fn states(model: &Model) -> Vec<u32> {
     (0..model.states.len() as u32).collect()
 }
 
+/// Slopes of all states that several stages read, each computed once.
+fn kept(plan: &mut Plan, slopes: Vec<Expr>) -> Vec<Expr> {
+    let model = plan.model;
+    let name = |state: u32| format!("{}.slope", model.states[state as usize].name);
+    (0..).zip(slopes).map(|(state, slope)| of(plan.auxiliary(state, name(state), slope, true))).collect()
+}
+
 /// The matrix at a point whose slopes have been asked for.
 fn factors(plan: &mut Plan, point: &Point, scale: f64, matrix: u8) -> Result<Factors, Vec<Diagnostic>> {
     let jacobian = jacobian(plan, point);
@@ -103,14 +110,7 @@ pub fn rodas3(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
     let mut plan = Plan::new(model);
     let mut start = plan.start();
     let slopes = plan.slopes(&mut start, &states);
-    let first: Vec<Expr> = states
-        .iter()
-        .zip(scaled(half, &slopes))
-        .map(|(state, slope)| {
-            let name = format!("{}.slope", model.states[*state as usize].name);
-            of(plan.auxiliary(*state, name, slope, true))
-        })
-        .collect();
+    let first = kept(&mut plan, scaled(half, &slopes));
     let matrix = factors(&mut plan, &start, half, 1)?;
     let u1 = matrix.solve(&mut plan, first.clone(), "u1");
     let before = carried(&plan, scaled(2.0, &u1));
@@ -142,14 +142,7 @@ pub fn trapezoidal(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
         end(&mut plan, &point, e);
         return Ok(plan);
     }
-    let first: Vec<Expr> = states
-        .iter()
-        .zip(scaled(half, &slopes))
-        .map(|(state, slope)| {
-            let name = format!("{}.slope", model.states[*state as usize].name);
-            of(plan.auxiliary(*state, name, slope, true))
-        })
-        .collect();
+    let first = kept(&mut plan, scaled(half, &slopes));
     // The sum of the corrections so far; increments are added to the last point, exactly.
     let mut moves = matrix.solve(&mut plan, scaled(2.0, &first), "u1");
     let mut total = moves.clone();
