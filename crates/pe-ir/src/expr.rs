@@ -379,8 +379,28 @@ fn number_text(number: f64) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// One of each.
+    pub(crate) const FUNCTIONS: [Function; 16] = [
+        Function::Reciprocal,
+        Function::RealPower(-1.5),
+        Function::Sqrt,
+        Function::Exp,
+        Function::Log,
+        Function::Sin,
+        Function::Cos,
+        Function::Tan,
+        Function::Asin,
+        Function::Acos,
+        Function::Atan,
+        Function::Sinh,
+        Function::Cosh,
+        Function::Tanh,
+        Function::Abs,
+        Function::Sign,
+    ];
 
     const X: Variable = Variable::State(0);
 
@@ -390,25 +410,7 @@ mod tests {
 
     #[test]
     fn derivatives_agree_with_differences() {
-        let functions = [
-            Function::Reciprocal,
-            Function::RealPower(-1.5),
-            Function::Sqrt,
-            Function::Exp,
-            Function::Log,
-            Function::Sin,
-            Function::Cos,
-            Function::Tan,
-            Function::Asin,
-            Function::Acos,
-            Function::Atan,
-            Function::Sinh,
-            Function::Cosh,
-            Function::Tanh,
-            Function::Abs,
-            Function::Sign,
-        ];
-        for function in functions {
+        for function in FUNCTIONS {
             // f(x)^2 * x / 2, so that chain and product rule take part.
             let applied = Expr::Apply(function, Box::new(Expr::scaled(0.5, x())));
             let expr = Expr::product(vec![Expr::power(applied, 2), x()]);

@@ -77,6 +77,7 @@ impl Expr {
 mod tests {
     use super::*;
     use crate::expr::Select;
+    use crate::expr::tests::FUNCTIONS;
 
     #[test]
     fn the_gradient_is_what_the_derivatives_say() {
@@ -88,24 +89,7 @@ mod tests {
             Expr::power(Expr::sum(vec![x.clone(), Expr::product(vec![y.clone(), y.clone()])]), 4),
             Expr::Select(Box::new(choice)),
         ];
-        for function in [
-            Function::Reciprocal,
-            Function::RealPower(-1.5),
-            Function::Sqrt,
-            Function::Exp,
-            Function::Log,
-            Function::Sin,
-            Function::Cos,
-            Function::Tan,
-            Function::Asin,
-            Function::Acos,
-            Function::Atan,
-            Function::Sinh,
-            Function::Cosh,
-            Function::Tanh,
-            Function::Abs,
-            Function::Sign,
-        ] {
+        for function in FUNCTIONS {
             let inner = Expr::sum(vec![Expr::scaled(0.5, x.clone()), Expr::product(vec![x.clone(), y.clone()])]);
             exprs.push(Expr::product(vec![apply(function, &inner), y.clone()]));
         }

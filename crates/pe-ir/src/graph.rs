@@ -11,16 +11,7 @@ use crate::model::Model;
 use crate::source::Span;
 use crate::word::WordFormat;
 
-/// Index into [`StepGraph::values`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct ValueId(pub u32);
-
-impl ValueId {
-    /// As an index.
-    pub fn index(self) -> usize {
-        self.0 as usize
-    }
-}
+pub use crate::value::ValueId;
 
 /// How the stages of a step are arranged; see `docs/decisions/0001-number-path.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

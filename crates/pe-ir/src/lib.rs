@@ -1,7 +1,7 @@
 //! The data that the stages of pe-synth exchange, and the rules that belong to the data alone.
 //!
-//! Modules in pipeline order; each uses only those before it: [`source`], [`codes`], [`model`], [`word`], [`graph`],
-//! [`mapping`], [`schedule`], [`memory`], [`program`], [`verify`].
+//! Modules in pipeline order; each uses only those before it: [`source`], [`codes`], [`model`], [`coefficients`],
+//! [`place`], [`functions`], [`word`], [`graph`], [`mapping`], [`schedule`], [`memory`], [`program`], [`verify`].
 
 pub mod codes;
 pub mod coefficients;
@@ -13,11 +13,13 @@ pub mod graph;
 pub mod mapping;
 pub mod memory;
 pub mod model;
+pub mod place;
 pub mod program;
 pub mod schedule;
 mod solver;
 pub mod source;
 mod stability;
+mod value;
 pub mod verify;
 mod waveform;
 pub mod word;

@@ -4,6 +4,7 @@
 //! places near the solution. Others, such as an energy, are named by the user: outputs that shall stay constant.
 
 use pe_ir::model::{Model, Variable};
+use pe_ir::place::Place;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -46,38 +47,6 @@ pub struct Drift {
     /// Largest distance from its value at the start, relative to that value; for a sum to that of its terms'
     /// magnitudes. Absolute if that is zero.
     pub drift: f64,
-}
-
-/// Numbers of all variables of a model at a place.
-struct Place<'a> {
-    model: &'a Model,
-    states: &'a [f64],
-    inputs: &'a [f64],
-    algebraics: Vec<f64>,
-}
-
-impl<'a> Place<'a> {
-    fn new(model: &'a Model, states: &'a [f64], inputs: &'a [f64]) -> Place<'a> {
-        let mut place = Place { model, states, inputs, algebraics: Vec::with_capacity(model.algebraics.len()) };
-        for algebraic in &model.algebraics {
-            let number = algebraic.expr.evaluate(&|variable| place.number(variable));
-            place.algebraics.push(number);
-        }
-        place
-    }
-
-    fn number(&self, variable: Variable) -> f64 {
-        match variable {
-            Variable::State(index) => self.states[index as usize],
-            Variable::Input(index) => self.inputs[index as usize],
-            Variable::Algebraic(index) => self.algebraics[index as usize],
-        }
-    }
-
-    fn derivatives(&self) -> Vec<f64> {
-        let states = self.model.states.iter();
-        states.map(|state| state.derivative.evaluate(&|variable| self.number(variable))).collect()
-    }
 }
 
 impl Conserved {

@@ -308,3 +308,16 @@ fn compile_says_the_same_before_it_writes_anything() {
     let predicted = stability["predicted_step_s"].as_f64().expect("a limit");
     assert!((predicted - 2.785e-2).abs() < 1e-4 && stability["basis"] == "all eigenvalues", "{stability}");
 }
+
+#[test]
+fn a_list_of_steps_is_judged_by_its_own_times() {
+    let folder = Folder::new("check_list");
+    let statements = "input u = ramp(0, 1, 30 ms, 100 ms)\nstate x = 1\nx' = -20*x + 20*u\noutput x";
+    // 20 short steps, then 17 long ones; 4 ms more are 0.4 of one.
+    let answer = check(&folder, &spec("rodas3", "1 ms until 20 ms, then 10 ms", "190 ms", statements), &[]);
+    assert_eq!((answer.exit, answer.codes.as_slice()), (Some(0), [].as_slice()), "{}", answer.messages);
+    assert_eq!(answer.result["verdict"], "fine", "{}", answer.result);
+    let answer = check(&folder, &spec("rodas3", "1 ms until 20 ms, then 10 ms", "194 ms", statements), &[]);
+    assert_eq!(answer.codes, ["W0910"], "{}", answer.messages);
+    assert!(answer.messages.contains("37.4"), "{}", answer.messages);
+}

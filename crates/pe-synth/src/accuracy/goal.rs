@@ -171,22 +171,11 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::options::{Coefficients, FormChoice};
 
     fn row(time: f64, lut: f64, error: f64) -> Row {
         let area = json!({"lut": lut, "dsp": 0, "bram18": 0});
         let report = json!({"time_per_simulated_second_ms": time, "area": area, "error": {"total": error}});
-        let point = DesignPoint {
-            pes: None,
-            solver: None,
-            step: None,
-            form: FormChoice::Auto,
-            coefficients: Coefficients::OneSlot,
-            storage: 32,
-            multiplier: (32, 32),
-        };
-        let outcome = Outcome::Compiled(Figures { report: report.as_object().unwrap().clone(), warnings: vec![] });
-        Row { point, command: String::new(), outcome }
+        Row::compiled(&report)
     }
 
     #[test]

@@ -52,24 +52,12 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::explore::row::Outcome;
-    use crate::options::{Coefficients, DesignPoint, FormChoice};
 
     /// Rows with these run times and total errors.
     fn rows(figures: &[(f64, Option<f64>)]) -> Vec<Row> {
         let row = |(time, total): &(f64, Option<f64>)| {
             let report = json!({"time_per_simulated_second_ms": time, "error": {"total": total}});
-            let point = DesignPoint {
-                pes: None,
-                solver: None,
-                step: None,
-                form: FormChoice::Auto,
-                coefficients: Coefficients::OneSlot,
-                storage: 32,
-                multiplier: (32, 32),
-            };
-            let outcome = Outcome::Compiled(Figures { report: report.as_object().unwrap().clone(), warnings: vec![] });
-            Row { point, command: String::new(), outcome }
+            Row::compiled(&report)
         };
         figures.iter().map(row).collect()
     }

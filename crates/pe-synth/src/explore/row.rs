@@ -138,6 +138,23 @@ impl Figures {
 }
 
 impl Row {
+    /// A row of tests: some point with these keys of a report.
+    #[cfg(test)]
+    pub(crate) fn compiled(report: &Value) -> Row {
+        use crate::options::{Coefficients, FormChoice};
+        let point = DesignPoint {
+            pes: None,
+            solver: None,
+            step: None,
+            form: FormChoice::Auto,
+            coefficients: Coefficients::OneSlot,
+            storage: 32,
+            multiplier: (32, 32),
+        };
+        let report = report.as_object().expect("an object").clone();
+        Row { point, command: String::new(), outcome: Outcome::Compiled(Figures { report, warnings: Vec::new() }) }
+    }
+
     /// The figures of a compiled point.
     pub fn figures(&self) -> Option<&Figures> {
         match &self.outcome {

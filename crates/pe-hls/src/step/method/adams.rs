@@ -6,6 +6,7 @@
 
 use pe_ir::coefficients::adams;
 use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::place::Place;
 
 use crate::step::plan::{Plan, times};
 
@@ -49,7 +50,7 @@ pub fn plan(model: &Model) -> Plan<'_> {
 /// Derivatives of all states at the times `-h`, `-2h`, .., as many as asked for, with the inputs of time zero.
 fn slopes_before(model: &Model, count: usize) -> Vec<Vec<f64>> {
     let inputs = model.sample_inputs(0.0);
-    let slope = |states: &[f64]| derivatives(model, states, &inputs);
+    let slope = |states: &[f64]| Place::new(model, states, &inputs).derivatives();
     let h = -model.step / f64::from(SUBSTEPS);
     let moved = |states: &[f64], slope: &[f64], by: f64| -> Vec<f64> {
         states.iter().zip(slope).map(|(state, slope)| state + by * slope).collect()
@@ -68,20 +69,4 @@ fn slopes_before(model: &Model, count: usize) -> Vec<Vec<f64>> {
         slopes.push(slope(&states));
     }
     slopes
-}
-
-/// The right-hand side in double precision.
-fn derivatives(model: &Model, states: &[f64], inputs: &[f64]) -> Vec<f64> {
-    let mut algebraics: Vec<f64> = Vec::with_capacity(model.algebraics.len());
-    let value = |expr: &Expr, algebraics: &[f64]| {
-        expr.evaluate(&|variable| match variable {
-            Variable::State(state) => states[state as usize],
-            Variable::Input(input) => inputs[input as usize],
-            Variable::Algebraic(algebraic) => algebraics[algebraic as usize],
-        })
-    };
-    for algebraic in &model.algebraics {
-        algebraics.push(value(&algebraic.expr, &algebraics));
-    }
-    model.states.iter().map(|state| value(&state.derivative, &algebraics)).collect()
 }

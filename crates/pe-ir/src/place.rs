@@ -1,0 +1,39 @@
+//! A model evaluated at some values of its states and inputs.
+
+use crate::model::{Model, Variable};
+
+/// Numbers of all variables of a model at a place.
+#[derive(Clone, Debug)]
+pub struct Place<'a> {
+    model: &'a Model,
+    states: &'a [f64],
+    inputs: &'a [f64],
+    algebraics: Vec<f64>,
+}
+
+impl<'a> Place<'a> {
+    /// The place with these states and inputs, a number for each of the model's.
+    pub fn new(model: &'a Model, states: &'a [f64], inputs: &'a [f64]) -> Place<'a> {
+        let mut place = Place { model, states, inputs, algebraics: Vec::with_capacity(model.algebraics.len()) };
+        for algebraic in &model.algebraics {
+            let number = algebraic.expr.evaluate(&|variable| place.number(variable));
+            place.algebraics.push(number);
+        }
+        place
+    }
+
+    /// The number of a variable.
+    pub fn number(&self, variable: Variable) -> f64 {
+        match variable {
+            Variable::State(index) => self.states[index as usize],
+            Variable::Input(index) => self.inputs[index as usize],
+            Variable::Algebraic(index) => self.algebraics[index as usize],
+        }
+    }
+
+    /// The derivative of each state, in its unit per second.
+    pub fn derivatives(&self) -> Vec<f64> {
+        let states = self.model.states.iter();
+        states.map(|state| state.derivative.evaluate(&|variable| self.number(variable))).collect()
+    }
+}
