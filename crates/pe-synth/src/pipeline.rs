@@ -31,6 +31,9 @@ use crate::tables;
 /// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
 const DEFAULT_SLOTS_PER_PE: u64 = 200;
 
+/// Stages that take as long as the span is.
+const RUNS: [&str; 6] = ["choose", "functions", "slots", "runs", "stability", "reference"];
+
 /// Time between two pictures of the spinner of a stage.
 const SPINNER_TICK: Duration = Duration::from_millis(200);
 
@@ -130,10 +133,19 @@ impl Stopwatch {
         Stopwatch { stages: Vec::new(), start: Instant::now(), quiet }
     }
 
-    /// Seconds since the beginning, without those of the runs over the span.
+    /// Seconds since the beginning, without those of stages that run over the span.
     pub fn seconds_without_runs(&self) -> f64 {
-        let runs: f64 = self.stages.iter().filter(|time| time.stage == "runs").map(|time| time.seconds).sum();
-        self.start.elapsed().as_secs_f64() - runs
+        self.start.elapsed().as_secs_f64() - self.runs().map(|time| time.seconds).sum::<f64>()
+    }
+
+    /// The same in processor time, where the system tells.
+    pub fn processor_seconds_without_runs(&self) -> Option<f64> {
+        let runs: Option<f64> = self.runs().map(|time| time.processor_seconds).sum();
+        processor_seconds().zip(runs).map(|(all, runs)| all - runs)
+    }
+
+    fn runs(&self) -> impl Iterator<Item = &StageTime> {
+        self.stages.iter().filter(|time| RUNS.contains(&time.stage))
     }
 
     /// A bar for a long stage; invisible when quiet or when standard error is no terminal.

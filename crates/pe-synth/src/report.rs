@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::area::Area;
 use crate::bottleneck::Bottleneck;
 use crate::conserved::Drift;
-use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name, processor_seconds};
+use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name};
 use crate::total::TotalError;
 use crate::variables::{self, Variable};
 use crate::{features, scene, tables};
@@ -273,13 +273,11 @@ pub fn timing(watch: &Stopwatch, design: &Design) -> Value {
     let map = |of: &dyn Fn(&StageTime) -> Value| -> serde_json::Map<String, Value> {
         watch.stages.iter().map(|time| (time.stage.to_owned(), of(time))).collect()
     };
-    let processor_of_runs = watch.stages.iter().find(|time| time.stage == "runs").map(|time| time.processor_seconds);
-    let processor_without_runs = processor_seconds().zip(processor_of_runs.flatten()).map(|(all, runs)| all - runs);
     json!({
         "seconds": map(&|time| json!(time.seconds)),
         "seconds_without_runs": watch.seconds_without_runs(),
         "processor_seconds": map(&|time| json!(time.processor_seconds)),
-        "processor_seconds_without_runs": processor_without_runs,
+        "processor_seconds_without_runs": watch.processor_seconds_without_runs(),
         "double_ns_per_mac": design.judged.ns_per_mac.0,
         "fixed_ns_per_mac": design.judged.ns_per_mac.1,
         "peak_memory_mb": peak_memory_mb(),
