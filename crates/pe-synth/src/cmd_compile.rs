@@ -27,7 +27,7 @@ use crate::variables::{self, variables};
 /// Lines of the reference trace that is written with a design, roughly.
 const TRACE_LINES: u64 = 120_000;
 
-/// States up to which a compilation explains its step by eigenvalues and trials, which then takes below a second.
+/// States up to which a compilation explains its step by eigenvalues and trials: that takes about a second then.
 const JUDGED_STATES: usize = 500;
 
 /// Compiles a model to VHDL, test bench, Rust reference, reference trace and report
