@@ -15,13 +15,17 @@ use crate::failure::{Failure, MessageFormat};
 #[command(after_help = "\
 Examples:
   pe-synth verify out/weibel5
-  pe-synth verify out/weibel11 --steps 2")]
+  pe-synth verify out/weibel11 --steps 2
+  pe-synth verify out/weibel11 --steps 100 --engines verilator")]
 pub struct Verify {
     /// Folder that `compile` wrote
     folder: PathBuf,
     /// Steps to run from each start [default: as many as the reference trace has]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
+    /// Engines to compare with the simulator, in this order
+    #[arg(long, value_name = "NAME", value_enum, value_delimiter = ',', default_value = "reference,ghdl")]
+    engines: Vec<Engine>,
     /// Also runs the synthesised netlist in Verilator
     #[arg(long)]
     verilator: bool,
@@ -82,8 +86,8 @@ impl Verify {
     fn compare(&self, design: &str, start: &Start, scratch: &Scratch, steps: u64) -> Result<(), Failure> {
         let expected = simulate(&start.program, &start.stimulus, steps);
         let writes = start.program.writes_per_step() * steps;
-        let mut engines = vec![Engine::Reference, Engine::Ghdl];
-        if self.verilator {
+        let mut engines = self.engines.clone();
+        if self.verilator && !engines.contains(&Engine::Verilator) {
             engines.push(Engine::Verilator);
         }
         for engine in engines {

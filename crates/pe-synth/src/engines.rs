@@ -27,7 +27,7 @@ pub struct Run {
 }
 
 /// An engine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Engine {
     /// The generated Rust program, built with `rustc`.
     Reference,

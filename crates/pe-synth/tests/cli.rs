@@ -278,6 +278,12 @@ fn verify_without_its_tools_names_the_package_and_exits_with_5() {
     let output = pe_synth().arg("verify").arg(&target).env("PATH", &empty).output().unwrap();
     assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
     assert!(stderr(&output).contains("apt-get install ghdl"), "{}", stderr(&output));
+    // Asked for alone, the reference needs no GHDL.
+    let verify = ["verify", "--engines", "reference", "--steps", "5"];
+    let output = pe_synth().args(verify).arg(&target).env("PATH", &empty).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(text.matches("Rust reference = simulator").count(), 2, "{text}");
 }
 
 #[test]
