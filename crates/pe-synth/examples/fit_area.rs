@@ -8,13 +8,12 @@
 //! Terms that the measured PEs do not tell apart stay near what a count of the circuit says, a table or flip-flop per
 //! unit: a deviation from it costs as a residual does, times [`PULL`].
 
-#![allow(clippy::needless_range_loop, reason = "rows and columns of matrices have indices")]
-
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
+use nalgebra::{SMatrix, SVector};
 use pe_synth::area::{self, ENOUGH, FF_TERMS, LUT_TERMS, MeasuredShape, RARE_ERROR, TRAITS};
 
 /// Weight of a coefficient's squared distance from its count, against squared relative residuals.
@@ -26,36 +25,17 @@ const FF_COUNTS: [f64; FF_TERMS.len()] = [1.0, 1.0, 1.0, 1.0, 1.0, 2.0];
 
 /// Coefficients of the terms, and the root mean square of the relative residuals.
 fn fit<const N: usize>(rows: &[([f64; N], f64)], counts: &[f64; N]) -> ([f64; N], f64) {
-    // Normal equations.
-    let mut matrix = [[0.0; N]; N];
-    let mut right = [0.0; N];
+    // Normal equations; the pull makes them positive definite.
+    let mut matrix = SMatrix::<f64, N, N>::identity() * PULL;
+    let mut right = SVector::from(*counts) * PULL;
     for (terms, measured) in rows {
-        for i in 0..N {
-            right[i] += terms[i] / measured;
-            for j in 0..N {
-                matrix[i][j] += terms[i] * terms[j] / (measured * measured);
-            }
-        }
+        let relative = SVector::from(*terms) / *measured;
+        matrix += relative * relative.transpose();
+        right += relative;
     }
-    for i in 0..N {
-        matrix[i][i] += PULL;
-        right[i] += PULL * counts[i];
-    }
-    for column in 0..N {
-        for row in column + 1..N {
-            let factor = matrix[row][column] / matrix[column][column];
-            for j in column..N {
-                matrix[row][j] -= factor * matrix[column][j];
-            }
-            right[row] -= factor * right[column];
-        }
-    }
-    let mut coefficients = [0.0; N];
-    for row in (0..N).rev() {
-        let known: f64 = (row + 1..N).map(|j| matrix[row][j] * coefficients[j]).sum();
-        // Three decimals are more than the figures bear.
-        coefficients[row] = ((right[row] - known) / matrix[row][row] * 1e3).round() / 1e3;
-    }
+    let solution = matrix.cholesky().expect("positive definite").solve(&right);
+    // Three decimals are more than the figures bear.
+    let coefficients: [f64; N] = solution.map(|number| (number * 1e3).round() / 1e3).into();
     let squares: f64 = rows.iter().map(|row| residual(row, &coefficients).powi(2)).sum();
     (coefficients, (squares / rows.len() as f64).sqrt())
 }

@@ -3,6 +3,7 @@
 //! Linear invariants, such as a sum of concentrations, are found: the left null space of the derivatives at random
 //! places near the solution. Others, such as an energy, are named by the user: outputs that shall stay constant.
 
+use nalgebra::DMatrix;
 use pe_ir::model::{Model, Variable};
 use pe_ir::place::Place;
 use rand::{RngExt, SeedableRng};
@@ -84,9 +85,8 @@ impl Conserved {
         if places.iter().flatten().any(|number| !number.is_finite()) {
             return Vec::new();
         }
-        let mut rows = Rows::new(count, &places);
-        rows.eliminate();
-        let conserved = rows.null_space().into_iter().filter(|weights| {
+        let vectors = null_space(count, &places);
+        let conserved = vectors.into_iter().filter(|weights| {
             let parts = weights.iter().map(|(state, weight)| weight * fresh[*state]);
             let (sum, all) = parts.fold((0.0, 0.0), |(sum, all), part| (sum + part, all + part.abs()));
             sum.abs() <= ROUNDING * all
@@ -126,96 +126,59 @@ fn near(random: &mut ChaCha8Rng, initial: f64, scale: f64) -> f64 {
     size * random.random_range(0.1..1.0) * if initial < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// Derivatives at many places, a row for each state, beside the combination of states that each row has become.
-struct Rows {
-    rows: Vec<Vec<f64>>,
-    combinations: Vec<Vec<f64>>,
-    /// Rows without anything left.
-    empty: Vec<usize>,
-}
-
-impl Rows {
-    /// Rows of states that never change are left out: they say nothing about a run.
-    fn new(count: usize, places: &[Vec<f64>]) -> Rows {
-        let mut rows = Rows { rows: Vec::new(), combinations: Vec::new(), empty: Vec::new() };
-        for state in 0..count {
-            let row: Vec<f64> = places.iter().map(|place| place[state]).collect();
-            let largest = row.iter().fold(0.0f64, |most, number| most.max(number.abs()));
-            if largest > 0.0 {
-                // Every row has the same size, so that what is left of it can be told from rounding.
-                rows.rows.push(row.iter().map(|number| number / largest).collect());
-                let mut combination = vec![0.0; count];
-                combination[state] = 1.0 / largest;
-                rows.combinations.push(combination);
-            }
-        }
-        rows
+/// Weights of sums of states whose derivatives cancel at all places: the null space of the matrix of derivatives, reduced
+/// so that each sum begins with a state that the others lack.
+///
+/// States that never change are left out: they say nothing about a run.
+fn null_space(count: usize, places: &[Vec<f64>]) -> Vec<Vec<(usize, f64)>> {
+    let largest = |state: usize| places.iter().fold(0.0f64, |most, place| most.max(place[state].abs()));
+    // Every column has the same size, so that what cancels can be told from rounding.
+    let moving: Vec<(usize, f64)> =
+        (0..count).map(|state| (state, largest(state))).filter(|(_, largest)| *largest > 0.0).collect();
+    if moving.is_empty() {
+        return Vec::new();
     }
-
-    /// Gaussian elimination with the largest number as pivot.
-    fn eliminate(&mut self) {
-        let mut open: Vec<usize> = (0..self.rows.len()).collect();
-        while !open.is_empty() {
-            let entries = open.iter().flat_map(|row| self.rows[*row].iter().enumerate().map(move |e| (*row, e)));
-            let best =
-                entries.fold(
-                    (0, 0, 0.0f64),
-                    |best, (row, (column, number))| {
-                        if number.abs() > best.2 { (row, column, number.abs()) } else { best }
-                    },
-                );
-            let (pivot_row, column, size) = best;
-            if size <= ROUNDING {
-                break;
-            }
-            open.retain(|row| *row != pivot_row);
-            let (pivot, combination) = (self.rows[pivot_row].clone(), self.combinations[pivot_row].clone());
-            for row in &open {
-                let factor = self.rows[*row][column] / pivot[column];
-                subtract(&mut self.rows[*row], factor, &pivot);
-                subtract(&mut self.combinations[*row], factor, &combination);
-            }
-        }
-        self.empty = open;
-    }
-
-    /// The combinations that vanish, reduced so that each begins with a state that the others lack.
-    fn null_space(&self) -> Vec<Vec<(usize, f64)>> {
-        let mut vectors: Vec<Vec<f64>> = self.empty.iter().map(|row| self.combinations[*row].clone()).collect();
-        let columns = vectors.first().map_or(0, Vec::len);
-        let mut done = 0;
-        for column in 0..columns {
-            let size = |vector: &[f64]| vector.iter().fold(0.0f64, |most, number| most.max(number.abs()));
-            let usable = |index: &usize| vectors[*index][column].abs() > 1e-6 * size(&vectors[*index]);
-            let Some(found) = (done..vectors.len()).find(usable) else { continue };
-            vectors.swap(done, found);
-            let pivot = vectors[done].clone();
-            let scaled: Vec<f64> = pivot.iter().map(|number| number / pivot[column]).collect();
-            for (index, vector) in vectors.iter_mut().enumerate() {
-                let factor = vector[column];
-                if index != done {
-                    subtract(vector, factor, &scaled);
-                }
-            }
-            vectors[done] = scaled;
-            done += 1;
-        }
-        let weights = |vector: Vec<f64>| {
-            let largest = vector.iter().fold(0.0f64, |most, number| most.max(number.abs()));
-            // Weights of models are mostly whole numbers; the elimination leaves them off by rounding.
-            let clean = |number: f64| {
-                let rounded = libm::round(number);
-                if (number - rounded).abs() <= 1e-9 * largest.max(1.0) { rounded } else { number }
-            };
-            let entries = vector.into_iter().map(clean).enumerate();
-            entries.filter(|(_, weight)| weight.abs() > 1e-9 * largest).collect()
+    let derivatives = DMatrix::from_fn(places.len(), moving.len(), |place, column| {
+        let (state, largest) = moving[column];
+        places[place][state] / largest
+    });
+    let decomposed = derivatives.svd(false, true);
+    let directions = decomposed.v_t.expect("it was asked for");
+    let still: Vec<usize> =
+        (0..moving.len()).filter(|row| decomposed.singular_values[*row] <= ROUNDING * moving.len() as f64).collect();
+    let mut basis =
+        DMatrix::from_fn(still.len(), moving.len(), |row, column| directions[(still[row], column)] / moving[column].1);
+    let rank = reduce(&mut basis);
+    let weights = |row: usize| {
+        let largest = basis.row(row).amax();
+        // Weights of models are mostly whole numbers; the reduction leaves them off by rounding.
+        let clean = |number: f64| {
+            let rounded = libm::round(number);
+            if (number - rounded).abs() <= 1e-9 * largest.max(1.0) { rounded } else { number }
         };
-        vectors.into_iter().take(done).map(weights).collect()
-    }
+        let entries = basis.row(row).into_iter().zip(&moving).map(|(number, (state, _))| (*state, clean(*number)));
+        entries.filter(|(_, weight)| weight.abs() > 1e-9 * largest).collect()
+    };
+    (0..rank).map(weights).collect()
 }
 
-fn subtract(from: &mut [f64], factor: f64, what: &[f64]) {
-    from.iter_mut().zip(what).for_each(|(number, other)| *number -= factor * other);
+/// Gauss and Jordan's reduction of rows: the leading entry of each is 1 and the only one in its column. Returns the rank.
+fn reduce(rows: &mut DMatrix<f64>) -> usize {
+    let mut done = 0;
+    for column in 0..rows.ncols() {
+        let usable = |row: &usize| rows[(*row, column)].abs() > 1e-6 * rows.row(*row).amax();
+        let Some(found) = (done..rows.nrows()).find(usable) else { continue };
+        rows.swap_rows(done, found);
+        let pivot = rows[(done, column)];
+        rows.row_mut(done).unscale_mut(pivot);
+        let leading = rows.row(done).into_owned();
+        for row in (0..rows.nrows()).filter(|row| *row != done) {
+            let factor = rows[(row, column)];
+            rows.row_mut(row).zip_apply(&leading, |number, other| *number -= factor * other);
+        }
+        done += 1;
+    }
+    done
 }
 
 /// A sum as a person writes it; the middle of a long one is left out.

@@ -1,7 +1,7 @@
 //! Written by `cargo run -p pe-synth --example fit_area`; do not edit.
 
 /// Look-up tables per unit of each of `LUT_TERMS`.
-pub const LUT: [f64; 8] = [0.99, 0.998, 1.064, 0.972, 4.001, 1.999, 0.837, 16.001];
+pub const LUT: [f64; 8] = [0.99, 0.997, 1.064, 0.972, 4.001, 1.999, 0.837, 16.001];
 
 /// Root mean square of the relative residuals of look-up tables.
 pub const LUT_DEVIATION: f64 = 0.0197;
