@@ -6,8 +6,11 @@
 //! difference amplifies. So the roundings of a chain are chosen together: least squares over sampled operands, a
 //! closest-vector search by coordinate descent from the nearest roundings. No coefficient moves by more than
 //! [`REACH`] units, so the gain outside the samples' directions is bounded.
+//!
+//! The stages of a Runge-Kutta step round the same coefficients differently. [`Aim::Step`] has the last stage make good,
+//! to first order in the step, what the earlier ones have rounded away.
 
-use pe_ir::graph::{Factor, FixedPoint, StepGraph};
+use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term};
 
 /// Largest distance of a rounded coefficient from the exact one, in units of the product point.
 pub const REACH: i64 = 2;
@@ -64,49 +67,169 @@ impl Moments {
     }
 }
 
-/// Improves the roundings of all chains in place.
-pub fn improve(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments) {
-    for chain in 0..graph.chains.len() {
-        if graph.chains[chain].terms.len() <= MAX_TERMS {
-            improve_chain(graph, fixed, moments, chain);
+/// What roundings cancel in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aim {
+    /// Each chain.
+    Chain,
+    /// The sum of a state's increments over the stages.
+    Step,
+}
+
+impl Aim {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Aim::Chain => "chain",
+            Aim::Step => "step",
         }
     }
 }
 
-fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, chain: usize) {
+/// Improves the roundings of all chains in place.
+pub fn improve(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, aim: Aim) {
+    let mut earlier = match aim {
+        Aim::Chain => Vec::new(),
+        Aim::Step => earlier_stages(graph),
+    };
+    // Chains of earlier stages come first.
+    earlier.resize_with(graph.chains.len(), Vec::new);
+    for (chain, earlier) in earlier.iter().enumerate() {
+        if graph.chains[chain].terms.len() <= MAX_TERMS {
+            improve_chain(graph, fixed, moments, chain, earlier);
+        }
+    }
+}
+
+/// Whether the two aims differ for a graph.
+pub fn can_balance(graph: &StepGraph) -> bool {
+    earlier_stages(graph).iter().any(|earlier| !earlier.is_empty())
+}
+
+/// For each chain of a last stage the chains that compute the same in earlier stages, with the weights at which those
+/// stages' increments enter the state; nothing for other chains.
+fn earlier_stages(graph: &StepGraph) -> Vec<Vec<(f64, usize)>> {
+    let mut earlier = vec![Vec::new(); graph.chains.len()];
+    if graph.form != StageForm::Increments {
+        return earlier;
+    }
+    let mut own = vec![Vec::new(); graph.equations.len()];
+    for (index, chain) in graph.chains.iter().enumerate() {
+        own[chain.equation as usize].push(index);
+    }
+    let producers = graph.producers();
+    let role = |chain: &usize| graph.value(graph.chains[*chain].write.value).role;
+    for chains in own {
+        // A stage is its inner factors and what it writes at the end.
+        let stages: Vec<&[usize]> =
+            chains.split_inclusive(|chain| matches!(role(chain), Role::Stage(..) | Role::Next(_))).collect();
+        let Some((last, stages)) = stages.split_last() else { continue };
+        if !last.last().is_some_and(|chain| matches!(role(chain), Role::Next(_)))
+            || stages.iter().any(|stage| stage.len() != last.len())
+        {
+            continue;
+        }
+        let weights = increments(graph, &producers, &graph.chains[last[last.len() - 1]]);
+        for (place, chain) in last.iter().enumerate() {
+            let alike = stages.iter().filter_map(|stage| {
+                let (_, weight) = weights.iter().find(|(chain, _)| *chain == stage[stage.len() - 1])?;
+                Some((*weight, stage[place]))
+            });
+            earlier[*chain] = alike.collect();
+        }
+    }
+    earlier
+}
+
+/// The chains whose increments a chain adds up through running sums, with their weights.
+fn increments(graph: &StepGraph, producers: &[u32], chain: &Chain) -> Vec<(usize, f64)> {
+    let mut found = Vec::new();
+    for term in graph.chain_terms(chain) {
+        let Factor::Coefficient(share) = term.factor else { continue };
+        let mut sum = Some(term.operand);
+        while let Some(value) = sum.filter(|value| matches!(graph.value(*value).role, Role::Sum(..))) {
+            let producer = producers[value.index()] as usize;
+            let mut writes = graph.chains[producer].writes();
+            let write = writes.find(|write| write.value == value).expect("it produces the value");
+            found.push((producer, libm::scalbn(share, write.weight)));
+            sum = write.base;
+        }
+    }
+    found
+}
+
+/// How much larger a coefficient is than its exact value.
+fn rounded_by(graph: &StepGraph, fixed: &FixedPoint, chain: usize, position: usize) -> f64 {
+    let index = graph.chains[chain].terms.start as usize + position;
+    match graph.terms[index].factor {
+        Factor::Coefficient(exact) => {
+            let operand = operand_exponent(fixed, &graph.terms[index]);
+            libm::scalbn(fixed.coefficients[index] as f64, fixed.products[chain] - operand) - exact
+        }
+        Factor::Value(_) => 0.0,
+    }
+}
+
+/// Exponent of a term's operand as the multiplier sees it.
+fn operand_exponent(fixed: &FixedPoint, term: &Term) -> i32 {
+    fixed.exponents[term.operand.index()] + fixed.format.data_drop() as i32
+}
+
+/// Terms of a chain that keep one coefficient between them.
+struct Class {
+    positions: Vec<usize>,
+    /// The exact coefficient in units of the product point.
+    exact: f64,
+    /// The same less what earlier stages have rounded up.
+    target: f64,
+    /// Weight of a unit.
+    unit: f64,
+}
+
+/// Improves the roundings of a chain; `earlier` are the chains that compute the same in earlier stages, and their weights.
+fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, chain: usize, earlier: &[(f64, usize)]) {
     let start = graph.chains[chain].terms.start as usize;
-    // Coefficients: positions, exact coefficient in units of the product point, weight of a unit.
-    let mut terms: Vec<(Vec<usize>, f64, f64)> = Vec::new();
+    let mut classes: Vec<Class> = Vec::new();
     // Terms that may be paired.
-    let mut free: Vec<(Vec<usize>, f64, f64)> = Vec::new();
+    let mut free: Vec<Class> = Vec::new();
     for (position, term) in graph.chain_terms(&graph.chains[chain]).iter().enumerate() {
         if let Factor::Coefficient(coefficient) = term.factor {
-            let operand = fixed.exponents[term.operand.index()] + fixed.format.data_drop() as i32;
-            let exact = libm::scalbn(coefficient, operand - fixed.products[chain]);
             // One unit changes the coefficient by 2^(product - operand).
-            let unit = libm::scalbn(1.0, fixed.products[chain] - operand);
+            let exponent = fixed.products[chain] - operand_exponent(fixed, term);
+            let made_good: f64 = earlier
+                .iter()
+                .filter(|(_, stage)| position < graph.chains[*stage].terms.len())
+                .map(|(weight, stage)| weight * rounded_by(graph, fixed, *stage, position))
+                .sum();
+            let class = Class {
+                positions: vec![position],
+                exact: libm::scalbn(coefficient, -exponent),
+                target: libm::scalbn(coefficient - made_good, -exponent),
+                unit: libm::scalbn(1.0, exponent),
+            };
             let headroom = fixed.headroom[term.operand.index()];
-            match free.iter_mut().find(|class| headroom && (class.1, class.2) == (exact, unit)) {
-                Some(class) => class.0.push(position),
-                None if headroom => free.push((vec![position], exact, unit)),
-                None => terms.push((vec![position], exact, unit)),
+            match free.iter_mut().find(|other| headroom && (other.exact, other.unit) == (class.exact, class.unit)) {
+                Some(other) => other.positions.push(position),
+                None if headroom => free.push(class),
+                None => classes.push(class),
             }
         }
     }
     // Two operands that are paired have one coefficient, and any two of a class may be paired.
-    terms.extend(free);
+    classes.extend(free);
     let limit = (1i64 << (fixed.format.coefficient_bits - 1)) - 1;
     let gram = |i: usize, j: usize| {
-        let pairs = terms[i].0.iter().flat_map(|a| terms[j].0.iter().map(move |b| (*a, *b)));
-        pairs.map(|(a, b)| moments.of(chain, a, b)).sum::<f64>() * terms[i].2 * terms[j].2
+        let pairs = classes[i].positions.iter().flat_map(|a| classes[j].positions.iter().map(move |b| (*a, *b)));
+        pairs.map(|(a, b)| moments.of(chain, a, b)).sum::<f64>() * classes[i].unit * classes[j].unit
     };
-    let n = terms.len();
+    let n = classes.len();
     let gram: Vec<f64> = (0..n * n).map(|k| gram(k / n, k % n)).collect();
-    let mut rounded: Vec<i64> = terms.iter().map(|(positions, ..)| fixed.coefficients[start + positions[0]]).collect();
-    let mut error: Vec<f64> = rounded.iter().zip(&terms).map(|(r, t)| *r as f64 - t.1).collect();
+    let mut rounded: Vec<i64> = classes.iter().map(|class| fixed.coefficients[start + class.positions[0]]).collect();
+    let mut error: Vec<f64> = rounded.iter().zip(&classes).map(|(r, class)| *r as f64 - class.target).collect();
     // Gradient of the squared sum with respect to each error, halved.
     let mut slope: Vec<f64> = (0..n).map(|i| (0..n).map(|j| gram[i * n + j] * error[j]).sum()).collect();
-    let allowed = |rounded: i64, error: f64| error.abs() <= REACH as f64 && rounded.abs() <= limit;
+    let allowed =
+        |i: usize, rounded: i64| (rounded as f64 - classes[i].exact).abs() <= REACH as f64 && rounded.abs() <= limit;
     loop {
         let mut best: Option<(f64, usize, i64, usize, i64)> = None;
         let mut offer = |gain: f64, i: usize, di: i64, j: usize, dj: i64| {
@@ -116,14 +239,14 @@ fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, c
         };
         for i in 0..n {
             for di in [-1i64, 1] {
-                if !allowed(rounded[i] + di, error[i] + di as f64) {
+                if !allowed(i, rounded[i] + di) {
                     continue;
                 }
                 let single = -(2.0 * di as f64 * slope[i] + gram[i * n + i]);
                 offer(single, i, di, i, 0);
                 for j in 0..i {
                     for dj in [-1i64, 1] {
-                        if allowed(rounded[j] + dj, error[j] + dj as f64) {
+                        if allowed(j, rounded[j] + dj) {
                             let alone = -(2.0 * dj as f64 * slope[j] + gram[j * n + j]);
                             let cross = -2.0 * (di * dj) as f64 * gram[i * n + j];
                             offer(single + alone + cross, i, di, j, dj);
@@ -147,7 +270,7 @@ fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, c
             _ => break,
         }
     }
-    for (value, (positions, ..)) in rounded.into_iter().zip(&terms) {
-        positions.iter().for_each(|position| fixed.coefficients[start + position] = value);
+    for (value, class) in rounded.into_iter().zip(&classes) {
+        class.positions.iter().for_each(|position| fixed.coefficients[start + position] = value);
     }
 }

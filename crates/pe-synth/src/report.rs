@@ -155,6 +155,7 @@ pub fn report(
             "mul_b_bits": format.coefficient_bits,
             "dsp_per_pe": format.dsp_per_pe(),
             "coefficient_slots": 1 + u32::from(two_slots::used(&design.graph)),
+            "rounding": design.judged.aim.name(),
         },
         "instruction_words_max": sizes.instruction_words,
         "data_words_max": sizes.data_words,

@@ -5,14 +5,14 @@
 
 mod support;
 
-use pe_hls::rounding;
-use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
+use pe_hls::rounding::{self, Aim, Moments};
+use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, ValueId};
 use pe_ir::model::Solver;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
-use support::FAMILIES;
 use support::flow::{Flow, Placement, format};
+use support::{FAMILIES, Family};
 
 /// With and without dropped bits, up to the largest that the command line takes.
 const FORMATS: [WordFormat; 7] = [
@@ -166,4 +166,56 @@ fn check_step(flow: &Flow, run: &mut FixedRun, step: u64) -> f64 {
         used = used.max(error / limit);
     }
     used
+}
+
+/// Root mean square over the states of what quantised coefficients change in the increments of a step, relative to the
+/// largest increment.
+fn increment_error(graph: &StepGraph, fixed: &FixedPoint, inputs: &[f64]) -> f64 {
+    let after = |mut run: DoubleRun| -> Vec<f64> {
+        run.step(inputs).unwrap();
+        (0..graph.states.len()).map(|state| run.state(state)).collect()
+    };
+    let before = DoubleRun::new(graph);
+    let exact = after(DoubleRun::new(graph));
+    let quantised = after(DoubleRun::quantised(graph, fixed));
+    let largest = exact.iter().enumerate().map(|(s, end)| (end - before.state(s)).abs()).fold(0.0, f64::max);
+    let squares: f64 = exact.iter().zip(&quantised).map(|(a, b)| ((a - b) / largest).powi(2)).sum();
+    (squares / exact.len() as f64).sqrt()
+}
+
+#[test]
+fn roundings_of_the_last_stage_make_good_what_earlier_stages_rounded_away() {
+    let (mut chain, mut step, mut compared) = (0.0, 0.0, 0);
+    for family in [Family::Polynomial, Family::OneProduct, Family::Stencil] {
+        for solver in [Solver::Heun, Solver::Heun3, Solver::Rk4] {
+            for seed in 80..90 {
+                let size = (9, 2);
+                let Flow { model, graph, fixed, label, .. } =
+                    Flow::random(family, size, solver, format(32, 25, 18), Placement::Scattered, seed);
+                if graph.form != StageForm::Increments {
+                    continue;
+                }
+                let inputs = model.sample_inputs(0.0);
+                let mut moments = Moments::new(&graph);
+                let mut run = DoubleRun::new(&graph);
+                for _ in 0..STEPS {
+                    run.step(&inputs).unwrap();
+                    moments.add(&graph, |value| run.value(value));
+                }
+                let error = |aim| {
+                    let mut fixed = fixed.clone();
+                    rounding::improve(&graph, &mut fixed, &moments, aim);
+                    increment_error(&graph, &fixed, &inputs)
+                };
+                let errors = (error(Aim::Chain), error(Aim::Step));
+                assert!(errors.0.is_finite() && errors.1.is_finite(), "{label}: {errors:?}");
+                chain += errors.0.ln();
+                step += errors.1.ln();
+                compared += 1;
+            }
+        }
+    }
+    let gain = ((chain - step) / f64::from(compared)).exp();
+    println!("{compared} models, geometric mean of the gains {gain:.2}");
+    assert!(compared > 50 && gain > 1.25, "{compared} models, {gain}");
 }

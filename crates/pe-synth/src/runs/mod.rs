@@ -9,13 +9,14 @@
 
 mod comparison;
 mod saturated;
+mod settled;
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use indicatif::ProgressBar;
-use pe_hls::formats::{self, Ranges};
-use pe_hls::rounding::{self, Moments};
+use pe_hls::formats::Ranges;
+use pe_hls::rounding::{Aim, Moments};
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
@@ -23,7 +24,7 @@ use pe_ir::model::{Model, Variable, Waveform};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::{Diverged, DoubleRun};
-use pe_sim::error::{Deviation, Trajectory};
+use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
 
 use crate::options::ModelOptions;
@@ -33,6 +34,7 @@ use self::comparison::{Substeps, half_step_runs, trajectory};
 use self::saturated::Saturated;
 
 pub use self::comparison::Comparison;
+pub use self::settled::Settled;
 
 /// Samples of the trajectory, at most; never fewer than 200 if the span has as many steps.
 const SAMPLES: u64 = 400;
@@ -40,15 +42,9 @@ const SAMPLES: u64 = 400;
 /// Numbers that a trajectory may hold before the samples are thinned out.
 const SAMPLE_BUDGET: u64 = 32_000_000;
 
-/// Fixed-point runs before a saturating model is refused.
-const WIDENINGS: usize = 24;
-
 /// Estimated method error from which on the step is refused, and from which on it is warned about.
 const METHOD_ERROR_REFUSED: f64 = 0.5;
 const METHOD_ERROR_WARNED: f64 = 0.02;
-
-/// Word-length error from which on pairs of operands are given up for the accuracy that they cost.
-const PAIR_ERROR: f64 = 1e-3;
 
 /// Word-length error from which on the word is called short.
 const WORD_ERROR_WARNED: f64 = 0.02;
@@ -117,6 +113,8 @@ fn curve_count(graph: &StepGraph) -> usize {
 pub struct Judged {
     /// Number formats under which the span runs without saturation.
     pub fixed: FixedPoint,
+    /// What the roundings of its coefficients cancel in.
+    pub aim: Aim,
     /// Errors.
     pub errors: Errors,
     /// Number of times formats were widened.
@@ -228,22 +226,6 @@ impl Exact {
         Ok(Comparison { function, ..comparison })
     }
 
-    /// Finds formats under which the span runs without saturation.
-    ///
-    /// # Errors
-    /// `E0902` saturates however wide, `E080x` no format.
-    pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
-        let settle = |graph: &StepGraph| {
-            settle_formats(model, graph, format, &self.plan, &self.reference, self.ranges.clone(), &self.moments)
-        };
-        let settled = settle(graph)?;
-        if !graph.pre_adder || self.word_length(&settled) <= PAIR_ERROR {
-            return Ok(settled);
-        }
-        let alone = settle(&StepGraph { pre_adder: false, ..graph.clone() })?;
-        Ok(if self.word_length(&alone) < self.word_length(&settled) { alone } else { settled })
-    }
-
     /// Word-length error of a run: the worst state's largest deviation from this run.
     pub fn word_length(&self, settled: &Settled) -> f64 {
         self.reference.deviation(&settled.hardware).worst(&self.scales).1
@@ -281,6 +263,7 @@ impl Exact {
         let macs = graph.macs() as f64 * self.plan.steps as f64;
         Ok(Judged {
             fixed: settled.fixed,
+            aim: settled.aim,
             errors,
             widenings: settled.widenings,
             checkpoint: settled.checkpoint,
@@ -294,69 +277,6 @@ impl Exact {
             state_errors: deviation.relative(&self.scales).collect(),
             smallest_pivot: self.smallest_pivot.clone(),
         })
-    }
-}
-
-/// Formats under which the span runs without saturation, and what they cost in accuracy.
-pub struct Settled {
-    fixed: FixedPoint,
-    /// Samples of the fixed-point run.
-    hardware: Trajectory,
-    /// Deviation of the run in double precision with quantised coefficients.
-    quantised: Deviation,
-    /// The same at the last sample alone.
-    quantised_at_end: Deviation,
-    checkpoint: Checkpoint,
-    curves: Trajectory,
-    widenings: usize,
-    /// Time of the fixed-point run.
-    seconds: f64,
-}
-
-impl Settled {
-    /// The formats.
-    pub fn fixed(&self) -> &FixedPoint {
-        &self.fixed
-    }
-}
-
-/// Chooses formats and widens them until the fixed-point run does not saturate.
-fn settle_formats(
-    model: &Model,
-    graph: &StepGraph,
-    format: WordFormat,
-    plan: &Plan,
-    reference: &Trajectory,
-    mut ranges: Ranges,
-    moments: &Moments,
-) -> Result<Settled, Vec<Diagnostic>> {
-    let mut widenings = 0;
-    loop {
-        let mut fixed = formats::choose(graph, &ranges, format).map_err(|error| vec![error])?;
-        rounding::improve(graph, &mut fixed, moments);
-        let clock = Instant::now();
-        match fixed_run(model, graph, &fixed, plan) {
-            Ok((hardware, checkpoint, curves)) => {
-                let seconds = clock.elapsed().as_secs_f64();
-                let run = DoubleRun::quantised(graph, &fixed);
-                let samples = trajectory(model, run, plan, Substeps { count: 1, resample: false })?;
-                let quantised = reference.deviation(&samples);
-                let quantised_at_end = reference.last().deviation(&samples.last());
-                let settled =
-                    Settled { fixed, hardware, quantised, quantised_at_end, checkpoint, curves, widenings, seconds };
-                return Ok(settled);
-            }
-            Err(saturated) if saturated.argument(graph).is_some() => {
-                return Err(vec![saturated.refusal(model, graph)]);
-            }
-            Err(saturated) if widenings < WIDENINGS => {
-                widenings += 1;
-                for value in &saturated.values {
-                    ranges.widened[value.index()] += 1;
-                }
-            }
-            Err(saturated) => return Err(vec![saturated.refusal(model, graph)]),
-        }
     }
 }
 
