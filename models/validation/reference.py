@@ -15,6 +15,7 @@ import os
 import sys
 
 import numpy as np
+from scipy import signal
 from scipy.integrate import solve_ivp
 
 # The two solutions agree to this part of a state's largest magnitude, unless a case says that its own sensitivity
@@ -28,18 +29,21 @@ CASES = {}
 class Case:
     """A model: right-hand side, names and initial values of the states, end of the span."""
 
-    def __init__(self, f, names, start, end, methods, published, limit, finest, jumps):
+    def __init__(self, f, names, start, end, methods, published, limit, finest, jumps, period, sample):
         self.f, self.names, self.start, self.end = f, names, np.array(start, float), end
         self.methods, self.published, self.limit, self.finest, self.jumps = methods, published, limit, finest, jumps
+        self.period, self.sample = period, sample
 
 
 def case(name, names, start, end, methods=("DOP853", "LSODA"), published=None, limit=LIMIT, finest=1e-13,
-         jumps=()):
-    """Registers a right-hand side `f(t, y)`, which jumps at `jumps`. `published` is (time, values, relative tolerance)."""
+         jumps=(), period=None, sample=None):
+    """Registers a right-hand side `f(t, y)`, which jumps at `jumps`. `published` is (time, values, relative tolerance).
+
+    At all multiples of `period` the states become `sample(y)`; what is sampled only has the derivative 0."""
 
     def register(f):
         CASES[name] = Case(f, names.split() if isinstance(names, str) else names, start, end, methods, published,
-                           limit, finest, jumps)
+                           limit, finest, jumps, period, sample)
         return f
 
     return register
@@ -52,14 +56,20 @@ def solve(case, method, times):
     atol = 1e-3 * case.finest * np.minimum(size, 1.0)
     state, largest, rows = case.start, np.abs(case.start), []
     bounds = [0, *case.jumps, times[-1]]
+    if case.period:
+        bounds = [case.period * number for number in range(round(times[-1] / case.period))] + [times[-1]]
     for start, end in zip(bounds, bounds[1:]):
+        if case.sample:
+            state = np.array(case.sample(state), float)
         # The last stage of the last step must not see what comes after the jump.
         before = np.nextafter(end, start)
         result = solve_ivp(lambda t, y: case.f(min(t, before), y), (start, end), state, method, rtol=case.finest,
                            atol=atol, dense_output=True)
         if not result.success:
             raise SystemExit(f"{method}: {result.message}")
-        rows.append(result.sol(times[(times > start) & (times <= end)]).T)
+        wanted = times[(times > start * (1 + 1e-12)) & (times <= end * (1 + 1e-12))]
+        if len(wanted):
+            rows.append(result.sol(wanted).T)
         state, largest = result.y[:, -1], np.maximum(largest, np.max(np.abs(result.y), axis=1))
     return np.concatenate(rows), largest
 
@@ -361,6 +371,42 @@ def chebyshev(t, y):
         # (s^2 + zero^2) w^2/zero^2 applied to x/w^2, with s^2 x/w^2 = feed - x + 2 Re(pole) v/w.
         feed = (w / zero) ** 2 * (feed - x + 2 * pole.real * v / w) + x
     return change
+
+
+# --- sampled --------------------------------------------------------------------------------------------------------
+
+def dc_motor_samples(y):
+    theta, omega, current, integral, filtered, _ = y
+    error = 1 - theta
+    u = 10 * error + 20 * integral + 0.5 * 500 * (error - filtered)
+    return [theta, omega, current, integral + 1e-3 * error, error + math.exp(-0.5) * (filtered - error), u]
+
+
+@case("dc_motor_sampled", "theta omega current integral filtered u", [0] * 6, 2, period=1e-3, sample=dc_motor_samples)
+def dc_motor_sampled(t, y):
+    theta, omega, current, _, _, u = y
+    return [omega, (0.05 * current - 1e-5 * omega) / 1e-4, (u - current - 0.05 * omega) / 5e-3, 0, 0, 0]
+
+
+@case("cart_pole_sampled", "x v theta omega force", [0.2, 0, 0.3, 0, 0], 10, period=0.02,
+      sample=lambda y: [*y[:4], np.dot(y[:4], [3.16227766, 3.50208771, 25.89061504, 3.78605672])])
+def cart_pole_sampled(t, y):
+    v, theta, omega, force = y[1:]
+    s, c = math.sin(theta), math.cos(theta)
+    mass = np.array([[0.7, 0.2 * 0.3 * c], [c, 0.3]])
+    acceleration = np.linalg.solve(mass, [force + 0.2 * 0.3 * omega ** 2 * s, 9.81 * s])
+    return [v, acceleration[0], omega, acceleration[1], 0]
+
+
+def low_pass_sample(y):
+    # scipy's own filter, one sample long; its memories are those of the transposed direct form II.
+    sections = signal.cheby2(4, 40, 0.01, output="sos")
+    out, memories = signal.sosfilt(sections, [1.0], zi=np.array([[y[0], y[2]], [y[1], y[3]]]))
+    return [memories[0, 0], memories[1, 0], memories[0, 1], memories[1, 1], out[0]]
+
+
+case("low_pass", "m1[1] m1[2] m2[1] m2[2] y[2]", [0] * 5, 1, period=1e-3, sample=low_pass_sample)(
+    lambda t, y: np.zeros(5))
 
 
 def write(name):

@@ -3,7 +3,7 @@
 
 use crate::algebra::{Algebra, DOT, Shape, TRANSPOSE, described, index, misfit, range, visit};
 use crate::ast::{
-    Binder, Broken, Declared, Equation, Expr, ExprKind, Measure, Name, Range, Signal, Spec, StatementKind,
+    Binder, Broken, Declared, Equation, Expr, ExprKind, LeftSide, Measure, Name, Range, Signal, Spec, StatementKind,
 };
 use crate::elaborate::Elaborator;
 use crate::names::{Kind, Names, Symbol};
@@ -60,6 +60,7 @@ pub(crate) fn write_out(sizes: &mut Elaborator, overrides: &[(String, f64)], rep
         spec: Spec {
             statements: Vec::with_capacity(spec.statements.len()),
             broken: spec.broken.clone(),
+            blocks: spec.blocks.clone(),
             names_missing: spec.names_missing,
             tables: spec.tables.clone(),
             table_at: spec.table_at.clone(),
@@ -145,7 +146,7 @@ fn expressions(statement: &StatementKind) -> Vec<&Expr> {
             all.push(&last.value);
             all.extend(early.iter().flat_map(|(step, until)| [&step.value, &until.value]));
         }
-        StatementKind::Span(Measure { value, .. }) => all.push(value),
+        StatementKind::Span(Measure { value, .. }) | StatementKind::Every(Measure { value, .. }) => all.push(value),
         _ => {}
     }
     all.extend(range.into_iter().flat_map(|range| [&range.low, &range.high]));
@@ -281,7 +282,7 @@ impl<'a> Writer<'_, 'a> {
                 let early = early.iter_mut().flat_map(|(step, until)| [step, until]);
                 early.chain([last]).try_for_each(|measure| self.scalar(&mut measure.value, &[]))
             }
-            StatementKind::Span(measure) => self.scalar(&mut measure.value, &[]),
+            StatementKind::Span(measure) | StatementKind::Every(measure) => self.scalar(&mut measure.value, &[]),
             _ => Some(()),
         }
     }
@@ -335,12 +336,19 @@ impl<'a> Writer<'_, 'a> {
         let shape = shape?;
         if shape != shaped.shape {
             let (left, right) = (described(&shape), described(&shaped.shape));
-            let mark = if equation.derivative { "'" } else { "" };
+            let (before, mark) = match equation.side {
+                LeftSide::Derivative => ("", "'"),
+                LeftSide::Next => ("next ", ""),
+                LeftSide::Algebraic => ("", ""),
+            };
             let help = if shape.is_empty() && !equation.target.subscripts.is_empty() {
-                Some(format!("name elements on the right, or the whole array on the left: `{}{mark} = ...`", name.text))
+                Some(format!(
+                    "name elements on the right, or the whole array on the left: `{before}{}{mark} = ...`",
+                    name.text
+                ))
             } else {
                 let scalar = shaped.shape.is_empty();
-                scalar.then(|| format!("write the equation for each element: `{}[i]{mark} = ...`", name.text))
+                scalar.then(|| format!("write the equation for each element: `{before}{}[i]{mark} = ...`", name.text))
             };
             let how = "the two sides of an equation";
             let error = misfit((equation.target.span, &left), (shaped.span, &right), how, help.as_deref());

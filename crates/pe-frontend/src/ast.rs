@@ -15,6 +15,8 @@ pub struct Spec {
     pub statements: Vec<Statement>,
     /// Statements with syntax errors, as far as they could be made out.
     pub broken: Vec<Broken>,
+    /// The sampled blocks, in source order.
+    pub blocks: Vec<Block>,
     /// Whether a file could not be read, so that any name may be defined in it.
     pub names_missing: bool,
     /// The data files.
@@ -48,11 +50,22 @@ pub struct Name {
     pub span: Span,
 }
 
+/// A block `every PERIOD { ... }`.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Time from one sample to the next; none after an error there.
+    pub period: Option<Measure>,
+    /// `every PERIOD {`.
+    pub span: Span,
+}
+
 /// A statement and its place, comments excluded at both ends.
 #[derive(Clone, Debug)]
 pub struct Statement {
     /// What it says.
     pub kind: StatementKind,
+    /// The sampled block that it stands in, in [`Spec::blocks`].
+    pub block: Option<usize>,
     /// First to last character.
     pub span: Span,
     /// Paths of the data files that it names, each with the place of its quotes.
@@ -124,6 +137,10 @@ pub enum StatementKind {
     },
     /// `units strict`.
     Units(Name),
+    /// `every 1 ms {`.
+    Every(Measure),
+    /// `}`.
+    End,
     /// `include "lib/gates.spec"`: the path as written, with the place of its quotes.
     Include(Name),
 }
@@ -193,13 +210,24 @@ pub enum Signal {
     Value(Expr),
 }
 
-/// A derivative or algebraic equation.
+/// What the left-hand side of an equation stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeftSide {
+    /// `V' = ...`: the derivative of a state.
+    Derivative,
+    /// `next m = ...`: the value that a sampled state takes.
+    Next,
+    /// `P = ...`: an algebraic quantity.
+    Algebraic,
+}
+
+/// An equation.
 #[derive(Clone, Debug)]
 pub struct Equation {
     /// The left-hand side without the prime.
     pub target: Reference,
-    /// Whether the left-hand side carries a prime.
-    pub derivative: bool,
+    /// What the left-hand side stands for.
+    pub side: LeftSide,
     /// Unit of an algebraic quantity.
     pub unit: Option<Name>,
     /// The right-hand side.

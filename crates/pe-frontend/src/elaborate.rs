@@ -93,8 +93,10 @@ impl<'a> Elaborator<'a> {
         let times = self.times(&settings);
         let initials = self.initial_values(&overrides);
         let inputs = self.inputs();
-        let flat = self.equations();
-        let outputs = self.outputs(observe);
+        let rates = self.rates();
+        let mut flat = self.equations();
+        let mut outputs = self.outputs(observe);
+        let sampled = self.sample(&mut flat, &mut outputs);
         let order = self.dependency_order(&flat);
         self.check_functions();
         self.check_units(units.or(settings.units).unwrap_or_default());
@@ -102,7 +104,16 @@ impl<'a> Elaborator<'a> {
             return None;
         }
         self.unused_names();
-        let parts = Parts { flat, order: order?, initials, inputs, outputs, observed: !observe.is_empty() };
+        let parts = Parts {
+            flat,
+            sampled,
+            rates: rates?,
+            order: order?,
+            initials,
+            inputs,
+            outputs,
+            observed: !observe.is_empty(),
+        };
         self.assemble(settings.header(times?)?, parts)
     }
 

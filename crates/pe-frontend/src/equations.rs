@@ -1,11 +1,11 @@
 //! Writes out the equations: which element each one defines first, then the right-hand sides.
 
-use crate::ast::{Equation, StatementKind};
+use crate::ast::{Equation, LeftSide, Statement, StatementKind};
 use crate::bound::Node;
 use crate::declarations::BoundBounds;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Fault, fault};
-use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, PREDEFINED, Symbol};
+use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, PREDEFINED, Quantity, Symbol};
 use crate::nearest::suggestion;
 use crate::pattern::{Pattern, Seen, names_in};
 use crate::resolve::Reads;
@@ -54,7 +54,7 @@ impl<'a> Elaborator<'a> {
         let (mut equations, mut lost) = (Vec::new(), Vec::new());
         for statement in &self.spec.statements {
             let StatementKind::Equation(equation) = &statement.kind else { continue };
-            match self.bind_left_side(equation, statement.span) {
+            match self.bind_left_side(equation, statement) {
                 Some(bound) => equations.push((bound, equation)),
                 None => lost.push(equation),
             }
@@ -92,7 +92,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Checks what an equation defines, and binds its left-hand side.
-    fn bind_left_side(&mut self, equation: &'a Equation, span: Span) -> Option<BoundEquation<'a>> {
+    fn bind_left_side(&mut self, equation: &'a Equation, statement: &Statement) -> Option<BoundEquation<'a>> {
         let name = &equation.target.name;
         let number = match self.names.find(&name.text) {
             Some(Symbol::Quantity(number)) => number,
@@ -117,15 +117,29 @@ impl<'a> Elaborator<'a> {
             }
         };
         let quantity = &mut self.names.quantities[number];
-        let help = match (quantity.kind, equation.derivative) {
-            (Kind::State, true) | (Kind::Algebraic, false) => None,
-            (Kind::State, false) => Some(format!("its equation gives the derivative: `{}' = ...`", name.text)),
-            (Kind::Algebraic, true) => Some(format!("declare it as a state, or drop the mark: `{} = ...`", name.text)),
+        let help = match (quantity.kind, equation.side) {
+            _ if quantity.kind.has_equations() && quantity.block != statement.block => {
+                Some(wrong_block(quantity, equation.side, statement.block))
+            }
+            (Kind::State, LeftSide::Derivative) if quantity.block.is_none() => None,
+            (Kind::State, LeftSide::Next) if quantity.block.is_some() => None,
+            (Kind::Algebraic, LeftSide::Algebraic) => None,
+            (Kind::State, _) if quantity.block.is_some() => {
+                Some(format!("its equation gives its next value: `next {} = ...`", name.text))
+            }
+            (Kind::State, _) => Some(format!("its equation gives the derivative: `{}' = ...`", name.text)),
+            (Kind::Algebraic, LeftSide::Derivative) => {
+                Some(format!("declare it as a state, or drop the mark: `{} = ...`", name.text))
+            }
+            (Kind::Algebraic, LeftSide::Next) => {
+                Some(format!("declare it as a state in this block, or drop `next`: `{} = ...`", name.text))
+            }
             (Kind::Const | Kind::Param, _) => Some("its value stands in its declaration".to_owned()),
             (Kind::Input, _) => Some("its signal stands in its declaration".to_owned()),
         };
         if let Some(help) = help {
-            let message = format!("`{}` is {}", name.text, quantity.kind.describe());
+            let sampled = if quantity.block.is_some() { ", sampled in a block" } else { "" };
+            let message = format!("`{}` is {}{sampled}", name.text, quantity.kind.describe());
             let error = Diagnostic::error(codes::BAD_LEFT_SIDE, name.span, message);
             self.report.push(error.with_label(quantity.name.span, "defined here").with_help(help));
             return None;
@@ -143,7 +157,7 @@ impl<'a> Elaborator<'a> {
             pattern: pattern?,
             body: None,
             within: None,
-            span,
+            span: statement.span,
             target: equation.target.span,
             instances: Vec::new(),
         })
@@ -152,7 +166,7 @@ impl<'a> Elaborator<'a> {
     /// Binds the stated range of an algebraic quantity, whose indices these are.
     fn bind_stated(&mut self, equation: &'a Equation, indices: &[&'a str]) -> BoundBounds {
         let within = equation.within.as_ref()?;
-        if equation.derivative {
+        if equation.side == LeftSide::Derivative {
             let message = "a derivative has no stated range";
             let help = "state the range of the variable itself, in its declaration";
             self.report.push(Diagnostic::error(codes::BAD_LEFT_SIDE, within.span, message).with_help(help));
@@ -291,7 +305,7 @@ impl<'a> Elaborator<'a> {
 
     /// Reports states without equation.
     fn check_all_defined(&mut self) {
-        if !self.declares(Kind::State, "state") {
+        if !self.declares(Kind::State, "state") && self.spec.blocks.is_empty() {
             let help = "declare one, for example `state x = 0`, and give it an equation `x' = ...`";
             self.report.push(Diagnostic::global(codes::NO_STATE, "the spec has no state variable").with_help(help));
         }
@@ -310,8 +324,14 @@ impl<'a> Elaborator<'a> {
             }
             let more = missing.count() - shown.len();
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            let message = format!("no equation for the derivative of {}{more}", shown.join(", "));
-            let help = format!("add an equation, for example `{}' = 0`", quantity.name_at(0));
+            let (what, example) = match quantity.block {
+                None => ("the derivative", format!("add an equation, for example `{}' = 0`", quantity.name_at(0))),
+                Some(_) => {
+                    let name = quantity.name_at(0);
+                    ("the next value", format!("add an equation to its block, for example `next {name} = {name}`"))
+                }
+            };
+            let (message, help) = (format!("no equation for {what} of {}{more}", shown.join(", ")), example);
             self.report.push(Diagnostic::error(codes::NO_EQUATION, quantity.name.span, message).with_help(help));
         }
     }
@@ -358,5 +378,20 @@ impl<'a> Elaborator<'a> {
             }
         }
         flat
+    }
+}
+
+/// What to do about an equation that stands in another block than what it defines, or outside of all.
+fn wrong_block(quantity: &Quantity, side: LeftSide, block: Option<usize>) -> String {
+    let name = &quantity.name.text;
+    match (quantity.kind, quantity.block, block) {
+        (Kind::State, None, _) if side == LeftSide::Derivative => {
+            format!("it changes all the time: `{name}' = ...` stands outside of blocks")
+        }
+        (Kind::State, None, _) => {
+            format!("it changes all the time, by `{name}' = ...`; a state that is sampled is declared in the block")
+        }
+        (Kind::State, Some(_), _) => "it is sampled: its equation stands in the block that declares it".to_owned(),
+        _ => "all its equations stand in one block, or outside of all".to_owned(),
     }
 }

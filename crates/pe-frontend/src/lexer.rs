@@ -5,9 +5,9 @@ use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Keywords that begin a statement.
-pub(crate) const SECTIONS: [&str; 13] = [
+pub(crate) const SECTIONS: [&str; 15] = [
     "model", "solver", "step", "span", "const", "index", "param", "input", "state", "output", "include", "function",
-    "units",
+    "units", "every", "next",
 ];
 
 /// Keywords inside statements.
@@ -37,6 +37,8 @@ pub(crate) enum TokenKind {
     Open,
     /// `)` or `]`.
     Close,
+    /// `{` or `}`.
+    Brace,
     /// `=`.
     Equals,
     /// `'`.
@@ -95,6 +97,7 @@ impl Lexer<'_> {
                 self.depth = self.depth.saturating_sub(1);
                 self.push(TokenKind::Close, 1);
             }
+            '{' | '}' => self.push(TokenKind::Brace, 1),
             '\'' => self.push(TokenKind::Prime, 1),
             _ if ["==", "!=", "<=", ">=", ".."].contains(&two) => self.push(TokenKind::Sign, 2),
             '=' => self.push(TokenKind::Equals, 1),
@@ -187,7 +190,6 @@ fn remedy(sign: char) -> Option<&'static str> {
     Some(match sign {
         '#' | '%' => "comments begin with `//`",
         ';' => "a statement ends at the end of its line; no mark is needed",
-        '{' | '}' => "group with parentheses `( )`, indices with brackets `[ ]`",
         '!' => "write `not`, or `!=` for `not equal`",
         '&' => "write `and`",
         '|' => "write `or`; the absolute value is `abs(x)`",

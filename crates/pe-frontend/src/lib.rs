@@ -34,6 +34,7 @@ mod prune;
 mod reader;
 mod report;
 mod resolve;
+mod sampled;
 mod set;
 mod settings;
 mod signals;

@@ -1,6 +1,6 @@
 //! The names of a spec: what each one stands for, where it is defined, and what is known of it so far.
 
-use crate::ast::{Binder, Name, Spec, StatementKind};
+use crate::ast::{Binder, LeftSide, Name, Spec, StatementKind};
 use crate::inline::Defined;
 use crate::nearest::suggestion;
 use crate::report::Report;
@@ -49,6 +49,11 @@ impl Kind {
         }
     }
 
+    /// Whether equations define it.
+    pub(crate) fn has_equations(self) -> bool {
+        matches!(self, Kind::State | Kind::Algebraic)
+    }
+
     /// Whether it changes over time.
     pub(crate) fn varies(self) -> bool {
         matches!(self, Kind::Input | Kind::State | Kind::Algebraic)
@@ -72,6 +77,8 @@ pub(crate) struct Quantity<'a> {
     pub(crate) name: &'a Name,
     pub(crate) kind: Kind,
     pub(crate) unit: Option<&'a Name>,
+    /// The sampled block in which a state is declared or an algebraic quantity defined.
+    pub(crate) block: Option<usize>,
     /// Number of subscripts.
     pub(crate) rank: usize,
     /// Declared indices; empty for algebraic quantities.
@@ -204,6 +211,9 @@ impl<'a> Names<'a> {
                 }
                 StatementKind::State { declared: d, .. } => {
                     names.declare(&d.name, Kind::State, d.unit.as_ref(), &d.dimensions, report);
+                    if let Some(quantity) = names.quantities.last_mut().filter(|q| q.name.span == d.name.span) {
+                        quantity.block = statement.block;
+                    }
                 }
                 StatementKind::Index(binders) => {
                     for binder in binders {
@@ -224,10 +234,11 @@ impl<'a> Names<'a> {
             let StatementKind::Equation(equation) = &statement.kind else { continue };
             let name = &equation.target.name;
             let predefined = PREDEFINED.iter().any(|(word, _)| *word == name.text);
-            if !equation.derivative && !predefined && !names.symbols.contains_key(name.text.as_str()) {
+            if equation.side == LeftSide::Algebraic && !predefined && !names.symbols.contains_key(name.text.as_str()) {
                 names.add(name, Kind::Algebraic, equation.unit.as_ref(), &[]);
                 if let Some(quantity) = names.quantities.last_mut() {
                     quantity.rank = equation.target.subscripts.len();
+                    quantity.block = statement.block;
                 }
             }
         }
@@ -259,6 +270,7 @@ impl<'a> Names<'a> {
             name,
             kind,
             unit,
+            block: None,
             rank: binders.len(),
             binders,
             dimensions: Vec::new(),

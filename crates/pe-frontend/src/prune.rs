@@ -4,9 +4,10 @@ use crate::declarations::{Driven, Initial};
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use crate::names::{Kind, Quantity};
+use crate::sampled::Sampled;
 use crate::settings::{Header, Times};
 use pe_ir::codes;
-use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Select, State, Variable};
+use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Rate, State, Variable};
 use pe_ir::source::Diagnostic;
 
 /// Marks a variable that is left out.
@@ -15,6 +16,9 @@ const LEFT_OUT: u32 = u32::MAX;
 /// The pieces of a model, numbered as they were written out.
 pub(crate) struct Parts {
     pub(crate) flat: Flat,
+    pub(crate) sampled: Sampled,
+    /// Rates of the blocks.
+    pub(crate) rates: Vec<Rate>,
     /// Algebraic equations in dependency order.
     pub(crate) order: Vec<u32>,
     pub(crate) initials: Vec<Initial>,
@@ -41,16 +45,7 @@ impl Numbers {
     }
 
     fn renumber(&mut self, expr: &mut Expr) {
-        match expr {
-            Expr::Constant(_) => {}
-            Expr::Variable(variable) => *variable = self.renumbered(*variable),
-            Expr::Sum(members) | Expr::Product(members) => members.iter_mut().for_each(|member| self.renumber(member)),
-            Expr::Power(base, _) | Expr::Apply(_, base) => self.renumber(base),
-            Expr::Select(select) => {
-                let Select { condition, yes, no } = &mut **select;
-                [condition, yes, no].into_iter().for_each(|part| self.renumber(part));
-            }
-        }
+        expr.each_variable_mut(&mut |variable| *variable = self.renumbered(*variable));
     }
 
     fn renumbered(&mut self, variable: Variable) -> Variable {
@@ -68,10 +63,18 @@ impl Elaborator<'_> {
     pub(crate) fn assemble(&mut self, header: Header, parts: Parts) -> Option<Model> {
         let mut numbers = self.needed(&parts);
         let left_out = self.left_out(&parts, &numbers);
-        let Parts { flat, order, initials, inputs: driven, outputs, .. } = parts;
+        let Parts { flat, sampled, rates, order, initials, inputs: driven, outputs, .. } = parts;
 
-        // Numbers in the order of the lists: states and inputs as declared, algebraic equations as computed.
-        number(numbers.states.iter_mut());
+        // Numbers in the order of the lists: states and inputs as declared, but sampled states last; algebraic equations
+        // as computed.
+        let blocks: Vec<Option<usize>> = {
+            let block = |row: &Option<Row>| row.as_ref().and_then(|row| self.names.quantities[row.quantity].block);
+            flat.states.iter().map(block).collect()
+        };
+        let (continuous, discrete): (Vec<_>, Vec<_>) =
+            numbers.states.iter_mut().zip(&blocks).partition(|(_, block)| block.is_none());
+        number(continuous.into_iter().chain(discrete).map(|(slot, _)| slot));
+        let (rates, rate_of) = self.rates_in_use(&rates, &numbers.states, &blocks);
         number(numbers.inputs.iter_mut());
         let mut next = 0;
         for equation in &order {
@@ -84,20 +87,25 @@ impl Elaborator<'_> {
 
         let mut states = Vec::new();
         let quantity_numbers = self.state_numbers();
+        // What holds an algebraic quantity comes behind the declared states.
+        let initials = initials.into_iter().map(Some).chain(std::iter::repeat_with(|| None));
         for (at, (row, initial)) in flat.states.into_iter().zip(initials).enumerate() {
             let Some(mut row) = row.filter(|_| numbers.states[at] != LEFT_OUT) else { continue };
             numbers.renumber(&mut row.expr);
             let quantity = &self.names.quantities[row.quantity];
+            let Initial { value, range } = initial.unwrap_or(Initial { value: 0.0, range: row.range });
             states.push(State {
                 name: quantity.name_at(row.offset),
                 quantity: quantity_numbers[row.quantity],
-                initial: initial.value,
-                range: initial.range,
+                initial: value,
+                range,
                 unit: unit(quantity),
                 derivative: row.expr,
+                rate: blocks[at].map(|block| rate_of[block]),
                 span: row.span,
             });
         }
+        states.sort_by_key(|state| state.rate.is_some());
         if states.is_empty() {
             let help = "a model computes state variables; name one in `output`, or let an output read one";
             self.report
@@ -112,8 +120,11 @@ impl Elaborator<'_> {
             let Some(mut row) = rows[equation as usize].take().filter(|_| kept) else { continue };
             numbers.renumber(&mut row.expr);
             let quantity = &self.names.quantities[row.quantity];
+            let name = quantity.name_at(row.offset);
+            let held =
+                sampled.holders[equation as usize].is_some_and(|state| numbers.states[state as usize] != LEFT_OUT);
             algebraics.push(Algebraic {
-                name: quantity.name_at(row.offset),
+                name: if held { format!("next {name}") } else { name },
                 unit: unit(quantity),
                 expr: row.expr,
                 range: row.range,
@@ -142,7 +153,7 @@ impl Elaborator<'_> {
             .collect();
         let Header { name, title, solver, times: Times { step, phases, span } } = header;
         let mut model =
-            Model { name, title, solver, step, phases, span, states, algebraics, inputs, outputs, left_out };
+            Model { name, title, solver, step, phases, span, states, rates, algebraics, inputs, outputs, left_out };
         model.add_step_ratio();
         Some(model)
     }
@@ -187,7 +198,9 @@ impl Elaborator<'_> {
             LEFT_OUT => gone.push((row.span.start, row.quantity, row.offset)),
             _ => kept[row.quantity] += 1,
         };
-        let states = parts.flat.states.iter().zip(&numbers.states);
+        // What holds an algebraic quantity goes with it.
+        let declared = |row: &Option<Row>| row.as_ref().is_some_and(|row| !self.holds(row));
+        let states = parts.flat.states.iter().zip(&numbers.states).filter(|(row, _)| declared(row));
         for (row, number) in states.chain(parts.flat.algebraics.iter().zip(&numbers.algebraics)) {
             if let Some(row) = row {
                 sort(row, *number);
@@ -214,13 +227,31 @@ impl Elaborator<'_> {
         gone.into_iter().map(|(_, at, offset)| self.names.quantities[at].name_at(offset)).collect()
     }
 
+    /// The rates of blocks that compute something, and the number of each block's; equal ones are one.
+    fn rates_in_use(&self, rates: &[Rate], states: &[u32], blocks: &[Option<usize>]) -> (Vec<Rate>, Vec<u32>) {
+        let mut used: Vec<Rate> = Vec::new();
+        let mut rate_of = vec![LEFT_OUT; rates.len()];
+        for block in
+            states.iter().zip(blocks).filter(|(number, _)| **number != LEFT_OUT).filter_map(|(_, block)| *block)
+        {
+            if rate_of[block] == LEFT_OUT {
+                let known = used.iter().position(|rate| rate.period == rates[block].period);
+                rate_of[block] = known.unwrap_or(used.len()) as u32;
+                if known.is_none() {
+                    used.push(rates[block]);
+                }
+            }
+        }
+        (used, rate_of)
+    }
+
     /// Running number of each state quantity among the states.
     fn state_numbers(&self) -> Vec<u32> {
         let mut next = 0;
         let mut numbers = Vec::with_capacity(self.names.quantities.len());
         for quantity in &self.names.quantities {
             numbers.push(next);
-            next += u32::from(quantity.kind == Kind::State);
+            next += u32::from(quantity.kind == Kind::State || quantity.block.is_some());
         }
         numbers
     }

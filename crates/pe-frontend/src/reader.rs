@@ -1,6 +1,6 @@
 //! Reads a spec: its main file and, where they stand, the files that it includes.
 
-use crate::ast::{Broken, Name, Spec, StatementKind};
+use crate::ast::{Block, Broken, Measure, Name, Spec, Statement, StatementKind};
 use crate::files::{LARGEST_FILE, Loader, folder, load, resolve};
 use crate::lexer::{SECTIONS, tokenize};
 use crate::report::Report;
@@ -19,7 +19,8 @@ const MAIN_ONLY: [&str; 5] = ["model", "solver", "step", "span", "units"];
 /// Parses all files of a spec; `sources` holds the main one and takes up the others.
 pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Report) -> Spec {
     let spec = Spec::default();
-    let mut reader = Reader { sources, loader, report, spec, open: Vec::new(), done: Vec::new(), data: Vec::new() };
+    let mut reader =
+        Reader { sources, loader, report, spec, open: Vec::new(), block: None, done: Vec::new(), data: Vec::new() };
     let main = reader.sources.main().span();
     let size = (main.end - main.start) as usize;
     if size > LARGEST_FILE {
@@ -41,6 +42,13 @@ struct Included {
     named: Span,
 }
 
+/// The block whose statements are being read.
+#[derive(Clone, Copy)]
+struct OpenBlock {
+    number: usize,
+    empty: bool,
+}
+
 struct Reader<'a> {
     sources: &'a mut Sources,
     loader: &'a dyn Loader,
@@ -48,6 +56,7 @@ struct Reader<'a> {
     spec: Spec,
     /// Files whose statements are being read, the innermost last; the main file is not among them.
     open: Vec<Included>,
+    block: Option<OpenBlock>,
     /// Files that were included so far.
     done: Vec<Included>,
     /// Data files that were read so far, with the numbers of their tables.
@@ -64,11 +73,13 @@ impl Reader<'_> {
             let tree = statements::check(text, &statement, self.report)
                 .then(|| syntax::parse_statement(text, &statement, self.report))
                 .flatten();
-            parsed.push(tree.ok_or_else(|| statements::salvage(text, &statement)));
+            let span = statement.first().map_or(file, |first| first.span);
+            parsed.push(tree.ok_or_else(|| (statements::salvage(text, &statement), span)));
         }
         for statement in parsed {
             match statement {
-                Ok(statement) => match &statement.kind {
+                Ok(statement) if self.blocks(&statement) => {}
+                Ok(mut statement) => match &statement.kind {
                     StatementKind::Include(path) => self.include(path, own_folder),
                     kind => {
                         let section = section(kind).filter(|_| !self.open.is_empty());
@@ -76,18 +87,91 @@ impl Reader<'_> {
                             Some(section) => self.misplaced(section, statement.span),
                             None => {
                                 statement.files.iter().for_each(|path| self.data_file(path, own_folder));
+                                statement.block = self.block.map(|block| block.number);
                                 self.spec.statements.push(statement);
                             }
                         }
                     }
                 },
-                Err(broken) => {
-                    if broken.section == "include" {
-                        self.give_up();
+                Err((broken, span)) => {
+                    match broken.section.as_str() {
+                        "include" => self.give_up(),
+                        // What follows is taken for its content.
+                        "every" => self.open_block(None, span),
+                        _ => {}
                     }
+                    self.fill_block();
                     self.spec.broken.push(broken);
                 }
             }
+        }
+        if let Some(block) = self.block.take() {
+            let message = "the block is not closed at the end of the file";
+            let help = "close it with `}` on a line of its own";
+            let span = self.spec.blocks[block.number].span;
+            self.refuse(Diagnostic::error(codes::BAD_BLOCK, span, message).with_help(help));
+        }
+    }
+
+    /// Reports a mistake after which the spec is no model, whatever else it says.
+    fn refuse(&mut self, error: Diagnostic) {
+        self.report.push(error);
+        self.spec.broken.push(Broken::default());
+    }
+
+    /// Takes the statements that begin or end a block, and those that cannot stand in one.
+    fn blocks(&mut self, statement: &Statement) -> bool {
+        let wrong =
+            |message: String, help: &str| Diagnostic::error(codes::BAD_BLOCK, statement.span, message).with_help(help);
+        match (&statement.kind, self.block) {
+            (StatementKind::Every(period), None) => self.open_block(Some(period.clone()), statement.span),
+            (StatementKind::Every(_), Some(outer)) => {
+                let outer = self.spec.blocks[outer.number].span;
+                let error = wrong("a block in a block".to_owned(), "close the first block with `}` before this one");
+                self.refuse(error.with_label(outer, "the first block begins here"));
+                self.block = None;
+                self.open_block(None, statement.span);
+            }
+            (StatementKind::End, None) => {
+                self.refuse(wrong("`}` closes no block".to_owned(), "a block begins with `every 1 ms {`"));
+            }
+            (StatementKind::End, Some(block)) => {
+                if block.empty {
+                    let span = self.spec.blocks[block.number].span;
+                    let help = "put equations between the braces, for example `u = 2*x`, or remove the block";
+                    let error = Diagnostic::error(codes::BAD_BLOCK, span, "the block is empty");
+                    self.refuse(error.with_help(help));
+                }
+                self.block = None;
+            }
+            (StatementKind::State { .. } | StatementKind::Equation(_), _) => {
+                self.fill_block();
+                return false;
+            }
+            (_, None) => return false,
+            (_, Some(_)) => {
+                self.fill_block();
+                let help = "a block holds `state` statements and equations; write this one outside of it";
+                self.refuse(wrong("this statement cannot stand in a block".to_owned(), help));
+                if let StatementKind::Include(_) = statement.kind {
+                    self.give_up();
+                    return true;
+                }
+                return false;
+            }
+        }
+        true
+    }
+
+    fn open_block(&mut self, period: Option<Measure>, span: Span) {
+        self.block = Some(OpenBlock { number: self.spec.blocks.len(), empty: true });
+        self.spec.blocks.push(Block { period, span });
+    }
+
+    /// Notes that the open block, if there is one, holds a statement.
+    fn fill_block(&mut self) {
+        if let Some(block) = &mut self.block {
+            block.empty = false;
         }
     }
 

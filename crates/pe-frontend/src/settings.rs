@@ -171,7 +171,7 @@ impl<'a> Elaborator<'a> {
         Some(phases)
     }
 
-    fn time(&mut self, measure: &'a Measure, what: &str) -> Option<f64> {
+    pub(crate) fn time(&mut self, measure: &'a Measure, what: &str) -> Option<f64> {
         let value = self.measure(measure, &TIMES, what)?;
         if value > 0.0 {
             return Some(value);

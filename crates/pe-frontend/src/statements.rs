@@ -15,7 +15,7 @@ const DEEPEST: usize = 200;
 pub(crate) fn split(text: &str, tokens: &[Token]) -> Vec<Vec<Token>> {
     let mut statements = Vec::new();
     let mut current: Vec<Token> = Vec::new();
-    let mut depth = 0usize;
+    let (mut depth, mut slips) = (0usize, 0usize);
     for (at, token) in tokens.iter().enumerate() {
         match token.kind {
             TokenKind::Newline => {
@@ -23,12 +23,31 @@ pub(crate) fn split(text: &str, tokens: &[Token]) -> Vec<Vec<Token>> {
                     && ends_here(text, *last, depth, &tokens[at + 1..])
                 {
                     statements.push(std::mem::take(&mut current));
-                    depth = 0;
+                    (depth, slips) = (0, 0);
                 }
                 continue;
             }
             TokenKind::Open => depth += 1,
             TokenKind::Close => depth = depth.saturating_sub(1),
+            TokenKind::Brace => {
+                // `{` ends the statement that begins a block, `}` is a statement of its own. Braces elsewhere are a slip
+                // within their statement.
+                let begins = text_of(text, *token) == "{";
+                let every = current.first().is_some_and(|first| text_of(text, *first) == "every");
+                if begins && !every {
+                    slips += 1;
+                } else if !begins && slips > 0 {
+                    slips -= 1;
+                } else {
+                    if !begins && !current.is_empty() {
+                        statements.push(std::mem::take(&mut current));
+                    }
+                    current.push(*token);
+                    statements.push(std::mem::take(&mut current));
+                    depth = 0;
+                    continue;
+                }
+            }
             _ => {}
         }
         current.push(*token);
@@ -115,7 +134,7 @@ fn first_word(text: &str, statement: &[Token]) -> Option<Diagnostic> {
     if SECTIONS.contains(&word) {
         let second = second?;
         let name = text_of(text, second);
-        let names_something = !matches!(word, "solver" | "step" | "span" | "output" | "include" | "units");
+        let names_something = !matches!(word, "solver" | "step" | "span" | "output" | "include" | "units" | "every");
         return (names_something && is_keyword(name)).then(|| keyword_as_name(name, second.span));
     }
     if first.kind != TokenKind::Word {

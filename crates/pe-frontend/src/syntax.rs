@@ -58,6 +58,9 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "include" => Rule::include_statement,
         "function" => Rule::function_statement,
         "units" => Rule::units_statement,
+        "every" => Rule::every_statement,
+        "next" => Rule::next_statement,
+        "}" => Rule::end_statement,
         _ => Rule::equation,
     };
     let mut builder = Builder { base: span.start, report, explained: false, files: Vec::new() };
@@ -67,7 +70,7 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
             if kind.is_none() && !builder.explained {
                 builder.report.push(Diagnostic::error(codes::SYNTAX, span, "this statement is not understood"));
             }
-            Some(Statement { kind: kind?, span, files: builder.files })
+            Some(Statement { kind: kind?, block: None, span, files: builder.files })
         }
         Err(error) => {
             builder.report.push(describe(&error, text, tokens, span));
@@ -159,13 +162,22 @@ impl Builder<'_> {
             }
             Rule::equation => {
                 let target = self.reference(parts.take(Rule::reference)?)?;
-                let derivative = parts.take(Rule::prime).is_some();
+                let side = if parts.take(Rule::prime).is_some() { LeftSide::Derivative } else { LeftSide::Algebraic };
                 let unit = parts.take(Rule::unit).and_then(|unit| self.unit(unit));
                 let value = self.expr(parts.take(Rule::expr)?)?;
                 let within = self.within(&mut parts)?;
                 let (ranges, condition) = self.clauses(&mut parts)?;
-                StatementKind::Equation(Equation { target, derivative, unit, value, within, ranges, condition })
+                StatementKind::Equation(Equation { target, side, unit, value, within, ranges, condition })
             }
+            Rule::next_statement => {
+                let target = self.reference(parts.take(Rule::reference)?)?;
+                let value = self.expr(parts.take(Rule::expr)?)?;
+                let (ranges, condition) = self.clauses(&mut parts)?;
+                let (side, unit, within) = (LeftSide::Next, None, None);
+                StatementKind::Equation(Equation { target, side, unit, value, within, ranges, condition })
+            }
+            Rule::every_statement => StatementKind::Every(self.measure(parts.take(Rule::measure)?)?),
+            Rule::end_statement => StatementKind::End,
             _ => return None,
         })
     }
@@ -462,6 +474,10 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_include
             | Rule::kw_function
             | Rule::kw_units
+            | Rule::kw_every
+            | Rule::kw_next
+            | Rule::block_start
+            | Rule::block_end
             | Rule::data_word
             | Rule::samples_word
             | Rule::kw_if

@@ -95,6 +95,8 @@ fn in_words(rule: Rule) -> &'static str {
         Rule::negate => "`-`",
         Rule::kw_not => "`not`",
         Rule::equals => "`=`",
+        Rule::block_start => "`{`",
+        Rule::block_end => "`}`",
         Rule::prime => "`'`",
         Rule::unit | Rule::unit_text => "a unit in brackets",
         Rule::unit_name => "a unit",
@@ -124,6 +126,9 @@ fn remedy(found: &Token, text: &str, tokens: &[Token], expected: &[&str]) -> Opt
     let operator = expected.contains(&"an operator");
     let after_number = tokens.iter().any(|token| token.kind == TokenKind::Number && token.span.end == found.span.start);
     Some(match found.kind {
+        TokenKind::Brace => {
+            "group with parentheses `( )`, indices with brackets `[ ]`; a block begins with `every 1 ms {`"
+        }
         TokenKind::Word if operator && after_number => "a product needs its sign: `2*x`",
         TokenKind::Equals if operator => "`=` defines, `==` compares",
         TokenKind::Prime => {

@@ -62,6 +62,7 @@ fn model(derivatives: Vec<Expr>, algebraics: Vec<Expr>) -> Model {
         range: None,
         unit: None,
         derivative,
+        rate: None,
         span,
     });
     let named = |(index, expr)| Algebraic { name: format!("a{index}"), unit: None, expr, range: None, span };
@@ -77,6 +78,7 @@ fn model(derivatives: Vec<Expr>, algebraics: Vec<Expr>) -> Model {
         solver: Solver::Rk4,
         step: 1e-3,
         phases: Vec::new(),
+        rates: Vec::new(),
         span: 1.0,
         states: states.collect(),
         outputs: outputs.collect(),

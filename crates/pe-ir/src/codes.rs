@@ -36,6 +36,7 @@ codes! {
     NO_FILE = "E0111", "file cannot be read";
     INCLUDE_CYCLE = "E0112", "files include each other";
     MISPLACED = "E0113", "statement belongs in the main file";
+    BAD_BLOCK = "E0114", "block not well formed";
 
     UNKNOWN_NAME = "E0201", "unknown name";
     UNKNOWN_FUNCTION = "E0202", "unknown function or waveform";
@@ -88,6 +89,7 @@ codes! {
     IN_DEGREE = "E0804", "more input ports than a PE may have";
     UNSUITABLE_FORM = "E0805", "the model has no step of this form";
     UNSUITABLE_SOLVER = "E0806", "the solver does not suit the model";
+    UNSUITABLE_PERIOD = "E0807", "period and step do not fit together";
 
     DIVERGED = "E0901", "value not finite during the run";
     SATURATED = "E0902", "value saturates however wide its range";
@@ -113,6 +115,7 @@ codes! {
     CHAOTIC = "W0909", "chaotic over this span";
     STEP_SPAN = "W0910", "span is no whole number of steps";
     STILL = "W0911", "no state moves";
+    POLE = "W0912", "pole on or near the unit circle";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.

@@ -246,6 +246,22 @@ impl Expr {
         }
     }
 
+    /// Visits all variables, which may become others.
+    pub fn each_variable_mut(&mut self, visit: &mut impl FnMut(&mut Variable)) {
+        match self {
+            Expr::Constant(_) => {}
+            Expr::Variable(variable) => visit(variable),
+            Expr::Sum(members) | Expr::Product(members) => {
+                members.iter_mut().for_each(|member| member.each_variable_mut(visit));
+            }
+            Expr::Power(base, _) | Expr::Apply(_, base) => base.each_variable_mut(visit),
+            Expr::Select(select) => {
+                let Select { condition, yes, no } = &mut **select;
+                [condition, yes, no].into_iter().for_each(|part| part.each_variable_mut(visit));
+            }
+        }
+    }
+
     /// The expression with another one in place of each variable; nothing is folded.
     pub fn substituted(&self, variable: &impl Fn(Variable) -> Expr) -> Expr {
         let again = |expr: &Expr| expr.substituted(variable);

@@ -21,7 +21,7 @@ pub enum Variable {
     Algebraic(u32),
 }
 
-/// A state variable and its derivative equation.
+/// A state variable and its equation.
 #[derive(Clone, Debug)]
 pub struct State {
     /// Name with indices, for example `V[3]`.
@@ -34,9 +34,21 @@ pub struct State {
     pub range: Option<(f64, f64)>,
     /// Unit as written, without brackets.
     pub unit: Option<String>,
-    /// Right-hand side of `state' = ...`.
+    /// Right-hand side of `state' = ...`; of `next state = ...` if it has a rate.
     pub derivative: Expr,
-    /// The derivative equation in the spec.
+    /// The rate in [`Model::rates`] at which the state takes its next value, held in between; none if it changes all
+    /// the time.
+    pub rate: Option<u32>,
+    /// The equation in the spec.
+    pub span: Span,
+}
+
+/// How often a part of the model is sampled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rate {
+    /// Seconds from one sample to the next; the first is at time zero.
+    pub period: f64,
+    /// Where a block with it begins in the spec.
     pub span: Span,
 }
 
@@ -99,8 +111,10 @@ pub struct Model {
     pub phases: Vec<Phase>,
     /// Span in seconds over which ranges, error and stability are judged.
     pub span: f64,
-    /// State variables with their derivative equations.
+    /// State variables with their equations; those with a rate come last.
     pub states: Vec<State>,
+    /// Rates of the sampled parts.
+    pub rates: Vec<Rate>,
     /// Algebraic equations.
     pub algebraics: Vec<Algebraic>,
     /// External inputs.
@@ -123,6 +137,12 @@ pub struct Phase {
 /// Name of the input that says what the step is divided by, in models with a list of steps; with `_` behind it where
 /// that is taken.
 pub const STEP_RATIO: &str = "step_ratio";
+
+/// Part of a step by which times may be off for being rounded numbers.
+const TIME_SLACK: f64 = 1e-6;
+
+/// Divisions of a period that are looked at for a step that suits all rates.
+const MOST_DIVISIONS: u32 = 10_000;
 
 /// Most steps over a span; a run of more would never end.
 const MOST_STEPS: f64 = 1e10;
@@ -188,7 +208,17 @@ impl Model {
         let starts = std::iter::once(0.0).chain(self.phases.iter().map(|phase| phase.until)).collect();
         let ratios = self.phases.iter().map(|phase| phase.ratio).chain([1.0]).collect();
         let samples = Samples::new(starts, ratios, Interpolation::Hold).expect("phases ascend");
-        let mut name = STEP_RATIO.to_owned();
+        self.inputs.push(Input {
+            name: self.free_name(STEP_RATIO.to_owned()),
+            unit: None,
+            waveform: Waveform::Samples(Arc::new(samples)),
+            range: None,
+            span: Span::default(),
+        });
+    }
+
+    /// A name that no variable has: this one, with `_` behind it where it is taken.
+    fn free_name(&self, mut name: String) -> String {
         let taken = |name: &str| {
             self.states.iter().any(|state| state.name == name)
                 || self.inputs.iter().any(|input| input.name == name)
@@ -197,22 +227,114 @@ impl Model {
         while taken(&name) {
             name.push('_');
         }
-        self.inputs.push(Input {
-            name,
-            unit: None,
-            waveform: Waveform::Samples(Arc::new(samples)),
-            range: None,
-            span: Span::default(),
-        });
+        name
     }
 
-    /// The inputs as a step that begins at `time` samples them.
+    /// The inputs as a step that begins at `time` samples them, then the [ticks](Model::ticks).
     ///
     /// Times of steps and of jumps are rounded numbers: a jump that follows within a millionth of a step is meant to
     /// fall on the beginning of the step, and has happened.
     pub fn sample_inputs(&self, time: f64) -> Vec<f64> {
-        let within = time + 1e-6 * self.step;
-        self.inputs.iter().map(|input| input.waveform.piece(within, time)).collect()
+        self.hold_inputs(time, time)
+    }
+
+    /// The inputs of a step that begins at `time` and takes the inputs as they were at the time `sampled`.
+    pub fn hold_inputs(&self, sampled: f64, time: f64) -> Vec<f64> {
+        let within = sampled + TIME_SLACK * self.step;
+        let inputs = self.inputs.iter().map(|input| input.waveform.piece(within, sampled));
+        let step = libm::round(time / self.step) as u64;
+        let ticks = self.ticks().map(|(_, steps)| if step.is_multiple_of(steps) { 1.0 } else { 0.0 });
+        inputs.chain(ticks).collect()
+    }
+
+    /// Number of states that change all the time.
+    pub fn continuous_states(&self) -> usize {
+        self.states.partition_point(|state| state.rate.is_none())
+    }
+
+    /// How many equations there are, in words.
+    pub fn size(&self) -> String {
+        let continuous = self.continuous_states();
+        match self.states.len() - continuous {
+            0 => format!("{continuous} ODEs"),
+            sampled => format!("{continuous} ODEs, {sampled} sampled states"),
+        }
+    }
+
+    /// Steps after which all ticks repeat; none if that is beyond all numbers.
+    pub fn tick_cycle(&self) -> Option<u64> {
+        let divisor = |mut a: u64, mut b: u64| {
+            while b > 0 {
+                (a, b) = (b, a % b);
+            }
+            a
+        };
+        self.ticks().try_fold(1u64, |cycle, (_, steps)| (cycle / divisor(cycle, steps)).checked_mul(steps))
+    }
+
+    /// Steps from one sample of a rate to the next.
+    fn steps_per_sample(&self, rate: &Rate) -> f64 {
+        libm::round(rate.period / self.step)
+    }
+
+    /// The rates that are not sampled in every step, each with its steps per sample. Each has an input of the step graph,
+    /// behind those of the model, that is 1 in the steps that begin with a sample and 0 in all others.
+    pub fn ticks(&self) -> impl Iterator<Item = (u32, u64)> + '_ {
+        let rates = (0..).zip(&self.rates).map(|(number, rate)| (number, self.steps_per_sample(rate) as u64));
+        rates.filter(|(_, steps)| *steps > 1)
+    }
+
+    /// The model with its ticks as inputs.
+    pub fn with_ticks(&self) -> Model {
+        let mut model = self.clone();
+        for (rate, _) in self.ticks() {
+            let name = self.free_name(format!("tick_{}", rate + 1));
+            let span = self.rates[rate as usize].span;
+            model.inputs.push(Input { name, unit: None, waveform: Waveform::Constant(1.0), range: None, span });
+        }
+        model
+    }
+
+    /// A rate whose period is no whole number of steps, if there is one, with the longest step up to the model's that
+    /// suits all rates, if a reasonable one does.
+    pub fn unsuitable_rate(&self) -> Option<(Rate, Option<f64>)> {
+        let whole = |rate: &Rate, step: f64| {
+            let steps = rate.period / step;
+            let rounded = libm::round(steps);
+            rounded >= 1.0 && (steps - rounded).abs() <= TIME_SLACK * rounded
+        };
+        let first = self.rates.iter().find(|rate| !whole(rate, self.step))?;
+        let fewest = libm::ceil(first.period / self.step - TIME_SLACK).max(1.0);
+        let mut candidates = (0..MOST_DIVISIONS).map(|more| first.period / (fewest + f64::from(more)));
+        let step = candidates.find(|step| self.rates.iter().all(|rate| whole(rate, *step)));
+        Some((*first, step))
+    }
+
+    /// The part that changes all the time: sampled states have become inputs, behind the model's own.
+    pub fn continuous(&self) -> Model {
+        let continuous = self.continuous_states();
+        let inputs = self.inputs.len();
+        let renamed = |variable: Variable| match variable {
+            Variable::State(state) if state as usize >= continuous => {
+                Variable::Input((inputs + state as usize - continuous) as u32)
+            }
+            other => other,
+        };
+        let mut model = self.clone();
+        for held in model.states.drain(continuous..) {
+            model.inputs.push(Input {
+                name: held.name,
+                unit: held.unit,
+                waveform: Waveform::Constant(held.initial),
+                range: held.range,
+                span: held.span,
+            });
+        }
+        model.rates.clear();
+        model.states.iter_mut().for_each(|state| state.derivative = state.derivative.renamed(&renamed));
+        model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr = algebraic.expr.renamed(&renamed));
+        model.outputs.iter_mut().for_each(|output| output.variable = renamed(output.variable));
+        model
     }
 }
 
@@ -230,6 +352,7 @@ mod tests {
             phases: vec![Phase { until: 0.4, ratio: 200.0 }],
             span: 40.0,
             states: Vec::new(),
+            rates: Vec::new(),
             algebraics: Vec::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
@@ -260,6 +383,7 @@ mod tests {
             phases: Vec::new(),
             span: 12.0,
             states: Vec::new(),
+            rates: Vec::new(),
             algebraics: Vec::new(),
             inputs: vec![
                 input(Waveform::Pulse { height: 1.0, start: 2.5, width: 0.15, offset: 0.0, period: f64::INFINITY }),

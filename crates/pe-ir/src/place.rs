@@ -31,7 +31,7 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// The derivative of each state, in its unit per second.
+    /// The derivative of each state, in its unit per second; of a sampled state its next value.
     pub fn derivatives(&self) -> Vec<f64> {
         let states = self.model.states.iter();
         states.map(|state| state.derivative.evaluate(&|variable| self.number(variable))).collect()

@@ -48,14 +48,17 @@ pub struct Linearised {
 }
 
 impl Linearised {
-    /// The model at `states` with these inputs.
+    /// The model at `states` with these inputs; sampled states are held.
     pub fn at(model: &Model, states: &[f64], inputs: &[f64]) -> Linearised {
         let count = model.states.len() as u32;
         let mut algebraics: Vec<f64> = Vec::with_capacity(model.algebraics.len());
         let (mut rows, mut entries) = (Vec::new(), Vec::new());
         let mut derivatives = Vec::with_capacity(states.len());
         let all = model.algebraics.iter().map(|algebraic| &algebraic.expr);
-        for (index, expr) in all.chain(model.states.iter().map(|state| &state.derivative)).enumerate() {
+        // What is sampled stands still between its samples.
+        let still = Expr::Constant(0.0);
+        let slopes = model.states.iter().map(|state| if state.rate.is_none() { &state.derivative } else { &still });
+        for (index, expr) in all.chain(slopes).enumerate() {
             let value = |variable| match variable {
                 Variable::State(state) => states[state as usize],
                 Variable::Input(input) => inputs[input as usize],
@@ -142,6 +145,7 @@ mod tests {
             range: None,
             unit: None,
             derivative,
+            rate: None,
             span: Span::default(),
         };
         let shared = Algebraic { name: "a".to_owned(), unit: None, expr: product, range: None, span: Span::default() };
@@ -151,6 +155,7 @@ mod tests {
             solver: Solver::Rk4,
             step: 0.1,
             phases: Vec::new(),
+            rates: Vec::new(),
             span: 1.0,
             states: vec![
                 state("x", Expr::product(vec![algebraic.clone(), variable(1)])),

@@ -86,7 +86,7 @@ impl Accuracy {
         let mut record = Record {
             kind: Kind { store: "accuracy.json", files: view::files },
             head: self.head(model, &plan),
-            title: format!("{} ({} ODEs)", model.name, model.states.len()),
+            title: format!("{} ({})", model.name, model.size()),
             max_error: self.max_error,
             clock: format!("{} MHz ({})", clock.mhz, if clock.given { "given" } else { "assumed" }),
             rows: plan.points.iter().copied().map(row).collect(),
@@ -142,7 +142,7 @@ impl Accuracy {
         let head = json!({
             "generator": GENERATOR,
             "model": model.name,
-            "odes": model.states.len(),
+            "odes": model.continuous_states(),
             "model_sha256": fingerprint(model),
             "span_s": model.span,
             "command": self.given.command,

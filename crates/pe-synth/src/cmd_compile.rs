@@ -100,7 +100,7 @@ impl Compile {
             || self.model.load(&self.point),
             |loaded| match loaded {
                 Ok(loaded) => {
-                    format!("{}: {} ODEs, {}", loaded.model.name, loaded.model.states.len(), loaded.model.title)
+                    format!("{}: {}, {}", loaded.model.name, loaded.model.size(), loaded.model.title)
                 }
                 Err(_) => "refused".to_owned(),
             },

@@ -88,7 +88,7 @@ impl Explore {
         let points = axes.formed(model, &self.mapping).into_iter();
         let mut record = Record {
             head: self.head(model, &axes),
-            title: format!("{} ({} ODEs)", model.name, model.states.len()),
+            title: format!("{} ({})", model.name, model.size()),
             max_error: self.max_error,
             clock: format!("{} MHz ({})", clock.mhz, if clock.given { "given" } else { "assumed" }),
             rows: points.map(|point| (point, self.given.command(&point), None)).collect(),
@@ -122,7 +122,7 @@ impl Explore {
         let head = json!({
             "generator": GENERATOR,
             "model": model.name,
-            "odes": model.states.len(),
+            "odes": model.continuous_states(),
             "model_sha256": fingerprint(model),
             "command": self.given.command,
             "shared_options": self.given.shared.join(" "),

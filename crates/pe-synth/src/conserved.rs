@@ -66,7 +66,8 @@ impl Conserved {
     /// The linear invariants of a model of at most 200 states whose magnitudes are `scales`.
     pub fn found(model: &Model, scales: &[f64]) -> Vec<Conserved> {
         let count = model.states.len();
-        if !(2..=MOST_STATES).contains(&count) {
+        // Samples move states at once, which no derivative tells.
+        if !(2..=MOST_STATES).contains(&count) || !model.rates.is_empty() {
             return Vec::new();
         }
         let mut random = ChaCha8Rng::seed_from_u64(1);

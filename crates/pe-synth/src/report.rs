@@ -1,12 +1,12 @@
 //! The report: `report.json`, `report-timing.json`, and the table on the terminal.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use pe_hls::mapping::RANDOM;
 use pe_hls::two_slots;
 use pe_ir::graph::{FormCost, Role};
 use pe_ir::mapping::MappingCost;
-use pe_ir::model::Model;
+use pe_ir::model::{Model, Rate};
 use pe_ir::program::{LinkSource, Program};
 use pe_sim::reference::{ReferenceError, TOLERANCE};
 use serde_json::{Value, json};
@@ -126,7 +126,7 @@ pub fn report(
     let mut report = json!({
         "generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")),
         "model": model.name,
-        "odes": model.states.len(),
+        "odes": model.continuous_states(),
         "pes": program.pes.len(),
         "pes_default": design.default_pes,
         "solver": model.solver.name(),
@@ -176,6 +176,14 @@ pub fn report(
         "seed": seed,
         "command": command,
     });
+    if !model.rates.is_empty() {
+        let steps: BTreeMap<u32, u64> = model.ticks().collect();
+        let rate = |(number, rate): (u32, &Rate)| {
+            let states = model.states.iter().filter(|state| state.rate == Some(number)).count();
+            json!({"period_s": rate.period, "steps": steps.get(&number).unwrap_or(&1), "states": states})
+        };
+        report["rates"] = json!((0..).zip(&model.rates).map(rate).collect::<Vec<_>>());
+    }
     report["functions"] = json!(tables::report(&design.graph, &design.judged.fixed));
     report
 }
@@ -332,7 +340,7 @@ pub fn table(
     let time_ms = f64::from(program.period) / clock.mhz * 1e-3 / model.mean_step();
     let defaulted = if design.default_pes { " (default)" } else { "" };
     let mut rows = vec![
-        ("equations", format!("{} ODEs, {} left out", model.states.len(), model.left_out.len())),
+        ("equations", format!("{}, {} left out", model.size(), model.left_out.len())),
         (
             "network",
             format!(

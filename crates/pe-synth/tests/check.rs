@@ -52,7 +52,53 @@ fn extreme_cases_get_the_answer_that_they_must() {
     let oscillator = "state x = 1\nstate v = 0\nx' = v\nv' = -100*x\noutput x";
     let lorenz =
         "state x = 1\nstate y = 1\nstate z = 1\nx' = 10*(y - x)\ny' = x*(28 - z) - y\nz' = x*y - 8/3*z\noutput x";
+    // The filter `SLOW` of tests/sampled.rs multiplied out.
+    let polynomial = "input x = pulse(1, 0, 100 ms)
+every 1 ms {
+  y = 0.00980927596766147*x + m1
+  state m1 = 0
+  next m1 = -0.03915975470094762*x + 3.95754150804959*y + m2
+  state m2 = 0
+  next m2 = 0.05870103378203576*x - 5.873524488664223*y + m3
+  state m3 = 0
+  next m3 = -0.039159754700947604*x + 3.8744132097553794*y + m4
+  state m4 = 0
+  next m4 = 0.009809275967661466*x - 0.9584303054562103*y
+}
+output y";
     let cases: Vec<Case> = vec![
+        (
+            "a filter of fourth order as one polynomial",
+            spec("euler", "1 ms", "1 s", polynomial),
+            &["--multiplier", "18x25"],
+            0,
+            &["W0905", "W0912"],
+            &["towards the unit circle", "0.992370"],
+        ),
+        (
+            "an unstable sampled loop",
+            spec("rk4", "1 ms", "40 ms", "state x = 1\nx' = -u\nevery 4 ms {\n  u = 1000*x\n}\noutput x"),
+            &[],
+            0,
+            &["W0912"],
+            &["|z| = 3.000000000 over 4 steps"],
+        ),
+        (
+            "a period of two and a half steps",
+            spec("rk4", "2 ms", "40 ms", "state x = 1\nx' = -u\nevery 5 ms {\n  u = x\n}\noutput x"),
+            &[],
+            1,
+            &["E0807"],
+            &["2.500000 steps", "--step 1.6666666666666668e-3"],
+        ),
+        (
+            "a sampled state that stays",
+            spec("rk4", "1 ms", "40 ms", "every 1 ms {\n  state m = 1\n  next m = m\n}\noutput m"),
+            &[],
+            0,
+            &["W0911"],
+            &[],
+        ),
         (
             "zero dynamics",
             spec("rk4", "1 ms", "100 ms", "state x = 0\nstate y = 3\nx' = 0\ny' = 0*x\noutput x, y"),

@@ -11,7 +11,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 /// Models with a golden folder: those that compile in a moment.
-const MODELS: [&str; 16] = [
+const MODELS: [&str; 17] = [
     "atrial3",
     "harmonic_oscillator",
     "hodgkin_huxley",
@@ -21,6 +21,7 @@ const MODELS: [&str; 16] = [
     "lung",
     "lutchen20",
     "lutchen_breathing",
+    "motor_pid",
     "pendulum",
     "pump_station",
     "rc_ladder",

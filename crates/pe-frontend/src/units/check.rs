@@ -4,7 +4,7 @@
 //! takes that of its definition.
 
 use super::{Dimension, Units, parse, place, shown_factor};
-use crate::ast::{Equation, Expr, ExprKind, Factor, Measure, Name, Range, Reference, Signal, StatementKind};
+use crate::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Measure, Name, Range, Reference, Signal, StatementKind};
 use crate::elaborate::Elaborator;
 use crate::functions;
 use crate::inline::MOST_NESTED_CALLS;
@@ -143,7 +143,9 @@ impl<'a> Checker<'_, 'a> {
             let (name, value) = match &statement.kind {
                 StatementKind::Const { name, value } => (name, value),
                 StatementKind::Param { declared, value } => (&declared.name, value),
-                StatementKind::Equation(equation) if !equation.derivative => (&equation.target.name, &equation.value),
+                StatementKind::Equation(equation) if equation.side == LeftSide::Algebraic => {
+                    (&equation.target.name, &equation.value)
+                }
                 _ => continue,
             };
             if let Some(Symbol::Quantity(number)) = self.elaborator.names.find(&name.text) {
@@ -213,7 +215,7 @@ impl<'a> Checker<'_, 'a> {
     fn equation(&mut self, equation: &'a Equation) {
         let (unit, span) = self.own(&equation.target.name);
         let own = match unit {
-            Known(unit) if equation.derivative => {
+            Known(unit) if equation.side == LeftSide::Derivative => {
                 (unit.times(Dimension::SECOND, -1).map_or(Unknown, Known), equation.target.span)
             }
             unit => (unit, span),

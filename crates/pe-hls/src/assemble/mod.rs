@@ -429,11 +429,13 @@ impl Assembler<'_> {
     }
 
     fn inputs(&self) -> Vec<InputPort> {
-        let inputs = self.model.inputs.iter().zip(&self.graph.inputs);
+        let inputs = self.graph.names.inputs.iter().zip(&self.graph.inputs);
         inputs
-            .map(|(input, value)| InputPort {
-                name: input.name.clone(),
-                unit: input.unit.clone(),
+            .enumerate()
+            .map(|(index, (name, value))| InputPort {
+                name: name.clone(),
+                // Ticks come behind the inputs of the model.
+                unit: self.model.inputs.get(index).and_then(|input| input.unit.clone()),
                 exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
             })
             .collect()

@@ -12,7 +12,7 @@ use super::polynomial::{Nested, NestedFactor};
 use super::prune::prune;
 use super::rows::Rows;
 use super::sharing::{self, Expanded};
-use super::{method, planned};
+use super::{method, planned, sampled};
 use crate::pairs;
 
 /// One stage of a solver: where its chains read, how they are scaled, and what they write.
@@ -94,6 +94,9 @@ const TABLE_PRODUCTS: u32 = 7;
 /// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have, `E0806`
 /// for a solver that does not suit it.
 pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
+    if !model.rates.is_empty() {
+        return sampled::build(model, options);
+    }
     if let Some(plan) = method::plan(model)? {
         return planned::build(plan, options);
     }

@@ -8,6 +8,7 @@ mod planned;
 mod polynomial;
 mod prune;
 mod rows;
+mod sampled;
 mod sharing;
 
 pub use build::{build, build_with};

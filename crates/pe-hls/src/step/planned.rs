@@ -24,43 +24,14 @@ const NONE: u32 = u32::MAX;
 pub fn build(mut plan: Plan, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
     let model = plan.model;
     let published = publish(&mut plan);
-    let flat = flat(&plan);
-    let expanded = sharing::expand_keeping(&flat, &|index| plan.equations[index].keep)?;
-    let cost = FormCost {
-        form: StageForm::Method,
-        stages: model.solver.stages(),
-        products: 0,
-        largest: 0,
-        ports: 0,
-        cycles: 0,
-    };
-    let mut builder = Builder::new(model, cost);
-    memories(&mut builder, &plan);
-    builder.graph.names.auxiliaries = plan.auxiliaries.clone();
-    let states: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
-    let mut operands = Operands { states: &states, algebraics: HashMap::new() };
-    let mut riders: Vec<Option<usize>> = vec![None; plan.equations.len()];
-    for (index, planned) in plan.equations.iter().enumerate() {
-        if let Some(leader) = planned.same_sum {
-            riders[leader as usize] = Some(index);
-        }
-    }
-    for index in (0..plan.equations.len()).filter(|index| expanded.shared[*index]) {
-        if plan.equations[index].same_sum.is_none() {
-            let nested = Nested::of(&expanded.algebraics[index]);
-            let rider = riders[index].map(|rider| (rider as u32, &plan.equations[rider]));
-            equation(&mut builder, &plan, (index as u32, rider), &nested, &mut operands);
-            let function = expanded.functions[index].as_ref().map(|function| builder.function(function));
-            builder.graph.chains.last_mut().expect("the chain of the equation").function = function;
-        }
-    }
+    let (mut builder, algebraics) = chains(&plan)?;
     let ends: Vec<ValueId> = builder.graph.states.iter().map(|(_, next)| *next).collect();
     for (index, output) in model.outputs.iter().enumerate() {
         let value = match output.variable {
             Variable::State(state) => ends[state as usize],
             Variable::Input(input) => builder.published_input(index, output, input),
             Variable::Algebraic(algebraic) => match published.variable(Variable::Algebraic(algebraic)) {
-                Variable::Algebraic(equation) => operands.algebraics[&equation],
+                Variable::Algebraic(equation) => algebraics[&equation],
                 _ => unreachable!("equations define algebraic variables"),
             },
         };
@@ -75,6 +46,46 @@ pub fn build(mut plan: Plan, options: &StepOptions) -> Result<StepGraph, Vec<Dia
     graph.forms = vec![whole_cost(&graph, options)];
     graph.pre_adder = options.pre_adder && pairs::worthwhile(&graph);
     Ok(graph)
+}
+
+/// The chains of a plan, with nothing published, and the value of each of its equations.
+///
+/// # Errors
+/// `E0801` for an equation that expands to too many products.
+pub(super) fn chains(plan: &Plan) -> Result<(Builder, HashMap<u32, ValueId>), Vec<Diagnostic>> {
+    let model = plan.model;
+    let flat = flat(plan);
+    let expanded = sharing::expand_keeping(&flat, &|index| plan.equations[index].keep)?;
+    let cost = FormCost {
+        form: StageForm::Method,
+        stages: model.solver.stages(),
+        products: 0,
+        largest: 0,
+        ports: 0,
+        cycles: 0,
+    };
+    let mut builder = Builder::new(model, cost);
+    memories(&mut builder, plan);
+    builder.graph.names.auxiliaries = plan.auxiliaries.clone();
+    let states: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
+    let mut operands = Operands { states: &states, algebraics: HashMap::new() };
+    let mut riders: Vec<Option<usize>> = vec![None; plan.equations.len()];
+    for (index, planned) in plan.equations.iter().enumerate() {
+        if let Some(leader) = planned.same_sum {
+            riders[leader as usize] = Some(index);
+        }
+    }
+    for index in (0..plan.equations.len()).filter(|index| expanded.shared[*index]) {
+        if plan.equations[index].same_sum.is_none() {
+            let nested = Nested::of(&expanded.algebraics[index]);
+            let rider = riders[index].map(|rider| (rider as u32, &plan.equations[rider]));
+            equation(&mut builder, plan, (index as u32, rider), &nested, &mut operands);
+            let function = expanded.functions[index].as_ref().map(|function| builder.function(function));
+            builder.graph.chains.last_mut().expect("the chain of the equation").function = function;
+        }
+    }
+    let algebraics = operands.algebraics;
+    Ok((builder, algebraics))
 }
 
 /// Plans the outputs that are algebraic variables, at the end of the step.
@@ -108,6 +119,7 @@ fn flat(plan: &Plan) -> Model {
         title: String::new(),
         phases: Vec::new(),
         states: Vec::new(),
+        rates: Vec::new(),
         algebraics: plan.equations.iter().map(algebraic).collect(),
         inputs: plan.model.inputs.clone(),
         outputs: Vec::new(),
@@ -168,15 +180,16 @@ fn equation(
     operands.algebraics.insert(index, value);
 }
 
-/// Whether there is an order of chains in which all readers of a state's old word come before the write of the new one.
-fn can_overwrite(graph: &StepGraph) -> bool {
+/// Whether there is an order of chains in which all readers of a state's old word come before the write of the new one,
+/// if the graph has it.
+pub(super) fn can_overwrite(graph: &StepGraph) -> bool {
     let producers = graph.producers();
     let mut arcs: Vec<(u32, u32)> = Vec::new();
     for (index, chain) in (0..).zip(&graph.chains) {
         let mut visit = |value: ValueId| match graph.value(value).role {
             Role::State(state) => {
                 let writer = producers[graph.states[state as usize].1.index()];
-                if writer != index {
+                if writer != NONE && writer != index {
                     arcs.push((index, writer));
                 }
             }

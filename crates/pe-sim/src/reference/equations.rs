@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use differential_equations::linalg::Matrix;
 use differential_equations::ode::ODE;
-use pe_ir::model::{Expr, Input, Model, Variable};
+use pe_ir::model::{Expr, Input, Model, Rate, Variable};
 
 use super::states::States;
 use crate::linear::Linearised;
@@ -24,15 +24,17 @@ struct Sum {
     exact: Option<Expr>,
 }
 
-/// All equations of a model. Slots hold the states, the inputs, the algebraic quantities, then intermediate results.
+/// All equations of a model, those of sampled states among them. Slots hold the states, the inputs, the algebraic quantities, then intermediate results.
 pub(super) struct Equations<'a> {
     model: &'a Model,
     inputs: &'a [Input],
     states: u32,
+    /// Number of states that are not sampled.
+    continuous: usize,
     sums: Vec<Sum>,
     terms: Vec<Term>,
     factors: Vec<u32>,
-    /// Slot of each state's derivative.
+    /// Slot of each state's derivative, or next value.
     derivatives: Vec<u32>,
     slots: RefCell<Vec<f64>>,
 }
@@ -55,7 +57,8 @@ impl<'a> Equations<'a> {
         let derivatives = model.states.iter().map(|state| builder.fresh(&state.derivative)).collect();
         let slots = RefCell::new(vec![0.0; builder.next as usize]);
         let Builder { sums, terms, factors, .. } = builder;
-        Equations { model, inputs: &model.inputs, states, sums, terms, factors, derivatives, slots }
+        let continuous = model.continuous_states();
+        Equations { model, inputs: &model.inputs, states, continuous, sums, terms, factors, derivatives, slots }
     }
 
     fn evaluate(&self, states: &[f64], input: impl Fn(&Input) -> f64, derivatives: &mut [f64]) {
@@ -155,6 +158,13 @@ fn slot(variable: Variable, states: u32, inputs: u32) -> u32 {
     }
 }
 
+/// Whether a rate takes a sample at a time, which may be off for being a rounded number.
+fn is_sample(rate: &Rate, time: f64) -> bool {
+    const PART: f64 = 1e-9;
+    let periods = time / rate.period;
+    (periods - libm::round(periods)).abs() <= PART * periods.abs()
+}
+
 /// The equations between two neighbouring breakpoints of the signals.
 pub(super) struct Piece<'a> {
     pub from: f64,
@@ -163,6 +173,24 @@ pub(super) struct Piece<'a> {
 }
 
 impl Piece<'_> {
+    /// Takes the samples that are due at the beginning of the piece.
+    pub fn sample(&self, states: &mut States) {
+        let model = self.equations.model;
+        let due: Vec<bool> = model.rates.iter().map(|rate| is_sample(rate, self.from)).collect();
+        if !due.contains(&true) {
+            return;
+        }
+        let mut next = states.0.clone();
+        let input = |input: &Input| input.waveform.piece(0.5 * (self.from + self.to), self.from);
+        self.equations.evaluate(&states.0, input, &mut next);
+        let sampled = model.states.iter().zip(next).zip(&mut states.0).skip(self.equations.continuous);
+        for ((state, next), number) in sampled {
+            if state.rate.is_some_and(|rate| due[rate as usize]) {
+                *number = next;
+            }
+        }
+    }
+
     /// Whether all derivatives are finite.
     pub fn is_finite(&self, time: f64, states: &States) -> bool {
         let mut derivatives = states.clone();
@@ -175,6 +203,7 @@ impl ODE<f64, States> for Piece<'_> {
     fn diff(&self, time: f64, states: &States, derivatives: &mut States) {
         let input = |input: &Input| input.waveform.piece(0.5 * (self.from + self.to), time);
         self.equations.evaluate(&states.0, input, &mut derivatives.0);
+        derivatives.0[self.equations.continuous..].fill(0.0);
     }
 
     fn jacobian(&self, time: f64, states: &States, jacobian: &mut Matrix<f64>) {

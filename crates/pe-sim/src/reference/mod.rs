@@ -4,7 +4,7 @@
 //! shared with the step graph, and nothing with the solvers of the hardware, so that the comparison with a run says how
 //! wrong that run is. The method is DOP853 of the crate `differential-equations`: explicit, of eighth order, its step
 //! controlled by an error estimate (decision 0010). A stiff model, for which it needs too many steps, is solved by the
-//! library's implicit Radau5 (decision 0027). Both are started anew wherever a signal jumps or bends. Where more depends
+//! library's implicit Radau5 (decision 0027). Both are started anew wherever a signal jumps or bends, or a sample is taken. Where more depends
 //! on it, a second explicit method of the library, Verner's of ninth order, checks the first.
 
 mod equations;
@@ -240,6 +240,8 @@ impl Integration<'_> {
             let piece = Piece { from: bounds[0], to: bounds[1], equations: self.equations };
             let (in_piece, later) = pending.split_at(pending.partition_point(|time| !after(*time, piece.to)));
             pending = later;
+            piece.sample(&mut states);
+            self.scales.include(&states);
             let mut method: M = self.start(&piece, piece.from, &states, self.model.step)?;
             for time in in_piece {
                 self.advance(&mut method, &piece, *time, progress)?;
@@ -321,11 +323,15 @@ fn after(time: f64, other: f64) -> bool {
     time - other > TIME_RESOLUTION * time.abs()
 }
 
-/// Zero, the breakpoints of the signals before `end`, and `end`, ascending. Every piece takes a step, so that more
-/// breakpoints of a signal than `steps` are never reached.
+/// Zero, the breakpoints of the signals and the samples before `end`, and `end`, ascending. Every piece takes a step, so
+/// that more breakpoints of a signal than `steps` are never reached.
 fn pieces(model: &Model, end: f64, steps: u64) -> Vec<f64> {
     let of_input = |input: &Input| input.waveform.breakpoints(end).take(steps as usize).collect::<Vec<f64>>();
     let mut breakpoints: Vec<f64> = model.inputs.iter().flat_map(of_input).collect();
+    for rate in &model.rates {
+        let samples = (1..=steps).map(|number| number as f64 * rate.period);
+        breakpoints.extend(samples.take_while(|time| after(end, *time)));
+    }
     breakpoints.sort_by(f64::total_cmp);
     let mut bounds = vec![0.0];
     for time in breakpoints {

@@ -57,6 +57,8 @@ impl<'a> Stiff<'a> {
             let piece = Piece { from: bounds[0], to: bounds[1], equations: self.equations };
             let (in_piece, later) = pending.split_at(pending.partition_point(|time| !after(*time, piece.to)));
             pending = later;
+            piece.sample(&mut states);
+            self.scales.include(&states);
             let mut time = piece.from;
             let mut step = self.model.step;
             for target in in_piece {

@@ -22,6 +22,12 @@ const GROWTH: f64 = 0.1;
 /// Excess of one step's growth with rounded coefficients, over the span, from which on it is told.
 const ROUNDED_GROWTH: f64 = 0.1;
 
+/// Part of its distance from the unit circle that a pole has to keep when coefficients are rounded.
+const POLE_MARGIN: f64 = 0.9;
+
+/// Distance from the unit circle at which a pole is on it.
+const UNIT_CIRCLE: f64 = 1e-9;
+
 /// Part of a step by which a span may miss a whole number of them: rounding.
 const SPAN_ROUNDING: f64 = 1e-6;
 
@@ -53,6 +59,7 @@ impl Check {
         findings.extend(self.near_limit(model));
         findings.extend(self.growing(model));
         findings.extend(self.rounded_growth(model));
+        findings.extend(self.poles(model));
         // Looked for once, and for those that are about the step.
         if findings.iter().any(is_about_step) {
             let remedy = remedies::for_step(model, trials, &self.prediction, question.point, &question.format, true);
@@ -109,19 +116,50 @@ impl Check {
 
     /// Rounded coefficients let the step grow.
     fn rounded_growth(&self, model: &Model) -> Option<Diagnostic> {
-        let growth = self.growth.filter(|growth| growth.exact <= 1.0 + 1e-12)?;
-        let over_span = libm::log(growth.rounded) * model.steps() as f64;
+        let growth = self.growth.as_ref().filter(|growth| growth.exact() <= 1.0 + 1e-12 && model.rates.is_empty())?;
+        let over_span = libm::log(growth.rounded()) * model.steps() as f64;
         if over_span < ROUNDED_GROWTH {
             return None;
         }
         let message = format!(
             "rounded coefficients let the solution grow {} over the span: a step multiplies it by {:.9}, not {:.9}",
             factor(over_span),
-            growth.rounded,
-            growth.exact
+            growth.rounded(),
+            growth.exact()
         );
         let help = "take a wider second number in `--multiplier AxB`";
         Some(Diagnostic::global(codes::METHOD_GROWTH, message).with_help(help).into_warning())
+    }
+
+    /// Poles of a model with sampled parts that lie outside of the unit circle, or that rounding moves there.
+    fn poles(&self, model: &Model) -> Option<Diagnostic> {
+        let rate = model.rates.first()?;
+        let growth = self.growth.as_ref()?;
+        let steps = match growth.steps {
+            1 => "a step".to_owned(),
+            steps => format!("{steps} steps"),
+        };
+        let help = "take a wider second number in `--multiplier AxB`, or sections of second order";
+        let (message, help) = if growth.exact() > 1.0 + UNIT_CIRCLE {
+            let message = format!("a pole lies outside of the unit circle: |z| = {:.9} over {steps}", growth.exact());
+            (message, "the sampled loop is unstable: check its gains and its period")
+        } else {
+            let (exact, rounded) = growth.moved_pole()?;
+            if rounded >= 1.0 {
+                let message = format!(
+                    "rounded coefficients move a pole out of the unit circle: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
+                );
+                (message, help)
+            } else if 1.0 - rounded < POLE_MARGIN * (1.0 - exact) {
+                let message = format!(
+                    "rounded coefficients move a pole towards the unit circle: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
+                );
+                (message, help)
+            } else {
+                return None;
+            }
+        };
+        Some(Diagnostic::error(codes::POLE, rate.span, message).with_help(help).into_warning())
     }
 
     /// States that lose increments.

@@ -38,8 +38,15 @@ const TRIED_STATES: usize = 10_000;
 pub const EXPLAINED: [&str; 4] = [codes::DIVERGED, codes::SATURATED, codes::STEP_TOO_LARGE, codes::SMALL_PIVOT];
 
 /// Warnings of the check alone; others come from the runs.
-const OWN: [&str; 6] =
-    [codes::NEAR_LIMIT, codes::METHOD_GROWTH, codes::DEAD_BAND, codes::CHAOTIC, codes::STEP_SPAN, codes::STILL];
+const OWN: [&str; 7] = [
+    codes::NEAR_LIMIT,
+    codes::METHOD_GROWTH,
+    codes::DEAD_BAND,
+    codes::CHAOTIC,
+    codes::STEP_SPAN,
+    codes::STILL,
+    codes::POLE,
+];
 
 /// What is asked about.
 #[derive(Clone, Copy)]

@@ -2,7 +2,8 @@
 //! sensitivity to the last bit.
 
 use pe_ir::graph::{FixedPoint, StepGraph};
-use pe_ir::model::{Model, Variable};
+use pe_ir::model::{Model, State, Variable};
+use pe_ir::place::Place;
 use pe_sim::double::DoubleRun;
 use pe_sim::linear::{Linearised, is_affine};
 use pe_sim::spectrum::{eigenvalues, outer_eigenvalues};
@@ -21,6 +22,9 @@ const DEAD_LOSS: f64 = 1e-3;
 
 /// States up to which the matrix of a step is found column by column.
 const COLUMNS: usize = 120;
+
+/// A pole as close as this to the unit circle is on it, as that of an integrator is.
+const INTEGRATOR: f64 = 1e-9;
 
 /// Vectors of Arnoldi's method for larger ones.
 const VECTORS: usize = 40;
@@ -86,21 +90,46 @@ pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted:
 /// Whether no state ever moves, not even in double precision.
 pub fn is_still(model: &Model, trusted: &Trusted) -> bool {
     let (states, first) = (trusted.states.states, trusted.at(0));
-    let linear = Linearised::at(model, first, &model.sample_inputs(0.0));
-    let rests = |(state, derivative): (&f64, &f64)| state + model.step * derivative == *state;
+    let inputs = model.sample_inputs(0.0);
+    let derivatives = Place::new(model, first, &inputs).derivatives();
+    let rests = |((state, at), derivative): ((&State, &f64), &f64)| match state.rate {
+        Some(_) => derivative == at,
+        None => at + model.step * derivative == *at,
+    };
     trusted.states.samples.chunks_exact(states.max(1)).all(|sample| sample == first)
-        && first.iter().zip(&linear.derivatives).all(rests)
+        && model.states.iter().zip(first).zip(&derivatives).all(rests)
 }
 
-/// Largest magnitude of the eigenvalues of one step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Magnitudes of the eigenvalues of one step, or, of a model with sampled parts, of as many steps as its ticks take to
+/// repeat; the largest first.
+#[derive(Clone, Debug, PartialEq)]
 pub struct StepGrowth {
-    /// With coefficients in double precision.
-    pub exact: f64,
-    /// With the coefficients of the hardware.
-    pub rounded: f64,
+    exact: Vec<f64>,
+    rounded: Vec<f64>,
+    /// Number of steps.
+    pub steps: u64,
     /// Whether all eigenvalues were computed; else the outer ones were estimated.
     pub all: bool,
+}
+
+impl StepGrowth {
+    /// The largest magnitude with coefficients in double precision.
+    pub fn exact(&self) -> f64 {
+        self.exact.first().copied().unwrap_or(0.0)
+    }
+
+    /// The same with the coefficients of the hardware.
+    pub fn rounded(&self) -> f64 {
+        self.rounded.first().copied().unwrap_or(0.0)
+    }
+
+    /// The pole whose distance from the unit circle rounded coefficients change most, of those inside of it: its magnitude
+    /// with exact and with rounded coefficients.
+    pub fn moved_pole(&self) -> Option<(f64, f64)> {
+        let inside = self.exact.iter().copied().zip(self.rounded.iter().copied());
+        let margin = |(exact, rounded): &(f64, f64)| (1.0 - rounded) / (1.0 - exact);
+        inside.filter(|(exact, _)| *exact < 1.0 - INTEGRATOR).min_by(|a, b| margin(a).total_cmp(&margin(b)))
+    }
 }
 
 /// Eigenvalues of one step around the middle of the trajectory; none if they cannot be had.
@@ -110,19 +139,25 @@ pub fn step_growth(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted
         return None;
     }
     let point = trusted.count() / 2;
-    let exact = radius(model, DoubleRun::new(graph), affine, trusted, point)?;
-    let rounded = radius(model, DoubleRun::quantised(graph, fixed), affine, trusted, point)?;
-    Some(StepGrowth { exact, rounded, all: model.states.len() <= COLUMNS })
+    let steps = model.tick_cycle()?;
+    let columns = model.states.len().min(COLUMNS) as u64;
+    if steps.saturating_mul(columns * graph.macs()) > PRODUCTS {
+        return None;
+    }
+    let exact = magnitudes(model, DoubleRun::new(graph), affine, trusted, point)?;
+    let rounded = magnitudes(model, DoubleRun::quantised(graph, fixed), affine, trusted, point)?;
+    Some(StepGrowth { exact, rounded, steps, all: model.states.len() <= COLUMNS })
 }
 
-fn radius(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, point: usize) -> Option<f64> {
+fn magnitudes(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, point: usize) -> Option<Vec<f64>> {
     let states = model.states.len();
     let run = std::cell::RefCell::new(run);
-    let inputs = model.sample_inputs(trusted.times[point]);
+    let input = |step: u64| model.hold_inputs(trusted.times[point], model.step * step as f64);
+    let inputs: Vec<Vec<f64>> = (0..model.tick_cycle()?).map(input).collect();
     let step = |at: &[f64]| {
         let mut run = run.borrow_mut();
         at.iter().enumerate().for_each(|(index, number)| run.set_state(index, *number));
-        let finite = run.step(&inputs).is_ok();
+        let finite = inputs.iter().all(|inputs| run.step(inputs).is_ok());
         (0..states).map(|index| if finite { run.state(index) } else { f64::NAN }).collect::<Vec<f64>>()
     };
     // An affine step is the same everywhere; of others a difference quotient around the point is taken.
@@ -147,7 +182,9 @@ fn radius(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, point:
     } else {
         outer_eigenvalues(states, VECTORS, product)?
     };
-    Some(values.iter().map(|(re, im)| libm::hypot(*re, *im)).fold(0.0, f64::max))
+    let mut magnitudes: Vec<f64> = values.iter().map(|(re, im)| libm::hypot(*re, *im)).collect();
+    magnitudes.sort_by(|a, b| b.total_cmp(a));
+    Some(magnitudes)
 }
 
 /// Largest magnitude of each state, or of the whole model where it is zero.

@@ -80,8 +80,8 @@ pub fn report(model: &Model, check: &Check) -> Value {
         "fastest_decay": few(prediction.fastest),
         "stiffness": few(prediction.fastest * model.span),
         "growth_log": few(prediction.growth),
-        "amplification": check.growth.map(|growth| {
-            json!({"exact": steady(growth.exact), "rounded": steady(growth.rounded),
+        "amplification": check.growth.as_ref().map(|growth| {
+            json!({"exact": steady(growth.exact()), "rounded": steady(growth.rounded()), "steps": growth.steps,
                    "basis": if growth.all { "all eigenvalues" } else { "outer eigenvalues, estimated" }})
         }),
         "smallest_pivot": check.pivot.as_ref().map(|pivot| json!({"state": pivot.state, "magnitude": few(pivot.magnitude)})),
@@ -127,7 +127,7 @@ pub fn json(model: &Model, check: &Check, judged: Option<&Judged>, asked_span: f
     json!({
         "generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")),
         "model": model.name,
-        "odes": model.states.len(),
+        "odes": model.continuous_states(),
         "solver": model.solver.name(),
         "step_s": model.step,
         "span_s": asked_span,
@@ -199,8 +199,14 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
     if prediction.growth > 1e-3 {
         row("growth", format!("undamped modes grow {} over the span", factor(prediction.growth)));
     }
-    if let Some(growth) = check.growth {
-        row("one step", format!("grows {:.9}, rounded coefficients {:.9}", growth.exact, growth.rounded));
+    if let Some(growth) = &check.growth {
+        let grows = format!("grows {:.9}, rounded coefficients {:.9}", growth.exact(), growth.rounded());
+        match growth.steps {
+            1 => row("one step", grows),
+            steps => {
+                row("samples repeat", format!("after {steps} steps, which {}", grows.replacen("grows", "grow", 1)))
+            }
+        }
     }
     if let Some(chaos) = check.chaos {
         row(
@@ -218,9 +224,9 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
 /// The whole check in words, 80 columns wide.
 pub fn text(model: &Model, check: &Check, judged: Option<&Judged>, asked_span: f64) -> String {
     let mut text = format!(
-        "{}: {} ODEs, {}, step {:e} s, span {asked_span} s\n",
+        "{}: {}, {}, step {:e} s, span {asked_span} s\n",
         model.name,
-        model.states.len(),
+        model.size(),
         model.solver.name(),
         model.step
     );

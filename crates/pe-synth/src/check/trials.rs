@@ -143,6 +143,9 @@ impl<'a> Trials<'a> {
     /// Looks for the end of the stable steps from a first guess on; none if no trial can be run.
     pub fn limit(&self, solver: Solver, guess: f64) -> Option<Found> {
         let longest = self.end / 4.0;
+        if !self.model.rates.is_empty() {
+            return self.limit_of_sampled(solver, longest);
+        }
         let mut step = guess.min(longest);
         let (mut stable, mut unstable) = (None, None);
         for _ in 0..STRIDES {
@@ -171,6 +174,27 @@ impl<'a> Trials<'a> {
         let steps = affordable(&self.variant(solver, guess)?.1);
         let span = stable.map_or(0.0, |step: f64| step * steps as f64).min(self.end);
         Some(Found { stable: stable?, unstable, span })
+    }
+
+    /// The longest stable step of those that divide all periods.
+    fn limit_of_sampled(&self, solver: Solver, longest: f64) -> Option<Found> {
+        let (mut step, mut unstable) = (longest, None);
+        for _ in 0..STRIDES {
+            step = match (Model { step, ..self.model.clone() }).unsuitable_rate() {
+                None => step,
+                Some((_, suitable)) => suitable?,
+            };
+            match self.run(solver, step) {
+                Outcome::Impossible => break,
+                Outcome::Stable => {
+                    let steps = affordable(&self.variant(solver, step)?.1);
+                    return Some(Found { stable: step, unstable, span: (step * steps as f64).min(self.end) });
+                }
+                Outcome::Unstable(_) => unstable = Some(step),
+            }
+            step /= STRIDE;
+        }
+        None
     }
 
     /// Method error of a step: what half of it changes, extrapolated; none if it cannot be run.

@@ -26,11 +26,12 @@ pub(super) fn trajectory(
     substeps: Substeps,
 ) -> Result<Trajectory, Vec<Diagnostic>> {
     let mut samples = Trajectory::new(model.states.len());
+    let finer = Model { step: model.step / substeps.count as f64, ..model.clone() };
     for done in 1..=plan.steps {
         for substep in 0..substeps.count {
-            let part = if substeps.resample { substep as f64 / substeps.count as f64 } else { 0.0 };
-            let time = model.time(done - 1, part);
-            run.step(&model.sample_inputs(time)).map_err(|_| {
+            let time = model.time(done - 1, substep as f64 / substeps.count as f64);
+            let sampled = if substeps.resample { time } else { model.time(done - 1, 0.0) };
+            run.step(&finer.hold_inputs(sampled, time)).map_err(|_| {
                 let message = format!("a comparison run is not finite at t = {time:.6e} s");
                 let help = "the model is at the edge of stability: try a smaller `--step`";
                 vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]

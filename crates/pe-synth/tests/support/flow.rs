@@ -196,8 +196,7 @@ fn settled(label: &str, model: &Model, graph: &StepGraph, format: WordFormat) ->
     const STEPS: u64 = 60;
     let mut run = DoubleRun::new(graph);
     for step in 0..STEPS {
-        let inputs: Vec<f64> = model.inputs.iter().map(|i| i.waveform.at(step as f64 * model.step)).collect();
-        run.step(&inputs).unwrap_or_else(|error| panic!("{label}: {error:?}"));
+        run.step(&model.sample_inputs(model.time(step, 0.0))).unwrap_or_else(|error| panic!("{label}: {error:?}"));
     }
     let mut ranges = Ranges { largest: run.largest(), widened: vec![0; graph.values.len()] };
     for (input, value) in model.inputs.iter().zip(&graph.inputs) {

@@ -71,6 +71,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
         solver,
         step: 0.01,
         phases: Vec::new(),
+        rates: Vec::new(),
         span: 0.5,
         states: Vec::new(),
         algebraics: Vec::new(),
@@ -114,6 +115,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
             range: None,
             unit: None,
             derivative: Expr::Sum(terms),
+            rate: None,
             span: Span::default(),
         });
     }

@@ -1,0 +1,235 @@
+//! The step of a model with sampled parts.
+//!
+//! A step begins with the samples that are due: all sampled states take their next values, computed from everything as
+//! it was before. The rest of the step is that of the continuous part by its method, in any form, for which sampled
+//! states are inputs. A state with a period of several steps adds `tick*(next - state)` in every step; the tick of a rate
+//! is an input of the step graph, exactly 1 or 0 ([`Model::ticks`]).
+
+use std::collections::{BTreeMap, HashMap};
+
+use petgraph::algo::tarjan_scc;
+use petgraph::graph::{DiGraph, NodeIndex};
+
+use pe_ir::codes;
+use pe_ir::graph::{Chain, Factor, Role, StageForm, StepGraph, Term, ValueId, Write};
+use pe_ir::model::{Expr, Model, Rate, Variable};
+use pe_ir::source::Diagnostic;
+
+use super::build::{self, push};
+use super::forms::StepOptions;
+use super::plan::{Plan, Point, of, times};
+use super::planned::{self, can_overwrite};
+use super::prune::prune;
+use crate::pairs;
+
+/// Number of the point before a sample, in names of algebraic variables.
+const BEFORE: u8 = 0;
+
+/// Builds the step graph of a model with sampled parts.
+///
+/// # Errors
+/// Those of the continuous part, `E0801` for a sampled equation that expands to too many products, `E0805` for a form
+/// that was asked for, `E0807` for a period that is no whole number of steps.
+pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
+    check(model)?;
+    let ticking = model.with_ticks();
+    let continuous = model.continuous_states();
+    if continuous == 0 {
+        // Its one form depends on the equations: with ticks or without them it may be another.
+        let form = options.form.filter(|form| !matches!(form, StageForm::Method | StageForm::Euler));
+        let graph = planned::build(samples(&ticking, false), &StepOptions { form, ..*options })?;
+        return Ok(StepGraph { stages: 1, ..graph });
+    }
+    let rest = build::build_with(&model.continuous(), options)?;
+    let mut first = planned::chains(&samples(&ticking, false))?.0.graph;
+    if !rest.swaps() && !can_overwrite(&first) {
+        first = planned::chains(&samples(&ticking, true))?.0.graph;
+    }
+    let mut graph = joined(first, rest, continuous);
+    for (index, output) in model.outputs.iter().enumerate() {
+        if let Variable::State(state) = output.variable {
+            graph.outputs[index] = graph.states[state as usize].1;
+        }
+    }
+    let mut graph = prune(graph);
+    graph.pre_adder = options.pre_adder && pairs::worthwhile(&graph);
+    Ok(graph)
+}
+
+/// Whether every period is a whole number of steps.
+fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
+    if let (Some(rate), false) = (model.rates.first(), model.phases.is_empty()) {
+        let message = "a model with sampled parts has a list of steps";
+        let help = "take a single step, of which every period is a whole number";
+        return Err(vec![Diagnostic::error(codes::UNSUITABLE_PERIOD, rate.span, message).with_help(help)]);
+    }
+    let Some((Rate { period, span }, suitable)) = model.unsuitable_rate() else { return Ok(()) };
+    let message = format!(
+        "a period of {period} s is {:.6} steps of {} s; it must be a whole number",
+        period / model.step,
+        model.step
+    );
+    let help = match suitable {
+        Some(step) => format!("take a step that divides all periods, for example `--step {step:e}`"),
+        None => "choose periods that have a common divisor, and a step that divides it".to_owned(),
+    };
+    Err(vec![Diagnostic::error(codes::UNSUITABLE_PERIOD, span, message).with_help(help)])
+}
+
+/// The chains that compute what sampled states are after the samples. With `apart`, those that are sampled in every
+/// step and read one another in a circle are computed apart and moved into place afterwards.
+fn samples(model: &Model, apart: bool) -> Plan<'_> {
+    let mut plan = Plan::new(model);
+    let before = (0..model.states.len() as u32).map(Variable::State).collect();
+    let mut point = Point::new(before, BEFORE);
+    let sampled = model.continuous_states()..model.states.len();
+    let readers = model.states[sampled.clone()].iter().map(|state| &state.derivative);
+    plan.algebraics(&mut point, readers, false);
+    let ticks: BTreeMap<u32, u32> = model.ticks().map(|(rate, _)| rate).zip(tick_inputs(model)).collect();
+    let recursive = recursive(model);
+    let mut moved = Vec::new();
+    for index in sampled {
+        let state = &model.states[index];
+        let number = index as u32;
+        let own = Variable::State(number);
+        let next = state.derivative.renamed(&|variable| point.variable(variable));
+        let change = || Expr::sum(vec![next.clone(), times(-1.0, own)]);
+        match state.rate.and_then(|rate| ticks.get(&rate)) {
+            Some(tick) => {
+                plan.end(number, Some(own), Expr::product(vec![of(Variable::Input(*tick)), change()]));
+            }
+            None if apart && recursive[index] => {
+                moved.push((number, plan.stage(number, BEFORE, own, change())));
+            }
+            None if recursive[index] => {
+                plan.end(number, Some(own), change());
+            }
+            None => {
+                plan.end(number, None, next);
+            }
+        }
+    }
+    for (number, next) in moved {
+        plan.end(number, Some(next), Expr::Constant(0.0));
+    }
+    plan
+}
+
+/// Numbers of the inputs that ticks are.
+fn tick_inputs(model: &Model) -> impl Iterator<Item = u32> {
+    let all = model.inputs.len() as u32;
+    all - model.ticks().count() as u32..all
+}
+
+/// Which sampled states take part in what they become, directly or through other sampled states. They are written as
+/// what they were plus a change, so that rounding is not lost but carried on to the next sample: a filter comes to rest
+/// (`docs/decisions/0031-sampled-parts.md`).
+fn recursive(model: &Model) -> Vec<bool> {
+    let states = model.states.len();
+    let first = model.continuous_states();
+    let mut reads = DiGraph::<(), ()>::with_capacity(states + model.algebraics.len(), 0);
+    (0..states + model.algebraics.len()).for_each(|_| _ = reads.add_node(()));
+    let mut arcs = |from: usize, expr: &Expr| {
+        expr.each_variable(&mut |variable| {
+            let to = match variable {
+                Variable::State(state) if state as usize >= first => state as usize,
+                Variable::Algebraic(algebraic) => states + algebraic as usize,
+                _ => return,
+            };
+            reads.add_edge(NodeIndex::new(from), NodeIndex::new(to), ());
+        });
+    };
+    model.states.iter().enumerate().skip(first).for_each(|(index, state)| arcs(index, &state.derivative));
+    model.algebraics.iter().enumerate().for_each(|(index, algebraic)| arcs(states + index, &algebraic.expr));
+    let mut recursive = vec![false; states];
+    for circle in tarjan_scc(&reads) {
+        let alone = circle.len() == 1 && !reads.contains_edge(circle[0], circle[0]);
+        circle.iter().filter(|node| !alone && node.index() < states).for_each(|node| recursive[node.index()] = true);
+    }
+    recursive
+}
+
+/// The chains of the samples, then those of the continuous part, whose last inputs are the sampled states.
+fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
+    let mut graph = first;
+    let sampled = graph.states.len() - continuous;
+    let inputs = rest.inputs.len() - sampled;
+    let (states, terms) = (graph.states.len() as u32, graph.terms.len() as u32);
+    let (auxiliaries, exact) = (graph.names.auxiliaries.len() as u32, graph.functions.exact.len());
+    // Names of equations are distinct, and none of the rest is lost: only an input that is an output has none here.
+    let known: HashMap<String, u32> = graph.equations.iter().map(|e| e.name.clone()).zip(0..).collect();
+    let equations: Vec<u32> = rest
+        .equations
+        .iter()
+        .map(|equation| {
+            known.get(&equation.name).copied().unwrap_or_else(|| {
+                graph.equations.push(equation.clone());
+                graph.equations.len() as u32 - 1
+            })
+        })
+        .collect();
+    let equation = |number: u32| if number == u32::MAX { number } else { equations[number as usize] };
+    let state = |number: u32| if (number as usize) < continuous { number } else { number + sampled as u32 };
+    let memories: Vec<(ValueId, ValueId)> = (continuous..rest.states.len())
+        .map(|memory| {
+            let number = state(memory as u32);
+            let owner = equation(rest.value(rest.states[memory].0).equation);
+            (push(&mut graph, Role::State(number), owner, false), push(&mut graph, Role::Next(number), owner, false))
+        })
+        .collect();
+    graph.states.extend(memories);
+    graph.initial.extend(&rest.initial[continuous..]);
+    graph.names.states.extend_from_slice(&rest.names.states[continuous..]);
+    graph.names.auxiliaries.extend_from_slice(&rest.names.auxiliaries);
+    debug_assert_eq!(states as usize, continuous + sampled);
+    let values: Vec<ValueId> = rest
+        .values
+        .iter()
+        .map(|value| {
+            let role = match value.role {
+                Role::State(number) => return graph.states[state(number) as usize].0,
+                Role::Next(number) => return graph.states[state(number) as usize].1,
+                Role::Input(number) => {
+                    return match (number as usize).checked_sub(inputs) {
+                        None => graph.inputs[number as usize],
+                        Some(held) => graph.states[continuous + held].1,
+                    };
+                }
+                Role::Auxiliary(number) => Role::Auxiliary(auxiliaries + number),
+                Role::Inner(number, serial) => Role::Inner(equation(number), serial),
+                Role::Partial(number, serial) => Role::Partial(equation(number), serial),
+                role => role,
+            };
+            push(&mut graph, role, equation(value.equation), value.factor)
+        })
+        .collect();
+    let id = |value: ValueId| values[value.index()];
+    let write = |write: Write| Write { value: id(write.value), base: write.base.map(id), ..write };
+    for term in &rest.terms {
+        let factor = match term.factor {
+            Factor::Value(value) => Factor::Value(id(value)),
+            coefficient => coefficient,
+        };
+        graph.terms.push(Term { operand: id(term.operand), partner: term.partner.map(id), factor });
+    }
+    let mut numbers = Vec::with_capacity(rest.functions.exact.len());
+    for function in rest.functions.exact {
+        let same = graph.functions.exact[..exact].iter().position(|other| other.body == function.body);
+        numbers.push(same.unwrap_or(graph.functions.exact.len()) as u32);
+        if same.is_none() {
+            graph.functions.exact.push(function);
+        }
+    }
+    for chain in &rest.chains {
+        graph.chains.push(Chain {
+            equation: equation(chain.equation),
+            terms: chain.terms.start + terms..chain.terms.end + terms,
+            write: write(chain.write),
+            second: chain.second.map(write),
+            function: chain.function.map(|function| numbers[function as usize]),
+        });
+    }
+    graph.outputs = rest.outputs.iter().copied().map(id).collect();
+    (graph.form, graph.stages, graph.forms) = (rest.form, rest.stages, rest.forms);
+    graph
+}

@@ -1,0 +1,251 @@
+//! Models with sampled parts: against the library's solution, bit for bit through all stages, and at rest.
+
+mod support;
+
+use pe_frontend::{NoFiles, Overrides};
+use pe_hls::formats::{self, Ranges};
+use pe_ir::codes;
+use pe_ir::graph::StageForm;
+use pe_ir::model::{Model, Solver};
+use pe_ir::source::Sources;
+use pe_ir::word::WordFormat;
+use pe_sim::double::DoubleRun;
+use pe_sim::fixed::FixedRun;
+use pe_sim::reference;
+use pe_synth::engines::Engine;
+use pe_synth::runs::port_words;
+use support::bench::assert_lively_agreement;
+use support::flow::{Flow, Placement, format};
+
+const ENGINES: [Engine; 2] = [Engine::Reference, Engine::Ghdl];
+
+/// Part of the words that changes at least: held ones do not, and a filter sees steps only.
+const HELD: f64 = 0.4;
+
+/// A motor with a controller that samples every `PERIOD`.
+const MOTOR: &str = "
+input r = square(1, 3)
+state w = 0.2
+state c = 0.1
+w' = 5*c - 2*w
+c' = 2*u - 3*c - w
+every PERIOD {
+  state s = 0.3
+  e = r - w
+  u = 4*e + s
+  next s = s + 0.4*e
+}
+output w, c, u, e
+";
+
+/// Two rates that read each other, states that read one another in a circle, and a continuous equation between them.
+const RATES: &str = "
+index i in 1..2, j in 1..2
+param A[i, j] = [0.7, 0.4; -0.4, 0.7]
+state x = 0.5
+x' = 2*load - x
+load = slow + x/4
+every FAST {
+  state m[i] = [0.6, -0.2]
+  fast = m[1] - x
+  next m = A*m
+}
+every SLOW {
+  state n = 0.5
+  slow = n + fast/2
+  next n = 0.6*n - 0.1*fast*x
+}
+output x, load, fast, m
+";
+
+/// A filter and nothing else.
+const FILTER: &str = "
+input x = square(1, 2)
+every PERIOD {
+  state m1 = 0.3
+  state m2 = -0.1
+  y = 0.2*x + m1
+  next m1 = 0.1*x + 1.6*y + m2
+  next m2 = 0.05*x - 0.7*y
+}
+level = y + 1
+output y, level, x
+";
+
+fn compiled(body: &str, solver: Solver, step: &str) -> Model {
+    let text = format!("model m \"test\"\nsolver {}\nstep {step}\nspan 1 s\n{body}", solver.name());
+    let mut sources = Sources::new("m.spec", &text);
+    let compiled = pe_frontend::compile(&mut sources, &NoFiles, &Overrides::default());
+    pe_hls::lift::lift(compiled.unwrap_or_else(|findings| panic!("{findings:?}")).0)
+}
+
+fn motor(period: &str, solver: Solver) -> Model {
+    compiled(&MOTOR.replace("PERIOD", period), solver, "10 ms")
+}
+
+fn rates(fast: &str, slow: &str, solver: Solver) -> Model {
+    compiled(&RATES.replace("FAST", fast).replace("SLOW", slow), solver, "10 ms")
+}
+
+fn filter(period: &str) -> Model {
+    compiled(&FILTER.replace("PERIOD", period), Solver::Rk4, "10 ms")
+}
+
+/// Largest difference of a run in double precision from the library's solution, and from half the step.
+fn errors(model: &Model) -> (f64, f64) {
+    let times: Vec<f64> = (1..=model.steps()).map(|step| model.time(step, 0.0)).collect();
+    let reference = reference::solve(model, &times, 1e-12, &mut |_| {}).expect("smooth between samples");
+    let difference = |model: &Model, each: u64| {
+        let graph = pe_hls::step::build(model).unwrap_or_else(|findings| panic!("{findings:?}"));
+        let mut run = DoubleRun::new(&graph);
+        let (states, mut worst) = (model.states.len(), 0.0f64);
+        for step in 0..model.steps() {
+            run.step(&model.sample_inputs(model.time(step, 0.0))).expect("finite");
+            if (step + 1).is_multiple_of(each) {
+                let row = ((step + 1) / each - 1) as usize * states;
+                let of = |state: usize| (run.state(state) - reference.samples[row + state]).abs();
+                worst = (0..states).map(of).fold(worst, f64::max);
+            }
+        }
+        worst
+    };
+    (difference(model, 1), difference(&Model { step: model.step / 2.0, ..model.clone() }, 2))
+}
+
+#[test]
+fn samples_are_taken_when_the_reference_takes_them() {
+    let cases = [
+        (motor("10 ms", Solver::Rk4), 16.0),
+        (motor("30 ms", Solver::Rk4), 16.0),
+        (motor("30 ms", Solver::Rodas3), 8.0),
+        (motor("50 ms", Solver::Heun), 4.0),
+        (motor("50 ms", Solver::Trapezoidal), 4.0),
+        (motor("50 ms", Solver::Rkc5), 4.0),
+        (rates("10 ms", "30 ms", Solver::Rk4), 16.0),
+        (rates("20 ms", "50 ms", Solver::Heun3), 8.0),
+        (rates("20 ms", "50 ms", Solver::ImplicitEuler), 2.0),
+        (rates("20 ms", "50 ms", Solver::Euler), 2.0),
+    ];
+    for (model, gain) in cases {
+        let (error, halved) = errors(&model);
+        // Samples at other times would be an error that no smaller step makes smaller.
+        assert!(error < 0.02, "{}: {error}", model.solver.name());
+        assert!((0.7..1.6).contains(&(error / halved / gain)), "{}: {error}, {halved}", model.solver.name());
+    }
+    // What is only sampled has no error but rounding.
+    for period in ["10 ms", "40 ms"] {
+        let (error, halved) = errors(&filter(period));
+        assert!(error < 1e-12 && halved < 1e-12, "{period}: {error}, {halved}");
+    }
+}
+
+#[test]
+fn sampled_models_agree_bit_for_bit() {
+    let designs = [
+        (motor("10 ms", Solver::Rk4), 2, (32, 32, 32)),
+        (motor("30 ms", Solver::Rk4), 3, (32, 25, 18)),
+        (motor("30 ms", Solver::Trapezoidal), 2, (32, 32, 32)),
+        (rates("10 ms", "30 ms", Solver::Rk4), 3, (32, 32, 32)),
+        (rates("20 ms", "50 ms", Solver::Euler), 2, (32, 25, 18)),
+        (rates("10 ms", "20 ms", Solver::Rodas3), 3, (32, 32, 32)),
+        (filter("10 ms"), 2, (32, 32, 32)),
+        (filter("20 ms"), 1, (24, 18, 18)),
+    ];
+    for (number, (model, pes, (storage, data, coefficient))) in (1..).zip(designs) {
+        let label = format!("design {number}, {}", model.solver.name());
+        let widths = format(storage, data, coefficient);
+        let flow = Flow::of(label, model, pes, widths, Placement::Annealed);
+        assert_lively_agreement(&flow.label, &flow.beginning(20), &ENGINES, HELD);
+        assert_lively_agreement(&flow.label, &flow.middle(20), &ENGINES, HELD);
+    }
+}
+
+/// What a part that is sampled in every step costs: no input, and no product for holding.
+#[test]
+fn a_sample_in_every_step_needs_no_tick() {
+    let every = pe_hls::step::build(&motor("10 ms", Solver::Rk4)).expect("builds");
+    assert_eq!(every.inputs.len(), 1);
+    let third = pe_hls::step::build(&motor("30 ms", Solver::Rk4)).expect("builds");
+    assert_eq!(third.inputs.len(), 2);
+    assert_eq!(third.names.inputs[1], "tick_1");
+    assert_eq!(every.form, third.form);
+    assert!(every.macs() < third.macs());
+    let alone = pe_hls::step::build(&filter("10 ms")).expect("builds");
+    assert_eq!((alone.stages, alone.inputs.len()), (1, 1));
+    assert!([StageForm::Method, StageForm::Euler].contains(&alone.form));
+}
+
+#[test]
+fn a_period_that_is_no_whole_number_of_steps_is_refused_with_a_step_that_suits() {
+    let refused = |model: &Model| {
+        let findings = pe_hls::step::build(model).expect_err("the period does not suit");
+        assert_eq!(findings[0].code, codes::UNSUITABLE_PERIOD);
+        assert!(findings[0].span.is_some());
+        findings[0].help.clone().expect("a help")
+    };
+    let help = refused(&motor("25 ms", Solver::Rk4));
+    assert!(help.contains("--step 8.333333333333333e-3"), "{help}");
+    let help = refused(&motor("4 ms", Solver::Rk4));
+    assert!(help.contains("--step 4e-3"), "{help}");
+    let help = refused(&rates("15 ms", "25 ms", Solver::Rk4));
+    assert!(help.contains("--step 5e-3"), "{help}");
+}
+
+/// Chebyshev II low passes as sections of second order in the transposed direct form II, from
+/// `scipy.signal.cheby2(order, 40, edge, output='sos')`: b0, b1, b2, a1, a2 of each section.
+const SLOW: &[[f64; 5]] = &[
+    [0.00980927596766147, -0.01955254378006285, 0.009809275967661468, -1.9684898061374367, 0.9687934819787093],
+    [1.0, -1.9988438479582429, 0.9999999999999998, -1.9890517019121536, 0.9893030075911196],
+];
+const FAST: &[[f64; 5]] = &[
+    [0.013115394983099255, 0.005865367430038797, 0.013115394983099259, -1.069654791252934, 0.3034180444442494],
+    [1.0, -1.3026581944826425, 0.9999999999999999, -1.3512617358448233, 0.5551770955462603],
+    [1.0, -1.593397720677305, 1.0, -1.6566468384753021, 0.8475628573300946],
+];
+
+/// The output of a filter in units of its storage LSB, long after its input has gone to zero: the largest magnitude.
+fn rest(sections: &[[f64; 5]], step: &str, storage: u32) -> f64 {
+    let count = sections.len();
+    let mut body = format!("input x = pulse(1, 0, 0.05)\nindex s in 1..{count}\n");
+    for (column, name) in ["b0", "b1", "b2", "a1", "a2"].iter().enumerate() {
+        let cells: Vec<String> = sections.iter().map(|section| format!("{}", section[column])).collect();
+        body += &format!("param {name}[s] = [{}]\n", cells.join(", "));
+    }
+    body += "every 100 us {
+  state m1[s] = 0
+  state m2[s] = 0
+  feed[s] = if s == 1 then x else y[s - 1]
+  y[s] = b0[s]*feed[s] + m1[s]
+  next m1[s] = b1[s]*feed[s] - a1[s]*y[s] + m2[s]
+  next m2[s] = b2[s]*feed[s] - a2[s]*y[s]
+}\n";
+    body += &format!("output y[{count}]\n");
+    let model = compiled(&body, Solver::Euler, step);
+    let graph = pe_hls::step::build(&model).expect("builds");
+    let mut run = DoubleRun::new(&graph);
+    for step in 0..model.steps() {
+        run.step(&model.sample_inputs(model.time(step, 0.0))).expect("a stable filter");
+    }
+    let ranges = Ranges { largest: run.largest(), widened: vec![0; graph.values.len()] };
+    let fixed = formats::choose(&graph, &ranges, WordFormat::new(storage, 32, 32)).expect("formats");
+    let mut run = FixedRun::new(&graph, &fixed);
+    let mut largest = 0.0f64;
+    let lsb = libm::scalbn(1.0, fixed.exponents[graph.outputs[0].index()] + fixed.format.guard_bits as i32);
+    for step in 0..model.steps() {
+        run.step(&port_words(&model, &run, step));
+        if step > model.steps() - model.steps() / 10 {
+            largest = largest.max(libm::floor(run.output(0) / lsb + 0.5).abs());
+        }
+    }
+    assert_eq!(run.saturations().iter().sum::<u64>(), 0);
+    largest
+}
+
+#[test]
+fn stable_filters_come_to_rest_at_zero() {
+    assert_eq!(rest(FAST, "100 us", 32), 0.0);
+    assert_eq!(rest(FAST, "50 us", 32), 0.0);
+    // 2^8 (1 + a1 + a2) is below one half: eight bits below the storage bits are too few for this one.
+    assert!(rest(SLOW, "100 us", 32) <= 8.0);
+    assert_eq!(rest(SLOW, "100 us", 44), 0.0);
+}
