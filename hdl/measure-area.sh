@@ -42,13 +42,13 @@ program_memories() {
   local pe=PE${shape[example]} repeated=$((shape[program_bits] - shape[streamed_bits]))
   if ((repeated > 0)); then
     echo "  u_loop : entity pe_lib.pe_rom
-    generic map ($repeated, PERIOD / ROUNDS, ${pe}_LOOP)
-    port map (clk_i, fetch_i, repeat_i, repeated);"
+    generic map ($repeated, PERIOD / ROUNDS, ${pe}_LOOP, $deep)
+    port map (clk_i, fetch_i, repeat_i, repeated, (others => fetch_i));"
   fi
   if ((shape[streamed_bits] > 0)); then
     echo "  u_stream : entity pe_lib.pe_rom
-    generic map (${shape[streamed_bits]}, PERIOD, ${pe}_STREAM)
-    port map (clk_i, fetch_i, address_i, streamed);"
+    generic map (${shape[streamed_bits]}, PERIOD, ${pe}_STREAM, $deep)
+    port map (clk_i, fetch_i, address_i, streamed, (others => fetch_i));"
   fi
   if ((repeated > 0 && shape[streamed_bits] > 0)); then
     echo "  control <= merged(${pe}_STREAMED, repeated, streamed);"
@@ -102,7 +102,7 @@ $(program_memories)
       SWAP => ${shape[swap]}, BASE_LAST => ${shape[base_last]}, SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
       BASE_IMAGE => PE${shape[example]}_BASE_IMAGE, COEFF_IMAGE => PE${shape[example]}_COEFFICIENT_IMAGE,
       IMPORTED_IMAGE => PE${shape[example]}_IMPORTED_IMAGE, INDEX_WORDS => ${shape[index_words]:-0},
-      INDEX_WIDTH => ${shape[index_bits]:-0}, OCTAVE_WIDTH => ${shape[octave_bits]:-0}
+      INDEX_WIDTH => ${shape[index_bits]:-0}, OCTAVE_WIDTH => ${shape[octave_bits]:-0}, DEEP => $deep
     )
     port map (
       clk_i => clk_i, advance_i => advance_i, settle_i => settle_i, parity_i => parity_i, last_i => last_i, control_i => control,
@@ -171,7 +171,7 @@ module bench;
   wire [${shape[data_bits]} - 1:0] link;
   wire [${shape[word_bits]} - 1:0] word;
   wire over;
-  integer i, j, stimulus, answers;
+  integer i, j, stimulus, answers, fetches = 0;
   measured dut (.clk_i(clk), .fetch_i(fetch), .advance_i(advance), .settle_i(settle), .parity_i(parity), .last_i(last), .repeat_i(place),
                 .address_i(address), .ports_i(words), .link_o(link), .word_o(word), .overflow_o(over));
   initial begin
@@ -181,12 +181,13 @@ module bench;
     #200;
     for (i = 0; i < $cycles; i = i + 1) begin
       for (j = 0; j < $port_bits; j = j + 1) words[j] = \$random;
-      settle = i < 9;
+      settle = i < 12;
       \$fdisplay(stimulus, "%b", {place, last, parity, settle, advance, fetch, address, words});
       #4 clk = 1;
       #1 \$fdisplay(answers, "%b", {over, link, word});
       clk = 0;
       if (fetch) begin
+        fetches = fetches + 1;
         if (address == $(($period - 1))) address = 0;
         else address = address + 1;
         if (place == $(($period / ${shape[rounds]} - 1))) begin place = 0; parity = !parity; end
@@ -194,7 +195,8 @@ module bench;
         last = \$random;
       end
       fetch = (\$random & 7) != 0;
-      advance = fetch;
+      // The registers behind the program memory have a word by then.
+      advance = fetch && fetches >= $($deep && echo 3 || echo 1);
       #1;
     end
   end
@@ -230,6 +232,8 @@ while read -r line; do
   for pair in $line; do
     shape[${pair%%=*}]=${pair#*=}
   done
+  deep=false
+  if [[ ${shape[pipeline]:-short} == deep ]]; then deep=true; fi
   period=${shape[program_words]}
   port_bits=$(((shape[ports] > 0 ? shape[ports] : 1) * shape[data_bits]))
   address_bits=1
@@ -250,6 +254,7 @@ while read -r line; do
   if ((${shape[index_words]:-0} > 0)); then
     features+=", indices ${shape[index_words]} of ${shape[index_bits]} bits, ${shape[octave_bits]} of them for octaves"
   fi
+  if $deep; then features+=", deep"; fi
   for flag in factor pre_adder swap base_last send; do
     if [[ ${shape[$flag]} == true ]]; then features+=", $flag"; fi
   done

@@ -13,30 +13,31 @@ library pe_lib;
 
 entity pe is
   generic (
-    WORD_BITS        : positive;        -- stored word, guard bits included
-    DATA_BITS        : positive;        -- data port of the multiplier
-    COEFFICIENT_BITS : positive;        -- coefficient port of the multiplier
-    CONTROL_BITS     : positive;        -- control word
-    OWN_WORDS        : positive;        -- own memory, a power of two
-    BASE_WORDS       : positive;        -- base memory, a power of two
-    COEFF_WORDS      : natural;         -- coefficient memory, 0 or a power of two
-    IMPORTED_WORDS   : natural;         -- imported memory, 0 or a power of two
-    PORT_COUNT       : natural;         -- input ports
-    SHIFTS           : natural_array_t; -- right shifts of the write side
-    ACCUMULATOR_BITS : positive;        -- running sum
-    FACTOR           : boolean;         -- products of two stored words
-    PRE_ADDER        : boolean;         -- sums of an own and an imported operand
-    SWAP             : boolean;         -- buffers that change roles
-    BASE_LAST        : boolean;         -- base memory is written in the last round only
-    SEND             : boolean;         -- link register
-    OWN_IMAGE        : word_array_t;    -- initial own memory
-    BASE_IMAGE       : word_array_t;    -- initial base memory
-    COEFF_IMAGE      : word_array_t;    -- initial coefficient memory
-    IMPORTED_IMAGE   : word_array_t;    -- initial imported memory
-    INDEX_WORDS      : natural := 0;    -- index memory, 0 or a power of two
-    INDEX_WIDTH      : natural := 0;    -- bits of an index
-    OCTAVE_WIDTH     : natural := 0;    -- bits of an index that count octaves, 0 if none do
-    TRACE            : boolean := false -- drives trace_o
+    WORD_BITS        : positive;         -- stored word, guard bits included
+    DATA_BITS        : positive;         -- data port of the multiplier
+    COEFFICIENT_BITS : positive;         -- coefficient port of the multiplier
+    CONTROL_BITS     : positive;         -- control word
+    OWN_WORDS        : positive;         -- own memory, a power of two
+    BASE_WORDS       : positive;         -- base memory, a power of two
+    COEFF_WORDS      : natural;          -- coefficient memory, 0 or a power of two
+    IMPORTED_WORDS   : natural;          -- imported memory, 0 or a power of two
+    PORT_COUNT       : natural;          -- input ports
+    SHIFTS           : natural_array_t;  -- right shifts of the write side
+    ACCUMULATOR_BITS : positive;         -- running sum
+    FACTOR           : boolean;          -- products of two stored words
+    PRE_ADDER        : boolean;          -- sums of an own and an imported operand
+    SWAP             : boolean;          -- buffers that change roles
+    BASE_LAST        : boolean;          -- base memory is written in the last round only
+    SEND             : boolean;          -- link register
+    OWN_IMAGE        : word_array_t;     -- initial own memory
+    BASE_IMAGE       : word_array_t;     -- initial base memory
+    COEFF_IMAGE      : word_array_t;     -- initial coefficient memory
+    IMPORTED_IMAGE   : word_array_t;     -- initial imported memory
+    INDEX_WORDS      : natural := 0;     -- index memory, 0 or a power of two
+    INDEX_WIDTH      : natural := 0;     -- bits of an index
+    OCTAVE_WIDTH     : natural := 0;     -- bits of an index that count octaves, 0 if none do
+    DEEP             : boolean := false; -- registers behind memories and shifts
+    TRACE            : boolean := false  -- drives trace_o
   );
   port (
     clk_i      : in    std_ulogic;                                                        -- clock
@@ -65,26 +66,6 @@ architecture rtl of pe is
 
   constant PADDED_BITS : positive := larger(ACCUMULATOR_BITS, DATA_BITS + COEFFICIENT_BITS);
 
-  -- Shifts count from here: words that are wider than products take sums shifted to the left.
-  constant LIFT : natural := larger(WORD_BITS + 2 - DATA_BITS - COEFFICIENT_BITS, 0);
-
-  -- Shifted sums keep one bit below the word's LSB, which rounds; the sum keeps every upper bit.
-  constant SHIFTED_BITS : positive := ACCUMULATOR_BITS + LIFT - smallest(SHIFTS) + 1;
-  constant SUM_BITS     : positive := larger(WORD_BITS + 1, SHIFTED_BITS) + 1;
-
-  -- Upper bits of a saturated word that tell its sign; the others are 0.
-  constant CEILING_BITS : positive := 8;
-
-  -- A six-input lookup table chooses among four shift positions, and the adder's tables have room for one more choice
-  -- among three. So the positions go in up to three groups of at most four; groups of one cost no table.
-  constant SHIFT_COUNT : positive := SHIFTS'length;
-  constant SHIFT_BITS  : natural  := index_bits(SHIFT_COUNT);
-
-  constant FIRST_MID   : positive := first_of_mid(SHIFT_COUNT);
-  constant FIRST_HIGH  : positive := first_of_high(SHIFT_COUNT);
-  constant HIGH_SHIFTS : natural  := larger(SHIFT_COUNT - FIRST_HIGH, 0);
-  constant MID_SHIFTS  : natural  := larger(SHIFT_COUNT - FIRST_MID, 0) - HIGH_SHIFTS;
-
   -- Operand group
   signal own_operand         : std_ulogic_vector(DATA_BITS - 1 downto 0);
   signal imported_operand    : std_ulogic_vector(DATA_BITS - 1 downto 0);
@@ -97,18 +78,8 @@ architecture rtl of pe is
   signal hold        : signed(ACCUMULATOR_BITS - 1 downto 0) := (others => '0');
 
   -- Scale group
-  signal offset    : std_ulogic_vector(WORD_BITS - 1 downto 0);
-  signal address   : std_ulogic_vector(BASE_BITS - 1 downto 0);
-  signal base      : std_ulogic_vector(WORD_BITS - 1 downto 0);
-  signal position  : unsigned(larger(SHIFT_BITS, 1) - 1 downto 0) := (others => '0');
-  signal use_mid   : std_ulogic                                   := '0';
-  signal use_high  : std_ulogic                                   := '0';
-  signal low_sum   : std_ulogic_vector(SHIFTED_BITS - 1 downto 0);
-  signal mid_sum   : std_ulogic_vector(SHIFTED_BITS - 1 downto 0);
-  signal high_sum  : std_ulogic_vector(SHIFTED_BITS - 1 downto 0);
-  signal sum       : signed(SUM_BITS - 1 downto 1)                := (others => '0');
-  signal word      : std_ulogic_vector(WORD_BITS - 1 downto 0)    := (others => '0');
-  signal saturated : std_ulogic                                   := '0';
+  signal word      : std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal saturated : std_ulogic;
 
   -- Write group
   signal write_own     : std_ulogic;
@@ -133,7 +104,8 @@ begin
     generic map (
       WORDS     => OWN_WORDS,
       WORD_BITS => DATA_BITS,
-      IMAGE     => OWN_IMAGE
+      IMAGE     => OWN_IMAGE,
+      DEEP      => DEEP
     )
     port map (
       clk_i           => clk_i,
@@ -157,7 +129,8 @@ begin
       generic map (
         WORDS     => COEFF_WORDS,
         WORD_BITS => COEFFICIENT_BITS,
-        IMAGE     => COEFF_IMAGE
+        IMAGE     => COEFF_IMAGE,
+        DEEP      => DEEP
       )
       port map (
         clk_i           => clk_i,
@@ -176,6 +149,7 @@ begin
   g_in_word : if COEFF_WORDS = 0 generate
 
     signal coefficient : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
+    signal follower    : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
 
   begin
 
@@ -185,12 +159,14 @@ begin
       if rising_edge(clk_i) then
         if (advance_i = '1') then
           coefficient <= bits(control_i, LAYOUT.coefficient, COEFFICIENT_BITS);
+          follower    <= coefficient;
         end if;
       end if;
 
     end process p_coefficient;
 
-    coefficient_operand <= coefficient;
+    coefficient_operand <= follower when DEEP else
+                           coefficient;
 
   end generate g_in_word;
 
@@ -199,7 +175,8 @@ begin
       DATA_BITS        => DATA_BITS,
       COEFFICIENT_BITS => COEFFICIENT_BITS,
       LATENCY          => multiplier_latency(DATA_BITS, COEFFICIENT_BITS),
-      PRE_ADDER        => PRE_ADDER
+      PRE_ADDER        => PRE_ADDER,
+      DEEP             => DEEP
     )
     port map (
       clk_i         => clk_i,
@@ -214,7 +191,9 @@ begin
 
   g_pre_adder : if PRE_ADDER generate
 
-    signal both : std_ulogic := '0';
+    signal both     : std_ulogic := '0';
+    signal follower : std_ulogic := '0';
+    signal checked  : std_ulogic;
 
   begin
 
@@ -223,14 +202,18 @@ begin
 
       if rising_edge(clk_i) then
         if (advance_i = '1') then
-          both <= flag(control_i, LAYOUT.own.enable) and flag(control_i, LAYOUT.imported.enable);
+          both     <= flag(control_i, LAYOUT.own.enable) and flag(control_i, LAYOUT.imported.enable);
+          follower <= both;
         end if;
       end if;
 
     end process p_both;
 
-    too_large <= both and ((own_operand(DATA_BITS - 1) xor own_operand(DATA_BITS - 2))
-                           or (imported_operand(DATA_BITS - 1) xor imported_operand(DATA_BITS - 2)));
+    checked <= follower when DEEP else
+               both;
+
+    too_large <= checked and ((own_operand(DATA_BITS - 1) xor own_operand(DATA_BITS - 2))
+                              or (imported_operand(DATA_BITS - 1) xor imported_operand(DATA_BITS - 2)));
 
   end generate g_pre_adder;
 
@@ -269,188 +252,33 @@ begin
 
   -- Scale group ---------------------------------------------------------------------------------------------------
 
-  -- Half an LSB of the data port is the base of a word without one. Bit by bit: GHDL 2.0 writes wide constants as
-  -- character strings into Verilog.
-
-  g_offset : for i in 0 to WORD_BITS - 1 generate
-
-    offset(i) <= '1' when i = WORD_BITS - DATA_BITS - 1 else
-                 '0';
-
-  end generate g_offset;
-
-  u_base : entity pe_lib.pe_ram
+  u_scale : entity pe_lib.pe_scale
     generic map (
-      WORDS     => BASE_WORDS,
-      WORD_BITS => WORD_BITS,
-      IMAGE     => BASE_IMAGE
+      WORD_BITS        => WORD_BITS,
+      DATA_BITS        => DATA_BITS,
+      COEFFICIENT_BITS => COEFFICIENT_BITS,
+      CONTROL_BITS     => CONTROL_BITS,
+      LAYOUT           => LAYOUT,
+      BASE_WORDS       => BASE_WORDS,
+      SHIFTS           => SHIFTS,
+      ACCUMULATOR_BITS => ACCUMULATOR_BITS,
+      BASE_IMAGE       => BASE_IMAGE,
+      INDEX_WORDS      => INDEX_WORDS,
+      INDEX_WIDTH      => INDEX_WIDTH,
+      OCTAVE_WIDTH     => OCTAVE_WIDTH,
+      DEEP             => DEEP
     )
     port map (
       clk_i           => clk_i,
-      ce_i            => advance_i,
-      write_enable_i  => write_base,
+      advance_i       => advance_i,
+      control_i       => control_i,
+      hold_i          => hold,
+      write_base_i    => write_base,
+      write_index_i   => write_index,
       write_address_i => write_address(BASE_BITS - 1 downto 0),
-      write_data_i    => word,
-      read_enable_i   => flag(control_i, LAYOUT.base.enable),
-      read_address_i  => address,
-      default_i       => offset,
-      read_data_o     => base
+      word_o          => word,
+      saturated_o     => saturated
     );
-
-  -- The index is fetched in the word before; without one it is 0.
-
-  g_index : if INDEX_WORDS > 0 generate
-
-    constant PLACE_BITS : positive := larger(index_bits(INDEX_WORDS), 1);
-
-    signal index : std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
-
-  begin
-
-    write_index <= flag(control_i, LAYOUT.write_index) and not settle_i;
-
-    u_index : entity pe_lib.pe_index
-      generic map (
-        WORDS        => INDEX_WORDS,
-        WORD_BITS    => WORD_BITS,
-        INDEX_WIDTH  => INDEX_WIDTH,
-        OCTAVE_WIDTH => OCTAVE_WIDTH
-      )
-      port map (
-        clk_i           => clk_i,
-        ce_i            => advance_i,
-        write_enable_i  => write_index,
-        octave_i        => flag(control_i, LAYOUT.write_octave),
-        write_address_i => bits(control_i, LAYOUT.write_index_address, PLACE_BITS),
-        word_i          => word,
-        read_enable_i   => flag(control_i, LAYOUT.index.enable),
-        read_address_i  => bits(control_i, LAYOUT.index.address, PLACE_BITS),
-        index_o         => index
-      );
-
-    address <= bits(control_i, LAYOUT.base.address, BASE_BITS)
-               or std_ulogic_vector(resize(unsigned(index), BASE_BITS));
-
-  end generate g_index;
-
-  g_no_index : if INDEX_WORDS = 0 generate
-
-    write_index <= '0';
-    address     <= bits(control_i, LAYOUT.base.address, BASE_BITS);
-
-  end generate g_no_index;
-
-  p_scale : process (clk_i) is
-
-    variable index : unsigned(larger(SHIFT_BITS, 1) - 1 downto 0);
-
-  begin
-
-    if rising_edge(clk_i) then
-      if (advance_i = '1') then
-        index    := unsigned(bits(control_i, LAYOUT.shift, larger(SHIFT_BITS, 1)));
-        position <= index;
-        use_mid  <= '0';
-        use_high <= '0';
-
-        if (MID_SHIFTS > 0 and index >= FIRST_MID) then
-          use_mid <= '1';
-        end if;
-
-        if (HIGH_SHIFTS > 0 and index >= FIRST_HIGH) then
-          use_high <= '1';
-        end if;
-      end if;
-    end if;
-
-  end process p_scale;
-
-  -- Groups of more than one position begin at multiples of four, so the index's low bits are theirs.
-  low_sum <= chosen(shifted(hold, SHIFTS, 0, FIRST_MID, LIFT, SHIFTED_BITS), std_ulogic_vector(position), SHIFTED_BITS);
-
-  g_mid : if MID_SHIFTS > 0 generate
-
-    mid_sum <= chosen(shifted(hold, SHIFTS, FIRST_MID, MID_SHIFTS, LIFT, SHIFTED_BITS), std_ulogic_vector(position),
-                      SHIFTED_BITS);
-
-  end generate g_mid;
-
-  g_no_mid : if MID_SHIFTS = 0 generate
-
-    mid_sum <= (others => '0');
-
-  end generate g_no_mid;
-
-  g_high : if HIGH_SHIFTS > 0 generate
-
-    high_sum <= chosen(shifted(hold, SHIFTS, FIRST_HIGH, HIGH_SHIFTS, LIFT, SHIFTED_BITS),
-                       std_ulogic_vector(position - FIRST_HIGH), SHIFTED_BITS);
-
-  end generate g_high;
-
-  g_no_high : if HIGH_SHIFTS = 0 generate
-
-    high_sum <= (others => '0');
-
-  end generate g_no_high;
-
-  p_add : process (clk_i) is
-
-    variable increment : signed(SHIFTED_BITS - 1 downto 0);
-    variable total     : signed(SUM_BITS - 1 downto 0);
-
-  begin
-
-    if rising_edge(clk_i) then
-      if (advance_i = '1') then
-        if (HIGH_SHIFTS > 0 and use_high = '1') then
-          increment := signed(high_sum);
-        elsif (MID_SHIFTS > 0 and use_mid = '1') then
-          increment := signed(mid_sum);
-        else
-          increment := signed(low_sum);
-        end if;
-
-        -- base & '1' + increment, where the 1 below the base rounds to nearest. Written as a difference, because
-        -- synthesis sorts the operands of a sum, and only next to the second one the choice above is free.
-        total := resize(signed(base & '0'), SUM_BITS) - resize(not increment, SUM_BITS);
-        sum   <= total(SUM_BITS - 1 downto 1);
-      end if;
-    end if;
-
-  end process p_add;
-
-  p_saturate : process (clk_i) is
-
-    variable differs : std_ulogic;
-
-  begin
-
-    if rising_edge(clk_i) then
-      if (advance_i = '1') then
-        differs := '0';
-
-        for i in WORD_BITS to SUM_BITS - 2 loop
-
-          differs := differs or (sum(i) xor sum(SUM_BITS - 1));
-
-        end loop;
-
-        -- All but the upper bits of a saturated word are 0 whatever its sign: the register's synchronous reset does
-        -- that without logic.
-        word <= std_ulogic_vector(sum(WORD_BITS downto 1));
-
-        if (differs = '1') then
-          word                                                <= (others => '0');
-          word(WORD_BITS - 1 downto WORD_BITS - CEILING_BITS) <= (others => not sum(SUM_BITS - 1));
-        end if;
-
-        word(WORD_BITS - 1) <= sum(SUM_BITS - 1);
-        saturated           <= differs;
-      end if;
-    end if;
-
-  end process p_saturate;
 
   -- Write group ---------------------------------------------------------------------------------------------------
 
@@ -460,6 +288,8 @@ begin
   write_own    <= flag(control_i, LAYOUT.write_own) and not settle_i;
   write_base   <= flag(control_i, LAYOUT.write_base) and not settle_i and base_round;
   write_factor <= flag(control_i, LAYOUT.write_factor) and not settle_i;
+  write_index  <= flag(control_i, LAYOUT.write_index) and not settle_i when INDEX_WORDS > 0 else
+                  '0';
 
   p_write_address : process (control_i, parity_i) is
   begin
@@ -531,7 +361,8 @@ begin
       generic map (
         WORDS     => IMPORTED_WORDS,
         WORD_BITS => DATA_BITS,
-        IMAGE     => IMPORTED_IMAGE
+        IMAGE     => IMPORTED_IMAGE,
+        DEEP      => DEEP
       )
       port map (
         clk_i           => clk_i,

@@ -4,20 +4,23 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
--- Samples an external input when a step begins and rounds it to a data operand.
+-- Samples an external input when a step begins and rounds it to a data operand; with DEEP some clocks later, when the PEs
+-- begin the step.
 
 entity pe_input is
   generic (
-    STORAGE_BITS : positive; -- width of the input
-    WORD_BITS    : positive; -- stored word, guard bits included
-    DATA_BITS    : positive  -- data operand
+    STORAGE_BITS : positive;        -- width of the input
+    WORD_BITS    : positive;        -- stored word, guard bits included
+    DATA_BITS    : positive;        -- data operand
+    DEEP         : boolean := false -- a second register
   );
   port (
     clk_i      : in    std_ulogic;                                   -- clock
     sample_i   : in    std_ulogic;                                   -- takes the input
     value_i    : in    std_ulogic_vector(STORAGE_BITS - 1 downto 0); -- external input
     operand_o  : out   std_ulogic_vector(DATA_BITS - 1 downto 0);    -- what the ports of PEs see
-    overflow_o : out   std_ulogic                                    -- sticky: an input was too large
+    overflow_o : out   std_ulogic;                                   -- sticky: an input was too large
+    arrive_i   : in    std_ulogic                                    -- loads the operand, with DEEP
   );
 end entity pe_input;
 
@@ -28,6 +31,9 @@ architecture rtl of pe_input is
 
   -- Half an LSB of the operand; bit by bit, because GHDL 2.0 writes wide constants as character strings into Verilog.
   signal half : signed(WORD_BITS downto 0);
+
+  signal taken  : std_ulogic_vector(STORAGE_BITS - 1 downto 0);
+  signal arrive : std_ulogic;
 
   signal operand  : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
   signal overflow : std_ulogic                                := '0';
@@ -41,6 +47,35 @@ begin
 
   end generate g_half;
 
+  g_direct : if not DEEP generate
+
+    taken  <= value_i;
+    arrive <= sample_i;
+
+  end generate g_direct;
+
+  g_second : if DEEP generate
+
+    signal sampled : std_ulogic_vector(STORAGE_BITS - 1 downto 0) := (others => '0');
+
+  begin
+
+    p_take : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (sample_i = '1') then
+          sampled <= value_i;
+        end if;
+      end if;
+
+    end process p_take;
+
+    taken  <= sampled;
+    arrive <= arrive_i;
+
+  end generate g_second;
+
   p_sample : process (clk_i) is
 
     variable word : signed(WORD_BITS downto 0);
@@ -48,8 +83,8 @@ begin
   begin
 
     if rising_edge(clk_i) then
-      if (sample_i = '1') then
-        word    := shift_left(resize(signed(value_i), WORD_BITS + 1), GUARD_BITS) + half;
+      if (arrive = '1') then
+        word    := shift_left(resize(signed(taken), WORD_BITS + 1), GUARD_BITS) + half;
         operand <= std_ulogic_vector(word(WORD_BITS - 1 downto DROPPED));
 
         if (word(WORD_BITS) /= word(WORD_BITS - 1)) then

@@ -6,15 +6,17 @@ library ieee;
 
 -- Signed product of a data operand and a coefficient, both registered by the memories. The data operand arrives as
 -- two words that the pre-adder of a multiplier block adds. Where at most one is not 0 this saves a multiplexer;
--- PRE_ADDER allows both, as long as their sum fits the operand. The product register is loaded LATENCY clocks after the operands. May be replaced by a vendor's
--- multiplier of the same behaviour.
+-- PRE_ADDER allows both, as long as their sum fits the operand. The product register is loaded LATENCY clocks after the
+-- operands, with DEEP one later: their sum and the coefficient have a register of their own then, and parts have at
+-- most 18 bits. May be replaced by a vendor's multiplier of the same behaviour.
 
 entity pe_multiplier is
   generic (
-    DATA_BITS        : positive; -- width of the data operand
-    COEFFICIENT_BITS : positive; -- width of the coefficient operand
-    LATENCY          : positive; -- 1 or 3
-    PRE_ADDER        : boolean   -- both operands at once; otherwise at most one is not 0
+    DATA_BITS        : positive;        -- width of the data operand
+    COEFFICIENT_BITS : positive;        -- width of the coefficient operand
+    LATENCY          : positive;        -- 1 or 3
+    PRE_ADDER        : boolean;         -- both operands at once; otherwise at most one is not 0
+    DEEP             : boolean := false -- a register in front of the multiplication
   );
   port (
     clk_i         : in    std_ulogic;                                       -- clock
@@ -30,7 +32,11 @@ architecture rtl of pe_multiplier is
 
   constant PRODUCT_BITS : positive := DATA_BITS + COEFFICIENT_BITS;
 
-  signal product : signed(PRODUCT_BITS - 1 downto 0) := (others => '0');
+  -- What is multiplied.
+  signal own         : signed(DATA_BITS - 1 downto 0)        := (others => '0');
+  signal imported    : signed(DATA_BITS - 1 downto 0)        := (others => '0');
+  signal coefficient : signed(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
+  signal product     : signed(PRODUCT_BITS - 1 downto 0)     := (others => '0');
 
   -- Low bits that a second block multiplies, unsigned: at most 24 on a block's wide port, 17 on the narrow one.
 
@@ -48,11 +54,56 @@ architecture rtl of pe_multiplier is
 
   end function low_bits;
 
+  -- A block's wide port takes so many unsigned bits; one of 18 bits on both sides is enough with DEEP.
+
+  function wide_bits return positive is
+  begin
+
+    if (DEEP) then
+      return 17;
+    end if;
+
+    return 24;
+
+  end function wide_bits;
+
 begin
 
   assert LATENCY = 1 or LATENCY = 3
     report "pe_multiplier: LATENCY must be 1 or 3"
     severity failure;
+
+  g_direct : if not DEEP generate
+
+    own         <= own_i;
+    imported    <= imported_i;
+    coefficient <= coefficient_i;
+
+  end generate g_direct;
+
+  g_operands : if DEEP generate
+
+    p_operands : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (ce_i = '1') then
+          -- Without a carry where one of them is 0.
+          if (PRE_ADDER) then
+            own <= own_i + imported_i;
+          else
+            own <= own_i or imported_i;
+          end if;
+
+          coefficient <= coefficient_i;
+        end if;
+      end if;
+
+    end process p_operands;
+
+    imported <= (others => '0');
+
+  end generate g_operands;
 
   g_single : if LATENCY = 1 generate
 
@@ -61,7 +112,7 @@ begin
 
       if rising_edge(clk_i) then
         if (ce_i = '1') then
-          product <= (own_i + imported_i) * coefficient_i;
+          product <= (own + imported) * coefficient;
         end if;
       end if;
 
@@ -73,7 +124,7 @@ begin
 
   g_split : if LATENCY /= 1 generate
 
-    constant DATA_SPLIT        : natural := low_bits(DATA_BITS, 24);
+    constant DATA_SPLIT        : natural := low_bits(DATA_BITS, wide_bits);
     constant COEFFICIENT_SPLIT : natural := low_bits(COEFFICIENT_BITS, 17);
     constant OUTER_SPLIT       : natural := DATA_SPLIT + COEFFICIENT_SPLIT;
 
@@ -107,17 +158,17 @@ begin
       if rising_edge(clk_i) then
         if (ce_i = '1') then
           if (PRE_ADDER) then
-            data      := own_i + imported_i;
+            data      := own + imported;
             data_high := data(DATA_BITS - 1 downto DATA_SPLIT);
             data_low  := '0' & data(DATA_SPLIT - 1 downto 0);
           else
             -- Without a carry from the lower part to the upper one.
-            data_high := own_i(DATA_BITS - 1 downto DATA_SPLIT) + imported_i(DATA_BITS - 1 downto DATA_SPLIT);
-            data_low  := ('0' & own_i(DATA_SPLIT - 1 downto 0)) + ('0' & imported_i(DATA_SPLIT - 1 downto 0));
+            data_high := own(DATA_BITS - 1 downto DATA_SPLIT) + imported(DATA_BITS - 1 downto DATA_SPLIT);
+            data_low  := ('0' & own(DATA_SPLIT - 1 downto 0)) + ('0' & imported(DATA_SPLIT - 1 downto 0));
           end if;
 
-          coefficient_high := coefficient_i(COEFFICIENT_BITS - 1 downto COEFFICIENT_SPLIT);
-          coefficient_low  := '0' & coefficient_i(COEFFICIENT_SPLIT - 1 downto 0);
+          coefficient_high := coefficient(COEFFICIENT_BITS - 1 downto COEFFICIENT_SPLIT);
+          coefficient_low  := '0' & coefficient(COEFFICIENT_SPLIT - 1 downto 0);
           high_high        <= data_high * coefficient_high;
           high_low         <= data_high * coefficient_low;
           low_high         <= data_low * coefficient_high;

@@ -148,7 +148,8 @@ package pe_pkg is
   -- The network waits before this word; every write of the previous step has been done then.
 
   function pause_word (
-    latency : positive
+    latency : positive;
+    deep    : boolean := false
   ) return positive;
 
   -- Trace ---------------------------------------------------------------------------------------------------------
@@ -529,9 +530,14 @@ package body pe_pkg is
   end function multiplier_latency;
 
   function pause_word (
-    latency : positive
+    latency : positive;
+    deep    : boolean := false
   ) return positive is
   begin
+
+    if (deep) then
+      return latency + 9;
+    end if;
 
     return latency + 6;
 

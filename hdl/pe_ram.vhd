@@ -9,13 +9,15 @@ library pe_lib;
 
 -- Memory with one write port and one registered read port. A disabled read loads `default_i` instead; where that is
 -- a constant, the read register's synchronous set and reset do it. A word that is read and written in the same clock
--- reads as before the write. May be replaced by a vendor's memory of the same behaviour.
+-- reads as before the write. With DEEP a second register follows. May be replaced by a
+-- vendor's memory of the same behaviour.
 
 entity pe_ram is
   generic (
-    WORDS     : positive;    -- depth, a power of two
-    WORD_BITS : positive;    -- width of a word
-    IMAGE     : word_array_t -- initial content
+    WORDS     : positive;        -- depth, a power of two
+    WORD_BITS : positive;        -- width of a word
+    IMAGE     : word_array_t;    -- initial content
+    DEEP      : boolean := false -- a second register
   );
   port (
     clk_i           : in    std_ulogic;                                        -- clock
@@ -77,7 +79,7 @@ begin
 
     if rising_edge(clk_i) then
       if (ce_i = '1') then
-        if (read_enable_i = '1') then
+        if (read_enable_i = '1' or DEEP) then
           read_data <= memory(to_integer(unsigned(read_address_i)));
         else
           read_data <= default_i;
@@ -91,6 +93,43 @@ begin
 
   end process p_memory;
 
-  read_data_o <= read_data;
+  g_direct : if not DEEP generate
+
+    read_data_o <= read_data;
+
+  end generate g_direct;
+
+  g_second : if DEEP generate
+
+    signal enabled : std_ulogic                                := '0';
+    signal loaded  : std_ulogic                                := '1';
+    signal second  : std_ulogic_vector(WORD_BITS - 1 downto 0) := (others => '0');
+
+  begin
+
+    p_second : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (ce_i = '1') then
+          enabled <= read_enable_i;
+
+          loaded <= enabled;
+
+          if (enabled = '1') then
+            second <= read_data;
+          else
+            second <= (others => '0');
+          end if;
+        end if;
+      end if;
+
+    end process p_second;
+
+    -- The register's reset takes no logic, only bits that are 1 then take some.
+    read_data_o <= second when loaded = '1' else
+                   second or default_i;
+
+  end generate g_second;
 
 end architecture rtl;

@@ -7,19 +7,22 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_pkg.all;
 
--- The program of one PE; the registered output is the PE's control register.
+-- The program of one PE; the registered output is the PE's control register. With DEEP it follows two registers of the
+-- memory: one that block RAM has at its output, and one that synthesis may place beside the PE.
 
 entity pe_rom is
   generic (
-    CONTROL_BITS : positive;    -- width of a control word
-    PERIOD       : positive;    -- number of control words
-    CONTENT      : word_array_t -- the control words
+    CONTROL_BITS : positive;        -- width of a control word
+    PERIOD       : positive;        -- number of control words
+    CONTENT      : word_array_t;    -- the control words
+    DEEP         : boolean := false -- two more registers
   );
   port (
     clk_i     : in    std_ulogic;                                                    -- clock
-    fetch_i   : in    std_ulogic;                                                    -- loads the control register
+    fetch_i   : in    std_ulogic;                                                    -- reads the memory
     address_i : in    std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0); -- control word to load
-    control_o : out   std_ulogic_vector(CONTROL_BITS - 1 downto 0)                   -- control register
+    control_o : out   std_ulogic_vector(CONTROL_BITS - 1 downto 0);                  -- control register
+    load_i    : in    std_ulogic_vector(2 downto 1)                                  -- loads the two others, with DEEP
   );
 end entity pe_rom;
 
@@ -49,6 +52,8 @@ architecture rtl of pe_rom is
 
   constant ROM : rom_t := filled;
 
+  signal fetched : std_ulogic_vector(CONTROL_BITS - 1 downto 0);
+
 begin
 
   p_fetch : process (clk_i) is
@@ -56,10 +61,39 @@ begin
 
     if rising_edge(clk_i) then
       if (fetch_i = '1') then
-        control_o <= ROM(to_integer(unsigned(address_i)));
+        fetched <= ROM(to_integer(unsigned(address_i)));
       end if;
     end if;
 
   end process p_fetch;
+
+  g_direct : if not DEEP generate
+
+    control_o <= fetched;
+
+  end generate g_direct;
+
+  g_followed : if DEEP generate
+
+    signal follower : std_ulogic_vector(CONTROL_BITS - 1 downto 0);
+
+  begin
+
+    p_load : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (load_i(1) = '1') then
+          follower <= fetched;
+        end if;
+
+        if (load_i(2) = '1') then
+          control_o <= follower;
+        end if;
+      end if;
+
+    end process p_load;
+
+  end generate g_followed;
 
 end architecture rtl;

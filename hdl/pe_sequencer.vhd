@@ -12,15 +12,17 @@ library pe_lib;
 
 entity pe_sequencer is
   generic (
-    PERIOD     : positive; -- control words per step
-    ROUNDS     : positive; -- rounds per step
-    PAUSE_WORD : positive  -- the network waits before it
+    PERIOD     : positive;        -- control words per step
+    ROUNDS     : positive;        -- rounds per step
+    PAUSE_WORD : positive;        -- the network waits before it
+    DEEP       : boolean := false -- PEs follow three clocks later
   );
   port (
     clk_i     : in    std_ulogic;                                                             -- clock
     ce_i      : in    std_ulogic;                                                             -- clock enable
     step_i    : in    std_ulogic;                                                             -- lets the next step begin
-    fetch_o   : out   std_ulogic;                                                             -- loads the control registers
+    fetch_o   : out   std_ulogic;                                                             -- reads the programs
+    load_o    : out   std_ulogic_vector(2 downto 1);                                          -- loads the registers behind, with DEEP
     address_o : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- control word to load
     repeat_o  : out   std_ulogic_vector(larger(index_bits(PERIOD / ROUNDS), 1) - 1 downto 0); -- the same within a round
     advance_o : out   std_ulogic;                                                             -- executes the control words
@@ -29,6 +31,7 @@ entity pe_sequencer is
     last_o    : out   std_ulogic;                                                             -- writes belong to the last round
     settle_o  : out   std_ulogic;                                                             -- first pass
     sample_o  : out   std_ulogic;                                                             -- inputs load their registers
+    arrive_o  : out   std_ulogic;                                                             -- inputs load their operands, with DEEP
     publish_o : out   std_ulogic;                                                             -- outputs load their ports
     busy_o    : out   std_ulogic;                                                             -- not waiting for step_i
     done_o    : out   std_ulogic                                                              -- outputs are new
@@ -75,10 +78,6 @@ begin
   begin
 
     if rising_edge(clk_i) then
-      if (ce_i = '1') then
-        done <= publish;
-      end if;
-
       if (fetch = '1') then
         index   <= address;
         valid   <= '1';
@@ -118,17 +117,93 @@ begin
 
   end process p_sequence;
 
-  fetch_o   <= fetch;
-  address_o <= std_ulogic_vector(address);
-  repeat_o  <= std_ulogic_vector(place);
-  advance_o <= fetch and valid;
-  index_o   <= std_ulogic_vector(index);
-  parity_o  <= parity;
-  last_o    <= last;
-  settle_o  <= settle;
-  sample_o  <= fetch and waiting;
-  publish_o <= publish;
-  busy_o    <= not waiting;
-  done_o    <= done;
+  g_direct : if not DEEP generate
+
+    p_done : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (ce_i = '1') then
+          done <= publish;
+        end if;
+      end if;
+
+    end process p_done;
+
+    fetch_o   <= fetch;
+    load_o    <= "00";
+    arrive_o  <= '0';
+    address_o <= std_ulogic_vector(address);
+    repeat_o  <= std_ulogic_vector(place);
+    advance_o <= fetch and valid;
+    index_o   <= std_ulogic_vector(index);
+    parity_o  <= parity;
+    last_o    <= last;
+    settle_o  <= settle;
+    publish_o <= publish;
+
+  end generate g_direct;
+
+  -- Addresses have a register on their way to the programs, and control words two on theirs to the PEs. All stand
+  -- still without ce_i, so PEs and outputs see the same three enabled clocks later.
+
+  g_late : if DEEP generate
+
+    signal fetches        : std_ulogic_vector(3 downto 1)                              := (others => '0');
+    signal advances       : std_ulogic_vector(3 downto 1)                              := (others => '0');
+    signal parities       : std_ulogic_vector(3 downto 1)                              := (others => '0');
+    signal lasts          : std_ulogic_vector(3 downto 1)                              := (others => '0');
+    signal settles        : std_ulogic_vector(3 downto 1)                              := (others => '1');
+    signal arrivals       : std_ulogic_vector(3 downto 1)                              := (others => '0');
+    signal publishes      : std_ulogic_vector(3 downto 1)                              := (others => '0');
+    signal address_late   : unsigned(address'range)                                    := (others => '0');
+    signal place_late     : unsigned(place'range)                                      := (others => '0');
+    signal index_read     : unsigned(index'range)                                      := (others => '0');
+    signal index_loaded   : unsigned(index'range)                                      := (others => '0');
+    signal index_executed : unsigned(index'range)                                      := (others => '0');
+
+  begin
+
+    p_late : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (ce_i = '1') then
+          fetches        <= fetches(2 downto 1) & fetch;
+          advances       <= advances(2 downto 1) & (fetch and valid);
+          parities       <= parities(2 downto 1) & parity;
+          lasts          <= lasts(2 downto 1) & last;
+          settles        <= settles(2 downto 1) & settle;
+          arrivals       <= arrivals(2 downto 1) & (fetch and waiting);
+          publishes      <= publishes(2 downto 1) & publish;
+          address_late   <= address;
+          place_late     <= place;
+          index_read     <= index;
+          index_loaded   <= index_read;
+          index_executed <= index_loaded;
+          done           <= publishes(3);
+        end if;
+      end if;
+
+    end process p_late;
+
+    fetch_o   <= fetches(1) and ce_i;
+    load_o(1) <= fetches(2) and ce_i;
+    load_o(2) <= fetches(3) and ce_i;
+    address_o <= std_ulogic_vector(address_late);
+    repeat_o  <= std_ulogic_vector(place_late);
+    advance_o <= advances(3) and ce_i;
+    index_o   <= std_ulogic_vector(index_executed);
+    parity_o  <= parities(3);
+    last_o    <= lasts(3);
+    settle_o  <= settles(3);
+    arrive_o  <= arrivals(3) and ce_i;
+    publish_o <= publishes(3) and ce_i;
+
+  end generate g_late;
+
+  sample_o <= fetch and waiting;
+  busy_o   <= not waiting;
+  done_o   <= done;
 
 end architecture rtl;

@@ -39,6 +39,8 @@ architecture network of {{ model }} is
   constant REPEAT_WIDTH : positive := larger(index_bits(PERIOD / ROUNDS), 1);
 
   signal fetch	: std_ulogic;
+  signal load	: std_ulogic_vector(2 downto 1);
+  signal arrive	: std_ulogic;
   signal advance	: std_ulogic;
   signal parity	: std_ulogic;
   signal last	: std_ulogic;
@@ -81,13 +83,20 @@ begin
     generic map (
       PERIOD     => PERIOD,
       ROUNDS     => ROUNDS,
+{%- if deep %}
+      PAUSE_WORD => pause_word(multiplier_latency(DATA_BITS, COEFFICIENT_BITS), DEEP => true),
+      DEEP       => true
+{%- else %}
       PAUSE_WORD => pause_word(multiplier_latency(DATA_BITS, COEFFICIENT_BITS))
+{%- endif %}
     )
     port map (
       clk_i     => clk_i,
       ce_i      => ce_i,
       step_i    => step_i,
       fetch_o   => fetch,
+      load_o    => load,
+      arrive_o  => arrive,
       address_o => address,
       repeat_o  => place,
       advance_o => advance,
@@ -108,10 +117,14 @@ begin
       STORAGE_BITS => STORAGE_BITS,
       WORD_BITS    => WORD_BITS,
       DATA_BITS    => DATA_BITS
+{%- if deep %},
+      DEEP         => true
+{%- endif %}
     )
     port map (
       clk_i      => clk_i,
       sample_i   => sample,
+      arrive_i   => arrive,
       value_i    => {{ input.port }},
       operand_o  => input_{{ input.index }},
       overflow_o => overflow({{ pe_count + input.index }})
@@ -146,10 +159,14 @@ begin
       CONTROL_BITS => {{ pe.repeated_bits }},
       PERIOD       => PERIOD / ROUNDS,
       CONTENT      => PE{{ pe.index }}_LOOP
+{%- if deep %},
+      DEEP         => true
+{%- endif %}
     )
     port map (
       clk_i     => clk_i,
       fetch_i   => fetch,
+      load_i    => load,
       address_i => place,
       control_o => repeated_{{ pe.index }}
     );
@@ -160,10 +177,14 @@ begin
       CONTROL_BITS => {{ pe.streamed_bits }},
       PERIOD       => PERIOD,
       CONTENT      => PE{{ pe.index }}_STREAM
+{%- if deep %},
+      DEEP         => true
+{%- endif %}
     )
     port map (
       clk_i     => clk_i,
       fetch_i   => fetch,
+      load_i    => load,
       address_i => address,
       control_o => {% if pe.repeated_bits > 0 %}streamed_{{ pe.index }}{% else %}control_{{ pe.index }}{% endif %}
     );
@@ -203,6 +224,9 @@ begin
       INDEX_WORDS      => {{ pe.index_words }},
       INDEX_WIDTH      => {{ pe.index_width }},
       OCTAVE_WIDTH     => {{ pe.octave_width }},
+{%- endif %}
+{%- if deep %}
+      DEEP             => true,
 {%- endif %}
       TRACE            => TRACE
     )

@@ -17,11 +17,16 @@ const WORD_BITS: u32 = STORAGE_BITS + GUARD_BITS;
 const LIFT: u32 = (WORD_BITS + 2).saturating_sub(DATA_BITS + COEFFICIENT_BITS);
 const DATA_BITS: u32 = {{ data_bits }};
 const COEFFICIENT_BITS: u32 = {{ coefficient_bits }};
+{%- if deep %}
+/// From operands to product register: two registers of the operands come first.
+const MULTIPLIER_LATENCY: usize = 2 + {{ multiplier_latency }};
+{%- else %}
 const MULTIPLIER_LATENCY: usize = {{ multiplier_latency }};
+{%- endif %}
 const PERIOD: usize = {{ period }};
 const ROUNDS: usize = {{ rounds }};
 const ROUND_WORDS: usize = PERIOD / ROUNDS;
-const PAUSE_WORD: usize = MULTIPLIER_LATENCY + 6;
+const PAUSE_WORD: usize = MULTIPLIER_LATENCY + {% if deep %}7{% else %}6{% endif %};
 const DEFAULT_STEPS: u64 = {{ default_steps }};
 const INPUT_COUNT: usize = {{ input_count }};
 
@@ -140,14 +145,22 @@ struct Pe {
     base_last: bool,
     accumulator_bits: u32,
     pre_adder: bool,
-    /// Whether an operand of the sum in front of the multiplier, one word ago, was beyond half of full scale.
+    /// Whether an operand of the sum in front of the multiplier, {% if deep %}two words{% else %}one word{% endif %} ago, was beyond half of full scale.
     too_large: bool,
+{%- if deep %}
+    /// The same of the word that was executed last.
+    too_large_next: bool,
+{%- endif %}
     /// Products between operand and product register.
     products: [Sum; MULTIPLIER_LATENCY + 1],
     accumulator: Sum,
     hold: Sum,
     base: i64,
     shift: u32,
+{%- if deep %}
+    /// Base and shifted sum, registered in front of the adder.
+    addends: (i64, Sum),
+{%- endif %}
     sum: i128,
     word: i64,
     saturated: bool,
@@ -189,11 +202,17 @@ impl Network {
             accumulator_bits: pe.accumulator_bits,
             pre_adder: pe.pre_adder,
             too_large: false,
+{%- if deep %}
+            too_large_next: false,
+{%- endif %}
             products: [0; MULTIPLIER_LATENCY + 1],
             accumulator: 0,
             hold: 0,
             base: 0,
             shift: 0,
+{%- if deep %}
+            addends: (0, 0),
+{%- endif %}
             sum: 0,
             word: 0,
             saturated: false,
@@ -279,7 +298,12 @@ impl Network {
                 0 => pe.hold << LIFT,
                 shift => (((pe.hold << LIFT) >> (shift - 1)) + 1) >> 1,
             };
+{%- if deep %}
+            pe.sum = pe.addends.0 as i128 + pe.addends.1 as i128;
+            pe.addends = (pe.base, shifted);
+{%- else %}
             pe.sum = pe.base as i128 + shifted as i128;
+{%- endif %}
             // Scale group.
             pe.base = base;
             pe.shift = word.shift;
@@ -298,7 +322,12 @@ impl Network {
             pe.overflow |= pe.too_large && !self.settle;
             let beyond = |operand: i64| signed(operand, DATA_BITS - 1) != operand;
             let both = pe.pre_adder && word.own.is_some() && word.imported.is_some();
+{%- if deep %}
+            pe.too_large = pe.too_large_next;
+            pe.too_large_next = both && (beyond(own) || beyond(imported));
+{%- else %}
             pe.too_large = both && (beyond(own) || beyond(imported));
+{%- endif %}
             // Write group.
             if word.send {
                 self.links[index] = result >> (WORD_BITS - DATA_BITS);

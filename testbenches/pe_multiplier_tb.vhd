@@ -12,7 +12,7 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_trace_pkg.all;
 
--- Products of both latencies against the operator, with clock enable and extreme operands.
+-- Products of both latencies and pipelines against the operator, with clock enable and extreme operands.
 
 entity pe_multiplier_tb is
 end entity pe_multiplier_tb;
@@ -33,6 +33,8 @@ architecture bench of pe_multiplier_tb is
   signal own_half      : signed(31 downto 0) := (others => '0');
   signal imported_half : signed(31 downto 0) := (others => '0');
   signal joined        : signed(63 downto 0);
+  signal deep          : signed(63 downto 0);
+  signal deep_narrow   : signed(42 downto 0);
 
 begin
 
@@ -86,12 +88,47 @@ begin
       product_o     => joined
     );
 
+  u_deep : entity pe_lib.pe_multiplier
+    generic map (
+      DATA_BITS        => 32,
+      COEFFICIENT_BITS => 32,
+      LATENCY          => 3,
+      PRE_ADDER        => true,
+      DEEP             => true
+    )
+    port map (
+      clk_i         => clk,
+      ce_i          => ce,
+      own_i         => own_half,
+      imported_i    => imported_half,
+      coefficient_i => coefficient,
+      product_o     => deep
+    );
+
+  u_deep_narrow : entity pe_lib.pe_multiplier
+    generic map (
+      DATA_BITS        => 25,
+      COEFFICIENT_BITS => 18,
+      LATENCY          => 1,
+      PRE_ADDER        => false,
+      DEEP             => true
+    )
+    port map (
+      clk_i         => clk,
+      ce_i          => ce,
+      own_i         => own(31 downto 7),
+      imported_i    => imported(31 downto 7),
+      coefficient_i => coefficient(31 downto 14),
+      product_o     => deep_narrow
+    );
+
   p_check : process is
 
-    type products_t is array (0 to 2) of signed(63 downto 0);
+    type products_t is array (0 to 3) of signed(63 downto 0);
 
     variable wide_products   : products_t;
     variable joined_products : products_t;
+    variable narrow_products : products_t;
     variable seed_1          : positive;
     variable seed_2          : positive;
     variable checks          : natural;
@@ -124,6 +161,7 @@ begin
     checks          := 0;
     wide_products   := (others => (others => '0'));
     joined_products := (others => (others => '0'));
+    narrow_products := (others => (others => '0'));
 
     for i in 1 to LENGTH loop
 
@@ -141,10 +179,12 @@ begin
       end if;
 
       wait until rising_edge(clk);
-      wide_products(1 to 2)   := wide_products(0 to 1);
+      wide_products(1 to 3)   := wide_products(0 to 2);
       wide_products(0)        := (own + imported) * coefficient;
-      joined_products(1 to 2) := joined_products(0 to 1);
+      joined_products(1 to 3) := joined_products(0 to 2);
       joined_products(0)      := (own_half + imported_half) * coefficient;
+      narrow_products(1 to 3) := narrow_products(0 to 2);
+      narrow_products(0)      := resize((own(31 downto 7) + imported(31 downto 7)) * coefficient(31 downto 14), 64);
       ce                      <= '0';
 
       -- Without clock enable nothing moves.
@@ -163,7 +203,15 @@ begin
         report "32x32 product of a sum"
         severity failure;
 
-      checks := checks + 3;
+      assert deep = joined_products(3)
+        report "32x32 product of a deep pipeline"
+        severity failure;
+
+      assert deep_narrow = narrow_products(1)
+        report "25x18 product of a deep pipeline"
+        severity failure;
+
+      checks := checks + 5;
       ce     <= '1';
 
     end loop;

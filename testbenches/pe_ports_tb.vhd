@@ -46,7 +46,8 @@ begin
       sample_i   => enable,
       value_i    => value_in,
       operand_o  => narrow,
-      overflow_o => too_large
+      overflow_o => too_large,
+      arrive_i   => '0'
     );
 
   u_exact : entity pe_lib.pe_input
@@ -60,7 +61,8 @@ begin
       sample_i   => enable,
       value_i    => value_in,
       operand_o  => exact,
-      overflow_o => fits
+      overflow_o => fits,
+      arrive_i   => '0'
     );
 
   u_output : entity pe_lib.pe_output

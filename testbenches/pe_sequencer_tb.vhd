@@ -11,7 +11,8 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_trace_pkg.all;
 
--- Word order, pause, settle, parity and handshake of the sequencer, in free run and with waits.
+-- Word order, pause, settle, parity and handshake of the sequencer, in free run and with waits; with
+-- DEEP the same three enabled clocks later.
 
 entity pe_sequencer_tb is
 end entity pe_sequencer_tb;
@@ -37,6 +38,22 @@ architecture bench of pe_sequencer_tb is
   signal publish : std_ulogic;
   signal busy    : std_ulogic;
   signal done    : std_ulogic;
+
+  -- Of a deep pipeline.
+  signal late_fetch   : std_ulogic;
+  signal late_load    : std_ulogic_vector(2 downto 1);
+  signal late_address : std_ulogic_vector(4 downto 0);
+  signal late_place   : std_ulogic_vector(3 downto 0);
+  signal late_advance : std_ulogic;
+  signal late_index   : std_ulogic_vector(4 downto 0);
+  signal late_parity  : std_ulogic;
+  signal late_last    : std_ulogic;
+  signal late_settle  : std_ulogic;
+  signal late_sample  : std_ulogic;
+  signal late_arrive  : std_ulogic;
+  signal late_publish : std_ulogic;
+  signal late_busy    : std_ulogic;
+  signal late_done    : std_ulogic;
 
 begin
 
@@ -65,6 +82,83 @@ begin
       busy_o    => busy,
       done_o    => done
     );
+
+  u_late : entity pe_lib.pe_sequencer
+    generic map (
+      PERIOD     => PERIOD,
+      ROUNDS     => ROUNDS,
+      PAUSE_WORD => PAUSE,
+      DEEP       => true
+    )
+    port map (
+      clk_i     => clk,
+      ce_i      => ce,
+      step_i    => step,
+      fetch_o   => late_fetch,
+      load_o    => late_load,
+      address_o => late_address,
+      repeat_o  => late_place,
+      advance_o => late_advance,
+      index_o   => late_index,
+      parity_o  => late_parity,
+      last_o    => late_last,
+      settle_o  => late_settle,
+      sample_o  => late_sample,
+      arrive_o  => late_arrive,
+      publish_o => late_publish,
+      busy_o    => late_busy,
+      done_o    => late_done
+    );
+
+  p_late : process is
+
+    type history_t is array (0 to 3) of std_ulogic_vector(21 downto 0);
+
+    -- The short pipeline's signals in this and the last enabled clocks.
+    variable history : history_t;
+    variable clocks  : natural;
+
+  begin
+
+    clocks := 0;
+
+    loop
+
+      wait until rising_edge(clk);
+
+      assert late_sample = sample and late_busy = busy
+        report "the handshake is not that of the short pipeline"
+        severity failure;
+
+      assert ce = '1' or (late_fetch or late_load(1) or late_load(2) or late_advance or late_arrive or late_publish) = '0'
+        report "something moves without clock enable"
+        severity failure;
+
+      if (ce = '1') then
+        history(1 to 3) := history(0 to 2);
+        history(0)      := fetch & address & place & advance & index & parity & last & settle & sample & publish & done;
+
+        if (clocks > 3) then
+          assert late_fetch & late_address & late_place = history(1)(21 downto 12)
+            report "programs are not read one clock later"
+            severity failure;
+
+          assert late_load(1) = history(2)(21) and late_load(2) = history(3)(21)
+            report "control words do not follow"
+            severity failure;
+
+          assert late_advance & late_index & late_parity & late_last & late_settle & late_arrive & late_publish
+                 & late_done = history(3)(11 downto 0)
+            report "PEs do not follow three clocks later"
+            severity failure;
+        end if;
+
+        clocks := clocks + 1;
+      end if;
+
+    end loop;
+
+  end process p_late;
 
   p_check : process is
 

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use askama::Template;
 use pe_ir::program::{Fold, Layout, PeFeatures, Program};
+use pe_ir::word::Pipeline;
 
 use crate::names::Names;
 use crate::{EmitOptions, Header, LIBRARY};
@@ -168,6 +169,9 @@ pub fn shape(program: &Program, index: usize) -> String {
         let PeFeatures { index_words, index_bits, octave_bits, .. } = features;
         write!(text, " index_words={index_words} index_bits={index_bits} octave_bits={octave_bits}")
             .expect("writing to a string succeeds");
+    }
+    if format.pipeline != Pipeline::Short {
+        write!(text, " pipeline={}", format.pipeline.name()).expect("writing to a string succeeds");
     }
     text
 }

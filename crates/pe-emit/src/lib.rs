@@ -43,13 +43,14 @@ pub struct EmitOptions {
 }
 
 /// The hand-written library `pe_lib`, in compile order: file name and text.
-pub const LIBRARY: [(&str, &str); 11] = [
+pub const LIBRARY: [(&str, &str); 12] = [
     ("pe_pkg.vhd", include_str!("../../../hdl/pe_pkg.vhd")),
     ("pe_write_pkg.vhd", include_str!("../../../hdl/pe_write_pkg.vhd")),
     ("pe_ram.vhd", include_str!("../../../hdl/pe_ram.vhd")),
     ("pe_rom.vhd", include_str!("../../../hdl/pe_rom.vhd")),
     ("pe_multiplier.vhd", include_str!("../../../hdl/pe_multiplier.vhd")),
     ("pe_index.vhd", include_str!("../../../hdl/pe_index.vhd")),
+    ("pe_scale.vhd", include_str!("../../../hdl/pe_scale.vhd")),
     ("pe.vhd", include_str!("../../../hdl/pe.vhd")),
     ("pe_sequencer.vhd", include_str!("../../../hdl/pe_sequencer.vhd")),
     ("pe_input.vhd", include_str!("../../../hdl/pe_input.vhd")),

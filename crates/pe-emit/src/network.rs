@@ -2,6 +2,7 @@
 
 use askama::Template;
 use pe_ir::program::{Fold, Layout, LinkSource, Program};
+use pe_ir::word::Pipeline;
 
 use crate::Header;
 use crate::names::{Names, comment_text};
@@ -12,6 +13,8 @@ struct Network<'a> {
     header: &'a Header,
     model: &'a str,
     pe_count: usize,
+    /// Whether the pipeline is the deep one.
+    deep: bool,
     inputs: Vec<Port>,
     outputs: Vec<Output>,
     pes: Vec<Pe>,
@@ -75,6 +78,7 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
         header,
         model: &names.model,
         pe_count: program.pes.len(),
+        deep: program.format.pipeline == Pipeline::Deep,
         inputs: inputs
             .map(|(index, (port, name))| {
                 let comment = comment(&port.name, &port.unit, port.exponent);

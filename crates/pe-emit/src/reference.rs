@@ -2,6 +2,7 @@
 
 use askama::Template;
 use pe_ir::program::{Fold, LinkSource, PeProgram, Program, closed_up};
+use pe_ir::word::Pipeline;
 
 use crate::names::vhdl_identifier;
 use crate::{EmitOptions, Header};
@@ -17,6 +18,8 @@ struct Reference<'a> {
     data_bits: u32,
     coefficient_bits: u32,
     multiplier_latency: u32,
+    /// Whether the pipeline is the deep one.
+    deep: bool,
     period: u32,
     rounds: u32,
     input_count: usize,
@@ -76,6 +79,7 @@ pub fn render(program: &Program, header: &Header, options: &EmitOptions) -> Stri
         data_bits: format.data_bits,
         coefficient_bits: format.coefficient_bits,
         multiplier_latency: program.latency().multiplier,
+        deep: program.format.pipeline == Pipeline::Deep,
         period: program.period,
         rounds: program.rounds,
         input_count: program.inputs.len(),

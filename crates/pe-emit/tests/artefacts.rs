@@ -5,11 +5,21 @@ mod support;
 use std::collections::BTreeSet;
 
 use pe_emit::{Artefact, EmitOptions, LIBRARY, emit};
+use pe_ir::word::Pipeline;
 use support::{Case, features, random_program};
 
 fn design(model: &'static str) -> Vec<Artefact> {
     let pes = vec![features(4, 4, 2, &[12, 16], 44, "fws"), features(4, 4, 1, &[12, 16], 44, "fws")];
-    let case = Case { name: model, storage: 32, multiplier: (25, 18), pes, period: 19, inputs: 1, seed: 7 };
+    let case = Case {
+        name: model,
+        storage: 32,
+        multiplier: (25, 18),
+        pipeline: Pipeline::Short,
+        pes,
+        period: 19,
+        inputs: 1,
+        seed: 7,
+    };
     let options = EmitOptions {
         command: "pe-synth build <= 'a\nb' */ \\".to_owned(),
         spec: "x\n.ode".to_owned(),

@@ -2,6 +2,7 @@
 
 mod support;
 
+use pe_ir::word::Pipeline;
 use support::{Case, Design, assert_same, features, random_program, without_clocks};
 
 /// Pairwise cover of features, memory sizes, ports, shift counts and multiplier sizes.
@@ -10,6 +11,7 @@ fn cases() -> Vec<Case> {
         name,
         storage,
         multiplier,
+        pipeline: Pipeline::Short,
         pes,
         period,
         inputs,
@@ -83,8 +85,16 @@ fn cases() -> Vec<Case> {
 }
 
 fn check(index: usize) {
-    let case = &cases()[index];
-    let design = Design::new(&random_program(case), &format!("case{index}"), 12);
+    agree(&cases()[index], &format!("case{index}"));
+}
+
+fn check_deep(index: usize) {
+    let case = Case { pipeline: Pipeline::Deep, ..cases().swap_remove(index) };
+    agree(&case, &format!("deep{index}"));
+}
+
+fn agree(case: &Case, directory: &str) {
+    let design = Design::new(&random_program(case), directory, 12);
     let expected = design.reference();
     design.analyse();
     assert_same("free run", &expected, &design.ghdl(&[]));
@@ -139,9 +149,30 @@ fn ghdl_agrees_on_wide_tables() {
 }
 
 #[test]
+fn ghdl_agrees_on_deep_pipelines() {
+    // Looped rounds with a pre-adder, swaps and factors; tables.
+    check_deep(0);
+    check_deep(7);
+}
+
+#[test]
+fn ghdl_agrees_on_deep_pipelines_of_other_multipliers() {
+    check_deep(2);
+    check_deep(3);
+    check_deep(5);
+}
+
+#[test]
 fn verilator_agrees() {
-    for (case, directory) in [(0, "verilator"), (7, "verilator_tables")] {
-        let design = Design::new(&random_program(&cases()[case]), directory, 12);
+    let runs = [
+        (0, Pipeline::Short, "verilator"),
+        (7, Pipeline::Short, "verilator_tables"),
+        (0, Pipeline::Deep, "verilator_deep"),
+        (2, Pipeline::Deep, "verilator_deep_wide"),
+    ];
+    for (index, pipeline, directory) in runs {
+        let case = Case { pipeline, ..cases().swap_remove(index) };
+        let design = Design::new(&random_program(&case), directory, 12);
         let expected = design.reference();
         design.analyse();
         assert_same("verilator", &expected, &design.verilator());

@@ -3,7 +3,31 @@
 //! This module is the one place that defines rounding, saturation and operand extraction; the datasheet
 //! (`docs/hardware.md`, section "Arithmetic") states the same rules in prose, and `hdl/` implements them.
 
-/// Widths of stored words and multiplier ports of a design.
+/// How many registers an operation passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Pipeline {
+    /// As few as a device with registers inside its blocks needs: the fewest clocks from operand to result.
+    #[default]
+    Short,
+    /// Second registers behind memories, control words and shifts, and one in front of the multiplication: a faster
+    /// clock where blocks have no such registers.
+    Deep,
+}
+
+impl Pipeline {
+    /// All of them, the default first.
+    pub const ALL: [Pipeline; 2] = [Pipeline::Short, Pipeline::Deep];
+
+    /// The name on the command line and in the report.
+    pub fn name(self) -> &'static str {
+        match self {
+            Pipeline::Short => "short",
+            Pipeline::Deep => "deep",
+        }
+    }
+}
+
+/// Widths of stored words and multiplier ports of a design, and its pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WordFormat {
     /// Bits of a stored word without guard bits (`--storage`).
@@ -14,6 +38,8 @@ pub struct WordFormat {
     pub data_bits: u32,
     /// Bits of the multiplier's coefficient port.
     pub coefficient_bits: u32,
+    /// Registers that an operation passes (`--pipeline`).
+    pub pipeline: Pipeline,
 }
 
 impl WordFormat {
@@ -22,11 +48,16 @@ impl WordFormat {
     const HIDDEN_BITS: u32 = 8;
 
     /// Widths with guard bits below the storage bits: so many that eight bits of a stored word are hidden from both
-    /// ports of the multiplier, and at most eight.
+    /// ports of the multiplier, and at most eight. The pipeline is the short one.
     pub const fn new(storage_bits: u32, data_bits: u32, coefficient_bits: u32) -> WordFormat {
         let widest = if data_bits > coefficient_bits { data_bits } else { coefficient_bits };
         let guard_bits = Self::HIDDEN_BITS.saturating_sub(storage_bits.saturating_sub(widest));
-        WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits }
+        WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits, pipeline: Pipeline::Short }
+    }
+
+    /// The same widths in another pipeline.
+    pub const fn with_pipeline(self, pipeline: Pipeline) -> WordFormat {
+        WordFormat { pipeline, ..self }
     }
 
     /// Top bits of a saturated word that tell its sign.
@@ -176,19 +207,51 @@ pub fn round_shift(accumulator: i64, shift: u32) -> i64 {
 /// A product issued in word `k` is accumulated in word `k + accumulate`, and so on; see the datasheet, "Timing".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latency {
-    /// Clock cycles from operands to product register.
+    /// Clock cycles from operands to product register, without those of a deep pipeline.
     pub multiplier: u32,
+    /// Registers that an operation passes.
+    pub pipeline: Pipeline,
 }
 
 impl Latency {
     /// The latency table of a word format.
     pub fn of(format: &WordFormat) -> Latency {
-        Latency { multiplier: if format.single_multiplier() { 1 } else { 3 } }
+        Latency { multiplier: if format.single_multiplier() { 1 } else { 3 }, pipeline: format.pipeline }
+    }
+
+    /// Operand word to the word in which the multiplication takes the operands, less one: the second register behind
+    /// the memories, and the one of the sum of both operands.
+    pub fn operand(&self) -> u32 {
+        match self.pipeline {
+            Pipeline::Short => 0,
+            Pipeline::Deep => 2,
+        }
+    }
+
+    /// Operand word to the word that sets the flag of operands which are too large for their sum.
+    pub fn operand_flag(&self) -> u32 {
+        match self.pipeline {
+            Pipeline::Short => 1,
+            Pipeline::Deep => 2,
+        }
+    }
+
+    /// Operand word to the word in which its product stands in the product register, less one.
+    pub fn product(&self) -> u32 {
+        self.operand() + self.multiplier
+    }
+
+    /// Scale word to the word whose addition takes base and shifted sum, less one.
+    pub fn addend(&self) -> u32 {
+        match self.pipeline {
+            Pipeline::Short => 0,
+            Pipeline::Deep => 1,
+        }
     }
 
     /// Operand word to the word whose `close` field sees its product.
     pub fn accumulate(&self) -> u32 {
-        self.multiplier + 1
+        self.product() + 1
     }
 
     /// Last operand word of a chain to the word whose `close` field ends the chain.
@@ -202,11 +265,13 @@ impl Latency {
     }
 
     /// Scale word to write word (own write, send).
-    pub const SCALE_TO_WRITE: u32 = 3;
+    pub fn scale_to_write(&self) -> u32 {
+        self.addend() + 3
+    }
 
     /// Last operand word of a chain to its first possible write word.
     pub fn write(&self) -> u32 {
-        self.scale() + Self::SCALE_TO_WRITE
+        self.scale() + self.scale_to_write()
     }
 
     /// Write word (or receive word) to the first word that may read the value.

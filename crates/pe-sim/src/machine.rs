@@ -132,7 +132,7 @@ struct Steps<P> {
     odd: Option<Step<P>>,
     /// Words on the move.
     moving: (Vec<i64>, Vec<P>),
-    /// Whether operands of the last word were too large for their sum.
+    /// Whether operands of the last words were too large for their sum.
     too_large: bool,
 }
 

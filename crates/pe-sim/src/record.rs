@@ -35,10 +35,9 @@ struct PeHomes {
     coefficients: u32,
     imported: u32,
     link: u32,
-    /// Base words in the scale register and in the sums of the adder and the result register.
+    /// Base words in the scale register, and from there on in the registers of sums up to the result register.
     scale: u32,
-    sum: u32,
-    result: u32,
+    results: u32,
     /// Indices, as words, in the index memory and in its read register.
     indices: u32,
     index: u32,
@@ -47,6 +46,7 @@ struct PeHomes {
 impl Homes {
     pub fn new(program: &Program) -> Homes {
         let mut count = OFFSET + 1 + program.inputs.len() as u32;
+        let results = result_registers(program);
         let mut take = |words: usize| {
             count += words as u32;
             count - words as u32
@@ -58,8 +58,7 @@ impl Homes {
             imported: take(pe.imported_image.len()),
             link: take(1),
             scale: take(1),
-            sum: take(1),
-            result: take(1),
+            results: take(results as usize),
             indices: take(pe.features.index_words as usize),
             index: take(1),
         };
@@ -114,12 +113,16 @@ impl KeptSums {
     }
 }
 
-/// Registers that hold sums, as bits; those of products follow.
+/// Registers behind the scale register up to the result register.
+fn result_registers(program: &Program) -> u32 {
+    program.latency().scale_to_write() - 1
+}
+
+/// Registers that hold sums, as bits; those of results, and those of products, follow each other.
 const ACCUMULATOR: u64 = 1;
 const HOLD: u64 = 2;
-const SUM: u64 = 4;
-const RESULT: u64 = 8;
-const PRODUCT: u64 = 16;
+const RESULT: u64 = 4;
+const PRODUCT: u64 = 32;
 
 /// A sum: registers of the step before, and products.
 #[derive(Clone, Debug, Default)]
@@ -167,8 +170,8 @@ struct Pe {
     hold: Rc<Held>,
     /// Base word and shift of the adder.
     scale: (u32, u8),
-    sum: Pending,
-    result: Pending,
+    /// From the adder's first register to the result register, which is the front one.
+    results: VecDeque<Pending>,
     link: u32,
     indices: Vec<u32>,
     /// Index that the base address takes.
@@ -213,9 +216,9 @@ pub(crate) struct Recording {
     pub outputs: Vec<u32>,
     /// Slots whose saturation sets the overflow flag.
     pub flagged: Vec<u32>,
-    /// Operands of sums in front of a multiplier: beyond half of full scale they set the overflow flag a word later.
+    /// Operands of sums in front of a multiplier: beyond half of full scale they set the overflow flag soon after.
     pub paired: Vec<u32>,
-    /// Those of the last word, which set it in the step that follows.
+    /// Those of the last words, which set it in the step that follows.
     pub paired_last: Vec<u32>,
     /// Base words that indices choose among.
     pub columns: Columns,
@@ -294,7 +297,7 @@ impl Recording {
         let imported = word.imported.map(|a| pe.imported[physical(a, pe.imported.len(), parity)]);
         let operands = own.into_iter().chain(imported);
         if program.features.pre_adder && own.is_some() && imported.is_some() {
-            if cycle + 1 == stretch.count {
+            if cycle + stretch.program.latency().operand_flag() >= stretch.count {
                 self.paired_last.extend(operands.clone());
             } else if !stretch.settle {
                 self.paired.extend(operands.clone());
@@ -346,8 +349,9 @@ impl Recording {
             let address = program.features.write_words() + address as u32;
             self.writes.push(MemoryWrite { cycle, pe: index as u32, address, slot, own: false });
         }
-        let sum = Pending { base: pe.scale.0, held: Rc::clone(&pe.hold), shift: pe.scale.1, slot: None };
-        pe.result = std::mem::replace(&mut pe.sum, sum);
+        let scaled = Pending { base: pe.scale.0, held: Rc::clone(&pe.hold), shift: pe.scale.1, slot: None };
+        pe.results.push_back(scaled);
+        pe.results.pop_front();
         pe.index = next_index;
         pe.scale = (base, program.features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0));
         if word.close {
@@ -387,13 +391,13 @@ impl Recording {
 
     /// The slot of the word in a PE's result register; from now on something reads it.
     fn result(&mut self, index: usize, kept: &mut KeptSums) -> u32 {
-        let pending = self.pes[index].result.clone();
+        let pending = self.pes[index].results[0].clone();
         if let Some(slot) = pending.slot {
             return slot;
         }
         let slot = self.slots;
         self.slots += 1;
-        self.pes[index].result.slot = Some(slot);
+        self.pes[index].results[0].slot = Some(slot);
         let write = Write { target: slot, base: pending.base, shift: i32::from(pending.shift) };
         // A sum is written twice at most, and the second time only with a base that is there before the first.
         if let Some(chain) = pending.held.chain.get()
@@ -444,7 +448,8 @@ impl Recording {
             words.extend(pe.base.iter().copied().zip(home.base..));
             words.extend(pe.indices.iter().copied().zip(home.indices..));
             words.push((pe.index, home.index));
-            words.extend([(pe.scale.0, home.scale), (pe.sum.base, home.sum), (pe.result.base, home.result)]);
+            words.push((pe.scale.0, home.scale));
+            words.extend(pe.results.iter().map(|result| result.base).zip(home.results..));
             factors.extend(pe.coefficients.iter().zip(home.coefficients..).filter_map(|(factor, to)| match factor {
                 Factor::Value(from) => Some((*from, to)),
                 Factor::Coefficient(_) => None,
@@ -476,7 +481,11 @@ impl Pe {
         let before = stretch.words[index][((stretch.from + period - 1) % period) as usize];
         let register = |bit: u64| if stretch.settle { Sum::default() } else { Sum::of_register(bit) };
         let held = |bit: u64| Rc::new(Held { sum: register(bit), chain: Cell::new(None) });
-        let pending = |bit: u64, (base, shift): (u32, u8)| Pending { base, held: held(bit), shift, slot: None };
+        let results = result_registers(stretch.program);
+        let result = |position: u32| {
+            let (base, shift) = scale(homes.results + position, results + 1 - position);
+            Pending { base, held: held(RESULT << position), shift, slot: None }
+        };
         let targets = stretch.words[index].iter().filter_map(|word| word.write).filter(|target| target.factor);
         let written: BTreeSet<usize> =
             targets.map(|target| program.features.factor_word(target.address.word)).collect();
@@ -493,8 +502,7 @@ impl Pe {
             accumulator: register(ACCUMULATOR),
             hold: held(HOLD),
             scale: scale(homes.scale, 1),
-            sum: pending(SUM, scale(homes.sum, 2)),
-            result: pending(RESULT, scale(homes.result, 3)),
+            results: (0..results).map(result).collect(),
             link: homes.link,
             indices: (homes.indices..homes.indices + program.features.index_words).collect(),
             index: if stretch.settle || before.index.is_none() { NULL } else { homes.index },
@@ -504,14 +512,10 @@ impl Pe {
     /// The sum of some registers.
     fn sum_of(&self, registers: u64) -> Sum {
         let mut sum = Sum::default();
-        let fixed = [
-            (ACCUMULATOR, &self.accumulator),
-            (HOLD, &self.hold.sum),
-            (SUM, &self.sum.held.sum),
-            (RESULT, &self.result.held.sum),
-        ];
+        let fixed = [(ACCUMULATOR, &self.accumulator), (HOLD, &self.hold.sum)];
+        let results = self.results.iter().enumerate().map(|(position, result)| (RESULT << position, &result.held.sum));
         let products = self.products.iter().enumerate().map(|(position, product)| (PRODUCT << position, product));
-        for (_, part) in fixed.into_iter().chain(products).filter(|(bit, _)| registers & bit != 0) {
+        for (_, part) in fixed.into_iter().chain(results).chain(products).filter(|(bit, _)| registers & bit != 0) {
             sum.add(part);
         }
         sum

@@ -9,7 +9,7 @@ use pe_ir::codes;
 use pe_ir::graph::StageForm;
 use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::source::{Diagnostic, Sources};
-use pe_ir::word::WordFormat;
+use pe_ir::word::{Pipeline, WordFormat};
 
 use crate::conserved::Conserved;
 use crate::failure::{Failure, MessageFormat};
@@ -79,6 +79,9 @@ pub struct DesignPoint {
     /// Multiplier: bits of its data port x bits of its coefficient port
     #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier, help_heading = "Numbers")]
     pub multiplier: (u32, u32),
+    /// Registers that an operation passes: few, or more for a faster clock on devices without registers in their blocks
+    #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Hardware")]
+    pub pipeline: Pipeline,
     /// Products that a coefficient takes: with two, a port of 18 bits computes with about 35
     #[arg(long, value_enum, default_value_t, help_heading = "Numbers")]
     pub coefficients: Coefficients,
@@ -207,7 +210,7 @@ impl DesignPoint {
     /// Word widths.
     pub fn format(&self) -> Result<WordFormat, Failure> {
         let (data_bits, coefficient_bits) = self.multiplier;
-        let format = WordFormat::new(self.storage, data_bits, coefficient_bits);
+        let format = WordFormat::new(self.storage, data_bits, coefficient_bits).with_pipeline(self.pipeline);
         let widest = data_bits.max(coefficient_bits);
         if widest > format.word_bits() {
             let message = format!(
@@ -225,6 +228,13 @@ pub fn solver() -> impl TypedValueParser<Value = Solver> {
     let values = Solver::ALL.map(|solver| PossibleValue::new(solver.name()).help(solver.title()));
     let known = |name: String| Solver::ALL.into_iter().find(|solver| solver.name() == name).expect("a possible value");
     PossibleValuesParser::new(values).map(known)
+}
+
+/// Parses the name of a pipeline.
+pub fn pipeline() -> impl TypedValueParser<Value = Pipeline> {
+    let values = Pipeline::ALL.map(|pipeline| PossibleValue::new(pipeline.name()));
+    let known = |name: String| Pipeline::ALL.into_iter().find(|pipeline| pipeline.name() == name);
+    PossibleValuesParser::new(values).map(move |name| known(name).expect("a possible value"))
 }
 
 /// Parses bits of a stored word.

@@ -8,6 +8,7 @@ use pe_ir::graph::{FormCost, Role};
 use pe_ir::mapping::MappingCost;
 use pe_ir::model::{Model, Rate};
 use pe_ir::program::{LinkSource, Program};
+use pe_ir::word::Pipeline;
 use pe_sim::reference::{ReferenceError, TOLERANCE};
 use serde_json::{Value, json};
 
@@ -109,7 +110,6 @@ pub fn report(
     command: &str,
 ) -> Value {
     let program = &design.program;
-    let format = program.format;
     let sizes = Sizes::of(design);
     let (bound, binds) = design.bound.binding();
     let per_step_us = f64::from(program.period) / clock.mhz;
@@ -148,15 +148,7 @@ pub fn report(
         "writes_per_step": program.writes_per_step(),
         "distinct_programs": sizes.distinct_programs,
         "starts": starts,
-        "word": {
-            "storage_bits": format.storage_bits,
-            "guard_bits": format.guard_bits,
-            "mul_a_bits": format.data_bits,
-            "mul_b_bits": format.coefficient_bits,
-            "dsp_per_pe": format.dsp_per_pe(),
-            "coefficient_slots": 1 + u32::from(two_slots::used(&design.graph)),
-            "rounding": design.judged.aim.name(),
-        },
+        "word": word(design),
         "instruction_words_max": sizes.instruction_words,
         "data_words_max": sizes.data_words,
         "area": {"lut": area.lut.round(), "lut_error": area.lut_error.round(), "ff": area.ff.round(),
@@ -186,6 +178,21 @@ pub fn report(
     }
     report["functions"] = json!(tables::report(&design.graph, &design.judged.fixed));
     report
+}
+
+/// The key `word`.
+fn word(design: &Design) -> Value {
+    let format = design.program.format;
+    json!({
+        "storage_bits": format.storage_bits,
+        "guard_bits": format.guard_bits,
+        "mul_a_bits": format.data_bits,
+        "mul_b_bits": format.coefficient_bits,
+        "dsp_per_pe": format.dsp_per_pe(),
+        "coefficient_slots": 1 + u32::from(two_slots::used(&design.graph)),
+        "rounding": design.judged.aim.name(),
+        "pipeline": format.pipeline.name(),
+    })
 }
 
 /// The key `pairs`.
@@ -354,10 +361,11 @@ pub fn table(
         (
             "word",
             format!(
-                "{} + {} bits, multiplier {}",
+                "{} + {} bits, multiplier {}{}",
                 program.format.storage_bits,
                 program.format.guard_bits,
-                multiplier_name(&program.format)
+                multiplier_name(&program.format),
+                if program.format.pipeline == Pipeline::Deep { ", deep pipeline" } else { "" }
             ),
         ),
         (

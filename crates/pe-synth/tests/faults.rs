@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use pe_ir::model::Solver;
 use pe_ir::verify;
+use pe_ir::word::Pipeline;
 use pe_sim::trace::TraceLine;
 use pe_synth::engines::{self, Engine, Run, compare};
 use rand::SeedableRng;
@@ -33,6 +34,14 @@ fn designs() -> Vec<Flow> {
         flow(Family::Affine, (7, 3), Solver::Euler, (18, 18, 25), 54),
         flow(Family::Stencil, (9, 2), Solver::Heun, (32, 25, 18), 55),
         Flow::tabled((8, 3), Solver::Heun, format(32, 25, 18), Placement::Scattered, 56),
+        Flow::random(
+            Family::Shared,
+            (6, 3),
+            Solver::Heun,
+            format(32, 18, 18).with_pipeline(Pipeline::Deep),
+            Placement::Scattered,
+            57,
+        ),
     ]
 }
 

@@ -3,6 +3,7 @@
 mod support;
 
 use pe_ir::model::Solver;
+use pe_ir::word::Pipeline;
 use pe_synth::engines::Engine;
 use support::bench::{Agreement, assert_agreement};
 use support::flow::{Flow, Placement, format};
@@ -67,6 +68,27 @@ fn designs_with_tables_agree() {
         sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
     }
     report("tables", sum);
+}
+
+#[test]
+fn deep_pipelines_agree() {
+    let mut sum = Agreement::default();
+    let designs = [
+        (Family::Shared, Solver::Euler, (32, 18, 18)),
+        (Family::Polynomial, Solver::Rk4, (32, 32, 32)),
+        (Family::Grid, Solver::Heun3, (32, 25, 18)),
+    ];
+    for (seed, (family, solver, (storage, data, coefficient))) in (81..).zip(designs) {
+        let format = format(storage, data, coefficient).with_pipeline(Pipeline::Deep);
+        let flow = Flow::random(family, (9, 3), solver, format, Placement::Annealed, seed);
+        let flow = flow.looped().unwrap_or(flow);
+        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
+        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
+    }
+    let format = format(32, 25, 18).with_pipeline(Pipeline::Deep);
+    let flow = Flow::tabled((9, 3), Solver::Heun, format, Placement::Annealed, 84);
+    sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
+    report("deep", sum);
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod support;
 use pe_ir::graph::StageForm;
 use pe_ir::model::Solver;
 use pe_ir::program::{Layout, Program};
+use pe_ir::word::Pipeline;
 use pe_sim::machine::Machine;
 use pe_sim::trace;
 use support::flow::{Flow, Placement, Start, format};
@@ -55,6 +56,22 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
                             looped_pairs += flow.pairs;
                         }
                     }
+                }
+            }
+        }
+    }
+    for (storage, data, coefficient) in [(32, 18, 18), (32, 32, 32)] {
+        for (family, solver) in FAMILIES.into_iter().zip(Solver::RUNGE_KUTTA.into_iter().cycle()) {
+            for (seed, (states, pes, placement)) in (1..).zip(SIZES) {
+                let format = format(storage, data, coefficient).with_pipeline(Pipeline::Deep);
+                let flow = Flow::random(family, (states, pes), solver, format, placement, seed);
+                let count = check(&flow);
+                assert!(count > 0, "{}: nothing was compared", flow.label);
+                designs += 1;
+                compared += count;
+                if let Some(flow) = flow.looped() {
+                    compared += check(&flow);
+                    looped += 1;
                 }
             }
         }

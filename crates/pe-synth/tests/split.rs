@@ -7,11 +7,11 @@ use pe_hls::split::split;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_ir::source::Sources;
-use pe_ir::word::Latency;
+use pe_ir::word::{Latency, Pipeline};
 use pe_sim::double::DoubleRun;
 use support::flow::{Flow, Placement, format};
 
-const LATENCY: Latency = Latency { multiplier: 1 };
+const LATENCY: Latency = Latency { multiplier: 1, pipeline: Pipeline::Short };
 const LIMIT: u32 = 15;
 
 /// Cells that all follow a mean, which sums products of all of them.

@@ -10,7 +10,7 @@ use pe_emit::{EmitOptions, design_name, emit};
 use pe_ir::program::{
     Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program, Target,
 };
-use pe_ir::word::WordFormat;
+use pe_ir::word::{Pipeline, WordFormat};
 
 /// A small generator of reproducible numbers (splitmix64).
 pub struct Random(pub u64);
@@ -47,6 +47,7 @@ pub struct Case {
     pub name: &'static str,
     pub storage: u32,
     pub multiplier: (u32, u32),
+    pub pipeline: Pipeline,
     pub pes: Vec<PeFeatures>,
     pub period: u32,
     pub inputs: u32,
@@ -83,7 +84,7 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
 /// A program of random legal control words.
 pub fn random_program(case: &Case) -> Program {
     let mut random = Random(case.seed);
-    let format = WordFormat::new(case.storage, case.multiplier.0, case.multiplier.1);
+    let format = WordFormat::new(case.storage, case.multiplier.0, case.multiplier.1).with_pipeline(case.pipeline);
     let senders: Vec<u32> = (0..case.pes.len() as u32).filter(|pe| case.pes[*pe as usize].send).collect();
     let pes = case.pes.iter().map(|features| random_pe(&mut random, case, &format, features, &senders)).collect();
     let mut program = Program {

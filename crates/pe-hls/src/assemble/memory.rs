@@ -386,7 +386,7 @@ impl Lives {
                         bases.insert(base.0);
                     }
                 }
-                own[write.value.index()].0 = scale + Latency::SCALE_TO_WRITE;
+                own[write.value.index()].0 = scale + latency.scale_to_write();
             }
         }
         Lives { own, bases, operands, indexed, imported }

@@ -352,7 +352,7 @@ impl Assembler<'_> {
         pe.words[self.word(last + self.latency.close())].close = true;
         for (position, write) in chain.writes().enumerate() {
             let scale = last + self.latency.scale() + position as u32;
-            let store = scale + Latency::SCALE_TO_WRITE;
+            let store = scale + self.latency.scale_to_write();
             let shift = self.fixed.shifts[index][position];
             let slot = pe.features.shifts.binary_search(&shift).expect("collected from all chains");
             if let Some((_, lookup)) = write.base.and_then(|base| self.graph.lookup(base)) {

@@ -156,10 +156,11 @@ impl<'a> Step<'a> {
 mod tests {
     use pe_ir::graph::{Chain, Equation, Names, StageForm, Term, Value, Write};
     use pe_ir::source::Span;
+    use pe_ir::word::Pipeline;
 
     use super::*;
 
-    const LATENCY: Latency = Latency { multiplier: 1 };
+    const LATENCY: Latency = Latency { multiplier: 1, pipeline: Pipeline::Short };
     const RESULT: u32 = 7;
 
     /// An Euler step: per state the values its chain reads, each an index; inner sums are `(state, operands)`, values

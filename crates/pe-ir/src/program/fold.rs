@@ -35,7 +35,7 @@ impl Fold {
         let mut known = vec![0; length];
         let mut streamed = 0;
         let result = |k: usize| {
-            let end = &pe.words[(k + crate::word::Latency::SCALE_TO_WRITE as usize) % pe.words.len()];
+            let end = &pe.words[(k + program.latency().scale_to_write() as usize) % pe.words.len()];
             end.write.is_some() || end.write_index.is_some() || end.send
         };
         for (k, word) in pe.words.iter().enumerate() {

@@ -10,7 +10,7 @@ use super::{
     Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
     StateRegister, Target,
 };
-use crate::word::WordFormat;
+use crate::word::{Pipeline, WordFormat};
 
 const HEADER: &str = "pe-synth program 1";
 
@@ -33,11 +33,15 @@ impl std::error::Error for ParseError {}
 
 impl Display for Program {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits } = self.format;
+        let WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits, pipeline } = self.format;
+        let pipeline = match pipeline {
+            Pipeline::Short => String::new(),
+            Pipeline::Deep => format!(" pipeline {}", pipeline.name()),
+        };
         writeln!(f, "{HEADER}\nmodel {}\nperiod {} rounds {}", self.model, self.period, self.rounds)?;
         writeln!(
             f,
-            "format storage {storage_bits} guard {guard_bits} data {data_bits} coefficient {coefficient_bits}"
+            "format storage {storage_bits} guard {guard_bits} data {data_bits} coefficient {coefficient_bits}{pipeline}"
         )?;
         let unit = |unit: &Option<String>| unit.as_ref().map_or(String::new(), |unit| format!(" unit {unit}"));
         for input in &self.inputs {
@@ -182,7 +186,7 @@ impl Program {
     fn empty() -> Program {
         Program {
             model: String::new(),
-            format: WordFormat { storage_bits: 0, guard_bits: 0, data_bits: 0, coefficient_bits: 0 },
+            format: WordFormat::new(0, 0, 0),
             period: 0,
             rounds: 1,
             pes: Vec::new(),
@@ -270,6 +274,19 @@ impl Parser {
         Ok((self.number(Some(first))?, self.number(Some(second))?))
     }
 
+    /// The pipeline; without one it is the short one.
+    fn pipeline(&self, fields: &mut Fields<'_>) -> Result<Pipeline, ParseError> {
+        match fields.next() {
+            None => Ok(Pipeline::Short),
+            Some("pipeline") => {
+                let name = fields.next();
+                let named = Pipeline::ALL.into_iter().find(|pipeline| Some(pipeline.name()) == name);
+                named.ok_or_else(|| self.error("the name of a pipeline"))
+            }
+            Some(_) => Err(self.error("pipeline")),
+        }
+    }
+
     fn unit(&self, fields: &mut Fields<'_>) -> Option<String> {
         fields.0.strip_prefix(" unit ").map(str::to_owned)
     }
@@ -299,6 +316,7 @@ impl Parser {
                     guard_bits: self.keyed(&mut fields, "guard")?,
                     data_bits: self.keyed(&mut fields, "data")?,
                     coefficient_bits: self.keyed(&mut fields, "coefficient")?,
+                    pipeline: self.pipeline(&mut fields)?,
                 };
             }
             Some("input") => {

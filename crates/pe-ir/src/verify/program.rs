@@ -17,6 +17,7 @@ use std::rc::Rc;
 
 use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
 use crate::program::{Address, ControlWord, LinkSource, Multiplier, PeProgram, Program, Target};
+use crate::word::Pipeline;
 
 const NONE: u32 = u32::MAX;
 
@@ -67,7 +68,8 @@ struct Pe<'a> {
     hold: Sum,
     /// Base and shift of the adder.
     scale: (Option<Cell>, u8),
-    added: Option<Result>,
+    /// Results on their way to the result register, the front one first.
+    added: VecDeque<Option<Result>>,
     result: Option<Result>,
     link: Cell,
     /// Index memory, and its read register; none is nothing known.
@@ -116,6 +118,10 @@ struct Checker<'a> {
 impl<'a> Checker<'a> {
     fn new(program: &'a Program, graph: &'a StepGraph, fixed: &'a FixedPoint) -> Self {
         let accumulate = program.latency().accumulate() as usize;
+        let addition = match program.format.pipeline {
+            Pipeline::Short => 1,
+            Pipeline::Deep => 2,
+        };
         let mut start_of = vec![NONE; graph.values.len()];
         for (state, next) in &graph.states {
             start_of[next.index()] = state.0;
@@ -133,7 +139,7 @@ impl<'a> Checker<'a> {
             accumulator: Vec::new(),
             hold: Rc::default(),
             scale: (None, u8::MAX),
-            added: None,
+            added: std::iter::repeat_n(None, addition).collect(),
             result: None,
             link: Cell::Unknown,
             indices: vec![None; pe.features.index_words as usize],
@@ -441,8 +447,8 @@ impl Pe<'_> {
     /// Moves the pipeline on by one word.
     fn advance(&mut self, control: &ControlWord, (products, base): (Operands, Option<Cell>), index: IndexRegister) {
         self.index = index;
-        self.result = self.added.take();
-        self.added = Some(Result { base: self.scale.0, sum: Rc::clone(&self.hold), shift: self.scale.1 });
+        self.result = self.added.pop_front().flatten();
+        self.added.push_back(Some(Result { base: self.scale.0, sum: Rc::clone(&self.hold), shift: self.scale.1 }));
         self.scale = (base, self.program.features.shifts.get(usize::from(control.shift)).copied().unwrap_or(u8::MAX));
         let arriving = self.products.pop_front().unwrap_or_default();
         if control.close {

@@ -90,7 +90,7 @@ impl Question<'_> {
     /// If no point is right enough; the message names the one that comes closest.
     pub fn answer(&self) -> Result<Choice, Failure> {
         let model = &self.loaded.model;
-        let DesignPoint { solver, step, storage, multiplier, coefficients, form, pes } = self.point;
+        let DesignPoint { solver, step, storage, multiplier, coefficients, form, pes, pipeline } = self.point;
         let lists = Lists {
             solver: solver.into_iter().collect(),
             step: step.into_iter().collect(),
@@ -99,6 +99,7 @@ impl Question<'_> {
             coefficients: if self.fixed.coefficients { vec![coefficients] } else { Vec::new() },
             form,
             pes,
+            pipeline,
         };
         let plan = lists.plan(model, self.mapping);
         let mut search = Search::new(model, self.mapping, &lists, &plan, self.max_error);

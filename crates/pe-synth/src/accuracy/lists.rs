@@ -3,9 +3,10 @@
 use clap::Args;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver, step_count_problem};
+use pe_ir::word::Pipeline;
 
 use crate::explore::axes::{once, with_forms};
-use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, solver, storage};
+use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, pipeline, solver, storage};
 use crate::pipeline::MappingOptions;
 
 /// A stored word, the ports of the multiplier that reads it, and how coefficients are rounded.
@@ -86,6 +87,9 @@ pub struct Lists {
         help_heading = "Points"
     )]
     pub coefficients: Vec<Coefficients>,
+    /// Registers that an operation passes
+    #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Points")]
+    pub pipeline: Pipeline,
     /// Form of the step of a model that is affine in its states
     #[arg(long, value_enum, default_value_t, help_heading = "Points")]
     pub form: FormChoice,
@@ -164,8 +168,8 @@ impl Lists {
     /// A point of these lists.
     pub fn point(&self, solver: Solver, step: f64, word: Word) -> DesignPoint {
         let Word { storage, multiplier, coefficients } = word;
-        let (solver, step, form, pes) = (Some(solver), Some(step), self.form, self.pes);
-        DesignPoint { solver, step, storage, multiplier, coefficients, form, pes }
+        let (solver, step, form, pes, pipeline) = (Some(solver), Some(step), self.form, self.pes, self.pipeline);
+        DesignPoint { solver, step, storage, multiplier, coefficients, form, pes, pipeline }
     }
 
     fn steps(&self, model: &Model, solvers: usize) -> Vec<f64> {

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::memory::{self, MemoryCells};
 use pe_ir::program::{PeFeatures, Program};
-use pe_ir::word::WordFormat;
+use pe_ir::word::{Pipeline, WordFormat};
 
 /// A synthesised PE with its program memory.
 #[derive(Clone, Debug)]
@@ -104,6 +104,7 @@ fn shape(line: &str) -> Option<MeasuredShape> {
             guard_bits: number("word_bits")?.checked_sub(number("storage_bits")?)?,
             data_bits: number("data_bits")?,
             coefficient_bits: number("coefficient_bits")?,
+            pipeline: pipeline(fields.get("pipeline"))?,
         },
         program: program(number)?,
         lut: number("lut")?,
@@ -112,6 +113,11 @@ fn shape(line: &str) -> Option<MeasuredShape> {
         bram18: number("bram18")?,
         key: key(line),
     })
+}
+
+/// The pipeline that a line names; without a name it is the short one.
+fn pipeline(name: Option<&&str>) -> Option<Pipeline> {
+    name.map_or(Some(Pipeline::Short), |name| Pipeline::ALL.into_iter().find(|pipeline| pipeline.name() == *name))
 }
 
 /// Memories of the control words: what every round repeats, and the rest.

@@ -11,8 +11,8 @@ mod measured;
 use std::collections::BTreeSet;
 
 use pe_ir::memory::{self, MemoryCells};
-use pe_ir::program::{Fold, PeFeatures, Program, index_bits};
-use pe_ir::word::WordFormat;
+use pe_ir::program::{Fold, Layout, PeFeatures, Program, index_bits};
+use pe_ir::word::{Pipeline, WordFormat};
 
 pub use measured::{Measured, MeasuredShape, read};
 
@@ -162,10 +162,12 @@ pub fn size(program: &Program, measured: &Measured) -> Area {
         }
         let lut = weighted(&lut_terms(&pe.features, &program.format), &fitted::LUT);
         let ff = weighted(&ff_terms(&pe.features, &program.format), &fitted::FF);
+        let (more_lut, more_ff) = deeper(&pe.features, &program.format);
+        let (lut, ff) = (lut + more_lut, ff + more_ff);
         area.lut += lut;
         area.ff += ff;
         // The errors of equal shapes are the same, so they add up.
-        let rare = rare(&pe.features, &program.format);
+        let rare = program.format.pipeline != Pipeline::Short || rare(&pe.features, &program.format);
         area.lut_error += if rare { RARE_ERROR } else { 2.0 * fitted::LUT_DEVIATION } * lut;
         area.ff_error += if rare { RARE_ERROR } else { 2.0 * fitted::FF_DEVIATION } * ff;
         area.dsp += program.format.dsp_per_pe();
@@ -175,6 +177,19 @@ pub fn size(program: &Program, measured: &Measured) -> Area {
         area.bram18 += memories(&pe.features, &program.format).bram18 + rom.bram18;
     }
     area
+}
+
+/// Tables and flip-flops that a deep pipeline adds to a PE, counted: second registers behind memories, two behind the
+/// program, that of the shifted sum, and the choice of an operand, which no pre-adder makes then.
+fn deeper(features: &PeFeatures, format: &WordFormat) -> (f64, f64) {
+    if format.pipeline == Pipeline::Short {
+        return (0.0, 0.0);
+    }
+    let imported = if features.imported_words > 0 { format.data_bits } else { 0 };
+    let memories = format.data_bits + imported + format.coefficient_bits + format.word_bits();
+    let choice = if features.pre_adder { 0 } else { imported };
+    let registers = memories + 2 * Layout::new(features, format).bits;
+    (f64::from(choice), f64::from(registers) + sum_bits(features, format).0)
 }
 
 fn weighted<const N: usize>(terms: &[f64; N], coefficients: &[f64; N]) -> f64 {
@@ -342,7 +357,7 @@ mod tests {
     #[test]
     fn estimates_of_outputs_agree_with_synthesis() {
         for &(storage_bits, data_bits, index_bits, lut) in MEASURED_OUTPUTS {
-            let format = WordFormat { storage_bits, guard_bits: 8, data_bits, coefficient_bits: 18 };
+            let format = WordFormat { guard_bits: 8, ..WordFormat::new(storage_bits, data_bits, 18) };
             let estimate = output_luts(&format, 1 << index_bits);
             assert!((estimate - lut).abs() <= 2.0, "{storage_bits} bits, {data_bits}: {estimate} instead of {lut}");
         }

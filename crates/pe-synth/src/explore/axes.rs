@@ -4,9 +4,9 @@ use clap::Args;
 use pe_hls::schedule::Bound;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
-use pe_ir::word::Latency;
+use pe_ir::word::{Latency, Pipeline};
 
-use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, solver, storage};
+use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, pipeline, solver, storage};
 use crate::pipeline::MappingOptions;
 
 /// Multipliers of a sweep unless told otherwise: one block each way round, and four blocks.
@@ -24,6 +24,9 @@ pub struct Axes {
     /// Steps [default: the spec's, its half and its double]
     #[arg(long, value_name = "T,...", value_delimiter = ',', value_parser = duration, help_heading = "Sweep")]
     pub step: Vec<f64>,
+    /// Registers that an operation passes
+    #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Sweep")]
+    pub pipeline: Pipeline,
     /// Form of the step of a model that is affine in its states
     #[arg(long, value_enum, default_value_t, help_heading = "Sweep")]
     pub form: FormChoice,
@@ -104,6 +107,7 @@ impl Axes {
                             coefficients: Coefficients::OneSlot,
                             storage: *storage,
                             multiplier: *multiplier,
+                            pipeline: self.pipeline,
                         }));
                     }
                 }

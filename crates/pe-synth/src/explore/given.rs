@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 
 use clap::{Args, FromArgMatches};
+use pe_ir::word::Pipeline;
 
 use super::show;
 use crate::cmd_compile::Compile;
@@ -76,6 +77,9 @@ impl<C: Sweeping> Given<C> {
         words.push(format!("--storage {} --multiplier {}", point.storage, show::multiplier(point)));
         if point.coefficients != Coefficients::OneSlot {
             words.push(format!("--coefficients {}", point.coefficients.name()));
+        }
+        if point.pipeline != Pipeline::Short {
+            words.push(format!("--pipeline {}", point.pipeline.name()));
         }
         words.push("--reference".to_owned());
         words.join(" ")

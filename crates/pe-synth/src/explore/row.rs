@@ -141,6 +141,8 @@ impl Row {
     /// A row of tests: some point with these keys of a report.
     #[cfg(test)]
     pub(crate) fn compiled(report: &Value) -> Row {
+        use pe_ir::word::Pipeline;
+
         use crate::options::{Coefficients, FormChoice};
         let point = DesignPoint {
             pes: None,
@@ -150,6 +152,7 @@ impl Row {
             coefficients: Coefficients::OneSlot,
             storage: 32,
             multiplier: (32, 32),
+            pipeline: Pipeline::Short,
         };
         let report = report.as_object().expect("an object").clone();
         Row { point, command: String::new(), outcome: Outcome::Compiled(Figures { report, warnings: Vec::new() }) }
