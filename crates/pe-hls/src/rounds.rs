@@ -132,6 +132,8 @@ impl Finder<'_> {
         for (index, value) in graph.values.iter().enumerate() {
             let (role, swaps) = match value.role {
                 Role::State(s) => (Role::State(s), 0),
+                // Samples are taken once, in front of all stages.
+                Role::Algebraic(_, 0) => return None,
                 Role::Stage(s, stage) => (Role::State(s), u32::from(stage) - 1),
                 Role::Next(s) => (Role::Next(s), self.count),
                 // Published values are computed beside the last round, by chains of their own.

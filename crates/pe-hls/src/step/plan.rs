@@ -132,15 +132,21 @@ impl<'m> Plan<'m> {
     }
 
     /// A state in an intermediate stage.
-    pub fn stage(&mut self, state: u32, number: u8, base: impl Into<Option<Variable>>, sum: Expr) -> Variable {
+    pub fn stage(&mut self, state: u32, number: u8, base: Variable, sum: Expr) -> Variable {
         let role = Role::Stage(state, number);
-        self.add(Planned { role, owner: Some(state), base: base.into(), sum, same_sum: None, keep: true })
+        self.add(Planned { role, owner: Some(state), base: Some(base), sum, same_sum: None, keep: true })
     }
 
     /// A quantity of the method that is computed on the PE of a state. Without `keep` it may be put in place.
     pub fn auxiliary(&mut self, owner: u32, name: String, sum: Expr, keep: bool) -> Variable {
         let role = self.auxiliary_role(name);
         self.add(Planned { role, owner: Some(owner), base: None, sum, same_sum: None, keep })
+    }
+
+    /// The same, added to a base.
+    pub fn added(&mut self, owner: u32, name: String, base: Variable, sum: Expr) -> Variable {
+        let role = self.auxiliary_role(name);
+        self.add(Planned { role, owner: Some(owner), base: Some(base), sum, same_sum: None, keep: true })
     }
 
     /// A quantity of the method: the sum of an earlier equation without that equation's base.
