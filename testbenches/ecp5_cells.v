@@ -2,7 +2,8 @@
 //
 // Behaviour of the ECP5 cells that yosys 0.70 has no simulation model of, as far as its netlists and
 // hdl/ecp5/pack-registers.py use them: signed products, and block RAM with words of 36 or 18 bits that are written at
-// side A and read at side B, or with words of 18 bits read at side A. Written from Lattice's usage guides FPGA-TN-02205 (sysDSP) and FPGA-TN-02204 (memory).
+// side A and read at side B, or with words of 18 bits read at side A. These are not the vendor's models: the places of
+// bits are those of yosys' own mapping, and registers load with their clock enable; nothing was compared with a device.
 
 module MULT18X18D (
   input A17, A16, A15, A14, A13, A12, A11, A10, A9, A8, A7, A6, A5, A4, A3, A2, A1, A0,
