@@ -42,10 +42,16 @@ program_memories() {
   local pe=PE${shape[example]} repeated=$((shape[program_bits] - shape[streamed_bits]))
   if ((repeated > 0)); then
     echo "  u_loop : entity pe_lib.pe_rom
-    generic map ($repeated, PERIOD / ROUNDS, ${pe}_LOOP, $deep)
-    port map (clk_i, fetch_i, repeat_i, repeated, (others => fetch_i));"
+    generic map ($((repeated + variant_bits)), PERIOD / ROUNDS, ${pe}_LOOP, $deep)
+    port map (clk_i, fetch_i, repeat_i, looped, (others => fetch_i));
+  repeated <= looped($((repeated - 1)) downto 0);"
   fi
-  if ((shape[streamed_bits] > 0)); then
+  if ((variants > 0)); then
+    echo "  variant <= looped($((repeated + variant_bits - 1)) downto $repeated) & round_i;
+  u_variants : entity pe_lib.pe_rom
+    generic map (${shape[streamed_bits]}, $((variants << round_bits)), ${pe}_VARIANTS, false)
+    port map (clk_i, fetch_i, variant, streamed, (others => fetch_i));"
+  elif ((shape[streamed_bits] > 0)); then
     echo "  u_stream : entity pe_lib.pe_rom
     generic map (${shape[streamed_bits]}, PERIOD, ${pe}_STREAM, $deep)
     port map (clk_i, fetch_i, address_i, streamed, (others => fetch_i));"
@@ -78,6 +84,7 @@ entity measured is
     clk_i, fetch_i, advance_i, settle_i, parity_i, last_i : in std_ulogic;
     address_i  : in std_ulogic_vector($address_bits - 1 downto 0);
     repeat_i   : in std_ulogic_vector($repeat_bits - 1 downto 0);
+    round_i    : in std_ulogic_vector($round_bits - 1 downto 0);
     ports_i    : in std_ulogic_vector($port_bits - 1 downto 0);
     link_o     : out std_ulogic_vector(${shape[data_bits]} - 1 downto 0);
     word_o     : out std_ulogic_vector(${shape[word_bits]} - 1 downto 0);
@@ -87,7 +94,9 @@ end entity measured;
 
 architecture shape of measured is
   signal control  : std_ulogic_vector(${shape[program_bits]} - 1 downto 0);
+  signal looped   : std_ulogic_vector($((shape[program_bits] - shape[streamed_bits] + variant_bits)) - 1 downto 0);
   signal repeated : std_ulogic_vector($((shape[program_bits] - shape[streamed_bits])) - 1 downto 0);
+  signal variant  : std_ulogic_vector($((variant_bits + round_bits)) - 1 downto 0);
   signal streamed : std_ulogic_vector(${shape[streamed_bits]} - 1 downto 0);
 begin
 $(program_memories)
@@ -129,7 +138,8 @@ begin
       clk_i => clk, fetch_i => given($port_bits + $address_bits), advance_i => given($port_bits + $address_bits + 1),
       settle_i => given($port_bits + $address_bits + 2), parity_i => given($port_bits + $address_bits + 3),
       last_i => given($port_bits + $address_bits + 4),
-      repeat_i => given($input_bits - 1 downto $input_bits - $repeat_bits),
+      round_i => given($input_bits - 1 downto $input_bits - $round_bits),
+      repeat_i => given($input_bits - $round_bits - 1 downto $input_bits - $round_bits - $repeat_bits),
       address_i => given($port_bits + $address_bits - 1 downto $port_bits), ports_i => given($port_bits - 1 downto 0),
       link_o => link, word_o => word, overflow_o => over
     );
@@ -166,13 +176,14 @@ netlist_bench() {
 module bench;
   reg clk = 0, fetch = 1, advance = 0, settle = 1, parity = 0, last = 0;
   reg [$repeat_bits - 1:0] place = 0;
+  reg [$round_bits - 1:0] round = 0;
   reg [$address_bits - 1:0] address = 0;
   reg [$port_bits - 1:0] words = 0;
   wire [${shape[data_bits]} - 1:0] link;
   wire [${shape[word_bits]} - 1:0] word;
   wire over;
   integer i, j, stimulus, answers, fetches = 0;
-  measured dut (.clk_i(clk), .fetch_i(fetch), .advance_i(advance), .settle_i(settle), .parity_i(parity), .last_i(last), .repeat_i(place),
+  measured dut (.clk_i(clk), .fetch_i(fetch), .advance_i(advance), .settle_i(settle), .parity_i(parity), .last_i(last), .repeat_i(place), .round_i(round),
                 .address_i(address), .ports_i(words), .link_o(link), .word_o(word), .overflow_o(over));
   initial begin
     stimulus = \$fopen("stimulus.txt", "w");
@@ -182,16 +193,19 @@ module bench;
     for (i = 0; i < $cycles; i = i + 1) begin
       for (j = 0; j < $port_bits; j = j + 1) words[j] = \$random;
       settle = i < 12;
-      \$fdisplay(stimulus, "%b", {place, last, parity, settle, advance, fetch, address, words});
+      \$fdisplay(stimulus, "%b", {round, place, last, parity, settle, advance, fetch, address, words});
       #4 clk = 1;
       #1 \$fdisplay(answers, "%b", {over, link, word});
       clk = 0;
       if (fetch) begin
         fetches = fetches + 1;
+        if (place == $(($period / ${shape[rounds]} - 1))) begin
+          place = 0;
+          parity = !parity;
+          round = address == $(($period - 1)) ? 0 : round + 1;
+        end else place = place + 1;
         if (address == $(($period - 1))) address = 0;
         else address = address + 1;
-        if (place == $(($period / ${shape[rounds]} - 1))) begin place = 0; parity = !parity; end
-        else place = place + 1;
         last = \$random;
       end
       fetch = (\$random & 7) != 0;
@@ -240,7 +254,11 @@ while read -r line; do
   while ((1 << address_bits < period)); do address_bits=$((address_bits + 1)); done
   repeat_bits=1
   while ((1 << repeat_bits < period / shape[rounds])); do repeat_bits=$((repeat_bits + 1)); done
-  input_bits=$((port_bits + address_bits + 5 + repeat_bits))
+  round_bits=1
+  while ((1 << round_bits < shape[rounds])); do round_bits=$((round_bits + 1)); done
+  variants=${shape[variants]:-0} variant_bits=0
+  while ((1 << variant_bits < variants)); do variant_bits=$((variant_bits + 1)); done
+  input_bits=$((port_bits + address_bits + 5 + repeat_bits + round_bits))
   wrapper > measured.vhd
   ghdl -a --std=08 measured.vhd
   ghdl --synth --std=08 --out=verilog measured > measured.v 2> ghdl.log || { cat ghdl.log >&2; exit 1; }
@@ -251,6 +269,7 @@ while read -r line; do
   features="own ${shape[own_words]}, base ${shape[base_words]}, coefficients ${shape[coefficient_words]}"
   features+=", imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
   features+=", accumulator ${shape[accumulator_bits]}, ${shape[program_words]} words of ${shape[program_bits]} bits"
+  if ((variants > 0)); then features+=", ${shape[rounds]} rounds, $variants variants of ${shape[streamed_bits]} bits"; fi
   if ((${shape[index_words]:-0} > 0)); then
     features+=", indices ${shape[index_words]} of ${shape[index_bits]} bits, ${shape[octave_bits]} of them for octaves"
   fi

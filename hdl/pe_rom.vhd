@@ -52,7 +52,8 @@ architecture rtl of pe_rom is
 
   constant ROM : rom_t := filled;
 
-  signal fetched : std_ulogic_vector(CONTROL_BITS - 1 downto 0);
+  -- What the first word takes from the word before it must be known.
+  signal fetched : std_ulogic_vector(CONTROL_BITS - 1 downto 0) := (others => '0');
 
 begin
 

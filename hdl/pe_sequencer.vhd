@@ -25,6 +25,7 @@ entity pe_sequencer is
     load_o    : out   std_ulogic_vector(2 downto 1);                                          -- loads the registers behind, with DEEP
     address_o : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- control word to load
     repeat_o  : out   std_ulogic_vector(larger(index_bits(PERIOD / ROUNDS), 1) - 1 downto 0); -- the same within a round
+    round_o   : out   std_ulogic_vector(larger(index_bits(ROUNDS), 1) - 1 downto 0);          -- round of that word
     advance_o : out   std_ulogic;                                                             -- executes the control words
     index_o   : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- word that is executed
     parity_o  : out   std_ulogic;                                                             -- 1 in odd rounds
@@ -45,6 +46,7 @@ architecture rtl of pe_sequencer is
 
   signal address : unsigned(INDEX_WIDTH - 1 downto 0)                        := (others => '0');
   signal place   : unsigned(larger(index_bits(ROUND_WORDS), 1) - 1 downto 0) := (others => '0');
+  signal round   : unsigned(larger(index_bits(ROUNDS), 1) - 1 downto 0)      := (others => '0');
   signal last    : std_ulogic                                                := '0';
   signal index   : unsigned(INDEX_WIDTH - 1 downto 0)                        := (others => '0');
   signal valid   : std_ulogic                                                := '0';
@@ -91,6 +93,12 @@ begin
 
         if (place = ROUND_WORDS - 1) then
           place <= (others => '0');
+
+          if (address = PERIOD - 1) then
+            round <= (others => '0');
+          else
+            round <= round + 1;
+          end if;
         else
           place <= place + 1;
         end if;
@@ -202,6 +210,8 @@ begin
 
   end generate g_late;
 
+  -- Programs behind more registers have no variants, so the round is that of the address without them.
+  round_o  <= std_ulogic_vector(round);
   sample_o <= fetch and waiting;
   busy_o   <= not waiting;
   done_o   <= done;

@@ -50,6 +50,9 @@ architecture network of {{ model }} is
   signal address	: std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
   signal index	: std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
   signal place	: std_ulogic_vector(REPEAT_WIDTH - 1 downto 0);
+{%- if variants %}
+  signal round	: std_ulogic_vector(larger(index_bits(ROUNDS), 1) - 1 downto 0);
+{%- endif %}
 
   -- Sticky flags of the PEs, then of the inputs
   signal overflow	: std_ulogic_vector({{ pe_count + inputs.len() - 1 }} downto 0);
@@ -67,7 +70,10 @@ architecture network of {{ model }} is
   signal ports_{{ pe.index }}	: std_ulogic_vector({{ pe.port_width - 1 }} downto 0);
   signal control_{{ pe.index }}	: std_ulogic_vector({{ pe.control_bits - 1 }} downto 0);
 {%- if pe.repeated_bits > 0 %}
-  signal repeated_{{ pe.index }}	: std_ulogic_vector({{ pe.repeated_bits - 1 }} downto 0);
+  signal repeated_{{ pe.index }}	: std_ulogic_vector({{ pe.loop_bits - 1 }} downto 0);
+{%- if pe.variant_words > 0 %}
+  signal variant_{{ pe.index }}	: std_ulogic_vector({{ pe.variant_width - 1 }} downto 0);
+{%- endif %}
 {%- if pe.streamed_bits > 0 %}
   signal streamed_{{ pe.index }}	: std_ulogic_vector({{ pe.streamed_bits - 1 }} downto 0);
 {%- endif %}
@@ -99,6 +105,7 @@ begin
       arrive_o  => arrive,
       address_o => address,
       repeat_o  => place,
+      round_o   => {% if variants %}round{% else %}open{% endif %},
       advance_o => advance,
       index_o   => index,
       parity_o  => parity,
@@ -156,7 +163,7 @@ begin
 {% if pe.repeated_bits > 0 %}
   u_loop_{{ pe.index }} : entity pe_lib.pe_rom
     generic map (
-      CONTROL_BITS => {{ pe.repeated_bits }},
+      CONTROL_BITS => {{ pe.loop_bits }},
       PERIOD       => PERIOD / ROUNDS,
       CONTENT      => PE{{ pe.index }}_LOOP
 {%- if deep %},
@@ -171,7 +178,23 @@ begin
       control_o => repeated_{{ pe.index }}
     );
 {% endif %}
-{%- if pe.streamed_bits > 0 %}
+{%- if pe.variant_words > 0 %}
+  variant_{{ pe.index }} <= {% if pe.loop_bits > pe.repeated_bits %}repeated_{{ pe.index }}({{ pe.loop_bits - 1 }} downto {{ pe.repeated_bits }}) & {% endif %}round;
+
+  u_variants_{{ pe.index }} : entity pe_lib.pe_rom
+    generic map (
+      CONTROL_BITS => {{ pe.streamed_bits }},
+      PERIOD       => {{ pe.variant_words }},
+      CONTENT      => PE{{ pe.index }}_VARIANTS
+    )
+    port map (
+      clk_i     => clk_i,
+      fetch_i   => fetch,
+      load_i    => load,
+      address_i => variant_{{ pe.index }},
+      control_o => streamed_{{ pe.index }}
+    );
+{% else if pe.streamed_bits > 0 %}
   u_stream_{{ pe.index }} : entity pe_lib.pe_rom
     generic map (
       CONTROL_BITS => {{ pe.streamed_bits }},
@@ -190,7 +213,7 @@ begin
     );
 {% endif %}
 {%- if pe.repeated_bits > 0 && pe.streamed_bits > 0 %}
-  control_{{ pe.index }} <= merged(PE{{ pe.index }}_STREAMED, repeated_{{ pe.index }}, streamed_{{ pe.index }});
+  control_{{ pe.index }} <= merged(PE{{ pe.index }}_STREAMED, repeated_{{ pe.index }}{% if pe.loop_bits > pe.repeated_bits %}({{ pe.repeated_bits - 1 }} downto 0){% endif %}, streamed_{{ pe.index }});
 {% else if pe.repeated_bits > 0 %}
   control_{{ pe.index }} <= repeated_{{ pe.index }};
 {% endif %}{% if !pe.wiring_comment.is_empty() %}

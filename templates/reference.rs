@@ -63,12 +63,15 @@ struct Description {
     coefficient_image: &'static [i64],
     imported_image: &'static [i64],
     base_last: bool,
-    /// Bits of the control word that come from the stream memory; the others come from the loop memory.
+    /// Bits of the control word that come from the stream or variant memory; the others come from the loop memory.
     streamed: u128,
-    /// Loop memory in hexadecimal, one line per word of a round.
+    /// Loop memory in hexadecimal, one line per word of a round; above so many bits the variant of the next word.
+    repeated_bits: u32,
     repeated: &'static str,
     /// Stream memory in hexadecimal, one line per word of a step.
     stream: &'static str,
+    /// Variant memory in hexadecimal, one line per round of each variant; empty if there is a stream memory.
+    variants: &'static str,
 }
 
 /// Half of `2^bits`; the offset of words that lose so many bits.
@@ -496,12 +499,17 @@ const PES: &[Description] = &[
         imported_image: &[{{ pe.imported_image }}],
         base_last: {{ pe.base_last }},
         streamed: {{ pe.streamed }},
+        repeated_bits: {{ pe.repeated_bits }},
         repeated: "
 {%- for word in pe.repeated %}
 {{ word }}
 {%- endfor %}",
         stream: "
 {%- for word in pe.stream %}
+{{ word }}
+{%- endfor %}",
+        variants: "
+{%- for word in pe.variants %}
 {{ word }}
 {%- endfor %}",
     },

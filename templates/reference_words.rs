@@ -53,16 +53,23 @@ impl Description {
         self.own_words.max(self.base_words).max(factors)
     }
 
-    /// Control words of a step, put together from the two memories.
+    /// Control words of a step, put together from their memories.
     fn control_words(&self) -> Vec<u128> {
         let read = |text: &str| -> Vec<u128> {
             let word = |line: &str| u128::from_str_radix(line.trim(), 16).expect("control words are hexadecimal");
             text.lines().filter(|line| !line.trim().is_empty()).map(word).collect()
         };
-        let (repeated, stream) = (read(self.repeated), read(self.stream));
+        let (repeated, stream, variants) = (read(self.repeated), read(self.stream), read(self.variants));
         let word = |k: usize| {
-            let looped = repeated.get(k % ROUND_WORDS).copied().unwrap_or(0);
-            let streamed = stream.get(k).copied().unwrap_or(0);
+            let (round, place) = (k / ROUND_WORDS, k % ROUND_WORDS);
+            let looped = repeated.get(place).copied().unwrap_or(0) & ((1 << self.repeated_bits) - 1);
+            let streamed = if variants.is_empty() {
+                stream.get(k).copied().unwrap_or(0)
+            } else {
+                let before = repeated[(place + ROUND_WORDS - 1) % ROUND_WORDS];
+                let variant = (before >> self.repeated_bits) as usize;
+                variants[variant * ROUNDS.next_power_of_two() + round]
+            };
             spread(looped, !self.streamed) | spread(streamed, self.streamed)
         };
         (0..PERIOD).map(word).collect()

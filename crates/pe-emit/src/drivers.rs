@@ -123,9 +123,10 @@ pub fn stimulus(program: &Program, options: &EmitOptions) -> String {
 
 /// The text of `<model>_shapes.txt`: one `key=value` line per set of PEs that differ only in content.
 pub fn shapes(program: &Program) -> String {
-    let mut shapes: BTreeMap<(&PeFeatures, u32), Vec<usize>> = BTreeMap::new();
+    let mut shapes: BTreeMap<(&PeFeatures, u32, Option<u32>), Vec<usize>> = BTreeMap::new();
     for (index, pe) in program.pes.iter().enumerate() {
-        shapes.entry((&pe.features, Fold::of(program, pe).streamed_bits())).or_default().push(index);
+        let fold = Fold::of(program, pe);
+        shapes.entry((&pe.features, fold.streamed_bits(), fold.variants())).or_default().push(index);
     }
     let mut text = String::new();
     for (number, members) in shapes.values().enumerate() {
@@ -140,6 +141,7 @@ pub fn shapes(program: &Program) -> String {
 pub fn shape(program: &Program, index: usize) -> String {
     let format = &program.format;
     let features = &program.pes[index].features;
+    let fold = Fold::of(program, &program.pes[index]);
     let shifts = features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(",");
     let mut text = format!(
         "storage_bits={} word_bits={} data_bits={} coefficient_bits={} own_words={} base_words={} \
@@ -163,8 +165,11 @@ pub fn shape(program: &Program, index: usize) -> String {
         program.period,
         Layout::new(features, format).bits,
         program.rounds,
-        Fold::of(program, &program.pes[index]).streamed_bits(),
+        fold.streamed_bits(),
     );
+    if let Some(variants) = fold.variants() {
+        write!(text, " variants={variants}").expect("writing to a string succeeds");
+    }
     if features.index_words > 0 {
         let PeFeatures { index_words, index_bits, octave_bits, .. } = features;
         write!(text, " index_words={index_words} index_bits={index_bits} octave_bits={octave_bits}")

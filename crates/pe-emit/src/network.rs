@@ -1,7 +1,7 @@
 //! The network entity: PE instances and links, nothing else.
 
 use askama::Template;
-use pe_ir::program::{Fold, Layout, LinkSource, Program};
+use pe_ir::program::{Fold, Layout, LinkSource, Program, index_bits};
 use pe_ir::word::Pipeline;
 
 use crate::Header;
@@ -15,6 +15,8 @@ struct Network<'a> {
     pe_count: usize,
     /// Whether the pipeline is the deep one.
     deep: bool,
+    /// Whether a PE has a variant memory.
+    variants: bool,
     inputs: Vec<Port>,
     outputs: Vec<Output>,
     pes: Vec<Pe>,
@@ -37,7 +39,11 @@ struct Pe {
     equations: String,
     control_bits: u32,
     repeated_bits: u32,
+    loop_bits: u32,
     streamed_bits: u32,
+    /// Words of the variant memory, and bits of its address; 0 without one.
+    variant_words: usize,
+    variant_width: u32,
     own_words: u32,
     base_words: u32,
     coefficient_words: u32,
@@ -72,6 +78,7 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
     for output in &program.outputs {
         shown[output.pe as usize] = true;
     }
+    let pes: Vec<Pe> = shown.into_iter().enumerate().map(|(index, shown)| describe(program, index, shown)).collect();
     let inputs = program.inputs.iter().zip(&names.inputs).enumerate();
     let outputs = program.outputs.iter().zip(&names.outputs).enumerate();
     let network = Network {
@@ -79,6 +86,7 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
         model: &names.model,
         pe_count: program.pes.len(),
         deep: program.format.pipeline == Pipeline::Deep,
+        variants: pes.iter().any(|pe| pe.variant_words > 0),
         inputs: inputs
             .map(|(index, (port, name))| {
                 let comment = comment(&port.name, &port.unit, port.exponent);
@@ -91,7 +99,7 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
                 Output { port: Port { index, port: name.clone(), comment }, pe: port.pe, word: port.word }
             })
             .collect(),
-        pes: shown.into_iter().enumerate().map(|(index, shown)| describe(program, index, shown)).collect(),
+        pes,
     };
     network.render().expect("templates render into strings")
 }
@@ -120,7 +128,10 @@ fn describe(program: &Program, index: usize, shown: bool) -> Pe {
         equations: comment_text(&equations),
         control_bits: Layout::new(features, &program.format).bits,
         repeated_bits: fold.repeated_bits(),
+        loop_bits: fold.loop_bits(),
         streamed_bits: fold.streamed_bits(),
+        variant_words: fold.variant_words.len(),
+        variant_width: index_bits(fold.variant_words.len() as u32),
         own_words: features.own_words,
         base_words: features.base_words,
         coefficient_words: features.coefficient_words,

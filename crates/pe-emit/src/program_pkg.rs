@@ -43,7 +43,7 @@ struct Pe {
     control_bits: u32,
     /// The memories of the program.
     parts: Vec<Part>,
-    /// Bits of the control word that come from the stream memory, if there are two memories.
+    /// Bits of the control word that come from the stream or variant memory, if there are two memories.
     mask: Option<String>,
     images: Vec<Image>,
     shifts: String,
@@ -128,19 +128,28 @@ fn describe(program: &Program, shown: &[String], states: &StateWords, index: usi
     });
     let comments: Vec<String> = comments.collect();
     let fold = Fold::of(program, pe);
-    let part = |name: &'static str, words: &[u128], mask: u128| {
-        let layout = layout.part(mask);
-        let bits = words.iter().map(|word| fields_in_binary(&layout, closed_up(*word, mask)));
+    let part = |name: &'static str, layout: Layout, words: Vec<u128>, comments: &[String]| {
+        let bits = words.iter().map(|word| fields_in_binary(&layout, *word));
+        let texts = comments.iter().cloned().chain(std::iter::repeat(String::new()));
         Part {
             name,
             last: words.len().max(1) - 1,
             bits: layout.bits,
             columns: columns(&layout, words.len().max(1) - 1),
-            words: lines(bits.zip(comments.iter().cloned()).collect()),
+            words: lines(bits.zip(texts).collect()),
         }
     };
-    let loops = part("LOOP", &fold.repeated, fold.all & !fold.streamed);
-    let stream = part("STREAM", &fold.stream, fold.streamed);
+    let packed = |words: &[u128], mask: u128| words.iter().map(|word| closed_up(*word, mask)).collect::<Vec<_>>();
+    let kept = fold.all & !fold.streamed;
+    let with_variant =
+        |(place, word): (usize, u128)| word | u128::from(fold.next_variant(place)) << fold.repeated_bits();
+    let repeated = packed(&fold.repeated, kept).into_iter().enumerate().map(with_variant).collect();
+    let loops = part("LOOP", layout.part(kept).with_variant(fold.variant_bits()), repeated, &comments);
+    let differing = layout.part(fold.streamed);
+    let stream = match fold.variants() {
+        Some(_) => part("VARIANTS", differing, packed(&fold.variant_words, fold.streamed), &[]),
+        None => part("STREAM", differing, packed(&fold.stream, fold.streamed), &comments),
+    };
     let mask = (loops.bits > 0 && stream.bits > 0).then(|| fields_in_binary(&layout, fold.streamed));
     let word_bits = program.format.word_bits();
     let comment = |states: &[((u32, u16), usize)], word: usize, what: &str| {

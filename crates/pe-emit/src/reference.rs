@@ -57,12 +57,16 @@ struct Pe {
     coefficient_image: String,
     imported_image: String,
     base_last: bool,
-    /// Bits of the control word that come from the stream memory.
+    /// Bits of the control word that come from the stream or variant memory.
     streamed: String,
     /// Loop memory in hexadecimal.
     repeated: Vec<String>,
     /// Stream memory in hexadecimal.
     stream: Vec<String>,
+    /// Variant memory in hexadecimal.
+    variants: Vec<String>,
+    /// Bits of a loop word below the variant of the next word.
+    repeated_bits: u32,
 }
 
 /// The text of `<model>_reference.rs`.
@@ -104,6 +108,11 @@ fn describe(program: &Program, pe: &PeProgram) -> Pe {
         let digits = mask.count_ones().div_ceil(4) as usize;
         words.iter().map(|word| format!("{:0digits$x}", closed_up(*word, mask))).collect()
     };
+    let digits = fold.loop_bits().div_ceil(4) as usize;
+    let repeated = fold.repeated.iter().enumerate().map(|(place, word)| {
+        let word = closed_up(*word, fold.all & !fold.streamed);
+        format!("{:0digits$x}", word | u128::from(fold.next_variant(place)) << fold.repeated_bits())
+    });
     let port = |source: &LinkSource| match source {
         LinkSource::Pe(pe) => format!("Source::Pe({pe})"),
         LinkSource::Input(input) => format!("Source::Input({input})"),
@@ -129,8 +138,10 @@ fn describe(program: &Program, pe: &PeProgram) -> Pe {
         imported_image: joined(pe.imported_image.iter()),
         base_last: features.base_last,
         streamed: format!("{:#x}", fold.streamed),
-        repeated: hex(&fold.repeated, fold.all & !fold.streamed),
+        repeated: repeated.collect(),
         stream: hex(&fold.stream, fold.streamed),
+        variants: hex(&fold.variant_words, fold.streamed),
+        repeated_bits: fold.repeated_bits(),
     }
 }
 

@@ -9,6 +9,7 @@ use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, 
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
+use crate::alike::alike;
 use crate::{pairs, rounding};
 
 /// Head room of the measured ranges (Kum, Kang, Sung 2000 use the same idea; the figure is ours, see
@@ -278,7 +279,7 @@ impl<'a> Chooser<'a> {
                     coefficients[position as usize] = if c < 0.0 { -magnitude } else { magnitude };
                 }
             }
-            let mut shift = [0; 2];
+            let mut shift = [0; 3];
             for (write, slot) in chain.writes().zip(&mut shift) {
                 let shift = self.of(write.value) - product - write.weight + self.format.lift() as i32;
                 *slot = u8::try_from(shift).expect("settled by `settle`");
@@ -309,6 +310,9 @@ fn largest_entries(graph: &StepGraph) -> Vec<Vec<f64>> {
 /// equals: what the first of them loses the last one does not make small, so each keeps its own product point; so do the
 /// stages of planned methods, which are not alike.
 fn last_stages(graph: &StepGraph) -> Vec<u32> {
+    if graph.form == StageForm::Sums {
+        return alike(graph);
+    }
     let producers = graph.producers();
     let last = |(index, chain): (usize, &Chain)| match graph.value(chain.write.value).role {
         Role::Stage(state, _) if matches!(graph.form, StageForm::Horner | StageForm::Increments) => {
@@ -392,7 +396,8 @@ fn find(parent: &mut [u32], mut x: u32) -> u32 {
     x
 }
 
-/// Joins values that a write adds to one another, and each state with its successor. Returns a representative each.
+/// Joins values that a write adds to one another, each state with its successor, and results of stages that are alike.
+/// Returns a representative each.
 fn groups(graph: &StepGraph) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..graph.values.len() as u32).collect();
     let mut join = |a: ValueId, b: ValueId| {
@@ -406,6 +411,9 @@ fn groups(graph: &StepGraph) -> Vec<u32> {
         if let Some(base) = write.base {
             join(write.value, base);
         }
+    }
+    for (chain, like) in graph.chains.iter().zip(alike(graph)) {
+        join(chain.write.value, graph.chains[like as usize].write.value);
     }
     (0..graph.values.len() as u32).map(|index| find(&mut parent, index)).collect()
 }

@@ -4,6 +4,7 @@
 //! Model -> lift -> step -> StepGraph -> functions -> split -> formats -> FixedPoint -> mapping -> schedule -> assemble -> Program
 //! ```
 
+mod alike;
 pub mod assemble;
 pub mod even;
 pub mod formats;

@@ -10,7 +10,7 @@ use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, Term, ValueId};
 use pe_ir::mapping::Mapping;
 
 /// Pairs must save one product of so many; otherwise the formats keep their bit.
-const WORTHWHILE: usize = 32;
+const WORTHWHILE: u64 = 32;
 
 /// A mapped step graph with its pairs, and its numbers.
 pub struct Paired {
@@ -26,12 +26,17 @@ pub struct Paired {
 
 /// Whether operands with equal coefficients are frequent enough to give a bit of their formats for them.
 pub fn worthwhile(graph: &StepGraph) -> bool {
-    let saved: usize = graph
+    let saved: u32 = graph
         .chains
         .iter()
-        .map(|chain| equal_coefficients(graph, chain).map(|class| class.len() / 2).sum::<usize>())
+        .map(|chain| equal_coefficients(graph, chain).map(|class| class.len() as u32 / 2).sum::<u32>())
         .sum();
-    saved * WORTHWHILE >= graph.terms.len() && saved > 0
+    are_worthwhile(saved, graph.terms.len() as u32)
+}
+
+/// Whether pairs save enough of so many products.
+pub fn are_worthwhile(saved: u32, products: u32) -> bool {
+    u64::from(saved) * WORTHWHILE >= u64::from(products) && saved > 0
 }
 
 /// Operands of a chain that have the same coefficient, in groups of at least two.

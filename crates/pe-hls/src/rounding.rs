@@ -12,6 +12,8 @@
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term};
 
+use crate::alike::alike;
+
 /// Largest distance of a rounded coefficient from the exact one, in units of the product point.
 pub const REACH: i64 = 2;
 
@@ -97,6 +99,21 @@ pub fn improve(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, aim
     for (chain, earlier) in earlier.iter().enumerate() {
         if graph.chains[chain].terms.len() <= MAX_TERMS {
             improve_chain(graph, fixed, moments, chain, earlier);
+        }
+    }
+    // Stages that are alike keep the same coefficients, so that they may share their control words.
+    for (chain, like) in alike(graph).into_iter().enumerate().filter(|(chain, like)| *chain != *like as usize) {
+        let (own, model) = (&graph.chains[chain], &graph.chains[like as usize]);
+        let exact = |(a, b): (&Term, &Term)| {
+            fixed.exponents[a.operand.index()] == fixed.exponents[b.operand.index()]
+                && (a.factor == b.factor || matches!(a.factor, Factor::Value(_)))
+        };
+        if fixed.products[chain] == fixed.products[like as usize]
+            && graph.chain_terms(own).iter().zip(graph.chain_terms(model)).all(exact)
+        {
+            fixed
+                .coefficients
+                .copy_within(model.terms.start as usize..model.terms.end as usize, own.terms.start as usize);
         }
     }
 }

@@ -1,7 +1,8 @@
 //! Steps whose stages are alike: one round of them, scheduled once and repeated.
 //!
 //! By Horner's rule each stage computes the same sums of the previous stage's values with other coefficients, added to
-//! the same base; so do factors of equal pattern, each added to what it multiplies. One round, which reads values and
+//! the same base; so do factors of equal pattern, each added to what it multiplies, and sums of one scale, which differ
+//! in what they are added to and in their weights. One round, which reads values and
 //! writes their successors into buffers that swap, then stands for all. It is a step graph of its own, of one stage; a
 //! schedule of it is unrolled into a schedule of the whole step.
 
@@ -29,6 +30,8 @@ pub struct Rounds<'a> {
     originals: Vec<ValueId>,
     /// Whether all rounds add to the states at the start of the step, rather than each to those at its own start.
     pub base_last: bool,
+    /// Whether each state has a running sum, which takes its place as the base of the last round.
+    pub sums: bool,
 }
 
 impl<'a> Rounds<'a> {
@@ -42,15 +45,27 @@ impl<'a> Rounds<'a> {
             values: (0..).zip(&graph.values).map(|(id, value)| (ValueId(id), next(value.role))).collect(),
             originals: (0..graph.values.len() as u32).map(ValueId).collect(),
             base_last: false,
+            sums: false,
         }
     }
 
     /// The rounds of a step, if its stages are alike.
     pub fn of(graph: &StepGraph, fixed: &FixedPoint) -> Option<Rounds<'static>> {
-        if !matches!(graph.form, StageForm::Horner | StageForm::Factors) || graph.stages < 2 {
+        let alike = matches!(graph.form, StageForm::Horner | StageForm::Factors | StageForm::Sums);
+        if !alike || graph.stages < 2 {
             return None;
         }
-        Finder { graph, fixed, count: graph.stages }.find()
+        let mut inner = vec![0; graph.equations.len()];
+        for value in &graph.values {
+            if let Role::Inner(equation, _) = value.role {
+                inner[equation as usize] += 1;
+            }
+        }
+        if inner.iter().any(|count| count % graph.stages != 0) {
+            return None;
+        }
+        inner.iter_mut().for_each(|count| *count /= graph.stages);
+        Finder { graph, fixed, count: graph.stages, inner }.find()
     }
 
     /// The value of a round that stands for a value of the step; the second figure counts the swaps of its buffer.
@@ -114,6 +129,8 @@ struct Finder<'a> {
     graph: &'a StepGraph,
     fixed: &'a FixedPoint,
     count: u32,
+    /// Inner sums of each equation in one round.
+    inner: Vec<u32>,
 }
 
 impl Finder<'_> {
@@ -139,11 +156,14 @@ impl Finder<'_> {
                 // Published values are computed beside the last round, by chains of their own.
                 Role::Algebraic(a, u8::MAX) => (Role::Algebraic(a, u8::MAX), 0),
                 Role::Algebraic(a, _) => (Role::Algebraic(a, 1), 0),
+                Role::Sum(s, _) => (Role::Sum(s, 0), 0),
+                Role::Interim(s, _) => (Role::Interim(s, 0), 0),
+                Role::Inner(equation, serial) => {
+                    (Role::Inner(equation, (serial - 1) % self.inner[equation as usize]), 0)
+                }
                 // Looped stages have no lookups.
                 role @ (Role::Input(_) | Role::Constant(_) | Role::Published(_) | Role::Column(..)) => (role, 0),
-                Role::Sum(..) | Role::Inner(..) | Role::Partial(..) | Role::Auxiliary(_) | Role::Pivot(..) => {
-                    return None;
-                }
+                Role::Partial(..) | Role::Auxiliary(_) | Role::Pivot(..) => return None,
             };
             let key = match role {
                 Role::State(s) => (0, s, 0, 0),
@@ -152,6 +172,9 @@ impl Finder<'_> {
                 Role::Input(i) => (3, i, 0, 0),
                 Role::Constant(number) => (4, value.equation, i64::from(self.fixed.exponents[index]), number.to_bits()),
                 Role::Published(o) => (5, o, 0, 0),
+                Role::Sum(s, _) => (6, s, 0, 0),
+                Role::Interim(s, _) => (7, s, 0, 0),
+                Role::Inner(equation, serial) => (8, equation, i64::from(serial), 0),
                 _ => return None,
             };
             let like = *known.entry(key).or_insert_with(|| {
@@ -174,6 +197,14 @@ impl Finder<'_> {
             Role::Stage(s, _) | Role::Next(s) => round.states[s as usize].1,
             _ => like(chain.write.value),
         };
+        // A state that is in a running sum is the base of the last round there: at another word, else the same.
+        let starts: Vec<ValueId> = round.states.iter().map(|(state, _)| *state).collect();
+        let base = |write: &Write| {
+            write.base.map(|base| match graph.value(base).role {
+                Role::Sum(s, _) => starts[s as usize],
+                _ => like(base),
+            })
+        };
         for (index, chain) in graph.chains.iter().enumerate() {
             let number = self.round(chain)?;
             chains[index].0 = number;
@@ -181,13 +212,25 @@ impl Finder<'_> {
                 let start = round.terms.len() as u32;
                 for term in graph.chain_terms(chain) {
                     let partner = term.partner.map(like);
-                    round.terms.push(Term { operand: like(term.operand), partner, ..*term });
+                    let factor = match term.factor {
+                        Factor::Value(value) => Factor::Value(like(value)),
+                        coefficient @ Factor::Coefficient(_) => coefficient,
+                    };
+                    round.terms.push(Term { operand: like(term.operand), partner, factor });
                 }
-                let write = Write { value: target(chain), base: chain.write.base.map(like), ..chain.write };
+                let write = Write { value: target(chain), base: base(&chain.write), ..chain.write };
+                let interim = chain.interim.map(|part| Write { value: like(part.value), base: base(&part), ..part });
+                // A running sum is added to itself in every round; nothing waits for it.
+                let second = match graph.value(chain.write.value).role {
+                    Role::Next(s) => {
+                        known.get(&(6, s, 0, 0)).map(|sum| Write { value: *sum, base: Some(*sum), weight: 0 })
+                    }
+                    _ => None,
+                };
                 let terms = start..round.terms.len() as u32;
                 by_target.insert(write.value, round.chains.len() as u32);
                 chains[index].1 = round.chains.len() as u32;
-                round.chains.push(Chain { terms, write, second: None, ..*chain });
+                round.chains.push(Chain { terms, interim, write, second, ..*chain });
             }
         }
         // Either all rounds add to the state at the start of the step, or each adds to that at its own start.
@@ -203,13 +246,19 @@ impl Finder<'_> {
                 Role::Algebraic(_, stage) if stage < u8::MAX => u32::from(stage) == chains[index].0 + 1,
                 _ => true,
             };
+            let factor = |term: &Term| match term.factor {
+                Factor::Value(value) => Some(value),
+                Factor::Coefficient(_) => None,
+            };
             let terms = graph.chain_terms(chain);
+            let sums = chain.interim.map(|part| base(&part)) == model.interim.map(|part| part.base)
+                && chain.second.is_none_or(|second| model.second.is_some_and(|sum| sum.value == like(second.value)));
             let alike = round.chain_terms(model).iter().map(operands).eq(terms.iter().map(named))
                 && terms.iter().flat_map(Term::operands).all(in_turn)
-                && model.write.base == chain.write.base.map(like)
-                && model.write.weight == chain.write.weight
-                && chain.second.is_none()
-                && terms.iter().all(|term| matches!(term.factor, Factor::Coefficient(_)));
+                && round.chain_terms(model).iter().map(factor).eq(terms.iter().map(|term| factor(term).map(like)))
+                && terms.iter().filter_map(factor).all(|value| self.inner_round(value) == Some(chains[index].0))
+                && model.write.base == base(&chain.write)
+                && sums;
             if !alike {
                 return None;
             }
@@ -226,13 +275,15 @@ impl Finder<'_> {
             !matches!(round.value(chain.write.value).role, Role::Algebraic(_, u8::MAX) | Role::Published(_))
         };
         let complete = round.chains.iter().zip(&found).all(|(chain, found)| !repeated(chain) || *found == self.count);
-        (complete && (first || own)).then_some(Rounds {
+        let sums = graph.form == StageForm::Sums;
+        (complete && (first || own || sums)).then_some(Rounds {
             count: self.count,
             graph: Cow::Owned(round),
             chains,
             values,
             originals,
-            base_last: first,
+            base_last: first && !sums,
+            sums,
         })
     }
 
@@ -242,6 +293,14 @@ impl Finder<'_> {
             Role::Stage(_, stage) => Some(u32::from(stage) - 2),
             Role::Next(_) | Role::Published(_) | Role::Algebraic(_, u8::MAX) => Some(self.count - 1),
             Role::Algebraic(_, stage) => Some(u32::from(stage) - 1),
+            _ => self.inner_round(chain.write.value),
+        }
+    }
+
+    /// The round that an inner sum belongs to.
+    fn inner_round(&self, value: ValueId) -> Option<u32> {
+        match self.graph.value(value).role {
+            Role::Inner(equation, serial) => Some((serial - 1) / self.inner[equation as usize]),
             _ => None,
         }
     }

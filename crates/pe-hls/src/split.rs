@@ -189,8 +189,10 @@ impl<'n> Splitter<'n> {
             let value = ValueId(self.graph.values.len() as u32);
             self.graph.values.push(Value { role, equation: partial, factor: false });
             let write = Write { value, base: None, weight: 0 };
-            self.before[chain]
-                .push((Chain { equation: partial, terms: 0..0, write, second: None, function: None }, piece));
+            self.before[chain].push((
+                Chain { equation: partial, terms: 0..0, interim: None, write, second: None, function: None },
+                piece,
+            ));
             home.push(Term::new(value, Factor::Coefficient(1.0)));
         }
         self.terms[chain] = home;

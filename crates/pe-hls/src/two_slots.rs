@@ -61,7 +61,7 @@ fn can_split(graph: &StepGraph, chain: &Chain) -> bool {
         write.base.is_some_and(|base| matches!(graph.value(base).role, Role::Column(..)))
             || graph.value(write.value).factor
     };
-    chain.function.is_none() && !chain.writes().any(column)
+    chain.function.is_none() && chain.interim.is_none() && !chain.writes().any(column)
 }
 
 /// A term with what its port sees of the coefficient, and one with the rest if it can be seen in the result.

@@ -9,7 +9,7 @@ use std::ops::Range;
 use crate::functions::{Functions, Lookup};
 use crate::model::Model;
 use crate::source::Span;
-use crate::word::WordFormat;
+use crate::word::{Latency, WordFormat};
 
 pub use crate::value::ValueId;
 
@@ -20,6 +20,8 @@ pub enum StageForm {
     Euler,
     /// By increments: stages add their increments to a running sum; `s f + 1` products per state in `s` stages.
     Increments,
+    /// By increments that have one scale in all stages, so that every stage is the same sum; `s f` products per state.
+    Sums,
     /// The same polynomial by Horner's rule, for models affine in the state: `s f` products.
     Horner,
     /// The same polynomial as a product of its real factors, one stage each, with matrices that hold powers.
@@ -33,9 +35,10 @@ pub enum StageForm {
 
 impl StageForm {
     /// All forms.
-    pub const ALL: [StageForm; 6] = [
+    pub const ALL: [StageForm; 7] = [
         StageForm::Euler,
         StageForm::Increments,
+        StageForm::Sums,
         StageForm::Horner,
         StageForm::Factors,
         StageForm::Full,
@@ -47,6 +50,7 @@ impl StageForm {
         match self {
             StageForm::Euler => "euler",
             StageForm::Increments => "increments",
+            StageForm::Sums => "sums",
             StageForm::Horner => "horner",
             StageForm::Factors => "factors",
             StageForm::Full => "full",
@@ -85,8 +89,10 @@ pub enum Role {
     State(u32),
     /// A state in an intermediate stage (counted from 2).
     Stage(u32, u8),
-    /// Running sum of a state's increments after a stage.
+    /// Running sum of a state's increments after a stage; with [`StageForm::Sums`] the state is in it.
     Sum(u32, u8),
+    /// A state in an intermediate or the next stage, but for the rest of its increment: written and read by one chain.
+    Interim(u32, u8),
     /// A state at the end of the step.
     Next(u32),
     /// A shared algebraic variable in a stage (counted from 1).
@@ -165,16 +171,19 @@ pub struct Write {
     pub weight: i32,
 }
 
-/// A sum of products with one or two writes.
+/// A sum of products with up to three writes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
     /// The equation it belongs to.
     pub equation: u32,
     /// Its terms in [`StepGraph::terms`]; at least one.
     pub terms: Range<u32>,
-    /// First write; the only one that may be sent to other PEs.
+    /// A write whose value is the base of `write`, which so adds three times the sum, or another sum of two powers of
+    /// two. It goes to the base memory only.
+    pub interim: Option<Write>,
+    /// The write that may be sent to other PEs.
     pub write: Write,
-    /// Second write.
+    /// Another write.
     pub second: Option<Write>,
     /// The function in [`Functions::exact`] that the first write applies to base plus sum; only in a step graph whose
     /// functions are not tables yet.
@@ -182,9 +191,28 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Both writes in order.
+    /// Its writes in the order of their words.
     pub fn writes(&self) -> impl Iterator<Item = &Write> {
-        std::iter::once(&self.write).chain(self.second.as_ref())
+        let (first, last) = match &self.interim {
+            Some(interim) => (interim, Some(&self.write)),
+            None => (&self.write, None),
+        };
+        std::iter::once(first).chain(self.second.as_ref()).chain(last)
+    }
+
+    /// Writes with the words between the first possible one and theirs.
+    pub fn delayed(&self, latency: Latency) -> impl Iterator<Item = (u32, &Write)> {
+        let interim = self.interim.is_some();
+        self.writes().enumerate().map(move |(position, write)| {
+            // What the interim write stores has to be there.
+            let on_top = interim && std::ptr::eq(write, &self.write);
+            (if on_top { latency.base_again() } else { position as u32 }, write)
+        })
+    }
+
+    /// Words for which the sum stays in the hold register.
+    pub fn held(&self, latency: Latency) -> u32 {
+        self.delayed(latency).map(|(delay, _)| delay + 1).max().unwrap_or(1)
     }
 
     /// Number of terms.
@@ -321,6 +349,7 @@ impl StepGraph {
             Role::State(s) => self.names.states[s as usize].clone(),
             Role::Stage(s, stage) => format!("{}.stage{stage}", self.names.states[s as usize]),
             Role::Sum(s, stage) => format!("{}.sum{stage}", self.names.states[s as usize]),
+            Role::Interim(s, stage) => format!("{}.interim{stage}", self.names.states[s as usize]),
             Role::Next(s) => format!("{}.next", self.names.states[s as usize]),
             Role::Algebraic(a, stage) => format!("{}.stage{stage}", self.names.algebraics[a as usize]),
             Role::Inner(_, serial) => format!("{}.factor{serial}", self.equations[value.equation as usize].name),
@@ -397,7 +426,7 @@ pub struct FixedPoint {
     /// For each chain the exponent of the product LSB.
     pub products: Vec<i32>,
     /// For each chain the right shifts of its writes.
-    pub shifts: Vec<[u8; 2]>,
+    pub shifts: Vec<[u8; 3]>,
     /// For each chain the accumulator bits that its sum can need.
     pub accumulator_bits: Vec<u8>,
 }

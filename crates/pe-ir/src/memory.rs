@@ -55,6 +55,14 @@ pub fn rom(words: u32, bits: u32) -> MemoryCells {
     }
 }
 
+/// A memory without a write port that is look-up tables at any depth.
+pub fn tables(words: u32, bits: u32) -> MemoryCells {
+    if words == 0 {
+        return MemoryCells::default();
+    }
+    MemoryCells { lut: f64::from(bits * words.div_ceil(LUT_ROM_WORDS)), ff: f64::from(bits), bram18: 0 }
+}
+
 /// A memory with one write and one read port. One of 128 words becomes a block if one is enough, a deeper one always.
 pub fn ram(words: u32, bits: u32) -> MemoryCells {
     if words > 128 || (words == 128 && bits <= BLOCK_SHAPES[0].1) {

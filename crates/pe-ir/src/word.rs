@@ -277,6 +277,11 @@ impl Latency {
     /// Write word (or receive word) to the first word that may read the value.
     pub const WRITE_TO_READ: u32 = 1;
 
+    /// Scale word to the first scale word that may have its result as the base.
+    pub fn base_again(&self) -> u32 {
+        self.scale_to_write() + Self::WRITE_TO_READ
+    }
+
     /// Word that reads the index memory to the scale word whose base address takes the index.
     pub const INDEX_TO_SCALE: u32 = 1;
 

@@ -242,7 +242,7 @@ impl<P: Port> Step<P> {
         let write = |write: Write| Write { target: slot(write.target), base: slot(write.base), ..write };
         let chain = |chain: &Chain| Chain {
             outcome: match chain.outcome.clone() {
-                Outcome::Words(first, second) => Outcome::Words(write(first), second.map(write)),
+                Outcome::Words(first, others) => Outcome::Words(write(first), others.map(|other| other.map(write))),
                 Outcome::Kept(index) => Outcome::Kept(index),
                 Outcome::Segment { target, argument, octaves } => {
                     Outcome::Segment { target: slot(target), argument: slot(argument), octaves }

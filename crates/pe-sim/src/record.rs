@@ -399,17 +399,19 @@ impl Recording {
         self.slots += 1;
         self.pes[index].results[0].slot = Some(slot);
         let write = Write { target: slot, base: pending.base, shift: i32::from(pending.shift) };
-        // A sum is written twice at most, and the second time only with a base that is there before the first.
+        // A sum is written three times at most, and again only with a base that is there before the first write or is
+        // its result.
         if let Some(chain) = pending.held.chain.get()
-            && let Outcome::Words(first, second @ None) = &mut self.chains[chain as usize].outcome
-            && pending.base < first.target
+            && let Outcome::Words(first, others) = &mut self.chains[chain as usize].outcome
+            && pending.base <= first.target
+            && let Some(other) = others.iter_mut().find(|other| other.is_none())
         {
-            *second = Some(write);
+            *other = Some(write);
             return slot;
         }
         pending.held.chain.set(Some(self.chains.len() as u32));
         let start = kept.index(index as u32, pending.held.sum.registers);
-        self.chain(index, &pending.held.sum.terms, start, Outcome::Words(write, None));
+        self.chain(index, &pending.held.sum.terms, start, Outcome::Words(write, [None, None]));
         slot
     }
 

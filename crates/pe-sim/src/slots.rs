@@ -174,10 +174,12 @@ impl Slots {
                 base: write.base.map_or(self.zero(), |base| self.of(base)),
                 shift: shift(index, position, write),
             };
+            let mut writes = chain.writes().enumerate().map(|(position, one)| write(position, one));
+            let first = writes.next().expect("a chain writes");
             chains.push(tiles::Chain {
                 terms: start..terms.len() as u32,
                 start: None,
-                outcome: Outcome::Words(write(0, &chain.write), chain.second.as_ref().map(|second| write(1, second))),
+                outcome: Outcome::Words(first, [writes.next(), writes.next()]),
                 class: class(index, chain),
             });
         }
@@ -198,6 +200,7 @@ fn kind(role: &Role) -> (u32, u32, u32) {
         Role::Constant(_) => (2, 0, 0),
         Role::Stage(state, stage) => (COMPUTED, u32::from(stage), state),
         Role::Sum(state, stage) => (4, u32::from(stage), state),
+        Role::Interim(state, stage) => (13, u32::from(stage), state),
         Role::Next(state) => (5, 0, state),
         Role::Algebraic(algebraic, stage) => (6, u32::from(stage), algebraic),
         Role::Inner(equation, serial) => (7, serial, equation),

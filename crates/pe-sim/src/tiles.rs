@@ -43,8 +43,8 @@ pub(crate) struct Write {
 /// Where a sum goes.
 #[derive(Clone, Debug)]
 pub(crate) enum Outcome {
-    /// To one or two slots.
-    Words(Write, Option<Write>),
+    /// To one, two or three slots, in this order.
+    Words(Write, [Option<Write>; 2]),
     /// As it is to the sums that are kept, at this index.
     Kept(u32),
     /// No sum: a slot takes the segment of what the data port sees of another slot.
@@ -68,11 +68,11 @@ pub(crate) struct Chain {
 impl Chain {
     /// Its writes in order.
     pub fn writes(&self) -> impl Iterator<Item = &Write> {
-        let (first, second) = match &self.outcome {
-            Outcome::Words(first, second) => (Some(first), second.as_ref()),
-            Outcome::Kept(_) | Outcome::Segment { .. } | Outcome::Choice { .. } => (None, None),
+        let (first, others) = match &self.outcome {
+            Outcome::Words(first, others) => (Some(first), others.as_slice()),
+            Outcome::Kept(_) | Outcome::Segment { .. } | Outcome::Choice { .. } => (None, [].as_slice()),
         };
-        first.into_iter().chain(second)
+        first.into_iter().chain(others.iter().flatten())
     }
 
     /// The slots that it writes, in order.
@@ -97,11 +97,12 @@ impl Chain {
     fn kind(&self) -> u8 {
         match self.outcome {
             Outcome::Kept(_) => 0,
-            Outcome::Words(_, None) => 1,
-            Outcome::Words(_, Some(_)) => 2,
+            Outcome::Words(_, [None, _]) => 1,
+            Outcome::Words(_, [Some(_), None]) => 2,
             Outcome::Segment { octaves: false, .. } => 3,
             Outcome::Segment { octaves: true, .. } => 4,
             Outcome::Choice { .. } => 5,
+            Outcome::Words(_, [Some(_), Some(_)]) => 6,
         }
     }
 
@@ -376,7 +377,7 @@ fn groups<'a, C>(
 pub(crate) fn rows<C>(chains: &[Chain], terms: &[Term<C>], slots: usize, columns: &Columns) -> Vec<u32> {
     let mut order = Vec::new();
     for group in groups(chains, terms, slots, columns).values() {
-        for position in 0..2 {
+        for position in 0..3 {
             order.extend(group.iter().filter_map(|chain| chain.targets().nth(position)));
         }
     }

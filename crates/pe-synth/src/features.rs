@@ -195,7 +195,7 @@ fn saturation(program: &Program, graph: &StepGraph, fixed: &FixedPoint, mapping:
 
 /// Whether each write of each chain could leave the range of its word, by intervals: states may have any word, inputs
 /// any operand; everything else is bounded by what it is computed from.
-fn can_overflow(graph: &StepGraph, fixed: &FixedPoint) -> Vec<[bool; 2]> {
+fn can_overflow(graph: &StepGraph, fixed: &FixedPoint) -> Vec<[bool; 3]> {
     let format = &fixed.format;
     let full = i128::from(format.max_word()) + 1;
     let mut largest = vec![full; graph.values.len()];
@@ -224,7 +224,7 @@ fn can_overflow(graph: &StepGraph, fixed: &FixedPoint) -> Vec<[bool; 2]> {
                 operand * factor
             })
             .sum();
-        let mut overflows = [false; 2];
+        let mut overflows = [false; 3];
         for ((write, shift), overflows) in chain.writes().zip(fixed.shifts[index]).zip(&mut overflows) {
             let base = write.base.map_or(i128::from(format.data_offset()), |base| largest[base.index()]);
             let bound = base + seen(sum << format.lift(), u32::from(shift));
@@ -236,19 +236,27 @@ fn can_overflow(graph: &StepGraph, fixed: &FixedPoint) -> Vec<[bool; 2]> {
     found
 }
 
-/// Rounds of a step, and how many PEs keep how many bits of their control words for each word of a round (`loop_bits`)
-/// and for each word of a step (`stream_bits`).
+/// Rounds of a step, and how many PEs keep how many bits of their control words for each word of a round (`loop_bits`),
+/// for each word of a step (`stream_bits`) or for each round of so many `variants`.
 fn folds(program: &Program) -> Value {
-    let (mut repeated, mut streamed) = (BTreeMap::new(), BTreeMap::new());
+    let (mut repeated, mut streamed, mut variants) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
     for pe in &program.pes {
         let fold = Fold::of(program, pe);
-        *repeated.entry(fold.repeated_bits()).or_default() += 1;
-        *streamed.entry(fold.streamed_bits()).or_default() += 1;
+        *repeated.entry(fold.loop_bits()).or_default() += 1;
+        let stream = if fold.stream.is_empty() { 0 } else { fold.streamed_bits() };
+        *streamed.entry(stream).or_default() += 1;
+        if let Some(count) = fold.variants() {
+            *variants.entry(count).or_default() += 1;
+        }
     }
-    json!({
+    let mut folds = json!({
         "rounds": program.rounds, "round_words": program.round_words(),
         "loop_bits": histogram(&repeated), "stream_bits": histogram(&streamed),
-    })
+    });
+    if !variants.is_empty() {
+        folds["variants"] = histogram(&variants);
+    }
+    folds
 }
 
 /// Control-word fields that some PE has: PEs with and without, and widths.

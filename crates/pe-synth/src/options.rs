@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
 use pe_ir::graph::StageForm;
@@ -14,7 +14,7 @@ use pe_ir::word::{Pipeline, WordFormat};
 use crate::conserved::Conserved;
 use crate::failure::{Failure, MessageFormat};
 use crate::files::{self, ModelFolder};
-use crate::pipeline::MappingOptions;
+use crate::pipeline::{MappingOptions, StageLoop};
 
 /// What is computed: the model, and what it is judged over.
 #[derive(Args, Clone, Debug)]
@@ -122,6 +122,10 @@ pub enum FormChoice {
     /// The one that is estimated to take the fewest cycles
     #[default]
     Auto,
+    /// Increments that are summed up beside the state
+    Increments,
+    /// Increments of one scale in a running sum: stages that are the same sums
+    Sums,
     /// Horner's rule: as many stages as the method has
     Horner,
     /// Real factors of the method's polynomial: half the stages, denser equations
@@ -135,6 +139,8 @@ impl FormChoice {
     pub fn form(self) -> Option<StageForm> {
         match self {
             FormChoice::Auto => None,
+            FormChoice::Increments => Some(StageForm::Increments),
+            FormChoice::Sums => Some(StageForm::Sums),
             FormChoice::Horner => Some(StageForm::Horner),
             FormChoice::Factors => Some(StageForm::Factors),
             FormChoice::Full => Some(StageForm::Full),
@@ -143,8 +149,7 @@ impl FormChoice {
 
     /// The choice of a form among others; `Auto` for forms that are the only one of a model.
     pub fn of(form: StageForm) -> FormChoice {
-        let choices = [FormChoice::Horner, FormChoice::Factors, FormChoice::Full];
-        choices.into_iter().find(|choice| choice.form() == Some(form)).unwrap_or_default()
+        FormChoice::value_variants().iter().copied().find(|choice| choice.form() == Some(form)).unwrap_or_default()
     }
 }
 
@@ -203,8 +208,15 @@ impl DesignPoint {
 
     /// What is asked of the form of the step.
     pub fn step_options(&self, mapping: &MappingOptions) -> StepOptions {
-        let MappingOptions { max_in_degree, no_pre_adder, .. } = *mapping;
-        StepOptions { form: self.form.form(), pes: self.pes, max_in_degree, pre_adder: !no_pre_adder }
+        let MappingOptions { max_in_degree, no_pre_adder, stage_loop, .. } = *mapping;
+        StepOptions {
+            form: self.form.form(),
+            pes: self.pes,
+            max_in_degree,
+            pre_adder: !no_pre_adder,
+            sums: self.coefficients == Coefficients::OneSlot,
+            rounds: stage_loop != StageLoop::Off,
+        }
     }
 
     /// Word widths.

@@ -95,7 +95,7 @@ fn the_issue_order_is_a_permutation() {
 
 #[test]
 fn a_sum_stays_in_the_hold_register_until_its_last_write() {
-    assert_schedule_rejected("is lost before its second write", |flow, schedule| {
+    assert_schedule_rejected("is lost before its last write", |flow, schedule| {
         let chains = &flow.graph.chains;
         let long = chain(flow, |index| chains[index].second.is_some());
         let other = chain(flow, |index| index != long && pe(flow, index) == pe(flow, long));

@@ -145,12 +145,19 @@ impl Memories {
         let mut bases: Vec<u32> = vec![0; pes];
         let pe_of = |index: usize| mapping.pe_of[graph.values[index].equation as usize] as usize;
         let mut slots: Vec<Option<Slot>> = vec![None; graph.values.len()];
+        // A state and its running sum are a pair in the base memory: their addresses differ in one bit.
+        let mut base_layouts: Vec<Layout> = vec![Layout::default(); pes];
+        let mut places: Vec<Option<Slot>> = vec![None; graph.values.len()];
         // Words of both memories come first, at equal indices.
         for (state, _) in &graph.states {
             let pe = pe_of(state.index());
             slots[state.index()] = Some(layouts[pe].resident(swap));
-            self.homes[state.index()].base = Some(bases[pe]);
-            bases[pe] += 1;
+            if rounds.sums {
+                places[state.index()] = Some(base_layouts[pe].resident(true));
+            } else {
+                self.homes[state.index()].base = Some(bases[pe]);
+                bases[pe] += 1;
+            }
         }
         let both = |value: &u32| lives.bases.contains(value) && lives.operands.contains(value);
         for value in (0..graph.values.len() as u32).filter(both) {
@@ -168,6 +175,9 @@ impl Memories {
         let mut factor_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
         for (index, value) in graph.values.iter().enumerate() {
             if value.equation == NONE || matches!(value.role, Role::State(_) | Role::Next(_) | Role::Column(..)) {
+                continue;
+            }
+            if rounds.sums && matches!(value.role, Role::Sum(..)) {
                 continue;
             }
             let pe = pe_of(index);
@@ -212,7 +222,8 @@ impl Memories {
         }
         let ends = self.allocate_columns(rounds, fixed, mapping, bases.clone());
         for (pe, depths) in self.depths.iter_mut().enumerate() {
-            depths.base = depth(ends[pe]);
+            base_layouts[pe].single = ends[pe];
+            depths.base = base_layouts[pe].depth();
             let (assigned, count) = pack(std::mem::take(&mut factor_arcs[pe]), period);
             for (value, register) in assigned {
                 self.homes[value as usize].factor = Some(register);
@@ -223,6 +234,18 @@ impl Memories {
             let pairs = layouts[pe].pairs > 0 || ends[pe] == bases[pe];
             layouts[pe].least = if swap && pairs { 2 * depths.base } else { 0 };
             depths.own = layouts[pe].depth();
+        }
+        if rounds.sums {
+            for (index, home) in self.homes.iter_mut().enumerate() {
+                let slot = places[index].or(home.base.map(Slot::Single));
+                home.base = slot.map(|slot| base_layouts[pe_of(index)].place(slot).word);
+            }
+            for (index, value) in graph.values.iter().enumerate() {
+                if let Role::Sum(state, _) = value.role {
+                    let place = self.homes[graph.states[state as usize].0.index()].base;
+                    self.homes[index].base = place.map(|word| word + self.depths[pe_of(index)].base / 2);
+                }
+            }
         }
         for index in 0..graph.values.len() {
             if let Some(slot) = slots[index] {
@@ -374,8 +397,8 @@ impl Lives {
                     *read = (*read).max(time);
                 }
             }
-            for (position, write) in chain.writes().enumerate() {
-                let scale = last + latency.scale() + position as u32;
+            for (delay, write) in chain.delayed(latency) {
+                let scale = last + latency.scale() + delay;
                 if let Some(base) = write.base {
                     if let Some((_, lookup)) = graph.lookup(base) {
                         let read = indexed.entry(lookup.argument.0).or_insert(0);

@@ -58,8 +58,10 @@ pub fn assemble_rounds(
     let read = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| graph.lookup(write.base?));
     let octaves = |(_, lookup): (u32, Lookup)| (lookup.argument, graph.functions.tables[lookup.table as usize].octaves);
     let octaves = read.map(octaves).collect();
+    let bases = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| write.base);
+    let bases = bases.chain(graph.states.iter().map(|(_, next)| *next)).collect();
     let assembler =
-        Assembler { model, graph, fixed, mapping, rounds, schedule, memories, coefficients, octaves, latency };
+        Assembler { model, graph, fixed, mapping, rounds, schedule, memories, coefficients, octaves, bases, latency };
     let ports = assembler.ports();
     let sizes = assembler.memories.depths.iter().zip(&ports);
     limits::check(
@@ -82,6 +84,8 @@ struct Assembler<'a> {
     coefficients: Vec<BTreeMap<i64, u32>>,
     /// Arguments of tables that are read, and whether their indices count octaves.
     octaves: BTreeMap<ValueId, bool>,
+    /// Values that sums are added to, and the states of the next step.
+    bases: BTreeSet<ValueId>,
     latency: Latency,
 }
 
@@ -292,7 +296,9 @@ impl Assembler<'_> {
                 Address { word: u16::try_from(word).expect("memory depth"), swap: false }
             }
         };
-        Target { address, own: home.own.is_some(), base: home.base.is_some(), factor: home.factor.is_some() }
+        // Of the values that take turns in a word, only those that something is added to need the base memory.
+        let base = home.base.is_some() && (self.rounds.base_last || self.bases.contains(&value));
+        Target { address, own: home.own.is_some(), base, factor: home.factor.is_some() }
     }
 
     fn base_word(&self, value: ValueId) -> u16 {
@@ -350,10 +356,9 @@ impl Assembler<'_> {
             pe.notes[at].chain = chain.write.value.0;
         }
         pe.words[self.word(last + self.latency.close())].close = true;
-        for (position, write) in chain.writes().enumerate() {
-            let scale = last + self.latency.scale() + position as u32;
+        for ((delay, write), shift) in chain.delayed(self.latency).zip(self.fixed.shifts[index]) {
+            let scale = last + self.latency.scale() + delay;
             let store = scale + self.latency.scale_to_write();
-            let shift = self.fixed.shifts[index][position];
             let slot = pe.features.shifts.binary_search(&shift).expect("collected from all chains");
             if let Some((_, lookup)) = write.base.and_then(|base| self.graph.lookup(base)) {
                 pe.words[self.word(scale - Latency::INDEX_TO_SCALE)].index = Some(self.index_word(lookup.argument));
@@ -364,7 +369,7 @@ impl Assembler<'_> {
             let word = &mut pe.words[self.word(store)];
             word.write_index = self.octaves.get(&write.value).map(|o| (self.index_word(write.value), *o));
             word.write = Some(self.target(write.value, store));
-            word.send = position == 0 && sent.contains(&write.value.0);
+            word.send = write.value == chain.write.value && sent.contains(&write.value.0);
             pe.notes[self.word(store)].write = write.value.0;
         }
     }
@@ -446,7 +451,8 @@ impl Assembler<'_> {
         let output = |(index, value): (usize, &ValueId)| {
             let chain_index = producers[value.index()] as usize;
             let chain = &self.graph.chains[chain_index];
-            let position = chain.writes().position(|write| write.value == *value).expect("its producer writes it");
+            let (delay, _) =
+                chain.delayed(self.latency).find(|(_, write)| write.value == *value).expect("its producer writes it");
             let last = self.schedule.starts[chain_index] + chain.len() - 1;
             let unit = match self.model.outputs[index].variable {
                 pe_ir::model::Variable::State(s) => self.model.states[s as usize].unit.clone(),
@@ -457,7 +463,7 @@ impl Assembler<'_> {
                 name: self.model.outputs[index].name.clone(),
                 unit,
                 pe: self.mapping.pe_of[chain.equation as usize],
-                word: self.word(last + self.latency.write() + position as u32) as u32,
+                word: self.word(last + self.latency.write() + delay) as u32,
                 exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
             }
         };

@@ -147,6 +147,6 @@ impl Expansion {
         let start = self.graph.terms.len() as u32;
         self.graph.terms.extend(terms);
         let terms = start..self.graph.terms.len() as u32;
-        self.graph.chains.push(Chain { equation, terms, write, second, function: None });
+        self.graph.chains.push(Chain { equation, terms, interim: None, write, second, function: None });
     }
 }

@@ -127,9 +127,9 @@ impl<'a> List<'a> {
         }
         self.arrivals = arrivals;
         let last_offset = code.len() - 1;
-        for (position, store) in code.stores().enumerate() {
+        for store in code.stores() {
             if let Some(base) = store.base {
-                let scale = last_offset + problem.latency.scale() + position as u32;
+                let scale = last_offset + problem.latency.scale() + store.delay;
                 start = start.max((self.ready[base.slot()] + base.lag()).saturating_sub(scale));
             }
         }
@@ -191,7 +191,8 @@ impl<'a> List<'a> {
         let last_offset = code.len() - 1;
         let mut start = state.free.max(state.next_last.saturating_sub(last_offset));
         if code.is_sent() {
-            start = start.max(state.next_send.saturating_sub(last_offset + self.problem.latency.write()));
+            start = start
+                .max(state.next_send.saturating_sub(last_offset + self.problem.latency.write() + code.write.delay));
         }
         start
     }
@@ -202,14 +203,14 @@ impl<'a> List<'a> {
         let last = start + code.len() - 1;
         self.placement.starts[chain as usize] = start;
         self.pes[pe].free = last + 1;
-        self.pes[pe].next_last = last + code.store_count();
+        self.pes[pe].next_last = last + code.held;
         self.note_reads(chain, start);
-        for (position, store) in code.stores().enumerate() {
-            let time = last + problem.latency.write() + position as u32;
+        for store in code.stores() {
+            let time = last + problem.latency.write() + store.delay;
             // A swapped end value has a word of its own; an in-place one is read under its own name.
             self.ready[store.slot as usize] = time + Latency::WRITE_TO_READ;
         }
-        self.send(chain, last + problem.latency.write());
+        self.send(chain, last + problem.latency.write() + code.write.delay);
         for successor in problem.successors(chain) {
             self.waiting[*successor as usize] -= 1;
             if self.waiting[*successor as usize] == 0 {
@@ -236,16 +237,16 @@ impl<'a> List<'a> {
                 }
             }
         }
-        for (position, store) in code.stores().enumerate() {
+        for store in code.stores() {
             if let Some(base) = store.base.filter(|base| base.is_from_before()) {
-                let time = start + code.len() - 1 + problem.latency.scale() + position as u32;
+                let time = start + code.len() - 1 + problem.latency.scale() + store.delay;
                 let read = &mut self.placement.first_reads[base.slot()];
                 *read = (*read).min(time);
             }
         }
     }
 
-    /// Places the receives of a chain's first value, which is sent in word `sent`.
+    /// Places the receives of what a chain sends in word `sent`.
     fn send(&mut self, chain: u32, sent: u32) {
         let problem = self.problem;
         let code = &problem.chains[chain as usize];

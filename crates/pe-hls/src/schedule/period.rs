@@ -13,7 +13,7 @@ pub(super) fn smallest(problem: &Problem, placement: &Placement) -> u32 {
     // The network pauses and samples inputs in every round.
     let mut period = latency.pause() + 1;
     for (chain, start) in problem.chains.iter().zip(&placement.starts) {
-        period = period.max(start + chain.len() - 1 + chain.store_count());
+        period = period.max(start + chain.len() - 1 + chain.held);
     }
     for receive in &placement.receives {
         period = period.max((receive + 1).saturating_sub(latency.pause()));
@@ -41,7 +41,7 @@ fn arrivals<'a>(problem: &'a Problem, placement: &'a Placement) -> impl Iterator
     let (own, imported) = problem.returning();
     let own = own.map(|(slot, code, chain)| {
         let last = placement.starts[chain] + code.len() - 1;
-        (slot, last + problem.latency.write() + Latency::WRITE_TO_READ)
+        (slot, last + problem.latency.write() + code.write.delay + Latency::WRITE_TO_READ)
     });
     own.chain(imported.map(|(slot, import)| (slot, placement.receives[import] + Latency::WRITE_TO_READ)))
 }

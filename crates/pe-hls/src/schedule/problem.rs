@@ -63,8 +63,10 @@ pub(super) struct Import {
 pub(super) struct Store {
     /// Slot of the value.
     pub slot: u32,
-    /// What the sum is added to.
+    /// What the sum is added to, unless the chain itself writes it.
     pub base: Option<Operand>,
+    /// Words after the first possible ones.
+    pub delay: u32,
 }
 
 /// A chain with all that its placement needs.
@@ -78,11 +80,13 @@ pub(super) struct Code {
     pub priority: u32,
     /// Number of chains that it waits for.
     pub predecessors: u32,
-    /// First write.
-    pub first: Store,
-    /// Second write.
-    pub second: Option<Store>,
-    /// Whether the first write overwrites the start value of a state.
+    /// The write that may be sent.
+    pub write: Store,
+    /// Other writes.
+    others: [Option<Store>; 2],
+    /// Words for which its sum stays in the hold register.
+    pub held: u32,
+    /// Whether the write that may be sent overwrites the start value of a state.
     pub overwrites: bool,
     /// Range of `links`.
     links: (u32, u32),
@@ -96,17 +100,12 @@ impl Code {
         self.terms.end - self.terms.start
     }
 
-    /// Its writes in order.
+    /// Its writes.
     pub fn stores(&self) -> impl Iterator<Item = &Store> {
-        std::iter::once(&self.first).chain(self.second.as_ref())
+        std::iter::once(&self.write).chain(self.others.iter().flatten())
     }
 
-    /// Number of writes.
-    pub fn store_count(&self) -> u32 {
-        1 + u32::from(self.second.is_some())
-    }
-
-    /// Whether its first write goes to other PEs.
+    /// Whether a write goes to other PEs.
     pub fn is_sent(&self) -> bool {
         self.links.0 != self.links.1
     }
@@ -154,18 +153,24 @@ impl<'a> Problem<'a> {
             let pe = pe_of[*original as usize];
             let begin = operands.len() as u32;
             operands.extend(graph.chain_terms(chain).iter().map(|term| places.operand(graph, term.operand, pe)));
-            let store = |write: &Write| Store {
+            let own = |base: &ValueId| chain.writes().any(|write| write.value == *base);
+            let store = |(delay, write): (u32, &Write)| Store {
                 slot: places.own[write.value.index()],
-                base: write.base.map(|base| places.base(graph, base, pe)),
+                base: write.base.filter(|base| !own(base)).map(|base| places.base(graph, base, pe)),
+                delay,
             };
+            let is_sent = |(_, write): &(u32, &Write)| write.value == chain.write.value;
+            let mut others = chain.delayed(latency).filter(|write| !is_sent(write)).map(store);
+            let others = [others.next(), others.next()];
             let ends_state = matches!(graph.value(chain.write.value).role, Role::Next(_));
             chains.push(Code {
                 terms: begin..operands.len() as u32,
                 pe,
                 priority: 0,
                 predecessors: 0,
-                first: store(&chain.write),
-                second: chain.second.as_ref().map(store),
+                write: chain.delayed(latency).find(is_sent).map(store).expect("a chain writes"),
+                others,
+                held: chain.held(latency),
                 overwrites: in_place && ends_state,
                 links: (0, 0),
                 successors: (0, 0),
@@ -257,7 +262,7 @@ impl<'a> Problem<'a> {
     pub fn load_bound(&self) -> u32 {
         let mut load = vec![0; self.pes];
         for chain in &self.chains {
-            load[chain.pe as usize] += chain.len().max(chain.store_count());
+            load[chain.pe as usize] += chain.len().max(chain.stores().count() as u32);
         }
         load.into_iter().max().unwrap_or(0).max(self.latency.pause() + 1)
     }
@@ -307,7 +312,8 @@ impl<'a> Problem<'a> {
                     read(value);
                 }
             }
-            let bases = chain.writes().filter_map(|write| write.base);
+            let own = |base: &ValueId| chain.writes().any(|write| write.value == *base);
+            let bases = chain.writes().filter_map(|write| write.base).filter(|base| !own(base));
             bases.map(|base| graph.lookup(base).map_or(base, |(_, lookup)| lookup.argument)).for_each(&mut read);
             // Each wait of a chain counts once, however often it reads a value.
             of_chain.sort_unstable();

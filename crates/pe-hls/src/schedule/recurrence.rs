@@ -94,8 +94,9 @@ impl<'a> Step<'a> {
             let begin = operands.iter().enumerate().map(|(position, ready)| ready - position as i64).max();
             let count = i64::from(chain.len());
             let mut last = begin.unwrap_or(PAST).max(PAST) + count - 1;
-            for (position, write) in chain.writes().enumerate() {
-                if let Some(base) = write.base {
+            for (delay, write) in chain.delayed(self.latency) {
+                if let Some(base) = write.base.filter(|base| chain.interim.is_none_or(|interim| interim.value != *base))
+                {
                     let (awaited, lag) = match graph.lookup(base) {
                         Some((_, lookup)) => (lookup.argument, Latency::INDEX_TO_SCALE),
                         None => (base, 0),
@@ -103,14 +104,14 @@ impl<'a> Step<'a> {
                     last = last.max(
                         self.ready[awaited.index()] + i64::from(lag)
                             - i64::from(self.latency.scale())
-                            - position as i64,
+                            - i64::from(delay),
                     );
                 }
             }
             last = last.max(self.inner_sums(index));
             self.starts[index] = last - (count - 1);
-            for (position, write) in chain.writes().enumerate() {
-                let read = i64::from(self.latency.write() + Latency::WRITE_TO_READ) + position as i64;
+            for (delay, write) in chain.delayed(self.latency) {
+                let read = i64::from(self.latency.write() + Latency::WRITE_TO_READ + delay);
                 self.ready[write.value.index()] = if last < PAST / 2 { PAST } else { last + read };
             }
         }
@@ -177,7 +178,14 @@ mod tests {
             let first = terms.len() as u32;
             terms.extend(products);
             let write = Write { value: ValueId(written), base: base.map(ValueId), weight: 0 };
-            chains.push(Chain { equation, terms: first..terms.len() as u32, write, second: None, function: None });
+            chains.push(Chain {
+                equation,
+                terms: first..terms.len() as u32,
+                interim: None,
+                write,
+                second: None,
+                function: None,
+            });
         };
         let plain = |operand: &u32| Term::new(ValueId(*operand), Factor::Coefficient(0.5));
         for (serial, (state, operands)) in inner.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Solver stages as chains.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::functions::{Functions, ScalarFunction};
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
@@ -27,6 +27,17 @@ struct Stage {
     sum_weight: Option<i32>,
     /// Factor of the running sum in the chain of the last stage.
     sum_factor: Option<f64>,
+    /// Weight of the increment in what the next stage reads (binary logarithm).
+    weight: i32,
+    /// The same of a first part of it, which is added before.
+    interim: Option<i32>,
+}
+
+impl Stage {
+    /// A stage that adds one increment to the state.
+    fn new(number: u8, factor: f64, last: bool) -> Stage {
+        Stage { number, factor, last, sum_weight: None, sum_factor: None, weight: 0, interim: None }
+    }
 }
 
 /// The stages of a solver in a form, for step `h`.
@@ -36,17 +47,11 @@ struct Stage {
 fn stages(solver: Solver, form: StageForm, h: f64) -> Vec<Stage> {
     match form {
         StageForm::Increments => increments(solver, h),
+        StageForm::Sums => sums(solver, h),
         _ => {
             let count = solver.stages() as u8;
             let factor = |number: u8| h / f64::from(count + 1 - number);
-            let stage = |number| Stage {
-                number,
-                factor: factor(number),
-                last: number == count,
-                sum_weight: None,
-                sum_factor: None,
-            };
-            (1..=count).map(stage).collect()
+            (1..=count).map(|number| Stage::new(number, factor(number), number == count)).collect()
         }
     }
 }
@@ -58,8 +63,8 @@ fn stages(solver: Solver, form: StageForm, h: f64) -> Vec<Stage> {
 /// - Classic RK4: `d2 = h/2 f(y)`, `d3 = h/2 f(y + d2)`, `d4 = h f(y + d3)`,
 ///   `y+ = y + (d2 + 2 d3 + d4)/3 + h/6 f(y + d4)`.
 fn increments(solver: Solver, h: f64) -> Vec<Stage> {
-    let inner = |number, factor, sum_weight| Stage { number, factor, last: false, sum_weight, sum_factor: None };
-    let last = |number, factor, sum_factor| Stage { number, factor, last: true, sum_weight: None, sum_factor };
+    let inner = |number, factor, sum_weight| Stage { sum_weight, ..Stage::new(number, factor, false) };
+    let last = |number, factor, sum_factor| Stage { sum_factor, ..Stage::new(number, factor, true) };
     match solver {
         Solver::Euler => vec![last(1, h, None)],
         Solver::Heun => vec![inner(1, h, Some(0)), last(2, h / 2.0, Some(0.5))],
@@ -73,6 +78,31 @@ fn increments(solver: Solver, h: f64) -> Vec<Stage> {
             last(4, h / 6.0, Some(1.0 / 3.0)),
         ],
         _ => unreachable!("the step of {} is planned", solver.name()),
+    }
+}
+
+/// Explicit Runge-Kutta methods whose stages differ in powers of two only, once three times an increment is added in two
+/// parts. `s` is the running sum, which the state is in.
+///
+/// - Heun: `k = h/2 f(y)`, `s = y + k`; `k = h/2 f(y + 2 k)`, `y+ = s + k`.
+/// - Classic RK4, `k = h/6 f(..)` in each stage: `s = y + k` and `y + k + 2 k`; `s + 2 k` and `y + k + 2 k`; `s + 2 k` and
+///   `y + 2 k + 4 k`; `y+ = s + k/2 + k/2`.
+fn sums(solver: Solver, h: f64) -> Vec<Stage> {
+    let stage = |number, factor, sum_weight: Option<i32>, interim, weight| Stage {
+        sum_weight,
+        weight,
+        interim,
+        ..Stage::new(number, factor, sum_weight.is_none())
+    };
+    match solver {
+        Solver::Heun => vec![stage(1, h / 2.0, Some(0), None, 1), stage(2, h / 2.0, None, None, 0)],
+        Solver::Rk4 => vec![
+            stage(1, h / 6.0, Some(0), Some(0), 1),
+            stage(2, h / 6.0, Some(1), Some(0), 1),
+            stage(3, h / 6.0, Some(1), Some(1), 2),
+            stage(4, h / 6.0, None, Some(-1), -1),
+        ],
+        _ => unreachable!("{} has no stages that are alike", solver.name()),
     }
 }
 
@@ -115,10 +145,22 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     let shared = algebraics.iter().enumerate().filter(|(index, _)| used[*index]);
     let shared = shared.map(|(index, nested)| nested.cost().max(1) as u32 + table(index));
     let slots: Vec<u32> = derivatives.iter().map(slots).chain(shared).collect();
-    let plain = forms::plain_cost(plain, model.solver.stages(), &slots, options.pes);
+    let mut written = vec![forms::plain_cost(plain, model.solver.stages(), &slots, options.pes)];
+    let looks_up = expanded.functions.iter().any(Option::is_some);
+    if plain == StageForm::Increments && options.sums && !looks_up && matches!(model.solver, Solver::Heun | Solver::Rk4)
+    {
+        let pairs: Vec<u32> = derivatives.iter().map(pairs_of).collect();
+        let counted = options.pre_adder && pairs::are_worthwhile(pairs.iter().sum(), slots.iter().sum());
+        let outer = |(nested, pairs): (&Nested, &u32)| {
+            let terms = nested.products.len() as u32 + u32::from(nested.constant != 0.0);
+            terms - if counted { *pairs } else { 0 }
+        };
+        let outer: Vec<u32> = derivatives.iter().zip(&pairs).map(outer).collect();
+        written.push(forms::sums_cost(model.solver, &slots, &outer, options.pes));
+    }
     let (form, costs) = match model.solver {
         Solver::Exact => forms::single(model, method::exponential(model, &expanded)?, options)?,
-        _ => forms::choose(model, &expanded, &plain, options)?,
+        _ => forms::choose(model, &expanded, &written, options)?,
     };
     let mut builder = Builder::new(model, form.cost);
     builder.graph.forms = costs;
@@ -142,6 +184,19 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     let mut graph = prune(builder.graph);
     graph.pre_adder = options.pre_adder && pairs::worthwhile(&graph);
     Ok(graph)
+}
+
+/// Products of an outer sum that pairs of operands with equal coefficients may save.
+fn pairs_of(nested: &Nested) -> u32 {
+    let mut classes: BTreeMap<u64, u32> = BTreeMap::new();
+    for (variable, factor) in &nested.products {
+        if let (Variable::State(_) | Variable::Algebraic(_), NestedFactor::Coefficient(coefficient)) =
+            (variable, factor)
+        {
+            *classes.entry(coefficient.to_bits()).or_default() += 1;
+        }
+    }
+    classes.into_values().map(|operands| operands / 2).sum()
 }
 
 /// The degree that stands for that of a function.
@@ -304,12 +359,20 @@ impl Builder {
         } else {
             push(&mut self.graph, Role::Stage(equation, stage.number + 1), equation, false)
         };
+        // The state is in the running sum, or beside it.
+        let within = self.graph.form == StageForm::Sums;
+        let mut base = if within && stage.last { previous_sum } else { Some(start) };
         let second = stage.sum_weight.map(|weight| {
             let sum = push(&mut self.graph, Role::Sum(equation, stage.number + 1), equation, false);
             self.sums[index] = Some(sum);
-            Write { value: sum, base: previous_sum, weight }
+            Write { value: sum, base: previous_sum.or(within.then_some(start)), weight }
         });
-        self.chain(equation, terms, Write { value, base: Some(start), weight: 0 }, second);
+        let interim = stage.interim.map(|weight| {
+            let value = push(&mut self.graph, Role::Interim(equation, stage.number + 1), equation, false);
+            Write { value, base: base.replace(value), weight }
+        });
+        self.chain(equation, terms, Write { value, base, weight: stage.weight }, second);
+        self.graph.chains.last_mut().expect("the chain of the equation").interim = interim;
         value
     }
 
@@ -426,7 +489,7 @@ impl Builder {
         let start = self.graph.terms.len() as u32;
         self.graph.terms.extend(terms);
         let terms = start..self.graph.terms.len() as u32;
-        self.graph.chains.push(Chain { equation, terms, write, second, function: None });
+        self.graph.chains.push(Chain { equation, terms, interim: None, write, second, function: None });
     }
 }
 

@@ -6,6 +6,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{FormCost, StageForm};
+use pe_ir::memory;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
 
@@ -15,6 +16,13 @@ use crate::mapping::MapOptions;
 
 /// Words from the last operand of a result to the first read of it in another PE, for the wide multiplier.
 const LATENCY: u64 = 10;
+
+/// Words for which a sum with an interim value keeps the hold register.
+const HELD: u32 = 5;
+
+/// Bits of a control word, and equivalent tables of a PE without its program, as estimates go.
+const CONTROL_BITS: u32 = 64;
+const PE_LUTS: f64 = 600.0;
 
 /// What a form with denser matrices has to save: one part in so many cycles. Its wider halo costs links and memory.
 const WORTHWHILE: u64 = 32;
@@ -54,11 +62,22 @@ pub struct StepOptions {
     pub max_in_degree: u32,
     /// Whether operands with equal coefficients may be added in front of the multiplier.
     pub pre_adder: bool,
+    /// Whether stages may be sums of one scale; their coefficients have one slot each.
+    pub sums: bool,
+    /// Whether stages that are alike may share their control words.
+    pub rounds: bool,
 }
 
 impl Default for StepOptions {
     fn default() -> Self {
-        StepOptions { form: None, pes: None, max_in_degree: MapOptions::DEFAULT_MAX_IN_DEGREE, pre_adder: true }
+        StepOptions {
+            form: None,
+            pes: None,
+            max_in_degree: MapOptions::DEFAULT_MAX_IN_DEGREE,
+            pre_adder: true,
+            sums: true,
+            rounds: true,
+        }
     }
 }
 
@@ -72,17 +91,20 @@ pub struct Form {
     pub cost: FormCost,
 }
 
-/// Chooses the form of a step; the costs of all that were considered, in the order of their stages.
+/// Chooses the form of a step; the costs of all that were considered, in the order of their stages. `written` are those
+/// that take the right-hand side as it is written, at least one.
 ///
 /// # Errors
 /// `E0805` if the model does not have the form that was asked for.
 pub fn choose(
     model: &Model,
     expanded: &Expanded,
-    plain: &FormCost,
+    written: &[FormCost],
     options: &StepOptions,
 ) -> Result<(Form, Vec<FormCost>), Vec<Diagnostic>> {
     let asked = options.form;
+    let cheapest = written.iter().min_by(|a, b| price(a, options).total_cmp(&price(b, options)));
+    let plain = written.iter().find(|cost| asked == Some(cost.form)).or(cheapest).expect("at least one");
     let mut best = Form { form: plain.form, stages: Vec::new(), cost: *plain };
     let wants_matrix = matches!(asked, Some(StageForm::Factors | StageForm::Full));
     if asked.is_some_and(|form| form != plain.form && !wants_matrix)
@@ -91,7 +113,7 @@ pub fn choose(
         return Err(vec![unsuitable(model, asked.unwrap_or(plain.form), plain.form)]);
     }
     if plain.form != StageForm::Horner || asked == Some(StageForm::Horner) {
-        return Ok((best, vec![*plain]));
+        return Ok((best, written.to_vec()));
     }
     let limit = if wants_matrix { LARGEST } else { plain.products as usize };
     let Some(rows) = Rows::of(expanded, model.inputs.len(), limit) else {
@@ -125,6 +147,16 @@ pub fn choose(
     }
 }
 
+/// Cycles times the equivalent tables of a PE, whose control words of a step are as many unless its stages are alike.
+fn price(cost: &FormCost, options: &StepOptions) -> f64 {
+    if options.pes.is_none() {
+        return cost.cycles as f64;
+    }
+    let rounds = if cost.form == StageForm::Sums && options.rounds { u64::from(cost.stages) } else { 1 };
+    let words = u32::try_from(cost.cycles / rounds).unwrap_or(u32::MAX);
+    cost.cycles as f64 * (PE_LUTS + memory::rom(words, CONTROL_BITS).equivalent_luts())
+}
+
 /// The only form of a method whose step is a matrix.
 ///
 /// # Errors
@@ -156,6 +188,22 @@ pub fn plain_cost(form: StageForm, stages: u32, equations: &[u32], pes: Option<u
     let products = equations.iter().map(|equation| u64::from(slots(equation))).sum();
     let largest = equations.iter().map(slots).max().unwrap_or(0);
     with_cycles(FormCost { form, stages, products, largest, ports: 0, cycles: 0 }, pes)
+}
+
+/// The cost of stages that are the same sums: products per stage of all equations, and of the outer sum of each state,
+/// whose next sum waits for the last write.
+pub fn sums_cost(solver: Solver, equations: &[u32], outer: &[u32], pes: Option<u32>) -> FormCost {
+    let stages = solver.stages();
+    let held = if solver == Solver::Heun { 2 } else { HELD };
+    let wait = |index: usize| outer.get(index).map_or(0, |outer| held.saturating_sub(*outer));
+    let products = equations.iter().map(|slots| u64::from(stages * slots)).sum();
+    let waits: u64 = (0..outer.len()).map(|index| u64::from(stages * wait(index))).sum();
+    let slots = |(index, slots): (usize, &u32)| stages * (slots + wait(index));
+    let largest = equations.iter().enumerate().map(slots).max().unwrap_or(0);
+    let cost = FormCost { form: StageForm::Sums, stages, products: products + waits, largest, ports: 0, cycles: 0 };
+    let cost = with_cycles(cost, pes);
+    let latency = pes.map_or(0, |_| u64::from(stages) * (LATENCY + u64::from(held - 1)));
+    FormCost { products, cycles: cost.cycles.max(latency), ..cost }
 }
 
 /// The cost of a form with matrices.
@@ -257,7 +305,9 @@ fn breadth_first(rows: &Rows) -> Vec<u32> {
 fn unsuitable(model: &Model, asked: StageForm, has: StageForm) -> Diagnostic {
     let message = format!("`{}` has no step in the form `{asked}`, only in the form `{has}`", model.name);
     let help = match has {
-        StageForm::Increments => "all other forms need derivatives that are affine in the states; leave `--form` out",
+        StageForm::Increments | StageForm::Sums => {
+            "all other forms need derivatives that are affine in the states; leave `--form` out"
+        }
         _ => "leave `--form` out",
     };
     Diagnostic::global(codes::UNSUITABLE_FORM, message).with_help(help)

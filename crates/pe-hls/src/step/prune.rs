@@ -15,19 +15,23 @@ pub fn prune(graph: StepGraph) -> StepGraph {
     let mut terms = Vec::with_capacity(graph.terms.len());
     let mut chains = Vec::with_capacity(graph.chains.len());
     for chain in &graph.chains {
-        let mut writes = chain.writes().filter(|write| live[write.value.index()]).copied();
+        let is_live = |write: &Write| live[write.value.index()];
+        // An interim value lives with what is added to it.
+        let interim = chain.interim.filter(is_live);
+        let mut writes = std::iter::once(chain.write).chain(chain.second).filter(is_live);
         let Some(write) = writes.next() else { continue };
         let second = writes.next();
         owns_chain[chain.equation as usize] = true;
         let start = terms.len() as u32;
         terms.extend_from_slice(graph.chain_terms(chain));
-        chains.push(Chain { terms: start..terms.len() as u32, write, second, ..*chain });
+        chains.push(Chain { terms: start..terms.len() as u32, interim, write, second, ..*chain });
     }
     let equations = dense(owns_chain.iter().copied());
     let value_id = |id: ValueId| ValueId(values[id.index()]);
     let write_id = |write: Write| Write { value: value_id(write.value), base: write.base.map(value_id), ..write };
     for chain in &mut chains {
         chain.equation = equations[chain.equation as usize];
+        chain.interim = chain.interim.map(write_id);
         chain.write = write_id(chain.write);
         chain.second = chain.second.map(write_id);
     }
@@ -67,7 +71,12 @@ fn live_values(graph: &StepGraph) -> Vec<bool> {
     }
     for chain in graph.chains.iter().rev() {
         let mut needed = false;
-        for write in chain.writes().filter(|write| live[write.value.index()]).copied().collect::<Vec<_>>() {
+        // What is added to an interim value comes last.
+        let writes: Vec<Write> = chain.writes().copied().collect();
+        for write in writes.into_iter().rev() {
+            if !live[write.value.index()] {
+                continue;
+            }
             needed = true;
             if let Some(base) = write.base {
                 live[base.index()] = true;

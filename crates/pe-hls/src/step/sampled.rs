@@ -40,7 +40,8 @@ pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diag
         let graph = planned::build(samples(&ticking, false), &StepOptions { form, ..*options })?;
         return Ok(StepGraph { stages: 1, ..graph });
     }
-    let rest = build::build_with(&model.continuous(), options)?;
+    // Stages beside sampled parts are not shared.
+    let rest = build::build_with(&model.continuous(), &StepOptions { sums: false, ..*options })?;
     let mut first = planned::chains(&samples(&ticking, false))?.0.graph;
     if !rest.swaps() && !can_overwrite(&first) {
         first = planned::chains(&samples(&ticking, true))?.0.graph;
@@ -224,6 +225,7 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
         graph.chains.push(Chain {
             equation: equation(chain.equation),
             terms: chain.terms.start + terms..chain.terms.end + terms,
+            interim: chain.interim.map(write),
             write: write(chain.write),
             second: chain.second.map(write),
             function: chain.function.map(|function| numbers[function as usize]),

@@ -1,15 +1,21 @@
 //! The program memory of a PE: bits that every round repeats are stored once.
 //!
 //! Control words of a step stand in two memories of one address each: the loop memory has one word for each word of a
-//! round, the stream memory one for each word of the step. Every bit of the control word comes from one of them.
+//! round, the stream memory one for each word of the step. Every bit of the control word comes from one of them. Where
+//! the bits of the stream memory take few different turns through the rounds, a variant memory stands for it: it has a
+//! word for each round of each such variant, and each word of the loop memory has the variant of the next word.
 
-use super::{Field, Layout, PeProgram, Program};
-use crate::memory::{MemoryCells, rom};
+use super::{Field, FieldName, Layout, PeProgram, Program, index_bits};
+use crate::memory::{MemoryCells, rom, tables};
+use crate::word::Pipeline;
 
-/// The two memories of a PE's program.
+/// Most words of a variant memory, which is made of look-up tables.
+const VARIANT_WORDS: usize = 256;
+
+/// The memories of a PE's program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fold {
-    /// Bits of the control word that come from the stream memory.
+    /// Bits of the control word that rounds need different values of: from the stream or the variant memory.
     pub streamed: u128,
     /// All bits of the control word.
     pub all: u128,
@@ -17,7 +23,17 @@ pub struct Fold {
     pub repeated: Vec<u128>,
     /// Stream memory, bits at their places in the control word; empty if no bit comes from it.
     pub stream: Vec<u128>,
+    /// Variant memory, bits at their places in the control word: the rounds of a variant side by side, as many as a power
+    /// of two has; empty if no bit comes from it.
+    pub variant_words: Vec<u128>,
+    /// The variant of each word of a round; empty without a variant memory.
+    pub variant_of: Vec<u32>,
+    /// Words of a variant.
+    turns: usize,
 }
+
+/// What the streamed bits of a word of a round are in each round, and which of them have an effect.
+type Turns = Vec<(u128, u128)>;
 
 impl Fold {
     /// Folds the program of a PE where that is smaller. Bits of fields without effect are free, and take what other
@@ -26,7 +42,16 @@ impl Fold {
         let layout = Layout::new(&pe.features, &program.format);
         let all = u128::MAX >> (128 - layout.bits);
         let words: Vec<u128> = pe.words.iter().map(|word| layout.encode(word)).collect();
-        let flat = Fold { streamed: all, all, repeated: Vec::new(), stream: words.clone() };
+        let turns = program.rounds.next_power_of_two() as usize;
+        let flat = Fold {
+            streamed: all,
+            all,
+            repeated: Vec::new(),
+            stream: words.clone(),
+            variant_words: Vec::new(),
+            variant_of: Vec::new(),
+            turns,
+        };
         if program.rounds == 1 {
             return flat;
         }
@@ -38,8 +63,8 @@ impl Fold {
             let end = &pe.words[(k + program.latency().scale_to_write() as usize) % pe.words.len()];
             end.write.is_some() || end.write_index.is_some() || end.send
         };
-        for (k, word) in pe.words.iter().enumerate() {
-            let care = layout.effective(word, result(k));
+        let cares: Vec<u128> = (0..).zip(&pe.words).map(|(k, word)| layout.effective(word, result(k))).collect();
+        for (k, care) in cares.iter().copied().enumerate() {
             let slot = k % length;
             streamed |= (words[k] ^ repeated[slot]) & care & known[slot];
             repeated[slot] |= words[k] & care & !known[slot];
@@ -50,35 +75,115 @@ impl Fold {
             return flat;
         }
         let stream = if streamed == 0 { Vec::new() } else { words.iter().map(|word| word & streamed).collect() };
-        let fold = Fold { streamed, all, repeated, stream };
-        if fold.cells().equivalent_luts() < flat.cells().equivalent_luts() { fold } else { flat }
+        let turn = |slot: usize| -> Turns {
+            let places = (slot..words.len()).step_by(length);
+            places.map(|k| (words[k] & cares[k] & streamed, cares[k] & streamed)).collect()
+        };
+        // Behind more registers the variant would be known too late.
+        let direct = program.format.pipeline != Pipeline::Deep;
+        let varied =
+            if streamed == 0 || !direct { None } else { variants((0..length).map(turn), VARIANT_WORDS / turns) };
+        let looped = Fold { streamed, all, repeated, stream, ..flat.clone() };
+        let varied = varied.map(|(variants, variant_of)| {
+            let padded = |turns: &Turns| -> Vec<u128> {
+                let bits = turns.iter().map(|(bits, _)| *bits);
+                bits.chain(std::iter::repeat(0)).take(looped.turns).collect()
+            };
+            let variant_words = variants.iter().flat_map(padded).collect();
+            Fold { stream: Vec::new(), variant_words, variant_of, ..looped.clone() }
+        });
+        let smaller = |a: Fold, b: Fold| if b.cells().equivalent_luts() < a.cells().equivalent_luts() { b } else { a };
+        let looped = smaller(flat, looped);
+        varied.map_or(looped.clone(), |varied| smaller(looped, varied))
     }
 
-    /// Bits of a word of the loop memory.
+    /// Number of variants, if there is a variant memory.
+    pub fn variants(&self) -> Option<u32> {
+        (!self.variant_words.is_empty()).then_some((self.variant_words.len() / self.turns) as u32)
+    }
+
+    /// Bits of the number of a variant.
+    pub fn variant_bits(&self) -> u32 {
+        self.variants().map_or(0, index_bits)
+    }
+
+    /// The number of the variant that stands beside word `place` of a round in the loop memory: that of the next word.
+    pub fn next_variant(&self, place: usize) -> u32 {
+        let next = if place + 1 < self.variant_of.len() { place + 1 } else { 0 };
+        self.variant_of.get(next).copied().unwrap_or(0)
+    }
+
+    /// Bits of the control word that come from the loop memory.
     pub fn repeated_bits(&self) -> u32 {
         (self.all & !self.streamed).count_ones()
     }
 
-    /// Bits of a word of the stream memory.
+    /// Bits of a word of the loop memory.
+    pub fn loop_bits(&self) -> u32 {
+        self.repeated_bits() + self.variant_bits()
+    }
+
+    /// Bits of a word of the stream or variant memory.
     pub fn streamed_bits(&self) -> u32 {
         self.streamed.count_ones()
     }
 
     /// The control word that the PE sees in word `k` of a step.
     pub fn word(&self, k: usize) -> u128 {
-        let repeated = if self.repeated.is_empty() { 0 } else { self.repeated[k % self.repeated.len()] };
-        repeated | self.stream.get(k).copied().unwrap_or(0)
+        if self.repeated.is_empty() {
+            return self.stream.get(k).copied().unwrap_or(0);
+        }
+        let (round, place) = (k / self.repeated.len(), k % self.repeated.len());
+        let streamed = match self.variant_of.get(place) {
+            Some(variant) => self.variant_words[*variant as usize * self.turns + round],
+            None => self.stream.get(k).copied().unwrap_or(0),
+        };
+        self.repeated[place] | streamed
     }
 
     /// What the memories are made of.
     pub fn cells(&self) -> MemoryCells {
-        let repeated = rom(self.repeated.len() as u32, self.repeated_bits());
+        let repeated = rom(self.repeated.len() as u32, self.loop_bits());
         let stream = rom(self.stream.len() as u32, self.streamed_bits());
-        [repeated, stream].into_iter().sum()
+        let variants = tables(self.variant_words.len() as u32, self.streamed_bits());
+        [repeated, stream, variants].into_iter().sum()
     }
 }
 
+/// Gives each word of a round a variant, at most so many in all; one that is there if their bits with effect agree.
+fn variants(words: impl Iterator<Item = Turns>, most: usize) -> Option<(Vec<Turns>, Vec<u32>)> {
+    let mut variants: Vec<Turns> = Vec::new();
+    let mut variant_of = Vec::new();
+    for word in words {
+        let agrees = |variant: &Turns| {
+            variant.iter().zip(&word).all(|((bits, known), (other, care))| (bits ^ other) & known & care == 0)
+        };
+        let index = variants.iter().position(agrees).unwrap_or(variants.len());
+        if index == most {
+            return None;
+        }
+        if index == variants.len() {
+            variants.push(word);
+        } else {
+            for ((bits, known), (other, care)) in variants[index].iter_mut().zip(word) {
+                (*bits, *known) = (*bits | other, *known | care);
+            }
+        }
+        variant_of.push(index as u32);
+    }
+    Some((variants, variant_of))
+}
+
 impl Layout {
+    /// The fields with that of a variant in front of them.
+    pub fn with_variant(mut self, width: u32) -> Layout {
+        if width > 0 {
+            self.fields.insert(0, Field { name: FieldName::Variant, width, lsb: self.bits });
+            self.bits += width;
+        }
+        self
+    }
+
     /// The fields as far as their bits are in `mask`, closed up.
     pub fn part(&self, mask: u128) -> Layout {
         let width = |field: &Field| (mask >> field.lsb & (u128::MAX >> (128 - field.width))).count_ones();

@@ -7,6 +7,7 @@ use crate::word::WordFormat;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[allow(missing_docs)]
 pub enum FieldName {
+    Variant,
     OwnEnable,
     OwnSwap,
     OwnAddress,
@@ -41,6 +42,7 @@ impl FieldName {
     pub fn text(self) -> &'static str {
         use FieldName::*;
         match self {
+            Variant => "variant",
             OwnEnable => "own_enable",
             OwnSwap => "own_swap",
             OwnAddress => "own_address",

@@ -32,7 +32,7 @@ impl Facts {
         let (mut dependencies, mut input_reads) = (Vec::new(), Vec::new());
         for chain in &graph.chains {
             let terms = graph.chain_terms(chain);
-            let writes = 1 + u32::from(chain.second.is_some());
+            let writes = 1 + u32::from(chain.second.is_some()) + u32::from(chain.interim.is_some());
             facts.loads[chain.equation as usize] += writes.max(terms.len() as u32);
             for operand in terms.iter().flat_map(Term::operands) {
                 let operand = graph.value(operand);

@@ -13,7 +13,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::graph::{Factor, Role, StepGraph, ValueId};
+use crate::graph::{Chain, Factor, Role, StepGraph, ValueId, Write};
 use crate::mapping::Mapping;
 use crate::schedule::Schedule;
 use crate::word::Latency;
@@ -23,6 +23,18 @@ const NONE: u32 = u32::MAX;
 /// Returns what is wrong with a schedule; empty if nothing is.
 pub fn check(graph: &StepGraph, mapping: &Mapping, schedule: &Schedule, latency: Latency) -> Vec<String> {
     Checker::new(graph, mapping, schedule, latency).run()
+}
+
+/// Words between the first scale word after a chain's sum and that of each of its writes: the first two follow one
+/// another, and a write on top of the interim value waits until that is in the base memory.
+fn writes(chain: &Chain, latency: &Latency) -> Vec<(u32, Write)> {
+    let next_base = latency.scale_to_write() + 1;
+    match (chain.interim, chain.second) {
+        (None, None) => vec![(0, chain.write)],
+        (None, Some(second)) => vec![(0, chain.write), (1, second)],
+        (Some(interim), None) => vec![(0, interim), (next_base, chain.write)],
+        (Some(interim), Some(second)) => vec![(0, interim), (1, second), (next_base, chain.write)],
+    }
 }
 
 struct Checker<'a> {
@@ -41,8 +53,8 @@ impl<'a> Checker<'a> {
     fn new(graph: &'a StepGraph, mapping: &'a Mapping, schedule: &'a Schedule, latency: Latency) -> Self {
         let mut written = vec![NONE; graph.values.len()];
         for (chain, start) in graph.chains.iter().zip(&schedule.starts) {
-            for (position, write) in chain.writes().enumerate() {
-                written[write.value.index()] = start + chain.len() - 1 + latency.write() + position as u32;
+            for (delay, write) in writes(chain, &latency) {
+                written[write.value.index()] = start + chain.len() - 1 + latency.write() + delay;
             }
         }
         let mut received: Vec<_> = schedule.transfers.iter().map(|t| ((t.value, t.to), t.receive)).collect();
@@ -100,10 +112,10 @@ impl<'a> Checker<'a> {
             if !order.into_iter().eq(chain.terms.clone()) {
                 self.violations.push(format!("chain {index}: the issue order is not a permutation of its terms"));
             }
-            let writes = chain.writes().count() as u32;
-            ends[pe as usize].push((last, writes));
-            for position in 0..writes {
-                let time = last + self.latency.write() + position;
+            let delays: Vec<u32> = writes(chain, &self.latency).iter().map(|(delay, _)| *delay).collect();
+            ends[pe as usize].push((last, delays.iter().max().map_or(0, |delay| delay + 1)));
+            for delay in delays {
+                let time = last + self.latency.write() + delay;
                 own_writes.push((pe, time % period));
                 self.in_time(pe, time);
             }
@@ -112,9 +124,9 @@ impl<'a> Checker<'a> {
             ends.sort_unstable();
             let first = ends.first().map_or(0, |end| end.0 + period);
             let following: Vec<u32> = ends.iter().skip(1).map(|end| end.0).chain([first]).collect();
-            for ((last, writes), next) in ends.into_iter().zip(following) {
-                if next < last + writes {
-                    self.violations.push(format!("PE {pe}: the sum of word {last} is lost before its second write"));
+            for ((last, held), next) in ends.into_iter().zip(following) {
+                if next < last + held {
+                    self.violations.push(format!("PE {pe}: the sum of word {last} is lost before its last write"));
                 }
             }
         }
@@ -160,9 +172,9 @@ impl<'a> Checker<'a> {
                     self.read(factor, (pe, self.local(factor, pe)), time);
                 }
             }
-            for (position, write) in chain.writes().enumerate() {
+            for (delay, write) in writes(chain, &self.latency) {
                 if let Some(base) = write.base {
-                    let scale = start + chain.len() - 1 + self.latency.scale() + position as u32;
+                    let scale = start + chain.len() - 1 + self.latency.scale() + delay;
                     match graph.value(base).role {
                         Role::Column(lookup, _) => self.read_entry(base, lookup, pe, scale),
                         _ => self.read(base, (pe, self.local(base, pe)), scale),

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::memory::{self, MemoryCells};
-use pe_ir::program::{PeFeatures, Program};
+use pe_ir::program::{PeFeatures, Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
 
 /// A synthesised PE with its program memory.
@@ -123,8 +123,15 @@ fn pipeline(name: Option<&&str>) -> Option<Pipeline> {
 /// Memories of the control words: what every round repeats, and the rest.
 fn program(number: impl Fn(&str) -> Option<u32>) -> Option<MemoryCells> {
     let (words, bits, streamed) = (number("program_words")?, number("program_bits")?, number("streamed_bits")?);
-    let repeated = memory::rom(words.checked_div(number("rounds")?)?, bits.checked_sub(streamed)?);
-    Some([repeated, memory::rom(words, streamed)].into_iter().sum())
+    let (rounds, repeated) = (number("rounds")?, bits.checked_sub(streamed)?);
+    let round_words = words.checked_div(rounds)?;
+    Some(match number("variants") {
+        Some(variants) => {
+            let table = memory::tables(variants * rounds.next_power_of_two(), streamed);
+            [memory::rom(round_words, repeated + index_bits(variants)), table].into_iter().sum()
+        }
+        None => [memory::rom(round_words, repeated), memory::rom(words, streamed)].into_iter().sum(),
+    })
 }
 
 #[cfg(test)]

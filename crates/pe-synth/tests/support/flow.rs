@@ -79,7 +79,7 @@ impl Flow {
         Flow::of(label, model, pes, format, placement)
     }
 
-    /// A random affine model whose step has the given form.
+    /// A random model whose step has the given form.
     pub fn formed(
         (family, form): (Family, StageForm),
         (states, pes): (usize, u32),
@@ -181,9 +181,9 @@ impl Flow {
 
 /// The step with as many stages as the solver has, by Horner's rule or by increments.
 pub fn stage_by_stage(model: &Model) -> StepGraph {
-    let options = StepOptions { form: Some(StageForm::Horner), ..StepOptions::default() };
-    let horner = pe_hls::step::build_with(model, &options);
-    horner.or_else(|_| pe_hls::step::build(model)).unwrap_or_else(|error| panic!("{}: {error:?}", model.title))
+    let formed = |form| pe_hls::step::build_with(model, &StepOptions { form: Some(form), ..StepOptions::default() });
+    let found = formed(StageForm::Horner).or_else(|_| formed(StageForm::Increments));
+    found.or_else(|_| pe_hls::step::build(model)).unwrap_or_else(|error| panic!("{}: {error:?}", model.title))
 }
 
 /// Panics with the findings of a checker, if there are any.

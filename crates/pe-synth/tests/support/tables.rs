@@ -152,7 +152,14 @@ impl Builder {
         let start = self.graph.terms.len() as u32;
         self.graph.terms.push(Term::new(operand, by));
         let write = Write { value, base, weight: 0 };
-        self.graph.chains.push(Chain { equation, terms: start..start + 1, write, second: None, function: None });
+        self.graph.chains.push(Chain {
+            equation,
+            terms: start..start + 1,
+            interim: None,
+            write,
+            second: None,
+            function: None,
+        });
         value
     }
 }
