@@ -58,8 +58,10 @@ impl<'a> Elaborator<'a> {
                 Ok(())
             });
             if let Some((start, (low, high))) = outside {
-                let what = format!("the initial value {start} of `{}`", declared.name.text);
-                self.warn_outside(initial.span, &what, low, high);
+                let name = &declared.name.text;
+                let message =
+                    format!("the initial value {start} of `{name}` lies outside the stated range {low} .. {high}");
+                self.report.push(Diagnostic::error(codes::OUTSIDE_BOUNDS, initial.span, message).into_warning());
             }
         }
         initials
@@ -73,21 +75,12 @@ impl<'a> Elaborator<'a> {
             let bound = self.bind_signal(signal, declared);
             let bounds = self.bind_bounds(within.as_ref(), declared);
             let (Some(signal), Some(bounds)) = (bound, bounds) else { continue };
-            let mut outside = None;
             self.for_each_element(declared, |elaborator| {
                 let waveform = elaborator.waveform(&signal)?;
                 let range = elaborator.bounds(&bounds)?;
-                let (least, most) = waveform.bounds();
-                if outside.is_none() && range.is_some_and(|(low, high)| least < low || most > high) {
-                    outside = Some(((least, most), range.unwrap_or_default()));
-                }
                 inputs.push(Driven { waveform, range, span: statement.span });
                 Ok(())
             });
-            if let Some(((least, most), (low, high))) = outside {
-                let what = format!("the signal of `{}`, from {least} to {most},", declared.name.text);
-                self.warn_outside(declared.name.span, &what, low, high);
-            }
         }
         inputs
     }
@@ -130,11 +123,6 @@ impl<'a> Elaborator<'a> {
         let span = Span { start: low_node.span.start, end: high_node.span.end };
         let message = format!("the range from {low} to {high} holds no interval");
         Err(fault(Diagnostic::error(codes::BAD_BOUNDS, span, message).with_help("give the smaller bound first")))
-    }
-
-    fn warn_outside(&mut self, span: Span, what: &str, low: f64, high: f64) {
-        let message = format!("{what} lies outside the stated range {low} .. {high}");
-        self.report.push(Diagnostic::error(codes::OUTSIDE_BOUNDS, span, message).into_warning());
     }
 
     /// Whether the spec declares a quantity of this kind, or may do so in a broken statement.

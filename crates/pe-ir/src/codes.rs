@@ -97,6 +97,7 @@ codes! {
     OUTSIDE_DOMAIN = "E0904", "function outside its domain";
     SMALL_PIVOT = "E0905", "pivot of the step close to zero";
     SOLUTION_ENDS = "E0906", "solution ends within the span";
+    WORD_TOO_SHORT = "E0907", "word too short";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";
@@ -116,6 +117,8 @@ codes! {
     STEP_SPAN = "W0910", "span is no whole number of steps";
     STILL = "W0911", "no state moves";
     POLE = "W0912", "pole on or near the unit circle";
+    INPUT_RANGE = "W0913", "input outside its stated range";
+    REFERENCES_DIFFER = "W0914", "reference methods differ";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.
@@ -133,7 +136,7 @@ pub const GROUPS: &[(&str, &str)] = &[
 ];
 
 /// Errors that the user may turn into warnings, for their result is only doubtful.
-pub const PERMITTABLE: [&str; 1] = [STEP_TOO_LARGE];
+pub const PERMITTABLE: [&str; 2] = [STEP_TOO_LARGE, WORD_TOO_SHORT];
 
 /// The long explanation of a code: its section of `docs/diagnostics.md`, heading included. Case does not matter.
 pub fn explain(code: &str) -> Option<&'static str> {

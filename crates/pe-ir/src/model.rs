@@ -240,11 +240,15 @@ impl Model {
 
     /// The inputs of a step that begins at `time` and takes the inputs as they were at the time `sampled`.
     pub fn hold_inputs(&self, sampled: f64, time: f64) -> Vec<f64> {
-        let within = sampled + TIME_SLACK * self.step;
-        let inputs = self.inputs.iter().map(|input| input.waveform.piece(within, sampled));
+        let inputs = self.inputs.iter().map(|input| self.sample_input(input, sampled));
         let step = libm::round(time / self.step) as u64;
         let ticks = self.ticks().map(|(_, steps)| if step.is_multiple_of(steps) { 1.0 } else { 0.0 });
         inputs.chain(ticks).collect()
+    }
+
+    /// One input as a step that begins at `time` samples it.
+    pub fn sample_input(&self, input: &Input, time: f64) -> f64 {
+        input.waveform.piece(time + TIME_SLACK * self.step, time)
     }
 
     /// Number of states that change all the time.

@@ -52,7 +52,7 @@ fn sample_times(model: &Model, count: u32) -> Vec<f64> {
 /// The solutions of both methods.
 fn by_both_methods(model: &Model, at: &[f64]) -> [Trajectory; 2] {
     let first = reference::solve(model, at, TOLERANCE, &mut |_| {}).expect("it has a solution");
-    let second = reference::solve_by_second_method(model, at, TOLERANCE).expect("it has a solution");
+    let second = reference::solve_by_second_method(model, at, TOLERANCE).expect("it has a solution").states;
     assert_ne!(first.samples, second.samples, "the methods are one");
     [first, second]
 }
@@ -173,7 +173,8 @@ fn a_stiff_model_is_solved_by_the_implicit_method_as_well_as_by_the_explicit_one
     let at = sample_times(&model, 20);
     let explicit = reference::solve(&model, &at, TOLERANCE, &mut |_| {}).expect("it has a solution");
     // So few steps are not enough for the explicit method.
-    let implicit = reference::solve_with_limit(&model, &at, TOLERANCE, 500, &mut |_| {}).expect("it has a solution");
+    let implicit =
+        reference::solve_with_limit(&model, &at, TOLERANCE, 500, &mut |_| {}).expect("it has a solution").states;
     assert!(explicit.samples != implicit.samples, "the implicit method was not asked");
     let scales = explicit.scales(&[0, 1, 2]);
     let (state, error) = explicit.deviation(&implicit).worst(&scales);
@@ -189,7 +190,8 @@ fn a_very_stiff_model_has_a_reference_over_all_its_span() {
     // To t = 4e5 the explicit method would take some 1e8 steps.
     let model = robertson(4e5);
     let at = sample_times(&model, 10);
-    let solution = reference::solve_with_limit(&model, &at, TOLERANCE, 10_000, &mut |_| {}).expect("it has a solution");
+    let solution =
+        reference::solve_with_limit(&model, &at, TOLERANCE, 10_000, &mut |_| {}).expect("it has a solution").states;
     for (found, wanted) in solution.last().samples.iter().zip([4.938_3e-3, 1.985e-8, 0.995_06]) {
         assert!((found / wanted - 1.0).abs() < 2e-3, "{found} against {wanted}");
     }
@@ -206,7 +208,8 @@ fn jumps_of_an_input_are_met_by_the_implicit_method() {
     let derivative = times(1e6, &[Expr::Variable(Variable::Algebraic(0))]);
     let model = model(vec![(0.0, derivative)], vec![square.clone()], vec![difference], 1e-6, 9.9);
     let at = sample_times(&model, 97);
-    let solution = reference::solve_with_limit(&model, &at, TOLERANCE, 1000, &mut |_| {}).expect("it has a solution");
+    let solution =
+        reference::solve_with_limit(&model, &at, TOLERANCE, 1000, &mut |_| {}).expect("it has a solution").states;
     for (sample, time) in solution.samples.iter().zip(&at) {
         assert!((sample - square.at(*time)).abs() < 1e-10, "{sample} at {time}");
     }
@@ -218,4 +221,19 @@ fn a_stiff_model_that_is_too_large_is_given_up_in_bounded_time() {
     let model = model((0..500).map(|index| (1.0, chain(index))).collect(), vec![], vec![], 0.01, 1.0);
     let error = reference::solve_with_limit(&model, &[1.0], TOLERANCE, 1000, &mut |_| {}).expect_err("too many steps");
     assert_eq!(error.obstacle, Obstacle::TooManySteps, "{error}");
+}
+
+#[test]
+fn stiff_models_are_solved_by_a_one_step_and_by_a_multistep_method() {
+    // The span after which explicit methods have taken too many steps.
+    let model = robertson(4e4);
+    let at = sample_times(&model, 20);
+    let few = 1000;
+    let first = reference::solve_with_limit(&model, &at, TOLERANCE, few, &mut |_| {}).expect("it has a solution");
+    let second = reference::solve_by_second_method(&Model { step: 4.0, ..model.clone() }, &at, TOLERANCE);
+    let second = second.expect("it has a solution");
+    assert_eq!((first.method, second.method), (reference::Method::Radau5, reference::Method::Bdf));
+    let scales = first.states.scales(&[0, 1, 2]);
+    let difference = first.states.deviation(&second.states).worst(&scales).1;
+    assert!(difference > 0.0 && difference < 1e-8, "{difference:e}");
 }

@@ -1,6 +1,7 @@
 //! `pe-synth check`: is the step stable, and what would be better?
 
 use pe_ir::source::Severity;
+use serde_json::Value;
 
 use crate::check::{self, Question};
 use crate::console;
@@ -8,6 +9,7 @@ use crate::failure::{Failure, MessageFormat, print_findings};
 use crate::options::{DesignPoint, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Stopwatch};
 use crate::runs;
+use crate::variables;
 
 /// Products of a run over the span of a large model; a longer span is judged over its first part.
 const PRODUCTS: u64 = 500_000_000;
@@ -33,6 +35,9 @@ pub struct Check {
     /// Method error that the accuracy step is for
     #[arg(long, value_name = "E", default_value_t = check::ACCURACY, value_parser = crate::cmd_compile::positive, help_heading = "Numbers")]
     max_error: f64,
+    /// Shows the ranges of all variables, not only of those with the least headroom
+    #[arg(long, help_heading = "Output")]
+    all: bool,
     #[command(flatten)]
     model: ModelOptions,
 }
@@ -67,10 +72,14 @@ impl Check {
             Ok(judged) => (check::Check::of_judged(&question, &judged), Some(judged)),
             Err(refusals) => (check::Check::of_refused(&question, refusals), None),
         };
+        let variables = judged.as_ref().map(|judged| variables::variables(model, &graph, judged));
         console::out(&if json {
-            format!("{:#}\n", check::json(model, &check, judged.as_ref(), asked_span, &loaded.sources))
+            let mut result = check::json(model, &check, judged.as_ref(), asked_span, &loaded.sources);
+            result["variables"] = variables.map_or(Value::Null, |variables| variables::complete(&variables).into());
+            format!("{result:#}\n")
         } else {
-            check::text(model, &check, judged.as_ref(), asked_span)
+            let ranges = variables.map_or_else(String::new, |variables| variables::ranges(&variables, self.all));
+            check::text(model, &check, judged.as_ref(), asked_span) + &ranges
         });
         let (refusals, warnings): (Vec<_>, Vec<_>) =
             check.findings.into_iter().partition(|finding| finding.severity == Severity::Error);

@@ -127,7 +127,7 @@ impl Compile {
         let pes = design.program.pes.len() as u32;
         let fit = self.device.map(|device| Fit::of(device, &area, &design.program.format, pes));
         let silicon = Silicon { area, clock };
-        let variables = variables(model, &design);
+        let variables = variables(model, &design.graph, &design.judged);
         let mut report = report::report(model, &design, &variables, silicon, &total, self.model.seed, command);
         report["stability"] = check.as_ref().map_or(Value::Null, |check| check::report(model, check));
         if check.is_none() {
@@ -284,12 +284,14 @@ fn total_error(
             Err(_) => "no solution".to_owned(),
         },
     );
-    if let Err(error) = &result {
-        let warning = Diagnostic::global(codes::NO_REFERENCE, error.to_string())
-            .with_help("the design is written; its report has no total error. Try a shorter `--span`")
-            .into_warning();
-        print_findings(&[warning], &loaded.sources, format);
-    }
+    let warning = match &result {
+        Ok(total) => total.doubt(),
+        Err(error) => {
+            let help = "the design is written; its report has no total error. Try a shorter `--span`";
+            Some(Diagnostic::global(codes::NO_REFERENCE, error.to_string()).with_help(help).into_warning())
+        }
+    };
+    print_findings(warning.as_slice(), &loaded.sources, format);
     result
 }
 

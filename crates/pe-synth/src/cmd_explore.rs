@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 
 use crate::cmd_compile::positive;
 use crate::console;
-use crate::explore::axes::Axes;
+use crate::explore::axes::{Axes, Completed};
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::estimate::Estimate;
 use crate::explore::files::Sheet;
@@ -83,7 +83,7 @@ impl Explore {
         let folder = || PathBuf::from("out").join(format!("{}_explore", model.name));
         let target = self.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
-        let (axes, graphs) = self.axes.complete(model);
+        let Completed { axes, graphs, stiffness } = self.axes.complete(model);
         let clock = Clock { mhz: self.clock.unwrap_or(ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
         let points = axes.formed(model, &self.mapping).into_iter();
         let mut record = Record {
@@ -104,6 +104,12 @@ impl Explore {
         let seconds = estimate.total(&sweep::families(jobs.clone(), sweep::has_functions(model)));
         if !quiet {
             console::err(&announcement(&axes, &record, jobs.len(), seconds, threads));
+            let ratio = stiffness.into_iter();
+            ratio.for_each(|ratio| {
+                console::err(&format!(
+                    "   solvers  all that apply: accuracy would allow steps {ratio:.0} times those that RK4 can take\n"
+                ))
+            });
         }
         let (options, mapping) = (self.model.clone(), self.mapping.clone());
         let sweep = Sweep { loaded, options, mapping, conserved: Vec::new(), within: None, clock, estimate };

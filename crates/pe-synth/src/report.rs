@@ -257,8 +257,10 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
             value["conserved"] = total.drift.iter().map(drift).collect();
             value["reference_tolerance"] = json!(TOLERANCE);
             value["reference_uncertainty"] = json!(total.uncertainty);
+            value["reference_method"] = json!(total.method.name());
             match total.agreement {
                 Ok(agreement) => {
+                    value["reference_second_method"] = json!(agreement.method.name());
                     value["reference_agreement"] = json!(agreement.difference);
                     value["reference_apart_s"] = json!(agreement.apart);
                 }

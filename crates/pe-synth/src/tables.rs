@@ -1,6 +1,7 @@
 //! Tables in place of the functions of a step: the run that finds their arguments, and what the report says of them.
 
 use indicatif::ProgressBar;
+use pe_hls::functions::Unbounded;
 use pe_ir::functions::Table;
 use pe_ir::graph::{FixedPoint, Role, StepGraph};
 use pe_ir::model::Model;
@@ -34,6 +35,26 @@ pub fn tabulate(
         }
     }
     pe_hls::functions::tabulate(graph, run.arguments(), format)
+        .map_err(|unbounded| unbounded.into_iter().map(|unbounded| with_time(model, graph, unbounded)).collect())
+}
+
+/// The finding with the time at which the arguments reach the place where the function has no bounds, or pass it.
+fn with_time(model: &Model, graph: &StepGraph, unbounded: Unbounded) -> Diagnostic {
+    let Unbounded { function, at, mut finding } = unbounded;
+    let mut run = DoubleRun::new(graph);
+    for step in 0..model.steps() {
+        let time = model.time(step, 0.0);
+        let finite = run.step(&model.sample_inputs(time)).is_ok();
+        let (low, high) = run.arguments()[function];
+        if low <= at && at <= high {
+            finding.message += &format!("; x gets there at t = {time:.6e} s");
+            break;
+        }
+        if !finite {
+            break;
+        }
+    }
+    finding
 }
 
 /// The tables of a step in a few words.

@@ -1,9 +1,11 @@
 //! The total error: the hardware's states against the reference solution of the model.
 
 use indicatif::ProgressBar;
+use pe_ir::codes;
 use pe_ir::model::{Model, Variable};
+use pe_ir::source::Diagnostic;
 use pe_sim::error::{SCALE_FLOOR, Trajectory};
-use pe_sim::reference::{self, ReferenceError};
+use pe_sim::reference::{self, Method, ReferenceError, Solution};
 
 use crate::conserved::{Conserved, Drift};
 use crate::oscillation::{self, Period};
@@ -33,6 +35,8 @@ pub struct Reference {
     conserved: Vec<Conserved>,
     /// Relative difference to a solution with a tolerance `LOOSER` times as large.
     pub uncertainty: f64,
+    /// The method that found it.
+    pub method: Method,
     /// Comparison with the solution of another method, which may have none.
     pub agreement: Result<Agreement, ReferenceError>,
 }
@@ -69,6 +73,8 @@ pub struct TotalError {
     pub drift: Vec<Drift>,
     /// How far the reference itself can be trusted, by its tolerance.
     pub uncertainty: f64,
+    /// The method that found the reference.
+    pub method: Method,
     /// How far another method agrees with it.
     pub agreement: Result<Agreement, ReferenceError>,
 }
@@ -76,10 +82,29 @@ pub struct TotalError {
 /// Two methods compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
+    /// The second method.
+    pub method: Method,
     /// Largest difference of the solutions, relative to the scale of the state.
     pub difference: f64,
     /// Time in seconds of the first sample at which they differ by [`Agreement::APART`].
     pub apart: Option<f64>,
+}
+
+impl TotalError {
+    /// A warning if the two methods differ by more than the error that is told.
+    pub fn doubt(&self) -> Option<Diagnostic> {
+        let agreement = self.agreement.ok().filter(|agreement| agreement.difference > self.whole.error)?;
+        let since = agreement.apart.map_or(String::new(), |time| format!(", from t = {time:.6e} s on by 1e-6 or more"));
+        let message = format!(
+            "the reference solutions by {} and by {} differ by {:.1e}{since}, which is more than the total error of {:.1e}",
+            self.method.name(),
+            agreement.method.name(),
+            agreement.difference,
+            self.whole.error
+        );
+        let help = "take the difference for the total error, or judge it over a shorter `--span`";
+        Some(Diagnostic::global(codes::REFERENCES_DIFFER, message).with_help(help).into_warning())
+    }
 }
 
 impl Agreement {
@@ -109,20 +134,22 @@ impl Reference {
         let mut silent = |_: f64| {};
         let mut tell = |time: f64| progress.set_position((time / end * BAR as f64) as u64);
         let ended = |panic| std::panic::resume_unwind(panic);
+        let steps = reference::explicit_steps(model);
+        let tolerance = LOOSER * reference::TOLERANCE;
         let (loose, second, solution) = std::thread::scope(|scope| {
-            let loose = scope.spawn(|| reference::solve(model, times, LOOSER * reference::TOLERANCE, &mut silent));
+            let loose = scope.spawn(|| reference::solve_with_limit(model, times, tolerance, steps, &mut silent));
             let second = scope.spawn(|| reference::solve_by_second_method(model, times, reference::TOLERANCE));
-            let solution = reference::solve(model, times, reference::TOLERANCE, &mut tell);
+            let solution = reference::solve_with_limit(model, times, reference::TOLERANCE, steps, &mut tell);
             (loose.join().unwrap_or_else(ended), second.join().unwrap_or_else(ended), solution)
         });
-        let (loose, solution) = (loose?, solution?);
+        let (loose, Solution { states: solution, method }) = (loose?, solution?);
         let scales = solution.scales(&quantities(model));
-        let uncertainty = solution.deviation(&loose).worst(&scales).1.max(reference::TOLERANCE);
+        let uncertainty = solution.deviation(&loose.states).worst(&scales).1.max(reference::TOLERANCE);
         let conserved = conserved.iter().cloned().chain(Conserved::found(model, &scales)).collect();
         let candidates = if varying_inputs(model) { Vec::new() } else { outputs_first(model) };
         let times = times.to_vec();
         let agreement = second.map(|second| agreement(&times, &solution, &second, &scales));
-        Ok(Reference { times, solution, scales, candidates, conserved, uncertainty, agreement })
+        Ok(Reference { times, solution, scales, candidates, conserved, uncertainty, method, agreement })
     }
 
     /// How far the fixed-point run of `judged`, sampled at the same times, is from it.
@@ -144,6 +171,7 @@ impl Reference {
             period: self.period(run),
             drift: self.conserved.iter().map(drift).collect(),
             uncertainty: self.uncertainty,
+            method: self.method,
             agreement: self.agreement,
         }
     }
@@ -195,10 +223,11 @@ fn first_beyond(times: &[f64], solution: &Trajectory, other: &Trajectory, scales
 }
 
 /// How far another solution at the same times agrees.
-fn agreement(times: &[f64], solution: &Trajectory, second: &Trajectory, scales: &[f64]) -> Agreement {
+fn agreement(times: &[f64], solution: &Trajectory, second: &Solution, scales: &[f64]) -> Agreement {
     Agreement {
-        difference: solution.deviation(second).worst(scales).1,
-        apart: first_beyond(times, solution, second, scales, Agreement::APART),
+        method: second.method,
+        difference: solution.deviation(&second.states).worst(scales).1,
+        apart: first_beyond(times, solution, &second.states, scales, Agreement::APART),
     }
 }
 
@@ -235,7 +264,8 @@ mod tests {
 
     #[test]
     fn a_wrong_solution_of_the_second_method_is_noticed() {
-        let second = |samples| agreement(&TIMES, &one_state(RISE), &one_state(samples), &[4.0]);
+        let solution = |samples| Solution { states: one_state(samples), method: Method::Verner98 };
+        let second = |samples| agreement(&TIMES, &one_state(RISE), &solution(samples), &[4.0]);
         let close = second([1.0, 2.0, 3.0, 4.0 + 4e-10]);
         assert!(close.vouches_for(1e-8) && close.apart.is_none(), "{close:?}");
         let wrong = second([1.0, 2.0, 3.0 + 4e-4, 4.0]);
@@ -253,12 +283,34 @@ mod tests {
             candidates: Vec::new(),
             conserved: Vec::new(),
             uncertainty: 1e-12,
-            agreement: Ok(Agreement { difference: 0.0, apart: None }),
+            method: Method::Dop853,
+            agreement: Ok(Agreement { method: Method::Verner98, difference: 0.0, apart: None }),
         };
         let run = one_state([1.0, 2.0, 3.0, 4.04]);
         assert!((reference.l2(&run) - 0.04 / libm::sqrt(30.0)).abs() < 1e-12);
         assert!((reference.digits(&reference.solution.last(), &run.last()) - 2.0).abs() < 1e-9);
         let beyond = |limit| first_beyond(&TIMES, &reference.solution, &run, &[4.0], limit);
         assert_eq!((beyond(0.1), beyond(0.001)), (None, Some(2.0)));
+    }
+
+    #[test]
+    fn methods_that_differ_by_more_than_the_error_are_told() {
+        let worst = Worst { state: 0, error: 1e-9 };
+        let total = |difference| TotalError {
+            whole: worst,
+            end: worst,
+            double: (0.0, 0.0),
+            l2: 0.0,
+            digits: 9.0,
+            diverged: None,
+            period: None,
+            drift: Vec::new(),
+            uncertainty: 1e-12,
+            method: Method::Radau5,
+            agreement: Ok(Agreement { method: Method::Bdf, difference, apart: None }),
+        };
+        assert!(total(9e-10).doubt().is_none());
+        let finding = total(2e-9).doubt().expect("they differ");
+        assert!(finding.code == "W0914" && finding.message.contains("Radau5 and by BDF"), "{}", finding.message);
     }
 }

@@ -4,10 +4,13 @@ use pe_ir::graph::{Role, StepGraph, ValueId};
 use pe_ir::model::Model;
 use serde_json::{Value, json};
 
-use crate::pipeline::Design;
+use crate::runs::Judged;
 
-/// Variables that the report lists: those with the least headroom.
+/// Variables that reports list: those with the least headroom.
 const LISTED: usize = 10;
+
+/// Variables that a terminal shows unless asked for all.
+const SHOWN: usize = 6;
 
 /// A state, algebraic variable or input.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,9 +38,9 @@ impl Variable {
     }
 }
 
-/// All variables of a design: states, algebraic variables that are computed on their own, inputs; in the spec's order.
-pub fn variables(model: &Model, design: &Design) -> Vec<Variable> {
-    let (graph, judged) = (&design.graph, &design.judged);
+/// All variables of a judged step: states, algebraic variables that are computed on their own, inputs; in the spec's
+/// order.
+pub fn variables(model: &Model, graph: &StepGraph, judged: &Judged) -> Vec<Variable> {
     let fixed = &judged.fixed;
     // Of the values that a variable has in the stages of a step the one that comes closest to its limit speaks for it.
     let measure = |name: &str, kind, unit: &Option<String>, values: &[ValueId]| {
@@ -86,11 +89,10 @@ fn values_of(graph: &StepGraph, model: &Model) -> [Vec<Vec<ValueId>>; 2] {
     [states, algebraics]
 }
 
-/// Indices of the variables with the least headroom, least first.
-fn closest(variables: &[Variable]) -> Vec<usize> {
+/// Indices of all variables, the least headroom first.
+fn by_headroom(variables: &[Variable]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..variables.len()).collect();
     order.sort_by(|a, b| variables[*a].headroom().total_cmp(&variables[*b].headroom()));
-    order.truncate(LISTED);
     order
 }
 
@@ -101,18 +103,45 @@ pub fn report(variables: &[Variable]) -> Vec<Value> {
         json!({"name": variable.name, "kind": variable.kind, "bits": variable.headroom(),
                "largest": variable.largest, "limit": variable.limit})
     };
-    closest(variables).into_iter().map(row).collect()
+    by_headroom(variables).into_iter().take(LISTED).map(row).collect()
 }
 
 /// The least headroom in words.
 pub fn summary(variables: &[Variable]) -> String {
-    match closest(variables).first() {
+    match by_headroom(variables).first() {
         None => "no variable".to_owned(),
         Some(index) => {
             let Variable { name, largest, limit, .. } = &variables[*index];
             format!("{:.2} bits at least: `{name}` reaches {largest:.3e} of {limit:.3e}", variables[*index].headroom())
         }
     }
+}
+
+/// Every variable as JSON, in the spec's order.
+pub fn complete(variables: &[Variable]) -> Vec<Value> {
+    let row = |variable: &Variable| {
+        json!({"name": variable.name, "kind": variable.kind, "unit": variable.unit, "largest": variable.largest,
+               "limit": variable.limit, "bits": variable.headroom(), "lsb": variable.lsb,
+               "word_length": variable.word_length})
+    };
+    variables.iter().map(row).collect()
+}
+
+/// The variables with the least headroom as a table for a terminal, or all of them; the last line counts the rest.
+pub fn ranges(variables: &[Variable], all: bool) -> String {
+    let shown = if all { variables.len() } else { SHOWN };
+    let mut text =
+        format!("  {:<24} {:<9} {:>10} {:>10} {:>8} {:>9}\n", "range", "", "largest", "limit", "headroom", "LSB");
+    for index in by_headroom(variables).into_iter().take(shown) {
+        let variable = &variables[index];
+        let Variable { name, kind, largest, limit, lsb, .. } = variable;
+        let bits = variable.headroom();
+        text += &format!("  {name:<24} {kind:<9} {largest:>10.3e} {limit:>10.3e} {bits:>8.2} {lsb:>9.1e}\n");
+    }
+    if variables.len() > shown {
+        text += &format!("  {} more with more headroom; `--all` shows them\n", variables.len() - shown);
+    }
+    text
 }
 
 /// The table of all variables as CSV.

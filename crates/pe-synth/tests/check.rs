@@ -3,6 +3,7 @@
 mod support;
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -262,6 +263,54 @@ output y";
             &["W0908"],
             &["`x`"],
         ),
+        (
+            "a divisor that passes zero",
+            spec("rk4", "1 ms", "2 s", "state z = 1\nstate x = 0\nz' = -1.0007\nx' = 1/z\noutput x"),
+            &[],
+            1,
+            &["E0904"],
+            &["`1/z`", "1/x", "gets there at t = 9.99"],
+        ),
+        (
+            "a divisor that passes zero, less simply",
+            spec("rk4", "1 ms", "2 s", "state z = 1\nstate x = 0\nz' = -z\nx' = 3*x/(z - 0.5)\noutput x"),
+            &[],
+            1,
+            &["E0904"],
+            &["z-0.5", "gets there at t = 6.9"],
+        ),
+        (
+            "a logarithm of what turns negative",
+            spec("rk4", "1 ms", "2 s", "state z = 1\nstate x = 0\nz' = -1\nx' = log(z)\noutput x"),
+            &[],
+            1,
+            &["E0904"],
+            &["`log(z)`", "at t = ", "9.99"],
+        ),
+        (
+            "a root of what turns negative",
+            spec("rk4", "1 ms", "2 s", "state z = 1\nstate x = 0\nz' = -0.8\nx' = sqrt(z) - x\noutput x"),
+            &[],
+            1,
+            &["E0904"],
+            &["`sqrt(z)`", "at t = 1.24"],
+        ),
+        (
+            "a signal beyond its stated range",
+            spec("rk4", "1 ms", "1 s", "input u = sine(3, 1 Hz) in -1 .. 1\nstate x = 1\nx' = u - x\noutput x"),
+            &[],
+            0,
+            &["W0913"],
+            &["`u`", "at t = 5.500000e-2 s with 1.01", "as far as 3 at t = 2.500000e-1 s", "in -3 .. 3"],
+        ),
+        (
+            "a signal that leaves its stated range after the span",
+            spec("rk4", "1 ms", "1 s", "input u = ramp(0, 9, 2, 1) in 0 .. 1\nstate x = 1\nx' = u - x\noutput x"),
+            &[],
+            0,
+            &[],
+            &[],
+        ),
         ("growth of the model itself", spec("rk4", "1 ms", "5 s", "state x = 1\nx' = 2*x\noutput x"), &[], 0, &[], &[]),
     ];
     let mut wrong = Vec::new();
@@ -366,4 +415,56 @@ fn a_list_of_steps_is_judged_by_its_own_times() {
     let answer = check(&folder, &spec("rodas3", "1 ms until 20 ms, then 10 ms", "194 ms", statements), &[]);
     assert_eq!(answer.codes, ["W0910"], "{}", answer.messages);
     assert!(answer.messages.contains("37.4"), "{}", answer.messages);
+}
+
+#[test]
+fn ranges_of_all_variables_are_there() {
+    let folder = Folder::new("check_ranges");
+    let statements = "index i in 1..9\nstate x[i] = i\nx[i]' = -x[i]\noutput x";
+    let answer = check(&folder, &spec("rk4", "1 ms", "1 s", statements), &[]);
+    let variables = answer.result["variables"].as_array().expect("a list");
+    assert_eq!(variables.len(), 9, "{}", answer.result);
+    for (index, variable) in variables.iter().enumerate() {
+        let number = |key: &str| variable[key].as_f64().expect("a number");
+        assert_eq!(
+            (variable["name"].as_str(), number("largest")),
+            (Some(&*format!("x[{}]", index + 1)), index as f64 + 1.0)
+        );
+        assert!(number("limit") > 1.2 * number("largest") && number("lsb") > 0.0 && number("word_length") < 1e-6);
+        assert!((number("bits") - (number("limit") / number("largest")).log2()).abs() < 1e-9);
+    }
+    let text = |options: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+        let output = command.current_dir(&folder.0).args(["check", "m.spec"]).args(options).output();
+        String::from_utf8_lossy(&output.expect("pe-synth starts").stdout).into_owned()
+    };
+    assert!(text(&[]).contains("3 more with more headroom; `--all` shows them"), "{}", text(&[]));
+    let all = text(&["--all"]);
+    assert!((1..=9).all(|i| all.contains(&format!("x[{i}] "))) && !all.contains("--all"), "{all}");
+    let refused = check(&folder, &spec("rk4", "1 ms", "2 s", "state x = 1\nx' = x^2\noutput x"), &[]);
+    assert!(refused.exit == Some(1) && refused.result["variables"].is_null(), "{}", refused.result);
+}
+
+#[test]
+fn a_word_that_decides_the_trajectory_is_refused_and_an_imprecise_one_is_not() {
+    let model = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models").join(name);
+    let answer = |name: &str, options: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+        let output = command.arg("check").arg(model(name)).args(options).output().expect("pe-synth starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    // An orbit with close encounters: half the step agrees to 1e-5.
+    let (exit, messages) = answer("validation/arenstorf.spec", &[]);
+    let parts = ["error[E0907]", "`u`", "t = ", "multiplies differences by", "`--multiplier 35x35` works (tried)"];
+    assert!(exit == Some(1) && parts.iter().all(|part| messages.contains(part)), "{messages}");
+    let (exit, messages) = answer("validation/arenstorf.spec", &["--multiplier", "35x35"]);
+    assert!(exit == Some(0) && !messages.contains("E0907"), "{messages}");
+    // With 12 bits, more than half of the largest magnitude of one model is wrong, and an eighth of another's.
+    let (exit, messages) = answer("lotka_volterra/lotka_volterra.spec", &["--storage", "12", "--multiplier", "12x12"]);
+    assert!(
+        exit == Some(1) && messages.contains("error[E0907]") && messages.contains("little in common"),
+        "{messages}"
+    );
+    let (exit, messages) = answer("validation/brusselator.spec", &["--storage", "12", "--multiplier", "12x12"]);
+    assert!(exit == Some(0) && messages.contains("warning[W0905]"), "{messages}");
 }

@@ -472,6 +472,11 @@ fn a_word_that_is_short_for_the_accuracy_is_warned_about() {
     let spec = home.join("m.spec");
     fs::write(&spec, format!("model m\n{HEAD}state x = 1 in -1e9 .. 1e9\nx' = -x\noutput x\n")).unwrap();
     let output = compile(&spec, &home.join("out"), &[]);
+    assert!(output.status.code() == Some(1) && stderr(&output).contains("error[E0907]"), "{}", stderr(&output));
+    let output = compile(&spec, &home.join("out"), &["--allow", "E0907"]);
+    assert!(output.status.success() && stderr(&output).contains("warning[E0907]"), "{}", stderr(&output));
+    fs::write(&spec, format!("model m\n{HEAD}state x = 1 in -3e8 .. 3e8\nx' = -x\noutput x\n")).unwrap();
+    let output = compile(&spec, &home.join("out"), &[]);
     assert!(output.status.success() && stderr(&output).contains("warning[W0905]: word short"), "{}", stderr(&output));
     fs::write(&spec, format!("model m\n{HEAD}state x = 1 in -2 .. 2\nx' = -x\noutput x\n")).unwrap();
     let output = compile(&spec, &home.join("out"), &[]);

@@ -2,12 +2,14 @@
 
 mod support;
 
+use pe_frontend::{NoFiles, Overrides};
 use pe_ir::graph::StageForm;
 use pe_ir::model::Solver;
+use pe_ir::source::Sources;
 use pe_ir::word::Pipeline;
-use pe_synth::engines::Engine;
+use pe_synth::engines::{self, Engine};
 use support::bench::{Agreement, assert_agreement};
-use support::flow::{Flow, Placement, format};
+use support::flow::{Flow, Placement, Start, format};
 use support::models::compile;
 use support::{FAMILIES, Family};
 
@@ -183,4 +185,35 @@ fn coefficients_in_two_slots_and_words_of_48_bits_agree() {
     sum += agree_on_model("van_der_pol", &["--pes", "2", "--storage", "48", "--multiplier", "35x35", "--span", "2s"]);
     sum += agree_on_model("lorenz", &["--pes", "3", "--storage", "48", "--multiplier", "25x18", "--span", "1s"]);
     report("two slots, 48 bits", sum);
+}
+
+/// What `docs/hardware.md` says about inputs beyond the range stated for them: a word that the port can carry is computed
+/// with, the flag rises where rounding to the data operand clamps it, and a number beyond all words is clamped before.
+#[test]
+fn inputs_at_the_ends_of_their_words_agree() {
+    let text = "model m\nsolver rk4\nstep 10 ms\nspan 1 s\ninput u = sine(0.9, 1 Hz) in -1 .. 1\n\
+                state x = 1\nx' = 0.01*u - x\nstate y = 1\ny' = x - 0.5*y + 0.02*u\noutput x, y\n";
+    let mut sources = Sources::new("m.spec", text);
+    let (model, _) = pe_frontend::compile(&mut sources, &NoFiles, &Overrides::default()).expect("a model");
+    let model = pe_hls::lift::lift(model);
+    let mut sum = Agreement::default();
+    for (widths, clamps) in [((32, 32, 32), false), ((32, 25, 18), true), ((24, 18, 18), true)] {
+        let format = format(widths.0, widths.1, widths.2);
+        let flow = Flow::of(format!("inputs {widths:?}"), model.clone(), 1, format, Placement::Annealed);
+        let run = flow.fixed_run(0);
+        let (least, most) = (-(1i64 << (widths.0 - 1)), (1i64 << (widths.0 - 1)) - 1);
+        assert_eq!((run.encode_input(0, 1e9), run.encode_input(0, -1e9)), ((most, true), (least, true)));
+        // A little beyond the stated range is a number like others.
+        let (beyond, clamped) = run.encode_input(0, 1.01);
+        assert!(!clamped && run.encode_input(0, 1.0).0 < beyond && beyond < most, "{beyond}");
+        for (words, flag) in
+            [([beyond, least, -beyond, 0, beyond, least], false), ([0, beyond, most, 1, -1, most], clamps)]
+        {
+            let start = Start { stimulus: words.iter().map(|word| vec![*word]).collect(), ..flow.beginning(0) };
+            let simulated = engines::simulate(&start.program, &start.stimulus, words.len() as u64);
+            assert_eq!(simulated.overflow, flag, "{}: {words:?}", flow.label);
+            sum += assert_agreement(&flow.label, &start, &ENGINES);
+        }
+    }
+    report("inputs", sum);
 }

@@ -11,7 +11,7 @@ use support::models::{Compiled, compile};
 fn every_variable_is_measured_against_its_format() {
     let Compiled { loaded, design } = compile("lung", &["--pes", "3", "--span", "2s"]);
     let model = &loaded.model;
-    let variables = variables(model, &design);
+    let variables = variables(model, &design.graph, &design.judged);
     let names: Vec<&str> = variables.iter().map(|variable| variable.name.as_str()).collect();
     assert_eq!(names, ["F", "p", "V[1]", "V[2]", "P[1]", "P[2]", "Q[1]", "Q[2]", "p_vent"]);
     // The largest magnitude of a state, found by another run; the measured one has the stages in between as well.
@@ -31,6 +31,11 @@ fn every_variable_is_measured_against_its_format() {
     }
     let table = variables::table(&variables);
     assert_eq!(table.lines().count(), 1 + variables.len());
+    let complete = variables::complete(&variables);
+    assert!(complete.iter().zip(&names).all(|(row, name)| row["name"] == **name) && complete.len() == names.len());
+    let (few, all) = (variables::ranges(&variables, false), variables::ranges(&variables, true));
+    assert!(few.ends_with("  3 more with more headroom; `--all` shows them\n") && few.lines().count() == 8, "{few}");
+    assert!(names.iter().all(|name| all.contains(name)) && all.lines().count() == 1 + names.len(), "{all}");
     let listed = variables::report(&variables);
     let bits: Vec<f64> = listed.iter().map(|row| row["bits"].as_f64().unwrap()).collect();
     assert!(bits.is_sorted() && bits.len() == variables.len().min(10));

@@ -10,7 +10,10 @@ use pe_ir::source::{Diagnostic, Sources};
 use pe_sim::double::DoubleRun;
 use pe_sim::machine::Machine;
 use pe_sim::reference;
+use pe_synth::engines::Engine;
+use support::bench::{Agreement, Folder, assert_agreement};
 use support::flow::{Flow, Placement, Start, format};
+use support::models::compile_file;
 
 /// Two coupled oscillators with cubic springs, no damping.
 const SPRINGS: &str = "
@@ -374,6 +377,35 @@ fn the_machine_computes_what_the_planned_step_says() {
 }
 
 #[test]
+fn steps_with_tables_and_lists_of_steps_agree_in_ghdl() {
+    // Reciprocals of pivots and coefficients of gates are tables, which the whole pipeline makes.
+    let implicit = ["implicit_euler", "trapezoidal", "ros2", "rodas3"];
+    let implicit = implicit.map(|solver| (solver, "10 ms", "1 s", BRUSSELATOR, "2"));
+    // 40 short steps and 36 long ones: the run from the middle goes from the former to the latter.
+    let listed = ["implicit_euler", "rodas3"];
+    let listed = listed.map(|solver| (solver, "0.5 ms until 20 ms, then 0.1 s", "3.62 s", ROBERTSON, "1"));
+    let gates = ("rush_larsen", "10 ms", "1 s", GATE, "2");
+    let folder = Folder::new("methods_ghdl");
+    let mut sum = Agreement::default();
+    for (solver, step, span, body, pes) in implicit.into_iter().chain(listed).chain([gates]) {
+        let path = folder.0.join("m.spec");
+        let text = format!("model m\nsolver {solver}\nstep {step}\nspan {span}\n{body}");
+        std::fs::write(&path, text).expect("the spec can be written");
+        let compiled = compile_file(&path, &["--pes", pes, "--tries", "2000", "--allow", "E0903"]);
+        assert!(!compiled.design.graph.functions.tables.is_empty(), "{solver}: no table");
+        let label = format!("{solver} {step}");
+        let engines = [Engine::Reference, Engine::Ghdl];
+        if !body.contains("1e4") {
+            sum += assert_agreement(&label, &compiled.beginning(6), &engines);
+        }
+        sum += assert_agreement(&label, &compiled.middle(6), &engines);
+    }
+    let Agreement { runs, writes, outputs, seconds } = sum;
+    println!("{runs} runs, {writes} memory writes and {outputs} outputs equal, {seconds:.1} s in the engines");
+    assert!(runs == 24 && writes > 1000, "{runs} runs, {writes} writes");
+}
+
+#[test]
 fn a_solver_that_does_not_suit_is_refused_with_the_reason() {
     let explicit = stepped(BRUSSELATOR, Solver::Rk4, "0.01 s until 1 s, then 0.02 s", 2.0);
     let finding = &pe_hls::step::build(&explicit).expect_err("explicit methods take no list")[0];
@@ -383,6 +415,8 @@ fn a_solver_that_does_not_suit_is_refused_with_the_reason() {
         (DAMPED, Solver::Leapfrog, "the velocity `v[1]` reads the velocity `v[1]`"),
         ("state y = 1\ny' = -y\noutput y\n", Solver::SymplecticEuler, "no positions and velocities"),
         (BRUSSELATOR, Solver::Exact, "not affine"),
+        ("state z = 1\nstate x = 0\nz' = 0.3\nx' = 1/z\noutput x\n", Solver::Exact, "not affine"),
+        ("state z = 1\nstate x = 0\nz' = -0.3*z\nx' = 2*abs(z) - x\noutput x\n", Solver::Exact, "not affine"),
         (BRUSSELATOR, Solver::RushLarsen, "no state is a gate"),
         ("state x = 1\nx' = 100*x\noutput x\n", Solver::ImplicitEuler, "singular at `x`"),
     ];

@@ -54,7 +54,7 @@ fn check_legible(name: &str, svg: &str) {
 }
 
 fn draw(Compiled { loaded, design, .. }: &Compiled) -> Vec<(String, String)> {
-    pictures::draw(&loaded.model, design, &variables(&loaded.model, design))
+    pictures::draw(&loaded.model, design, &variables(&loaded.model, &design.graph, &design.judged))
 }
 
 #[test]

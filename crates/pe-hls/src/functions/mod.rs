@@ -41,12 +41,23 @@ struct Planned<'a> {
     fit: Fit,
 }
 
+/// A function that grows beyond all bounds between its arguments.
+#[derive(Clone, Debug)]
+pub struct Unbounded {
+    /// The function among those of the step graph.
+    pub function: usize,
+    /// The argument where it does.
+    pub at: f64,
+    /// `E0904`.
+    pub finding: Diagnostic,
+}
+
 /// The step graph with tables in place of its exact functions, for words of a format. `arguments` are smallest and
 /// largest argument of each function over the run.
 ///
 /// # Errors
-/// `E0904` for a function that grows beyond all bounds between its arguments.
-pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat) -> Result<StepGraph, Vec<Diagnostic>> {
+/// All functions that grow beyond all bounds between their arguments.
+pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat) -> Result<StepGraph, Vec<Unbounded>> {
     let mut uses = vec![0u64; graph.functions.exact.len()];
     let mut place: Vec<Option<(&str, Span)>> = vec![None; uses.len()];
     for chain in &graph.chains {
@@ -63,7 +74,8 @@ pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat)
             Some(place) => match Domain::of(function, arguments[index], format) {
                 Ok(domain) => Some(domain),
                 Err(at) => {
-                    errors.push(unbounded(&function.name, place, arguments[index], at));
+                    let finding = unbounded(&function.name, place, arguments[index], at);
+                    errors.push(Unbounded { function: index, at, finding });
                     None
                 }
             },
@@ -77,7 +89,9 @@ pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat)
     for (index, planned) in planned.iter().enumerate() {
         let (Some(planned), Some(place)) = (planned, place[index]) else { continue };
         if planned.fit.error > COARSEST * planned.domain.largest {
-            errors.push(unbounded(&graph.functions.exact[index].name, place, arguments[index], planned.fit.worst));
+            let at = planned.fit.worst;
+            let finding = unbounded(&graph.functions.exact[index].name, place, arguments[index], at);
+            errors.push(Unbounded { function: index, at, finding });
         }
     }
     if errors.is_empty() { Ok(expand(graph, segments, &planned)) } else { Err(errors) }

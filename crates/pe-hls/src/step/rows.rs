@@ -1,6 +1,6 @@
 //! Sparse rows of an affine right-hand side, and polynomials of them.
 
-use pe_ir::model::Variable;
+use pe_ir::model::{Expr, Variable};
 
 use super::polynomial::Polynomial;
 use super::sharing::Expanded;
@@ -36,15 +36,17 @@ impl Rows {
         let states = expanded.derivatives.len();
         let mut sum = Sum::new(states + inputs + 1);
         let mut algebraics = Rows::empty(sum.width());
-        for (polynomial, shared) in expanded.algebraics.iter().zip(&expanded.shared) {
-            if *shared {
-                sum.add_polynomial(polynomial, states, &algebraics)?;
+        let functions = expanded.functions.as_slice();
+        for ((polynomial, shared), function) in expanded.algebraics.iter().zip(&expanded.shared).zip(functions) {
+            // The polynomial of a function is its argument, so its row stays empty, and nothing may read it.
+            if *shared && function.is_none() {
+                sum.add_polynomial(polynomial, states, (&algebraics, functions))?;
             }
             sum.finish(&mut algebraics, limit).ok()?;
         }
         let mut rows = Rows::empty(sum.width());
         for polynomial in &expanded.derivatives {
-            sum.add_polynomial(polynomial, states, &algebraics)?;
+            sum.add_polynomial(polynomial, states, (&algebraics, functions))?;
             sum.finish(&mut rows, limit).ok()?;
         }
         Some(rows)
@@ -152,15 +154,20 @@ impl Sum {
         self.numbers[column as usize] += number;
     }
 
-    /// Adds a polynomial of degree one; `None` if it has another.
-    fn add_polynomial(&mut self, polynomial: &Polynomial, states: usize, algebraics: &Rows) -> Option<()> {
+    /// Adds a polynomial of degree one; `None` if it has another, or reads a function.
+    fn add_polynomial(
+        &mut self,
+        polynomial: &Polynomial,
+        states: usize,
+        (algebraics, functions): (&Rows, &[Option<Expr>]),
+    ) -> Option<()> {
         let one = self.width() as u32 - 1;
         for (monomial, coefficient) in polynomial.terms() {
             match monomial.as_slice() {
                 [] => self.add(one, coefficient),
                 [Variable::State(state)] => self.add(*state, coefficient),
                 [Variable::Input(input)] => self.add(states as u32 + input, coefficient),
-                [Variable::Algebraic(algebraic)] => {
+                [Variable::Algebraic(algebraic)] if functions[*algebraic as usize].is_none() => {
                     algebraics.row(*algebraic as usize).for_each(|(column, n)| self.add(column, coefficient * n));
                 }
                 _ => return None,

@@ -4,15 +4,18 @@
 //! shared with the step graph, and nothing with the solvers of the hardware, so that the comparison with a run says how
 //! wrong that run is. The method is DOP853 of the crate `differential-equations`: explicit, of eighth order, its step
 //! controlled by an error estimate (decision 0010). A stiff model, for which it needs too many steps, is solved by the
-//! library's implicit Radau5 (decision 0027). Both are started anew wherever a signal jumps or bends, or a sample is taken. Where more depends
-//! on it, a second explicit method of the library, Verner's of ninth order, checks the first.
+//! library's implicit Radau5 (decision 0027). Both are started anew wherever a signal jumps or bends, or a sample is
+//! taken. Where more depends on it, a method of another family checks the first: Verner's explicit one of ninth order, and
+//! for stiff models backward differentiation of up to fifth order, a multistep method (decision 0032).
 
 mod equations;
 mod states;
 mod stiff;
 
 use differential_equations::error::Error;
-use differential_equations::methods::{Adaptive, DormandPrince, ExplicitRungeKutta, Ordinary};
+use differential_equations::methods::{
+    Adaptive, BackwardDifferentiationFormula, DormandPrince, ExplicitRungeKutta, Ordinary,
+};
 use differential_equations::ode::{ODE, OrdinaryNumericalMethod};
 use differential_equations::status::Status;
 use differential_equations::traits::State;
@@ -36,6 +39,40 @@ const STEP_RATIO: u64 = 20;
 
 /// Times closer than this, relative to their magnitude, are the same time.
 const TIME_RESOLUTION: f64 = 1e-14;
+
+/// A method of the library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Dormand and Prince, explicit, order eight.
+    Dop853,
+    /// Verner, explicit, order nine.
+    Verner98,
+    /// Radau IIA, implicit, order five.
+    Radau5,
+    /// Backward differentiation, implicit, multistep, order one to five.
+    Bdf,
+}
+
+impl Method {
+    /// The name that reports have for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Dop853 => "DOP853",
+            Method::Verner98 => "Verner 9(8)",
+            Method::Radau5 => "Radau5",
+            Method::Bdf => "BDF",
+        }
+    }
+}
+
+/// States at the times asked for, and the method that found them.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// The states.
+    pub states: Trajectory,
+    /// The method.
+    pub method: Method,
+}
 
 /// Why there is no reference solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,10 +119,11 @@ pub fn solve(
     tolerance: f64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Trajectory, ReferenceError> {
-    solve_with_limit(model, times, tolerance, STEP_FLOOR + STEP_RATIO * model.steps(), progress)
+    solve_with_limit(model, times, tolerance, explicit_steps(model), progress).map(|solution| solution.states)
 }
 
-/// The same, with a limit to the steps of the explicit method for those who cannot wait.
+/// The same, with the method that found it, and with a limit to the steps of the explicit method for those who cannot
+/// wait.
 ///
 /// # Errors
 /// [`ReferenceError`] with the time at which the solution ends.
@@ -95,29 +133,43 @@ pub fn solve_with_limit(
     tolerance: f64,
     steps: u64,
     progress: &mut dyn FnMut(f64),
-) -> Result<Trajectory, ReferenceError> {
-    match explicit::<DormandPrince853>(model, times, tolerance, steps, progress) {
+) -> Result<Solution, ReferenceError> {
+    match integrate::<DormandPrince853>(model, times, tolerance, steps, progress) {
         Err(ReferenceError { obstacle: Obstacle::TooManySteps, .. }) if Stiff::suits(model) => {
             let equations = Equations::new(model);
             let mut rough = Stiff::new(model, &equations, ROUGH_TOLERANCE, Scales::growing(model, &equations));
             rough.run(times, progress)?;
-            Stiff::new(model, &equations, tolerance, rough.scales.into_known()).run(times, progress)
+            let states = Stiff::new(model, &equations, tolerance, rough.scales.into_known()).run(times, progress)?;
+            Ok(Solution { states, method: Method::Radau5 })
         }
-        result => result,
+        states => Ok(Solution { states: states?, method: Method::Dop853 }),
     }
 }
 
 /// The same by another method, which shares no coefficient with that of [`solve`]: Verner's of ninth order with an
-/// embedded one of eighth. Stiff models are beyond it.
+/// embedded one of eighth, and backward differentiation where that fails, as it does on stiff models.
 ///
 /// # Errors
 /// [`ReferenceError`] with the time at which the solution ends.
-pub fn solve_by_second_method(model: &Model, times: &[f64], tolerance: f64) -> Result<Trajectory, ReferenceError> {
-    explicit::<Verner98>(model, times, tolerance, STEP_FLOOR + STEP_RATIO * model.steps(), &mut |_| {})
+pub fn solve_by_second_method(model: &Model, times: &[f64], tolerance: f64) -> Result<Solution, ReferenceError> {
+    let silent = &mut |_: f64| {};
+    match integrate::<Verner98>(model, times, tolerance, explicit_steps(model), silent) {
+        // Far beyond its stability a method of ninth order may as well overflow between two steps.
+        Err(_) if Stiff::suits(model) => {
+            let states = integrate::<Bdf>(model, times, tolerance, stiff::most_steps(model), silent)?;
+            Ok(Solution { states, method: Method::Bdf })
+        }
+        states => Ok(Solution { states: states?, method: Method::Verner98 }),
+    }
 }
 
-/// Solves by an explicit method, first roughly, to learn the magnitudes of the states.
-fn explicit<M: Explicit>(
+/// Steps that an explicit method may take.
+pub fn explicit_steps(model: &Model) -> u64 {
+    STEP_FLOOR + STEP_RATIO * model.steps()
+}
+
+/// Solves by a method of the library, first roughly, to learn the magnitudes of the states.
+fn integrate<M: Driven>(
     model: &Model,
     times: &[f64],
     tolerance: f64,
@@ -136,16 +188,21 @@ fn explicit<M: Explicit>(
 /// The methods with their types.
 type DormandPrince853 = ExplicitRungeKutta<Ordinary, DormandPrince, f64, States, 8, 12, 16>;
 type Verner98 = ExplicitRungeKutta<Ordinary, Adaptive, f64, States, 9, 16, 21>;
+type Bdf = BackwardDifferentiationFormula<Ordinary, f64, States>;
 
 /// What [`Integration`] asks of a method beside its steps.
-trait Explicit: OrdinaryNumericalMethod<f64, States> + Sized {
+trait Driven: OrdinaryNumericalMethod<f64, States> + Sized {
     /// The method with its first step.
     fn beginning(step: f64) -> Self;
     /// Sets a relative tolerance, and an absolute one of each state.
     fn tolerate(&mut self, relative: f64, absolute: Vec<f64>);
+    /// Goes on with a step that was proposed before another one was cut short, which says nothing about the next.
+    fn resume(&mut self, proposed: f64) {
+        self.set_h(self.h().max(proposed));
+    }
 }
 
-impl Explicit for DormandPrince853 {
+impl Driven for DormandPrince853 {
     fn beginning(step: f64) -> Self {
         ExplicitRungeKutta::dop853().max_steps(usize::MAX).h0(step)
     }
@@ -155,7 +212,7 @@ impl Explicit for DormandPrince853 {
     }
 }
 
-impl Explicit for Verner98 {
+impl Driven for Verner98 {
     fn beginning(step: f64) -> Self {
         ExplicitRungeKutta::rkv988e().max_steps(usize::MAX).h0(step)
     }
@@ -163,6 +220,19 @@ impl Explicit for Verner98 {
     fn tolerate(&mut self, relative: f64, absolute: Vec<f64>) {
         (self.rtol, self.atol) = (relative.into(), absolute.into());
     }
+}
+
+impl Driven for Bdf {
+    fn beginning(step: f64) -> Self {
+        BackwardDifferentiationFormula::adaptive().max_steps(usize::MAX).h0(step)
+    }
+
+    fn tolerate(&mut self, relative: f64, absolute: Vec<f64>) {
+        (self.rtol, self.atol) = (relative.into(), absolute.into());
+    }
+
+    // Its past steps are scaled with the step: it must grow again by itself.
+    fn resume(&mut self, _: f64) {}
 }
 
 /// Magnitudes of the states, which absolute errors are measured by.
@@ -230,7 +300,7 @@ struct Integration<'a> {
 }
 
 impl Integration<'_> {
-    fn run<M: Explicit>(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
+    fn run<M: Driven>(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
         let mut samples = Trajectory::new(self.model.states.len());
         let Some(end) = times.last().copied() else { return Ok(samples) };
         let mut states = States(self.model.states.iter().map(|state| state.initial).collect());
@@ -255,7 +325,7 @@ impl Integration<'_> {
     }
 
     /// The method at the beginning of a piece, or anew within it.
-    fn start<M: Explicit>(&self, piece: &Piece, time: f64, states: &States, step: f64) -> Result<M, ReferenceError> {
+    fn start<M: Driven>(&self, piece: &Piece, time: f64, states: &States, step: f64) -> Result<M, ReferenceError> {
         if !piece.is_finite(time, states) {
             return Err(ReferenceError { time, obstacle: Obstacle::NotFinite });
         }
@@ -269,7 +339,7 @@ impl Integration<'_> {
     }
 
     /// Integrates to `target` within the piece.
-    fn advance<M: Explicit>(
+    fn advance<M: Driven>(
         &mut self,
         method: &mut M,
         piece: &Piece,
@@ -304,9 +374,11 @@ impl Integration<'_> {
             if matches!(method.status(), Status::RejectedStep) {
                 continue;
             }
+            if !method.y().0.iter().all(|state| state.is_finite()) {
+                return fail(Obstacle::NotFinite);
+            }
             if last {
-                // A step that was cut short says nothing about the next.
-                method.set_h(method.h().max(proposed));
+                method.resume(proposed);
             }
             if self.scales.growing {
                 self.scales.include(method.y());

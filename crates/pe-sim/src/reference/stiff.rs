@@ -20,6 +20,12 @@ const MOST_STEPS: f64 = 1e6;
 /// The method's types: order five, three stages.
 type Method = ImplicitRungeKutta<Ordinary, Radau, f64, States, 5, 3, 3>;
 
+/// Steps that a method with a dense matrix may try.
+pub(super) fn most_steps(model: &Model) -> u64 {
+    let states = model.states.len() as f64;
+    (OPERATIONS / (states * states * (states + 100.0))).min(MOST_STEPS) as u64
+}
+
 /// One way through the times.
 pub(super) struct Stiff<'a> {
     model: &'a Model,
@@ -38,9 +44,7 @@ impl<'a> Stiff<'a> {
     }
 
     pub fn new(model: &'a Model, equations: &'a Equations<'a>, tolerance: f64, scales: Scales) -> Self {
-        let states = model.states.len() as f64;
-        let steps = (OPERATIONS / (states * states * (states + 100.0))).min(MOST_STEPS) as u64;
-        Stiff { model, equations, tolerance, scales, steps }
+        Stiff { model, equations, tolerance, scales, steps: most_steps(model) }
     }
 
     /// All states at the times.

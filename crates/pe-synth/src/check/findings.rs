@@ -207,7 +207,7 @@ impl Check {
                 None => self.with_limit(question, refusal, trials),
             },
             codes::STEP_TOO_LARGE | codes::SMALL_PIVOT => self.with_limit(question, refusal, trials),
-            codes::SATURATED => {
+            codes::SATURATED | codes::WORD_TOO_SHORT => {
                 let remedy =
                     remedies::for_word(model, question.graph, question.point, question.options, &question.format);
                 with_help_of(refusal, &remedy)

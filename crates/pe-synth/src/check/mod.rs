@@ -9,17 +9,19 @@ mod observed;
 mod prediction;
 mod remedies;
 mod show;
+pub mod stiffness;
 mod trials;
 mod trusted;
 
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
+use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pivots::SmallestPivot;
-use crate::runs::Judged;
+use crate::runs::{self, Judged};
 
 use self::observed::{Chaos, DeadBand, StepGrowth};
 use self::prediction::Prediction;
@@ -34,8 +36,12 @@ pub const ACCURACY: f64 = 1e-3;
 /// States above which no trials with other steps are run.
 const TRIED_STATES: usize = 10_000;
 
+/// States up to which methods are tried that eliminate or fill a matrix.
+const MATRIX_STATES: usize = 200;
+
 /// Refusals that the check can explain.
-pub const EXPLAINED: [&str; 4] = [codes::DIVERGED, codes::SATURATED, codes::STEP_TOO_LARGE, codes::SMALL_PIVOT];
+pub const EXPLAINED: [&str; 5] =
+    [codes::DIVERGED, codes::SATURATED, codes::STEP_TOO_LARGE, codes::SMALL_PIVOT, codes::WORD_TOO_SHORT];
 
 /// Warnings of the check alone; others come from the runs.
 const OWN: [&str; 7] = [
@@ -75,6 +81,8 @@ pub struct Check {
     found: Option<Found>,
     /// Step for the accuracy asked for, and its method error.
     accuracy: Option<(f64, f64)>,
+    /// How many times the stable step accuracy would allow.
+    stiffness_ratio: Option<f64>,
     /// Growth of one step, with exact and rounded coefficients.
     growth: Option<StepGrowth>,
     /// The smallest pivot of an implicit method.
@@ -97,6 +105,7 @@ impl Check {
         check.accuracy = question
             .goal
             .and_then(|goal| trials.accuracy_step(judged.errors.method, goal, check.found.map(|found| found.stable)));
+        check.stiffness_ratio = check.ratio(model, question.goal);
         check.growth = observed::step_growth(model, question.graph, &judged.fixed, &trusted);
         check.pivot = judged.smallest_pivot.clone();
         check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
@@ -118,6 +127,7 @@ impl Check {
         }
         check.findings =
             refusals.into_iter().map(|refusal| check.explained(question, refusal, &trusted, &trials)).collect();
+        check.findings.extend(runs::outside(model));
         check.findings.extend(findings::of_span(model));
         check
     }
@@ -125,6 +135,13 @@ impl Check {
     /// Warnings that the runs did not give.
     pub fn own_warnings(&self) -> Vec<Diagnostic> {
         self.findings.iter().filter(|finding| OWN.contains(&finding.code)).cloned().collect()
+    }
+
+    /// The accuracy step over the stable one.
+    fn ratio(&self, model: &Model, goal: Option<f64>) -> Option<f64> {
+        let predicted = || self.prediction.limit.as_ref().map(|limit| limit.step);
+        let stable = self.found.map(|found| found.stable).or_else(predicted)?;
+        Some(stiffness::ratio(stable, self.accuracy?, goal?, model.solver))
     }
 
     fn explain(question: &Question, trusted: &Trusted, trials: &Trials) -> Check {
@@ -138,6 +155,7 @@ impl Check {
             own_trajectory: trusted.own,
             found,
             accuracy: None,
+            stiffness_ratio: None,
             growth: None,
             pivot: None,
             dead_bands: Vec::new(),

@@ -9,6 +9,7 @@ use pe_sim::linear::{Linearised, is_affine};
 use pe_sim::spectrum::{eigenvalues, outer_eigenvalues};
 
 use super::trusted::Trusted;
+use crate::runs::{APART, Sensitivity};
 
 /// Points at which increments are looked at, fewer in models of very many states, but some.
 const POINTS: usize = 150;
@@ -29,15 +30,8 @@ const INTEGRATOR: f64 = 1e-9;
 /// Vectors of Arnoldi's method for larger ones.
 const VECTORS: usize = 40;
 
-/// First difference of the two runs that measure sensitivity, relative to each state, and products they may take.
-const DISTURBANCE: f64 = 1e-9;
+/// Products that the columns of a step's matrix may take.
 const PRODUCTS: u64 = 400_000_000;
-
-/// Growth of a disturbance from which on a model is called chaotic.
-const CHAOTIC: f64 = 1e4;
-
-/// Part of a state's magnitude at which two runs have nothing in common.
-const APART: f64 = 0.1;
 
 /// A state whose increments are below half an LSB, so that rounding loses them, for a part of the run.
 #[derive(Clone, Debug, PartialEq)]
@@ -205,73 +199,15 @@ pub struct Chaos {
     pub divergence: f64,
 }
 
-/// Whether a model is chaotic, from a run beside a disturbed one; none if it is not, or that would take too long. Without
-/// number formats an LSB is that of 32 bits.
+/// Whether a model is chaotic; none if it is not, or that would take too long to find out. Without number formats an
+/// LSB is that of 32 bits.
 pub fn chaos(model: &Model, graph: &StepGraph, fixed: Option<&FixedPoint>, trusted: &Trusted) -> Option<Chaos> {
-    if is_affine(model) || model.steps().saturating_mul(2 * graph.macs()) > PRODUCTS {
-        return None;
-    }
-    let (mut run, mut other) = (DoubleRun::new(graph), DoubleRun::new(graph));
     let scales = scales(trusted);
-    for (index, state) in model.states.iter().enumerate() {
-        let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
-        other.set_state(index, state.initial * (1.0 + sign * DISTURBANCE));
-    }
-    let difference = |run: &DoubleRun, other: &DoubleRun| {
-        let of = |index: usize| (run.state(index) - other.state(index)).abs() / scales[index];
-        (0..scales.len()).map(of).fold(0.0, f64::max)
-    };
-    let first = difference(&run, &other);
-    let stride = model.steps().div_ceil(200);
-    // Natural logarithms of the difference over time, until the runs have parted.
-    let mut course: Vec<(f64, f64)> = Vec::new();
-    for done in 1..=model.steps() {
-        let inputs = model.sample_inputs(model.time(done - 1, 0.0));
-        run.step(&inputs).ok()?;
-        other.step(&inputs).ok()?;
-        if done % stride == 0 {
-            let apart = difference(&run, &other);
-            if apart > APART {
-                break;
-            }
-            course.push((model.time(done, 0.0), libm::log(apart.max(f64::MIN_POSITIVE))));
-        }
-    }
-    let (end, last) = *course.last()?;
-    if first == 0.0 || last - libm::log(first) < libm::log(CHAOTIC) {
-        return None;
-    }
-    let rate = slope(&course);
-    // The difference grows for the whole time, not in one leap: each third of the time has its part.
-    let third = |part: usize| course[(course.len() - 1) * part / 3].1;
-    if rate <= 0.0 || !(1..=3).all(|part| third(part) > third(part - 1)) || rate * end < libm::log(CHAOTIC) / 2.0 {
-        return None;
-    }
+    let rate = Sensitivity::of(model, graph, &scales)?.rate?;
     let of = |fixed: &FixedPoint| {
         let lsb = |index: usize| libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()]) / scales[index];
         (0..scales.len()).map(lsb).fold(0.0, f64::max)
     };
     let lsb = fixed.map_or(libm::scalbn(1.0, -31), of);
     Some(Chaos { rate, divergence: libm::log(APART / lsb.max(f64::MIN_POSITIVE)) / rate })
-}
-
-/// Slope of the straight line through points with the least squares.
-fn slope(points: &[(f64, f64)]) -> f64 {
-    let count = points.len() as f64;
-    let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), point| (x + point.0 / count, y + point.1 / count));
-    let (above, below) = points.iter().fold((0.0, 0.0), |(above, below), point| {
-        (above + (point.0 - x) * (point.1 - y), below + (point.0 - x) * (point.0 - x))
-    });
-    if below > 0.0 { above / below } else { 0.0 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_slope_is_that_of_the_line() {
-        assert!((slope(&[(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)]) - 2.0).abs() < 1e-12);
-        assert_eq!(slope(&[(1.0, 1.0)]), 0.0);
-    }
 }

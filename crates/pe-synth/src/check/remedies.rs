@@ -6,9 +6,9 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::word::{Latency, WordFormat};
 
-use super::TRIED_STATES;
 use super::prediction::Prediction;
 use super::trials::{Outcome, Trials};
+use super::{MATRIX_STATES, TRIED_STATES};
 use crate::options::{DesignPoint, ModelOptions};
 use crate::pipeline;
 use crate::runs;
@@ -22,9 +22,6 @@ const WORD_ERROR: f64 = 0.02;
 
 /// Changes that are tried, at most.
 const MOST_TRIALS: usize = 10;
-
-/// States up to which methods are tried that eliminate or fill a matrix.
-const MATRIX_STATES: usize = 200;
 
 /// Products of the runs over the span that a wider word may take to be tried.
 const PRODUCTS: u64 = 300_000_000;

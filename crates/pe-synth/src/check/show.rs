@@ -6,12 +6,10 @@ use serde_json::{Value, json};
 
 use super::findings::{eigenvalue, factor};
 use super::remedies::SAFE;
+use super::stiffness::STIFF;
 use super::{Check, TRIED_STATES};
 use crate::render;
 use crate::runs::Judged;
-
-/// Stiffness ratio from which on an implicit method is proposed.
-const STIFF: f64 = 20.0;
 
 /// Findings of states that are listed.
 const LISTED: usize = 10;
@@ -40,21 +38,6 @@ fn few(number: f64) -> Value {
 /// A growth of one step: as many digits as do not depend on the order of sums.
 fn steady(number: f64) -> f64 {
     libm::round(number * 1e9) / 1e9
-}
-
-impl Check {
-    /// Accuracy step over stability step: how many times more steps stability asks for.
-    fn stiffness_ratio(&self) -> Option<f64> {
-        let stable = self.found.map(|found| found.stable).or(self.prediction.limit.as_ref().map(|limit| limit.step))?;
-        let (accurate, error) = self.accuracy?;
-        // A step that is accurate right up to the limit of stability would be accurate beyond it, too.
-        let beyond = if accurate >= 0.99 * stable {
-            libm::sqrt(libm::sqrt((super::ACCURACY / error.max(1e-16)).max(1.0)))
-        } else {
-            1.0
-        };
-        Some(accurate / stable * beyond)
-    }
 }
 
 /// The key `stability` of reports.
@@ -93,7 +76,7 @@ pub fn report(model: &Model, check: &Check) -> Value {
     if let Some((step, error)) = check.accuracy {
         value["accuracy_step_s"] = few(step);
         value["accuracy_error"] = few(error);
-        value["stiffness_ratio"] = check.stiffness_ratio().map_or(Value::Null, few);
+        value["stiffness_ratio"] = check.stiffness_ratio.map_or(Value::Null, few);
     }
     if prediction.limit.is_none() {
         value["predicted_step_reason"] = json!("no damped mode of the model limits this method");
@@ -189,9 +172,9 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
     if let Some((step, error)) = check.accuracy {
         row("accuracy step", format!("{step:.3e} s has a method error of {error:.1e}"));
     }
-    let ratio = check.stiffness_ratio();
+    let ratio = check.stiffness_ratio;
     let stiff = match ratio {
-        Some(ratio) if ratio > STIFF => format!("; accuracy allows {ratio:.0} x: try an implicit method"),
+        Some(ratio) if ratio > STIFF => format!("; accuracy allows {ratio:.0} x: try implicit methods"),
         Some(ratio) => format!("; accuracy step / stable step {ratio:.2}"),
         None => String::new(),
     };

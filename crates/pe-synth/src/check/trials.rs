@@ -53,7 +53,7 @@ pub struct Found {
 }
 
 /// Steps of a trial.
-fn affordable(graph: &StepGraph) -> u64 {
+pub fn affordable(graph: &StepGraph) -> u64 {
     PRODUCTS / (graph.macs() + PRODUCTS_PER_STEP)
 }
 

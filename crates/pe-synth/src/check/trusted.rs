@@ -49,7 +49,7 @@ impl Trusted {
         let solve = |end: f64| {
             let times: Vec<f64> = (1..=SAMPLES).map(|k| end * f64::from(k) / f64::from(SAMPLES)).collect();
             let solution = reference::solve_with_limit(model, &times, TOLERANCE, steps, &mut |_| {});
-            solution.map(|solution| (times, solution))
+            solution.map(|solution| (times, solution.states))
         };
         let mut trusted = Trusted::start(model, false);
         let mut solution = solve(model.span);

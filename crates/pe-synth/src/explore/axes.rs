@@ -6,6 +6,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_ir::word::{Latency, Pipeline};
 
+use crate::check::stiffness;
 use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, pipeline, solver, storage};
 use crate::pipeline::MappingOptions;
 
@@ -18,7 +19,7 @@ pub struct Axes {
     /// Numbers of processing elements [default: powers of two, for as long as more of them can be faster]
     #[arg(long, value_name = "N,...", value_delimiter = ',', help_heading = "Sweep")]
     pub pes: Vec<u32>,
-    /// Numerical methods [default: euler,heun,heun3,rk4]
+    /// Numerical methods [default: euler,heun,heun3,rk4; of stiff models all that apply]
     #[arg(long, value_name = "SOLVER,...", value_delimiter = ',', value_parser = solver(), help_heading = "Sweep")]
     pub solver: Vec<Solver>,
     /// Steps [default: the spec's, its half and its double]
@@ -38,13 +39,28 @@ pub struct Axes {
     pub storage: Vec<u32>,
 }
 
+/// Axes without a list that is empty.
+pub struct Completed {
+    /// The axes.
+    pub axes: Axes,
+    /// The step graph of each solver at the spec's step, if it has one.
+    pub graphs: Vec<(Solver, StepGraph)>,
+    /// How many times the stable step of RK4 accuracy would allow, if the solvers were chosen for that.
+    pub stiffness: Option<f64>,
+}
+
 impl Axes {
-    /// Puts the defaults of a model in the place of lists that were not given, and takes every value once. With the
-    /// step graph of each solver at the spec's step, if it has one.
-    pub fn complete(&self, model: &Model) -> (Axes, Vec<(Solver, StepGraph)>) {
+    /// Puts the defaults of a model in the place of lists that were not given, and takes every value once.
+    pub fn complete(&self, model: &Model) -> Completed {
         let mut axes = self.clone();
+        let build = |solver: &Solver| pe_hls::step::build(&Model { solver: *solver, ..model.clone() }).ok();
+        let mut stiffness = None;
         if axes.solver.is_empty() {
-            axes.solver = Solver::RUNGE_KUTTA.to_vec();
+            stiffness = stiffness::explicit(model).filter(|ratio| *ratio > stiffness::STIFF);
+            axes.solver = match stiffness {
+                Some(_) => Solver::ALL.into_iter().filter(|solver| build(solver).is_some()).collect(),
+                None => Solver::RUNGE_KUTTA.to_vec(),
+            };
         }
         if axes.step.is_empty() {
             axes.step = vec![2.0 * model.step, model.step, model.step / 2.0];
@@ -56,16 +72,13 @@ impl Axes {
         once(&mut axes.step);
         once(&mut axes.multiplier);
         once(&mut axes.storage);
-        let graph = |solver: &Solver| {
-            let model = Model { solver: *solver, ..model.clone() };
-            Some((*solver, pe_hls::step::build(&model).ok()?))
-        };
+        let graph = |solver: &Solver| Some((*solver, build(solver)?));
         let graphs: Vec<(Solver, StepGraph)> = axes.solver.iter().filter_map(graph).collect();
         if axes.pes.is_empty() {
             axes.pes = axes.useful_pes(&graphs);
         }
         once(&mut axes.pes);
-        (axes, graphs)
+        Completed { axes, graphs, stiffness }
     }
 
     /// Powers of two, for as long as the bound of some solver and multiplier falls.

@@ -290,9 +290,21 @@ impl Sweep {
         let design = pipeline::implement(loaded, &graph, &judged, (point.pes, seed), &self.mapping, watch)?;
         let (model, total) = (&loaded.model, Some(total));
         let silicon = Silicon { area: area::estimate(&design.program), clock: self.clock };
-        let report = report::report(model, &design, &variables(model, &design), silicon, &total, seed, &job.command);
-        let warnings = judged.warnings.iter().map(|warning| warning.code);
-        let warnings = warnings.chain(total.is_some_and(|total| total.is_err()).then_some(codes::NO_REFERENCE));
+        let report = report::report(
+            model,
+            &design,
+            &variables(model, &design.graph, &design.judged),
+            silicon,
+            &total,
+            seed,
+            &job.command,
+        );
+        let of_reference = match &total {
+            Some(Ok(total)) => total.doubt().map(|doubt| doubt.code),
+            Some(Err(_)) => Some(codes::NO_REFERENCE),
+            None => None,
+        };
+        let warnings = judged.warnings.iter().map(|warning| warning.code).chain(of_reference);
         Ok(Figures::of(&report, warnings.map(str::to_owned).collect()))
     }
 }

@@ -8,7 +8,9 @@
 //! ```
 
 mod comparison;
+mod inputs;
 mod saturated;
+mod sensitivity;
 mod settled;
 
 use std::sync::Arc;
@@ -21,7 +23,7 @@ use pe_hls::step::StepOptions;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
 use pe_ir::model::{Model, Variable, Waveform};
-use pe_ir::source::Diagnostic;
+use pe_ir::source::{Diagnostic, Severity};
 use pe_ir::word::WordFormat;
 use pe_sim::double::{Diverged, DoubleRun};
 use pe_sim::error::Trajectory;
@@ -34,6 +36,8 @@ use self::comparison::{Substeps, half_step_runs, trajectory};
 use self::saturated::Saturated;
 
 pub use self::comparison::Comparison;
+pub use self::inputs::outside;
+pub use self::sensitivity::{APART, Sensitivity};
 pub use self::settled::Settled;
 
 /// Samples of the trajectory, at most; never fewer than 200 if the span has as many steps.
@@ -46,8 +50,10 @@ const SAMPLE_BUDGET: u64 = 32_000_000;
 const METHOD_ERROR_REFUSED: f64 = 0.5;
 const METHOD_ERROR_WARNED: f64 = 0.02;
 
-/// Word-length error from which on the word is called short.
+/// Word-length error from which on the word is called short, and from which on its result is refused; that of a model
+/// that multiplies small differences is refused as soon as it is warned about.
 const WORD_ERROR_WARNED: f64 = 0.02;
+const WORD_ERROR_REFUSED: f64 = 0.5;
 
 /// Errors relative to the largest magnitude of a state; see `pe_sim::error` for the floor.
 #[derive(Clone, Copy, Debug)]
@@ -144,7 +150,7 @@ pub struct Judged {
 /// Runs the model over its span.
 ///
 /// # Errors
-/// `E0901` non-finite, `E0902` saturates however wide, `E0903` step too large, `E080x` no format.
+/// `E0901` non-finite, `E0902` saturates however wide, `E0903` step too large, `E0907` word too short, `E080x` no format.
 pub fn judge(
     model: &Model,
     graph: &StepGraph,
@@ -234,7 +240,7 @@ impl Exact {
     /// Puts together what the runs found.
     ///
     /// # Errors
-    /// Those of the runs; `E0903` step too large.
+    /// Those of the runs; `E0903` step too large, `E0907` word too short.
     pub fn conclude(
         &self,
         model: &Model,
@@ -259,7 +265,11 @@ impl Exact {
             let message = finding.message.replace("too large", "large");
             warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..finding.into_warning() });
         }
-        warnings.extend(word_short(model, errors));
+        if let Some(finding) = self.word_short(model, graph, &settled.hardware, errors) {
+            let refused = finding.severity == Severity::Error;
+            warnings.extend(if refused { options.permit(vec![finding])? } else { vec![finding] });
+        }
+        warnings.extend(outside(model));
         let macs = graph.macs() as f64 * self.plan.steps as f64;
         Ok(Judged {
             fixed: settled.fixed,
@@ -277,6 +287,58 @@ impl Exact {
             state_errors: deviation.relative(&self.scales).collect(),
             smallest_pivot: self.smallest_pivot.clone(),
         })
+    }
+
+    /// The finding about a word-length error that is no longer small.
+    ///
+    /// Of a chaotic model any word gives another trajectory sooner or later, which is no reason to refuse this one. Of
+    /// others the word is too short where the run has little in common with the model, or where the model multiplies
+    /// differences so much that the last bits decide where it goes, and not the step.
+    fn word_short(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        hardware: &Trajectory,
+        errors: Errors,
+    ) -> Option<Diagnostic> {
+        if errors.word_length <= WORD_ERROR_WARNED {
+            return None;
+        }
+        let state = &model.states[errors.worst_state];
+        let message = format!(
+            "word short: rounding moves `{}` by {:.1e} of its largest magnitude",
+            state.name, errors.word_length
+        );
+        let warning = Diagnostic::error(codes::WORD_SHORT, state.span, message)
+            .with_help("take a wider multiplier or more `--storage` bits, or narrow the stated ranges")
+            .into_warning();
+        let sensitivity = Sensitivity::of(model, graph, &self.scales);
+        let chaotic = sensitivity.is_some_and(|sensitivity| sensitivity.rate.is_some());
+        let growth = sensitivity.map_or(0.0, |sensitivity| sensitivity.growth);
+        let decided = growth > sensitivity::SENSITIVE && errors.method <= METHOD_ERROR_WARNED;
+        if chaotic || !(decided || errors.word_length > WORD_ERROR_REFUSED) {
+            return Some(warning);
+        }
+        let time = self.first_beyond(hardware, errors.worst_state, WORD_ERROR_WARNED);
+        let reason = match decided {
+            true => {
+                format!("the model multiplies differences by {growth:.1e}, so that the last bits decide where it goes")
+            }
+            false => "the run has little in common with the model".to_owned(),
+        };
+        let message = format!(
+            "the word is too short: from t = {time:.6e} s on rounding moves `{}` by up to {:.1e} of its largest magnitude; {reason}",
+            state.name, errors.word_length
+        );
+        Some(Diagnostic { code: codes::WORD_TOO_SHORT, message, severity: Severity::Error, ..warning })
+    }
+
+    /// Time of the first sample at which a state deviates from this run by more than a part of its scale.
+    fn first_beyond(&self, hardware: &Trajectory, state: usize, part: f64) -> f64 {
+        let of = |run: &Trajectory| run.samples.iter().skip(state).step_by(run.states).copied().collect::<Vec<f64>>();
+        let apart = |(double, fixed): (&f64, &f64)| (double - fixed).abs() > part * self.scales[state];
+        let sample = of(&self.reference).iter().zip(&of(hardware)).position(apart).unwrap_or(0);
+        self.plan.times()[sample]
     }
 }
 
@@ -422,15 +484,4 @@ fn fixed_run(
 pub fn port_words(model: &Model, run: &FixedRun, step: u64) -> Vec<i64> {
     let numbers = model.sample_inputs(model.time(step, 0.0));
     numbers.iter().enumerate().map(|(index, number)| run.encode_input(index, *number).0).collect()
-}
-
-/// The warning about a word-length error that is no longer small.
-fn word_short(model: &Model, errors: Errors) -> Option<Diagnostic> {
-    let state = &model.states[errors.worst_state];
-    let message =
-        format!("word short: rounding moves `{}` by {:.1e} of its largest magnitude", state.name, errors.word_length);
-    let warning = Diagnostic::error(codes::WORD_SHORT, state.span, message)
-        .with_help("take a wider multiplier or more `--storage` bits, or narrow the stated ranges")
-        .into_warning();
-    (errors.word_length > WORD_ERROR_WARNED).then_some(warning)
 }

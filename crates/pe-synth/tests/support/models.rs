@@ -1,6 +1,6 @@
 //! The models of `models/`, through the pipeline as the command line takes them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use pe_synth::options::{DesignPoint, LoadedModel, ModelOptions};
@@ -31,8 +31,13 @@ pub fn spec(model: &str) -> PathBuf {
 
 /// Compiles a model with options of the command line.
 pub fn compile(model: &str, options: &[&str]) -> Compiled {
-    let spec = spec(model);
-    let words = ["test".into(), spec.into_os_string()].into_iter().chain(options.iter().map(Into::into));
+    compile_file(&spec(model), options)
+}
+
+/// Compiles a spec with options of the command line.
+pub fn compile_file(spec: &Path, options: &[&str]) -> Compiled {
+    let model = spec.display();
+    let words = ["test".into(), spec.as_os_str().to_owned()].into_iter().chain(options.iter().map(Into::into));
     let options = Options::parse_from(words);
     let failed = |failure| panic!("{model}: {failure:?}");
     let loaded = options.model.load(&options.point).unwrap_or_else(failed);

@@ -268,9 +268,9 @@ fn in_double_precision(model: &Model, graph: &StepGraph, reference: &Reference) 
     let mut samples = Trajectory::new(model.states.len());
     let (mut times, mut rows) = (Vec::new(), reference.times().peekable());
     for done in 1..=model.steps() {
-        run.step(&model.sample_inputs((done - 1) as f64 * model.step)).ok()?;
-        let time = done as f64 * model.step;
-        if rows.peek().is_some_and(|row| (time - row).abs() <= model.step / 2.0) {
+        let (before, time) = (model.time(done - 1, 0.0), model.time(done, 0.0));
+        run.step(&model.sample_inputs(before)).ok()?;
+        if rows.peek().is_some_and(|row| (time - row).abs() <= (time - before) / 2.0) {
             rows.next();
             times.push(time);
             samples.push(|state| run.state(state));

@@ -1,0 +1,36 @@
+//! How far the step that accuracy would allow lies beyond the one that keeps a method stable.
+
+use pe_ir::model::{Model, Solver};
+
+use super::prediction::Prediction;
+use super::remedies::SAFE;
+use super::trials::Trials;
+use super::trusted::Trusted;
+use super::{ACCURACY, MATRIX_STATES};
+
+/// Ratio from which on implicit methods are worth a trial: their steps cost a few times as much.
+pub const STIFF: f64 = 5.0;
+
+/// The step at which a method would have the error `goal`, over the stable one, from a step with its error. That step
+/// may be more accurate than asked for because stability allows no larger one.
+pub fn ratio(stable: f64, (step, error): (f64, f64), goal: f64, solver: Solver) -> f64 {
+    let reserve = libm::pow((goal / error.max(1e-16)).max(1.0), 1.0 / f64::from(solver.order()));
+    step / stable * reserve
+}
+
+/// The ratio for RK4, whatever the model's own method; none if no mode limits its step, and for models that are too
+/// large for methods with a matrix.
+pub fn explicit(model: &Model) -> Option<f64> {
+    if model.states.len() > MATRIX_STATES {
+        return None;
+    }
+    let mut model = Model { solver: Solver::Rk4, phases: Vec::new(), ..model.clone() };
+    let trusted = Trusted::of(&model, None);
+    let stable = Prediction::of(&model, &trusted).limit?.step;
+    model.step = SAFE * stable;
+    // As much of the span as a trial may take.
+    let (_, graph) = Trials::new(&model, &trusted).variant(Solver::Rk4, model.step)?;
+    model.span = model.span.min(model.step * super::trials::affordable(&graph) as f64);
+    let error = Trials::new(&model, &trusted).method_error(Solver::Rk4, model.step)?;
+    Some(ratio(stable, (model.step, error), ACCURACY, Solver::Rk4))
+}

@@ -1,0 +1,108 @@
+//! What becomes of a tiny difference of the initial values: whether the model or the last bit decides a trajectory.
+
+use pe_ir::graph::StepGraph;
+use pe_ir::model::Model;
+use pe_sim::double::DoubleRun;
+use pe_sim::linear::is_affine;
+
+/// First difference of the two runs, relative to each state, and products that they may take.
+const DISTURBANCE: f64 = 1e-9;
+const PRODUCTS: u64 = 400_000_000;
+
+/// Times at which the runs are compared.
+const LOOKS: u64 = 200;
+
+/// Growth of a difference from which on a model is sensitive; chaotic if it grows all the time.
+pub const SENSITIVE: f64 = 1e4;
+
+/// Part of a state's magnitude at which two runs have nothing in common.
+pub const APART: f64 = 0.1;
+
+/// How two runs part that begin almost alike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensitivity {
+    /// Largest difference over the span, relative to the magnitude of the state, over the relative one at the beginning.
+    pub growth: f64,
+    /// Largest Lyapunov exponent, estimated, in 1/s; none if the model is not chaotic.
+    pub rate: Option<f64>,
+}
+
+impl Sensitivity {
+    /// Runs the step beside a disturbed one; none for models that are affine, and if it would take too long. `scales`
+    /// are the magnitudes of the states.
+    pub fn of(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<Sensitivity> {
+        if is_affine(model) || model.steps().saturating_mul(2 * graph.macs()) > PRODUCTS {
+            return None;
+        }
+        let (mut run, mut other) = (DoubleRun::new(graph), DoubleRun::new(graph));
+        for (index, state) in model.states.iter().enumerate() {
+            let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
+            other.set_state(index, state.initial * (1.0 + sign * DISTURBANCE));
+        }
+        let difference = |run: &DoubleRun, other: &DoubleRun| {
+            let of = |index: usize| (run.state(index) - other.state(index)).abs() / scales[index];
+            (0..scales.len()).map(of).fold(0.0, f64::max)
+        };
+        let first = difference(&run, &other);
+        let mut largest = first;
+        let stride = model.steps().div_ceil(LOOKS);
+        // Natural logarithms of the difference over time, until the runs have parted.
+        let mut course: Vec<(f64, f64)> = Vec::new();
+        for done in 1..=model.steps() {
+            let inputs = model.sample_inputs(model.time(done - 1, 0.0));
+            run.step(&inputs).ok()?;
+            other.step(&inputs).ok()?;
+            if done % stride == 0 || done == model.steps() {
+                let apart = difference(&run, &other);
+                largest = largest.max(apart);
+                if apart > APART {
+                    break;
+                }
+                course.push((model.time(done, 0.0), libm::log(apart.max(f64::MIN_POSITIVE))));
+            }
+        }
+        Some(Sensitivity { growth: largest / DISTURBANCE, rate: rate(first, &course) })
+    }
+}
+
+/// The Lyapunov exponent from a first difference and its course; none if the growth is not that of chaos.
+fn rate(first: f64, course: &[(f64, f64)]) -> Option<f64> {
+    let (end, last) = *course.last()?;
+    if first == 0.0 || last - libm::log(first) < libm::log(SENSITIVE) {
+        return None;
+    }
+    let rate = slope(course);
+    // The difference grows for the whole time, not in one leap: each third of the time has its part.
+    let third = |part: usize| course[(course.len() - 1) * part / 3].1;
+    let steady = (1..=3).all(|part| third(part) > third(part - 1));
+    (rate > 0.0 && steady && rate * end >= libm::log(SENSITIVE) / 2.0).then_some(rate)
+}
+
+/// Slope of the straight line through points with the least squares.
+fn slope(points: &[(f64, f64)]) -> f64 {
+    let count = points.len() as f64;
+    let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), point| (x + point.0 / count, y + point.1 / count));
+    let (above, below) = points.iter().fold((0.0, 0.0), |(above, below), point| {
+        (above + (point.0 - x) * (point.1 - y), below + (point.0 - x) * (point.0 - x))
+    });
+    if below > 0.0 { above / below } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slope_is_that_of_the_line() {
+        assert!((slope(&[(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)]) - 2.0).abs() < 1e-12);
+        assert_eq!(slope(&[(1.0, 1.0)]), 0.0);
+    }
+
+    #[test]
+    fn steady_growth_is_chaos_and_a_leap_is_none() {
+        let steady: Vec<(f64, f64)> = (1..=90).map(|k| (f64::from(k), -20.0 + 0.2 * f64::from(k))).collect();
+        assert!(rate(libm::exp(-20.0), &steady).is_some_and(|rate| (rate - 0.2).abs() < 1e-9));
+        let leap: Vec<(f64, f64)> = (1..=90).map(|k| (f64::from(k), if k < 80 { -20.0 } else { -3.0 })).collect();
+        assert_eq!(rate(libm::exp(-20.0), &leap), None);
+    }
+}
