@@ -24,7 +24,8 @@ const HELD: u32 = 5;
 const CONTROL_BITS: u32 = 64;
 const PE_LUTS: f64 = 600.0;
 
-/// What a form with denser matrices has to save: one part in so many cycles. Its wider halo costs links and memory.
+/// What counts as fewer cycles: one part in so many. Denser matrices have to save that, for their wider halo costs links
+/// and memory; shared control words may cost it.
 const WORTHWHILE: u64 = 32;
 
 /// Entries of a matrix that the user asked for; an estimate stops where a form has lost.
@@ -103,7 +104,10 @@ pub fn choose(
     options: &StepOptions,
 ) -> Result<(Form, Vec<FormCost>), Vec<Diagnostic>> {
     let asked = options.form;
-    let cheapest = written.iter().min_by(|a, b| price(a, options).total_cmp(&price(b, options)));
+    // Time comes first: what is smaller must not be noticeably slower.
+    let fewest = written.iter().map(|cost| cost.cycles).min().unwrap_or(0);
+    let fast = written.iter().filter(|cost| (cost.cycles - fewest).saturating_mul(WORTHWHILE) <= fewest);
+    let cheapest = fast.min_by(|a, b| price(a, options).total_cmp(&price(b, options)));
     let plain = written.iter().find(|cost| asked == Some(cost.form)).or(cheapest).expect("at least one");
     let mut best = Form { form: plain.form, stages: Vec::new(), cost: *plain };
     let wants_matrix = matches!(asked, Some(StageForm::Factors | StageForm::Full));
