@@ -21,7 +21,11 @@ fn states(graph: &StepGraph) -> Vec<f64> {
 
 #[test]
 fn the_second_slot_holds_what_the_first_one_lacks() {
-    for (model, options) in [("lorenz", &["--span", "200ms"][..]), ("weibel5", &["--span", "20ms", "--pes", "4"][..])] {
+    // With one slot the last stage of the Lorenz model makes good most of what the others lost, that of an affine model
+    // none, so there the errors can be compared with one another.
+    let cases =
+        [("lorenz", &["--span", "200ms"][..], Some(6e-7)), ("weibel5", &["--span", "20ms", "--pes", "4"][..], None)];
+    for (model, options, most) in cases {
         let [one, two] = designs(model, options);
         let (one, two) = (&one.design, &two.design);
         let numbers = states(&one.graph).into_iter().zip(states(&two.graph));
@@ -33,7 +37,8 @@ fn the_second_slot_holds_what_the_first_one_lacks() {
         assert!(compared > 2, "{model}");
         assert!(two.graph.macs() > one.graph.macs() && two.graph.macs() <= 2 * one.graph.macs(), "{model}");
         let errors = [one, two].map(|design| design.judged.errors);
-        assert!(errors[1].coefficient < 0.15 * errors[0].coefficient, "{model}: {errors:?}");
+        let most = most.unwrap_or(0.05 * errors[0].coefficient);
+        assert!(errors[1].coefficient < most, "{model}: {errors:?}");
         assert!(errors[1].word_length < errors[0].word_length, "{model}: {errors:?}");
     }
 }
