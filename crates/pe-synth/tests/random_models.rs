@@ -37,9 +37,35 @@ const FORMS: [(Solver, StageForm); 5] = [
 /// Families that are not affine, whose stages may be sums of one scale.
 const SUMS_FAMILIES: [Family; 3] = [Family::Polynomial, Family::Shared, Family::Stencil];
 
+/// What was compared.
+#[derive(Default)]
+struct Tally {
+    designs: u32,
+    compared: u64,
+    pairs: u64,
+    looped: u32,
+    looped_pairs: u64,
+}
+
+impl Tally {
+    /// Checks a design, and once more with its stages looped if they are alike.
+    fn take(&mut self, flow: &Flow, check: impl Fn(&Flow) -> u64) {
+        let count = check(flow);
+        assert!(count > 0, "{}: nothing was compared", flow.label);
+        self.designs += 1;
+        self.compared += count;
+        self.pairs += flow.pairs;
+        if let Some(flow) = flow.looped() {
+            self.compared += check(&flow);
+            self.looped += 1;
+            self.looped_pairs += flow.pairs;
+        }
+    }
+}
+
 /// Runs `check` on every family, solver and width; prints how many words it compared.
 fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
-    let (mut designs, mut compared, mut pairs, mut looped, mut looped_pairs) = (0, 0, 0, 0, 0);
+    let mut tally = Tally::default();
     let cases = [(&WIDE[..], &SIZES[..]), (&NARROW[..], &NARROW_SIZES[..])];
     for (widths, sizes) in cases {
         for (storage, data, coefficient) in widths {
@@ -48,16 +74,7 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
                     for (seed, (states, pes, placement)) in (1..).zip(sizes) {
                         let format = format(*storage, *data, *coefficient);
                         let flow = Flow::random(family, (*states, *pes), solver, format, *placement, seed);
-                        let count = check(&flow);
-                        assert!(count > 0, "{}: nothing was compared", flow.label);
-                        pairs += flow.pairs;
-                        designs += 1;
-                        compared += count;
-                        if let Some(flow) = flow.looped() {
-                            compared += check(&flow);
-                            looped += 1;
-                            looped_pairs += flow.pairs;
-                        }
+                        tally.take(&flow, &check);
                     }
                 }
             }
@@ -68,14 +85,7 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
             for (seed, (states, pes, placement)) in (1..).zip(SIZES) {
                 let format = format(storage, data, coefficient).with_pipeline(Pipeline::Deep);
                 let flow = Flow::random(family, (states, pes), solver, format, placement, seed);
-                let count = check(&flow);
-                assert!(count > 0, "{}: nothing was compared", flow.label);
-                designs += 1;
-                compared += count;
-                if let Some(flow) = flow.looped() {
-                    compared += check(&flow);
-                    looped += 1;
-                }
+                tally.take(&flow, &check);
             }
         }
     }
@@ -88,15 +98,7 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
             for (seed, (states, pes, placement)) in (1..).zip(SIZES) {
                 let format = format(storage, data, coefficient);
                 let flow = Flow::formed((family, form), (states, pes), solver, format, placement, seed);
-                let count = check(&flow);
-                assert!(count > 0, "{}: nothing was compared", flow.label);
-                designs += 1;
-                compared += count;
-                if let Some(flow) = flow.looped() {
-                    compared += check(&flow);
-                    looped += 1;
-                    looped_pairs += flow.pairs;
-                }
+                tally.take(&flow, &check);
             }
         }
     }
@@ -107,25 +109,23 @@ fn on_all_designs(what: &str, check: impl Fn(&Flow) -> u64) {
                 for (seed, (states, pes, placement)) in (1..).zip(sizes) {
                     let format = format(*storage, *data, *coefficient);
                     let flow = Flow::tabled((*states, *pes), solver, format, *placement, seed);
-                    let count = check(&flow);
-                    assert!(count > 0, "{}: nothing was compared", flow.label);
                     assert!(flow.looped().is_none(), "{}: stages with lookups", flow.label);
+                    tally.take(&flow, &check);
                     let words = flow.program.pes.iter().flat_map(|pe| &pe.words);
                     entries += words.filter(|word| word.index.is_some()).count();
-                    designs += 1;
-                    compared += count;
                 }
             }
         }
     }
+    let Tally { designs, compared, pairs, looped, looped_pairs } = tally;
     println!(
         "{what}: {designs} designs, {looped} of them looped as well, {compared} comparisons, {pairs} pairs, \
          {looped_pairs} looped, {entries} entries looked up"
     );
-    assert!(pairs > 1_000, "{pairs} pairs");
+    assert!(pairs > 4_000, "{pairs} pairs");
     assert!(entries > 2_000, "{entries} entries");
     assert!(looped > 0, "{what}: no stages are alike");
-    assert!(looped_pairs > 100, "{what}: {looped_pairs} pairs in looped designs");
+    assert!(looped_pairs > 2_000, "{what}: {looped_pairs} pairs in looped designs");
 }
 
 /// Compares state words and outputs of machine and fixed-point run, step after step; returns the words compared.
