@@ -74,6 +74,7 @@ impl Accuracy {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
+        self.mapping.of_many()?;
         let loaded = self.model.read()?;
         let model = &loaded.model;
         let folder = || PathBuf::from("out").join(format!("{}_accuracy", model.name));

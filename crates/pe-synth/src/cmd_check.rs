@@ -59,7 +59,8 @@ impl Check {
         let asked_span = loaded.model.span;
         let format = self.point.format()?;
         let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;
-        let graph = pipeline::split(&graph, self.point.pes, &self.mapping, format).unwrap_or(graph);
+        let (_, pes) = self.mapping.given(self.point.pes)?;
+        let graph = pipeline::split(&graph, pes, &self.mapping, format).unwrap_or(graph);
         if loaded.model.states.len() > LARGE {
             let steps = (PRODUCTS / graph.macs().max(1)).max(FEWEST_STEPS).min(loaded.model.steps());
             loaded.model.span = loaded.model.span.min(loaded.model.time(steps, 0.0));

@@ -111,7 +111,10 @@ impl Compile {
         let conserved = self.conserved.of(&loaded.model)?;
         let measured = self.area_from.as_deref().map_or_else(|| Ok(Measured::default()), measured)?;
         let choice = match self.max_error {
-            Some(max_error) => Some(self.choose(&loaded, &conserved, clock, max_error, &mut watch)?),
+            Some(max_error) => {
+                self.mapping.of_many()?;
+                Some(self.choose(&loaded, &conserved, clock, max_error, &mut watch)?)
+            }
             None => None,
         };
         let point = choice.as_ref().map_or(self.point, |choice| choice.point);

@@ -13,7 +13,8 @@ use crate::pipeline::{self, MappingOptions, Stopwatch};
 #[command(after_help = "\
 Examples:
   pe-synth dump --stage step models/lorenz/lorenz.spec
-  pe-synth dump --stage ode-graph models/weibel5/weibel5.spec | dot -Tsvg > weibel5.svg")]
+  pe-synth dump --stage ode-graph models/weibel5/weibel5.spec | dot -Tsvg > weibel5.svg
+  pe-synth dump --stage mapping --pes 4 models/weibel5/weibel5.spec > weibel5.map")]
 pub struct Dump {
     #[command(flatten)]
     point: DesignPoint,
@@ -63,7 +64,8 @@ impl Dump {
         }
         let mut watch = Stopwatch::new(true);
         let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;
-        let graph = pipeline::split(&graph, self.point.pes, &self.mapping, self.point.format()?).unwrap_or(graph);
+        let (_, pes) = self.mapping.given(self.point.pes)?;
+        let graph = pipeline::split(&graph, pes, &self.mapping, self.point.format()?).unwrap_or(graph);
         match self.stage {
             Stage::Step => return Ok(graph.to_string()),
             Stage::OdeGraph => {

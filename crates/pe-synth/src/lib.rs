@@ -29,6 +29,7 @@ pub mod failure;
 pub mod features;
 pub mod figures;
 pub mod files;
+pub mod mapping_file;
 pub mod options;
 pub mod oscillation;
 pub mod output;

@@ -1,5 +1,6 @@
 //! The way from model to program, stage after stage.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -23,6 +24,7 @@ use pe_ir::word::{Latency, WordFormat};
 use crate::area;
 use crate::contest;
 use crate::failure::{Failure, print_findings};
+use crate::mapping_file::MappingFile;
 use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions};
 use crate::runs::{self, Judged};
 use crate::slots;
@@ -43,6 +45,9 @@ const CHECKED_ROUNDS: u32 = 3;
 /// Options of the mapping.
 #[derive(clap::Args, Clone, Debug)]
 pub struct MappingOptions {
+    /// Takes the PE of each equation from a file, as `dump --stage mapping` prints it
+    #[arg(long, value_name = "FILE", help_heading = "Mapping")]
+    pub mapping: Option<PathBuf>,
     /// Annealing budget in tries [default: grows with the number of equations]
     #[arg(long, value_name = "N", help_heading = "Mapping")]
     pub tries: Option<u64>,
@@ -55,6 +60,42 @@ pub struct MappingOptions {
     /// One round of control words for all stages of a step
     #[arg(long = "loop", value_name = "MODE", value_enum, default_value = "auto", help_heading = "Mapping")]
     pub stage_loop: StageLoop,
+}
+
+impl MappingOptions {
+    /// The mapping file and the number of PEs: those of the file, or those asked for.
+    ///
+    /// # Errors
+    /// Those of the file, and of another number of PEs beside it.
+    pub fn given(&self, pes: Option<u32>) -> Result<(Option<MappingFile>, Option<u32>), Failure> {
+        let Some(path) = &self.mapping else { return Ok((None, pes)) };
+        let file = MappingFile::read(path)?;
+        match pes.filter(|pes| *pes != file.pes()) {
+            None => {
+                let pes = Some(file.pes());
+                Ok((Some(file), pes))
+            }
+            Some(pes) => Err(Failure::Usage(format!(
+                "{} maps to {} PEs, and `--pes` asks for {pes}; leave `--pes` out",
+                path.display(),
+                file.pes()
+            ))),
+        }
+    }
+
+    /// Refuses a mapping file where designs of several kinds are made.
+    ///
+    /// # Errors
+    /// There is one.
+    pub fn of_many(&self) -> Result<(), Failure> {
+        match self.mapping {
+            None => Ok(()),
+            Some(_) => Err(Failure::Usage(
+                "each design of a sweep has a mapping of its own; give `--mapping` to a `compile` of one design"
+                    .to_owned(),
+            )),
+        }
+    }
 }
 
 /// Whether stages that are alike share their control words.
@@ -232,8 +273,10 @@ pub fn design(
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
     let format = point.format()?;
+    let (file, pes) = mapping_options.given(point.pes)?;
     let graph = build(loaded, point, mapping_options, watch)?;
-    let graph = split(&graph, point.pes, mapping_options, format).unwrap_or(graph);
+    let graph = split(&graph, pes, mapping_options, format).unwrap_or(graph);
+    let given = file.map(|file| file.mapping(&graph)).transpose()?;
     let graph = match point.coefficients {
         Coefficients::OneSlot => graph,
         _ => two_slots(loaded, graph, format, point.coefficients, watch)?,
@@ -244,15 +287,27 @@ pub fn design(
         .timed("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
         .map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
     print_findings(&judged.warnings, &loaded.sources, options.message_format);
-    implement(loaded, &graph, &Arc::new(judged), (point.pes, options.seed), mapping_options, watch)
+    let network = Network { pes, seed: options.seed, given };
+    implement(loaded, &graph, &Arc::new(judged), network, mapping_options, watch)
 }
 
-/// Designs the network for a step graph whose formats are known, on `pes` PEs or the default number.
+/// What the PEs of a design are to be.
+#[derive(Clone, Debug)]
+pub struct Network {
+    /// Their number, unless the default is wanted.
+    pub pes: Option<u32>,
+    /// Seed of the annealer.
+    pub seed: u64,
+    /// The mapping that the user gives.
+    pub given: Option<Mapping>,
+}
+
+/// Designs the network for a step graph whose formats are known.
 pub fn implement(
     loaded: &LoadedModel,
     graph: &Arc<StepGraph>,
     judged: &Arc<Judged>,
-    (pes, seed): (Option<u32>, u64),
+    network: Network,
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
@@ -263,17 +318,21 @@ pub fn implement(
     let latency = Latency::of(&judged.fixed.format);
     let mapped = watch.stage(
         "map",
-        || map(&problem, &hoped, pes, seed, mapping_options),
+        || map(&problem, &hoped, &network, mapping_options),
         |candidates| match candidates {
             Ok(candidates) => {
                 let pes = candidates[0].mapping.pes;
-                format!("{} equations on {pes} PEs, {} starts", problem.equations(), candidates.len())
+                let origin = match network.given {
+                    Some(_) => "as given".to_owned(),
+                    None => format!("{} starts", candidates.len()),
+                };
+                format!("{} equations on {pes} PEs, {origin}", problem.equations())
             }
             Err(_) => "impossible".to_owned(),
         },
     );
     let mut candidates = mapped.map_err(|error| map_failure(error, graph, loaded))?;
-    if !Arc::ptr_eq(&hoped, graph) {
+    if network.given.is_none() && !Arc::ptr_eq(&hoped, graph) {
         let evened = |candidate: &Candidate| {
             let mapping = even(graph, fixed, &candidate.mapping);
             let cost = problem.cost(&mapping);
@@ -327,7 +386,7 @@ pub fn implement(
         wires: mapping::wire_length(&problem, &candidate.mapping),
         mapping: candidate.mapping,
         cost: candidate.cost,
-        default_pes: pes.is_none(),
+        default_pes: network.pes.is_none(),
         graph: Arc::clone(graph),
         hoped,
         judged: Arc::clone(judged),
@@ -440,14 +499,18 @@ pub fn default_pes(graph: &StepGraph) -> u32 {
     slots.div_ceil(DEFAULT_SLOTS_PER_PE).clamp(1, graph.equations.len() as u64) as u32
 }
 
-/// Maps the equations. A default number of PEs is halved as long as some PE would need too many input ports.
+/// Maps the equations, or takes the mapping that is given. A default number of PEs is halved as long as some PE would
+/// need too many input ports.
 fn map(
     problem: &Problem,
     graph: &StepGraph,
-    pes: Option<u32>,
-    seed: u64,
+    network: &Network,
     mapping_options: &MappingOptions,
 ) -> Result<Vec<Candidate>, MapError> {
+    let &Network { pes, seed, ref given } = network;
+    if let Some(given) = given {
+        return mapping::given(problem, given, mapping_options.max_in_degree).map(|candidate| vec![candidate]);
+    }
     let mut map_options = MapOptions {
         pes: pes.unwrap_or_else(|| default_pes(graph)),
         seed,

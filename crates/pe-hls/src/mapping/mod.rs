@@ -113,6 +113,8 @@ impl std::error::Error for MapError {}
 
 /// Name of the start that is random.
 pub const RANDOM: &str = "random";
+/// Name of the start of a mapping that is given.
+pub const GIVEN: &str = "given";
 
 /// Temperature and weight of the harmonic sum at the beginning: from a random start, and from one with structure.
 const RANDOM_BEGIN: (f64, f64) = (1.0, 1.0);
@@ -158,6 +160,18 @@ pub fn map(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, Ma
         return Err(in_degree_error(problem, &candidates[0].mapping, max_in_degree));
     }
     Ok(candidates)
+}
+
+/// The candidate of a mapping that is given, which is not changed.
+///
+/// # Errors
+/// Some PE has more input ports than the limit.
+pub fn given(problem: &Problem, mapping: &Mapping, max_in_degree: u32) -> Result<Candidate, MapError> {
+    let cost = problem.cost(mapping);
+    if cost.max_in_degree > max_in_degree {
+        return Err(in_degree_error(problem, mapping, max_in_degree));
+    }
+    Ok(Candidate { mapping: mapping.clone(), cost, start: GIVEN, start_cost: cost })
 }
 
 /// The error about the PE of a mapping with the largest in-degree.

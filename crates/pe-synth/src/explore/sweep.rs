@@ -28,7 +28,7 @@ use crate::area;
 use crate::conserved::Conserved;
 use crate::failure::Failure;
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
-use crate::pipeline::{self, MappingOptions, Stopwatch};
+use crate::pipeline::{self, MappingOptions, Network, Stopwatch};
 use crate::report::{self, Clock, Silicon};
 use crate::runs::{Comparison, Exact, Judged};
 use crate::slots;
@@ -287,7 +287,8 @@ impl Sweep {
         }
         let seed = self.options.seed;
         let watch = &mut Stopwatch::new(true);
-        let design = pipeline::implement(loaded, &graph, &judged, (point.pes, seed), &self.mapping, watch)?;
+        let network = Network { pes: point.pes, seed, given: None };
+        let design = pipeline::implement(loaded, &graph, &judged, network, &self.mapping, watch)?;
         let (model, total) = (&loaded.model, Some(total));
         let silicon = Silicon { area: area::estimate(&design.program), clock: self.clock };
         let report = report::report(
