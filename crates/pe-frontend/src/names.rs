@@ -351,7 +351,13 @@ impl<'a> Names<'a> {
     pub(crate) fn unknown(&self, name: &Name, local: &[&str]) -> Diagnostic {
         let error = Diagnostic::error(codes::UNKNOWN_NAME, name.span, format!("unknown name `{}`", name.text));
         let known = local.iter().copied().chain(self.all()).chain(PREDEFINED.iter().map(|(word, _)| *word));
-        Diagnostic { help: suggestion(&name.text, known), ..error }
+        let help = suggestion(&name.text, known).or_else(|| {
+            let time = matches!(name.text.as_str(), "t" | "time" | "T");
+            time.then(|| {
+                "if it is to be the time: waveforms of inputs, such as `sine(1, 50 Hz)`, depend on it, and a state has its value with `t' = 1`".to_owned()
+            })
+        });
+        Diagnostic { help, ..error }
     }
 
     /// An error for an index that stands for no number.

@@ -125,7 +125,16 @@ fn alternatives(words: &[&str]) -> String {
 fn remedy(found: &Token, text: &str, tokens: &[Token], expected: &[&str]) -> Option<&'static str> {
     let operator = expected.contains(&"an operator");
     let after_number = tokens.iter().any(|token| token.kind == TokenKind::Number && token.span.end == found.span.start);
+    let place = tokens.iter().position(|token| token.span == found.span);
+    let before = place.and_then(|place| tokens.get(place.checked_sub(1)?));
+    let after = place.and_then(|place| tokens.get(place + 1));
     Some(match found.kind {
+        TokenKind::Open if before.is_some_and(|token| token.kind == TokenKind::Prime) => {
+            "indices stand before the prime: `x[i]' = ...`"
+        }
+        TokenKind::Number if after.is_some_and(|token| text_of(text, *token) == "..") && expected == ["a name"] => {
+            "an index has a name: `state x[i in 1..3] = 0`"
+        }
         TokenKind::Brace => {
             "group with parentheses `( )`, indices with brackets `[ ]`; a block begins with `every 1 ms {`"
         }

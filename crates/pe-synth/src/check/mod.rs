@@ -139,8 +139,13 @@ impl Check {
 
     /// The accuracy step over the stable one.
     fn ratio(&self, model: &Model, goal: Option<f64>) -> Option<f64> {
-        let predicted = || self.prediction.limit.as_ref().map(|limit| limit.step);
-        let stable = self.found.map(|found| found.stable).or_else(predicted)?;
+        let predicted = self.prediction.limit.as_ref().map(|limit| limit.step);
+        let stable = match self.found {
+            // Trials that met no end, say at the period of a sampled part, are a lower bound.
+            Some(Found { stable, unstable: None, .. }) => predicted.map_or(stable, |step| step.max(stable)),
+            Some(found) => found.stable,
+            None => predicted?,
+        };
         Some(stiffness::ratio(stable, self.accuracy?, goal?, model.solver))
     }
 
