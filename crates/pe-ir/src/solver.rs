@@ -110,6 +110,12 @@ impl Solver {
         }
     }
 
+    /// Whether inputs are part of what the method approximates with its order: it reads them at the times of its slopes
+    /// only. Other methods of higher order hold them over the stages of a step.
+    pub fn covers_inputs(self) -> bool {
+        matches!(self, Solver::Ab2 | Solver::Ab3 | Solver::Ab4)
+    }
+
     /// Order of the global error in the step size. `exact` has no such error; the order that stands for it is high
     /// enough that extrapolating the difference of two steps changes nothing.
     pub fn order(self) -> u32 {
