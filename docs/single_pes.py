@@ -4,8 +4,8 @@
     docs/single_pes.py FOLDER [SET]
 
 SET is `table1`, the PEs of table I of the paper as ours (default), `shifts`, the same PE with other shift positions, or
-`pre_adder`, PEs with and without sums of two operands, `tables`, PEs with and without lookups, or `model`, PEs that
-the area model is fitted to.
+`pre_adder`, PEs with and without sums of two operands, `tables`, PEs with and without lookups, `model`, PEs that
+the area model is fitted to, or `deep`, some of them with the deep pipeline.
 Programs and memory images are random bits, so that no tool can simplify them.
 """
 
@@ -18,7 +18,7 @@ STORAGE, PERIOD = 32, 512
 
 
 def shape(own=16, base=None, coefficients=0, imported=16, ports=3, shifts="1,2,3,4,5", word=40, data=25, coefficient=18,
-          accumulator=43, flags="", indices=0, index=0, octaves=0):
+          accumulator=43, flags="", indices=0, index=0, octaves=0, pipeline="short"):
     """One PE, its base memory as deep as the own one unless said; flags are among `fpws`: factor, pre-adder,
     swap, send. `indices` words of `index` bits, `octaves` of which count octaves, are the index memory."""
     base = base or own
@@ -52,7 +52,17 @@ TABLES = [shape(own=32, base=base, coefficients=32, flags="fs", data=data, coeff
           for data, coefficient, bits in [(25, 18, 43), (32, 32, 64)]
           for base, indices, index, octaves in [(32, 0, 0, 0), (256, 0, 0, 0), (256, 16, 5, 0), (256, 32, 6, 0),
                                                 (256, 16, 5, 3), (256, 32, 6, 4)]]
-SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "tables": TABLES, "model": MODEL}
+# What the deep pipeline costs.
+DEEP = [dict(pe, pipeline="deep") for pe in (
+    shape(own=32, ports=2, shifts="1,2,3", word=33, flags="s"),
+    shape(flags="ps"),
+    shape(data=18, coefficient=25, flags="s"),
+    shape(data=32, coefficient=32, accumulator=64, flags="s"),
+    shape(own=32, ports=2, shifts="8,9,10,12,13,15,18", word=33, coefficients=16, flags="fs"),
+    shape(own=64, imported=0, ports=0, shifts="8,9,10,11,12", word=33),
+    shape(own=256, imported=512, ports=2, shifts="10", word=33, flags="s"),
+)]
+SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "tables": TABLES, "model": MODEL, "deep": DEEP}
 
 
 def index_bits(count):
@@ -85,7 +95,7 @@ def main(folder, name="table1"):
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     shutil.rmtree(folder, ignore_errors=True)
     os.makedirs(os.path.join(folder, "hdl"))
-    libraries = ["pe_pkg", "pe_write_pkg", "pe_ram", "pe_rom", "pe_multiplier", "pe_index", "pe"]
+    libraries = ["pe_pkg", "pe_write_pkg", "pe_relay", "pe_ram", "pe_rom", "pe_multiplier", "pe_index", "pe_scale", "pe"]
     for library in libraries:
         shutil.copy(os.path.join(root, "hdl", library + ".vhd"), os.path.join(folder, "hdl"))
     generator = random.Random(1)
@@ -106,7 +116,8 @@ def main(folder, name="table1"):
                      f"accumulator_bits={pe['accumulator']} {' '.join(flags)} base_last=false program_words={PERIOD} "
                      f"program_bits={bits} rounds=1 streamed_bits={bits}"
                      + f" index_words={pe['indices']} index_bits={pe['index']} octave_bits={pe['octaves']}"
-                     * (pe["indices"] > 0))
+                     * (pe["indices"] > 0)
+                     + " pipeline=deep" * (pe["pipeline"] == "deep"))
     with open(os.path.join(folder, f"{name}_program_pkg.vhd"), "w") as file:
         file.write("library ieee;\nuse ieee.std_logic_1164.all;\nlibrary pe_lib;\nuse pe_lib.pe_pkg.all;\n\n"
                    f"package {name}_program_pkg is\n  constant PERIOD : positive := {PERIOD};\n  constant ROUNDS : positive := 1;\n")

@@ -43,18 +43,18 @@ program_memories() {
   if ((repeated > 0)); then
     echo "  u_loop : entity pe_lib.pe_rom
     generic map ($((repeated + variant_bits)), PERIOD / ROUNDS, ${pe}_LOOP, $deep)
-    port map (clk_i, fetch_i, repeat_i, looped, (others => fetch_i));
+    port map (clk_i, fetch_i, repeat_i, looped);
   repeated <= looped($((repeated - 1)) downto 0);"
   fi
   if ((variants > 0)); then
     echo "  variant <= looped($((repeated + variant_bits - 1)) downto $repeated) & round_i;
   u_variants : entity pe_lib.pe_rom
     generic map (${shape[streamed_bits]}, $((variants << round_bits)), ${pe}_VARIANTS, false)
-    port map (clk_i, fetch_i, variant, streamed, (others => fetch_i));"
+    port map (clk_i, fetch_i, variant, streamed);"
   elif ((shape[streamed_bits] > 0)); then
     echo "  u_stream : entity pe_lib.pe_rom
     generic map (${shape[streamed_bits]}, PERIOD, ${pe}_STREAM, $deep)
-    port map (clk_i, fetch_i, address_i, streamed, (others => fetch_i));"
+    port map (clk_i, fetch_i, address_i, streamed);"
   fi
   if ((repeated > 0 && shape[streamed_bits] > 0)); then
     echo "  control <= merged(${pe}_STREAMED, repeated, streamed);"
@@ -210,7 +210,7 @@ module bench;
       end
       fetch = (\$random & 7) != 0;
       // The registers behind the program memory have a word by then.
-      advance = fetch && fetches >= $($deep && echo 3 || echo 1);
+      advance = fetch && fetches >= $($deep && echo 4 || echo 1);
       #1;
     end
   end
@@ -288,7 +288,7 @@ while read -r line; do
     synthesise -nobram
   fi
   awk '/^module/ { skip = $2 ~ /pe_rom/ } !skip { print } /^endmodule/ { skip = 0 }' netlist.v > pe.v
-  awk '/^module/ { take = $2 ~ /pe_rom/ } take { print } /^endmodule/ { take = 0 }' measured.v > rom.v
+  awk '/^module/ { take = $2 ~ /pe_rom|pe_relay/ } take { print } /^endmodule/ { take = 0 }' measured.v > rom.v
   netlist_bench > bench.v
   iverilog -g2012 -s bench -o bench pe.v rom.v bench.v "$cells" 2> iverilog.log || { cat iverilog.log >&2; exit 1; }
   vvp -n bench > /dev/null

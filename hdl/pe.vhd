@@ -9,7 +9,8 @@ library pe_lib;
   use pe_lib.pe_write_pkg.all;
 
 -- One processing element. Each group of the control word acts in the clock in which the word is in the control
--- register; docs/hardware.md, "Timing", tells the distances between the groups of one operation.
+-- register; docs/hardware.md, "Timing", tells the distances between the groups of one operation. With DEEP all that the
+-- sequencer tells comes a clock before the word.
 
 entity pe is
   generic (
@@ -66,6 +67,12 @@ architecture rtl of pe is
 
   constant PADDED_BITS : positive := larger(ACCUMULATOR_BITS, DATA_BITS + COEFFICIENT_BITS);
 
+  -- What the sequencer tells
+  signal advance : std_ulogic;
+  signal settle  : std_ulogic;
+  signal parity  : std_ulogic;
+  signal last    : std_ulogic;
+
   -- Operand group
   signal own_operand         : std_ulogic_vector(DATA_BITS - 1 downto 0);
   signal imported_operand    : std_ulogic_vector(DATA_BITS - 1 downto 0);
@@ -98,6 +105,73 @@ begin
            & integer'image(LAYOUT.bits)
     severity failure;
 
+  -- Sequencer -----------------------------------------------------------------------------------------------------
+
+  g_told : if not DEEP generate
+
+    advance <= advance_i;
+    settle  <= settle_i;
+    parity  <= parity_i;
+    last    <= last_i;
+
+  end generate g_told;
+
+  g_relayed : if DEEP generate
+
+    u_advance : entity pe_lib.pe_relay
+      generic map (
+        WIDTH => 2
+      )
+      port map (
+        clk_i      => clk_i,
+        value_i(1) => advance_i,
+        value_i(0) => settle_i,
+        value_o(1) => advance,
+        value_o(0) => settle
+      );
+
+    g_parity : if SWAP generate
+
+      u_parity : entity pe_lib.pe_relay
+        generic map (
+          WIDTH => 1
+        )
+        port map (
+          clk_i      => clk_i,
+          value_i(0) => parity_i,
+          value_o(0) => parity
+        );
+
+    end generate g_parity;
+
+    g_no_parity : if not SWAP generate
+
+      parity <= '0';
+
+    end generate g_no_parity;
+
+    g_last : if BASE_LAST generate
+
+      u_last : entity pe_lib.pe_relay
+        generic map (
+          WIDTH => 1
+        )
+        port map (
+          clk_i      => clk_i,
+          value_i(0) => last_i,
+          value_o(0) => last
+        );
+
+    end generate g_last;
+
+    g_no_last : if not BASE_LAST generate
+
+      last <= '0';
+
+    end generate g_no_last;
+
+  end generate g_relayed;
+
   -- Operand group -------------------------------------------------------------------------------------------------
 
   u_own_operand : entity pe_lib.pe_ram
@@ -109,12 +183,12 @@ begin
     )
     port map (
       clk_i           => clk_i,
-      ce_i            => advance_i,
+      ce_i            => advance,
       write_enable_i  => write_own,
       write_address_i => write_address(OWN_BITS - 1 downto 0),
       write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - DATA_BITS),
       read_enable_i   => flag(control_i, LAYOUT.own.enable),
-      read_address_i  => steered(control_i, LAYOUT.own, OWN_BITS, parity_i),
+      read_address_i  => steered(control_i, LAYOUT.own, OWN_BITS, parity),
       default_i       => (others => '0'),
       read_data_o     => own_operand
     );
@@ -134,7 +208,7 @@ begin
       )
       port map (
         clk_i           => clk_i,
-        ce_i            => advance_i,
+        ce_i            => advance,
         write_enable_i  => write_factor,
         write_address_i => std_ulogic_vector(resize(unsigned(write_address), COEFF_BITS)),
         write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - COEFFICIENT_BITS),
@@ -157,7 +231,7 @@ begin
     begin
 
       if rising_edge(clk_i) then
-        if (advance_i = '1') then
+        if (advance = '1') then
           coefficient <= bits(control_i, LAYOUT.coefficient, COEFFICIENT_BITS);
           follower    <= coefficient;
         end if;
@@ -180,7 +254,7 @@ begin
     )
     port map (
       clk_i         => clk_i,
-      ce_i          => advance_i,
+      ce_i          => advance,
       own_i         => signed(own_operand),
       imported_i    => signed(imported_operand),
       coefficient_i => signed(coefficient_operand),
@@ -201,7 +275,7 @@ begin
     begin
 
       if rising_edge(clk_i) then
-        if (advance_i = '1') then
+        if (advance = '1') then
           both     <= flag(control_i, LAYOUT.own.enable) and flag(control_i, LAYOUT.imported.enable);
           follower <= both;
         end if;
@@ -232,7 +306,7 @@ begin
   begin
 
     if rising_edge(clk_i) then
-      if (advance_i = '1') then
+      if (advance = '1') then
         -- The feedback must be on the else branch: yosys 0.70 inverts the select of the other form.
         if (flag(control_i, LAYOUT.close) = '1') then
           kept := (others => '0');
@@ -270,7 +344,7 @@ begin
     )
     port map (
       clk_i           => clk_i,
-      advance_i       => advance_i,
+      advance_i       => advance,
       control_i       => control_i,
       hold_i          => hold,
       write_base_i    => write_base,
@@ -282,21 +356,21 @@ begin
 
   -- Write group ---------------------------------------------------------------------------------------------------
 
-  base_round <= last_i when BASE_LAST else
+  base_round <= last when BASE_LAST else
                 '1';
 
-  write_own    <= flag(control_i, LAYOUT.write_own) and not settle_i;
-  write_base   <= flag(control_i, LAYOUT.write_base) and not settle_i and base_round;
-  write_factor <= flag(control_i, LAYOUT.write_factor) and not settle_i;
-  write_index  <= flag(control_i, LAYOUT.write_index) and not settle_i when INDEX_WORDS > 0 else
+  write_own    <= flag(control_i, LAYOUT.write_own) and not settle;
+  write_base   <= flag(control_i, LAYOUT.write_base) and not settle and base_round;
+  write_factor <= flag(control_i, LAYOUT.write_factor) and not settle;
+  write_index  <= flag(control_i, LAYOUT.write_index) and not settle when INDEX_WORDS > 0 else
                   '0';
 
-  p_write_address : process (control_i, parity_i) is
+  p_write_address : process (control_i, parity) is
   begin
 
     write_address               <= bits(control_i, LAYOUT.write.address, WRITE_BITS);
     write_address(OWN_BITS - 1) <= control_i(LAYOUT.write.address.lsb + OWN_BITS - 1)
-                                   xor (flag(control_i, LAYOUT.write.swap) and parity_i);
+                                   xor (flag(control_i, LAYOUT.write.swap) and parity);
 
   end process p_write_address;
 
@@ -304,14 +378,14 @@ begin
   begin
 
     if rising_edge(clk_i) then
-      if (advance_i = '1') then
+      if (advance = '1') then
         -- A value that is only sent must not saturate unseen either.
         if (saturated = '1' and (write_own = '1' or write_base = '1' or write_factor = '1' or write_index = '1'
-                                 or (flag(control_i, LAYOUT.send) = '1' and settle_i = '0'))) then
+                                 or (flag(control_i, LAYOUT.send) = '1' and settle = '0'))) then
           overflow <= '1';
         end if;
 
-        if (too_large = '1' and settle_i = '0') then
+        if (too_large = '1' and settle = '0') then
           overflow <= '1';
         end if;
       end if;
@@ -325,7 +399,7 @@ begin
     begin
 
       if rising_edge(clk_i) then
-        if (advance_i = '1') then
+        if (advance = '1') then
           if (flag(control_i, LAYOUT.send) = '1') then
             link <= word(WORD_BITS - 1 downto WORD_BITS - DATA_BITS);
           end if;
@@ -353,8 +427,8 @@ begin
 
   begin
 
-    receive_enable  <= flag(control_i, LAYOUT.receive.enable) and not settle_i;
-    receive_address <= steered(control_i, LAYOUT.receive, IMPORTED_BITS, parity_i);
+    receive_enable  <= flag(control_i, LAYOUT.receive.enable) and not settle;
+    receive_address <= steered(control_i, LAYOUT.receive, IMPORTED_BITS, parity);
     received        <= chosen(ports_i, bits(control_i, LAYOUT.port_index, PORT_BITS), DATA_BITS);
 
     u_imported_operand : entity pe_lib.pe_ram
@@ -366,12 +440,12 @@ begin
       )
       port map (
         clk_i           => clk_i,
-        ce_i            => advance_i,
+        ce_i            => advance,
         write_enable_i  => receive_enable,
         write_address_i => receive_address,
         write_data_i    => received,
         read_enable_i   => flag(control_i, LAYOUT.imported.enable),
-        read_address_i  => steered(control_i, LAYOUT.imported, IMPORTED_BITS, parity_i),
+        read_address_i  => steered(control_i, LAYOUT.imported, IMPORTED_BITS, parity),
         default_i       => (others => '0'),
         read_data_o     => imported_operand
       );

@@ -4,6 +4,8 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
+library pe_lib;
+
 -- Samples an external input when a step begins and rounds it to a data operand; with DEEP some clocks later, when the PEs
 -- begin the step.
 
@@ -12,7 +14,7 @@ entity pe_input is
     STORAGE_BITS : positive;        -- width of the input
     WORD_BITS    : positive;        -- stored word, guard bits included
     DATA_BITS    : positive;        -- data operand
-    DEEP         : boolean := false -- a second register
+    DEEP         : boolean := false -- a second register, loaded by a relay
   );
   port (
     clk_i      : in    std_ulogic;                                   -- clock
@@ -20,7 +22,7 @@ entity pe_input is
     value_i    : in    std_ulogic_vector(STORAGE_BITS - 1 downto 0); -- external input
     operand_o  : out   std_ulogic_vector(DATA_BITS - 1 downto 0);    -- what the ports of PEs see
     overflow_o : out   std_ulogic;                                   -- sticky: an input was too large
-    arrive_i   : in    std_ulogic                                    -- loads the operand, with DEEP
+    arrive_i   : in    std_ulogic                                    -- loads the operand a clock later, with DEEP
   );
 end entity pe_input;
 
@@ -71,8 +73,17 @@ begin
 
     end process p_take;
 
-    taken  <= sampled;
-    arrive <= arrive_i;
+    u_arrive : entity pe_lib.pe_relay
+      generic map (
+        WIDTH => 1
+      )
+      port map (
+        clk_i      => clk_i,
+        value_i(0) => arrive_i,
+        value_o(0) => arrive
+      );
+
+    taken <= sampled;
 
   end generate g_second;
 

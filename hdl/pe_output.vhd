@@ -4,15 +4,19 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
--- Captures a word of a PE's write group and publishes it, rounded, when the step is done.
+library pe_lib;
+
+-- Captures a word of a PE's write group and publishes it, rounded, when the step is done. With DEEP both a clock after
+-- they are told to.
 
 entity pe_output is
   generic (
-    STORAGE_BITS : positive; -- width of the output
-    WORD_BITS    : positive; -- stored word, guard bits included
-    DATA_BITS    : positive; -- data operand: tells the rounding offset
-    INDEX_BITS   : positive; -- width of a word index
-    CAPTURE_WORD : natural   -- control word that writes the value
+    STORAGE_BITS : positive;        -- width of the output
+    WORD_BITS    : positive;        -- stored word, guard bits included
+    DATA_BITS    : positive;        -- data operand: tells the rounding offset
+    INDEX_BITS   : positive;        -- width of a word index
+    CAPTURE_WORD : natural;         -- control word that writes the value
+    DEEP         : boolean := false -- registers of its own of what it is told
   );
   port (
     clk_i     : in    std_ulogic;                                  -- clock
@@ -52,7 +56,43 @@ architecture rtl of pe_output is
   signal captured : std_ulogic_vector(WORD_BITS - 1 downto 0)    := (others => '0');
   signal value    : std_ulogic_vector(STORAGE_BITS - 1 downto 0) := (others => '0');
 
+  signal capture : std_ulogic := '0';
+  signal publish : std_ulogic;
+
 begin
+
+  g_direct : if not DEEP generate
+
+    publish <= publish_i;
+
+  end generate g_direct;
+
+  g_relayed : if DEEP generate
+
+    p_select : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        capture <= '0';
+
+        if (unsigned(index_i) = CAPTURE_WORD) then
+          capture <= advance_i;
+        end if;
+      end if;
+
+    end process p_select;
+
+    u_publish : entity pe_lib.pe_relay
+      generic map (
+        WIDTH => 1
+      )
+      port map (
+        clk_i      => clk_i,
+        value_i(0) => publish_i,
+        value_o(0) => publish
+      );
+
+  end generate g_relayed;
 
   g_round_by : for i in 0 to WORD_BITS generate
 
@@ -64,10 +104,8 @@ begin
   begin
 
     if rising_edge(clk_i) then
-      if (advance_i = '1') then
-        if (unsigned(index_i) = CAPTURE_WORD) then
-          captured <= word_i;
-        end if;
+      if (capture = '1' or (not DEEP and advance_i = '1' and unsigned(index_i) = CAPTURE_WORD)) then
+        captured <= word_i;
       end if;
     end if;
 
@@ -80,7 +118,7 @@ begin
   begin
 
     if rising_edge(clk_i) then
-      if (publish_i = '1') then
+      if (publish = '1') then
         sum   := resize(signed(captured), WORD_BITS + 1) + round_by;
         value <= std_ulogic_vector(sum(WORD_BITS - 1 downto GUARD_BITS));
 

@@ -7,22 +7,22 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_pkg.all;
 
--- The program of one PE; the registered output is the PE's control register. With DEEP it follows two registers of the
--- memory: one that block RAM has at its output, and one that synthesis may place beside the PE.
+-- The program of one PE; the registered output is the PE's control register. With DEEP there are more: a relay of the
+-- address, and behind the memory one that block RAM has at its output, and one that synthesis may place beside the PE.
+-- They never stop.
 
 entity pe_rom is
   generic (
     CONTROL_BITS : positive;        -- width of a control word
     PERIOD       : positive;        -- number of control words
     CONTENT      : word_array_t;    -- the control words
-    DEEP         : boolean := false -- two more registers
+    DEEP         : boolean := false -- three more registers
   );
   port (
     clk_i     : in    std_ulogic;                                                    -- clock
     fetch_i   : in    std_ulogic;                                                    -- reads the memory
     address_i : in    std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0); -- control word to load
-    control_o : out   std_ulogic_vector(CONTROL_BITS - 1 downto 0);                  -- control register
-    load_i    : in    std_ulogic_vector(2 downto 1)                                  -- loads the two others, with DEEP
+    control_o : out   std_ulogic_vector(CONTROL_BITS - 1 downto 0)                   -- control register
   );
 end entity pe_rom;
 
@@ -52,6 +52,8 @@ architecture rtl of pe_rom is
 
   constant ROM : rom_t := filled;
 
+  signal address : std_ulogic_vector(address_i'range);
+
   -- What the first word takes from the word before it must be known.
   signal fetched : std_ulogic_vector(CONTROL_BITS - 1 downto 0) := (others => '0');
 
@@ -62,7 +64,7 @@ begin
 
     if rising_edge(clk_i) then
       if (fetch_i = '1') then
-        fetched <= ROM(to_integer(unsigned(address_i)));
+        fetched <= ROM(to_integer(unsigned(address)));
       end if;
     end if;
 
@@ -70,6 +72,7 @@ begin
 
   g_direct : if not DEEP generate
 
+    address   <= address_i;
     control_o <= fetched;
 
   end generate g_direct;
@@ -80,17 +83,22 @@ begin
 
   begin
 
+    u_address : entity pe_lib.pe_relay
+      generic map (
+        WIDTH => address_i'length
+      )
+      port map (
+        clk_i   => clk_i,
+        value_i => address_i,
+        value_o => address
+      );
+
     p_load : process (clk_i) is
     begin
 
       if rising_edge(clk_i) then
-        if (load_i(1) = '1') then
-          follower <= fetched;
-        end if;
-
-        if (load_i(2) = '1') then
-          control_o <= follower;
-        end if;
+        follower  <= fetched;
+        control_o <= follower;
       end if;
 
     end process p_load;

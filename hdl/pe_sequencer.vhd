@@ -15,14 +15,13 @@ entity pe_sequencer is
     PERIOD     : positive;        -- control words per step
     ROUNDS     : positive;        -- rounds per step
     PAUSE_WORD : positive;        -- the network waits before it
-    DEEP       : boolean := false -- PEs follow three clocks later
+    DEEP       : boolean := false -- PEs follow four clocks later
   );
   port (
     clk_i     : in    std_ulogic;                                                             -- clock
     ce_i      : in    std_ulogic;                                                             -- clock enable
     step_i    : in    std_ulogic;                                                             -- lets the next step begin
     fetch_o   : out   std_ulogic;                                                             -- reads the programs
-    load_o    : out   std_ulogic_vector(2 downto 1);                                          -- loads the registers behind, with DEEP
     address_o : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- control word to load
     repeat_o  : out   std_ulogic_vector(larger(index_bits(PERIOD / ROUNDS), 1) - 1 downto 0); -- the same within a round
     round_o   : out   std_ulogic_vector(larger(index_bits(ROUNDS), 1) - 1 downto 0);          -- round of that word
@@ -139,7 +138,6 @@ begin
     end process p_done;
 
     fetch_o   <= fetch;
-    load_o    <= "00";
     arrive_o  <= '0';
     address_o <= std_ulogic_vector(address);
     repeat_o  <= std_ulogic_vector(place);
@@ -152,23 +150,23 @@ begin
 
   end generate g_direct;
 
-  -- Addresses have a register on their way to the programs, and control words two on theirs to the PEs. All stand
-  -- still without ce_i, so PEs and outputs see the same three enabled clocks later.
+  -- What the PEs are told leaves two registers later, and each of them has a relay, so they follow four clocks behind:
+  -- as many as a control word takes on its way from the address to the PE. None of these registers stops. A clock
+  -- without fetch is a clock later one in which nothing is executed, so a clock enable at the PEs comes from a register,
+  -- and `ce_i` does not reach them.
 
   g_late : if DEEP generate
 
-    signal fetches        : std_ulogic_vector(3 downto 1)                              := (others => '0');
-    signal advances       : std_ulogic_vector(3 downto 1)                              := (others => '0');
-    signal parities       : std_ulogic_vector(3 downto 1)                              := (others => '0');
-    signal lasts          : std_ulogic_vector(3 downto 1)                              := (others => '0');
-    signal settles        : std_ulogic_vector(3 downto 1)                              := (others => '1');
-    signal arrivals       : std_ulogic_vector(3 downto 1)                              := (others => '0');
-    signal publishes      : std_ulogic_vector(3 downto 1)                              := (others => '0');
-    signal address_late   : unsigned(address'range)                                    := (others => '0');
-    signal place_late     : unsigned(place'range)                                      := (others => '0');
-    signal index_read     : unsigned(index'range)                                      := (others => '0');
-    signal index_loaded   : unsigned(index'range)                                      := (others => '0');
-    signal index_executed : unsigned(index'range)                                      := (others => '0');
+    signal advances   : std_ulogic_vector(3 downto 1) := (others => '0');
+    signal parities   : std_ulogic_vector(3 downto 1) := (others => '0');
+    signal lasts      : std_ulogic_vector(3 downto 1) := (others => '0');
+    signal settles    : std_ulogic_vector(3 downto 1) := (others => '1');
+    signal arrivals   : std_ulogic_vector(3 downto 1) := (others => '0');
+    signal publishes  : std_ulogic_vector(4 downto 1) := (others => '0');
+    signal place_next : unsigned(place'range)         := (others => '0');
+    signal index_1    : unsigned(index'range)         := (others => '0');
+    signal index_2    : unsigned(index'range)         := (others => '0');
+    signal index_3    : unsigned(index'range)         := (others => '0');
 
   begin
 
@@ -176,41 +174,46 @@ begin
     begin
 
       if rising_edge(clk_i) then
+        advances  <= advances(2 downto 1) & (fetch and valid);
+        parities  <= parities(2 downto 1) & parity;
+        lasts     <= lasts(2 downto 1) & last;
+        settles   <= settles(2 downto 1) & settle;
+        arrivals  <= arrivals(2 downto 1) & (fetch and waiting);
+        publishes <= publishes(3 downto 1) & publish;
+        index_1   <= index;
+        index_2   <= index_1;
+        index_3   <= index_2;
+
+        if (fetch = '1') then
+          place_next <= place;
+        end if;
+
+        -- Until an enabled clock has seen it.
         if (ce_i = '1') then
-          fetches        <= fetches(2 downto 1) & fetch;
-          advances       <= advances(2 downto 1) & (fetch and valid);
-          parities       <= parities(2 downto 1) & parity;
-          lasts          <= lasts(2 downto 1) & last;
-          settles        <= settles(2 downto 1) & settle;
-          arrivals       <= arrivals(2 downto 1) & (fetch and waiting);
-          publishes      <= publishes(2 downto 1) & publish;
-          address_late   <= address;
-          place_late     <= place;
-          index_read     <= index;
-          index_loaded   <= index_read;
-          index_executed <= index_loaded;
-          done           <= publishes(3);
+          done <= '0';
+        end if;
+
+        if (publishes(4) = '1') then
+          done <= '1';
         end if;
       end if;
 
     end process p_late;
 
-    fetch_o   <= fetches(1) and ce_i;
-    load_o(1) <= fetches(2) and ce_i;
-    load_o(2) <= fetches(3) and ce_i;
-    address_o <= std_ulogic_vector(address_late);
-    repeat_o  <= std_ulogic_vector(place_late);
-    advance_o <= advances(3) and ce_i;
-    index_o   <= std_ulogic_vector(index_executed);
+    fetch_o   <= '1';
+    address_o <= std_ulogic_vector(index);
+    repeat_o  <= std_ulogic_vector(place_next);
+    advance_o <= advances(3);
+    index_o   <= std_ulogic_vector(index_3);
     parity_o  <= parities(3);
     last_o    <= lasts(3);
     settle_o  <= settles(3);
-    arrive_o  <= arrivals(3) and ce_i;
-    publish_o <= publishes(3) and ce_i;
+    arrive_o  <= arrivals(3);
+    publish_o <= publishes(3);
 
   end generate g_late;
 
-  -- Programs behind more registers have no variants, so the round is that of the address without them.
+  -- Programs with DEEP have no variants, so the round is that of the address without it.
   round_o  <= std_ulogic_vector(round);
   sample_o <= fetch and waiting;
   busy_o   <= not waiting;

@@ -18,7 +18,7 @@ entity {{ model }} is
   );
   port (
     clk_i	: in    std_ulogic;	-- clock
-    ce_i	: in    std_ulogic;	-- clock enable of everything
+    ce_i	: in    std_ulogic;	-- clock enable of everything{% if deep %}; the PEs obey four clocks later{% endif %}
     step_i	: in    std_ulogic;	-- 1 lets the next step begin
     busy_o	: out   std_ulogic;	-- 0 while waiting for step_i; inputs are sampled when both allow
     done_o	: out   std_ulogic;	-- 1 for one enabled clock when outputs are new
@@ -39,7 +39,6 @@ architecture network of {{ model }} is
   constant REPEAT_WIDTH : positive := larger(index_bits(PERIOD / ROUNDS), 1);
 
   signal fetch	: std_ulogic;
-  signal load	: std_ulogic_vector(2 downto 1);
   signal arrive	: std_ulogic;
   signal advance	: std_ulogic;
   signal parity	: std_ulogic;
@@ -101,7 +100,6 @@ begin
       ce_i      => ce_i,
       step_i    => step_i,
       fetch_o   => fetch,
-      load_o    => load,
       arrive_o  => arrive,
       address_o => address,
       repeat_o  => place,
@@ -147,6 +145,9 @@ begin
       DATA_BITS    => DATA_BITS,
       INDEX_BITS   => INDEX_WIDTH,
       CAPTURE_WORD => {{ output.word }}
+{%- if deep %},
+      DEEP         => true
+{%- endif %}
     )
     port map (
       clk_i     => clk_i,
@@ -173,7 +174,6 @@ begin
     port map (
       clk_i     => clk_i,
       fetch_i   => fetch,
-      load_i    => load,
       address_i => place,
       control_o => repeated_{{ pe.index }}
     );
@@ -190,7 +190,6 @@ begin
     port map (
       clk_i     => clk_i,
       fetch_i   => fetch,
-      load_i    => load,
       address_i => variant_{{ pe.index }},
       control_o => streamed_{{ pe.index }}
     );
@@ -207,7 +206,6 @@ begin
     port map (
       clk_i     => clk_i,
       fetch_i   => fetch,
-      load_i    => load,
       address_i => address,
       control_o => {% if pe.repeated_bits > 0 %}streamed_{{ pe.index }}{% else %}control_{{ pe.index }}{% endif %}
     );
@@ -280,9 +278,22 @@ begin
   overflow_o <= overflowed;
 
   g_trace : if TRACE generate
+{% if deep %}
+    u_advance : entity pe_lib.pe_relay
+      generic map (
+        WIDTH => 1
+      )
+      port map (
+        clk_i      => clk_i,
+        value_i(0) => advance,
+        value_o(0) => trace_all({{ pe_count }} * TRACE_BITS)
+      );
 
+    trace_o <= trace_all;
+{%- else %}
     trace_all({{ pe_count }} * TRACE_BITS)	<= advance;
     trace_o	<= trace_all;
+{%- endif %}
 
   end generate g_trace;
 

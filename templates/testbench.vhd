@@ -86,6 +86,7 @@ begin
     variable latest    : natural;
     variable finished  : natural;
     variable checks    : natural;
+    variable told      : boolean;
 
     -- The input words of the next step; the last ones stay when the file ends.
 
@@ -134,6 +135,7 @@ begin
     latest    := 0;
     finished  := 0;
     checks    := 0;
+    told      := false;
     next_inputs;
 
     loop
@@ -142,13 +144,16 @@ begin
       wait until rising_edge(clk);
       clocks := clocks + 1;
 
-      if (ce = '1' and done = '1') then
+      -- In its first clock, enabled or not: a deep pipeline goes on with the next words.
+      if (done = '1' and not told) then
         print_outputs;
         finished := finished + 1;
         previous := latest;
         latest   := clocks;
         exit when finished = STEPS;
       end if;
+
+      told := done = '1';
 
       if (trace_line(trace_line'high) = '1') then
         print_trace(trace_line, cycle, WRITE_WORDS, WORD_BITS, DATA_BITS, checks);

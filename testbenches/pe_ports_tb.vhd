@@ -11,7 +11,8 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_trace_pkg.all;
 
--- Rounding, clamping and handshake of pe_input and pe_output for 16-bit ports, 24-bit words and 18-bit operands.
+-- Rounding, clamping and handshake of pe_input and pe_output for 16-bit ports, 24-bit words and 18-bit operands; with
+-- DEEP the same a clock later.
 
 entity pe_ports_tb is
 end entity pe_ports_tb;
@@ -29,6 +30,13 @@ architecture bench of pe_ports_tb is
   signal index     : std_ulogic_vector(2 downto 0)  := "101";
   signal word      : std_ulogic_vector(23 downto 0) := (others => '0');
   signal value_out : std_ulogic_vector(15 downto 0);
+
+  -- Of a deep pipeline.
+  signal arrive     : std_ulogic                     := '0';
+  signal late_exact : std_ulogic_vector(17 downto 0);
+  signal late_fits  : std_ulogic;
+  signal late_word  : std_ulogic_vector(23 downto 0) := (others => '0');
+  signal late_out   : std_ulogic_vector(15 downto 0);
 
 begin
 
@@ -82,6 +90,49 @@ begin
       value_o   => value_out
     );
 
+  u_late_exact : entity pe_lib.pe_input
+    generic map (
+      STORAGE_BITS => 16,
+      WORD_BITS    => 24,
+      DATA_BITS    => 18,
+      DEEP         => true
+    )
+    port map (
+      clk_i      => clk,
+      sample_i   => enable,
+      value_i    => value_in,
+      operand_o  => late_exact,
+      overflow_o => late_fits,
+      arrive_i   => arrive
+    );
+
+  u_late_output : entity pe_lib.pe_output
+    generic map (
+      STORAGE_BITS => 16,
+      WORD_BITS    => 24,
+      DATA_BITS    => 18,
+      INDEX_BITS   => 3,
+      CAPTURE_WORD => 5,
+      DEEP         => true
+    )
+    port map (
+      clk_i     => clk,
+      advance_i => enable,
+      index_i   => index,
+      publish_i => publish,
+      word_i    => late_word,
+      value_o   => late_out
+    );
+
+  p_late : process (clk) is
+  begin
+
+    if rising_edge(clk) then
+      late_word <= word;
+    end if;
+
+  end process p_late;
+
   p_check : process is
 
     variable checks : natural;
@@ -104,7 +155,21 @@ begin
         report "no bit of " & integer'image(number) & " need be lost"
         severity failure;
 
-      checks := checks + 2;
+      -- The next input comes before the relay tells.
+      arrive   <= '1';
+      enable   <= '0';
+      wait until rising_edge(clk);
+      arrive   <= '0';
+      value_in <= (others => '1');
+      wait until rising_edge(clk);
+      wait until falling_edge(clk);
+      enable   <= '1';
+
+      assert late_exact = exact and late_fits = fits
+        report "input " & integer'image(number) & " does not arrive later"
+        severity failure;
+
+      checks := checks + 3;
 
     end procedure check_input;
 
@@ -131,7 +196,15 @@ begin
         report "word " & integer'image(number) & " gives " & integer'image(to_integer(signed(value_out)))
         severity failure;
 
-      checks := checks + 1;
+      publish <= '0';
+      wait until rising_edge(clk);
+      wait until falling_edge(clk);
+
+      assert late_out = value_out
+        report "word " & integer'image(number) & " does not come out later"
+        severity failure;
+
+      checks := checks + 2;
 
     end procedure check_output;
 

@@ -64,7 +64,8 @@ class Netlist:
     def flip_flop_before(self, bit):
         drivers = self.drivers.get(bit, [])
         name = drivers[0][0] if drivers else None
-        return name if name and self.cells[name]["type"] == "TRELLIS_FF" else None
+        # One that is in a block by now is gone.
+        return name if name in self.cells and self.cells[name]["type"] == "TRELLIS_FF" else None
 
 
 class FlipFlop:

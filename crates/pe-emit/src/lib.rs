@@ -43,9 +43,10 @@ pub struct EmitOptions {
 }
 
 /// The hand-written library `pe_lib`, in compile order: file name and text.
-pub const LIBRARY: [(&str, &str); 12] = [
+pub const LIBRARY: [(&str, &str); 13] = [
     ("pe_pkg.vhd", include_str!("../../../hdl/pe_pkg.vhd")),
     ("pe_write_pkg.vhd", include_str!("../../../hdl/pe_write_pkg.vhd")),
+    ("pe_relay.vhd", include_str!("../../../hdl/pe_relay.vhd")),
     ("pe_ram.vhd", include_str!("../../../hdl/pe_ram.vhd")),
     ("pe_rom.vhd", include_str!("../../../hdl/pe_rom.vhd")),
     ("pe_multiplier.vhd", include_str!("../../../hdl/pe_multiplier.vhd")),
