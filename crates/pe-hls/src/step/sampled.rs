@@ -100,7 +100,7 @@ fn samples(model: &Model, apart: bool) -> Plan<'_> {
                 plan.end(number, Some(own), Expr::product(vec![of(Variable::Input(*tick)), change()]));
             }
             None if apart && recursive[index] => {
-                moved.push((number, plan.added(number, format!("next {}", state.name), own, change())));
+                moved.push((number, plan.added(number, format!("{}.change", state.name), own, change())));
             }
             None if recursive[index] => {
                 plan.end(number, Some(own), change());

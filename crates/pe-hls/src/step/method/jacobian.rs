@@ -32,7 +32,7 @@ fn named(plan: &mut Plan, name: &str, row: Row) -> Row {
         let state = &plan.model.states[column as usize].name;
         let expr = match expr {
             Expr::Constant(_) | Expr::Variable(_) => expr,
-            expr => of(plan.auxiliary(column, format!("d {name}/d {state}"), expr, false)),
+            expr => of(plan.auxiliary(column, format!("{name}.by({state})"), expr, false)),
         };
         (column, expr)
     };
