@@ -10,7 +10,7 @@ set -euo pipefail
 
 cd "$(dirname "$0")/.."
 folders=("$@")
-for set in shifts pre_adder model; do
+for set in shifts pre_adder model deep; do
   python3 docs/single_pes.py "out/pes-$set" "$set"
   folders+=("out/pes-$set")
 done

@@ -22,7 +22,9 @@ while read -r library file; do
 done < "$design/$model.f"
 ghdl --synth --std=08 --out=verilog -gTRACE=true "$model" > network.v 2> /dev/null
 if [[ $family == ecp5 ]]; then
-  "$yosys" -q -p "read_verilog network.v; synth_ecp5 -no-rw-check -top $model -json network.json" > yosys.log 2>&1 ||
+  "$yosys" -q -p "read_verilog network.v; setattr -mod -set keep_hierarchy 1 pe_relay*
+                  synth_ecp5 -no-rw-check -top $model
+                  setattr -mod -unset keep_hierarchy *; flatten; write_json network.json" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
   python3 "$here/../hdl/ecp5/pack-registers.py" network.json packed.json
   "$yosys" -q -p "read_json packed.json; write_verilog -noattr netlist.v" > yosys.log 2>&1 ||

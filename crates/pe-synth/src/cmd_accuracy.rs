@@ -8,8 +8,10 @@ use serde_json::{Map, Value, json};
 use crate::accuracy::goal::Search;
 use crate::accuracy::lists::{Lists, Plan};
 use crate::accuracy::view::{self, View};
+use crate::clock::ClockSource;
 use crate::cmd_compile::positive;
 use crate::console;
+use crate::devices::{self, Device};
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::estimate::Estimate;
 use crate::explore::given::{Given, Sweeping};
@@ -19,7 +21,6 @@ use crate::failure::{Failure, MessageFormat};
 use crate::options::{ConservedOptions, DesignPoint, ModelOptions};
 use crate::output::OutputFolder;
 use crate::pipeline::MappingOptions;
-use crate::report::{ASSUMED_CLOCK_MHZ, Clock};
 
 /// Shows what accuracy costs in run time: solvers, steps and word lengths of a model against a library's solution
 ///
@@ -43,9 +44,12 @@ pub struct Accuracy {
     /// Output folder; replaced if it is one of ours [default: out/MODEL_accuracy]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
-    /// Clock for the run time [default: 150, marked as assumed]
+    /// Clock for the run time [default: an estimate for some devices, else 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
+    /// Estimates the clock for a device where networks on its like were measured
+    #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
+    device: Option<&'static Device>,
     /// Picks the cheapest point with at most this total error, and tries more steps and words for it
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Points")]
     max_error: Option<f64>,
@@ -82,14 +86,14 @@ impl Accuracy {
         OutputFolder::permitted(&target)?;
         let conserved = self.conserved.of(model)?;
         let plan = self.lists.plan(model, &self.mapping);
-        let clock = Clock { mhz: self.clock.unwrap_or(ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
+        let clock = ClockSource { given: self.clock, device: self.device };
         let row = |point: DesignPoint| (point, self.given.command(&point), None);
         let mut record = Record {
             kind: Kind { store: "accuracy.json", files: view::files },
             head: self.head(model, &plan),
             title: format!("{} ({})", model.name, model.size()),
             max_error: self.max_error,
-            clock: format!("{} MHz ({})", clock.mhz, if clock.given { "given" } else { "assumed" }),
+            clock: clock.words(),
             rows: plan.points.iter().copied().map(row).collect(),
             target,
         };

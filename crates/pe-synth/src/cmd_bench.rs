@@ -13,6 +13,7 @@ use pe_sim::error::Trajectory;
 use pe_sim::native;
 use serde_json::{Value, json};
 
+use crate::clock::{Clock, ClockSource};
 use crate::cmd_compile::positive;
 use crate::cmd_verify::Scratch;
 use crate::console;
@@ -20,7 +21,7 @@ use crate::engines::execute;
 use crate::failure::{Failure, MessageFormat};
 use crate::options::{DesignPoint, ModelOptions};
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
-use crate::report::{self, Clock};
+use crate::report;
 
 /// Products of a repetition, at least: long beside the resolution of any clock.
 const PRODUCTS: u64 = 200_000_000;
@@ -104,7 +105,8 @@ impl Bench {
             }
             Err(failure) => return Err(failure),
         };
-        let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
+        let pes = design.program.pes.len() as u32;
+        let clock = ClockSource { given: self.clock, device: None }.of(&design.program.format, pes);
         let figures = figures(&design, model, clock, (&kernel, steps), &runs);
         if let Some(path) = &self.output {
             fs::write(path, format!("{figures:#}\n")).map_err(|error| Failure::file("write", path, error))?;
@@ -246,7 +248,7 @@ fn figures(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str,
             "pes": design.program.pes.len(),
             "multiplier": pipeline::multiplier_name(&design.program.format),
             "cycles_per_step": design.program.period,
-            "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
+            "clock": clock.report(),
             "us_per_step": hardware * 1e6,
             "ms_per_simulated_second": hardware * 1e3 / model.mean_step(),
             "word_length_error": design.judged.errors.word_length,
@@ -269,9 +271,8 @@ fn table(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str, u
     }
     let pes = design.program.pes.len();
     line(&format!("hardware, {pes} PEs"), hardware, design.judged.errors.word_length, "1");
-    let basis = if clock.given { "given" } else { "assumed" };
     text += &report::row("computer", &format!("{kernel}; median of {REPEATS} runs of {steps} steps"));
     let name = pipeline::multiplier_name(&design.program.format);
     let cycles = design.program.period;
-    text + &report::row("hardware", &format!("{cycles} cycles per step at {} MHz ({basis}), {name}", clock.mhz))
+    text + &report::row("hardware", &format!("{cycles} cycles per step at {}, {name}", clock.words()))
 }

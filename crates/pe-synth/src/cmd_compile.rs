@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use crate::accuracy::choice::{Choice, Fixed, Question};
 use crate::area::{self, Measured};
 use crate::check::{self, Check};
+use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::console;
 use crate::devices::{self, Device, Fit};
@@ -20,7 +21,7 @@ use crate::failure::{Failure, MessageFormat, print_findings};
 use crate::options::{ConservedOptions, DesignPoint, LoadedModel, ModelOptions};
 use crate::output::OutputFolder;
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
-use crate::report::{self, Clock, Silicon};
+use crate::report::{self, Silicon};
 use crate::total::{Reference, TotalError};
 use crate::variables::{self, variables};
 
@@ -49,10 +50,10 @@ pub struct Compile {
     /// Output folder; replaced if it is one of ours [default: out/MODEL]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
-    /// Clock for the speed in the report [default: 150, marked as assumed]
+    /// Clock for the speed in the report [default: an estimate for some devices, else 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
-    /// Holds the size against a device
+    /// Holds the size against a device, and estimates the clock where networks on its like were measured
     #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
     /// Takes measured sizes of PEs in place of estimates, from a file that `hdl/measure-area.sh` wrote
@@ -105,7 +106,7 @@ impl Compile {
                 Err(_) => "refused".to_owned(),
             },
         )?;
-        let clock = Clock { mhz: self.clock.unwrap_or(report::ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
+        let clock = ClockSource { given: self.clock, device: self.device };
         let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.model.name));
         OutputFolder::permitted(&target)?;
         let conserved = self.conserved.of(&loaded.model)?;
@@ -129,7 +130,7 @@ impl Compile {
         let area = area::size(&design.program, &measured);
         let pes = design.program.pes.len() as u32;
         let fit = self.device.map(|device| Fit::of(device, &area, &design.program.format, pes));
-        let silicon = Silicon { area, clock };
+        let silicon = Silicon { area, clock: clock.of(&design.program.format, pes) };
         let variables = variables(model, &design.graph, &design.judged);
         let mut report = report::report(model, &design, &variables, silicon, &total, self.model.seed, command);
         report["stability"] = check.as_ref().map_or(Value::Null, |check| check::report(model, check));
@@ -191,7 +192,7 @@ impl Compile {
         &self,
         loaded: &LoadedModel,
         conserved: &[Conserved],
-        clock: Clock,
+        clock: ClockSource,
         max_error: f64,
         watch: &mut Stopwatch,
     ) -> Result<Choice, Failure> {

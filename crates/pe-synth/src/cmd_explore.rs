@@ -7,8 +7,10 @@ use indicatif::HumanDuration;
 use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
 
+use crate::clock::ClockSource;
 use crate::cmd_compile::positive;
 use crate::console;
+use crate::devices::{self, Device};
 use crate::explore::axes::{Axes, Completed};
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::estimate::Estimate;
@@ -21,7 +23,6 @@ use crate::failure::{Failure, MessageFormat};
 use crate::options::ModelOptions;
 use crate::output::OutputFolder;
 use crate::pipeline::MappingOptions;
-use crate::report::{ASSUMED_CLOCK_MHZ, Clock};
 
 /// Compiles many design points of a model and shows what size, speed and accuracy cost each other
 ///
@@ -46,9 +47,12 @@ pub struct Explore {
     /// Output folder; replaced if it is one of ours [default: out/MODEL_explore]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
-    /// Clock for the speed [default: 150, marked as assumed]
+    /// Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
+    /// Estimates the clock for a device where networks on its like were measured
+    #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
+    device: Option<&'static Device>,
     /// Largest total error of points that compete in size and speed [default: any]
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
     max_error: Option<f64>,
@@ -85,13 +89,13 @@ impl Explore {
         let target = self.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
         let Completed { axes, graphs, stiffness } = self.axes.complete(model);
-        let clock = Clock { mhz: self.clock.unwrap_or(ASSUMED_CLOCK_MHZ), given: self.clock.is_some() };
+        let clock = ClockSource { given: self.clock, device: self.device };
         let points = axes.formed(model, &self.mapping).into_iter();
         let mut record = Record {
             head: self.head(model, &axes),
             title: format!("{} ({})", model.name, model.size()),
             max_error: self.max_error,
-            clock: format!("{} MHz ({})", clock.mhz, if clock.given { "given" } else { "assumed" }),
+            clock: clock.words(),
             rows: points.map(|point| (point, self.given.command(&point), None)).collect(),
             target,
             kind: Kind { store: "points.json", files: Sheet::files },

@@ -36,6 +36,8 @@ pub struct Device {
     pub multiplier: Multiplier,
     /// Block RAMs of 18 kbit; those of 36 kbit count twice.
     pub bram18s: u32,
+    /// Whether clocks of networks on its family were measured ([`crate::clock`]).
+    pub clocks_measured: bool,
     /// Data sheet.
     pub source: &'static str,
 }
@@ -55,6 +57,7 @@ pub const DEVICES: &[Device] = &[
         dsps: 768,
         multiplier: DSP48E1,
         bram18s: 2 * 416,
+        clocks_measured: false,
         source: "Virtex-6 Family Overview, DS150",
     },
     Device {
@@ -66,6 +69,7 @@ pub const DEVICES: &[Device] = &[
         dsps: 220,
         multiplier: DSP48E1,
         bram18s: 2 * 140,
+        clocks_measured: false,
         source: "Zynq-7000 SoC Data Sheet: Overview, DS190",
     },
     Device {
@@ -77,6 +81,7 @@ pub const DEVICES: &[Device] = &[
         dsps: 156,
         multiplier: MULT18X18D,
         bram18s: 208,
+        clocks_measured: true,
         source: "ECP5 and ECP5-5G Family Data Sheet, FPGA-DS-02012",
     },
     Device {
@@ -88,6 +93,7 @@ pub const DEVICES: &[Device] = &[
         dsps: 1_200,
         multiplier: DSP48E2,
         bram18s: 2 * 300,
+        clocks_measured: false,
         source: "UltraScale Architecture and Product Data Sheet: Overview, DS890",
     },
 ];

@@ -6,6 +6,7 @@ pub mod accuracy;
 pub mod area;
 pub mod bottleneck;
 pub mod check;
+pub mod clock;
 pub mod cmd_accuracy;
 pub mod cmd_bench;
 pub mod cmd_check;

@@ -14,14 +14,12 @@ use serde_json::{Value, json};
 
 use crate::area::Area;
 use crate::bottleneck::Bottleneck;
+use crate::clock::Clock;
 use crate::conserved::Drift;
 use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name};
 use crate::total::TotalError;
 use crate::variables::{self, Variable};
 use crate::{features, scene, tables};
-
-/// Clock that speeds are computed with unless the user gives one, in MHz: the paper's designs reach 140 to 182.
-pub const ASSUMED_CLOCK_MHZ: f64 = 150.0;
 
 /// Size and clock of a design.
 #[derive(Clone, Copy, Debug)]
@@ -30,15 +28,6 @@ pub struct Silicon {
     pub area: Area,
     /// Clock.
     pub clock: Clock,
-}
-
-/// The clock and where it comes from.
-#[derive(Clone, Copy, Debug)]
-pub struct Clock {
-    /// Frequency in MHz.
-    pub mhz: f64,
-    /// Whether the user gave it.
-    pub given: bool,
 }
 
 /// Largest indices and counts of a program.
@@ -154,7 +143,7 @@ pub fn report(
         "area": {"lut": area.lut.round(), "lut_error": area.lut_error.round(), "ff": area.ff.round(),
                  "ff_error": area.ff_error.round(), "dsp": area.dsp, "bram18": area.bram18,
                  "basis": area.basis(), "measured_pes": area.measured_pes},
-        "clock": {"mhz": clock.mhz, "basis": if clock.given { "given" } else { "assumed" }},
+        "clock": clock.report(),
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.mean_step(),
         "error": error(model, design, total),
         "smallest_pivot": design.judged.smallest_pivot.as_ref().map(|pivot| json!({"state": pivot.state, "magnitude": pivot.magnitude})),
@@ -381,12 +370,7 @@ pub fn table(
         ("bottleneck", Bottleneck::of(design).summary(program)),
         (
             "speed",
-            format!(
-                "{time_ms:.3} ms per simulated second, {:.1} x real time at {} MHz ({})",
-                1e3 / time_ms,
-                clock.mhz,
-                if clock.given { "given" } else { "assumed" }
-            ),
+            format!("{time_ms:.3} ms per simulated second, {:.1} x real time at {}", 1e3 / time_ms, clock.words()),
         ),
         ("size", format!("{}, {} DSP, {} BRAM18 ({})", area.lut_words(), area.dsp, area.bram18, area.basis())),
         ("headroom", variables::summary(variables)),

@@ -502,6 +502,25 @@ fn a_design_too_large_for_the_device_is_written_with_a_warning() {
 }
 
 #[test]
+fn a_clock_is_given_estimated_or_assumed() {
+    let home = folder("clock");
+    let of = |target: &str, options: &[&str]| {
+        let all = [&["--pes", "2", "--span", "20ms", "--pipeline", "deep", "--multiplier", "18x18"], options].concat();
+        let output = compile(&model("weibel5"), &home.join(target), &all);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let report = fs::read_to_string(home.join(target).join("report.json")).unwrap();
+        serde_json::from_str::<Value>(&report).unwrap()["clock"].clone()
+    };
+    let estimated = of("ecp5", &["--device", "LFE5UM-85F"]);
+    assert_eq!(estimated["basis"], "estimated", "{estimated}");
+    assert!(estimated["mhz"].as_f64() > Some(200.0) && estimated["error_mhz"].as_f64() > Some(0.0), "{estimated}");
+    let given = of("given", &["--device", "LFE5UM-85F", "--clock", "100"]);
+    assert_eq!(given, serde_json::json!({"mhz": 100.0, "basis": "given"}));
+    let assumed = of("xilinx", &["--device", "XC7Z020"]);
+    assert_eq!(assumed, serde_json::json!({"mhz": 150.0, "basis": "assumed"}));
+}
+
+#[test]
 fn measured_pes_take_the_place_of_estimates() {
     let home = folder("area_from");
     let file = home.join("area.txt");

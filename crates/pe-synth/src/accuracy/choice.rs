@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::goal::{Search, cheapest};
 use super::lists::Lists;
+use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::explore::estimate::Estimate;
 use crate::explore::row::{Outcome, Row};
@@ -16,7 +17,6 @@ use crate::explore::sweep::{self, Event, Job, Sweep};
 use crate::failure::Failure;
 use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions};
 use crate::pipeline::MappingOptions;
-use crate::report::Clock;
 
 /// Which axes of the design space the user fixed: those whose options were given.
 #[derive(Clone, Copy, Debug, Default)]
@@ -66,7 +66,7 @@ pub struct Question<'a> {
     /// Quantities that the user says are conserved.
     pub conserved: &'a [Conserved],
     /// The clock that run times are computed with.
-    pub clock: Clock,
+    pub clock: ClockSource,
     /// Largest total error.
     pub max_error: f64,
 }

@@ -6,6 +6,8 @@ use pe_ir::memory::{self, MemoryCells};
 use pe_ir::program::{PeFeatures, Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
 
+use super::followers;
+
 /// A synthesised PE with its program memory.
 #[derive(Clone, Debug)]
 pub struct MeasuredShape {
@@ -81,6 +83,13 @@ fn shape(line: &str) -> Option<MeasuredShape> {
     let flag = |name: &str| fields.get(name).map_or(Some(false), |value| value.parse::<bool>().ok());
     let missing_is_zero = |name: &str| if fields.contains_key(name) { number(name) } else { Some(0) };
     let shifts = fields.get("shifts")?.split(',').map(|shift| shift.parse().ok()).collect::<Option<Vec<u8>>>()?;
+    let format = WordFormat {
+        storage_bits: number("storage_bits")?,
+        guard_bits: number("word_bits")?.checked_sub(number("storage_bits")?)?,
+        data_bits: number("data_bits")?,
+        coefficient_bits: number("coefficient_bits")?,
+        pipeline: pipeline(fields.get("pipeline"))?,
+    };
     Some(MeasuredShape {
         features: PeFeatures {
             own_words: number("own_words")?,
@@ -99,14 +108,8 @@ fn shape(line: &str) -> Option<MeasuredShape> {
             index_bits: missing_is_zero("index_bits")?,
             octave_bits: missing_is_zero("octave_bits")?,
         },
-        format: WordFormat {
-            storage_bits: number("storage_bits")?,
-            guard_bits: number("word_bits")?.checked_sub(number("storage_bits")?)?,
-            data_bits: number("data_bits")?,
-            coefficient_bits: number("coefficient_bits")?,
-            pipeline: pipeline(fields.get("pipeline"))?,
-        },
-        program: program(number)?,
+        format,
+        program: program(number, &format)?,
         lut: number("lut")?,
         ff: number("ff")?,
         dsp: number("dsp")?,
@@ -121,7 +124,7 @@ fn pipeline(name: Option<&&str>) -> Option<Pipeline> {
 }
 
 /// Memories of the control words: what every round repeats, and the rest.
-fn program(number: impl Fn(&str) -> Option<u32>) -> Option<MemoryCells> {
+fn program(number: impl Fn(&str) -> Option<u32>, format: &WordFormat) -> Option<MemoryCells> {
     let (words, bits, streamed) = (number("program_words")?, number("program_bits")?, number("streamed_bits")?);
     let (rounds, repeated) = (number("rounds")?, bits.checked_sub(streamed)?);
     let round_words = words.checked_div(rounds)?;
@@ -130,7 +133,13 @@ fn program(number: impl Fn(&str) -> Option<u32>) -> Option<MemoryCells> {
             let table = memory::tables(variants * rounds.next_power_of_two(), streamed);
             [memory::rom(round_words, repeated + index_bits(variants)), table].into_iter().sum()
         }
-        None => [memory::rom(round_words, repeated), memory::rom(words, streamed)].into_iter().sum(),
+        None => {
+            let cells = |words, bits| {
+                let memory = memory::rom(words, bits);
+                MemoryCells { ff: memory.ff + followers(format, words, bits), ..memory }
+            };
+            [cells(round_words, repeated), cells(words, streamed)].into_iter().sum()
+        }
     })
 }
 

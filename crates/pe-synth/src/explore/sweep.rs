@@ -25,11 +25,12 @@ use rayon::Scope;
 use super::estimate::Estimate;
 use super::row::{Figures, Outcome, Reason};
 use crate::area;
+use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::failure::Failure;
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Network, Stopwatch};
-use crate::report::{self, Clock, Silicon};
+use crate::report::{self, Silicon};
 use crate::runs::{Comparison, Exact, Judged};
 use crate::slots;
 use crate::total::{Reference, TotalError};
@@ -48,7 +49,7 @@ pub struct Sweep {
     /// Largest total error of points whose networks are designed; others fail. All are designed if there is none.
     pub within: Option<f64>,
     /// The clock that speeds are computed with.
-    pub clock: Clock,
+    pub clock: ClockSource,
     /// How long the pieces of work take.
     pub estimate: Estimate,
 }
@@ -290,7 +291,10 @@ impl Sweep {
         let network = Network { pes: point.pes, seed, given: None };
         let design = pipeline::implement(loaded, &graph, &judged, network, &self.mapping, watch)?;
         let (model, total) = (&loaded.model, Some(total));
-        let silicon = Silicon { area: area::estimate(&design.program), clock: self.clock };
+        let silicon = Silicon {
+            area: area::estimate(&design.program),
+            clock: self.clock.of(&design.program.format, design.program.pes.len() as u32),
+        };
         let report = report::report(
             model,
             &design,
