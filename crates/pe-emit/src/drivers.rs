@@ -122,10 +122,9 @@ pub fn stimulus(program: &Program, options: &EmitOptions) -> String {
 }
 
 /// The text of `<model>_shapes.txt`: one `key=value` line per set of PEs that differ only in content.
-pub fn shapes(program: &Program) -> String {
+pub fn shapes(program: &Program, folds: &[Fold]) -> String {
     let mut shapes: BTreeMap<(&PeFeatures, u32, Option<u32>), Vec<usize>> = BTreeMap::new();
-    for (index, pe) in program.pes.iter().enumerate() {
-        let fold = Fold::of(program, pe);
+    for (index, (pe, fold)) in program.pes.iter().zip(folds).enumerate() {
         shapes.entry((&pe.features, fold.streamed_bits(), fold.variants())).or_default().push(index);
     }
     let mut text = String::new();

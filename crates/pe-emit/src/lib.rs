@@ -16,7 +16,7 @@ pub use drivers::shape;
 pub use names::{comment_text, vhdl_identifier};
 
 use names::Names;
-use pe_ir::program::Program;
+use pe_ir::program::{Fold, Program};
 
 /// One file of the design.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -82,19 +82,20 @@ pub fn emit(program: &Program, options: &EmitOptions) -> Vec<Artefact> {
         command: comment_text(&options.command),
     };
     let names = Names::new(program);
+    let folds: Vec<Fold> = program.pes.iter().map(|pe| Fold::of(program, pe)).collect();
     let model = &names.model;
     let mut artefacts: Vec<Artefact> =
         LIBRARY.iter().map(|(file, text)| Artefact { path: format!("hdl/{file}"), text: (*text).to_owned() }).collect();
     let mut push = |suffix: &str, text: String| {
         artefacts.push(Artefact { path: format!("{model}{suffix}"), text: columns::aligned(text) });
     };
-    push("_program_pkg.vhd", program_pkg::render(program, &names, &header));
-    push(".vhd", network::render(program, &names, &header));
+    push("_program_pkg.vhd", program_pkg::render(program, &folds, &names, &header));
+    push(".vhd", network::render(program, &folds, &names, &header));
     push("_tb.vhd", drivers::testbench(program, &names, &header, options));
     push(".f", drivers::file_list(&names));
-    push("_reference.rs", reference::render(program, &header, options));
+    push("_reference.rs", reference::render(program, &folds, &header, options));
     push("_verilator.cpp", drivers::verilator(program, &names, &header, options));
     push("_stimulus.txt", drivers::stimulus(program, options));
-    push("_shapes.txt", drivers::shapes(program));
+    push("_shapes.txt", drivers::shapes(program, &folds));
     artefacts
 }

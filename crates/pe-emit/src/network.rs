@@ -69,7 +69,7 @@ struct Pe {
 }
 
 /// The text of `<model>.vhd`.
-pub fn render(program: &Program, names: &Names, header: &Header) -> String {
+pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header) -> String {
     let comment = |name: &str, unit: &Option<String>, exponent: i32| {
         let unit = unit.as_deref().map_or(String::new(), |unit| format!(" [{}]", comment_text(unit)));
         format!("{}{unit}, LSB 2^{exponent}", comment_text(name))
@@ -78,7 +78,8 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
     for output in &program.outputs {
         shown[output.pe as usize] = true;
     }
-    let pes: Vec<Pe> = shown.into_iter().enumerate().map(|(index, shown)| describe(program, index, shown)).collect();
+    let pes: Vec<Pe> =
+        shown.into_iter().enumerate().map(|(index, shown)| describe(program, &folds[index], index, shown)).collect();
     let inputs = program.inputs.iter().zip(&names.inputs).enumerate();
     let outputs = program.outputs.iter().zip(&names.outputs).enumerate();
     let network = Network {
@@ -104,7 +105,7 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
     network.render().expect("templates render into strings")
 }
 
-fn describe(program: &Program, index: usize, shown: bool) -> Pe {
+fn describe(program: &Program, fold: &Fold, index: usize, shown: bool) -> Pe {
     let pe = &program.pes[index];
     let signal = |source: &LinkSource| match source {
         LinkSource::Pe(pe) => format!("link_{pe}"),
@@ -115,7 +116,6 @@ fn describe(program: &Program, index: usize, shown: bool) -> Pe {
         LinkSource::Input(input) => format!("input {}", comment_text(&program.inputs[*input as usize].name)),
     };
     let features = &pe.features;
-    let fold = Fold::of(program, pe);
     let wiring = if pe.ports.is_empty() {
         "(others => '0')".to_owned()
     } else {

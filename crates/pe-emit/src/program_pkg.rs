@@ -24,6 +24,7 @@ struct ProgramPackage<'a> {
     period: u32,
     rounds: u32,
     program: &'a Program,
+    folds: &'a [Fold],
     /// Names of values as comments show them.
     shown: Vec<String>,
     states: StateWords,
@@ -33,7 +34,7 @@ impl ProgramPackage<'_> {
     /// The PEs, described one at a time: the lines of all would take several times the memory of the text.
     fn pes(&self) -> impl Iterator<Item = Pe> {
         let pes = self.program.pes.iter().enumerate();
-        pes.map(|(index, pe)| describe(self.program, &self.shown, &self.states, index, pe))
+        pes.map(|(index, pe)| describe(self, index, pe))
     }
 }
 
@@ -77,7 +78,7 @@ struct Line {
 }
 
 /// The text of `<model>_program_pkg.vhd`.
-pub fn render(program: &Program, names: &Names, header: &Header) -> String {
+pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header) -> String {
     let format = &program.format;
     let package = ProgramPackage {
         header,
@@ -89,6 +90,7 @@ pub fn render(program: &Program, names: &Names, header: &Header) -> String {
         period: program.period,
         rounds: program.rounds,
         program,
+        folds,
         shown: program.names.iter().map(|name| short(name)).collect(),
         states: StateWords::of(program),
     };
@@ -120,14 +122,15 @@ impl StateWords {
     }
 }
 
-fn describe(program: &Program, shown: &[String], states: &StateWords, index: usize, pe: &PeProgram) -> Pe {
+fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
+    let &ProgramPackage { program, folds, ref shown, ref states, .. } = package;
+    let fold = &folds[index];
     let layout = Layout::new(&pe.features, &program.format);
     let comments = pe.words.iter().enumerate().map(|(k, word)| {
         let note = pe.notes.get(k).copied().unwrap_or_default();
         word_comment(program, shown, pe, word, &note)
     });
     let comments: Vec<String> = comments.collect();
-    let fold = Fold::of(program, pe);
     let part = |name: &'static str, layout: Layout, words: Vec<u128>, comments: &[String]| {
         let bits = words.iter().map(|word| fields_in_binary(&layout, *word));
         let texts = comments.iter().cloned().chain(std::iter::repeat(String::new()));

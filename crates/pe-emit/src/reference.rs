@@ -28,12 +28,13 @@ struct Reference<'a> {
     /// Tuples of PE and control word.
     outputs: String,
     program: &'a Program,
+    folds: &'a [Fold],
 }
 
 impl Reference<'_> {
     /// The PEs, described one at a time to save memory.
     fn pes(&self) -> impl Iterator<Item = Pe> {
-        self.program.pes.iter().map(|pe| describe(self.program, pe))
+        self.program.pes.iter().zip(self.folds).map(|(pe, fold)| describe(pe, fold))
     }
 }
 
@@ -70,7 +71,7 @@ struct Pe {
 }
 
 /// The text of `<model>_reference.rs`.
-pub fn render(program: &Program, header: &Header, options: &EmitOptions) -> String {
+pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &EmitOptions) -> String {
     let format = &program.format;
     let outputs: Vec<String> =
         program.outputs.iter().map(|output| format!("({}, {})", output.pe, output.word)).collect();
@@ -90,6 +91,7 @@ pub fn render(program: &Program, header: &Header, options: &EmitOptions) -> Stri
         sum_type: sum_type(program),
         outputs: outputs.join(", "),
         program,
+        folds,
     };
     reference.render().expect("templates render into strings")
 }
@@ -101,9 +103,8 @@ fn sum_type(program: &Program) -> &'static str {
     if widest > i64::BITS { "i128" } else { "i64" }
 }
 
-fn describe(program: &Program, pe: &PeProgram) -> Pe {
+fn describe(pe: &PeProgram, fold: &Fold) -> Pe {
     let features = &pe.features;
-    let fold = Fold::of(program, pe);
     let hex = |words: &[u128], mask: u128| {
         let digits = mask.count_ones().div_ceil(4) as usize;
         words.iter().map(|word| format!("{:0digits$x}", closed_up(*word, mask))).collect()

@@ -203,6 +203,31 @@ impl Layout {
 
 /// The bits of a word that are in `mask`, closed up.
 pub fn closed_up(word: u128, mask: u128) -> u128 {
-    let bits = (0..128).filter(|bit| mask >> bit & 1 == 1);
-    bits.enumerate().fold(0, |packed, (place, bit)| packed | (word >> bit & 1) << place)
+    let (mut packed, mut place, mut from, mut left) = (0, 0, 0, mask);
+    // One run of ones in the mask after the other.
+    while left != 0 {
+        let gap = left.trailing_zeros();
+        let run = (left >> gap).trailing_ones();
+        packed |= (word >> (from + gap) & (u128::MAX >> (128 - run))) << place;
+        place += run;
+        from += gap + run;
+        left = left.checked_shr(gap + run).unwrap_or(0);
+    }
+    packed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bits_of_a_mask_close_up_in_order() {
+        let word = 0xfedc_ba98_7654_3210_0123_4567_89ab_cdef_u128;
+        let ends = 1 | 1 << 127;
+        for mask in [0, 1, u128::MAX, ends, 0xff00_00ff, !ends, word, !word, 1 << 127, u128::MAX << 64] {
+            let bits = (0..128).filter(|bit| mask >> bit & 1 == 1).enumerate();
+            let expected = bits.fold(0, |sum, (place, bit)| sum | (word >> bit & 1) << place);
+            assert_eq!(closed_up(word, mask), expected, "{mask:x}");
+        }
+    }
 }

@@ -160,12 +160,15 @@ impl Layout {
     pub fn encode(&self, word: &ControlWord) -> u128 {
         use FieldName::*;
         let mut bits = 0u128;
-        let mut put = |name: FieldName, value: u64| match self.fields.iter().find(|field| field.name == name) {
-            Some(field) => {
-                assert!(field.width >= 64 || value >> field.width == 0, "{} = {value}", name.text());
-                bits |= u128::from(value) << field.lsb;
+        // Looked up by name: programs of large networks have millions of words.
+        let mut places = [(0, 0); FieldName::Port as usize + 1];
+        self.fields.iter().for_each(|field| places[field.name as usize] = (field.width, field.lsb));
+        let mut put = |name: FieldName, value: u64| match places[name as usize] {
+            (0, _) => assert_eq!(value, 0, "no field {}", name.text()),
+            (width, lsb) => {
+                assert!(width >= 64 || value >> width == 0, "{} = {value}", name.text());
+                bits |= u128::from(value) << lsb;
             }
-            None => assert_eq!(value, 0, "no field {}", name.text()),
         };
         let mut address = |enable: FieldName, swap: FieldName, index: FieldName, address: Option<Address>| {
             put(enable, u64::from(address.is_some()));
