@@ -1,11 +1,12 @@
 //! Prints what the mapper makes of synthetic problems shaped like the models of Huang, Vahid and Givargis (2013),
 //! doi 10.1145/2514641.2514650: a lung tree, a chain, a wave grid and an atrial cube.
 //!
-//! `cargo run --release -p pe-hls --example mapping_quality [name]`
+//! `cargo run --release -p pe-hls --example mapping_quality [name [seeds]]`; with a number of seeds, how the random start
+//! ends beside the best of the others, in the mean.
 
 use std::time::Instant;
 
-use pe_hls::mapping::{Candidate, MapOptions, Problem, map};
+use pe_hls::mapping::{Candidate, MapOptions, Problem, REGIONS, map};
 
 /// A binary tree of branches; each has a pressure, `2 b`, and a flow, `2 b + 1`.
 fn tree(generations: u32) -> Problem {
@@ -60,6 +61,15 @@ fn star(equations: u32) -> Problem {
     Problem::new(vec![8; equations as usize], &(1..equations).map(|reader| (0, reader)).collect::<Vec<_>>(), &[])
 }
 
+/// Load x connections of the mapping from the random start, regions cut anew, over that from the best of the others.
+fn behind(problem: &Problem, pes: u32, seed: u64) -> f64 {
+    let tries = MapOptions::default_tries(problem.equations());
+    let candidates = map(problem, &MapOptions { pes, seed, tries, max_in_degree: 15 }).expect("a mapping");
+    let product = |candidate: &Candidate| f64::from(candidate.cost.max_load) * f64::from(candidate.cost.connections);
+    let (random, others): (Vec<_>, Vec<_>) = candidates.iter().partition(|candidate| candidate.start == REGIONS);
+    product(random[0]) / others.iter().map(|candidate| product(candidate)).fold(f64::INFINITY, f64::min)
+}
+
 fn main() {
     let chain = |count| cells([count, 1, 1], |_| 12);
     let grid = |side| cells([side, side, 1], |neighbours| neighbours + 1);
@@ -83,6 +93,7 @@ fn main() {
         ("large cube 103823", cube(47), 2048),
     ];
     let wanted = std::env::args().nth(1).unwrap_or_default();
+    let seeds: u64 = std::env::args().nth(2).map_or(1, |count| count.parse().expect("a number of seeds"));
     println!(
         "start: max load / bound, connections, in-degree; load x connections / (bound x (PEs - 1)); before annealing"
     );
@@ -93,6 +104,13 @@ fn main() {
         }
         let bound = problem.total_load().div_ceil(u64::from(pes)) as f64;
         let tries = MapOptions::default_tries(problem.equations());
+        if seeds > 1 {
+            println!(
+                "{title}: random start / best other {:.3}",
+                (1..=seeds).map(|seed| behind(&problem, pes, seed)).sum::<f64>() / seeds as f64
+            );
+            continue;
+        }
         let begin = Instant::now();
         let result = map(&problem, &MapOptions { pes, seed: 1, tries, max_in_degree: 15 });
         println!("{title}, bound {bound}, {:.2} s", begin.elapsed().as_secs_f64());

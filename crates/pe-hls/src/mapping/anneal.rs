@@ -15,6 +15,8 @@ use rand_chacha::ChaCha8Rng;
 use super::cost::{State, Weights};
 use super::neighbours;
 use super::problem::Problem;
+use super::random::below;
+use super::regions::Regions;
 
 /// How a mapping is annealed.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +31,8 @@ pub(super) struct Plan {
     pub(super) caps: (u32, u32),
     /// Largest in-degree allowed.
     pub(super) max_in_degree: u32,
+    /// Whether regions are cut anew as well.
+    pub(super) regions: bool,
 }
 
 /// Temperature of the last round.
@@ -39,6 +43,10 @@ const LAST_SPREAD: f64 = 0.1;
 const OVERLOAD: (f64, f64) = (0.5, 2.0);
 /// Weight of input ports above the limit.
 const EXCESS: f64 = 2.0;
+/// Of so many tries, one goes to region moves
+const REGIONS: u64 = 2;
+/// in this part of the rounds; then single equations settle.
+const SETTLED: f64 = 0.5;
 /// Rounds in which temperature and weights are constant.
 const ROUNDS: u32 = 200;
 /// Part of the rounds after which the cap falls to its last value.
@@ -63,7 +71,8 @@ pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut 
     let mut state = State::new(problem, start, plan.max_in_degree);
     let mut best = (start.clone(), state.cost());
     let acceptance = Acceptance::new();
-    let mut tries = 0;
+    let mut regions = Regions::new(problem, start.pes as usize);
+    let (mut tries, mut region_tries) = (0, 0);
     for round in 0..ROUNDS {
         let progress = f64::from(round) / f64::from(ROUNDS - 1);
         let between = |first: f64, last: f64| first * libm::pow(last / first, progress);
@@ -77,6 +86,13 @@ pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut 
         state.set_cap((first + (last - first) * tightened) as u32);
         let temperature = between(plan.hot, COLD);
         let end = plan.tries * u64::from(round + 1) / u64::from(ROUNDS);
+        while plan.regions && progress < SETTLED && region_tries < end / REGIONS {
+            let count = region_size(start.pes as usize, rng);
+            let threshold = temperature * acceptance.draw(rng);
+            let effort = regions.cut_anew(&mut state, count, &weights, threshold, rng);
+            region_tries += effort;
+            tries += effort;
+        }
         while tries < end {
             tries += 1 + attempt(&mut state, &weights, |rng| temperature * acceptance.draw(rng), rng);
         }
@@ -86,6 +102,12 @@ pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut 
         }
     }
     best
+}
+
+/// A random number of PEs, two or more: every power of two as likely as the next, and all PEs.
+fn region_size(pes: usize, rng: &mut ChaCha8Rng) -> usize {
+    let powers = pes.ilog2() as usize + 1;
+    (2 << below(rng, powers)).min(pes)
 }
 
 /// Proposes a neighbour of the mapping and moves there if the energy rises by no more than a random threshold; the

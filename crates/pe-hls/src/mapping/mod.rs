@@ -18,6 +18,7 @@ mod neighbours;
 mod orders;
 mod problem;
 mod random;
+mod regions;
 mod sets;
 mod starts;
 mod tiles;
@@ -113,6 +114,10 @@ impl std::error::Error for MapError {}
 
 /// Name of the start that is random.
 pub const RANDOM: &str = "random";
+/// Name of the random start after more annealing, with regions cut anew.
+pub const REGIONS: &str = "regions";
+/// Stream of the random numbers of its annealing.
+const REGIONS_STREAM: u64 = 2;
 /// Name of the start of a mapping that is given.
 pub const GIVEN: &str = "given";
 
@@ -122,11 +127,12 @@ const STRUCTURED_BEGIN: (f64, f64) = (0.3, 0.1);
 /// Load above the mean that is no overload until the annealer tightens the cap: 1 / 64 of the mean.
 const SLACK: u64 = 64;
 
-/// Maps the equations to PEs: one candidate per distinct start, the best first. The candidate from the random start
-/// is always among them.
+/// Maps the equations to PEs: one candidate per distinct start, the best first, and one from the random start with
+/// regions cut anew. The candidate from the random start is always among them.
 ///
 /// A quarter of the tries goes to the random start, another is shared by the others, and the rest goes to the best
 /// mapping that annealing has made better than its start; the others are starts that seem to be at an optimum already.
+/// Region moves get as much as the random start on top.
 pub fn map(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, MapError> {
     let &MapOptions { pes, max_in_degree, tries, .. } = options;
     if pes == 0 || pes > problem.equations() {
@@ -136,8 +142,8 @@ pub fn map(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, Ma
     let packed = starts::packed_load(problem, pes);
     let mean = problem.total_load() / u64::from(pes);
     let loose = packed.max((mean + mean / SLACK) as u32);
-    let plan = |tries, (hot, spread)| Plan { tries, hot, spread, caps: (loose, packed), max_in_degree };
-    let mut annealed = |start: &Mapping, plan: &Plan| anneal(problem, start, plan, &mut rng);
+    let plan = |tries, (hot, spread)| Plan { tries, hot, spread, caps: (loose, packed), max_in_degree, regions: false };
+    let annealed = |start: &Mapping, plan: &Plan, rng: &mut ChaCha8Rng| anneal(problem, start, plan, rng);
 
     let random = starts::random(problem, pes, options.seed);
     let structured = starts::structured(problem, pes);
@@ -147,13 +153,21 @@ pub fn map(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, Ma
         .chain(structured)
         .zip(plans)
         .map(|((start, begin), plan)| {
-            let (mapping, cost) = annealed(&begin, &plan);
+            let (mapping, cost) = annealed(&begin, &plan, &mut rng);
             Candidate { mapping, cost, start, start_cost: problem.cost(&begin) }
         })
         .collect();
     candidates.sort_by_key(|candidate| rank(&candidate.cost, max_in_degree));
     if let Some(finalist) = candidates.iter_mut().find(|candidate| candidate.cost != candidate.start_cost) {
-        (finalist.mapping, finalist.cost) = annealed(&finalist.mapping, &plan(tries / 2, STRUCTURED_BEGIN));
+        (finalist.mapping, finalist.cost) = annealed(&finalist.mapping, &plan(tries / 2, STRUCTURED_BEGIN), &mut rng);
+    }
+    if pes > 1 {
+        let random = candidates.iter().find(|candidate| candidate.start == RANDOM).expect("annealed above");
+        let plan = Plan { regions: true, ..plan(tries / 4, RANDOM_BEGIN) };
+        // Random numbers of its own: the other candidates do not depend on it.
+        rng.set_stream(REGIONS_STREAM);
+        let (mapping, cost) = annealed(&random.mapping, &plan, &mut rng);
+        candidates.push(Candidate { mapping, cost, start: REGIONS, start_cost: random.start_cost });
     }
     candidates.sort_by_key(|candidate| rank(&candidate.cost, max_in_degree));
     if candidates[0].cost.max_in_degree > max_in_degree {

@@ -57,7 +57,7 @@ fn breadth_first_ends(problem: &Problem, region: &mut Region, all: &[u32]) -> Ve
 }
 
 /// The depth-first spanning tree of a component.
-struct Tree {
+pub(super) struct Tree {
     /// Equations in the order of their discovery.
     found: Vec<u32>,
     /// Position in `found` of the equation through which each was found.
@@ -65,7 +65,8 @@ struct Tree {
 }
 
 impl Tree {
-    fn depth_first(problem: &Problem, root: u32, seen: &mut [bool]) -> Tree {
+    /// The tree of what can be reached from a root and was not seen before.
+    pub(super) fn depth_first(problem: &Problem, root: u32, seen: &mut [bool]) -> Tree {
         let mut tree = Tree { found: Vec::new(), parents: Vec::new() };
         // Neighbours are pushed before they are known to be children; the first one popped is the one that counts.
         let mut stack = vec![(root, 0)];
@@ -83,7 +84,7 @@ impl Tree {
     }
 
     /// Appends the tree in pre-order or post-order, children by rising size of their subtrees.
-    fn write(&self, after: bool, order: &mut Vec<u32>) {
+    pub(super) fn write(&self, after: bool, order: &mut Vec<u32>) {
         let count = self.found.len();
         let mut sizes = vec![1u32; count];
         for position in (1..count).rev() {

@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 use pe_ir::mapping::Mapping;
 use rand::SeedableRng;
@@ -60,19 +61,28 @@ pub(super) fn structured(problem: &Problem, pes: u32) -> Vec<(&'static str, Mapp
     starts
 }
 
-/// Cuts an order into one run per PE such that the largest load of a run is the smallest possible, and the loads of
-/// the runs follow the mean as closely as that allows.
+/// Cuts an order of all equations into one run per PE.
 pub(super) fn runs(problem: &Problem, order: &[u32], pes: u32) -> Mapping {
-    let loads: Vec<u64> = order.iter().map(|&equation| u64::from(problem.loads()[equation as usize])).collect();
-    let cap = smallest_cap(&loads, pes as usize);
     let mut pe_of = vec![0; order.len()];
-    // What is left must fit into the PEs left, so no run may end before `earliest`.
-    let earliest = earliest_ends(&loads, pes as usize, cap);
+    for (pe, run) in (0..).zip(cut_evenly(problem, order, pes as usize)) {
+        order[run].iter().for_each(|&equation| pe_of[equation as usize] = pe);
+    }
+    Mapping { pes, pe_of }
+}
+
+/// Cuts an order into runs, none of them empty, such that the largest load of a run is the smallest possible, and the
+/// loads of the runs follow the mean as closely as that allows.
+pub(super) fn cut_evenly(problem: &Problem, order: &[u32], count: usize) -> Vec<Range<usize>> {
+    let loads: Vec<u64> = order.iter().map(|&equation| u64::from(problem.loads()[equation as usize])).collect();
+    let cap = smallest_cap(&loads, count);
+    // What is left must fit into the runs left, so no run may end before `earliest`.
+    let earliest = earliest_ends(&loads, count, cap);
     let total: u64 = loads.iter().sum();
+    let mut runs = Vec::with_capacity(count);
     let (mut next, mut done) = (0, 0u64);
-    for (pe, earliest) in earliest.into_iter().enumerate() {
-        let goal = total * (pe as u64 + 1) / u64::from(pes);
-        let latest = order.len() - (pes as usize - 1 - pe);
+    for (run, earliest) in earliest.into_iter().enumerate() {
+        let goal = total * (run as u64 + 1) / count as u64;
+        let latest = order.len() - (count - 1 - run);
         let (first, begin) = (next, done);
         while next < latest {
             let after = done + loads[next];
@@ -81,12 +91,12 @@ pub(super) fn runs(problem: &Problem, order: &[u32], pes: u32) -> Mapping {
             if next >= earliest && next > first && !(fits && closer) {
                 break;
             }
-            pe_of[order[next] as usize] = pe as u32;
             done = after;
             next += 1;
         }
+        runs.push(first..next);
     }
-    Mapping { pes, pe_of }
+    runs
 }
 
 /// The smallest load that allows a cut into `pes` runs, by bisection.
