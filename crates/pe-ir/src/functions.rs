@@ -130,9 +130,11 @@ impl Segments {
     /// The segment of a number from -1 to 1; numbers outside belong to the nearest one.
     pub fn index_of(self, number: f64, octaves: bool) -> usize {
         const BITS: u32 = 53;
-        let scaled = libm::floor(libm::scalbn(number, BITS as i32 - 1));
-        let largest = libm::scalbn(1.0, BITS as i32 - 1);
-        self.index(scaled.clamp(-largest, largest - 1.0) as i64, BITS, octaves)
+        const SCALE: f64 = (1u64 << (BITS - 1)) as f64;
+        let scaled = (number * SCALE).clamp(-SCALE, SCALE - 1.0);
+        // Rounded towards zero, then down.
+        let whole = scaled as i64;
+        self.index(whole - i64::from(whole as f64 > scaled), BITS, octaves)
     }
 
     /// The range of numbers that have an index.

@@ -5,6 +5,7 @@ use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
 use crate::functions::FunctionRun;
 use crate::lanes::{self, DoubleSums, Gathered};
 use crate::slots::Slots;
+use crate::tape::{Part, Tape};
 use crate::tiles::{LANES, Lookups, Place, Shared, Tiles};
 
 /// A value stopped being a finite number.
@@ -24,7 +25,8 @@ pub struct DoubleRun<'a> {
     graph: &'a StepGraph,
     slots: Slots,
     tiles: Tiles<f64>,
-    /// Current numbers, a slot per value and a zero.
+    tape: Tape,
+    /// Current numbers, a slot per value and a zero, and the coefficients of the tape.
     values: Vec<f64>,
     largest: Vec<f64>,
     functions: FunctionRun,
@@ -56,6 +58,7 @@ impl<'a> DoubleRun<'a> {
         let functions = FunctionRun::new(graph);
         let class = |_, chain: &Chain| FunctionRun::class(chain);
         let tiles = slots.arrange(graph, class, coefficient, |_, _, write| write.weight);
+        let tape = Tape::new(&tiles, slots.count(), power_of_two);
         let mut values = vec![0.0; slots.count()];
         for (index, value) in graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
@@ -69,7 +72,9 @@ impl<'a> DoubleRun<'a> {
                 values[slot as usize] = column[segment];
             }
         }
-        let mut run = DoubleRun { graph, slots, tiles, largest: vec![0.0; values.len()], values, functions };
+        let largest = vec![0.0; values.len()];
+        values.extend(&tape.numbers);
+        let mut run = DoubleRun { graph, slots, tiles, tape, largest, values, functions };
         for (index, initial) in graph.initial.iter().enumerate() {
             run.set_state(index, *initial);
         }
@@ -143,7 +148,14 @@ impl<'a> DoubleRun<'a> {
         let mut room = Gathered::new();
         let (mut bases, mut results) = ([0.0; LANES], [0.0; LANES]);
         let mut sums = DoubleSums([0.0; LANES]);
-        for tile in &self.tiles.tiles {
+        for part in &self.tape.parts {
+            let tile = match part {
+                Part::Tile(index) => &self.tiles.tiles[*index as usize],
+                Part::Chains(chains) => {
+                    finite &= self.tape.run(chains, &mut self.values, &mut self.largest, &mut self.functions);
+                    continue;
+                }
+            };
             let lanes = tile.lanes as usize;
             if let Some(lookups) = tile.lookups {
                 look_up(&self.tiles, lanes, lookups, &mut self.values);

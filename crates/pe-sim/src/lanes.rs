@@ -131,7 +131,7 @@ impl<V: Into<i64>, C: Into<i64>> Sums<V, C> for WideSums {
 }
 
 /// The low `bits` of a sum as a signed number.
-fn wrapped(sum: i128, bits: u32) -> i128 {
+pub(crate) fn wrapped(sum: i128, bits: u32) -> i128 {
     sum << (128 - bits) >> (128 - bits)
 }
 

@@ -21,6 +21,7 @@ mod record;
 pub mod reference;
 mod slots;
 pub mod spectrum;
+mod tape;
 mod tiles;
 pub mod trace;
 mod words;

@@ -14,6 +14,9 @@ use pe_ir::functions::Segments;
 /// Most chains of a tile: enough to make the choice of a loop cheap, few enough for the nearest cache.
 pub(crate) const LANES: usize = 128;
 
+/// Lanes from which on the choice of a loop is cheap beside what the loop does.
+pub(crate) const NARROW: usize = 8;
+
 /// Chains in a row that are worth a tile of their own.
 const WORTHWHILE: usize = 16;
 
@@ -133,6 +136,17 @@ pub(crate) enum Shared<T> {
     Same(T),
     /// From this index of the numbers on.
     Each(u32),
+}
+
+impl<T: Copy> Shared<T> {
+    /// The number of a lane; `all` are the numbers of all tiles.
+    #[inline(always)]
+    pub fn of(self, lane: usize, all: &[T]) -> T {
+        match self {
+            Shared::Same(number) => number,
+            Shared::Each(start) => all[start as usize + lane],
+        }
+    }
 }
 
 /// The second factors of the lanes of a tile.
@@ -305,11 +319,7 @@ impl<C: Copy + PartialEq> Tiles<C> {
 impl<C> Tiles<C> {
     /// The slot that a lane chooses in a segment.
     pub fn choice(&self, among: Shared<u32>, lane: usize, segment: usize) -> usize {
-        let first = match among {
-            Shared::Same(first) => first,
-            Shared::Each(start) => self.firsts[start as usize + lane],
-        };
-        self.columns.choices[first as usize + segment] as usize
+        self.columns.choices[among.of(lane, &self.firsts) as usize + segment] as usize
     }
 
     /// The slot of a lane.

@@ -3,7 +3,7 @@
 use pe_ir::word::{WordFormat, round_shift};
 
 use crate::lanes::{self, Gathered, NarrowSums, SPLIT, SplitSums, WideSums};
-use crate::tiles::{LANES, Lookups, Place, Shared, Tile, Tiles, Writes};
+use crate::tiles::{Factors, LANES, Lookups, NARROW, Place, Shared, Tile, Tiles, Writes};
 
 /// What a port of the multiplier sees: 32 bits where that suffices, for twice as many fit a vector.
 pub(crate) trait Port: Copy + Default + PartialEq + Into<i64> {
@@ -119,6 +119,10 @@ impl<P: Port> Words<P> {
                 self.look_up(tiles, lanes, lookups);
                 continue;
             }
+            if lanes < NARROW {
+                saturated |= self.run_narrow(tiles, tile, starts, kept);
+                continue;
+            }
             let ports = (&self.data[..], &self.factors[..]);
             match of_class(tile.class) {
                 (Width::Narrow, wrap) => {
@@ -142,6 +146,42 @@ impl<P: Port> Words<P> {
                     wide.wrap(lanes, wrap);
                     keep(tiles, tile, kept, |lane| wide.0[lane]);
                     saturated |= self.write(tiles, tile, |lane, shift| round_wide(wide.0[lane] << lift, shift));
+                }
+            }
+        }
+        saturated
+    }
+
+    /// A tile of a few lanes, one after another, with sums of any width.
+    #[inline(always)]
+    fn run_narrow(&mut self, tiles: &Tiles<P>, tile: &Tile, starts: &[i128], kept: &mut [i128]) -> bool {
+        let (lift, wrap) = (self.format.lift(), of_class(tile.class).1);
+        let mut saturated = false;
+        for lane in 0..tile.lanes as usize {
+            let mut total = start(tiles, tile, starts, lane);
+            for products in &tiles.products[tile.products.start as usize..tile.products.end as usize] {
+                let operand: i64 = self.data[tiles.slot(products.operands, lane)].into();
+                let factor: i64 = match products.factors {
+                    Factors::Coefficients(coefficients) => coefficients.of(lane, &tiles.coefficients).into(),
+                    Factors::Values(place) => self.factors[tiles.slot(place, lane)].into(),
+                };
+                total += i128::from(operand) * i128::from(factor);
+            }
+            let total = if wrap > 0 { lanes::wrapped(total, wrap) } else { total };
+            if let Some(place) = tile.kept {
+                kept[tiles.slot(place, lane)] = total;
+            }
+            for writes in &tiles.writes[tile.writes.start as usize..tile.writes.end as usize] {
+                let shift = writes.shifts.of(lane, &tiles.shifts);
+                let result = sum(self.words[tiles.slot(writes.bases, lane)], round_wide(total << lift, shift));
+                let (word, outside) = self.format.add(result, 0);
+                let target = tiles.slot(writes.targets, lane);
+                self.saturations[target] += u64::from(outside);
+                saturated |= outside;
+                self.words[target] = word;
+                self.data[target] = P::of(word >> self.format.data_drop());
+                if self.has_factors {
+                    self.factors[target] = P::of(word >> self.format.factor_drop());
                 }
             }
         }
