@@ -6,7 +6,7 @@
 mod validation;
 
 use pe_sim::error::Trajectory;
-use validation::{Outcome, Reference, cases};
+use validation::{Outcome, Reference, cases, words};
 
 #[test]
 fn quick_cases_have_the_verdict_and_the_errors_that_they_must_have() {
@@ -14,6 +14,13 @@ fn quick_cases_have_the_verdict_and_the_errors_that_they_must_have() {
     assert!(quick.len() >= 20, "only {} cases", quick.len());
     let complaints: Vec<String> = quick.iter().flat_map(|case| case.complaints(&case.run())).collect();
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+}
+
+#[test]
+fn options_are_parted_at_blanks_outside_of_quotes() {
+    assert_eq!(words("  --step 1ms\t--span  2 "), ["--step", "1ms", "--span", "2"]);
+    assert_eq!(words("--set 'a = 1' --step='5 ms'x ''"), ["--set", "a = 1", "--step=5 msx", ""]);
+    assert!(words("").is_empty());
 }
 
 #[test]

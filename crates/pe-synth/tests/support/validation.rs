@@ -93,6 +93,24 @@ fn models() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../models")
 }
 
+/// The words of a command line: blanks part them, but not those between single quotes, as in `--set 'a = 1'`.
+pub fn words(options: &str) -> Vec<String> {
+    let (mut words, mut word, mut quoted): (Vec<String>, Option<String>, bool) = (Vec::new(), None, false);
+    for character in options.chars() {
+        match character {
+            '\'' => {
+                quoted = !quoted;
+                word.get_or_insert_default();
+            }
+            blank if blank.is_whitespace() && !quoted => words.extend(word.take()),
+            other => word.get_or_insert_default().push(other),
+        }
+    }
+    assert!(!quoted, "a quote is not closed in `{options}`");
+    words.extend(word);
+    words
+}
+
 /// All cases, in the order of their file.
 pub fn cases() -> Vec<Case> {
     let path = models().join("validation/cases.csv");
@@ -186,7 +204,7 @@ impl Case {
     pub fn run(&self) -> Outcome {
         let clock = Instant::now();
         let spec = models().join(&self.spec).into_os_string();
-        let words = ["validation".into(), spec].into_iter().chain(self.options.split_whitespace().map(Into::into));
+        let words = ["validation".into(), spec].into_iter().chain(words(&self.options).into_iter().map(Into::into));
         let options = Options::try_parse_from(words).unwrap_or_else(|error| panic!("{}: {error}", self.name));
         let reference = (!self.reference.is_empty()).then(|| Reference::read(&self.reference));
         let mut method = None;
