@@ -74,3 +74,19 @@ fn numbers_at_the_ends_of_double_precision_compile() {
         assert!(!report.contains("NaN") && !report.contains("\"word_length\": null"), "{report}");
     }
 }
+
+#[test]
+fn what_has_no_value_is_refused_with_expression_state_and_time() {
+    let folder = Folder::new("extremes_domains");
+    // The domain ends at t = 50 ms, on a step or shortly behind it.
+    for (start, slope) in [("1", "-20"), ("1.0007", "-20.014")] {
+        for expression in ["1/z", "1/z^2", "x/z", "3/(2*z)", "z^-1.5", "log(z)", "sqrt(z)", "z^0.3", "asin(1 - z)"] {
+            let text = format!("state z = {start}\nstate x = 0\nz' = {slope}\nx' = {expression}\noutput x\n");
+            let (exit, errors, written) = verdict(&folder, &spec(&text));
+            assert_eq!((exit, written), (Some(1), false), "{text}: {errors:.1000}");
+            assert!(errors.contains("error[E0904]") && errors.contains('z'), "{text}: {errors:.1000}");
+            let time = errors.split("t = ").nth(1).and_then(|rest| rest.split(' ').next()?.parse::<f64>().ok());
+            assert!(time.is_some_and(|time| (time - 0.05).abs() < 2e-3), "{text}: {errors:.1000}");
+        }
+    }
+}

@@ -71,6 +71,41 @@ fn every_function_is_tabulated_to_half_a_bit() {
     assert!(error("function") < 1e-8 && error("word_length") < 2e-6, "{}", report["error"]);
 }
 
+/// Outputs of the hardware over time, by column, without the names and the times.
+fn outputs(folder: &Folder, text: &str) -> Vec<Vec<f64>> {
+    let (file, table) = (folder.0.join("s.spec"), folder.0.join("s.csv"));
+    std::fs::write(&file, text).expect("the spec can be written");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    let output = command.arg("sim").arg(&file).arg("-o").arg(&table).args(["--pes", "1"]).output();
+    assert!(output.expect("pe-synth starts").status.success(), "{text}");
+    let rows = std::fs::read_to_string(&table).expect("a table");
+    let numbers = |row: &str| row.split(',').skip(1).map(|cell| cell.parse().expect("a number")).collect();
+    rows.lines().skip(1).map(numbers).collect()
+}
+
+#[test]
+fn functions_on_reduced_ranges_are_right_to_two_units_in_2_to_the_30() {
+    let folder = Folder::new("functions_units");
+    for (name, library, low, high) in [
+        ("exp(t)", libm::exp as fn(f64) -> f64, -0.35, 0.35),
+        ("1/t", |t| 1.0 / t, 1.0, 2.0),
+        ("sin(t)", libm::sin, -1.57, 1.57),
+        ("cos(t)", libm::cos, -1.57, 1.57),
+    ] {
+        let slope = high - low;
+        let head = "model s\nsolver euler\nstep 1 ms\nspan 1 s\n";
+        let text = format!("{head}state t = {low}\nt' = {slope}\nf = {name}\noutput f, t\n");
+        let rows = outputs(&folder, &text);
+        assert_eq!(rows.len(), 1000);
+        let largest = rows.iter().map(|row| row[0].abs()).fold(0.0, f64::max);
+        // Against the function of the argument that the hardware had.
+        let error = rows.iter().map(|row| (row[0] - library(row[1])).abs()).fold(0.0, f64::max);
+        let units = error / largest * libm::exp2(30.0);
+        println!("{name}: {units:.2}");
+        assert!(units <= 2.0, "{name}: {units}");
+    }
+}
+
 #[test]
 fn functions_outside_their_domain_are_named_with_argument_and_time() {
     let folder = Folder::new("functions_domain");

@@ -11,8 +11,15 @@ const MARGIN: f64 = 1.2;
 /// Points at which a function is looked at beyond and between its arguments.
 const PROBES: usize = 256;
 
+/// Part of a probe's distance to the next that no table resolves, and growth within it from which on there is a pole.
+const CLOSE: usize = 1024;
+const STEEP: f64 = 16.0;
+
 /// How much larger or steeper than in the run a function may become in the margin.
 const GROWTH: f64 = 2.0;
+
+/// Part of a power of two from which on a reach is rounded up to it.
+const NEARLY_WHOLE: f64 = 0.75;
 
 /// Part of the range that is left free at both ends, so that rounding does not leave it.
 const SLACK: f64 = 1.0 / 1024.0;
@@ -44,6 +51,18 @@ impl Map {
     }
 }
 
+/// Whether a function grows beyond bounds at the place of its largest value among the probes, or within rounding of it: it
+/// then keeps growing where no table tells arguments apart. A value right beside a pole is finite, and so large that no
+/// error looks large beside it.
+fn is_pole(function: &ScalarFunction, (low, high): (f64, f64), place: f64) -> bool {
+    let near = |distance: f64| {
+        let value = |x: f64| if (low..=high).contains(&x) { function.evaluate(x).abs() } else { 0.0 };
+        value(place - distance).max(value(place + distance))
+    };
+    let close = (high - low) / (PROBES * CLOSE) as f64;
+    function.evaluate(place).abs() > STEEP * near(close) && near(close) > 0.0
+}
+
 impl<'a> Domain<'a> {
     /// The domain for arguments of a run.
     ///
@@ -52,16 +71,21 @@ impl<'a> Domain<'a> {
     pub fn of(function: &'a ScalarFunction, run: (f64, f64), format: WordFormat) -> Result<Domain<'a>, f64> {
         let probe = |from: f64, to: f64, step: usize| from + (to - from) * (step as f64 / PROBES as f64);
         let (mut largest, mut steepest): (f64, f64) = (0.0, 0.0);
-        let mut before = function.evaluate(run.0);
+        let (mut before, mut highest) = (function.evaluate(run.0), run.0);
         for step in 0..=PROBES {
             let x = probe(run.0, run.1, step);
             let value = function.evaluate(x);
             if !value.is_finite() {
                 return Err(x);
             }
-            largest = largest.max(value.abs());
+            if value.abs() > largest {
+                (largest, highest) = (value.abs(), x);
+            }
             steepest = steepest.max((value - before).abs() * PROBES as f64 / (run.1 - run.0));
             before = value;
+        }
+        if is_pole(function, run, highest) {
+            return Err(highest);
         }
         let kinks = kinks(&function.body);
         let (middle, half) = (0.5 * (run.0 + run.1), 0.5 * (run.1 - run.0));
@@ -98,8 +122,8 @@ impl<'a> Domain<'a> {
         Ok(Domain { function, low, high, largest, tolerance, binary })
     }
 
-    /// The map for equal segments: a kink falls on zero, with the value of the function there on the positive side.
-    pub fn uniform(&self) -> Map {
+    /// The map for equal segments, its scale a power of two if `whole` says so and that wastes little: a kink falls on zero, with the value of the function there on the positive side.
+    pub fn uniform(&self, whole: bool) -> Map {
         let inside = |kink: &f64| (self.low..=self.high).contains(kink);
         let kink = kinks(&self.function.body).into_iter().find(inside);
         let centre = kink.unwrap_or(0.5 * (self.low + self.high));
@@ -112,13 +136,13 @@ impl<'a> Domain<'a> {
             }
             None => 1.0,
         };
-        let slope = sign * self.scale(reach);
+        let slope = sign * self.scale(reach, whole);
         Map { slope, offset: -centre * slope }
     }
 
     /// The map for octaves of distances from where the function is steep, or from zero, if all arguments are on one
     /// side of that place.
-    pub fn octaves(&self) -> Option<Map> {
+    pub fn octaves(&self, whole: bool) -> Option<Map> {
         if kinks(&self.function.body).iter().any(|kink| (self.low..=self.high).contains(kink)) {
             return None;
         }
@@ -127,13 +151,15 @@ impl<'a> Domain<'a> {
         let beside = places.filter(|place| *place <= self.low || *place >= self.high);
         let place = beside.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
         let (sign, reach) = if place <= self.low { (1.0, self.high - place) } else { (-1.0, place - self.low) };
-        let slope = sign * self.scale(reach);
+        let slope = sign * self.scale(reach, whole);
         Some(Map { slope, offset: -place * slope })
     }
 
-    /// What distances up to `reach` are multiplied by.
-    fn scale(&self, reach: f64) -> f64 {
+    /// What distances up to `reach` are multiplied by. A power of two is exact: the mapped argument then has the bits of the
+    /// argument itself.
+    fn scale(&self, reach: f64, whole: bool) -> f64 {
         let reach = reach * (1.0 + SLACK);
-        1.0 / if self.binary { libm::exp2(libm::ceil(libm::log2(reach))) } else { reach }
+        let power = libm::exp2(libm::ceil(libm::log2(reach)));
+        1.0 / if self.binary || (whole && reach > NEARLY_WHOLE * power) { power } else { reach }
     }
 }

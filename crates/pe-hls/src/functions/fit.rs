@@ -38,13 +38,24 @@ pub(super) struct Fit {
 impl Fit {
     /// The cheapest table that holds the tolerance, or the most accurate one.
     pub fn of(domain: &Domain, segments: Segments) -> Fit {
-        let uniform = Fit::in_layout(domain, segments, Layout::Uniform, domain.uniform());
-        let octaves = domain.octaves().filter(|_| segments.octave_bits > 0);
-        let octaves = octaves.map(|map| Fit::in_layout(domain, segments, Layout::Octaves, map));
+        let maps = [true, false].map(|whole| domain.uniform(whole));
+        let uniform = Fit::cheaper(domain, segments, Layout::Uniform, maps);
+        let maps = domain.octaves(true).zip(domain.octaves(false)).filter(|_| segments.octave_bits > 0);
+        let octaves = maps.map(|(whole, tight)| Fit::cheaper(domain, segments, Layout::Octaves, [whole, tight]));
         match octaves {
             Some(octaves) if (octaves.excess, octaves.products()) < (uniform.excess, uniform.products()) => octaves,
             _ => uniform,
         }
+    }
+
+    /// The table with the first map, unless the second makes a cheaper or a more accurate one.
+    fn cheaper(domain: &Domain, segments: Segments, layout: Layout, [first, second]: [Map; 2]) -> Fit {
+        let fit = Fit::in_layout(domain, segments, layout, first);
+        if first.slope == second.slope {
+            return fit;
+        }
+        let other = Fit::in_layout(domain, segments, layout, second);
+        if (other.excess, other.products()) < (fit.excess, fit.products()) { other } else { fit }
     }
 
     fn in_layout(domain: &Domain, segments: Segments, layout: Layout, map: Map) -> Fit {
