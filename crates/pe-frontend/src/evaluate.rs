@@ -284,7 +284,7 @@ pub(crate) fn not_constant(span: Span, purpose: Purpose) -> Diagnostic {
         Purpose::Argument(function) => (
             codes::VARIABLE_ARGUMENT,
             format!("`{function}` of a variable cannot be computed"),
-            "what jumps at every whole number takes constants only; `if` can compare variables",
+            "add up its steps: where 0 <= x < 10, `sum(k in 1..9: if x >= k then 1 else 0)` is `floor(x)`",
         ),
         Purpose::Integer => (
             codes::NOT_CONSTANT,

@@ -20,48 +20,109 @@ pub const REACH: i64 = 2;
 /// Chains with more terms keep nearest rounding: their moments would take memory without need.
 pub const MAX_TERMS: usize = 24;
 
+/// Samples whose products are summed up at once: each sum is then read and written once for all of them.
+const BATCH: usize = 8;
+
+/// Numbers that samples may hold while they wait.
+const WAITING: usize = 8_000_000;
+
 /// Second moments of the operands of every chain: sums of `x_i x_j` over samples.
 #[derive(Clone, Debug)]
 pub struct Moments {
     /// Start of each chain's lower triangle.
     offsets: Vec<u32>,
+    /// Zero where a term has no coefficient that could be rounded.
     sums: Vec<f64>,
 }
 
-impl Moments {
+/// Samples on their way to moments.
+pub struct Sampling<'a> {
+    graph: &'a StepGraph,
+    moments: Moments,
+    /// Values that are operands of coefficients.
+    operands: Vec<u32>,
+    /// Place of each term's operand among them; none of terms without a coefficient.
+    places: Vec<Option<u32>>,
+    /// Numbers of each operand in the samples that wait, side by side.
+    waiting: Vec<f64>,
+    /// Most samples that wait, and how many do.
+    batch: usize,
+    count: usize,
+}
+
+impl<'a> Sampling<'a> {
     /// No samples yet.
-    pub fn new(graph: &StepGraph) -> Moments {
+    pub fn new(graph: &'a StepGraph) -> Sampling<'a> {
         let mut offsets = Vec::with_capacity(graph.chains.len() + 1);
         let mut total = 0u32;
+        let mut place_of = vec![None; graph.values.len()];
+        let (mut operands, mut places) = (Vec::new(), vec![None; graph.terms.len()]);
         for chain in &graph.chains {
             offsets.push(total);
-            let n = chain.len() as usize;
-            if n <= MAX_TERMS {
-                total += (n * (n + 1) / 2) as u32;
+            let n = chain.terms.len();
+            if n > MAX_TERMS {
+                continue;
+            }
+            total += (n * (n + 1) / 2) as u32;
+            for term in chain.terms.clone() {
+                let Term { operand, factor: Factor::Coefficient(_), .. } = graph.terms[term as usize] else { continue };
+                let place = *place_of[operand.index()].get_or_insert(operands.len() as u32);
+                if place as usize == operands.len() {
+                    operands.push(operand.0);
+                }
+                places[term as usize] = Some(place);
             }
         }
         offsets.push(total);
-        Moments { offsets, sums: vec![0.0; total as usize] }
+        let batch = (WAITING / operands.len().max(1)).clamp(1, BATCH);
+        let waiting = vec![0.0; operands.len() * batch];
+        let moments = Moments { offsets, sums: vec![0.0; total as usize] };
+        Sampling { graph, moments, operands, places, waiting, batch, count: 0 }
     }
 
     /// Adds a sample: `operand` gives the current number of a value.
-    pub fn add(&mut self, graph: &StepGraph, operand: impl Fn(usize) -> f64) {
-        for (chain, offset) in graph.chains.iter().zip(&self.offsets) {
-            if chain.terms.len() > MAX_TERMS {
-                continue;
-            }
-            let terms = graph.chain_terms(chain);
-            let mut slot = *offset as usize;
-            for (i, a) in terms.iter().enumerate() {
-                let x = operand(a.operand.index());
-                for b in &terms[..=i] {
-                    self.sums[slot] += x * operand(b.operand.index());
-                    slot += 1;
-                }
-            }
+    pub fn add(&mut self, operand: impl Fn(usize) -> f64) {
+        for (numbers, value) in self.waiting.chunks_exact_mut(self.batch).zip(&self.operands) {
+            numbers[self.count] = operand(*value as usize);
+        }
+        self.count += 1;
+        if self.count == self.batch {
+            self.sum_up();
         }
     }
 
+    /// The moments of all samples.
+    pub fn moments(mut self) -> Moments {
+        self.sum_up();
+        self.moments
+    }
+
+    /// Adds the products of the samples that wait, in their order.
+    fn sum_up(&mut self) {
+        let numbers = |place: u32| &self.waiting[place as usize * self.batch..][..self.count];
+        for (chain, offset) in self.graph.chains.iter().zip(&self.moments.offsets) {
+            if chain.terms.len() > MAX_TERMS {
+                continue;
+            }
+            let places = &self.places[chain.terms.start as usize..chain.terms.end as usize];
+            let mut row = *offset as usize;
+            for (i, a) in places.iter().enumerate() {
+                if let Some(a) = a {
+                    let sums = &mut self.moments.sums[row..=row + i];
+                    for (sum, b) in sums.iter_mut().zip(places) {
+                        if let Some(b) = b {
+                            *sum = numbers(*a).iter().zip(numbers(*b)).fold(*sum, |sum, (x, y)| sum + x * y);
+                        }
+                    }
+                }
+                row += i + 1;
+            }
+        }
+        self.count = 0;
+    }
+}
+
+impl Moments {
     /// Moment of two terms of a chain, by position.
     fn of(&self, chain: usize, i: usize, j: usize) -> f64 {
         let (i, j) = (i.max(j), i.min(j));

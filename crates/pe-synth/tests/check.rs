@@ -468,3 +468,16 @@ fn a_word_that_decides_the_trajectory_is_refused_and_an_imprecise_one_is_not() {
     let (exit, messages) = answer("validation/brusselator.spec", &["--storage", "12", "--multiplier", "12x12"]);
     assert!(exit == Some(0) && messages.contains("warning[W0905]"), "{messages}");
 }
+
+#[test]
+fn a_step_too_coarse_for_jumps_is_not_called_chaos() {
+    let folder = Folder::new("check_jumps");
+    // A relaxation oscillator: no model is less chaotic, but steps that are too large land before or behind a jump.
+    for (mu, solver, step) in [(30, "rodas3", "20 ms"), (100, "ros2", "5 ms"), (300, "rodas3", "5 ms")] {
+        let statements = format!("state x = 2\nstate v = 0\nx' = v\nv' = {mu}*(1 - x^2)*v - x\noutput x");
+        let answer = check(&folder, &spec(solver, step, &format!("{} s", 3 * mu), &statements), &[]);
+        assert!(answer.exit == Some(1) && answer.codes == ["E0903"], "{}", answer.messages);
+        assert!(!answer.messages.contains("the model is chaotic"), "{}", answer.messages);
+        assert!(answer.messages.contains("t = ") && answer.messages.contains("--step"), "{}", answer.messages);
+    }
+}

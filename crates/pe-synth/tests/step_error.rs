@@ -5,7 +5,7 @@
 
 mod support;
 
-use pe_hls::rounding::{self, Aim, Moments};
+use pe_hls::rounding::{self, Aim, Sampling};
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, ValueId};
 use pe_ir::model::Solver;
 use pe_ir::word::WordFormat;
@@ -196,12 +196,13 @@ fn roundings_of_the_last_stage_make_good_what_earlier_stages_rounded_away() {
                     continue;
                 }
                 let inputs = model.sample_inputs(0.0);
-                let mut moments = Moments::new(&graph);
+                let mut sampling = Sampling::new(&graph);
                 let mut run = DoubleRun::new(&graph);
                 for _ in 0..STEPS {
                     run.step(&inputs).unwrap();
-                    moments.add(&graph, |value| run.value(value));
+                    sampling.add(|value| run.value(value));
                 }
+                let moments = sampling.moments();
                 let error = |aim| {
                     let mut fixed = fixed.clone();
                     rounding::improve(&graph, &mut fixed, &moments, aim);

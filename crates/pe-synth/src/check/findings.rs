@@ -229,7 +229,17 @@ impl Check {
         }
         let accurate = refusal.code == codes::STEP_TOO_LARGE;
         let remedy = remedies::for_step(model, trials, &self.prediction, question.point, &question.format, accurate);
-        let mut finding = with_help_of(refusal, &remedy);
+        let mut finding = match (&remedy, self.parted) {
+            (None, Some(time)) => {
+                let help = format!(
+                    "try `--step {:e}` or less: the model is not chaotic, the step and half of it part at t = {time:.3e} s because \
+                     they are too large for what happens there",
+                    rounded(model.step / 2.0)
+                );
+                refusal.with_help(help)
+            }
+            _ => with_help_of(refusal, &remedy),
+        };
         if self.prediction.growth > GROWTH {
             let growth = factor(self.prediction.growth);
             let help = finding.help.take().unwrap_or_default();

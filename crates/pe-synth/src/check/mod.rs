@@ -91,6 +91,8 @@ pub struct Check {
     dead_bands: Vec<DeadBand>,
     /// Whether the model is chaotic; only found when the accuracy is asked for.
     chaos: Option<Chaos>,
+    /// Time from which on a step that was refused and half of it go different ways, in seconds.
+    parted: Option<f64>,
     /// All findings, warnings and refusals, those of the runs among them.
     pub findings: Vec<Diagnostic>,
 }
@@ -110,7 +112,8 @@ impl Check {
         check.pivot = judged.smallest_pivot.clone();
         check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
         if question.goal.is_some() {
-            check.chaos = observed::chaos(model, question.graph, Some(&judged.fixed), &trusted);
+            check.chaos = observed::sensitivity(model, question.graph, &trusted)
+                .and_then(|found| observed::chaos(question.graph, Some(&judged.fixed), &trusted, found));
         }
         check.findings = check.warnings(question, judged, &trusted, &trials);
         check
@@ -123,7 +126,9 @@ impl Check {
         let trials = Trials::new(model, &trusted);
         let mut check = Check::explain(question, &trusted, &trials);
         if refusals.iter().any(|refusal| refusal.code == codes::STEP_TOO_LARGE) {
-            check.chaos = observed::chaos(model, question.graph, None, &trusted);
+            let sensitivity = observed::sensitivity(model, question.graph, &trusted);
+            check.chaos = sensitivity.and_then(|found| observed::chaos(question.graph, None, &trusted, found));
+            check.parted = sensitivity.and_then(|sensitivity| sensitivity.parted);
         }
         check.findings =
             refusals.into_iter().map(|refusal| check.explained(question, refusal, &trusted, &trials)).collect();
@@ -165,6 +170,7 @@ impl Check {
             pivot: None,
             dead_bands: Vec::new(),
             chaos: None,
+            parted: None,
             findings: Vec::new(),
         }
     }

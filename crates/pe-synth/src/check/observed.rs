@@ -199,11 +199,19 @@ pub struct Chaos {
     pub divergence: f64,
 }
 
-/// Whether a model is chaotic; none if it is not, or that would take too long to find out. Without number formats an
-/// LSB is that of 32 bits.
-pub fn chaos(model: &Model, graph: &StepGraph, fixed: Option<&FixedPoint>, trusted: &Trusted) -> Option<Chaos> {
-    let scales = scales(trusted);
-    let rate = Sensitivity::of(model, graph, &scales)?.rate?;
+/// How a model multiplies differences; none if it is affine, or that would take too long to find out.
+pub fn sensitivity(model: &Model, graph: &StepGraph, trusted: &Trusted) -> Option<Sensitivity> {
+    Sensitivity::of(model, graph, &scales(trusted))
+}
+
+/// Whether a model is chaotic; none if it is not. Without number formats an LSB is that of 32 bits.
+pub fn chaos(
+    graph: &StepGraph,
+    fixed: Option<&FixedPoint>,
+    trusted: &Trusted,
+    sensitivity: Sensitivity,
+) -> Option<Chaos> {
+    let (scales, rate) = (scales(trusted), sensitivity.rate?);
     let of = |fixed: &FixedPoint| {
         let lsb = |index: usize| libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()]) / scales[index];
         (0..scales.len()).map(lsb).fold(0.0, f64::max)

@@ -25,6 +25,14 @@ const ROUNDING: f64 = 1e-12;
 /// question of how much it grows over the span.
 const UNDAMPED: f64 = 1e-3;
 
+/// Natural logarithm of the growth from which on a mode is unstable. A mode that is fast for a step or two has no time for
+/// it; with more than this, steps count as stable that are too large for modes that come and go.
+const GROWN: f64 = 1.0;
+
+/// Ratio of neighbouring steps in search of the one at which a mode has the time, and how many are looked at.
+const STRIDE: f64 = 1.02;
+const STRIDES: usize = 70;
+
 /// Multiplications with the Jacobian that find the states of its fastest mode.
 const POWER_STEPS: usize = 30;
 
@@ -86,6 +94,8 @@ pub struct Prediction {
 #[derive(Clone, Debug, PartialEq)]
 struct Spectrum {
     time: f64,
+    /// Time for which it stands, in seconds.
+    duration: f64,
     values: Vec<(f64, f64)>,
     /// The fastest growth, at least 0.
     rightmost: f64,
@@ -121,7 +131,13 @@ impl Prediction {
                 vec![(-row_bound, 0.0)]
             });
             let rightmost = values.iter().map(|value| value.0).fold(0.0, f64::max);
-            spectra.push(Spectrum { time: trusted.times[*point], values: damped(values), rightmost });
+            spectra.push(Spectrum { time: trusted.times[*point], duration: 0.0, values: damped(values), rightmost });
+        }
+        let times: Vec<f64> = spectra.iter().map(|spectrum| spectrum.time).collect();
+        for (index, spectrum) in spectra.iter_mut().enumerate() {
+            let between = |other: Option<&f64>, end: f64| other.map_or(end, |other| 0.5 * (spectrum.time + other));
+            let before = index.checked_sub(1).map(|index| &times[index]);
+            spectrum.duration = between(times.get(index + 1), model.span) - between(before, 0.0);
         }
         let fastest = spectra.iter().flat_map(|spectrum| &spectrum.values).map(|value| -value.0).fold(0.0, f64::max);
         let mut prediction =
@@ -139,13 +155,44 @@ impl Prediction {
 
     /// The largest stable step of a method, when it is reached and by which eigenvalue; none if no damped mode has one.
     pub fn limit_of(&self, solver: Solver) -> Option<(f64, f64, (f64, f64))> {
+        let mut limit = self.first_limit_of(solver)?;
+        // Modes that are the same all the time have all the time.
+        let strides = if self.spectra.len() == 1 { 0 } else { STRIDES };
+        for _ in 0..strides {
+            let step = STRIDE * limit.0;
+            let Some((time, eigenvalue)) = self.worst_without_growth(solver, step) else { break };
+            limit = (step, time, eigenvalue);
+        }
+        Some(limit)
+    }
+
+    /// The time and the eigenvalue that a step amplifies most, if no mode has the time to grow; none if one has.
+    fn worst_without_growth(&self, solver: Solver, step: f64) -> Option<(f64, (f64, f64))> {
+        let mut grown: f64 = 0.0;
+        let mut worst: Option<(f64, f64, (f64, f64))> = None;
+        for spectrum in &self.spectra {
+            let mut most = f64::NEG_INFINITY;
+            for (re, im) in limiting(&spectrum.values, solver) {
+                let growth = libm::log(solver.amplification(step * re, step * im));
+                most = most.max(growth);
+                if worst.is_none_or(|worst| growth > worst.0) {
+                    worst = Some((growth, spectrum.time, (re, im)));
+                }
+            }
+            // What grew before decays again where no mode is amplified.
+            grown = (grown + most * spectrum.duration / step).max(0.0);
+            if grown > GROWN {
+                return None;
+            }
+        }
+        worst.map(|(_, time, eigenvalue)| (time, eigenvalue))
+    }
+
+    /// The largest step at which no damped mode is amplified at any time.
+    fn first_limit_of(&self, solver: Solver) -> Option<(f64, f64, (f64, f64))> {
         let mut limit: Option<(f64, f64, (f64, f64))> = None;
         for spectrum in &self.spectra {
-            for value in &spectrum.values {
-                let (re, im) = *value;
-                if -re <= UNDAMPED * libm::hypot(re, im) && solver.amplification(0.0, 0.1) > 1.0 {
-                    continue;
-                }
+            for (re, im) in limiting(&spectrum.values, solver) {
                 // Most modes are far from limiting anything.
                 let harmless = limit.is_some_and(|(step, ..)| {
                     (1..=16).all(|k| {
@@ -158,7 +205,7 @@ impl Prediction {
                 if let Some(step) = solver.largest_step(re, im)
                     && limit.is_none_or(|(least, ..)| step < least)
                 {
-                    limit = Some((step, spectrum.time, *value));
+                    limit = Some((step, spectrum.time, (re, im)));
                 }
             }
         }
@@ -176,6 +223,13 @@ impl Prediction {
         }
         sum / self.spectra.len().max(1) as f64 * span / step
     }
+}
+
+/// The modes that a step is unstable for when it amplifies them: those that are damped, and the others too where the
+/// method does not amplify all of them.
+fn limiting(values: &[(f64, f64)], solver: Solver) -> impl Iterator<Item = (f64, f64)> {
+    let all = solver.amplification(0.0, 0.1) <= 1.0;
+    values.iter().copied().filter(move |(re, im)| all || -re > UNDAMPED * libm::hypot(*re, *im))
 }
 
 /// The modes that do not grow by themselves; what is rounding is left out.

@@ -45,6 +45,18 @@ pub(super) fn trajectory(
     Ok(samples)
 }
 
+/// Part of the largest difference to half the step from which on a finding counts time.
+const PART: f64 = 0.1;
+
+/// The first sample at which a state of two runs differs by more than a number; the first of all if none does.
+pub(super) fn first_beyond(run: &Trajectory, other: &Trajectory, state: usize, difference: f64) -> usize {
+    let of = |run: &Trajectory| run.samples.iter().skip(state).step_by(run.states).copied().collect::<Vec<f64>>();
+    // What is not a number differs.
+    let apart =
+        |(own, other): (&f64, &f64)| (own - other).abs().partial_cmp(&difference).is_none_or(|order| order.is_gt());
+    of(run).iter().zip(&of(other)).position(apart).unwrap_or(0)
+}
+
 /// What smaller steps say about the method.
 #[derive(Clone)]
 pub struct Comparison {
@@ -85,7 +97,10 @@ pub(super) fn half_step_runs(
         input_hold = 2.0 * halved.deviation(&resampled).worst(scales).1;
     }
     let name = &model.states[worst].name;
-    let message = format!("the step is too large for `{name}`: half of it changes the result by {difference:.1e}");
+    let time = plan.times()[first_beyond(reference, &halved, worst, PART * difference * scales[worst])];
+    let message = format!(
+        "the step is too large for `{name}`: from t = {time:.6e} s on half of it changes the result by up to {difference:.1e}"
+    );
     let finding = Diagnostic::error(codes::STEP_TOO_LARGE, model.states[worst].span, message)
         .with_help(format!("try `--step {:.3e}`; a chaotic model needs a shorter `--span`", model.step / 2.0));
     Ok(Comparison { function: None, method: difference * gain / (gain - 1.0), input_hold, finding })

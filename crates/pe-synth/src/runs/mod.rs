@@ -14,11 +14,10 @@ mod sensitivity;
 mod settled;
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use indicatif::ProgressBar;
 use pe_hls::formats::Ranges;
-use pe_hls::rounding::{Aim, Moments};
+use pe_hls::rounding::{Aim, Moments, Sampling};
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
@@ -30,9 +29,10 @@ use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
 
 use crate::options::ModelOptions;
+use crate::pipeline::thread_seconds;
 use crate::pivots::{self, SmallestPivot};
 
-use self::comparison::{Substeps, half_step_runs, trajectory};
+use self::comparison::{Substeps, first_beyond, half_step_runs, trajectory};
 use self::saturated::Saturated;
 
 pub use self::comparison::Comparison;
@@ -192,12 +192,12 @@ impl Exact {
     /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero.
     pub fn run(model: &Model, graph: &StepGraph, progress: ProgressBar) -> Result<Exact, Vec<Diagnostic>> {
         let plan = Plan::of(model, progress);
-        let clock = Instant::now();
+        let begin = thread_seconds();
         let (reference, curves, mut ranges, moments) = reference_run(model, graph, &plan)?;
         let reference = Arc::new(reference);
         let largest = ranges.largest.clone();
         let smallest_pivot = pivots::smallest(graph, &largest)?;
-        let seconds = clock.elapsed().as_secs_f64();
+        let seconds = thread_seconds() - begin;
         include_declared(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = reference.scales(&quantities);
@@ -319,7 +319,8 @@ impl Exact {
         if chaotic || !(decided || errors.word_length > WORD_ERROR_REFUSED) {
             return Some(warning);
         }
-        let time = self.first_beyond(hardware, errors.worst_state, WORD_ERROR_WARNED);
+        let moved = WORD_ERROR_WARNED * self.scales[errors.worst_state];
+        let time = self.plan.times()[first_beyond(&self.reference, hardware, errors.worst_state, moved)];
         let reason = match decided {
             true => {
                 format!("the model multiplies differences by {growth:.1e}, so that the last bits decide where it goes")
@@ -331,14 +332,6 @@ impl Exact {
             state.name, errors.word_length
         );
         Some(Diagnostic { code: codes::WORD_TOO_SHORT, message, severity: Severity::Error, ..warning })
-    }
-
-    /// Time of the first sample at which a state deviates from this run by more than a part of its scale.
-    fn first_beyond(&self, hardware: &Trajectory, state: usize, part: f64) -> f64 {
-        let of = |run: &Trajectory| run.samples.iter().skip(state).step_by(run.states).copied().collect::<Vec<f64>>();
-        let apart = |(double, fixed): (&f64, &f64)| (double - fixed).abs() > part * self.scales[state];
-        let sample = of(&self.reference).iter().zip(&of(hardware)).position(apart).unwrap_or(0);
-        self.plan.times()[sample]
     }
 }
 
@@ -389,7 +382,7 @@ fn reference_run(
     graph: &StepGraph,
     plan: &Plan,
 ) -> Result<(Trajectory, Curves, Ranges, Moments), Vec<Diagnostic>> {
-    let mut moments = Moments::new(graph);
+    let mut sampling = Sampling::new(graph);
     let mut run = DoubleRun::new(graph);
     let mut reference = Trajectory::new(model.states.len());
     let mut curves = Curves { double: Trajectory::new(curve_count(graph)), ..Curves::default() };
@@ -400,13 +393,13 @@ fn reference_run(
         if plan.sampled(done) {
             reference.push(|state| run.state(state));
             curves.double.push(|output| run.output(output));
-            moments.add(graph, |value| run.value(value));
+            sampling.add(|value| run.value(value));
         }
     }
     let largest = run.largest();
     reference.largest = graph.states.iter().map(|(state, _)| largest[state.index()]).collect();
     let ranges = Ranges { largest, widened: vec![0; graph.values.len()] };
-    Ok((reference, curves, ranges, moments))
+    Ok((reference, curves, ranges, sampling.moments()))
 }
 
 /// What a run says that met a value that is not finite.

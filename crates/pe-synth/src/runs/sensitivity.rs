@@ -1,19 +1,24 @@
 //! What becomes of a tiny difference of the initial values: whether the model or the last bit decides a trajectory.
 
+use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_sim::double::DoubleRun;
 use pe_sim::linear::is_affine;
 
-/// First difference of the two runs, relative to each state, and products that they may take.
+/// First difference of the two runs, relative to each state, and products that all runs may take.
 const DISTURBANCE: f64 = 1e-9;
-const PRODUCTS: u64 = 400_000_000;
+const PRODUCTS: u64 = 1_200_000_000;
 
 /// Times at which the runs are compared.
 const LOOKS: u64 = 200;
 
 /// Growth of a difference from which on a model is sensitive; chaotic if it grows all the time.
 pub const SENSITIVE: f64 = 1e4;
+
+/// Part of its rate that growth has to have with half the step to be the model's: nearly all of chaos, a tenth at most of
+/// what a step too large for jumps makes of differences.
+const SAME: f64 = 0.5;
 
 /// Part of a state's magnitude at which two runs have nothing in common.
 pub const APART: f64 = 0.1;
@@ -25,43 +30,64 @@ pub struct Sensitivity {
     pub growth: f64,
     /// Largest Lyapunov exponent, estimated, in 1/s; none if the model is not chaotic.
     pub rate: Option<f64>,
+    /// Time in seconds from which on the step and half of it go different ways; none if they do not.
+    pub parted: Option<f64>,
 }
 
 impl Sensitivity {
     /// Runs the step beside a disturbed one; none for models that are affine, and if it would take too long. `scales`
     /// are the magnitudes of the states.
+    ///
+    /// A step that is too coarse multiplies differences that the model does not, where it lands before or behind a jump.
+    /// So half the step has to multiply them alike, and the runs are looked at for only as long as it goes the same way.
     pub fn of(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<Sensitivity> {
-        if is_affine(model) || model.steps().saturating_mul(2 * graph.macs()) > PRODUCTS {
+        if is_affine(model) || model.steps().saturating_mul(6 * graph.macs()) > PRODUCTS {
             return None;
         }
-        let (mut run, mut other) = (DoubleRun::new(graph), DoubleRun::new(graph));
+        let half = Model { step: model.step / 2.0, ..model.clone() };
+        let finer = build_with(&half, &StepOptions { form: Some(graph.form), ..StepOptions::default() }).ok()?;
+        let mut pair = [DoubleRun::new(graph), DoubleRun::new(graph)];
+        let mut fine = [DoubleRun::new(&finer), DoubleRun::new(&finer)];
         for (index, state) in model.states.iter().enumerate() {
             let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
-            other.set_state(index, state.initial * (1.0 + sign * DISTURBANCE));
+            let disturbed = state.initial * (1.0 + sign * DISTURBANCE);
+            [&mut pair, &mut fine].into_iter().for_each(|[_, other]| other.set_state(index, disturbed));
         }
         let difference = |run: &DoubleRun, other: &DoubleRun| {
             let of = |index: usize| (run.state(index) - other.state(index)).abs() / scales[index];
             (0..scales.len()).map(of).fold(0.0, f64::max)
         };
-        let first = difference(&run, &other);
-        let mut largest = first;
+        let first = difference(&pair[0], &pair[1]);
+        let (mut largest, mut parted) = (first, None);
         let stride = model.steps().div_ceil(LOOKS);
-        // Natural logarithms of the difference over time, until the runs have parted.
-        let mut course: Vec<(f64, f64)> = Vec::new();
+        // Natural logarithms of the differences over time, until the runs have parted.
+        let (mut course, mut fine_course) = (Vec::new(), Vec::new());
         for done in 1..=model.steps() {
-            let inputs = model.sample_inputs(model.time(done - 1, 0.0));
-            run.step(&inputs).ok()?;
-            other.step(&inputs).ok()?;
-            if done % stride == 0 || done == model.steps() {
-                let apart = difference(&run, &other);
+            let time = model.time(done - 1, 0.0);
+            let inputs = model.sample_inputs(time);
+            for run in &mut pair {
+                run.step(&inputs).ok()?;
+            }
+            let halves = [time, model.time(done - 1, 0.5)].map(|at| half.hold_inputs(time, at));
+            let finite = fine.iter_mut().all(|run| halves.iter().all(|inputs| run.step(inputs).is_ok()));
+            if !finite || done % stride == 0 || done == model.steps() {
+                let now = model.time(done, 0.0);
+                if !finite || difference(&pair[0], &fine[0]) > APART {
+                    parted = Some(now);
+                    break;
+                }
+                let apart = difference(&pair[0], &pair[1]);
                 largest = largest.max(apart);
                 if apart > APART {
                     break;
                 }
-                course.push((model.time(done, 0.0), libm::log(apart.max(f64::MIN_POSITIVE))));
+                let logarithm = |difference: f64| libm::log(difference.max(f64::MIN_POSITIVE));
+                course.push((now, logarithm(apart)));
+                fine_course.push((now, logarithm(difference(&fine[0], &fine[1]))));
             }
         }
-        Some(Sensitivity { growth: largest / DISTURBANCE, rate: rate(first, &course) })
+        let rate = rate(first, &course).filter(|rate| slope(&fine_course) >= SAME * rate);
+        Some(Sensitivity { growth: largest / DISTURBANCE, rate, parted })
     }
 }
 

@@ -1,7 +1,5 @@
 //! Number formats under which the span runs without saturation, and the roundings of coefficients.
 
-use std::time::Instant;
-
 use pe_hls::formats;
 use pe_hls::rounding::{self, Aim};
 use pe_ir::graph::{FixedPoint, StepGraph};
@@ -10,6 +8,8 @@ use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
 use pe_sim::error::{Deviation, Trajectory};
+
+use crate::pipeline::thread_seconds;
 
 use super::comparison::{Substeps, trajectory};
 use super::{Checkpoint, Exact, fixed_run};
@@ -71,10 +71,10 @@ impl Exact {
             let mut fixed = chosen.clone();
             let aim = Aim::Chain;
             rounding::improve(graph, &mut fixed, &self.moments, aim);
-            let clock = Instant::now();
+            let begin = thread_seconds();
             match fixed_run(model, graph, &fixed, &self.plan) {
                 Ok((hardware, checkpoint, curves)) => {
-                    let seconds = clock.elapsed().as_secs_f64();
+                    let seconds = thread_seconds() - begin;
                     let (quantised, quantised_at_end) = self.quantised(model, graph, &fixed)?;
                     let settled = Settled {
                         fixed,
@@ -137,10 +137,10 @@ impl Exact {
             return Ok(settled);
         }
         self.plan.progress.inc_length(self.plan.steps);
-        let clock = Instant::now();
+        let begin = thread_seconds();
         Ok(match fixed_run(model, graph, &fixed, &self.plan) {
             Ok((hardware, checkpoint, curves)) => {
-                let seconds = clock.elapsed().as_secs_f64();
+                let seconds = thread_seconds() - begin;
                 Settled { fixed, aim, hardware, quantised, quantised_at_end, checkpoint, curves, seconds, ..settled }
             }
             // Formats that were wide enough for the other roundings are kept with those.
