@@ -62,6 +62,10 @@ architecture network of {{ model }} is
 
   signal input_{{ input.index }}	: std_ulogic_vector(DATA_BITS - 1 downto 0); -- {{ input.comment }}
 {%- endfor %}
+{%- for tick in ticks %}
+
+  signal input_{{ tick.index }}	: std_ulogic_vector(DATA_BITS - 1 downto 0); -- {{ tick.comment }}
+{%- endfor %}
 {%- for pe in pes %}
 
   -- PE {{ pe.index }}
@@ -133,6 +137,26 @@ begin
       value_i    => {{ input.port }},
       operand_o  => input_{{ input.index }},
       overflow_o => overflow({{ pe_count + input.index }})
+    );
+{%- endfor %}
+{%- for tick in ticks %}
+
+  -- Tick {{ tick.comment }}
+  u_input_{{ tick.index }} : entity pe_lib.pe_tick
+    generic map (
+      STEPS     => {{ tick.steps }},
+      DONE      => {{ tick.done }},
+      ONE_BIT   => {{ tick.one_bit }},
+      DATA_BITS => DATA_BITS
+{%- if deep %},
+      DEEP      => true
+{%- endif %}
+    )
+    port map (
+      clk_i     => clk_i,
+      sample_i  => sample,
+      arrive_i  => arrive,
+      operand_o => input_{{ tick.index }}
     );
 {%- endfor %}
 {%- for output in outputs %}

@@ -29,6 +29,12 @@ const ROUND_WORDS: usize = PERIOD / ROUNDS;
 const PAUSE_WORD: usize = MULTIPLIER_LATENCY + {% if deep %}7{% else %}6{% endif %};
 const DEFAULT_STEPS: u64 = {{ default_steps }};
 const INPUT_COUNT: usize = {{ input_count }};
+{%- if !ticks.is_empty() %}
+
+/// Inputs that the network makes itself, behind the ports: number, steps from one sample to the next, those that are done
+/// as the run starts, and the operand of 1.0.
+const TICKS: &[(usize, u64, u64, i64)] = &[{{ ticks }}];
+{%- endif %}
 
 /// PE and control word whose write group holds the value of each output.
 const OUTPUTS: &[(usize, usize)] = &[{{ outputs }}];
@@ -180,6 +186,9 @@ struct Network {
     links: Vec<i64>,
     inputs: Vec<i64>,
     input_overflow: bool,
+{%- if !ticks.is_empty() %}
+    steps: u64,
+{%- endif %}
     captured: Vec<i64>,
     received: Vec<i64>,
     index: usize,
@@ -230,6 +239,9 @@ impl Network {
             links: vec![0; PES.len()],
             inputs: vec![0; INPUT_COUNT],
             input_overflow: false,
+{%- if !ticks.is_empty() %}
+            steps: 0,
+{%- endif %}
             captured: vec![0; OUTPUTS.len()],
             received: vec![0; PES.len()],
             index: 0,
@@ -400,6 +412,12 @@ impl Network {
             self.input_overflow |= stored > largest;
             *operand = stored.min(largest) >> (WORD_BITS - DATA_BITS);
         }
+{%- if !ticks.is_empty() %}
+        for (input, steps, done, one) in TICKS {
+            self.inputs[*input] = if (self.steps + done) % steps == 0 { *one } else { 0 };
+        }
+        self.steps += 1;
+{%- endif %}
         for _ in 1..PERIOD {
             self.clock();
         }

@@ -8,7 +8,7 @@ use pe_ir::program::{Fold, Layout, PeFeatures, Program};
 use pe_ir::word::Pipeline;
 
 use crate::names::Names;
-use crate::{EmitOptions, Header, LIBRARY};
+use crate::{EmitOptions, Header, library};
 
 /// An instance port and its slice of the drivers' vectors.
 struct Slice {
@@ -100,13 +100,13 @@ struct FileList<'a> {
     library: Vec<&'static str>,
 }
 
-/// The text of `<model>.f`: library and file of every VHDL unit, in compile order.
-pub fn file_list(names: &Names) -> String {
-    let list = FileList { model: &names.model, library: LIBRARY.iter().map(|(file, _)| *file).collect() };
+/// The text of `<model>.f`: library and file of every VHDL unit of a design, in compile order.
+pub fn file_list(program: &Program, names: &Names) -> String {
+    let list = FileList { model: &names.model, library: library(program).map(|(file, _)| file).collect() };
     list.render().expect("templates render into strings")
 }
 
-/// The text of `<model>_stimulus.txt`: one line per step, one hex word per input; at least one line.
+/// The text of `<model>_stimulus.txt`: one line per step, one hex word per input port; at least one line.
 pub fn stimulus(program: &Program, options: &EmitOptions) -> String {
     let bits = program.format.storage_bits;
     let digits = bits.div_ceil(4) as usize;
@@ -114,7 +114,8 @@ pub fn stimulus(program: &Program, options: &EmitOptions) -> String {
     for step in 0..options.stimulus.len().max(1) {
         let words = options.stimulus.get(step).map_or(&[][..], Vec::as_slice);
         let word = |index: usize| words.get(index).copied().unwrap_or(0) as u64 & (u64::MAX >> (64 - bits));
-        let line: Vec<String> = (0..program.inputs.len()).map(|index| format!("{:0digits$x}", word(index))).collect();
+        let line: Vec<String> =
+            (0..program.ports().count()).map(|index| format!("{:0digits$x}", word(index))).collect();
         text.push_str(&line.join(" "));
         text.push('\n');
     }

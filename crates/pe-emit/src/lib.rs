@@ -43,7 +43,7 @@ pub struct EmitOptions {
 }
 
 /// The hand-written library `pe_lib`, in compile order: file name and text.
-pub const LIBRARY: [(&str, &str); 13] = [
+pub const LIBRARY: [(&str, &str); 14] = [
     ("pe_pkg.vhd", include_str!("../../../hdl/pe_pkg.vhd")),
     ("pe_write_pkg.vhd", include_str!("../../../hdl/pe_write_pkg.vhd")),
     ("pe_relay.vhd", include_str!("../../../hdl/pe_relay.vhd")),
@@ -55,9 +55,16 @@ pub const LIBRARY: [(&str, &str); 13] = [
     ("pe.vhd", include_str!("../../../hdl/pe.vhd")),
     ("pe_sequencer.vhd", include_str!("../../../hdl/pe_sequencer.vhd")),
     ("pe_input.vhd", include_str!("../../../hdl/pe_input.vhd")),
+    ("pe_tick.vhd", include_str!("../../../hdl/pe_tick.vhd")),
     ("pe_output.vhd", include_str!("../../../hdl/pe_output.vhd")),
     ("pe_trace_pkg.vhd", include_str!("../../../hdl/pe_trace_pkg.vhd")),
 ];
+
+/// The files of the library that a program needs.
+fn library(program: &Program) -> impl Iterator<Item = (&'static str, &'static str)> {
+    let ticks = program.ticks().next().is_some();
+    LIBRARY.into_iter().filter(move |(file, _)| ticks || *file != "pe_tick.vhd")
+}
 
 /// Lines that open every generated file.
 struct Header {
@@ -85,14 +92,14 @@ pub fn emit(program: &Program, options: &EmitOptions) -> Vec<Artefact> {
     let folds: Vec<Fold> = program.pes.iter().map(|pe| Fold::of(program, pe)).collect();
     let model = &names.model;
     let mut artefacts: Vec<Artefact> =
-        LIBRARY.iter().map(|(file, text)| Artefact { path: format!("hdl/{file}"), text: (*text).to_owned() }).collect();
+        library(program).map(|(file, text)| Artefact { path: format!("hdl/{file}"), text: text.to_owned() }).collect();
     let mut push = |suffix: &str, text: String| {
         artefacts.push(Artefact { path: format!("{model}{suffix}"), text: columns::aligned(text) });
     };
     push("_program_pkg.vhd", program_pkg::render(program, &folds, &names, &header));
     push(".vhd", network::render(program, &folds, &names, &header));
     push("_tb.vhd", drivers::testbench(program, &names, &header, options));
-    push(".f", drivers::file_list(&names));
+    push(".f", drivers::file_list(program, &names));
     push("_reference.rs", reference::render(program, &folds, &header, options));
     push("_verilator.cpp", drivers::verilator(program, &names, &header, options));
     push("_stimulus.txt", drivers::stimulus(program, options));

@@ -173,6 +173,7 @@ const RESERVED: &[&str] = &[
     "pe_rom",
     "pe_scale",
     "pe_sequencer",
+    "pe_tick",
     "pe_trace_pkg",
     "pe_write_pkg",
     "period",
@@ -361,7 +362,7 @@ impl Names {
         };
         Names {
             model: vhdl_identifier(&program.model),
-            inputs: program.inputs.iter().map(|port| unique(&port.name, "_i")).collect(),
+            inputs: program.ports().map(|port| unique(&port.name, "_i")).collect(),
             outputs: program.outputs.iter().map(|port| unique(&port.name, "_o")).collect(),
         }
     }

@@ -18,6 +18,7 @@ struct Network<'a> {
     /// Whether a PE has a variant memory.
     variants: bool,
     inputs: Vec<Port>,
+    ticks: Vec<Tick>,
     outputs: Vec<Output>,
     pes: Vec<Pe>,
 }
@@ -26,6 +27,15 @@ struct Port {
     index: usize,
     port: String,
     comment: String,
+}
+
+struct Tick {
+    index: u32,
+    comment: String,
+    steps: u32,
+    done: u32,
+    /// Bit of the operand that is worth 1.0.
+    one_bit: u32,
 }
 
 struct Output {
@@ -80,7 +90,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
     }
     let pes: Vec<Pe> =
         shown.into_iter().enumerate().map(|(index, shown)| describe(program, &folds[index], index, shown)).collect();
-    let inputs = program.inputs.iter().zip(&names.inputs).enumerate();
+    let inputs = program.ports().zip(&names.inputs).enumerate();
     let outputs = program.outputs.iter().zip(&names.outputs).enumerate();
     let network = Network {
         header,
@@ -92,6 +102,16 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
             .map(|(index, (port, name))| {
                 let comment = comment(&port.name, &port.unit, port.exponent);
                 Port { index, port: name.clone(), comment }
+            })
+            .collect(),
+        ticks: program
+            .ticks()
+            .map(|(index, tick, one)| Tick {
+                index,
+                comment: comment_text(&program.inputs[index as usize].name),
+                steps: tick.steps,
+                done: tick.done,
+                one_bit: program.format.input_operand(one).trailing_zeros(),
             })
             .collect(),
         outputs: outputs

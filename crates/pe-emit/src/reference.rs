@@ -23,6 +23,8 @@ struct Reference<'a> {
     period: u32,
     rounds: u32,
     input_count: usize,
+    /// Input, steps, steps done and operand of each tick.
+    ticks: String,
     /// Integer type that products and sums fit.
     sum_type: &'static str,
     /// Tuples of PE and control word.
@@ -88,6 +90,9 @@ pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &Emit
         period: program.period,
         rounds: program.rounds,
         input_count: program.inputs.len(),
+        ticks: joined(program.ticks().map(|(input, tick, one)| {
+            format!("({input}, {}, {}, {})", tick.steps, tick.done, format.input_operand(one))
+        })),
         sum_type: sum_type(program),
         outputs: outputs.join(", "),
         program,

@@ -52,9 +52,11 @@ fn a_design_has_its_files() {
     for suffix in suffixes {
         text(&design, &format!("process_x{suffix}"));
     }
-    for (file, content) in LIBRARY {
+    // Without ticks nothing counts steps.
+    for (file, content) in LIBRARY.into_iter().filter(|(file, _)| *file != "pe_tick.vhd") {
         assert_eq!(text(&design, &format!("hdl/{file}")), content);
     }
+    assert!(design.iter().all(|artefact| artefact.path != "hdl/pe_tick.vhd"));
     assert_eq!(text(&design, "process_x_stimulus.txt"), "ffffffff\n00000005\n");
     assert_eq!(text(&design, "process_x_shapes.txt").lines().count(), 2);
 }

@@ -124,7 +124,7 @@ impl Elaborator<'_> {
             let held =
                 sampled.holders[equation as usize].is_some_and(|state| numbers.states[state as usize] != LEFT_OUT);
             algebraics.push(Algebraic {
-                name: if held { format!("next {name}") } else { name },
+                name: if held { format!("{name}.sample") } else { name },
                 unit: unit(quantity),
                 expr: row.expr,
                 range: row.range,

@@ -19,6 +19,8 @@ pub struct Machine<'a> {
     homes: Homes,
     network: Network,
     overflow: bool,
+    /// Steps done.
+    steps: u64,
     cycle: u64,
     parity: bool,
     outputs: Vec<i64>,
@@ -75,6 +77,7 @@ impl<'a> Machine<'a> {
             homes,
             network,
             overflow: false,
+            steps: 0,
             cycle: u64::from(program.latency().pause()),
             parity: false,
             outputs: vec![0; program.outputs.len()],
@@ -82,17 +85,21 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Runs one step with the given input port words; every memory write goes to `trace`.
+    /// Runs one step with the words of the input ports, of which there may be more; every memory write goes to `trace`.
     pub fn step(&mut self, inputs: &[i64], trace: &mut impl FnMut(TraceLine)) {
         let format = self.program.format;
-        for (index, word) in inputs.iter().enumerate().take(self.program.inputs.len()) {
-            let stored = (i128::from(*word) << format.guard_bits) + i128::from(format.data_offset());
+        let steps = self.steps;
+        let ports = (0..).zip(inputs.iter().copied()).take(self.program.ports().count());
+        let ticks = self.program.ticks();
+        for (index, word) in ports.chain(ticks.map(|(index, tick, one)| (index, i64::from(tick.is_due(steps)) * one))) {
+            let stored = (i128::from(word) << format.guard_bits) + i128::from(format.data_offset());
             self.overflow |= stored > i128::from(format.max_word());
-            let slot = self.homes.input(index as u32);
-            on_steps!(&mut self.network, steps => steps.words.set_operand(slot as usize, format.input_operand(*word)));
+            let slot = self.homes.input(index);
+            on_steps!(&mut self.network, steps => steps.words.set_operand(slot as usize, format.input_operand(word)));
         }
         let step = (self.cycle, self.parity, &mut self.checksums[..]);
         self.overflow |= on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
+        self.steps += 1;
         self.cycle += u64::from(self.program.period);
         // Roles of buffers change in every round.
         self.parity ^= self.program.rounds % 2 == 1;

@@ -164,6 +164,8 @@ impl Verify {
         for (state, word) in program.states.iter().zip(&words) {
             state.set(&mut program.pes, &program.format, *word);
         }
+        let step = first.strip_prefix("step ").and_then(|step| step.parse().ok()).ok_or_else(damaged)?;
+        program.start_ticks(step);
         let stimulus = self.stimulus(design, "checkpoint_stimulus", &program)?;
         let options = EmitOptions {
             command: "pe-synth verify".into(),

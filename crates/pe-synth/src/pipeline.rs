@@ -570,10 +570,15 @@ fn check(design: &Design, latency: Latency, options: &MappingOptions, say: &dyn 
     }
 }
 
-/// Stimulus of a run: input port words of each step.
+/// Stimulus of a run: the words of the input ports in each step.
 pub fn stimulus(model: &Model, design: &Design, from: u64, steps: u64) -> Vec<Vec<i64>> {
     let run = pe_sim::fixed::FixedRun::new(&design.graph, &design.judged.fixed);
-    (from..from + steps).map(|step| runs::port_words(model, &run, step)).collect()
+    let words = |step| {
+        let mut words = runs::port_words(model, &run, step);
+        words.truncate(model.inputs.len());
+        words
+    };
+    (from..from + steps).map(words).collect()
 }
 
 /// Word widths as the report names them.

@@ -104,6 +104,7 @@ pub fn random_program(case: &Case) -> Program {
             name: ["signal", "V[1]", "v(1)"][index as usize % 3].to_owned(),
             unit,
             exponent: -3,
+            tick: None,
         });
     }
     let pause = program.latency().pause();

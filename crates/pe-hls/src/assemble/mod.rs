@@ -13,7 +13,7 @@ use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
 use pe_ir::program::{
     Address, ControlWord, InputPort, Layout, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
-    StateRegister, Target, index_bits,
+    StateRegister, Target, Tick, index_bits,
 };
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
@@ -435,13 +435,17 @@ impl Assembler<'_> {
 
     fn inputs(&self) -> Vec<InputPort> {
         let inputs = self.graph.names.inputs.iter().zip(&self.graph.inputs);
+        // Ticks come behind the inputs of the model.
+        let ticks = self.model.ticks().map(|(_, steps)| Some(Tick { steps: steps as u32, done: 0 }));
+        let ticks = self.model.inputs.iter().map(|_| None).chain(ticks);
         inputs
+            .zip(ticks)
             .enumerate()
-            .map(|(index, (name, value))| InputPort {
+            .map(|(index, ((name, value), tick))| InputPort {
                 name: name.clone(),
-                // Ticks come behind the inputs of the model.
                 unit: self.model.inputs.get(index).and_then(|input| input.unit.clone()),
                 exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
+                tick,
             })
             .collect()
     }

@@ -10,6 +10,7 @@ mod prune;
 mod rows;
 mod sampled;
 mod sharing;
+mod ticked;
 
 pub use build::{build, build_with};
 pub use forms::StepOptions;

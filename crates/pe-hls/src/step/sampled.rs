@@ -2,8 +2,8 @@
 //!
 //! A step begins with the samples that are due: all sampled states take their next values, computed from everything as
 //! it was before. The rest of the step is that of the continuous part by its method, in any form, for which sampled
-//! states are inputs. A state with a period of several steps adds `tick*(next - state)` in every step; the tick of a rate
-//! is an input of the step graph, exactly 1 or 0 ([`Model::ticks`]).
+//! states are inputs. A state with a period of several steps adds its change times a tick in every step ([`ticked`], or
+//! `tick*(next - state)`); the tick of a rate is an input of the step graph, exactly 1 or 0 ([`Model::ticks`]).
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -20,10 +20,14 @@ use super::forms::StepOptions;
 use super::plan::{Plan, Point, of, times};
 use super::planned::{self, can_overwrite};
 use super::prune::prune;
+use super::ticked;
 use crate::pairs;
 
 /// Number of the point before a sample, in names of algebraic variables.
 const BEFORE: u8 = 0;
+
+/// Steps from one sample to the next, at most: VHDL's naturals count no further.
+const MOST_STEPS: u64 = i32::MAX as u64;
 
 /// Builds the step graph of a model with sampled parts.
 ///
@@ -64,6 +68,12 @@ fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
         let help = "take a single step, of which every period is a whole number";
         return Err(vec![Diagnostic::error(codes::UNSUITABLE_PERIOD, rate.span, message).with_help(help)]);
     }
+    if let Some((rate, steps)) = model.ticks().find(|(_, steps)| *steps > MOST_STEPS) {
+        let Rate { period, span } = model.rates[rate as usize];
+        let message = format!("a period of {period} s is {steps} steps; a tick counts {MOST_STEPS} at most");
+        let help = "take a longer step, or a shorter period";
+        return Err(vec![Diagnostic::error(codes::UNSUITABLE_PERIOD, span, message).with_help(help)]);
+    }
     let Some((Rate { period, span }, suitable)) = model.unsuitable_rate() else { return Ok(()) };
     let message = format!(
         "a period of {period} s is {:.6} steps of {} s; it must be a whole number",
@@ -84,12 +94,20 @@ fn samples(model: &Model, apart: bool) -> Plan<'_> {
     let before = (0..model.states.len() as u32).map(Variable::State).collect();
     let mut point = Point::new(before, BEFORE);
     let sampled = model.continuous_states()..model.states.len();
-    let readers = model.states[sampled.clone()].iter().map(|state| &state.derivative);
-    plan.algebraics(&mut point, readers, false);
     let ticks: BTreeMap<u32, u32> = model.ticks().map(|(rate, _)| rate).zip(tick_inputs(model)).collect();
-    let recursive = recursive(model);
+    let circles = circles(model);
+    for (rate, tick) in &ticks {
+        // States that only read themselves change by as little as their change is rounded to.
+        let coupled = circles.iter().zip(&model.states).any(|(size, state)| *size > 1 && state.rate == Some(*rate));
+        if coupled {
+            ticked::ends(&mut plan, *rate, Variable::Input(*tick));
+        }
+    }
+    let rest: Vec<usize> = sampled.filter(|index| plan.ends[*index].is_none()).collect();
+    let readers = rest.iter().map(|index| &model.states[*index].derivative);
+    plan.algebraics(&mut point, readers, false);
     let mut moved = Vec::new();
-    for index in sampled {
+    for index in rest {
         let state = &model.states[index];
         let number = index as u32;
         let own = Variable::State(number);
@@ -99,10 +117,10 @@ fn samples(model: &Model, apart: bool) -> Plan<'_> {
             Some(tick) => {
                 plan.end(number, Some(own), Expr::product(vec![of(Variable::Input(*tick)), change()]));
             }
-            None if apart && recursive[index] => {
+            None if apart && circles[index] > 0 => {
                 moved.push((number, plan.added(number, format!("{}.change", state.name), own, change())));
             }
-            None if recursive[index] => {
+            None if circles[index] > 0 => {
                 plan.end(number, Some(own), change());
             }
             None => {
@@ -122,10 +140,19 @@ fn tick_inputs(model: &Model) -> impl Iterator<Item = u32> {
     all - model.ticks().count() as u32..all
 }
 
-/// Which sampled states take part in what they become, directly or through other sampled states. They are written as
-/// what they were plus a change, so that rounding is not lost but carried on to the next sample: a filter comes to rest
-/// (`docs/decisions/0031-sampled-parts.md`).
-fn recursive(model: &Model) -> Vec<bool> {
+/// For each state how many sampled states read one another in the circle that it is part of; 0 for those that take no
+/// part in what they become. The others are written as what they were plus a change, so that rounding is not lost but
+/// carried on to the next sample: a filter comes to rest (`docs/decisions/0031-sampled-parts.md`).
+fn circles(model: &Model) -> Vec<usize> {
+    let mut sizes = vec![0; model.states.len()];
+    for circle in coupled(model) {
+        circle.iter().for_each(|state| sizes[*state] = circle.len());
+    }
+    sizes
+}
+
+/// The sampled states that take part in what they become, those together that read one another in a circle.
+pub fn coupled(model: &Model) -> Vec<Vec<usize>> {
     let states = model.states.len();
     let first = model.continuous_states();
     let mut reads = DiGraph::<(), ()>::with_capacity(states + model.algebraics.len(), 0);
@@ -142,12 +169,13 @@ fn recursive(model: &Model) -> Vec<bool> {
     };
     model.states.iter().enumerate().skip(first).for_each(|(index, state)| arcs(index, &state.derivative));
     model.algebraics.iter().enumerate().for_each(|(index, algebraic)| arcs(states + index, &algebraic.expr));
-    let mut recursive = vec![false; states];
-    for circle in tarjan_scc(&reads) {
-        let alone = circle.len() == 1 && !reads.contains_edge(circle[0], circle[0]);
-        circle.iter().filter(|node| !alone && node.index() < states).for_each(|node| recursive[node.index()] = true);
-    }
-    recursive
+    let recursive = |circle: &Vec<NodeIndex>| circle.len() > 1 || reads.contains_edge(circle[0], circle[0]);
+    let states_of = |circle: Vec<NodeIndex>| {
+        let mut of: Vec<usize> = circle.iter().map(|node| node.index()).filter(|node| *node < states).collect();
+        of.sort_unstable();
+        of
+    };
+    tarjan_scc(&reads).into_iter().filter(recursive).map(states_of).collect()
 }
 
 /// The chains of the samples, then those of the continuous part, whose last inputs are the sampled states.

@@ -211,7 +211,7 @@ pub struct PeProgram {
     pub imported_image: Vec<i64>,
 }
 
-/// An external input port of the network, `storage_bits` wide.
+/// An input of the network: a port, `storage_bits` wide, or a tick.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InputPort {
     /// Name in the spec.
@@ -220,6 +220,24 @@ pub struct InputPort {
     pub unit: Option<String>,
     /// The port's LSB is worth `2^exponent`.
     pub exponent: i32,
+    /// Steps of a tick, which the network makes itself; none of a port.
+    pub tick: Option<Tick>,
+}
+
+/// When a tick is 1.0; in all other steps it is 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tick {
+    /// Steps from one sample to the next.
+    pub steps: u32,
+    /// Steps since the last sample as the run starts; 0 if the first step begins with one.
+    pub done: u32,
+}
+
+impl Tick {
+    /// Whether a step of the run begins with a sample.
+    pub fn is_due(&self, step: u64) -> bool {
+        (step + u64::from(self.done)).is_multiple_of(u64::from(self.steps))
+    }
 }
 
 /// An output port of the network, `storage_bits` wide.
@@ -263,7 +281,7 @@ pub struct Program {
     pub rounds: u32,
     /// The PEs.
     pub pes: Vec<PeProgram>,
-    /// External inputs.
+    /// Inputs: ports, then ticks.
     pub inputs: Vec<InputPort>,
     /// Outputs.
     pub outputs: Vec<OutputPort>,
@@ -289,6 +307,24 @@ impl Program {
     /// The latency table.
     pub fn latency(&self) -> Latency {
         Latency::of(&self.format)
+    }
+
+    /// Inputs that are ports.
+    pub fn ports(&self) -> impl Iterator<Item = &InputPort> {
+        self.inputs.iter().filter(|input| input.tick.is_none())
+    }
+
+    /// Inputs that the network makes itself, each with its number and the port word of 1.0.
+    pub fn ticks(&self) -> impl Iterator<Item = (u32, Tick, i64)> + '_ {
+        let tick = |(index, input): (u32, &InputPort)| Some((index, input.tick?, 1i64 << -input.exponent));
+        (0..).zip(&self.inputs).filter_map(tick)
+    }
+
+    /// Makes a step of the run the first one for all ticks.
+    pub fn start_ticks(&mut self, step: u64) {
+        for tick in self.inputs.iter_mut().filter_map(|input| input.tick.as_mut()) {
+            tick.done = (step % u64::from(tick.steps)) as u32;
+        }
     }
 
     /// How the arguments of tables become indices, in all PEs.

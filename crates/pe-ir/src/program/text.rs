@@ -8,7 +8,7 @@ use std::fmt::{self, Display};
 
 use super::{
     Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
-    StateRegister, Target,
+    StateRegister, Target, Tick,
 };
 use crate::word::{Pipeline, WordFormat};
 
@@ -45,7 +45,12 @@ impl Display for Program {
         )?;
         let unit = |unit: &Option<String>| unit.as_ref().map_or(String::new(), |unit| format!(" unit {unit}"));
         for input in &self.inputs {
-            writeln!(f, "input {} exponent {}{}", input.name, input.exponent, unit(&input.unit))?;
+            match input.tick {
+                None => writeln!(f, "input {} exponent {}{}", input.name, input.exponent, unit(&input.unit))?,
+                Some(Tick { steps, done }) => {
+                    writeln!(f, "tick {} exponent {} steps {steps} done {done}", input.name, input.exponent)?;
+                }
+            }
         }
         for output in &self.outputs {
             let OutputPort { name, pe, word, exponent, .. } = output;
@@ -322,7 +327,16 @@ impl Parser {
             Some("input") => {
                 let name = fields.next().unwrap_or_default().to_owned();
                 let exponent = self.keyed(&mut fields, "exponent")?;
-                self.program.inputs.push(InputPort { name, exponent, unit: self.unit(&mut fields) });
+                self.program.inputs.push(InputPort { name, exponent, unit: self.unit(&mut fields), tick: None });
+            }
+            Some("tick") => {
+                let name = fields.next().unwrap_or_default().to_owned();
+                let exponent = self.keyed(&mut fields, "exponent")?;
+                let tick = Tick { steps: self.keyed(&mut fields, "steps")?, done: self.keyed(&mut fields, "done")? };
+                if tick.steps == 0 || tick.done >= tick.steps || !(-62..=0).contains(&exponent) {
+                    return Err(self.error("fewer steps done than there are, and a number that holds 1"));
+                }
+                self.program.inputs.push(InputPort { name, exponent, unit: None, tick: Some(tick) });
             }
             Some("output") => {
                 let name = fields.next().unwrap_or_default().to_owned();

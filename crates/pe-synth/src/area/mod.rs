@@ -147,9 +147,15 @@ pub fn size(program: &Program, measured: &Measured) -> Area {
     let mut area = Area {
         lut: program.outputs.len() as f64 * output_luts(&program.format, program.period),
         ff: f64::from(program.format.storage_bits * 2) * program.outputs.len() as f64
-            + f64::from(program.format.data_bits) * program.inputs.len() as f64,
+            + f64::from(program.format.data_bits) * program.ports().count() as f64,
         ..Area::default()
     };
+    for (_, tick, _) in program.ticks() {
+        // A counter, a comparison with its last number, and the register of the operand's one bit.
+        let bits = f64::from(pe_ir::program::index_bits(tick.steps));
+        area.lut += bits + 1.0;
+        area.ff += bits + 1.0;
+    }
     for (index, pe) in program.pes.iter().enumerate() {
         area.pes += 1;
         if let Some(shape) = shapes.get(&index) {

@@ -164,6 +164,7 @@ impl Flow {
         for (register, (state, _)) in program.states.iter().zip(&self.graph.states) {
             register.set(&mut program.pes, &program.format, run.word(*state));
         }
+        program.start_ticks(MIDDLE);
         let stimulus = (MIDDLE..MIDDLE + steps).map(|step| self.inputs(&run, step)).collect();
         Start { name: "middle", program, stimulus, step: MIDDLE }
     }

@@ -1,0 +1,69 @@
+-- SPDX-License-Identifier: MIT OR Apache-2.0
+
+library ieee;
+  use ieee.std_logic_1164.all;
+
+-- The tick of a rate: counts steps, and takes the place of an external input that is 1.0 in steps that begin with a sample
+-- and 0 in all others. Loads its operand when pe_input does.
+
+entity pe_tick is
+  generic (
+    STEPS     : positive;        -- steps from one sample to the next
+    DONE      : natural;         -- steps since the last sample as the network starts; 0: the first step begins with one
+    ONE_BIT   : natural;         -- bit of the operand that is worth 1.0
+    DATA_BITS : positive;        -- data operand
+    DEEP      : boolean := false -- loads the operand some clocks later, when the PEs begin the step
+  );
+  port (
+    clk_i     : in    std_ulogic;                                -- clock
+    sample_i  : in    std_ulogic;                                -- a step begins
+    operand_o : out   std_ulogic_vector(DATA_BITS - 1 downto 0); -- what the ports of PEs see
+    arrive_i  : in    std_ulogic                                 -- the same, with DEEP
+  );
+end entity pe_tick;
+
+architecture rtl of pe_tick is
+
+  signal load : std_ulogic;
+
+  signal count : natural range 0 to STEPS - 1 := DONE;
+  signal tick  : std_ulogic                   := '0';
+
+begin
+
+  assert DONE < STEPS and ONE_BIT < DATA_BITS - 1
+    report "pe_tick: DONE is less than STEPS, and 1.0 a number of the operand"
+    severity failure;
+
+  load <= arrive_i when DEEP else
+          sample_i;
+
+  p_count : process (clk_i) is
+  begin
+
+    if rising_edge(clk_i) then
+      if (load = '1') then
+        tick <= '0';
+
+        if (count = 0) then
+          tick <= '1';
+        end if;
+
+        if (count = STEPS - 1) then
+          count <= 0;
+        else
+          count <= count + 1;
+        end if;
+      end if;
+    end if;
+
+  end process p_count;
+
+  g_operand : for i in 0 to DATA_BITS - 1 generate
+
+    operand_o(i) <= tick when i = ONE_BIT else
+                    '0';
+
+  end generate g_operand;
+
+end architecture rtl;
