@@ -99,6 +99,7 @@ codes! {
     SMALL_PIVOT = "E0905", "pivot of the step close to zero";
     SOLUTION_ENDS = "E0906", "solution ends within the span";
     WORD_TOO_SHORT = "E0907", "word too short";
+    POLE_MOVED = "E0908", "rounding makes a pole unstable";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";
@@ -120,6 +121,7 @@ codes! {
     POLE = "W0912", "pole on or near the unit circle";
     INPUT_RANGE = "W0913", "input outside its stated range";
     REFERENCES_DIFFER = "W0914", "reference methods differ";
+    RINGING = "W0915", "sampled part does not come to rest";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.
@@ -137,7 +139,7 @@ pub const GROUPS: &[(&str, &str)] = &[
 ];
 
 /// Errors that the user may turn into warnings, for their result is only doubtful.
-pub const PERMITTABLE: [&str; 2] = [STEP_TOO_LARGE, WORD_TOO_SHORT];
+pub const PERMITTABLE: [&str; 3] = [STEP_TOO_LARGE, WORD_TOO_SHORT, POLE_MOVED];
 
 /// The long explanation of a code: its section of `docs/diagnostics.md`, heading included. Case does not matter.
 pub fn explain(code: &str) -> Option<&'static str> {

@@ -302,13 +302,22 @@ impl Model {
     /// A rate whose period is no whole number of steps, if there is one, with the longest step up to the model's that
     /// suits all rates, if a reasonable one does.
     pub fn unsuitable_rate(&self) -> Option<(Rate, Option<f64>)> {
+        self.unsuitable_at(self.step)
+    }
+
+    /// The longest step up to this one that suits all rates; none if no reasonable one does.
+    pub fn suitable_step(&self, step: f64) -> Option<f64> {
+        self.unsuitable_at(step).map_or(Some(step), |(_, suitable)| suitable)
+    }
+
+    fn unsuitable_at(&self, step: f64) -> Option<(Rate, Option<f64>)> {
         let whole = |rate: &Rate, step: f64| {
             let steps = rate.period / step;
             let rounded = libm::round(steps);
             rounded >= 1.0 && (steps - rounded).abs() <= TIME_SLACK * rounded
         };
-        let first = self.rates.iter().find(|rate| !whole(rate, self.step))?;
-        let fewest = libm::ceil(first.period / self.step - TIME_SLACK).max(1.0);
+        let first = self.rates.iter().find(|rate| !whole(rate, step))?;
+        let fewest = libm::ceil(first.period / step - TIME_SLACK).max(1.0);
         let mut candidates = (0..MOST_DIVISIONS).map(|more| first.period / (fewest + f64::from(more)));
         let step = candidates.find(|step| self.rates.iter().all(|rate| whole(rate, *step)));
         Some((*first, step))

@@ -47,12 +47,28 @@ impl WordFormat {
     /// better in `docs/decisions/0001`.
     const HIDDEN_BITS: u32 = 8;
 
+    /// Bits of a stored word, at most: 48 storage bits and eight guard bits.
+    const LARGEST_WORD: u32 = 56;
+
+    /// Bits by which products are longer than words with added guard bits: a word's LSB is then no less than a product's
+    /// with coefficients of up to 16.
+    const PRODUCT_ROOM: u32 = 5;
+
     /// Widths with guard bits below the storage bits: so many that eight bits of a stored word are hidden from both
     /// ports of the multiplier, and at most eight. The pipeline is the short one.
     pub const fn new(storage_bits: u32, data_bits: u32, coefficient_bits: u32) -> WordFormat {
         let widest = if data_bits > coefficient_bits { data_bits } else { coefficient_bits };
         let guard_bits = Self::HIDDEN_BITS.saturating_sub(storage_bits.saturating_sub(widest));
         WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits, pipeline: Pipeline::Short }
+    }
+
+    /// The same widths with more guard bits, so that at least so many bits of a stored word are hidden from both ports of
+    /// the multiplier, as far as words and products go.
+    pub fn with_hidden(self, bits: u32) -> WordFormat {
+        let widest = self.data_bits.max(self.coefficient_bits);
+        let products = self.data_bits + self.coefficient_bits - Self::PRODUCT_ROOM;
+        let word_bits = (widest + bits).min(Self::LARGEST_WORD).min(products);
+        WordFormat { guard_bits: self.guard_bits.max(word_bits.saturating_sub(self.storage_bits)), ..self }
     }
 
     /// The same widths in another pipeline.
@@ -311,6 +327,17 @@ mod tests {
             let (word, _) = NARROW.encode(value, -(NARROW.data_drop() as i32), NARROW.data_offset());
             assert_eq!(NARROW.data_operand(word), (value + 0.5).floor() as i64, "{value}");
         }
+    }
+
+    #[test]
+    fn guard_bits_are_added_as_far_as_products_go() {
+        let added = |storage, data, coefficient, bits| {
+            let format = WordFormat::new(storage, data, coefficient);
+            format.with_hidden(bits).guard_bits - format.guard_bits
+        };
+        assert_eq!([added(32, 32, 32, 8), added(32, 32, 32, 13), added(32, 35, 35, 13)], [0, 5, 8]);
+        assert_eq!([added(32, 35, 35, 40), added(48, 35, 35, 40)], [16, 8]);
+        assert_eq!([added(32, 25, 18, 20), added(32, 25, 35, 20)], [5, 15]);
     }
 
     #[test]

@@ -60,6 +60,14 @@ impl<'a> FixedRun<'a> {
         on_words!(&mut self.state, words => words.set(slot, word));
     }
 
+    /// Puts a number in the place of a state's.
+    pub fn set_state(&mut self, index: usize, number: f64) {
+        let id = self.graph.states[index].0;
+        let exponent = self.fixed.exponents[id.index()];
+        let (word, _) = self.fixed.format.encode(number, exponent, self.fixed.format.data_offset());
+        self.set(id, word);
+    }
+
     /// The input port's word for a number: `storage_bits` wide, rounded; the flag tells whether it saturated.
     pub fn encode_input(&self, index: usize, number: f64) -> (i64, bool) {
         let id = self.graph.inputs[index];

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::model::{Expr, Model, State, Variable};
 
 /// Whether the Jacobian of a model is the same everywhere: no product of variables, no function, no choice.
 pub fn is_affine(model: &Model) -> bool {
@@ -15,6 +15,16 @@ pub fn is_affine(model: &Model) -> bool {
         algebraics.push(degree(&algebraic.expr, &algebraics));
     }
     model.states.iter().all(|state| degree(&state.derivative, &algebraics) <= 1)
+}
+
+/// Whether what one sample makes of the sampled states is the same everywhere but for a shift.
+pub fn samples_are_affine(model: &Model) -> bool {
+    let mut algebraics: Vec<u32> = Vec::with_capacity(model.algebraics.len());
+    for algebraic in &model.algebraics {
+        algebraics.push(degree(&algebraic.expr, &algebraics));
+    }
+    let sampled = &model.states[model.continuous_states()..];
+    sampled.iter().all(|state| degree(&state.derivative, &algebraics) <= 1)
 }
 
 /// 0 for a constant, 1 for what is affine in states and inputs, 2 for all else.
@@ -50,14 +60,23 @@ pub struct Linearised {
 impl Linearised {
     /// The model at `states` with these inputs; sampled states are held.
     pub fn at(model: &Model, states: &[f64], inputs: &[f64]) -> Linearised {
+        Linearised::of(model, states, inputs, &|state| state.rate.is_none())
+    }
+
+    /// What one sample makes of the sampled states at `states` with these inputs; the others are 0 after it.
+    pub fn of_samples(model: &Model, states: &[f64], inputs: &[f64]) -> Linearised {
+        Linearised::of(model, states, inputs, &|state| state.rate.is_some())
+    }
+
+    /// The equations of some states; all else stands still.
+    fn of(model: &Model, states: &[f64], inputs: &[f64], counts: &dyn Fn(&State) -> bool) -> Linearised {
         let count = model.states.len() as u32;
         let mut algebraics: Vec<f64> = Vec::with_capacity(model.algebraics.len());
         let (mut rows, mut entries) = (Vec::new(), Vec::new());
         let mut derivatives = Vec::with_capacity(states.len());
         let all = model.algebraics.iter().map(|algebraic| &algebraic.expr);
-        // What is sampled stands still between its samples.
         let still = Expr::Constant(0.0);
-        let slopes = model.states.iter().map(|state| if state.rate.is_none() { &state.derivative } else { &still });
+        let slopes = model.states.iter().map(|state| if counts(state) { &state.derivative } else { &still });
         for (index, expr) in all.chain(slopes).enumerate() {
             let value = |variable| match variable {
                 Variable::State(state) => states[state as usize],
@@ -130,7 +149,7 @@ impl Linearised {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pe_ir::model::{Algebraic, Solver, State};
+    use pe_ir::model::{Algebraic, Solver};
     use pe_ir::source::Span;
 
     /// x' = a y, y' = 3 a - x with a = x y, whose Jacobian is (y^2, 2 x y; 3 y - 1, 3 x).

@@ -27,6 +27,16 @@ pub fn eigenvalues(order: usize, columns: &[f64]) -> Option<Vec<(f64, f64)>> {
     Some(schur.complex_eigenvalues().iter().map(|value| (value.re * scale, value.im * scale)).collect())
 }
 
+/// How far a lasting disturbance of one moves the states that `x = A x + disturbance` settles at, in units that suit all
+/// of them best: the largest eigenvalue of the magnitudes of (1 - A)^-1. The matrix A is given column after column; `None`
+/// if 1 - A is singular.
+pub fn largest_response(order: usize, columns: &[f64]) -> Option<f64> {
+    let rest = DMatrix::identity(order, order) - DMatrix::from_column_slice(order, order, columns);
+    let magnitudes = rest.try_inverse()?.abs();
+    let values = eigenvalues(order, magnitudes.as_slice())?;
+    Some(values.iter().map(|(re, im)| libm::hypot(*re, *im)).fold(0.0, f64::max))
+}
+
 /// Eigenvalues of a large matrix that `product` multiplies by, estimated by Arnoldi's method with `size` vectors: the
 /// outermost converge first and lie inside of the true ones. The first vector is always the same.
 ///
@@ -90,6 +100,14 @@ mod tests {
         for ((re, im), (wanted_re, wanted_im)) in found.iter().zip([(-1e4, 0.0), (-1.0, -5.0), (-1.0, 5.0)]) {
             assert!((re - wanted_re).abs() < 1e-9 * 1e4 && (im - wanted_im).abs() < 1e-6, "{found:?}");
         }
+    }
+
+    #[test]
+    fn a_slow_section_answers_with_the_inverse_of_its_sum() {
+        // 1 - A is (0.1, -0.1; 0.1, 0.1) of which the inverse has magnitudes of 5.
+        let response = largest_response(2, &[0.9, -0.1, 0.1, 0.9]).expect("regular");
+        assert!((response - 10.0).abs() < 1e-9, "{response}");
+        assert_eq!(largest_response(1, &[1.0]), None);
     }
 
     #[test]

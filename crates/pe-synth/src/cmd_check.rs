@@ -57,7 +57,7 @@ impl Check {
         let mut watch = Stopwatch::new(true);
         let mut loaded = self.model.load(&self.point)?;
         let asked_span = loaded.model.span;
-        let format = self.point.format()?;
+        let format = self.point.format(&loaded.model)?;
         let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;
         let (_, pes) = self.mapping.given(self.point.pes)?;
         let graph = pipeline::split(&graph, pes, &self.mapping, format).unwrap_or(graph);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use pe_emit::EmitOptions;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
-use pe_ir::source::Diagnostic;
+use pe_ir::source::{Diagnostic, Severity};
 use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
 use serde_json::{Value, json};
@@ -224,8 +224,10 @@ impl Compile {
             || Check::of_judged(&question, &design.judged),
             |check| check::summary(&loaded.model, check),
         );
-        print_findings(&check.own_warnings(), &loaded.sources, self.message_format());
-        Ok(Some(check))
+        let (refusals, warnings): (Vec<_>, Vec<_>) =
+            check.own_findings().into_iter().partition(|finding| finding.severity == Severity::Error);
+        print_findings(&warnings, &loaded.sources, self.message_format());
+        if refusals.is_empty() { Ok(Some(check)) } else { Err(Failure::Spec(refusals, loaded.sources.clone())) }
     }
 
     /// A refusal of the runs with what explains it and what helps; other failures as they are.
@@ -250,7 +252,14 @@ impl Compile {
         graph: &'a StepGraph,
         point: &'a DesignPoint,
     ) -> Result<check::Question<'a>, Failure> {
-        Ok(check::Question { loaded, graph, point, options: &self.model, format: point.format()?, goal: None })
+        Ok(check::Question {
+            loaded,
+            graph,
+            point,
+            options: &self.model,
+            format: point.format(&loaded.model)?,
+            goal: None,
+        })
     }
 }
 

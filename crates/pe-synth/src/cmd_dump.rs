@@ -65,7 +65,7 @@ impl Dump {
         let mut watch = Stopwatch::new(true);
         let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;
         let (_, pes) = self.mapping.given(self.point.pes)?;
-        let graph = pipeline::split(&graph, pes, &self.mapping, self.point.format()?).unwrap_or(graph);
+        let graph = pipeline::split(&graph, pes, &self.mapping, self.point.format(&loaded.model)?).unwrap_or(graph);
         match self.stage {
             Stage::Step => return Ok(graph.to_string()),
             Stage::OdeGraph => {

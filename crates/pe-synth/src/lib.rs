@@ -28,6 +28,7 @@ pub mod engines;
 pub mod explore;
 pub mod failure;
 pub mod features;
+pub mod feedback;
 pub mod figures;
 pub mod files;
 pub mod mapping_file;

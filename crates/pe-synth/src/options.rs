@@ -13,6 +13,7 @@ use pe_ir::word::{Pipeline, WordFormat};
 
 use crate::conserved::Conserved;
 use crate::failure::{Failure, MessageFormat};
+use crate::feedback::{Feedback, VISIBLE_BITS};
 use crate::files::{self, ModelFolder};
 use crate::pipeline::{MappingOptions, StageLoop};
 
@@ -77,8 +78,9 @@ pub struct DesignPoint {
     #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = storage(), help_heading = "Numbers")]
     pub storage: u32,
     /// Multiplier: bits of its data port x bits of its coefficient port
-    #[arg(long, value_name = "AxB", default_value = "32x32", value_parser = multiplier, help_heading = "Numbers")]
-    pub multiplier: (u32, u32),
+    /// [default: 32x32; 35x35 for sampled feedback that may ring]
+    #[arg(long, value_name = "AxB", value_parser = multiplier, help_heading = "Numbers")]
+    pub multiplier: Option<(u32, u32)>,
     /// Registers that an operation passes: few, or more for a faster clock on devices without registers in their blocks
     #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Hardware")]
     pub pipeline: Pipeline,
@@ -219,10 +221,18 @@ impl DesignPoint {
         }
     }
 
+    /// Bits of the multiplier's ports.
+    pub fn ports(&self, model: &Model) -> (u32, u32) {
+        self.multiplier.unwrap_or_else(|| default_ports(model, self.storage))
+    }
+
     /// Word widths.
-    pub fn format(&self) -> Result<WordFormat, Failure> {
-        let (data_bits, coefficient_bits) = self.multiplier;
-        let format = WordFormat::new(self.storage, data_bits, coefficient_bits).with_pipeline(self.pipeline);
+    pub fn format(&self, model: &Model) -> Result<WordFormat, Failure> {
+        let (data_bits, coefficient_bits) = self.ports(model);
+        let hidden_bits = Feedback::of(model).map_or(0, |feedback| feedback.hidden_bits);
+        let format = WordFormat::new(self.storage, data_bits, coefficient_bits)
+            .with_hidden(hidden_bits)
+            .with_pipeline(self.pipeline);
         let widest = data_bits.max(coefficient_bits);
         if widest > format.word_bits() {
             let message = format!(
@@ -233,6 +243,18 @@ impl DesignPoint {
         }
         Ok(format)
     }
+}
+
+/// Bits of both ports of the multiplier unless the user says otherwise, and the most that four blocks make.
+const PORT_BITS: u32 = 32;
+const WIDEST_PORT: u32 = 35;
+
+/// Ports of the multiplier unless the user says otherwise: where sampled states may ring they see some bits below those that
+/// are stored.
+pub fn default_ports(model: &Model, storage: u32) -> (u32, u32) {
+    let rings = Feedback::of(model).is_some_and(|feedback| feedback.rings);
+    let bits = if rings { (storage + VISIBLE_BITS).clamp(PORT_BITS, WIDEST_PORT) } else { PORT_BITS };
+    (bits, bits)
 }
 
 /// Parses the name of a numerical method.

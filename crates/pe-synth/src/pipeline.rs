@@ -287,7 +287,7 @@ pub fn design(
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
-    let format = point.format()?;
+    let format = point.format(&loaded.model)?;
     let (file, pes) = mapping_options.given(point.pes)?;
     let graph = build(loaded, point, mapping_options, watch)?;
     let graph = split(&graph, pes, mapping_options, format).unwrap_or(graph);
@@ -459,7 +459,7 @@ pub fn build(
     if graph.functions.exact.is_empty() {
         return Ok(graph);
     }
-    let (format, progress) = (point.format()?, watch.progress_bar("functions"));
+    let (format, progress) = (point.format(&loaded.model)?, watch.progress_bar("functions"));
     let tabulated = watch.timed(
         "functions",
         || tables::tabulate(&loaded.model, &graph, format, &progress),

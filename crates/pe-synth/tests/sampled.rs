@@ -5,7 +5,7 @@ mod support;
 use pe_frontend::{NoFiles, Overrides};
 use pe_hls::formats::{self, Ranges};
 use pe_ir::codes;
-use pe_ir::graph::StageForm;
+use pe_ir::graph::{FixedPoint, StageForm, StepGraph, ValueId};
 use pe_ir::model::{Model, Solver};
 use pe_ir::program::Program;
 use pe_ir::source::Sources;
@@ -14,7 +14,8 @@ use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_sim::reference;
 use pe_synth::engines::Engine;
-use pe_synth::runs::port_words;
+use pe_synth::feedback::Feedback;
+use pe_synth::options::default_ports;
 use support::bench::assert_lively_agreement;
 use support::flow::{Flow, Placement, format};
 
@@ -199,7 +200,12 @@ fn sampled_models_agree_bit_for_bit() {
         assert_lively_agreement(&flow.label, &flow.beginning(20), engines, HELD);
         assert_lively_agreement(&flow.label, &flow.middle(20), engines, HELD);
         let text = flow.program.to_string();
-        assert_eq!(text.parse::<Program>().map(|program| program.to_string()).ok().as_ref(), Some(&text), "{}", flow.label);
+        assert_eq!(
+            text.parse::<Program>().map(|program| program.to_string()).ok().as_ref(),
+            Some(&text),
+            "{}",
+            flow.label
+        );
         // Ticks are made in the network.
         assert_eq!(flow.program.ports().count(), flow.model.inputs.len(), "{}", flow.label);
         assert_eq!(flow.program.ticks().count(), flow.model.ticks().count(), "{}", flow.label);
@@ -267,19 +273,80 @@ fn a_period_that_is_no_whole_number_of_steps_is_refused_with_a_step_that_suits()
 }
 
 /// Chebyshev II low passes as sections of second order in the transposed direct form II, from
-/// `scipy.signal.cheby2(order, 40, edge, output='sos')`: b0, b1, b2, a1, a2 of each section.
-const SLOW: &[[f64; 5]] = &[
-    [0.00980927596766147, -0.01955254378006285, 0.009809275967661468, -1.9684898061374367, 0.9687934819787093],
-    [1.0, -1.9988438479582429, 0.9999999999999998, -1.9890517019121536, 0.9893030075911196],
-];
-const FAST: &[[f64; 5]] = &[
-    [0.013115394983099255, 0.005865367430038797, 0.013115394983099259, -1.069654791252934, 0.3034180444442494],
-    [1.0, -1.3026581944826425, 0.9999999999999999, -1.3512617358448233, 0.5551770955462603],
-    [1.0, -1.593397720677305, 1.0, -1.6566468384753021, 0.8475628573300946],
+/// `scipy.signal.cheby2(order, 40, edge, output='sos')`: order, edge, and b0, b1, b2, a1, a2 of each section.
+const FILTERS: [(u32, f64, &[[f64; 5]]); 6] = [
+    (
+        4,
+        0.01,
+        &[
+            [0.00980927596766147, -0.01955254378006285, 0.009809275967661468, -1.9684898061374367, 0.9687934819787093],
+            [1.0, -1.9988438479582429, 0.9999999999999998, -1.9890517019121536, 0.9893030075911196],
+        ],
+    ),
+    (
+        4,
+        0.05,
+        &[
+            [
+                0.009439484786959934,
+                -0.017346800786644908,
+                0.009439484786959933,
+                -1.8459566061116937,
+                0.8531174418302048,
+            ],
+            [1.0, -1.9711824239411322, 0.9999999999999999, -1.9414461220308026, 0.9476120769972293],
+        ],
+    ),
+    (
+        4,
+        0.2,
+        &[
+            [
+                0.012483820797182145,
+                -0.0040493800263648435,
+                0.012483820797182148,
+                -1.4211631127606117,
+                0.5181470650753173,
+            ],
+            [1.0, -1.5597125423334535, 1.0000000000000004, -1.7096009567288524, 0.8045656182503007],
+        ],
+    ),
+    (
+        6,
+        0.01,
+        &[
+            [
+                0.009579555861715416,
+                -0.019018465814682313,
+                0.009579555861715418,
+                -1.9439161140102836,
+                0.9448115443866085,
+            ],
+            [1.0, -1.998026728308157, 0.9999999999999998, -1.970191803238363, 0.970838138137578],
+            [1.0, -1.9989422847239102, 0.9999999999999999, -1.991116290996314, 0.9916235074533375],
+        ],
+    ),
+    (
+        6,
+        0.05,
+        &[
+            [0.008781256300052833, -0.014589579863804594, 0.008781256300052834, -1.7321229438466343, 0.752260526896856],
+            [1.0, -1.9510546615487845, 1.0, -1.8472081767622774, 0.8624782873772977],
+            [1.0, -1.973620465368142, 1.0, -1.9463686109306342, 0.9588514686781877],
+        ],
+    ),
+    (
+        6,
+        0.2,
+        &[
+            [0.013115394983099255, 0.005865367430038797, 0.013115394983099259, -1.069654791252934, 0.3034180444442494],
+            [1.0, -1.3026581944826425, 0.9999999999999999, -1.3512617358448233, 0.5551770955462603],
+            [1.0, -1.593397720677305, 1.0, -1.6566468384753021, 0.8475628573300946],
+        ],
+    ),
 ];
 
-/// The output of a filter in units of its storage LSB, long after its input has gone to zero: the largest magnitude.
-fn rest(sections: &[[f64; 5]], step: &str, storage: u32) -> f64 {
+fn filter_of(sections: &[[f64; 5]], step: &str) -> Model {
     let count = sections.len();
     let mut body = format!("input x = pulse(1, 0, 0.05)\nindex s in 1..{count}\n");
     for (column, name) in ["b0", "b1", "b2", "a1", "a2"].iter().enumerate() {
@@ -295,32 +362,129 @@ fn rest(sections: &[[f64; 5]], step: &str, storage: u32) -> f64 {
   next m2[s] = b2[s]*feed[s] - a2[s]*y[s]
 }\n";
     body += &format!("output y[{count}]\n");
-    let model = compiled(&body, Solver::Euler, step);
-    let graph = pe_hls::step::build(&model).expect("builds");
-    let mut run = DoubleRun::new(&graph);
+    compiled(&body, Solver::Euler, step)
+}
+
+/// The word that a filter gets unless the user says otherwise.
+fn word_of(model: &Model) -> WordFormat {
+    let (data, coefficient) = default_ports(model, 32);
+    let feedback = Feedback::of(model).expect("a filter");
+    assert!(feedback.rings && feedback.is_stable());
+    WordFormat::new(32, data, coefficient).with_hidden(feedback.hidden_bits)
+}
+
+/// Formats for the filter's pulse.
+fn formats_of(model: &Model, graph: &StepGraph, word: WordFormat) -> (FixedPoint, Vec<f64>) {
+    let mut run = DoubleRun::new(graph);
     for step in 0..model.steps() {
         run.step(&model.sample_inputs(model.time(step, 0.0))).expect("a stable filter");
     }
     let ranges = Ranges { largest: run.largest(), widened: vec![0; graph.values.len()] };
-    let fixed = formats::choose(&graph, &ranges, WordFormat::new(storage, 32, 32)).expect("formats");
-    let mut run = FixedRun::new(&graph, &fixed);
-    let mut largest = 0.0f64;
-    let lsb = libm::scalbn(1.0, fixed.exponents[graph.outputs[0].index()] + fixed.format.guard_bits as i32);
-    for step in 0..model.steps() {
-        run.step(&port_words(&model, &run, step));
-        if step > model.steps() - model.steps() / 10 {
-            largest = largest.max(libm::floor(run.output(0) / lsb + 0.5).abs());
+    let largest = graph.states.iter().map(|(state, _)| ranges.largest[state.index()]).collect();
+    (formats::choose(graph, &ranges, word).expect("formats"), largest)
+}
+
+/// Largest magnitudes of the output and of all states in storage LSB while a run without input is watched, long after it
+/// began; none if it saturated.
+fn rest(model: &Model, mut run: FixedRun, graph: &StepGraph, fixed: &FixedPoint, quiet: u64) -> Option<(f64, f64)> {
+    let lsb = |value: ValueId, number: f64| {
+        let exponent = fixed.exponents[value.index()] + fixed.format.guard_bits as i32;
+        libm::floor(libm::scalbn(number, -exponent) + 0.5).abs()
+    };
+    let (mut output, mut states) = (0.0f64, 0.0f64);
+    for step in 0..quiet + 1000 {
+        let ticks = model.ticks().map(|(_, steps)| f64::from(u8::from(step.is_multiple_of(steps))));
+        let numbers = [0.0].into_iter().chain(ticks).enumerate();
+        let words: Vec<i64> = numbers.map(|(index, number)| run.encode_input(index, number).0).collect();
+        run.step(&words);
+        if step >= quiet {
+            output = output.max(lsb(graph.outputs[0], run.output(0)));
+            for (index, (state, _)) in graph.states.iter().enumerate() {
+                states = states.max(lsb(*state, run.state(index)));
+            }
         }
     }
-    assert_eq!(run.saturations().iter().sum::<u64>(), 0);
-    largest
+    (run.saturations().iter().sum::<u64>() == 0).then_some((output, states))
+}
+
+/// Numbers from -1 to 1 (xorshift).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
 }
 
 #[test]
 fn stable_filters_come_to_rest_at_zero() {
-    assert_eq!(rest(FAST, "100 us", 32), 0.0);
-    assert_eq!(rest(FAST, "50 us", 32), 0.0);
-    // 2^8 (1 + a1 + a2) is below one half: eight bits below the storage bits are too few for this one.
-    assert!(rest(SLOW, "100 us", 32) <= 8.0);
-    assert_eq!(rest(SLOW, "100 us", 44), 0.0);
+    const STATES: usize = 40;
+    let mut random = Random(12345);
+    for (order, edge, sections) in FILTERS {
+        let slowest = sections.iter().map(|section| section[4].sqrt()).fold(0.0, f64::max);
+        for (step, held) in [("100 us", 1), ("50 us", 2)] {
+            let model = filter_of(sections, step);
+            let graph = pe_hls::step::build(&model).expect("builds");
+            let (fixed, largest) = formats_of(&model, &graph, word_of(&model));
+            let quiet = held * ((60.0 / (1.0 - slowest)) as u64 + 500);
+            let mut worst = (0.0f64, 0.0f64);
+            let mut tried = 0;
+            for number in 0..STATES {
+                let mut run = FixedRun::new(&graph, &fixed);
+                match number % 4 {
+                    // The end of a pulse of some height and length.
+                    0 => {
+                        let length = held * (100.0 + 900.0 * random.next().abs()) as u64;
+                        let height = random.next();
+                        for step in 0..length {
+                            let ticks = model.ticks().map(|(_, steps)| f64::from(u8::from(step.is_multiple_of(steps))));
+                            let numbers = [height].into_iter().chain(ticks).enumerate();
+                            let words: Vec<i64> = numbers.map(|(index, n)| run.encode_input(index, n).0).collect();
+                            run.step(&words);
+                        }
+                    }
+                    // Any state, from some LSB to where the next section nearly saturates.
+                    _ => {
+                        let scale = libm::exp2(8.0 * random.next() - 20.0);
+                        let states = largest.iter().enumerate();
+                        states.for_each(|(index, largest)| run.set_state(index, scale * largest * random.next()));
+                    }
+                }
+                if let Some((output, states)) = rest(&model, run, &graph, &fixed, quiet) {
+                    worst = (worst.0.max(output), worst.1.max(states));
+                    tried += 1;
+                }
+            }
+            let label = format!("order {order}, edge {edge}, step {step}: {worst:?} of {tried}, {:?}", fixed.format);
+            println!("{label}");
+            assert!(tried > STATES * 3 / 4 && worst.0 == 0.0 && worst.1 <= 1.0, "{label}");
+        }
+    }
+}
+
+/// What guard bits and ports of the multiplier do.
+#[test]
+fn short_words_hold_a_slow_filter_away_from_zero() {
+    let (_, _, sections) = FILTERS[0];
+    let model = filter_of(sections, "100 us");
+    let graph = pe_hls::step::build(&model).expect("builds");
+    let held = |word: WordFormat| {
+        let (fixed, largest) = formats_of(&model, &graph, word);
+        let mut random = Random(1);
+        let mut worst = 0.0f64;
+        for _ in 0..20 {
+            let mut run = FixedRun::new(&graph, &fixed);
+            for (index, largest) in largest.iter().enumerate() {
+                run.set_state(index, 1e-6 * largest * random.next());
+            }
+            worst = worst.max(rest(&model, run, &graph, &fixed, 12_000).expect("no saturation").0);
+        }
+        worst
+    };
+    let (eight, own) = (held(WordFormat::new(32, 32, 32)), held(word_of(&model)));
+    assert!((2.0..=16.0).contains(&eight), "{eight}");
+    assert_eq!(own, 0.0);
 }

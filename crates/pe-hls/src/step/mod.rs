@@ -14,3 +14,4 @@ mod ticked;
 
 pub use build::{build, build_with};
 pub use forms::StepOptions;
+pub use sampled::coupled;

@@ -22,7 +22,6 @@ use crate::pipeline::MappingOptions;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Fixed {
     storage: bool,
-    multiplier: bool,
     coefficients: bool,
 }
 
@@ -32,7 +31,7 @@ impl FromArgMatches for Fixed {
             let known = matches.try_contains_id(id).is_ok();
             known && matches.value_source(id) == Some(clap::parser::ValueSource::CommandLine)
         };
-        Ok(Fixed { storage: given("storage"), multiplier: given("multiplier"), coefficients: given("coefficients") })
+        Ok(Fixed { storage: given("storage"), coefficients: given("coefficients") })
     }
 
     fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
@@ -94,7 +93,7 @@ impl Question<'_> {
         let lists = Lists {
             solver: solver.into_iter().collect(),
             step: step.into_iter().collect(),
-            multiplier: if self.fixed.multiplier { vec![multiplier] } else { Vec::new() },
+            multiplier: multiplier.into_iter().collect(),
             storage: if self.fixed.storage { vec![storage] } else { Vec::new() },
             coefficients: if self.fixed.coefficients { vec![coefficients] } else { Vec::new() },
             form,

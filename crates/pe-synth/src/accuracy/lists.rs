@@ -25,10 +25,10 @@ impl Word {
         Word { storage, multiplier, coefficients: Coefficients::OneSlot }
     }
 
-    /// The word of a point.
+    /// The word of a point of these lists.
     pub fn of(point: &DesignPoint) -> Word {
         let DesignPoint { storage, multiplier, coefficients, .. } = *point;
-        Word { storage, multiplier, coefficients }
+        Word { storage, multiplier: multiplier.expect("points of lists have one"), coefficients }
     }
 
     /// In a few letters: `/2` stands for coefficients in two slots.
@@ -169,6 +169,7 @@ impl Lists {
     pub fn point(&self, solver: Solver, step: f64, word: Word) -> DesignPoint {
         let Word { storage, multiplier, coefficients } = word;
         let (solver, step, form, pes, pipeline) = (Some(solver), Some(step), self.form, self.pes, self.pipeline);
+        let multiplier = Some(multiplier);
         DesignPoint { solver, step, storage, multiplier, coefficients, form, pes, pipeline }
     }
 
@@ -177,7 +178,9 @@ impl Lists {
         once(&mut steps);
         if steps.is_empty() {
             let powers: &[i32] = if solvers > FEW_SOLVERS { &FEW_STEPS } else { &MANY_STEPS };
-            steps = powers.iter().map(|power| libm::scalbn(model.step, *power)).collect();
+            let suitable = |power: &i32| model.suitable_step(libm::scalbn(model.step, *power));
+            steps = powers.iter().filter_map(suitable).collect();
+            once(&mut steps);
             steps.retain(|step| step_count_problem(*step, model.span).is_none());
         }
         steps

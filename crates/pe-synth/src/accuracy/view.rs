@@ -1,6 +1,5 @@
 //! The rows of a work-precision study: `accuracy.json`, `accuracy.csv`, and the table for the terminal.
 
-use pe_ir::word::WordFormat;
 use serde_json::{Map, Value, json};
 
 use super::goal::cheapest;
@@ -228,8 +227,6 @@ impl<'a> View<'a> {
                 ("failed", String::new(), reason.code.clone().unwrap_or_default(), reason.message.clone())
             }
         };
-        let (data, coefficient) = point.multiplier;
-        let format = WordFormat::new(point.storage, data, coefficient);
         [
             place.to_string(),
             status.to_owned(),
@@ -239,7 +236,7 @@ impl<'a> View<'a> {
             field("stage_form"),
             field("pes"),
             point.storage.to_string(),
-            format.guard_bits.to_string(),
+            field("word.guard_bits"),
             show::multiplier(point),
             field("word.coefficient_slots"),
             field("cycles_per_step"),

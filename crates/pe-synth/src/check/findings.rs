@@ -8,6 +8,7 @@ use pe_sim::reference::Obstacle;
 
 use super::observed;
 use super::remedies::{self, Remedy, rounded};
+use super::rest::{self, Rest};
 use super::trials::Trials;
 use super::trusted::Trusted;
 use super::{Check, Question};
@@ -41,7 +42,11 @@ pub fn of_span(model: &Model) -> Option<Diagnostic> {
     }
     let message =
         format!("the span of {} s is {steps:.3} steps of {:e} s; it was judged to t = {end} s", model.span, model.step);
-    let help = format!("take `--span {end}`, or `--step {}/{}`", model.span, libm::ceil(steps));
+    let count = libm::ceil(steps);
+    let help = match model.rates.is_empty() {
+        true => format!("take `--span {end}`, or `--step {}/{count}`", model.span),
+        false => format!("take `--span {end}`"),
+    };
     Some(Diagnostic::global(codes::STEP_SPAN, message).with_help(help).into_warning())
 }
 
@@ -59,7 +64,8 @@ impl Check {
         findings.extend(self.near_limit(model));
         findings.extend(self.growing(model));
         findings.extend(self.rounded_growth(model));
-        findings.extend(self.poles(model));
+        findings.extend(self.poles(question, trusted));
+        findings.extend(self.ringing(question, judged));
         // Looked for once, and for those that are about the step.
         if findings.iter().any(is_about_step) {
             let remedy = remedies::for_step(model, trials, &self.prediction, question.point, &question.format, true);
@@ -95,7 +101,11 @@ impl Check {
             found.stable,
             model.states[state].name
         );
-        let help = format!("try `--step {:e}`", rounded(remedies::SAFE * found.stable));
+        let safe = rounded(remedies::SAFE * found.stable);
+        let help = match model.suitable_step(safe) {
+            Some(step) => format!("try `--step {step:e}`"),
+            None => "take a smaller step".to_owned(),
+        };
         Some(Diagnostic::error(codes::NEAR_LIMIT, model.states[state].span, message).with_help(help).into_warning())
     }
 
@@ -132,8 +142,8 @@ impl Check {
     }
 
     /// Poles of a model with sampled parts that lie outside of the unit circle, or that rounding moves there.
-    fn poles(&self, model: &Model) -> Option<Diagnostic> {
-        let rate = model.rates.first()?;
+    fn poles(&self, question: &Question, trusted: &Trusted) -> Option<Diagnostic> {
+        let rate = question.loaded.model.rates.first()?;
         let growth = self.growth.as_ref()?;
         let steps = match growth.steps {
             1 => "a step".to_owned(),
@@ -147,9 +157,13 @@ impl Check {
             let (exact, rounded) = growth.moved_pole()?;
             if rounded >= 1.0 {
                 let message = format!(
-                    "rounded coefficients move a pole out of the unit circle: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
+                    "rounded coefficients move a pole to the unit circle or beyond: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
                 );
-                (message, help)
+                let remedy = remedies::for_poles(question, trusted);
+                let refusal = Diagnostic::error(codes::POLE_MOVED, rate.span, message).with_help(help);
+                let refusal = with_help_of(refusal, &remedy);
+                let found = question.options.permit(vec![refusal]).unwrap_or_else(|refused| refused);
+                return found.into_iter().next();
             } else if 1.0 - rounded < POLE_MARGIN * (1.0 - exact) {
                 let message = format!(
                     "rounded coefficients move a pole towards the unit circle: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
@@ -160,6 +174,22 @@ impl Check {
             }
         };
         Some(Diagnostic::error(codes::POLE, rate.span, message).with_help(help).into_warning())
+    }
+
+    /// A sampled part that does not come to rest without inputs.
+    fn ringing(&self, question: &Question, judged: &Judged) -> Option<Diagnostic> {
+        let Some(Rest::Ringing(ringing)) = &self.rest else { return None };
+        let state = &question.loaded.model.states[ringing.state];
+        let how = match ringing.period {
+            Some(1) => "stands still at".to_owned(),
+            Some(period) => format!("repeats every {period} steps with"),
+            None => "goes on with".to_owned(),
+        };
+        let message =
+            format!("without inputs `{}` does not come to rest: it {how} up to {} LSB", state.name, ringing.lsb);
+        let help = "take a wider multiplier, or write the section in another form; see the guide on sampled parts";
+        let finding = Diagnostic::error(codes::RINGING, state.span, message).with_help(help).into_warning();
+        Some(with_help_of(finding, &rest::remedy(question, judged)))
     }
 
     /// States that lose increments.

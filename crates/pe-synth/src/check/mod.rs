@@ -8,6 +8,7 @@ mod findings;
 mod observed;
 mod prediction;
 mod remedies;
+mod rest;
 mod show;
 pub mod stiffness;
 mod trials;
@@ -25,6 +26,7 @@ use crate::runs::{self, Judged};
 
 use self::observed::{Chaos, DeadBand, StepGrowth};
 use self::prediction::Prediction;
+use self::rest::Rest;
 use self::trials::{Found, Trials};
 use self::trusted::Trusted;
 
@@ -43,8 +45,8 @@ const MATRIX_STATES: usize = 200;
 pub const EXPLAINED: [&str; 5] =
     [codes::DIVERGED, codes::SATURATED, codes::STEP_TOO_LARGE, codes::SMALL_PIVOT, codes::WORD_TOO_SHORT];
 
-/// Warnings of the check alone; others come from the runs.
-const OWN: [&str; 7] = [
+/// Findings of the check alone; others come from the runs.
+const OWN: [&str; 9] = [
     codes::NEAR_LIMIT,
     codes::METHOD_GROWTH,
     codes::DEAD_BAND,
@@ -52,6 +54,8 @@ const OWN: [&str; 7] = [
     codes::STEP_SPAN,
     codes::STILL,
     codes::POLE,
+    codes::POLE_MOVED,
+    codes::RINGING,
 ];
 
 /// What is asked about.
@@ -89,6 +93,8 @@ pub struct Check {
     pivot: Option<SmallestPivot>,
     /// States that lose increments.
     dead_bands: Vec<DeadBand>,
+    /// Whether sampled parts come to rest without inputs; none of models without any.
+    rest: Option<Rest>,
     /// Whether the model is chaotic; only found when the accuracy is asked for.
     chaos: Option<Chaos>,
     /// Time from which on a step that was refused and half of it go different ways, in seconds.
@@ -111,6 +117,7 @@ impl Check {
         check.growth = observed::step_growth(model, question.graph, &judged.fixed, &trusted);
         check.pivot = judged.smallest_pivot.clone();
         check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
+        check.rest = rest::rest(model, question.graph, judged);
         if question.goal.is_some() {
             check.chaos = observed::sensitivity(model, question.graph, &trusted)
                 .and_then(|found| observed::chaos(question.graph, Some(&judged.fixed), &trusted, found));
@@ -137,8 +144,8 @@ impl Check {
         check
     }
 
-    /// Warnings that the runs did not give.
-    pub fn own_warnings(&self) -> Vec<Diagnostic> {
+    /// Findings that the runs did not give: warnings, and refusals of a step whose runs succeeded.
+    pub fn own_findings(&self) -> Vec<Diagnostic> {
         self.findings.iter().filter(|finding| OWN.contains(&finding.code)).cloned().collect()
     }
 
@@ -169,6 +176,7 @@ impl Check {
             growth: None,
             pivot: None,
             dead_bands: Vec::new(),
+            rest: None,
             chaos: None,
             parted: None,
             findings: Vec::new(),

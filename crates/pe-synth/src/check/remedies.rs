@@ -8,7 +8,8 @@ use pe_ir::word::{Latency, WordFormat};
 
 use super::prediction::Prediction;
 use super::trials::{Outcome, Trials};
-use super::{MATRIX_STATES, TRIED_STATES};
+use super::trusted::Trusted;
+use super::{MATRIX_STATES, Question, TRIED_STATES, observed};
 use crate::options::{DesignPoint, ModelOptions};
 use crate::pipeline;
 use crate::runs;
@@ -49,7 +50,7 @@ impl Remedy {
 }
 
 /// Lower bound of the cycles per step.
-fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
+pub(super) fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
     let pes = pes.unwrap_or_else(|| pipeline::default_pes(graph));
     Bound::of(graph, pes, Latency::of(format)).binding().0
 }
@@ -93,7 +94,8 @@ pub fn for_step(
         }
         let runs = |step: &f64| step_count_problem(*step, model.span).is_none();
         let other = |step: &f64| (solver, *step) != (model.solver, model.step);
-        let steps = steps.into_iter().map(rounded).filter(other).filter(runs);
+        let suitable = |step: f64| model.suitable_step(rounded(step));
+        let steps = steps.into_iter().filter_map(suitable).filter(other).filter(runs);
         candidates.extend(steps.map(|step| (f64::from(cycles) / step, cycles, solver, step)));
     }
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -133,24 +135,27 @@ pub fn for_word(
     }
     let own = f64::from(cycles(graph, point.pes, format));
     let mut candidates: Vec<DesignPoint> = Vec::new();
-    for multiplier in [point.multiplier, (25, 18), (25, 35), (32, 32), (35, 35)] {
+    let own_ports = point.ports(model);
+    for multiplier in [own_ports, (25, 18), (25, 35), (32, 32), (35, 35)] {
         for storage in [point.storage, point.storage + 4, point.storage + 8].map(|bits| bits.min(40)) {
-            let wider = multiplier.0 >= point.multiplier.0 && multiplier.1 >= point.multiplier.1;
-            let candidate = DesignPoint { multiplier, storage, ..*point };
-            if wider && candidate != *point && !candidates.contains(&candidate) {
+            let wider = multiplier.0 >= own_ports.0 && multiplier.1 >= own_ports.1;
+            let candidate = DesignPoint { multiplier: Some(multiplier), storage, ..*point };
+            let other = (multiplier, storage) != (own_ports, point.storage);
+            if wider && other && !candidates.contains(&candidate) {
                 candidates.push(candidate);
             }
         }
     }
-    let blocks = |point: &DesignPoint| point.format().map_or(u32::MAX, |format| format.dsp_per_pe());
+    let blocks = |point: &DesignPoint| point.format(model).map_or(u32::MAX, |format| format.dsp_per_pe());
     candidates.sort_by_key(|candidate| (blocks(candidate), candidate.storage));
     for candidate in candidates.into_iter().take(MOST_TRIALS) {
-        let Ok(wider) = candidate.format() else { continue };
+        let Ok(wider) = candidate.format(model) else { continue };
         let judged = runs::judge(model, graph, wider, options, ProgressBar::hidden());
         if judged.is_ok_and(|judged| judged.errors.word_length <= WORD_ERROR) {
             let mut words = Vec::new();
-            if candidate.multiplier != point.multiplier {
-                words.push(format!("--multiplier {}x{}", candidate.multiplier.0, candidate.multiplier.1));
+            let ports = candidate.ports(model);
+            if ports != own_ports {
+                words.push(format!("--multiplier {}x{}", ports.0, ports.1));
             }
             if candidate.storage != point.storage {
                 words.push(format!("--storage {}", candidate.storage));
@@ -160,6 +165,29 @@ pub fn for_word(
         }
     }
     None
+}
+
+/// The cheapest multiplier that leaves all poles inside of the unit circle.
+pub fn for_poles(question: &Question, trusted: &Trusted) -> Option<Remedy> {
+    let Question { graph, point, options, .. } = *question;
+    let model = &question.loaded.model;
+    if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
+        return None;
+    }
+    let own = f64::from(cycles(graph, point.pes, &question.format));
+    let (data, coefficient) = point.ports(model);
+    let wider = |ports: &(u32, u32)| ports.0 >= data && ports.1 > coefficient;
+    [(18, 25), (25, 18), (25, 25), (25, 35), (32, 32), (35, 35)].into_iter().filter(wider).find_map(|ports| {
+        let format = DesignPoint { multiplier: Some(ports), ..*point }.format(model).ok()?;
+        let judged = runs::judge(model, graph, format, options, ProgressBar::hidden()).ok()?;
+        let growth = observed::step_growth(model, graph, &judged.fixed, trusted)?;
+        if growth.moved_pole().is_some_and(|(_, rounded)| rounded >= 1.0) {
+            return None;
+        }
+        let cycles = cycles(graph, point.pes, &format);
+        let options = format!("--multiplier {}x{}", ports.0, ports.1);
+        Some(Remedy { options, cycles, cost: f64::from(cycles) / own, tried: None })
+    })
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::findings::{eigenvalue, factor};
 use super::remedies::SAFE;
+use super::rest::{Rest, Ringing};
 use super::stiffness::STIFF;
 use super::{Check, TRIED_STATES};
 use crate::render;
@@ -83,6 +84,17 @@ pub fn report(model: &Model, check: &Check) -> Value {
     }
     if check.pivot.is_none() {
         value["smallest_pivot_reason"] = json!("the method has no pivot that varies, or the runs were refused");
+    }
+    match &check.rest {
+        None => {}
+        Some(Rest::Zero) => value["rest"] = json!({"lsb": 0}),
+        Some(Rest::Ringing(Ringing { state, lsb, period })) => {
+            value["rest"] = json!({"lsb": lsb, "period_steps": period, "state": model.states[*state].name});
+        }
+        Some(Rest::NotTried(reason)) => {
+            value["rest"] = Value::Null;
+            value["rest_reason"] = json!(reason);
+        }
     }
     if check.growth.is_none() {
         value["amplification_reason"] = json!("only of refused steps, and of large models that are not linear");

@@ -180,10 +180,7 @@ impl<'a> Trials<'a> {
     fn limit_of_sampled(&self, solver: Solver, longest: f64) -> Option<Found> {
         let (mut step, mut unstable) = (longest, None);
         for _ in 0..STRIDES {
-            step = match (Model { step, ..self.model.clone() }).unsuitable_rate() {
-                None => step,
-                Some((_, suitable)) => suitable?,
-            };
+            step = self.model.suitable_step(step)?;
             match self.run(solver, step) {
                 Outcome::Impossible => break,
                 Outcome::Stable => {
@@ -213,7 +210,8 @@ impl<'a> Trials<'a> {
         let order = f64::from(self.model.solver.order());
         let next = |step: f64, error: f64| {
             let ratio = libm::pow(goal / error.max(1e-300), 1.0 / order);
-            (step * ratio.clamp(1e-3, 1e3)).min(limit.unwrap_or(f64::INFINITY)).min(self.end / 4.0)
+            let step = (step * ratio.clamp(1e-3, 1e3)).min(limit.unwrap_or(f64::INFINITY)).min(self.end / 4.0);
+            self.model.suitable_step(step).unwrap_or(step)
         };
         if known <= 0.0 || !known.is_finite() {
             return None;
@@ -229,7 +227,8 @@ impl<'a> Trials<'a> {
                 // Beyond the range in which the order means anything: half way back, in ratio.
                 None => {
                     let (inside, _) = best?;
-                    tried = (libm::sqrt(inside * step), goal);
+                    let between = libm::sqrt(inside * step);
+                    tried = (self.model.suitable_step(between).unwrap_or(between), goal);
                     if let Some(error) = self.method_error(self.model.solver, tried.0) {
                         tried.1 = error;
                         if error <= goal {

@@ -7,11 +7,13 @@ use pe_ir::model::{Model, Solver};
 use pe_ir::word::{Latency, Pipeline};
 
 use crate::check::stiffness;
-use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, pipeline, solver, storage};
+use crate::options::{
+    Coefficients, DesignPoint, FormChoice, default_ports, duration, multiplier, pipeline, solver, storage,
+};
 use crate::pipeline::MappingOptions;
 
-/// Multipliers of a sweep unless told otherwise: one block each way round, and four blocks.
-const MULTIPLIERS: [(u32, u32); 3] = [(25, 18), (18, 25), (32, 32)];
+/// Multipliers of a sweep unless told otherwise, beside that of the other commands: one block each way round.
+const SINGLE_BLOCK: [(u32, u32); 2] = [(25, 18), (18, 25)];
 
 /// Options of the axes: lists in place of the single values that the other commands take.
 #[derive(Args, Clone, Debug)]
@@ -63,10 +65,12 @@ impl Axes {
             };
         }
         if axes.step.is_empty() {
-            axes.step = vec![2.0 * model.step, model.step, model.step / 2.0];
+            let steps = [2.0 * model.step, model.step, model.step / 2.0];
+            axes.step = steps.into_iter().filter_map(|step| model.suitable_step(step)).collect();
         }
         if axes.multiplier.is_empty() {
-            axes.multiplier = MULTIPLIERS.to_vec();
+            axes.multiplier = SINGLE_BLOCK.to_vec();
+            axes.multiplier.push(default_ports(model, axes.storage.first().copied().unwrap_or_default()));
         }
         once(&mut axes.solver);
         once(&mut axes.step);
@@ -75,17 +79,17 @@ impl Axes {
         let graph = |solver: &Solver| Some((*solver, build(solver)?));
         let graphs: Vec<(Solver, StepGraph)> = axes.solver.iter().filter_map(graph).collect();
         if axes.pes.is_empty() {
-            axes.pes = axes.useful_pes(&graphs);
+            axes.pes = axes.useful_pes(model, &graphs);
         }
         once(&mut axes.pes);
         Completed { axes, graphs, stiffness }
     }
 
     /// Powers of two, for as long as the bound of some solver and multiplier falls.
-    fn useful_pes(&self, graphs: &[(Solver, StepGraph)]) -> Vec<u32> {
+    fn useful_pes(&self, model: &Model, graphs: &[(Solver, StepGraph)]) -> Vec<u32> {
         // The lists other than that of the PEs are complete.
         let points = Axes { pes: vec![1], ..self.clone() }.points();
-        let formats = points.iter().filter_map(|point| point.format().ok());
+        let formats = points.iter().filter_map(|point| point.format(model).ok());
         let mut latencies: Vec<Latency> = formats.map(|format| Latency::of(&format)).collect();
         once(&mut latencies);
         let bound = |graph: &StepGraph, pes: u32, latency: &Latency| Bound::of(graph, pes, *latency).binding().0;
@@ -119,7 +123,7 @@ impl Axes {
                             form: self.form,
                             coefficients: Coefficients::OneSlot,
                             storage: *storage,
-                            multiplier: *multiplier,
+                            multiplier: Some(*multiplier),
                             pipeline: self.pipeline,
                         }));
                     }

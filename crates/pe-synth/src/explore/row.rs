@@ -151,7 +151,7 @@ impl Row {
             form: FormChoice::Auto,
             coefficients: Coefficients::OneSlot,
             storage: 32,
-            multiplier: (32, 32),
+            multiplier: None,
             pipeline: Pipeline::Short,
         };
         let report = report.as_object().expect("an object").clone();
@@ -178,7 +178,7 @@ impl Row {
                 map.insert("equivalent_lut".into(), json!(figures.equivalent_lut()));
             }
             Outcome::Failed(reason) => {
-                let (data, coefficient) = self.point.multiplier;
+                let (data, coefficient) = self.point.multiplier.unzip();
                 map.insert("pes".into(), json!(self.point.pes));
                 map.insert("solver".into(), json!(self.point.solver.map(Solver::name)));
                 map.insert("step_s".into(), json!(self.point.step));

@@ -35,8 +35,7 @@ pub fn cells(row: &Row) -> [String; 12] {
 
 /// The multiplier as on the command line.
 pub fn multiplier(point: &DesignPoint) -> String {
-    let (data, coefficient) = point.multiplier;
-    format!("{data}x{coefficient}")
+    point.multiplier.map_or(String::new(), |(data, coefficient)| format!("{data}x{coefficient}"))
 }
 
 /// The step with a unit.

@@ -156,7 +156,7 @@ impl Sweep {
         // Widths that do not go together are found before anything runs, as in `compile`.
         let mut formats = Vec::new();
         for jobs in family.formats {
-            match guarded(|| jobs[0].point.format()) {
+            match guarded(|| jobs[0].point.format(&self.loaded.model)) {
                 Ok(_) => formats.push(jobs),
                 Err(reason) => fail(&jobs, &reason, sender),
             }
@@ -260,14 +260,15 @@ impl Sweep {
         exact: &Exact,
         point: &DesignPoint,
     ) -> Result<Option<(StepGraph, Exact)>, Failure> {
-        let refined = slots::refine(&base.loaded.model, graph, exact, point.format()?, point.coefficients);
+        let refined =
+            slots::refine(&base.loaded.model, graph, exact, point.format(&base.loaded.model)?, point.coefficients);
         refined.map_err(|findings| Failure::Spec(findings, base.loaded.sources.clone()))
     }
 
     /// Formats and errors of a graph, which is that of the family or a split of it.
     fn judged(&self, base: &Base, graph: &StepGraph, exact: &Exact, point: &DesignPoint) -> Result<Judged, Failure> {
         let model = &base.loaded.model;
-        let settled = exact.settle(model, graph, point.format()?);
+        let settled = exact.settle(model, graph, point.format(model)?);
         let judged = exact.conclude(model, graph, settled, base.comparison.clone(), &self.options);
         judged.map_err(|findings| Failure::Spec(findings, base.loaded.sources.clone()))
     }
@@ -278,7 +279,7 @@ impl Sweep {
         let (loaded, point) = (&base.loaded, &job.point);
         let (mut graph, mut judged, mut total) = (Arc::clone(graph), Arc::clone(judged), total.clone());
         // Heavy equations are split differently for every number of PEs; then nothing is shared.
-        if let Some(split) = pipeline::split(&base.graph, point.pes, &self.mapping, point.format()?) {
+        if let Some(split) = pipeline::split(&base.graph, point.pes, &self.mapping, point.format(&loaded.model)?) {
             let exact = Exact::run(&loaded.model, &split, ProgressBar::hidden());
             let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
             let (split, exact) = self.refined(base, &split, &exact, point)?.unwrap_or((split, exact));
