@@ -113,6 +113,8 @@ impl<'a> Rounds<'a> {
             let (sent, number) = match value.role {
                 Role::State(_) | Role::Constant(_) => continue,
                 Role::Stage(s, _) | Role::Next(s) => (self.graph.states[s as usize].1, swaps - 1),
+                // Outputs are computed beside the last round.
+                Role::Algebraic(_, u8::MAX) => (like, self.count - 1),
                 Role::Algebraic(_, stage) => (like, u32::from(stage) - 1),
                 _ => (like, 0),
             };

@@ -229,10 +229,7 @@ impl DesignPoint {
     /// Word widths.
     pub fn format(&self, model: &Model) -> Result<WordFormat, Failure> {
         let (data_bits, coefficient_bits) = self.ports(model);
-        let hidden_bits = Feedback::of(model).map_or(0, |feedback| feedback.hidden_bits);
-        let format = WordFormat::new(self.storage, data_bits, coefficient_bits)
-            .with_hidden(hidden_bits)
-            .with_pipeline(self.pipeline);
+        let format = WordFormat::new(self.storage, data_bits, coefficient_bits).with_pipeline(self.pipeline);
         let widest = data_bits.max(coefficient_bits);
         if widest > format.word_bits() {
             let message = format!(
@@ -241,7 +238,7 @@ impl DesignPoint {
             );
             return Err(Failure::Usage(message));
         }
-        Ok(format)
+        Ok(Feedback::of(model).map_or(format, |feedback| format.with_hidden(feedback.hidden_bits)))
     }
 }
 

@@ -8,9 +8,9 @@ use pe_ir::model::Solver;
 use pe_ir::source::Sources;
 use pe_ir::word::Pipeline;
 use pe_synth::engines::{self, Engine};
-use support::bench::{Agreement, assert_agreement};
+use support::bench::{Agreement, Folder, assert_agreement};
 use support::flow::{Flow, Placement, Start, format};
-use support::models::compile;
+use support::models::{compile, compile_file, spec};
 use support::{FAMILIES, Family};
 
 /// Steps of every comparison of small designs.
@@ -53,6 +53,26 @@ fn looped_stages_agree() {
         sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
     }
     report("looped", sum);
+}
+
+#[test]
+fn stages_that_are_alike_agree_beside_outputs_that_are_sent_and_equations_that_are_left_out() {
+    let folder = Folder::new("looped_beside");
+    let filter = folder.0.join("chebyshev.spec");
+    let text = std::fs::read_to_string(spec("validation").with_file_name("chebyshev.spec")).expect("a spec");
+    std::fs::write(&filter, text.replace("u = 1", "u = sine(1, 20 Hz)")).expect("the spec can be written");
+    let sections = ["--multiplier", "32x32", "--pes", "2", "--form", "factors", "--span", "200ms"];
+    let pumps = ["--solver", "heun", "--multiplier", "25x18", "--pes", "3", "--form", "sums", "--span", "10ms"];
+    let mut sum = Agreement::default();
+    // RK4 as two factors of second order; the pumps have sums of two PEs, which are not looped.
+    for (path, options, rounds) in [(filter, &sections[..], 2), (spec("pump_station"), &pumps[..], 1)] {
+        let compiled = compile_file(&path, &[options, &["--loop", "on", "--tries", "2000"]].concat());
+        assert_eq!(compiled.design.program.rounds, rounds, "{}", path.display());
+        let label = path.display().to_string();
+        sum += assert_agreement(&label, &compiled.middle(STEPS), &ENGINES);
+    }
+    report("looped stages beside others", sum);
+    assert!(sum.runs == 4 && sum.writes > 500, "{} runs, {} writes", sum.runs, sum.writes);
 }
 
 #[test]

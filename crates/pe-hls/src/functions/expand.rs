@@ -22,9 +22,8 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, planned: &[Option<Pl
         .collect();
     let mut serials = vec![0; graph.equations.len()];
     for value in &graph.values {
-        if let Role::Inner(_, serial) = value.role {
-            // The role has the number that the equation had before unread ones were left out.
-            let last: &mut u32 = &mut serials[value.equation as usize];
+        if let Role::Inner(equation, serial) = value.role {
+            let last: &mut u32 = &mut serials[equation as usize];
             *last = serial.max(*last);
         }
     }

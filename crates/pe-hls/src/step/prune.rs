@@ -45,7 +45,11 @@ pub fn prune(graph: StepGraph) -> StepGraph {
     for (index, value) in graph.values.iter().enumerate().filter(|(index, _)| values[*index] != NONE) {
         debug_assert_eq!(values[index] as usize, kept.len());
         let equation = if value.equation == NONE { NONE } else { equations[value.equation as usize] };
-        kept.push(pe_ir::graph::Value { equation, ..*value });
+        let role = match value.role {
+            Role::Inner(_, serial) => Role::Inner(equation, serial),
+            role => role,
+        };
+        kept.push(pe_ir::graph::Value { role, equation, ..*value });
     }
     StepGraph {
         values: kept,
