@@ -524,3 +524,14 @@ fn a_step_too_coarse_for_jumps_is_not_called_chaos() {
         assert!(answer.messages.contains("t = ") && answer.messages.contains("--step"), "{}", answer.messages);
     }
 }
+
+#[test]
+fn the_period_of_a_sampled_part_limits_no_stable_step() {
+    let folder = Folder::new("check_periods");
+    let held = "every 2 ms {\n  state m = 0\n  next m = 0.5*m + u\n}\noutput m";
+    let decay = check(&folder, &spec("rk4", "1 ms", "1 s", &format!("state u = 1\nu' = -u\n{held}")), &[]);
+    let ratio = decay.result["stability"]["stiffness_ratio"].as_f64().expect("a ratio");
+    assert!(ratio < 1.0, "a single slow decay is not stiff: {}", decay.result);
+    let filter = check(&folder, &spec("euler", "1 ms", "1 s", &format!("input u = 1\n{held}")), &[]);
+    assert!(filter.result["stability"]["stiffness_ratio"].is_null(), "{}", filter.result);
+}

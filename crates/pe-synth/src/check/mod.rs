@@ -154,7 +154,7 @@ impl Check {
         let predicted = self.prediction.limit.as_ref().map(|limit| limit.step);
         let stable = match self.found {
             // Trials that met no end, say at the period of a sampled part, are a lower bound.
-            Some(Found { stable, unstable: None, .. }) => predicted.map_or(stable, |step| step.max(stable)),
+            Some(Found { stable, unstable: None, .. }) => predicted?.max(stable),
             Some(found) => found.stable,
             None => predicted?,
         };
