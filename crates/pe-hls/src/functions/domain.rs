@@ -15,6 +15,9 @@ const PROBES: usize = 256;
 const CLOSE: usize = 1024;
 const STEEP: f64 = 16.0;
 
+/// Times that the neighbourhood of a pole is looked at more closely, each time by half as many as there are probes.
+const ZOOMS: usize = 7;
+
 /// How much larger or steeper than in the run a function may become in the margin.
 const GROWTH: f64 = 2.0;
 
@@ -63,6 +66,22 @@ fn is_pole(function: &ScalarFunction, (low, high): (f64, f64), place: f64) -> bo
     function.evaluate(place).abs() > STEEP * near(close) && near(close) > 0.0
 }
 
+/// The place near which a function grows beyond bounds, as exactly as numbers tell; `place` if it is no larger there.
+pub(super) fn steepest_place(function: &ScalarFunction, run: (f64, f64), place: f64) -> f64 {
+    let size = |x: f64| Some(function.evaluate(x).abs()).filter(|size| size.is_finite()).unwrap_or(f64::INFINITY);
+    let ((mut low, mut high), mut found) = (run, place);
+    for _ in 0..ZOOMS {
+        let width = (high - low) / PROBES as f64;
+        for x in (0..=PROBES).map(|step| low + width * step as f64) {
+            if size(x) > size(found) {
+                found = x;
+            }
+        }
+        (low, high) = ((found - width).max(low), (found + width).min(high));
+    }
+    if size(found) > STEEP * size(place) { found } else { place }
+}
+
 impl<'a> Domain<'a> {
     /// The domain for arguments of a run.
     ///
@@ -85,7 +104,7 @@ impl<'a> Domain<'a> {
             before = value;
         }
         if is_pole(function, run, highest) {
-            return Err(highest);
+            return Err(steepest_place(function, run, highest));
         }
         let kinks = kinks(&function.body);
         let (middle, half) = (0.5 * (run.0 + run.1), 0.5 * (run.1 - run.0));
@@ -122,7 +141,8 @@ impl<'a> Domain<'a> {
         Ok(Domain { function, low, high, largest, tolerance, binary })
     }
 
-    /// The map for equal segments, its scale a power of two if `whole` says so and that wastes little: a kink falls on zero, with the value of the function there on the positive side.
+    /// The map for equal segments, its scale a power of two if `whole` says so and that wastes little: a kink falls on
+    /// zero, with the value of the function there on the positive side.
     pub fn uniform(&self, whole: bool) -> Map {
         let inside = |kink: &f64| (self.low..=self.high).contains(kink);
         let kink = kinks(&self.function.body).into_iter().find(inside);

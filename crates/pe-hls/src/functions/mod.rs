@@ -17,7 +17,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::source::{Diagnostic, Span};
 use pe_ir::word::WordFormat;
 
-use domain::Domain;
+use domain::{Domain, steepest_place};
 use fit::{Fit, Layout};
 
 /// Bits of an index that are tried.
@@ -89,7 +89,7 @@ pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat)
     for (index, planned) in planned.iter().enumerate() {
         let (Some(planned), Some(place)) = (planned, place[index]) else { continue };
         if planned.fit.error > COARSEST * planned.domain.largest {
-            let at = planned.fit.worst;
+            let at = steepest_place(&graph.functions.exact[index], arguments[index], planned.fit.worst);
             let finding = unbounded(&graph.functions.exact[index].name, place, arguments[index], at);
             errors.push(Unbounded { function: index, at, finding });
         }
