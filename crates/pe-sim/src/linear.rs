@@ -10,21 +10,20 @@ use pe_ir::model::{Expr, Model, State, Variable};
 
 /// Whether the Jacobian of a model is the same everywhere: no product of variables, no function, no choice.
 pub fn is_affine(model: &Model) -> bool {
-    let mut algebraics: Vec<u32> = Vec::with_capacity(model.algebraics.len());
-    for algebraic in &model.algebraics {
-        algebraics.push(degree(&algebraic.expr, &algebraics));
-    }
-    model.states.iter().all(|state| degree(&state.derivative, &algebraics) <= 1)
+    are_affine(model, &model.states)
 }
 
 /// Whether what one sample makes of the sampled states is the same everywhere but for a shift.
 pub fn samples_are_affine(model: &Model) -> bool {
+    are_affine(model, &model.states[model.continuous_states()..])
+}
+
+fn are_affine(model: &Model, states: &[State]) -> bool {
     let mut algebraics: Vec<u32> = Vec::with_capacity(model.algebraics.len());
     for algebraic in &model.algebraics {
         algebraics.push(degree(&algebraic.expr, &algebraics));
     }
-    let sampled = &model.states[model.continuous_states()..];
-    sampled.iter().all(|state| degree(&state.derivative, &algebraics) <= 1)
+    states.iter().all(|state| degree(&state.derivative, &algebraics) <= 1)
 }
 
 /// 0 for a constant, 1 for what is affine in states and inputs, 2 for all else.

@@ -6,6 +6,9 @@ use nalgebra::{DMatrix, DVector};
 /// Iterations of the QR algorithm per eigenvalue before it is given up; some three are usual.
 const ITERATIONS: usize = 100;
 
+/// Parts of their neighbours below which numbers beside the diagonal count as zero, the least first.
+const DEFLATED: [f64; 3] = [f64::EPSILON, 1e-14, 1e-12];
+
 /// Part of a vector that is left when it lies in the span of others.
 const DEPENDENT: f64 = 1e-12;
 
@@ -23,7 +26,8 @@ pub fn eigenvalues(order: usize, columns: &[f64]) -> Option<Vec<(f64, f64)>> {
     // Numbers near 1, so that no square under- or overflows.
     matrix /= scale;
     balancing::balance_parlett_reinsch(&mut matrix);
-    let schur = Schur::try_new(matrix, f64::EPSILON, ITERATIONS * order.max(1))?;
+    // Where eigenvalues coincide an iteration to the last bit may not end.
+    let schur = DEFLATED.iter().find_map(|part| Schur::try_new(matrix.clone(), *part, ITERATIONS * order.max(1)))?;
     Some(schur.complex_eigenvalues().iter().map(|value| (value.re * scale, value.im * scale)).collect())
 }
 

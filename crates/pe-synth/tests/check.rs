@@ -535,3 +535,18 @@ fn the_period_of_a_sampled_part_limits_no_stable_step() {
     let filter = check(&folder, &spec("euler", "1 ms", "1 s", &format!("input u = 1\n{held}")), &[]);
     assert!(filter.result["stability"]["stiffness_ratio"].is_null(), "{}", filter.result);
 }
+
+#[test]
+fn a_transient_between_the_samples_and_equal_eigenvalues_give_no_alarm() {
+    // Three equal motors have equal eigenvalues, and the bus swings further in its first milliseconds than ever after.
+    let path = support::models::spec("pump_station");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    let output = command.arg("check").arg(path).args(["--message-format", "json"]).output().expect("pe-synth starts");
+    let result: Value = serde_json::from_slice(&output.stdout).expect("a result");
+    assert_eq!(result["verdict"], "fine", "{}", String::from_utf8_lossy(&output.stderr));
+    let stability = &result["stability"];
+    assert_eq!(stability["basis"], "all eigenvalues", "{stability}");
+    for key in ["predicted_step_s", "found_step_s"] {
+        assert!(stability[key].as_f64().is_some_and(|step| step > 4e-4), "{stability}");
+    }
+}

@@ -107,7 +107,7 @@ impl Check {
     /// Judges a step whose runs succeeded.
     pub fn of_judged(question: &Question, judged: &Judged) -> Check {
         let model = &question.loaded.model;
-        let trusted = Trusted::of(model, Some(judged));
+        let trusted = Trusted::of(model, Some((question.graph, judged)));
         let trials = Trials::new(model, &trusted);
         let mut check = Check::explain(question, &trusted, &trials);
         check.accuracy = question

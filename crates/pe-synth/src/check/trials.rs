@@ -78,6 +78,11 @@ impl<'a> Trials<'a> {
                 high[index] = high[index].max(*number);
             }
         }
+        // A transient that falls between the samples is part of the range.
+        for (index, largest) in trusted.states.largest.iter().enumerate() {
+            low[index] = low[index].min(-largest);
+            high[index] = high[index].max(*largest);
+        }
         // What hardly moves may move as far as others of its quantity, or of the model, do.
         let quantities = model.states.iter().map(|state| state.quantity).max().map_or(0, |last| last as usize + 1);
         let mut widths = vec![0.0f64; quantities];

@@ -1,6 +1,7 @@
 //! A trajectory to linearise the model along: the run of the step itself where half the step hardly changes it, the
 //! reference solution where it does, or where there is no run.
 
+use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_sim::error::Trajectory;
 use pe_sim::reference::{self, ReferenceError};
@@ -38,10 +39,12 @@ pub struct Trusted {
 
 impl Trusted {
     /// The run of a judged step if it can be trusted, else the reference solution as far as it goes.
-    pub fn of(model: &Model, judged: Option<&Judged>) -> Trusted {
-        if let Some(judged) = judged.filter(|judged| judged.errors.method <= TRUSTED_ERROR) {
+    pub fn of(model: &Model, judged: Option<(&StepGraph, &Judged)>) -> Trusted {
+        if let Some((graph, judged)) = judged.filter(|(_, judged)| judged.errors.method <= TRUSTED_ERROR) {
             let mut trusted = Trusted::start(model, true);
             trusted.append(&judged.times, &judged.hardware);
+            let states = &graph.states[..model.states.len()];
+            trusted.states.largest = states.iter().map(|(state, _)| judged.largest[state.index()]).collect();
             return trusted;
         }
         let terms = (model.states.len() + model.algebraics.len()).max(1) as u64;
