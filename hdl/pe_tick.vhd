@@ -3,6 +3,8 @@
 library ieee;
   use ieee.std_logic_1164.all;
 
+library pe_lib;
+
 -- The tick of a rate: counts steps, and takes the place of an external input that is 1.0 in steps that begin with a sample
 -- and 0 in all others. Loads its operand when pe_input does.
 
@@ -12,13 +14,13 @@ entity pe_tick is
     DONE      : natural;         -- steps since the last sample as the network starts; 0: the first step begins with one
     ONE_BIT   : natural;         -- bit of the operand that is worth 1.0
     DATA_BITS : positive;        -- data operand
-    DEEP      : boolean := false -- loads the operand some clocks later, when the PEs begin the step
+    DEEP      : boolean := false -- loads the operand when a relay says so
   );
   port (
     clk_i     : in    std_ulogic;                                -- clock
     sample_i  : in    std_ulogic;                                -- a step begins
     operand_o : out   std_ulogic_vector(DATA_BITS - 1 downto 0); -- what the ports of PEs see
-    arrive_i  : in    std_ulogic                                 -- the same, with DEEP
+    arrive_i  : in    std_ulogic                                 -- loads the operand a clock later, with DEEP
   );
 end entity pe_tick;
 
@@ -35,8 +37,25 @@ begin
     report "pe_tick: DONE is less than STEPS, and 1.0 a number of the operand"
     severity failure;
 
-  load <= arrive_i when DEEP else
-          sample_i;
+  g_direct : if not DEEP generate
+
+    load <= sample_i;
+
+  end generate g_direct;
+
+  g_relay : if DEEP generate
+
+    u_arrive : entity pe_lib.pe_relay
+      generic map (
+        WIDTH => 1
+      )
+      port map (
+        clk_i      => clk_i,
+        value_i(0) => arrive_i,
+        value_o(0) => load
+      );
+
+  end generate g_relay;
 
   p_count : process (clk_i) is
   begin

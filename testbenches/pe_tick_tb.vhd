@@ -89,6 +89,7 @@ begin
   p_check : process is
 
     variable checks : natural;
+    variable before : std_ulogic_vector(5 downto 0); -- the deep operand of the last step
 
     procedure check (
       constant operand : in std_ulogic_vector;
@@ -108,6 +109,7 @@ begin
   begin
 
     checks := 0;
+    before := (others => '0');
     wait until falling_edge(clk);
     check(first, "000000", 0);
     check(middle, "000000", 0);
@@ -136,12 +138,16 @@ begin
       arrive <= '1';
       wait until falling_edge(clk);
       arrive <= '0';
+      check(deep, before, step);
+      wait until falling_edge(clk);
 
       if (step mod 3 = 0) then
         check(deep, "010000", step);
       else
         check(deep, "000000", step);
       end if;
+
+      before := deep;
 
       wait until falling_edge(clk);
 
