@@ -268,9 +268,12 @@ pub fn pipeline() -> impl TypedValueParser<Value = Pipeline> {
     PossibleValuesParser::new(values).map(move |name| known(name).expect("a possible value"))
 }
 
+/// Bits of a stored word, at most.
+pub const MOST_STORAGE: u32 = 48;
+
 /// Parses bits of a stored word.
 pub fn storage() -> impl TypedValueParser<Value = u32> {
-    clap::value_parser!(u32).range(12..=48)
+    clap::value_parser!(u32).range(12..=i64::from(MOST_STORAGE))
 }
 
 /// Parses a way to check units.

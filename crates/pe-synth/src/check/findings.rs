@@ -8,7 +8,7 @@ use pe_sim::reference::Obstacle;
 
 use super::observed;
 use super::remedies::{self, Remedy, rounded};
-use super::rest::{self, Rest};
+use super::rest::Rest;
 use super::trials::Trials;
 use super::trusted::Trusted;
 use super::{Check, Question};
@@ -72,7 +72,7 @@ impl Check {
             findings = findings.into_iter().map(|finding| with_remedy(finding, &remedy)).collect();
         }
         if findings.iter().any(|finding| finding.code == codes::WORD_SHORT) {
-            let remedy = remedies::for_word(model, question.graph, question.point, question.options, &question.format);
+            let remedy = remedies::for_word(question);
             let about_word = |finding: Diagnostic| match &remedy {
                 Some(remedy) if finding.code == codes::WORD_SHORT => add_help(finding, &remedy.text()),
                 _ => finding,
@@ -189,7 +189,7 @@ impl Check {
             format!("without inputs `{}` does not come to rest: it {how} up to {} LSB", state.name, ringing.lsb);
         let help = "take a wider multiplier, or write the section in another form; see the guide on sampled parts";
         let finding = Diagnostic::error(codes::RINGING, state.span, message).with_help(help).into_warning();
-        Some(with_help_of(finding, &rest::remedy(question, judged)))
+        Some(with_help_of(finding, &remedies::for_rest(question, judged)))
     }
 
     /// States that lose increments.
@@ -238,8 +238,7 @@ impl Check {
             },
             codes::STEP_TOO_LARGE | codes::SMALL_PIVOT => self.with_limit(question, refusal, trials),
             codes::SATURATED | codes::WORD_TOO_SHORT => {
-                let remedy =
-                    remedies::for_word(model, question.graph, question.point, question.options, &question.format);
+                let remedy = remedies::for_word(question);
                 with_help_of(refusal, &remedy)
             }
             _ => refusal,

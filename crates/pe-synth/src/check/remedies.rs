@@ -1,18 +1,20 @@
 //! The cheapest change that works, found by trying changes from the cheapest on.
 
 use indicatif::ProgressBar;
+use pe_hls::formats::{self, Ranges};
 use pe_hls::schedule::Bound;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::word::{Latency, WordFormat};
 
 use super::prediction::Prediction;
+use super::rest::{self, Rest};
 use super::trials::{Outcome, Trials};
 use super::trusted::Trusted;
 use super::{MATRIX_STATES, Question, TRIED_STATES, observed};
-use crate::options::{DesignPoint, ModelOptions};
+use crate::options::{DesignPoint, MOST_STORAGE};
 use crate::pipeline;
-use crate::runs;
+use crate::runs::{self, Judged};
 
 /// Part of the largest stable step that is proposed.
 pub const SAFE: f64 = 0.8;
@@ -50,7 +52,7 @@ impl Remedy {
 }
 
 /// Lower bound of the cycles per step.
-pub(super) fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
+fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
     let pes = pes.unwrap_or_else(|| pipeline::default_pes(graph));
     Bound::of(graph, pes, Latency::of(format)).binding().0
 }
@@ -122,72 +124,90 @@ pub fn for_step(
     stable_only
 }
 
-/// The cheapest word that is long enough.
-pub fn for_word(
-    model: &Model,
-    graph: &StepGraph,
-    point: &DesignPoint,
-    options: &ModelOptions,
-    format: &WordFormat,
-) -> Option<Remedy> {
-    if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
-        return None;
-    }
-    let own = f64::from(cycles(graph, point.pes, format));
-    let mut candidates: Vec<DesignPoint> = Vec::new();
-    let own_ports = point.ports(model);
-    for multiplier in [own_ports, (25, 18), (25, 35), (32, 32), (35, 35)] {
-        for storage in [point.storage, point.storage + 4, point.storage + 8].map(|bits| bits.min(40)) {
-            let wider = multiplier.0 >= own_ports.0 && multiplier.1 >= own_ports.1;
-            let candidate = DesignPoint { multiplier: Some(multiplier), storage, ..*point };
-            let other = (multiplier, storage) != (own_ports, point.storage);
-            if wider && other && !candidates.contains(&candidate) {
-                candidates.push(candidate);
-            }
-        }
-    }
-    let blocks = |point: &DesignPoint| point.format(model).map_or(u32::MAX, |format| format.dsp_per_pe());
-    candidates.sort_by_key(|candidate| (blocks(candidate), candidate.storage));
-    for candidate in candidates.into_iter().take(MOST_TRIALS) {
-        let Ok(wider) = candidate.format(model) else { continue };
-        let judged = runs::judge(model, graph, wider, options, ProgressBar::hidden());
-        if judged.is_ok_and(|judged| judged.errors.word_length <= WORD_ERROR) {
-            let mut words = Vec::new();
-            let ports = candidate.ports(model);
-            if ports != own_ports {
-                words.push(format!("--multiplier {}x{}", ports.0, ports.1));
-            }
-            if candidate.storage != point.storage {
-                words.push(format!("--storage {}", candidate.storage));
-            }
-            let cycles = cycles(graph, point.pes, &wider);
-            return Some(Remedy { options: words.join(" "), cycles, cost: f64::from(cycles) / own, tried: None });
-        }
-    }
-    None
+/// A word that is wider than that of a question.
+struct Wider {
+    format: WordFormat,
+    options: String,
 }
 
-/// The cheapest multiplier that leaves all poles inside of the unit circle.
-pub fn for_poles(question: &Question, trusted: &Trusted) -> Option<Remedy> {
-    let Question { graph, point, options, .. } = *question;
+impl Wider {
+    /// Words with the ports of the question or one of others, and so many more bits of storage, the cheapest first.
+    fn all(question: &Question, ports: &[(u32, u32)], more: &[u32]) -> Vec<Wider> {
+        let Question { point, .. } = *question;
+        let model = &question.loaded.model;
+        let own = point.ports(model);
+        let mut words: Vec<(u32, u32, (u32, u32), WordFormat)> = Vec::new();
+        for multiplier in [own].into_iter().chain(ports.iter().copied()) {
+            for storage in more.iter().map(|more| (point.storage + more).min(MOST_STORAGE)) {
+                let narrower = multiplier.0 < own.0 || multiplier.1 < own.1;
+                let same = (multiplier, storage) == (own, point.storage);
+                let candidate = DesignPoint { multiplier: Some(multiplier), storage, ..*point };
+                if let (false, false, Ok(format)) = (narrower, same, candidate.format(model)) {
+                    words.push((format.dsp_per_pe(), storage, multiplier, format));
+                }
+            }
+        }
+        words.sort_by_key(|(blocks, storage, multiplier, _)| (*blocks, *storage, *multiplier));
+        words.dedup_by_key(|(_, storage, multiplier, _)| (*storage, *multiplier));
+        let wider = words.into_iter().map(|(_, storage, multiplier, format)| {
+            let ports = (multiplier != own).then(|| format!("--multiplier {}x{}", multiplier.0, multiplier.1));
+            let storage = (storage != point.storage).then(|| format!("--storage {storage}"));
+            let options: Vec<String> = ports.into_iter().chain(storage).collect();
+            Wider { format, options: options.join(" ") }
+        });
+        wider.collect()
+    }
+
+    fn remedy(self, question: &Question) -> Remedy {
+        let Question { graph, point, .. } = question;
+        let own = f64::from(cycles(graph, point.pes, &question.format));
+        let cycles = cycles(graph, point.pes, &self.format);
+        Remedy { options: self.options, cycles, cost: f64::from(cycles) / own, tried: None }
+    }
+}
+
+/// The cheapest word that is long enough.
+pub fn for_word(question: &Question) -> Option<Remedy> {
+    let Question { graph, options, .. } = *question;
     let model = &question.loaded.model;
     if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
         return None;
     }
-    let own = f64::from(cycles(graph, point.pes, &question.format));
-    let (data, coefficient) = point.ports(model);
-    let wider = |ports: &(u32, u32)| ports.0 >= data && ports.1 > coefficient;
-    [(18, 25), (25, 18), (25, 25), (25, 35), (32, 32), (35, 35)].into_iter().filter(wider).find_map(|ports| {
-        let format = DesignPoint { multiplier: Some(ports), ..*point }.format(model).ok()?;
-        let judged = runs::judge(model, graph, format, options, ProgressBar::hidden()).ok()?;
+    let candidates = Wider::all(question, &[(25, 18), (25, 35), (32, 32), (35, 35)], &[0, 4, 8]);
+    let works = |wider: &Wider| {
+        let judged = runs::judge(model, graph, wider.format, options, ProgressBar::hidden());
+        judged.is_ok_and(|judged| judged.errors.word_length <= WORD_ERROR)
+    };
+    candidates.into_iter().take(MOST_TRIALS).find(works).map(|wider| wider.remedy(question))
+}
+
+/// The cheapest multiplier that leaves all poles inside of the unit circle.
+pub fn for_poles(question: &Question, trusted: &Trusted) -> Option<Remedy> {
+    let Question { graph, options, .. } = *question;
+    let model = &question.loaded.model;
+    if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
+        return None;
+    }
+    let candidates = Wider::all(question, &[(18, 25), (25, 18), (25, 25), (25, 35), (32, 32), (35, 35)], &[0]);
+    let works = |wider: &Wider| {
+        let judged = runs::judge(model, graph, wider.format, options, ProgressBar::hidden()).ok()?;
         let growth = observed::step_growth(model, graph, &judged.fixed, trusted)?;
-        if growth.moved_pole().is_some_and(|(_, rounded)| rounded >= 1.0) {
-            return None;
-        }
-        let cycles = cycles(graph, point.pes, &format);
-        let options = format!("--multiplier {}x{}", ports.0, ports.1);
-        Some(Remedy { options, cycles, cost: f64::from(cycles) / own, tried: None })
-    })
+        Some(growth.moved_pole().is_none_or(|(_, rounded)| rounded < 1.0))
+    };
+    candidates.into_iter().find(|wider| works(wider) == Some(true)).map(|wider| wider.remedy(question))
+}
+
+/// The cheapest word with which sampled parts come to rest.
+pub fn for_rest(question: &Question, judged: &Judged) -> Option<Remedy> {
+    let Question { graph, .. } = *question;
+    let model = &question.loaded.model;
+    let ranges = Ranges { largest: judged.largest.clone(), widened: vec![0; graph.values.len()] };
+    let candidates = Wider::all(question, &[(32, 32), (35, 35)], &[0, 4, 8, 12]);
+    let works = |wider: &Wider| {
+        let fixed = formats::choose(graph, &ranges, wider.format);
+        fixed.is_ok_and(|fixed| rest::settled(model, graph, &fixed, judged) == Ok(Rest::Zero))
+    };
+    candidates.into_iter().find(works).map(|wider| wider.remedy(question))
 }
 
 #[cfg(test)]

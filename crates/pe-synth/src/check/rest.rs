@@ -4,7 +4,6 @@
 //! where it can be seen: the step in fixed point runs on with zero inputs, and zeros in the place of the continuous states,
 //! from states of the run, until the slowest pole has passed below half an LSB.
 
-use pe_hls::formats::{self, Ranges};
 use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::model::Model;
 use pe_sim::fixed::FixedRun;
@@ -12,10 +11,7 @@ use pe_sim::linear::{Linearised, samples_are_affine};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::Question;
-use super::remedies::{Remedy, cycles};
 use crate::feedback::Feedback;
-use crate::options::DesignPoint;
 use crate::runs::Judged;
 
 /// States of the run from which it is tried, and as many small ones at random.
@@ -63,7 +59,16 @@ pub fn rest(model: &Model, graph: &StepGraph, judged: &Judged) -> Option<Rest> {
     Some(settled(model, graph, &judged.fixed, judged).unwrap_or_else(Rest::NotTried))
 }
 
-fn settled(model: &Model, graph: &StepGraph, fixed: &FixedPoint, judged: &Judged) -> Result<Rest, &'static str> {
+/// Runs them with the formats of a fixed-point run.
+///
+/// # Errors
+/// The reason why it was not tried.
+pub(super) fn settled(
+    model: &Model,
+    graph: &StepGraph,
+    fixed: &FixedPoint,
+    judged: &Judged,
+) -> Result<Rest, &'static str> {
     let feedback = Feedback::of(model).ok_or("no sampled state takes part in what it becomes, or too many do")?;
     if !samples_are_affine(model) {
         return Err("a sampled part is not linear");
@@ -173,43 +178,4 @@ impl<'a> Quiet<'a> {
         let overflown = self.run.saturations().iter().any(|count| *count > 0);
         (worst.lsb > 0 && !overflown).then_some(worst)
     }
-}
-
-/// The cheapest wider word with which the sampled parts come to rest.
-pub fn remedy(question: &Question, judged: &Judged) -> Option<Remedy> {
-    let Question { graph, point, .. } = question;
-    let model = &question.loaded.model;
-    let own = f64::from(cycles(graph, point.pes, &question.format));
-    let (data, coefficient) = point.ports(model);
-    let ranges = Ranges { largest: judged.largest.clone(), widened: vec![0; graph.values.len()] };
-    let mut candidates: Vec<DesignPoint> = Vec::new();
-    for multiplier in [(data, coefficient), (32, 32), (35, 35)] {
-        for storage in [0, 4, 8, 12].map(|more| (point.storage + more).min(48)) {
-            let candidate = DesignPoint { multiplier: Some(multiplier), storage, ..**point };
-            let wider = multiplier.0 >= data && multiplier.1 >= coefficient;
-            let same = storage == point.storage && multiplier == (data, coefficient);
-            if wider && !same && !candidates.contains(&candidate) {
-                candidates.push(candidate);
-            }
-        }
-    }
-    let blocks = |point: &DesignPoint| point.format(model).map_or(u32::MAX, |format| format.dsp_per_pe());
-    candidates.sort_by_key(|candidate| (blocks(candidate), candidate.storage, candidate.ports(model)));
-    candidates.into_iter().find_map(|candidate| {
-        let format = candidate.format(model).ok()?;
-        let fixed = formats::choose(graph, &ranges, format).ok()?;
-        if settled(model, graph, &fixed, judged) != Ok(Rest::Zero) {
-            return None;
-        }
-        let mut words = Vec::new();
-        if candidate.ports(model) != (data, coefficient) {
-            let (data, coefficient) = candidate.ports(model);
-            words.push(format!("--multiplier {data}x{coefficient}"));
-        }
-        if candidate.storage != point.storage {
-            words.push(format!("--storage {}", candidate.storage));
-        }
-        let cycles = cycles(graph, point.pes, &format);
-        Some(Remedy { options: words.join(" "), cycles, cost: f64::from(cycles) / own, tried: None })
-    })
 }
