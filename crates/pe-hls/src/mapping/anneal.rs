@@ -43,9 +43,9 @@ const LAST_SPREAD: f64 = 0.1;
 const OVERLOAD: (f64, f64) = (0.5, 2.0);
 /// Weight of input ports above the limit.
 const EXCESS: f64 = 2.0;
-/// Of so many tries, one goes to region moves
+/// Of so many tries, one goes to moves of regions as long as there are any.
 const REGIONS: u64 = 2;
-/// in this part of the rounds; then single equations settle.
+/// Part of the rounds after which only single equations move.
 const SETTLED: f64 = 0.5;
 /// Rounds in which temperature and weights are constant.
 const ROUNDS: u32 = 200;
@@ -71,7 +71,7 @@ pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut 
     let mut state = State::new(problem, start, plan.max_in_degree);
     let mut best = (start.clone(), state.cost());
     let acceptance = Acceptance::new();
-    let mut regions = Regions::new(problem, start.pes as usize);
+    let mut regions = plan.regions.then(|| Regions::new(problem, start.pes as usize));
     let (mut tries, mut region_tries) = (0, 0);
     for round in 0..ROUNDS {
         let progress = f64::from(round) / f64::from(ROUNDS - 1);
@@ -86,7 +86,7 @@ pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut 
         state.set_cap((first + (last - first) * tightened) as u32);
         let temperature = between(plan.hot, COLD);
         let end = plan.tries * u64::from(round + 1) / u64::from(ROUNDS);
-        while plan.regions && progress < SETTLED && region_tries < end / REGIONS {
+        while let Some(regions) = regions.as_mut().filter(|_| progress < SETTLED && region_tries < end / REGIONS) {
             let count = region_size(start.pes as usize, rng);
             let threshold = temperature * acceptance.draw(rng);
             let effort = regions.cut_anew(&mut state, count, &weights, threshold, rng);
