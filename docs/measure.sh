@@ -59,9 +59,9 @@ compile() {
   stamp "$folder"
 }
 
-# A design of the large models: `design MODEL PES SPAN MULTIPLIER`.
+# A design of the large models: `design MODEL PES SPAN MULTIPLIER [FORM]`.
 design() {
-  compile "designs/$1-$2-$4" "$1" --pes "$2" --span "$3" --multiplier "$4" --no-pictures
+  compile "designs/$1-$2-$4${5:+-$5}" "$1" --pes "$2" --span "$3" --multiplier "$4" --form "${5:-auto}" --no-pictures
 }
 
 # Runs a command with its output in a file that is complete or not there; the last line is the wall time.
@@ -88,6 +88,10 @@ measure_cycles() {
   # With 25x18 its coefficients are too coarse for operands in pairs.
   design atrial15 63 0.1 18x25
   design atrial15 309 0.1 18x25
+  # Less block RAM for more cycles.
+  design weibel11 64 0.2 25x18 horner
+  design lutchen4000 63 1 25x18 horner
+  design atrial15 63 0.1 25x18 sums
 }
 
 measure_same_area() {

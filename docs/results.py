@@ -34,6 +34,8 @@ PAPER_PES = {
 # LUTs that the paper counts for a multiplier block and for a block RAM of 36 kbit.
 LUTS_OF_DSP, LUTS_OF_BRAM = 250, 360
 MULTIPLIERS = ("25x18", "18x25", "32x32")
+# Forms of a step that take less block RAM and more cycles than the one that is chosen.
+SMALLER = ("25x18 horner", "25x18 sums")
 # What the paper's device, XC6VLX240T, has, and the error that a design in its area may have.
 DEVICE = {"lut": 150720, "dsp": 768, "bram18": 832}
 ERROR_LIMIT = 1e-3
@@ -115,8 +117,8 @@ def introduction():
             "**Models.** The paper prints the wave equation and a few lines of the lung. The other right-hand sides and all "
             "parameter values are [reconstructions](../models/README.md) with the paper's number of states, topology, solver "
             "and step.",
-            "**Numbers.** Ours: words of 32 bits and 8 guard bits, a binary point per value. Multiplier AxB: bits of data "
-            "port x coefficient port; 25x18 and 18x25 are one DSP block per PE as in the paper, 32x32 four. Errors are the "
+            "**Numbers.** Ours: words of 32 bits and guard bits, one for 25x18 and 18x25, eight for 32x32; a binary point per "
+            "value. Multiplier AxB: bits of data port x coefficient port; 25x18 and 18x25 are one DSP block per PE as in the paper, 32x32 four. Errors are the "
             "largest over all states and samples, relative to the state's largest magnitude, against the same step in double "
             "precision.",
             "**Atrial model.** The paper's row \"PE(219)\" has 309 DSPs and block RAMs and is taken as 309 PEs."):
@@ -149,7 +151,7 @@ def table_one():
     table(("ports", "data words", "LUT, paper", "LUT, measured", "of them memory", "DSP, paper", "DSP", "BRAM, paper", "BRAM",
            "MHz, paper", "program"), rows)
     paragraph("Multiplier 25x18, five right shifts, memory contents random so that nothing can be simplified away. Our data "
-              "memory is counted as half own results (40 bits wide, with a copy for the operands) and half words from other "
+              "memory is counted as half own results (33 bits wide, with a copy for the operands) and half words from other "
               "PEs (25 bits); the paper's is one memory. The paper's port to itself is counted among its ports, ours has "
               "none. The program fills one block RAM. BRAM counts blocks of 36 kbit.")
 
@@ -161,14 +163,15 @@ def table_two(designs):
     for (model, pes), paper in PAPER.items():
         lut, dsp, bram, luts, cycles, clock, ms = paper
         rows.append((model, pes, "paper", lut, dsp, bram, luts, cycles, f"{clock} measured", ms, "", ""))
-        for multiplier in MULTIPLIERS:
-            if (model, pes, multiplier) in designs:
-                rows.append((model, pes, multiplier) + row_of_two(designs[model, pes, multiplier][1][0]))
+        for design in MULTIPLIERS + SMALLER:
+            if (model, pes, design) in designs:
+                rows.append((model, pes, design) + row_of_two(designs[model, pes, design][1][0]))
     table(("model", "PEs", "design", "LUT", "DSP", "BRAM", "equivalent LUTs", "cycles", "MHz", "ms per second", "error",
            "span of the error, s"), rows)
     paragraph(f"Our LUTs, DSPs and block RAMs are estimated, residuals under \"Area\". Equivalent LUTs are the paper's measure: "
               f"{LUTS_OF_DSP} per DSP, {LUTS_OF_BRAM} per block RAM of 36 kbit. \"ms per second\" is time per simulated second "
-              "at that clock. The paper states no error for these designs.")
+              "at that clock. Rows with `horner` and `sums` were compiled with that `--form`, which takes more cycles and less "
+              "block RAM than the one that is chosen by default. The paper states no error for these designs.")
 
 
 def row_of_two(report):
@@ -259,8 +262,8 @@ def designs_of(root):
     designs = {}
     for path in sorted(glob.glob(f"{work}/{root}/*/report.json")):
         folder = os.path.dirname(path)
-        model, pes, multiplier = os.path.basename(folder).rsplit("-", 2)
-        designs[model, int(pes), multiplier] = (folder, both(folder))
+        model, pes, *design = os.path.basename(folder).split("-")
+        designs[model, int(pes), " ".join(design)] = (folder, both(folder))
     return designs
 
 
@@ -270,14 +273,14 @@ def cycles(designs):
         return
     rows = []
     for (model, pes), paper in PAPER.items():
-        for multiplier in MULTIPLIERS:
-            if (model, pes, multiplier) in designs:
-                report = designs[model, pes, multiplier][1][0]
+        for design in MULTIPLIERS + SMALLER:
+            if (model, pes, design) in designs:
+                report = designs[model, pes, design][1][0]
                 count, bound, error = report["cycles_per_step"], report["bound_cycles"], report["error"]
-                rows.append((model, pes, multiplier, paper[4], count, f"{paper[4] / count:.1f}", bound, f"{count / bound:.3f}",
+                rows.append((model, pes, design, paper[4], count, f"{paper[4] / count:.1f}", bound, f"{count / bound:.3f}",
                              report["connections"], report["transfers_per_step"], f"{error['word_length']:.1e}",
                              f"{error['coefficient']:.1e}"))
-    table(("model", "PEs", "multiplier", "paper", "cycles", "paper / cycles", "bound", "cycles / bound", "connections",
+    table(("model", "PEs", "design", "paper", "cycles", "paper / cycles", "bound", "cycles / bound", "connections",
            "transfers", "error", "coefficients alone"), rows)
     paragraph("From the designs of table II. The bound is the largest of products over PEs, the largest equation and the "
               "dependencies. Connections are pairs of PEs, transfers are words that arrive at another PE in a step.")

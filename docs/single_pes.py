@@ -26,7 +26,7 @@ def shape(own=16, base=None, coefficients=0, imported=16, ports=3, shifts="1,2,3
 
 
 # The data memory of the paper's PE is ours in two halves: own results and words from other PEs.
-TABLE1 = [shape(own=words // 2, imported=words // 2, ports=ports, flags="s")
+TABLE1 = [shape(own=words // 2, imported=words // 2, ports=ports, word=33, flags="s")
           for ports, words in [(3, 32), (3, 64), (3, 128), (3, 1024), (1, 64), (7, 64), (15, 64)]]
 # What positions cost: scattered ones need tables of their own.
 SHIFTS = [shape(shifts=shifts, flags="s") for shifts in
