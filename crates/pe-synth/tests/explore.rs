@@ -257,6 +257,32 @@ fn points_that_fail_are_rows_with_their_reason() {
 }
 
 #[test]
+fn sampled_parts_are_judged_in_every_word() {
+    let folder = Folder::new("filters");
+    let swept = |name: &str, states: &str, words: &str| {
+        let model = folder.0.join(format!("{name}.spec"));
+        let head = format!("model {name}\nsolver euler\nstep 1 ms\nspan 200 ms\ninput x = pulse(1, 0, 10 ms)");
+        let text = format!("{head}\nevery 1 ms {{\nstate m1 = 0\nstate m2 = 0\n{states}\n}}\noutput m1\n");
+        fs::write(&model, text).unwrap();
+        let target = folder.0.join(name);
+        let options = ["--pes", "1", "--step", "1ms", "--solver", "euler", "--storage", "32", "--multiplier", words];
+        succeeded(&mut sweep(&model, &target, &options));
+        rows(&target)
+    };
+    let resonator = swept("resonator", "next m1 = 1.9*m1 + m2 + 0.01*x\nnext m2 = -0.999998*m1", "25x18,25x25");
+    assert_eq!(resonator[0]["code"], "E0908", "its poles are rounded to the unit circle: {resonator:?}");
+    assert_eq!(resonator[1]["status"], "compiled", "{resonator:?}");
+    let section = "next m1 = -0.1593397720677305*x + 1.6566468384753021*(0.1*x + m1) + m2
+next m2 = 0.1*x - 0.8475628573300946*(0.1*x + m1)";
+    let section = swept("section", section, "25x18,35x35");
+    let rings = |row: &Value| row["warnings"].as_array().is_some_and(|codes| codes.contains(&"W0915".into()));
+    assert_eq!([&section[0], &section[1]].map(rings), [true, false], "{section:?}");
+    for row in resonator.iter().chain(&section) {
+        assert_reproduced(row, &folder.0);
+    }
+}
+
+#[test]
 fn a_run_that_explodes_but_stays_finite_has_no_format() {
     let folder = Folder::new("exploding");
     let target = folder.0.join("out");

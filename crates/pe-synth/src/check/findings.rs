@@ -8,7 +8,7 @@ use pe_sim::reference::Obstacle;
 
 use super::observed;
 use super::remedies::{self, Remedy, rounded};
-use super::rest::Rest;
+use super::sampled;
 use super::trials::Trials;
 use super::trusted::Trusted;
 use super::{Check, Question};
@@ -22,12 +22,6 @@ const GROWTH: f64 = 0.1;
 
 /// Excess of one step's growth with rounded coefficients, over the span, from which on it is told.
 const ROUNDED_GROWTH: f64 = 0.1;
-
-/// Part of its distance from the unit circle that a pole has to keep when coefficients are rounded.
-const POLE_MARGIN: f64 = 0.9;
-
-/// Distance from the unit circle at which a pole is on it.
-const UNIT_CIRCLE: f64 = 1e-9;
 
 /// Part of a step by which a span may miss a whole number of them: rounding.
 const SPAN_ROUNDING: f64 = 1e-6;
@@ -143,52 +137,17 @@ impl Check {
 
     /// Poles of a model with sampled parts that lie outside of the unit circle, or that rounding moves there.
     fn poles(&self, question: &Question, trusted: &Trusted) -> Option<Diagnostic> {
-        let rate = question.loaded.model.rates.first()?;
-        let growth = self.growth.as_ref()?;
-        let steps = match growth.steps {
-            1 => "a step".to_owned(),
-            steps => format!("{steps} steps"),
-        };
-        let help = "take a wider second number in `--multiplier AxB`, or sections of second order";
-        let (message, help) = if growth.exact() > 1.0 + UNIT_CIRCLE {
-            let message = format!("a pole lies outside of the unit circle: |z| = {:.9} over {steps}", growth.exact());
-            (message, "the sampled loop is unstable: check its gains and its period")
-        } else {
-            let (exact, rounded) = growth.moved_pole()?;
-            if rounded >= 1.0 {
-                let message = format!(
-                    "rounded coefficients move a pole to the unit circle or beyond: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
-                );
-                let remedy = remedies::for_poles(question, trusted);
-                let refusal = Diagnostic::error(codes::POLE_MOVED, rate.span, message).with_help(help);
-                let refusal = with_help_of(refusal, &remedy);
-                let found = question.options.permit(vec![refusal]).unwrap_or_else(|refused| refused);
-                return found.into_iter().next();
-            } else if 1.0 - rounded < POLE_MARGIN * (1.0 - exact) {
-                let message = format!(
-                    "rounded coefficients move a pole towards the unit circle: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
-                );
-                (message, help)
-            } else {
-                return None;
-            }
-        };
-        Some(Diagnostic::error(codes::POLE, rate.span, message).with_help(help).into_warning())
+        let finding = sampled::poles(&question.loaded.model, self.growth.as_ref())?;
+        if finding.code != codes::POLE_MOVED {
+            return Some(finding);
+        }
+        let refusal = with_help_of(finding, &remedies::for_poles(question, trusted));
+        question.options.permit(vec![refusal]).unwrap_or_else(|refused| refused).into_iter().next()
     }
 
     /// A sampled part that does not come to rest without inputs.
     fn ringing(&self, question: &Question, judged: &Judged) -> Option<Diagnostic> {
-        let Some(Rest::Ringing(ringing)) = &self.rest else { return None };
-        let state = &question.loaded.model.states[ringing.state];
-        let how = match ringing.period {
-            Some(1) => "stands still at".to_owned(),
-            Some(period) => format!("repeats every {period} steps with"),
-            None => "goes on with".to_owned(),
-        };
-        let message =
-            format!("without inputs `{}` does not come to rest: it {how} up to {} LSB", state.name, ringing.lsb);
-        let help = "take a wider multiplier, or write the section in another form; see the guide on sampled parts";
-        let finding = Diagnostic::error(codes::RINGING, state.span, message).with_help(help).into_warning();
+        let finding = sampled::ringing(&question.loaded.model, self.rest.as_ref())?;
         Some(with_help_of(finding, &remedies::for_rest(question, judged)))
     }
 

@@ -9,6 +9,7 @@ mod observed;
 mod prediction;
 mod remedies;
 mod rest;
+pub mod sampled;
 mod show;
 pub mod stiffness;
 mod trials;

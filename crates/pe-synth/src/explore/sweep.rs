@@ -18,13 +18,14 @@ use indicatif::ProgressBar;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
-use pe_ir::source::Diagnostic;
+use pe_ir::source::{Diagnostic, Severity};
 use pe_sim::reference::ReferenceError;
 use rayon::Scope;
 
 use super::estimate::Estimate;
 use super::row::{Figures, Outcome, Reason};
 use crate::area;
+use crate::check::sampled;
 use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::failure::Failure;
@@ -269,8 +270,14 @@ impl Sweep {
     fn judged(&self, base: &Base, graph: &StepGraph, exact: &Exact, point: &DesignPoint) -> Result<Judged, Failure> {
         let model = &base.loaded.model;
         let settled = exact.settle(model, graph, point.format(model)?);
+        let refused = |findings| Failure::Spec(findings, base.loaded.sources.clone());
         let judged = exact.conclude(model, graph, settled, base.comparison.clone(), &self.options);
-        judged.map_err(|findings| Failure::Spec(findings, base.loaded.sources.clone()))
+        let mut judged = judged.map_err(refused)?;
+        let findings = sampled::findings(model, graph, &judged).into_iter();
+        let (refusals, warnings): (Vec<_>, Vec<_>) = findings.partition(|finding| finding.severity == Severity::Error);
+        judged.warnings.extend(warnings);
+        judged.warnings.extend(self.options.permit(refusals).map_err(refused)?);
+        Ok(judged)
     }
 
     /// Designs the network of a point and reports on it as `compile` does.
