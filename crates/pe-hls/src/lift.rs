@@ -28,6 +28,7 @@ pub fn lift(model: Model) -> Model {
         numbers: Vec::with_capacity(model.algebraics.len()),
         algebraics: Vec::with_capacity(model.algebraics.len()),
         known: HashMap::new(),
+        made: BTreeSet::new(),
         taken: named.chain(model.algebraics.iter().map(|algebraic| &algebraic.name)).cloned().collect(),
         span: Span::default(),
         model: &model,
@@ -183,6 +184,8 @@ struct Lifter<'a> {
     algebraics: Vec<Algebraic>,
     /// Algebraic equations that are functions or arguments, by their expressions.
     known: HashMap<String, u32>,
+    /// Those of them that are not in the spec.
+    made: BTreeSet<u32>,
     /// Names in use.
     taken: BTreeSet<String>,
     /// The equation of the spec that is being lifted.
@@ -416,6 +419,7 @@ impl Lifter<'_> {
         if number == next {
             let name = self.name(&part.expr);
             let Part { expr, .. } = part;
+            self.made.insert(number);
             self.algebraics.push(Algebraic { name, unit: None, expr, range: None, span: self.span });
         }
         Expr::Variable(Variable::Algebraic(number))
@@ -423,10 +427,15 @@ impl Lifter<'_> {
 
     /// A name that no other variable has.
     fn name(&mut self, expr: &Expr) -> String {
-        let mut text = expr.text(&|variable| match variable {
+        let mut text = expr.text(&|variable, rank| match variable {
             Variable::State(number) => self.model.states[number as usize].name.clone(),
             Variable::Input(number) => self.model.inputs[number as usize].name.clone(),
-            Variable::Algebraic(number) => self.algebraics[number as usize].name.clone(),
+            Variable::Algebraic(number) => {
+                let Algebraic { name, expr, .. } = &self.algebraics[number as usize];
+                // The name of what was lifted is its text.
+                let loose = self.made.contains(&number) && expr.rank() < rank;
+                if loose { format!("({name})") } else { name.clone() }
+            }
         });
         if let Some((end, _)) = text.char_indices().nth(LONGEST_NAME) {
             text.truncate(end);

@@ -103,7 +103,7 @@ fn values(model: &Model, states: &[f64]) -> Vec<f64> {
 
 /// The equations, for messages.
 fn text(model: &Model) -> String {
-    let name = |variable: Variable| format!("{variable:?}");
+    let name = |variable: Variable, _| format!("{variable:?}");
     let algebraics = model.algebraics.iter().map(|algebraic| &algebraic.expr);
     let all = algebraics.chain(model.states.iter().map(|state| &state.derivative));
     all.map(|expr| expr.text(&name) + "\n").collect()

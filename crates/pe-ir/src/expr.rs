@@ -279,17 +279,29 @@ impl Expr {
         }
     }
 
-    /// The expression as a spec would have it, without blanks.
-    pub fn text(&self, variable: &impl Fn(Variable) -> String) -> String {
+    /// How tightly the text of the expression binds: 0 for sums, 1 for products, 2 for powers, 4 for all else.
+    pub fn rank(&self) -> u32 {
+        match self {
+            Expr::Constant(number) if *number < 0.0 => 1,
+            Expr::Sum(_) => 0,
+            Expr::Product(_) | Expr::Apply(Function::Reciprocal, _) => 1,
+            Expr::Power(..) | Expr::Apply(Function::RealPower(_), _) => 2,
+            Expr::Constant(_) | Expr::Variable(_) | Expr::Apply(..) | Expr::Select(_) => 4,
+        }
+    }
+
+    /// The expression as a spec would have it, without blanks. `variable` gives the text of a variable where what binds
+    /// less tightly than a rank takes parentheses: 1 for members of a sum, 2 for factors, 3 for bases.
+    pub fn text(&self, variable: &impl Fn(Variable, u32) -> String) -> String {
         self.text_within(variable, 0)
     }
 
-    /// The same in parentheses if it binds less tightly than `rank`: 1 for members of a sum, 2 for factors, 3 for bases.
-    fn text_within(&self, variable: &impl Fn(Variable) -> String, rank: u32) -> String {
+    /// The same, in parentheses if it binds less tightly than a rank.
+    fn text_within(&self, variable: &impl Fn(Variable, u32) -> String, rank: u32) -> String {
         let at = |expr: &Expr, rank| expr.text_within(variable, rank);
-        let (own, text) = match self {
-            Expr::Constant(number) => (if *number < 0.0 { 1 } else { 4 }, number_text(*number)),
-            Expr::Variable(name) => (4, variable(*name)),
+        let text = match self {
+            Expr::Constant(number) => number_text(*number),
+            Expr::Variable(name) => variable(*name, rank),
             Expr::Sum(members) => {
                 let mut text = String::new();
                 // `1-x` is easier to read than `-x+1`.
@@ -302,11 +314,11 @@ impl Expr {
                     }
                     text += &member;
                 }
-                (0, text)
+                text
             }
             Expr::Product(members) => match members.as_slice() {
                 [Expr::Constant(-1.0), rest @ ..] if !rest.is_empty() => {
-                    (1, format!("-{}", at(&Expr::product(rest.to_vec()), 2)))
+                    format!("-{}", at(&Expr::product(rest.to_vec()), 2))
                 }
                 members => {
                     let mut text = String::new();
@@ -321,21 +333,21 @@ impl Expr {
                             }
                         }
                     }
-                    (1, text)
+                    text
                 }
             },
-            Expr::Power(base, exponent) => (2, format!("{}^{exponent}", at(base, 3))),
-            Expr::Apply(Function::Reciprocal, divisor) => (1, format!("1/{}", at(divisor, 3))),
+            Expr::Power(base, exponent) => format!("{}^{exponent}", at(base, 3)),
+            Expr::Apply(Function::Reciprocal, divisor) => format!("1/{}", at(divisor, 3)),
             Expr::Apply(Function::RealPower(exponent), base) => {
-                (2, format!("{}^{}", at(base, 3), Expr::Constant(*exponent).text_within(variable, 3)))
+                format!("{}^{}", at(base, 3), Expr::Constant(*exponent).text_within(variable, 3))
             }
-            Expr::Apply(function, argument) => (4, format!("{}({})", function.name(), at(argument, 0))),
+            Expr::Apply(function, argument) => format!("{}({})", function.name(), at(argument, 0)),
             Expr::Select(select) => {
                 let Select { condition, yes, no } = &**select;
-                (4, format!("if({}>0:{}:{})", at(condition, 0), at(yes, 0), at(no, 0)))
+                format!("if({}>0:{}:{})", at(condition, 0), at(yes, 0), at(no, 0))
             }
         };
-        if own < rank { format!("({text})") } else { text }
+        if self.rank() < rank { format!("({text})") } else { text }
     }
 
     /// The same expression of other variables.

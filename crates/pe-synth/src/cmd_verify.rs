@@ -95,14 +95,14 @@ impl Verify {
             let bench = Bench { folder: &start.folder, design, scratch: &work, steps };
             let run = bench.run(engine)?;
             compare(&start.program, engine.name(), &run, &expected, writes).map_err(Failure::Mismatch)?;
+            // A single step has no other one to count clocks to.
+            let clocks = if steps < 2 { String::new() } else { format!(", {} clocks per step", run.clocks) };
             console::out(&format!(
-                "{:>14} = simulator from {}: {} memory writes and {} outputs equal, {} steps, {} clocks per step\n",
+                "{:>14} = simulator from {}: {} memory writes and {} outputs equal, {steps} steps{clocks}\n",
                 engine.name(),
                 start.name,
                 run.trace.len(),
                 run.outputs.len(),
-                steps,
-                run.clocks
             ));
         }
         let live = 100.0 * liveliness(&expected);

@@ -156,7 +156,7 @@ fn divide(functions: &[(&Domain, u64)], format: WordFormat) -> Segments {
 
 fn unbounded(function: &str, (name, span): (&str, Span), (low, high): (f64, f64), at: f64) -> Diagnostic {
     let message = format!(
-        "`{name}` cannot be computed: `{function}` has no bounded values near x = {at:e}, between {low:e} and {high:e}"
+        "`{name}` cannot be computed: `{function}` has no bounded values near x = {at:.6e}, between {low:.6e} and {high:.6e}"
     );
     Diagnostic::error(codes::OUTSIDE_DOMAIN, span, message)
         .with_help("keep the argument away from there, with `max`, `min` or `if`; or a smaller `--step` stays away")

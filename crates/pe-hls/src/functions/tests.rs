@@ -20,7 +20,7 @@ fn apply(function: Function, argument: Expr) -> Expr {
 }
 
 fn scalar(body: Expr) -> ScalarFunction {
-    ScalarFunction { name: body.text(&|_| "x".to_owned()), body, variable: Variable::State(0) }
+    ScalarFunction { name: body.text(&|_, _| "x".to_owned()), body, variable: Variable::State(0) }
 }
 
 fn planned(function: &ScalarFunction, range: (f64, f64), format: WordFormat) -> (Segments, Planned<'_>) {

@@ -332,7 +332,7 @@ impl Builder {
         let next = self.graph.functions.exact.len() as u32;
         let number = *self.functions.entry(format!("{body:?}")).or_insert(next);
         if number == next {
-            let name = body.text(&|_| "x".to_owned());
+            let name = body.text(&|_, _| "x".to_owned());
             self.graph.functions.exact.push(ScalarFunction { name, body, variable });
         }
         number
