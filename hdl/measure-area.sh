@@ -298,7 +298,8 @@ while read -r line; do
     echo "shape ${shape[shape]}: netlist and VHDL differ (or made fewer than $cycles lines)"
     exit 1
   fi
-  if (($(uniq netlist.txt | wc -l) < cycles / 10)); then
+  # A PE with few equations writes one in ten of its words or fewer.
+  if (($(uniq netlist.txt | wc -l) < cycles / 30)); then
     echo "shape ${shape[shape]}: the outputs hardly change, the comparison says nothing"
     exit 1
   fi
