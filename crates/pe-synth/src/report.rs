@@ -7,7 +7,7 @@ use pe_hls::two_slots;
 use pe_ir::graph::{FormCost, Role};
 use pe_ir::mapping::MappingCost;
 use pe_ir::model::{Model, Rate};
-use pe_ir::program::{LinkSource, Program};
+use pe_ir::program::{ControlWord, LinkSource, Multiplier, PeProgram, Program};
 use pe_ir::word::Pipeline;
 use pe_sim::reference::{ReferenceError, TOLERANCE};
 use serde_json::{Value, json};
@@ -75,17 +75,15 @@ fn connections(program: &Program) -> usize {
 
 /// Programs that differ when coefficients are left aside: they could come from one memory.
 fn distinct_programs(program: &Program) -> usize {
-    let structure = |pe: &pe_ir::program::PeProgram| {
-        let words = pe.words.iter().map(|word| {
-            let mut word = *word;
-            if let pe_ir::program::Multiplier::Coefficient(_) = word.multiplier {
-                word.multiplier = pe_ir::program::Multiplier::Coefficient(0);
-            }
-            format!("{word:?}")
-        });
-        words.collect::<Vec<String>>()
-    };
-    program.pes.iter().map(structure).collect::<BTreeSet<_>>().len()
+    fn structure(pe: &PeProgram) -> impl Iterator<Item = ControlWord> {
+        pe.words.iter().map(|word| match word.multiplier {
+            Multiplier::Coefficient(_) => ControlWord { multiplier: Multiplier::Coefficient(0), ..*word },
+            Multiplier::Stored(_) => *word,
+        })
+    }
+    let mut pes: Vec<&PeProgram> = program.pes.iter().collect();
+    pes.sort_unstable_by(|a, b| structure(a).cmp(structure(b)));
+    pes.chunk_by(|a, b| structure(a).eq(structure(b))).count()
 }
 
 /// Builds `report.json`. The same command gives the same bytes; machine timings are in [`timing`].

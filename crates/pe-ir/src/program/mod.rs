@@ -22,7 +22,7 @@ pub struct Address {
 }
 
 /// What the coefficient port of the multiplier gets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Multiplier {
     /// The coefficient in the control word (PEs without a coefficient memory).
     Coefficient(i64),
@@ -31,7 +31,7 @@ pub enum Multiplier {
 }
 
 /// Where a result is written: the memories share one address, of which each takes as many low bits as it needs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Target {
     /// Address; its swap bit steers the own memory only.
     pub address: Address,
@@ -45,7 +45,7 @@ pub struct Target {
 
 /// One control word. Its groups act in the cycle in which the word is in the control register; the scheduler
 /// places each group at the distance that [`Latency`] prescribes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ControlWord {
     /// Operand group: word of the own memory on the data port.
     pub own: Option<Address>,
