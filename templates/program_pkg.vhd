@@ -28,10 +28,7 @@ package {{ model }}_program_pkg is
 {%- for column in part.columns %}
     --{{ column }}
 {%- endfor %}
-{%- for word in part.words %}
-    {{ word.index }} => b"{{ word.bits }}"{{ word.comma }}
-{%- if !word.comment.is_empty() %} -- {{ word.comment }}{% endif %}
-{%- endfor %}
+{{- part.words }}
   );
 {%- endfor %}
 {%- if let Some(mask) = pe.mask %}
@@ -42,10 +39,7 @@ package {{ model }}_program_pkg is
 
   constant PE{{ pe.index }}_{{ image.name }}_IMAGE : word_array_t(0 to {{ image.last }})({{ image.bits - 1 }} downto 0) :=
   (
-{%- for word in image.words %}
-    {{ word.index }} => b"{{ word.bits }}"{{ word.comma }}
-{%- if !word.comment.is_empty() %} -- {{ word.comment }}{% endif %}
-{%- endfor %}
+{{- image.words }}
 {%- if image.words.is_empty() %}
     0 => (others => '0')
 {%- endif %}

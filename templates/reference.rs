@@ -518,18 +518,9 @@ const PES: &[Description] = &[
         base_last: {{ pe.base_last }},
         streamed: {{ pe.streamed }},
         repeated_bits: {{ pe.repeated_bits }},
-        repeated: "
-{%- for word in pe.repeated %}
-{{ word }}
-{%- endfor %}",
-        stream: "
-{%- for word in pe.stream %}
-{{ word }}
-{%- endfor %}",
-        variants: "
-{%- for word in pe.variants %}
-{{ word }}
-{%- endfor %}",
+        repeated: "{{ pe.repeated }}",
+        stream: "{{ pe.stream }}",
+        variants: "{{ pe.variants }}",
     },
 {%- endfor %}
 ];

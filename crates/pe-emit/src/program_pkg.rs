@@ -1,5 +1,7 @@
 //! The program package: control words and memory images of every PE, one line per word, with provenance.
 
+use std::fmt::{Display, Write};
+
 use askama::Template;
 use pe_ir::program::{
     ControlWord, Fold, Layout, LinkSource, Multiplier, Note, PeProgram, Program, StateRegister, closed_up,
@@ -57,7 +59,8 @@ struct Part {
     bits: u32,
     /// One line per field: its name at its column, bars for the fields before it.
     columns: Vec<String>,
-    words: Vec<Line>,
+    /// Elements of the array, see [`lines`].
+    words: String,
 }
 
 /// Initial content of a memory.
@@ -65,16 +68,8 @@ struct Image {
     name: &'static str,
     last: usize,
     bits: u32,
-    words: Vec<Line>,
-}
-
-/// One element of an array constant.
-struct Line {
-    index: String,
-    bits: String,
-    /// Comma, or nothing on the last line; with a comment, padded to its column.
-    comma: &'static str,
-    comment: String,
+    /// Elements of the array, see [`lines`].
+    words: String,
 }
 
 /// The text of `<model>_program_pkg.vhd`.
@@ -126,20 +121,24 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
     let &ProgramPackage { program, folds, ref shown, ref states, .. } = package;
     let fold = &folds[index];
     let layout = Layout::new(&pe.features, &program.format);
-    let comments = pe.words.iter().enumerate().map(|(k, word)| {
+    let comment = |text: &mut String, k: usize| {
         let note = pe.notes.get(k).copied().unwrap_or_default();
-        word_comment(program, shown, pe, word, &note)
-    });
-    let comments: Vec<String> = comments.collect();
-    let part = |name: &'static str, layout: Layout, words: Vec<u128>, comments: &[String]| {
-        let bits = words.iter().map(|word| fields_in_binary(&layout, *word));
-        let texts = comments.iter().cloned().chain(std::iter::repeat(String::new()));
+        word_comment(text, program, shown, pe, &pe.words[k], &note);
+    };
+    let part = |name, layout: Layout, words: Vec<u128>, commented: bool| {
+        let last = words.len().max(1) - 1;
+        let bits = |text: &mut String, k: usize| push_fields(text, &layout, words[k]);
+        let comment = |text: &mut String, k| {
+            if commented {
+                comment(text, k)
+            }
+        };
         Part {
             name,
-            last: words.len().max(1) - 1,
+            last,
             bits: layout.bits,
-            columns: columns(&layout, words.len().max(1) - 1),
-            words: lines(bits.zip(texts).collect()),
+            columns: columns(&layout, last),
+            words: lines(words.len(), bits, comment),
         }
     };
     let packed = |words: &[u128], mask: u128| words.iter().map(|word| closed_up(*word, mask)).collect::<Vec<_>>();
@@ -147,23 +146,28 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
     let with_variant =
         |(place, word): (usize, u128)| word | u128::from(fold.next_variant(place)) << fold.repeated_bits();
     let repeated = packed(&fold.repeated, kept).into_iter().enumerate().map(with_variant).collect();
-    let loops = part("LOOP", layout.part(kept).with_variant(fold.variant_bits()), repeated, &comments);
+    let loops = part("LOOP", layout.part(kept).with_variant(fold.variant_bits()), repeated, true);
     let differing = layout.part(fold.streamed);
     let stream = match fold.variants() {
-        Some(_) => part("VARIANTS", differing, packed(&fold.variant_words, fold.streamed), &[]),
-        None => part("STREAM", differing, packed(&fold.stream, fold.streamed), &comments),
+        Some(_) => part("VARIANTS", differing, packed(&fold.variant_words, fold.streamed), false),
+        None => part("STREAM", differing, packed(&fold.stream, fold.streamed), true),
     };
-    let mask = (loops.bits > 0 && stream.bits > 0).then(|| fields_in_binary(&layout, fold.streamed));
+    let mask = (loops.bits > 0 && stream.bits > 0).then(|| {
+        let mut text = String::new();
+        push_fields(&mut text, &layout, fold.streamed);
+        text
+    });
     let word_bits = program.format.word_bits();
-    let comment = |states: &[((u32, u16), usize)], word: usize, what: &str| {
-        let state = StateWords::find(states, (index as u32, word as u16), program);
-        state.map_or(String::new(), |state| state_comment(state, what))
+    let state_comment = |text: &mut String, states: &[((u32, u16), usize)], word: usize, what: &str| {
+        if let Some(state) = StateWords::find(states, (index as u32, word as u16), program) {
+            text.extend([what, " ", &short(&state.name), ", LSB 2^", &state.exponent.to_string()]);
+        }
     };
-    let own_comment = |word: usize| comment(&states.own, word, "state");
-    let imported_comment = |word: usize| comment(&states.imported, word, "copy of state");
-    let image = |name: &'static str, image: &[i64], bits: u32, comment: &dyn Fn(usize) -> String| {
-        let words = image.iter().enumerate().map(|(k, word)| (binary(*word as u128, bits), comment(k))).collect();
-        Image { name, last: image.len().max(1) - 1, bits, words: lines(words) }
+    let own_comment = |text: &mut String, word| state_comment(text, &states.own, word, "state");
+    let imported_comment = |text: &mut String, word| state_comment(text, &states.imported, word, "copy of state");
+    let image = |name, image: &[i64], bits, comment: &dyn Fn(&mut String, usize)| {
+        let words = lines(image.len(), |text, k| push_binary(text, image[k] as u64, bits), comment);
+        Image { name, last: image.len().max(1) - 1, bits, words }
     };
     let WordFormat { data_bits, coefficient_bits, .. } = program.format;
     Pe {
@@ -175,7 +179,7 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
         images: vec![
             image("OWN", &pe.own_image, data_bits, &own_comment),
             image("BASE", &pe.base_image, word_bits, &own_comment),
-            image("COEFFICIENT", &pe.coefficient_image, coefficient_bits, &|_| String::new()),
+            image("COEFFICIENT", &pe.coefficient_image, coefficient_bits, &|_, _| {}),
             image("IMPORTED", &pe.imported_image, data_bits, &imported_comment),
         ],
         shifts: pe.features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
@@ -184,10 +188,6 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
 
 fn list(equations: &[String]) -> String {
     if equations.is_empty() { "no equation".to_owned() } else { equations.join(", ") }
-}
-
-fn state_comment(state: &StateRegister, what: &str) -> String {
-    format!("{what} {}, LSB 2^{}", short(&state.name), state.exponent)
 }
 
 fn short(name: &str) -> String {
@@ -199,42 +199,58 @@ fn short(name: &str) -> String {
     text
 }
 
-fn lines(words: Vec<(String, String)>) -> Vec<Line> {
-    let count = words.len();
+/// The elements of an array constant, a line each. They are written straight into the text that they end up in, for they
+/// are millions: `bits` and `comment` append what they say of an element.
+fn lines(count: usize, bits: impl Fn(&mut String, usize), comment: impl Fn(&mut String, usize)) -> String {
     let width = count.saturating_sub(1).to_string().len();
-    // The last line has no comma; a blank in its place keeps the comments of several lines in one column.
-    let commented = words.iter().filter(|(_, comment)| !comment.is_empty()).count();
-    let line = |(index, (bits, comment)): (usize, (String, String))| {
+    let mut text = String::new();
+    let mut commented = false;
+    for index in 0..count {
+        write!(text, "\n    {index:<width$} => b\"").expect("memory takes the line");
+        bits(&mut text, index);
+        text.push('"');
         let last = index + 1 == count;
-        let comma = match last {
-            false => ",",
-            true if comment.is_empty() || commented == 1 => "",
-            true => " ",
-        };
-        Line { index: format!("{index:<width$}"), bits, comma, comment }
-    };
-    words.into_iter().enumerate().map(line).collect()
-}
-
-fn push_binary(text: &mut String, value: u128, bits: u32) {
-    text.extend((0..bits).rev().map(|bit| if value >> bit & 1 == 1 { '1' } else { '0' }));
-}
-
-fn binary(value: u128, bits: u32) -> String {
-    let mut text = String::with_capacity(bits as usize);
-    push_binary(&mut text, value, bits);
-    text
-}
-
-fn fields_in_binary(layout: &Layout, bits: u128) -> String {
-    let mut text = String::with_capacity(layout.bits as usize + layout.fields.len());
-    for field in &layout.fields {
-        if !text.is_empty() {
-            text.push('_');
+        let plain = text.len() + usize::from(!last);
+        // The last line has no comma; a blank in its place keeps the comments of several lines in one column.
+        text.push_str(match (last, commented) {
+            (false, _) => ", -- ",
+            (true, true) => "  -- ",
+            (true, false) => " -- ",
+        });
+        let start = text.len();
+        comment(&mut text, index);
+        if text.len() == start {
+            text.truncate(plain);
+        } else {
+            commented = true;
         }
-        push_binary(&mut text, bits >> field.lsb, field.width);
     }
     text
+}
+
+/// The digits of four bits; most of the text is such digits.
+const NIBBLES: [&str; 16] = [
+    "0000", "0001", "0010", "0011", "0100", "0101", "0110", "0111", "1000", "1001", "1010", "1011", "1100", "1101",
+    "1110", "1111",
+];
+
+fn push_binary(text: &mut String, value: u64, bits: u32) {
+    let nibbles = bits / 4;
+    for bit in (4 * nibbles..bits).rev() {
+        text.push(if value >> bit & 1 == 1 { '1' } else { '0' });
+    }
+    for nibble in (0..nibbles).rev() {
+        text.push_str(NIBBLES[(value >> (4 * nibble) & 15) as usize]);
+    }
+}
+
+fn push_fields(text: &mut String, layout: &Layout, bits: u128) {
+    for (index, field) in layout.fields.iter().enumerate() {
+        if index > 0 {
+            text.push('_');
+        }
+        push_binary(text, (bits >> field.lsb) as u64, field.width);
+    }
 }
 
 /// Names above the columns of the fields, as a staircase.
@@ -261,61 +277,75 @@ fn columns(layout: &Layout, last_index: usize) -> Vec<String> {
     layout.fields.iter().enumerate().rev().map(row).collect()
 }
 
-/// What a control word does: `F[3].u2 * c -> F[3].u3; write V[1].u2; receive V[2].y from PE 4`.
-fn word_comment(program: &Program, shown: &[String], pe: &PeProgram, word: &ControlWord, note: &Note) -> String {
-    let shown = |id: u32| shown.get(id as usize).map_or("", String::as_str);
-    let name = |id: u32, otherwise: &dyn Fn() -> String| match shown(id) {
-        "" => otherwise(),
-        name => name.to_owned(),
-    };
-    let mut text = String::new();
-    if word.own.is_some() || word.imported.is_some() {
-        let place = || match (word.own, word.imported) {
-            (Some(address), _) => format!("own {}", address.word),
-            (_, address) => format!("imported {}", address.map_or(0, |address| address.word)),
-        };
-        push(&mut text, &[&name(note.operand, &place), " * "]);
-        match word.multiplier {
-            Multiplier::Coefficient(value) => text += &value.to_string(),
-            Multiplier::Stored(index) => match pe.coefficient_image.get(usize::from(index)) {
-                Some(value) if *value != 0 => text += &value.to_string(),
-                _ => text += &format!("stored {index}"),
-            },
+/// Appends what a control word does: `F[3].u2 * c -> F[3].u3; write V[1].u2; receive V[2].y from PE 4`.
+fn word_comment(
+    text: &mut String,
+    program: &Program,
+    shown: &[String],
+    pe: &PeProgram,
+    word: &ControlWord,
+    note: &Note,
+) {
+    let start = text.len();
+    let group = |text: &mut String, what: &str| {
+        if text.len() > start {
+            text.push_str("; ");
         }
+        text.push_str(what);
+    };
+    let shown = |id: u32| shown.get(id as usize).map_or("", String::as_str);
+    // A value, or the place of one that has no name.
+    let name = |text: &mut String, id: u32, place: &str, number: &dyn Display| match shown(id) {
+        "" => write!(text, "{place}{number}").expect("memory takes the comment"),
+        name => text.push_str(name),
+    };
+    if word.own.is_some() || word.imported.is_some() {
+        group(text, "");
+        match (word.own, word.imported) {
+            (Some(address), _) => name(text, note.operand, "own ", &address.word),
+            (_, address) => name(text, note.operand, "imported ", &address.map_or(0, |address| address.word)),
+        }
+        text.push_str(" * ");
+        let written = match word.multiplier {
+            Multiplier::Coefficient(value) => write!(text, "{value}"),
+            Multiplier::Stored(index) => match pe.coefficient_image.get(usize::from(index)) {
+                Some(value) if *value != 0 => write!(text, "{value}"),
+                _ => write!(text, "stored {index}"),
+            },
+        };
+        written.expect("memory takes the comment");
         if !shown(note.chain).is_empty() {
-            text += " -> ";
-            text += shown(note.chain);
+            text.push_str(" -> ");
+            text.push_str(shown(note.chain));
         }
     }
     if word.close {
-        push(&mut text, &["close"]);
+        group(text, "close");
     }
     match (word.write, word.send) {
         (Some(target), send) => {
-            let verb = if send { "write and send " } else { "write " };
-            push(&mut text, &[verb, &name(note.write, &|| format!("own {}", target.address.word))]);
+            group(text, if send { "write and send " } else { "write " });
+            name(text, note.write, "own ", &target.address.word);
         }
-        (None, true) => push(&mut text, &["send ", &name(note.write, &|| "the sum".to_owned())]),
+        (None, true) => {
+            group(text, "send ");
+            name(text, note.write, "the sum", &"");
+        }
         (None, false) => {}
     }
     if word.index.is_some() {
-        push(&mut text, &["index"]);
+        group(text, "index");
     }
     if let Some((port, address)) = word.receive {
-        let source = match pe.ports[usize::from(port)] {
-            LinkSource::Pe(source) => format!("PE {source}"),
-            LinkSource::Input(input) => format!("input {}", short(&program.inputs[input as usize].name)),
-        };
-        let value = name(note.receive, &|| format!("imported {}", address.word));
-        push(&mut text, &["receive ", &value, " from ", &source]);
+        group(text, "receive ");
+        name(text, note.receive, "imported ", &address.word);
+        text.push_str(" from ");
+        match pe.ports[usize::from(port)] {
+            LinkSource::Pe(source) => write!(text, "PE {source}").expect("memory takes the comment"),
+            LinkSource::Input(input) => {
+                text.push_str("input ");
+                text.push_str(&short(&program.inputs[input as usize].name));
+            }
+        }
     }
-    text
-}
-
-/// Appends what a group of the control word does.
-fn push(text: &mut String, words: &[&str]) {
-    if !text.is_empty() {
-        text.push_str("; ");
-    }
-    words.iter().for_each(|word| text.push_str(word));
 }

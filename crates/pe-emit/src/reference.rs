@@ -1,5 +1,7 @@
 //! The Rust reference: one file that builds with plain `rustc` and simulates the network from its bits.
 
+use std::fmt::Write;
+
 use askama::Template;
 use pe_ir::program::{Fold, LinkSource, PeProgram, Program, closed_up};
 use pe_ir::word::Pipeline;
@@ -62,12 +64,12 @@ struct Pe {
     base_last: bool,
     /// Bits of the control word that come from the stream or variant memory.
     streamed: String,
-    /// Loop memory in hexadecimal.
-    repeated: Vec<String>,
+    /// Loop memory in hexadecimal, a line for each word.
+    repeated: String,
     /// Stream memory in hexadecimal.
-    stream: Vec<String>,
+    stream: String,
     /// Variant memory in hexadecimal.
-    variants: Vec<String>,
+    variants: String,
     /// Bits of a loop word below the variant of the next word.
     repeated_bits: u32,
 }
@@ -110,14 +112,11 @@ fn sum_type(program: &Program) -> &'static str {
 
 fn describe(pe: &PeProgram, fold: &Fold) -> Pe {
     let features = &pe.features;
-    let hex = |words: &[u128], mask: u128| {
-        let digits = mask.count_ones().div_ceil(4) as usize;
-        words.iter().map(|word| format!("{:0digits$x}", closed_up(*word, mask))).collect()
-    };
-    let digits = fold.loop_bits().div_ceil(4) as usize;
+    let hex =
+        |words: &[u128], mask: u128| hexadecimal(words.iter().map(|word| closed_up(*word, mask)), mask.count_ones());
     let repeated = fold.repeated.iter().enumerate().map(|(place, word)| {
         let word = closed_up(*word, fold.all & !fold.streamed);
-        format!("{:0digits$x}", word | u128::from(fold.next_variant(place)) << fold.repeated_bits())
+        word | u128::from(fold.next_variant(place)) << fold.repeated_bits()
     });
     let port = |source: &LinkSource| match source {
         LinkSource::Pe(pe) => format!("Source::Pe({pe})"),
@@ -144,11 +143,20 @@ fn describe(pe: &PeProgram, fold: &Fold) -> Pe {
         imported_image: joined(pe.imported_image.iter()),
         base_last: features.base_last,
         streamed: format!("{:#x}", fold.streamed),
-        repeated: repeated.collect(),
+        repeated: hexadecimal(repeated, fold.loop_bits()),
         stream: hex(&fold.stream, fold.streamed),
         variants: hex(&fold.variant_words, fold.streamed),
         repeated_bits: fold.repeated_bits(),
     }
+}
+
+/// A line for each word of so many bits. Written into one text, for the words of a network are millions.
+fn hexadecimal(words: impl Iterator<Item = u128>, bits: u32) -> String {
+    let digits = bits.div_ceil(4) as usize;
+    words.fold(String::new(), |mut text, word| {
+        write!(text, "\n{word:0digits$x}").expect("memory takes the line");
+        text
+    })
 }
 
 fn joined<T: ToString>(items: impl Iterator<Item = T>) -> String {
