@@ -121,8 +121,11 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
                 "" => "-",
                 name => name,
             };
-            let names = [note.operand, note.chain, note.write, note.receive].map(name);
-            write!(f, " # {}", names.join(" "))?;
+            f.write_str(" #")?;
+            for value in [note.operand, note.chain, note.write, note.receive] {
+                f.write_str(" ")?;
+                f.write_str(name(value))?;
+            }
         }
         writeln!(f)?;
     }
@@ -136,10 +139,15 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
         Multiplier::Stored(index) if multiplies || index != 0 => write!(f, " stored {index}")?,
         _ => {}
     }
-    let address = |name: &str, address: Option<Address>| {
-        address.map_or(String::new(), |a| format!(" {name} {}{}", a.word, if a.swap { "~" } else { "" }))
+    let address = |f: &mut fmt::Formatter<'_>, name: &str, Address { word, swap }: Address| {
+        write!(f, " {name} {word}{}", if swap { "~" } else { "" })
     };
-    write!(f, "{}{}", address("own", word.own), address("imported", word.imported))?;
+    if let Some(own) = word.own {
+        address(f, "own", own)?;
+    }
+    if let Some(imported) = word.imported {
+        address(f, "imported", imported)?;
+    }
     if word.close {
         write!(f, " close")?;
     }
@@ -153,9 +161,9 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
         write!(f, " shift {}", word.shift)?;
     }
     if let Some(target) = word.write {
-        write!(f, "{}", address("write", Some(target.address)))?;
+        address(f, "write", target.address)?;
         for (taken, memory) in [(target.own, " to-own"), (target.base, " to-base"), (target.factor, " to-factor")] {
-            write!(f, "{}", if taken { memory } else { "" })?;
+            f.write_str(if taken { memory } else { "" })?;
         }
     }
     if let Some((index, octaves)) = word.write_index {
@@ -165,7 +173,8 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
         write!(f, " send")?;
     }
     if let Some((port, a)) = word.receive {
-        write!(f, " port {port}{}", address("receive", Some(a)))?;
+        write!(f, " port {port}")?;
+        address(f, "receive", a)?;
     }
     Ok(())
 }
