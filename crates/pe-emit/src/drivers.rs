@@ -131,17 +131,16 @@ pub fn shapes(program: &Program, folds: &[Fold]) -> String {
     let mut text = String::new();
     for (number, members) in shapes.values().enumerate() {
         let (count, example) = (members.len(), members[0]);
-        writeln!(text, "shape={number} count={count} example={example} {}", shape(program, example))
-            .expect("writing to a string succeeds");
+        let shape = shape(program, example, &folds[example]);
+        writeln!(text, "shape={number} count={count} example={example} {shape}").expect("writing to a string succeeds");
     }
     text
 }
 
 /// Widths, features and program size of a PE as `key=value` words, which say all that its size depends on.
-pub fn shape(program: &Program, index: usize) -> String {
+pub fn shape(program: &Program, index: usize, fold: &Fold) -> String {
     let format = &program.format;
     let features = &program.pes[index].features;
-    let fold = Fold::of(program, &program.pes[index]);
     let shifts = features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(",");
     let mut text = format!(
         "storage_bits={} word_bits={} data_bits={} coefficient_bits={} own_words={} base_words={} \

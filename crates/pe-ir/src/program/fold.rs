@@ -177,11 +177,11 @@ fn variants(words: impl Iterator<Item = Turns>, most: usize) -> Option<(Vec<Turn
 impl Layout {
     /// The fields with that of a variant in front of them.
     pub fn with_variant(mut self, width: u32) -> Layout {
-        if width > 0 {
-            self.fields.insert(0, Field { name: FieldName::Variant, width, lsb: self.bits });
-            self.bits += width;
+        if width == 0 {
+            return self;
         }
-        self
+        self.fields.insert(0, Field { name: FieldName::Variant, width, lsb: self.bits });
+        Layout::of(self.fields, self.bits + width)
     }
 
     /// The fields as far as their bits are in `mask`, closed up.
@@ -197,7 +197,7 @@ impl Layout {
                 fields.push(Field { name: field.name, width, lsb });
             }
         }
-        Layout { fields, bits }
+        Layout::of(fields, bits)
     }
 }
 

@@ -92,6 +92,11 @@ pub struct Layout {
     pub fields: Vec<Field>,
     /// Width of the control word.
     pub bits: u32,
+    /// Width and place of each field by its name; width 0 where it is absent. Programs of large networks have millions of
+    /// words to pack and unpack.
+    places: [(u32, u32); FieldName::Port as usize + 1],
+    /// The bits of each field by its name.
+    masks: [u128; FieldName::Port as usize + 1],
 }
 
 /// Bits that count `n` things: `ceil(log2 n)`.
@@ -150,7 +155,18 @@ impl Layout {
                 fields.push(Field { name, width, lsb });
             }
         }
-        Layout { fields, bits }
+        Layout::of(fields, bits)
+    }
+
+    /// The layout of some fields, most significant first, and their width in all.
+    pub(super) fn of(fields: Vec<Field>, bits: u32) -> Layout {
+        let mut places = [(0, 0); FieldName::Port as usize + 1];
+        let mut masks = [0; FieldName::Port as usize + 1];
+        for field in &fields {
+            places[field.name as usize] = (field.width, field.lsb);
+            masks[field.name as usize] = (u128::MAX >> (128 - field.width)) << field.lsb;
+        }
+        Layout { fields, bits, places, masks }
     }
 
     /// Packs a control word.
@@ -160,39 +176,47 @@ impl Layout {
     pub fn encode(&self, word: &ControlWord) -> u128 {
         use FieldName::*;
         let mut bits = 0u128;
-        // Looked up by name: programs of large networks have millions of words.
-        let mut places = [(0, 0); FieldName::Port as usize + 1];
-        self.fields.iter().for_each(|field| places[field.name as usize] = (field.width, field.lsb));
-        let mut put = |name: FieldName, value: u64| match places[name as usize] {
+        let mut put = |name: FieldName, value: u64| match self.places[name as usize] {
             (0, _) => assert_eq!(value, 0, "no field {}", name.text()),
             (width, lsb) => {
                 assert!(width >= 64 || value >> width == 0, "{} = {value}", name.text());
                 bits |= u128::from(value) << lsb;
             }
         };
+        // Fields of a group that does nothing stay zero.
         let mut address = |enable: FieldName, swap: FieldName, index: FieldName, address: Option<Address>| {
-            put(enable, u64::from(address.is_some()));
-            let address = address.unwrap_or_default();
-            put(swap, u64::from(address.swap));
-            put(index, u64::from(address.word));
+            if let Some(address) = address {
+                put(enable, 1);
+                put(swap, u64::from(address.swap));
+                put(index, u64::from(address.word));
+            }
         };
         address(OwnEnable, OwnSwap, OwnAddress, word.own);
         address(ImportedEnable, ImportedSwap, ImportedAddress, word.imported);
-        address(ReceiveEnable, ReceiveSwap, ReceiveAddress, word.receive.map(|(_, address)| address));
-        put(BaseEnable, u64::from(word.base.is_some()));
-        put(BaseAddress, u64::from(word.base.unwrap_or(0)));
-        put(IndexEnable, u64::from(word.index.is_some()));
-        put(IndexAddress, u64::from(word.index.unwrap_or(0)));
-        let (index, octaves) = word.write_index.unwrap_or_default();
-        put(WriteIndex, u64::from(word.write_index.is_some()));
-        put(WriteOctave, u64::from(octaves));
-        put(WriteIndexAddress, u64::from(index));
-        let target = word.write.unwrap_or_default();
-        put(WriteOwn, u64::from(target.own));
-        put(WriteBase, u64::from(target.base));
-        put(WriteFactor, u64::from(target.factor));
-        put(WriteSwap, u64::from(target.address.swap));
-        put(WriteAddress, u64::from(target.address.word));
+        if let Some((port, place)) = word.receive {
+            address(ReceiveEnable, ReceiveSwap, ReceiveAddress, Some(place));
+            put(Port, u64::from(port));
+        }
+        if let Some(base) = word.base {
+            put(BaseEnable, 1);
+            put(BaseAddress, u64::from(base));
+        }
+        if let Some(index) = word.index {
+            put(IndexEnable, 1);
+            put(IndexAddress, u64::from(index));
+        }
+        if let Some((index, octaves)) = word.write_index {
+            put(WriteIndex, 1);
+            put(WriteOctave, u64::from(octaves));
+            put(WriteIndexAddress, u64::from(index));
+        }
+        if let Some(target) = word.write {
+            put(WriteOwn, u64::from(target.own));
+            put(WriteBase, u64::from(target.base));
+            put(WriteFactor, u64::from(target.factor));
+            put(WriteSwap, u64::from(target.address.swap));
+            put(WriteAddress, u64::from(target.address.word));
+        }
         match word.multiplier {
             Multiplier::Coefficient(value) => {
                 let width = self.width(Coefficient).max(1);
@@ -204,7 +228,6 @@ impl Layout {
         put(Close, u64::from(word.close));
         put(Shift, u64::from(word.shift));
         put(Send, u64::from(word.send));
-        put(Port, word.receive.map_or(0, |(port, _)| u64::from(port)));
         bits
     }
 
@@ -223,16 +246,15 @@ impl Layout {
             ReceiveSwap | ReceiveAddress | Port => word.receive.is_none(),
             _ => false,
         };
-        let bits = |field: &Field| (u128::MAX >> (128 - field.width)) << field.lsb;
-        self.fields.iter().filter(|field| !idle(field)).map(bits).sum()
+        self.fields.iter().filter(|field| !idle(field)).map(|field| self.masks[field.name as usize]).sum()
     }
 
     /// Unpacks a control word; fields without effect are normalised away.
     pub fn decode(&self, bits: u128) -> ControlWord {
         use FieldName::*;
-        let get = |name: FieldName| {
-            let field = self.fields.iter().find(|field| field.name == name);
-            field.map_or(0, |field| (bits >> field.lsb) as u64 & (u64::MAX >> (64 - field.width)))
+        let get = |name: FieldName| match self.places[name as usize] {
+            (0, _) => 0,
+            (width, lsb) => (bits >> lsb) as u64 & (u64::MAX >> (64 - width)),
         };
         let address = |enable: FieldName, swap: FieldName, index: FieldName| {
             (get(enable) == 1).then(|| Address { word: get(index) as u16, swap: get(swap) == 1 })
@@ -264,6 +286,6 @@ impl Layout {
     }
 
     fn width(&self, name: FieldName) -> u32 {
-        self.fields.iter().find(|field| field.name == name).map_or(0, |field| field.width)
+        self.places[name as usize].0
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::memory::{self, MemoryCells};
-use pe_ir::program::{PeFeatures, Program, index_bits};
+use pe_ir::program::{Fold, PeFeatures, Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
 
 use super::followers;
@@ -54,7 +54,10 @@ impl Measured {
         if self.0.is_empty() {
             return BTreeMap::new();
         }
-        let shape = |index: usize| self.0.get(&key(&pe_emit::shape(program, index)));
+        let shape = |index: usize| {
+            let fold = Fold::of(program, &program.pes[index]);
+            self.0.get(&key(&pe_emit::shape(program, index, &fold)))
+        };
         (0..program.pes.len()).filter_map(|index| Some((index, shape(index)?))).collect()
     }
 }
