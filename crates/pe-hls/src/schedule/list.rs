@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use pe_ir::word::Latency;
 
-use super::problem::Problem;
+use super::problem::{NONE, Problem};
 
 /// Times of one step, before it is closed into a loop.
 pub(super) struct Placement {
@@ -31,8 +31,8 @@ pub(super) fn place(problem: &Problem, release: &[u32]) -> Placement {
             list.make_ready(index as u32, 0);
         }
     }
-    while let Some(Reverse((time, pe))) = list.events.pop() {
-        list.visit(pe as usize, time);
+    while let Some((time, pe)) = list.events.next() {
+        list.visit(pe, time);
     }
     debug_assert!(list.waiting.iter().all(|count| *count == 0));
     list.placement
@@ -53,14 +53,12 @@ struct Pe {
     next_send: u32,
     /// Words in which a receive is placed.
     receives: Slots,
-    /// Time of the pending event; later ones are stale.
-    event: u32,
 }
 
 struct List<'a> {
     problem: &'a Problem<'a>,
     pes: Vec<Pe>,
-    events: BinaryHeap<Reverse<(u32, u32)>>,
+    events: Events,
     waiting: Vec<u32>,
     /// First word that may read each slot; an import's in the step that its current word belongs to.
     ready: Vec<u32>,
@@ -68,6 +66,8 @@ struct List<'a> {
     last_read: Vec<u32>,
     /// Arrival and term of each operand of the chain under `make_ready`.
     arrivals: Vec<(u32, u32)>,
+    /// Chains that have to wait in the PE under `visit`.
+    passed: Vec<(u32, Reverse<u32>)>,
     placement: Placement,
 }
 
@@ -78,16 +78,16 @@ impl<'a> List<'a> {
         for pe in &mut pes {
             // Nothing may be written before the pause point, so no chain may end in word 0.
             pe.next_last = 1;
-            pe.event = u32::MAX;
         }
         List {
             problem,
             pes,
-            events: BinaryHeap::new(),
+            events: Events::new(problem.pes),
             waiting: problem.chains.iter().map(|chain| chain.predecessors).collect(),
             ready: release.to_vec(),
             last_read: vec![0; problem.slots],
             arrivals: Vec::new(),
+            passed: Vec::new(),
             placement: Placement {
                 starts: vec![0; problem.chains.len()],
                 order: vec![0; problem.operands.len()],
@@ -140,18 +140,10 @@ impl<'a> List<'a> {
 
     /// Has a PE looked at again at `time`.
     fn wake(&mut self, pe: usize, time: u32) {
-        let time = time.max(self.pes[pe].free);
-        if time < self.pes[pe].event {
-            self.pes[pe].event = time;
-            self.events.push(Reverse((time, pe as u32)));
-        }
+        self.events.add(pe, time.max(self.pes[pe].free));
     }
 
     fn visit(&mut self, pe: usize, time: u32) {
-        if self.pes[pe].event != time {
-            return;
-        }
-        self.pes[pe].event = u32::MAX;
         while let Some(Reverse((start, chain))) = self.pes[pe].coming.peek().copied() {
             if start > time {
                 break;
@@ -159,10 +151,9 @@ impl<'a> List<'a> {
             self.pes[pe].coming.pop();
             self.pes[pe].ready.push((self.problem.chains[chain as usize].priority, Reverse(chain)));
         }
-        let mut passed = Vec::new();
         let mut earliest = u32::MAX;
         let mut chosen = None;
-        while passed.len() < ALTERNATIVES {
+        while self.passed.len() < ALTERNATIVES {
             let Some(entry) = self.pes[pe].ready.pop() else { break };
             let possible = self.earliest_start(pe, entry.1.0);
             if possible <= time {
@@ -170,9 +161,9 @@ impl<'a> List<'a> {
                 break;
             }
             earliest = earliest.min(possible);
-            passed.push(entry);
+            self.passed.push(entry);
         }
-        self.pes[pe].ready.extend(passed);
+        self.pes[pe].ready.extend(self.passed.drain(..));
         if let Some(chain) = chosen {
             self.issue(pe, chain, time);
         }
@@ -265,6 +256,44 @@ impl<'a> List<'a> {
     }
 }
 
+/// When each PE is to be looked at next, in the order of time and then of PEs. In a network at work some PE is due in
+/// nearly every word, so that going through all of them word by word takes less than a heap of the times.
+struct Events {
+    /// For each PE the time of its next event, or none.
+    times: Vec<u32>,
+    now: u32,
+    /// No PE before this one is due now.
+    next: usize,
+}
+
+impl Events {
+    /// No events of so many PEs.
+    fn new(pes: usize) -> Events {
+        Events { times: vec![NONE; pes], now: 0, next: 0 }
+    }
+
+    /// Adds an event, not before the one under way; a later one of the same PE is forgotten.
+    fn add(&mut self, pe: usize, time: u32) {
+        self.times[pe] = self.times[pe].min(time);
+        if time == self.now {
+            self.next = self.next.min(pe);
+        }
+    }
+
+    /// Takes the next event.
+    fn next(&mut self) -> Option<(u32, usize)> {
+        loop {
+            if let Some(waited) = self.times[self.next..].iter().position(|time| *time == self.now) {
+                self.next += waited;
+                self.times[self.next] = NONE;
+                return Some((self.now, self.next));
+            }
+            self.now = self.times.iter().copied().min().filter(|time| *time != NONE)?;
+            self.next = 0;
+        }
+    }
+}
+
 /// Occupied words, with the first free one found in near-constant time.
 #[derive(Default)]
 struct Slots {
@@ -296,7 +325,20 @@ impl Slots {
 
 #[cfg(test)]
 mod tests {
-    use super::Slots;
+    use super::{Events, Slots};
+
+    #[test]
+    fn events_come_by_time_and_by_pe_and_the_earlier_one_counts() {
+        let mut events = Events::new(4);
+        [(2, 5), (1, 5), (3, 7), (3, 6), (0, 9)].into_iter().for_each(|(pe, time)| events.add(pe, time));
+        assert_eq!(events.next(), Some((5, 1)));
+        assert_eq!(events.next(), Some((5, 2)));
+        // A PE before the one under way is due at the same time.
+        events.add(0, 5);
+        events.add(2, 5);
+        let rest: Vec<_> = std::iter::from_fn(|| events.next()).collect();
+        assert_eq!(rest, [(5, 0), (5, 2), (6, 3)]);
+    }
 
     #[test]
     fn slots_are_given_out_once_and_in_order() {
