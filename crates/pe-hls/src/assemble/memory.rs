@@ -3,7 +3,8 @@
 //! A value lives only in the memories that something reads it from. States are in the own and in the base memory at
 //! addresses that share their low bits, so one write reaches both; everything else is in one of them.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
@@ -57,14 +58,16 @@ pub(super) struct Memories {
     pub depths: Vec<Depths>,
     /// Columns of tables: PE, first base word, and a value that the column gives.
     pub columns: Vec<(u32, u32, ValueId)>,
-    /// Place of each imported value, by value and PE; start and end value of a state have entries of their own.
-    imported: BTreeMap<(u32, u32), Place>,
+    /// Place of each imported value, by value and PE; start and end value of a state have entries of their
+    /// own. Sorted.
+    imported: Vec<((u32, u32), Place)>,
 }
 
 impl Memories {
     /// Place of a value imported by a PE.
     pub fn import(&self, value: ValueId, pe: u32) -> Place {
-        self.imported[&(value.0, pe)]
+        let found = self.imported.binary_search_by_key(&(value.0, pe), |(import, _)| *import);
+        self.imported[found.expect("operands from other PEs are imported")].1
     }
 
     /// All imports in order.
@@ -81,7 +84,7 @@ impl Memories {
             homes: vec![Home::default(); graph.values.len()],
             depths: vec![Depths::default(); pes],
             columns: Vec::new(),
-            imported: BTreeMap::new(),
+            imported: Vec::new(),
         };
         memories.allocate_indices(graph, mapping, schedule.period, &lives);
         memories.allocate_own(rounds, fixed, mapping, schedule.period, &lives);
@@ -159,7 +162,7 @@ impl Memories {
                 bases[pe] += 1;
             }
         }
-        let both = |value: &u32| lives.bases.contains(value) && lives.operands.contains(value);
+        let both = |value: &u32| lives.bases[*value as usize] && lives.operands[*value as usize];
         for value in (0..graph.values.len() as u32).filter(both) {
             if slots[value as usize].is_none() && graph.values[value as usize].equation != NONE {
                 debug_assert!(!swap, "only states are both operands and bases of a one-stage solver");
@@ -181,8 +184,8 @@ impl Memories {
                 continue;
             }
             let pe = pe_of(index);
-            let is_base = lives.bases.contains(&(index as u32));
-            if is_base && lives.operands.contains(&(index as u32)) {
+            let is_base = lives.bases[index];
+            if is_base && lives.operands[index] {
                 continue;
             }
             if let Role::Constant(number) = value.role {
@@ -265,8 +268,7 @@ impl Memories {
         let mut pairs: Vec<(usize, Slot)> = Vec::new();
         for (index, transfer) in schedule.transfers.iter().enumerate() {
             let pe = transfer.to as usize;
-            let key = (transfer.value.0, transfer.to);
-            let last_read = |value: ValueId| lives.imported.get(&(value.0, transfer.to)).copied();
+            let last_read = |value: ValueId| lives.last_read(value, transfer.to);
             match graph.value(transfer.value).role {
                 Role::Next(_) if swap => pairs.push((index, layouts[pe].resident(true))),
                 Role::Next(s) => {
@@ -280,7 +282,7 @@ impl Memories {
                     arcs[pe].push(Arc { write, last_read: end, key: index as u32 });
                 }
                 _ => {
-                    let end = last_read(ValueId(key.0)).unwrap_or(0).max(transfer.receive);
+                    let end = last_read(transfer.value).unwrap_or(0).max(transfer.receive);
                     arcs[pe].push(Arc { write: transfer.receive, last_read: end, key: index as u32 });
                 }
             }
@@ -298,13 +300,14 @@ impl Memories {
             let place = layouts[transfer.to as usize].place(slot);
             if let Role::Next(s) = graph.value(transfer.value).role {
                 // A word that is read under the name of the end value alone may be another's when the step begins.
-                let start = (graph.states[s as usize].0.0, transfer.to);
-                if swap || lives.imported.contains_key(&start) {
-                    self.imported.insert(start, place);
+                let start = graph.states[s as usize].0;
+                if swap || lives.last_read(start, transfer.to).is_some() {
+                    self.imported.push(((start.0, transfer.to), place));
                 }
             }
-            self.imported.insert((transfer.value.0, transfer.to), place);
+            self.imported.push(((transfer.value.0, transfer.to), place));
         }
+        self.imported.sort_unstable_by_key(|(import, _)| *import);
     }
 }
 
@@ -356,23 +359,23 @@ impl Layout {
 struct Lives {
     /// By value: write word and last own read.
     own: Vec<(u32, u32)>,
-    /// Values that are read as a base.
-    bases: BTreeSet<u32>,
-    /// Values that are operands in their own PE.
-    operands: BTreeSet<u32>,
+    /// For each value whether it is read as a base.
+    bases: Vec<bool>,
+    /// For each value whether it is an operand in its own PE.
+    operands: Vec<bool>,
     /// Last read of the index of each argument of a table.
     indexed: BTreeMap<u32, u32>,
-    /// By value and PE: last read of the import.
-    imported: HashMap<(u32, u32), u32>,
+    /// By value and PE: last read of the import; sorted.
+    imported: Vec<((u32, u32), u32)>,
 }
 
 impl Lives {
     fn of(graph: &StepGraph, mapping: &Mapping, schedule: &Schedule, latency: Latency) -> Lives {
         let mut own = vec![(0, 0); graph.values.len()];
-        let mut bases = BTreeSet::new();
-        let mut operands = BTreeSet::new();
+        let mut bases = vec![false; graph.values.len()];
+        let mut operands = vec![false; graph.values.len()];
         let mut indexed: BTreeMap<u32, u32> = BTreeMap::new();
-        let mut imported: HashMap<(u32, u32), u32> = HashMap::new();
+        let mut imported: Vec<((u32, u32), u32)> = Vec::new();
         for (index, chain) in graph.chains.iter().enumerate() {
             let pe = mapping.pe_of[chain.equation as usize];
             let start = schedule.starts[index];
@@ -383,14 +386,12 @@ impl Lives {
                 if equation != NONE && mapping.pe_of[equation as usize] == pe {
                     let read = &mut own[term.operand.index()].1;
                     *read = (*read).max(time);
-                    operands.insert(term.operand.0);
+                    operands[term.operand.index()] = true;
                 } else {
-                    let read = imported.entry((term.operand.0, pe)).or_insert(0);
-                    *read = (*read).max(time);
+                    imported.push(((term.operand.0, pe), time));
                 }
                 if let Some(partner) = term.partner {
-                    let read = imported.entry((partner.0, pe)).or_insert(0);
-                    *read = (*read).max(time);
+                    imported.push(((partner.0, pe), time));
                 }
                 if let Factor::Value(value) = term.factor {
                     let read = &mut own[value.index()].1;
@@ -406,12 +407,21 @@ impl Lives {
                     } else {
                         let read = &mut own[base.index()].1;
                         *read = (*read).max(scale);
-                        bases.insert(base.0);
+                        bases[base.index()] = true;
                     }
                 }
                 own[write.value.index()].0 = scale + latency.scale_to_write();
             }
         }
+        // The last read of each import stays.
+        imported.sort_unstable_by_key(|(import, read)| (*import, Reverse(*read)));
+        imported.dedup_by_key(|(import, _)| *import);
         Lives { own, bases, operands, indexed, imported }
+    }
+
+    /// Last read of the import of a value by a PE, if it reads it.
+    fn last_read(&self, value: ValueId, pe: u32) -> Option<u32> {
+        let found = self.imported.binary_search_by_key(&(value.0, pe), |(import, _)| *import);
+        found.ok().map(|at| self.imported[at].1)
     }
 }

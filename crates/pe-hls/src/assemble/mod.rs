@@ -59,7 +59,7 @@ pub fn assemble_rounds(
     let octaves = |(_, lookup): (u32, Lookup)| (lookup.argument, graph.functions.tables[lookup.table as usize].octaves);
     let octaves = read.map(octaves).collect();
     let bases = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| write.base);
-    let bases = bases.chain(graph.states.iter().map(|(_, next)| *next)).collect();
+    let bases = marked(graph, bases.chain(graph.states.iter().map(|(_, next)| *next)));
     let assembler =
         Assembler { model, graph, fixed, mapping, rounds, schedule, memories, coefficients, octaves, bases, latency };
     let ports = assembler.ports();
@@ -70,6 +70,13 @@ pub fn assemble_rounds(
     let program = assembler.program(&ports);
     limits::check(program.pes.iter().map(|pe| [0, 0, 0, 0, 0, pe.features.coefficient_words]))?;
     Ok(program)
+}
+
+/// For each value whether it is among some.
+fn marked(graph: &StepGraph, values: impl Iterator<Item = ValueId>) -> Vec<bool> {
+    let mut marked = vec![false; graph.values.len()];
+    values.for_each(|value| marked[value.index()] = true);
+    marked
 }
 
 struct Assembler<'a> {
@@ -84,8 +91,8 @@ struct Assembler<'a> {
     coefficients: Vec<BTreeMap<i64, u32>>,
     /// Arguments of tables that are read, and whether their indices count octaves.
     octaves: BTreeMap<ValueId, bool>,
-    /// Values that sums are added to, and the states of the next step.
-    bases: BTreeSet<ValueId>,
+    /// For each value whether sums are added to it, or it is a state of the next step.
+    bases: Vec<bool>,
     latency: Latency,
 }
 
@@ -129,7 +136,7 @@ impl Assembler<'_> {
         self.collect_features(&mut pes);
         self.place_columns(&mut pes);
         self.place_coefficients(&mut pes);
-        let sent: BTreeSet<u32> = self.schedule.transfers.iter().map(|transfer| transfer.value.0).collect();
+        let sent = marked(self.graph, self.schedule.transfers.iter().map(|transfer| transfer.value));
         for chain in 0..self.graph.chains.len() {
             self.emit_chain(chain, &mut pes, &sent);
         }
@@ -209,16 +216,18 @@ impl Assembler<'_> {
     /// Decides where the coefficients of each PE stand. Factors need a coefficient memory, which then holds them all;
     /// otherwise the cheaper place is taken: the control word, or a memory of the distinct ones and an index.
     fn place_coefficients(&mut self, pes: &mut [PeProgram]) {
-        let mut distinct: Vec<BTreeSet<i64>> = vec![BTreeSet::new(); pes.len()];
+        let mut distinct: Vec<Vec<i64>> = vec![Vec::new(); pes.len()];
         for chain in &self.graph.chains {
             let pe = self.mapping.pe_of[chain.equation as usize] as usize;
             for term in chain.terms.clone() {
                 if let Factor::Coefficient(_) = self.graph.terms[term as usize].factor {
-                    distinct[pe].insert(self.fixed.coefficients[term as usize]);
+                    distinct[pe].push(self.fixed.coefficients[term as usize]);
                 }
             }
         }
-        for (number, (pe, distinct)) in pes.iter_mut().zip(distinct).enumerate() {
+        for (number, (pe, mut distinct)) in pes.iter_mut().zip(distinct).enumerate() {
+            distinct.sort_unstable();
+            distinct.dedup();
             let format = &self.fixed.format;
             let factors = self.memories.depths[number].factors;
             let words = depth(factors + distinct.len() as u32);
@@ -297,7 +306,7 @@ impl Assembler<'_> {
             }
         };
         // Of the values that take turns in a word, only those that something is added to need the base memory.
-        let base = home.base.is_some() && (self.rounds.base_last || self.bases.contains(&value));
+        let base = home.base.is_some() && (self.rounds.base_last || self.bases[value.index()]);
         Target { address, own: home.own.is_some(), base, factor: home.factor.is_some() }
     }
 
@@ -321,7 +330,7 @@ impl Assembler<'_> {
         Address { word: u16::try_from(word).expect("memory depth"), swap: place.swap }
     }
 
-    fn emit_chain(&self, index: usize, pes: &mut [PeProgram], sent: &BTreeSet<u32>) {
+    fn emit_chain(&self, index: usize, pes: &mut [PeProgram], sent: &[bool]) {
         let chain = &self.graph.chains[index];
         let number = self.mapping.pe_of[chain.equation as usize];
         let start = self.schedule.starts[index];
@@ -369,7 +378,7 @@ impl Assembler<'_> {
             let word = &mut pe.words[self.word(store)];
             word.write_index = self.octaves.get(&write.value).map(|o| (self.index_word(write.value), *o));
             word.write = Some(self.target(write.value, store));
-            word.send = write.value == chain.write.value && sent.contains(&write.value.0);
+            word.send = write.value == chain.write.value && sent[write.value.index()];
             pe.notes[self.word(store)].write = write.value.0;
         }
     }
