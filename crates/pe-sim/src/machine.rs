@@ -3,8 +3,6 @@
 //! A step does the same whatever the numbers, so its control words are followed once ([`crate::record`]) and what they
 //! compute is run for each step, many sums at a time ([`crate::tiles`]).
 
-use std::collections::BTreeSet;
-
 use pe_ir::program::{ControlWord, Fold, Layout, Program};
 use pe_ir::word::WordFormat;
 
@@ -233,7 +231,7 @@ impl<P: Port> Steps<P> {
 }
 
 impl<P: Port> Step<P> {
-    fn new(recording: Recording, program: &Program, homes: &Homes, needed: &BTreeSet<u32>) -> Step<P> {
+    fn new(recording: Recording, program: &Program, homes: &Homes, needed: &[bool]) -> Step<P> {
         // What the step computes is renumbered so that tiles write rows.
         let order = tiles::rows(&recording.chains, &recording.terms, recording.slots as usize, &recording.columns);
         let mut renumbered: Vec<u32> = (0..recording.slots).collect();
@@ -266,7 +264,7 @@ impl<P: Port> Step<P> {
         let columns = Columns { choices, ..recording.columns };
         let mut moves = recording.moves(homes);
         for list in [&mut moves.words, &mut moves.operands, &mut moves.factors] {
-            list.retain(|(_, to)| needed.contains(to));
+            list.retain(|(_, to)| needed[*to as usize]);
             list.iter_mut().for_each(|(from, _)| *from = slot(*from));
         }
         let writes: Vec<MemoryWrite> =
@@ -298,33 +296,38 @@ fn take_over<T: Copy>(moves: &[Move], values: &mut [T], moving: &mut Vec<T>) {
 }
 
 /// Homes that a step reads, or that anyone may look at: the states.
-fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> BTreeSet<u32> {
-    let mut needed = BTreeSet::new();
+fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> Vec<bool> {
+    let slots = recordings.iter().map(|recording| recording.slots).max().unwrap_or(0);
+    let mut needed = vec![false; slots as usize];
+    let mut need = |slot: u32| needed[slot as usize] = true;
     for recording in recordings {
         for term in &recording.terms {
-            needed.insert(term.operand);
+            need(term.operand);
             if let Factor::Value(slot) = term.factor {
-                needed.insert(slot);
+                need(slot);
             }
         }
-        let writes = recording.chains.iter().flat_map(Chain::writes);
-        needed.extend(writes.map(|write| write.base));
-        needed.extend(recording.chains.iter().filter_map(Chain::looked_at));
-        needed.extend(&recording.columns.choices);
-        needed.extend(recording.writes.iter().map(|write| write.slot));
-        needed.extend(&recording.outputs);
+        recording.chains.iter().flat_map(Chain::writes).for_each(|write| need(write.base));
+        recording.chains.iter().filter_map(Chain::looked_at).for_each(&mut need);
+        recording.columns.choices.iter().copied().for_each(&mut need);
+        recording.writes.iter().for_each(|write| need(write.slot));
+        recording.outputs.iter().copied().for_each(&mut need);
     }
     for state in &program.states {
         let (pe, word) = (state.own.0 as usize, state.own.1);
-        needed.insert(homes.base(pe, program.pes[pe].features.base_word(word)));
+        need(homes.base(pe, program.pes[pe].features.base_word(word)));
     }
     let moves = recordings.iter().map(|recording| recording.moves(homes));
     let moves: Vec<Move> = moves.flat_map(|moves| [moves.words, moves.operands, moves.factors].concat()).collect();
     loop {
-        let before = needed.len();
-        let sources: Vec<u32> = moves.iter().filter(|(_, to)| needed.contains(to)).map(|(from, _)| *from).collect();
-        needed.extend(sources);
-        if needed.len() == before {
+        let mut more = false;
+        for (from, to) in &moves {
+            if needed[*to as usize] && !needed[*from as usize] {
+                needed[*from as usize] = true;
+                more = true;
+            }
+        }
+        if !more {
             return needed;
         }
     }

@@ -140,6 +140,19 @@ impl Sum {
         self.registers |= other.registers;
         self.terms.extend_from_slice(&other.terms);
     }
+
+    fn add_product(&mut self, product: &Product) {
+        self.registers |= product.registers;
+        self.terms.extend(product.terms.iter().flatten());
+    }
+}
+
+/// What one control word multiplies, on its way to the accumulator: a register of the step before, or a term for each
+/// operand.
+#[derive(Clone, Copy, Debug)]
+struct Product {
+    registers: u64,
+    terms: [Option<Term<i64>>; 2],
 }
 
 /// A finished sum and the chain that forms it, if any does.
@@ -165,7 +178,7 @@ struct Pe {
     coefficients: Vec<Factor<i64>>,
     imported: Vec<u32>,
     /// Products on their way: the front one is accumulated next.
-    products: VecDeque<Sum>,
+    products: VecDeque<Product>,
     accumulator: Sum,
     hold: Rc<Held>,
     /// Base word and shift of the adder.
@@ -303,7 +316,8 @@ impl Recording {
                 self.paired.extend(operands.clone());
             }
         }
-        let product = Sum { registers: 0, terms: operands.map(|operand| Term { operand, factor: second }).collect() };
+        let term = |operand: u32| Term { operand, factor: second };
+        let product = Product { registers: 0, terms: [own.map(term), imported.map(term)] };
         let base = word.base.map_or(OFFSET, |word| self.base_word(index, word));
         let next_index = word.index.map_or(NULL, |address| self.pes[index].indices[usize::from(address)]);
         let write = word.write.filter(|_| !stretch.settle);
@@ -358,7 +372,7 @@ impl Recording {
             pe.hold = Rc::new(Held { sum: std::mem::take(&mut pe.accumulator), chain: Cell::new(None) });
         }
         if let Some(oldest) = pe.products.pop_front() {
-            pe.accumulator.add(&oldest);
+            pe.accumulator.add_product(&oldest);
         }
         pe.products.push_back(product);
     }
@@ -500,7 +514,9 @@ impl Pe {
             coefficients: program.coefficient_image.iter().enumerate().map(coefficient).collect(),
             own: (homes.own..homes.own + program.own_image.len() as u32).collect(),
             imported: (homes.imported..homes.imported + program.imported_image.len() as u32).collect(),
-            products: (0..accumulate).map(|position| register(PRODUCT << position)).collect(),
+            products: (0..accumulate)
+                .map(|position| Product { registers: register(PRODUCT << position).registers, terms: [None; 2] })
+                .collect(),
             accumulator: register(ACCUMULATOR),
             hold: held(HOLD),
             scale: scale(homes.scale, 1),
@@ -516,9 +532,12 @@ impl Pe {
         let mut sum = Sum::default();
         let fixed = [(ACCUMULATOR, &self.accumulator), (HOLD, &self.hold.sum)];
         let results = self.results.iter().enumerate().map(|(position, result)| (RESULT << position, &result.held.sum));
-        let products = self.products.iter().enumerate().map(|(position, product)| (PRODUCT << position, product));
-        for (_, part) in fixed.into_iter().chain(results).chain(products).filter(|(bit, _)| registers & bit != 0) {
+        for (_, part) in fixed.into_iter().chain(results).filter(|(bit, _)| registers & bit != 0) {
             sum.add(part);
+        }
+        let products = self.products.iter().enumerate().map(|(position, product)| (PRODUCT << position, product));
+        for (_, product) in products.filter(|(bit, _)| registers & bit != 0) {
+            sum.add_product(product);
         }
         sum
     }
