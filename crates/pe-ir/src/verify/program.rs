@@ -11,6 +11,9 @@
 //! 5. before the pause point of the first round nothing is written;
 //! 6. an index is that of the value and step which the graph looks up, and the base words that it chooses among are the
 //!    column of the graph, in order and never overwritten.
+//!
+//! PEs meet on their links only. A link carries what its sender claims to send, and each PE is held to its own claims; so
+//! they run through a round one after the other, and what one of them needs stays in the cache of the processor.
 
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -47,7 +50,8 @@ struct Product {
 /// The products of a control word: two where the pre-adder joins two operands.
 type Operands = [Option<Product>; 2];
 
-type Sum = Rc<Vec<Product>>;
+/// The products of a finished sum, sorted.
+type Sum = Rc<[Product]>;
 
 /// A finished sum on its way to memory.
 #[derive(Clone, Debug)]
@@ -71,7 +75,8 @@ struct Pe<'a> {
     /// Results on their way to the result register, the front one first.
     added: VecDeque<Option<Result>>,
     result: Option<Result>,
-    link: Cell,
+    /// Words that send, in order, each with the value that it claims to send.
+    sends: Vec<(u32, u32)>,
     /// Index memory, and its read register; none is nothing known.
     indices: Vec<Option<Index>>,
     index: IndexRegister,
@@ -90,10 +95,12 @@ enum IndexRegister {
 pub fn check(program: &Program, graph: &StepGraph, fixed: &FixedPoint, rounds: u32) -> Vec<String> {
     let mut checker = Checker::new(program, graph, fixed);
     for round in 0..rounds {
-        for word in 0..program.period {
-            checker.clock(round, word);
-            if checker.violations.len() > 24 {
-                return checker.violations;
+        for pe in 0..program.pes.len() {
+            for word in 0..program.period {
+                checker.clock(pe, round, word);
+                if checker.violations.len() > 24 {
+                    return checker.violations;
+                }
             }
         }
         checker.count(round);
@@ -112,6 +119,8 @@ struct Checker<'a> {
     captures: Vec<((u32, u32), usize)>,
     pes: Vec<Pe<'a>>,
     written: Vec<u32>,
+    /// Products of the value under `written_cell`.
+    expected: Vec<Product>,
     violations: Vec<String>,
 }
 
@@ -141,7 +150,7 @@ impl<'a> Checker<'a> {
             scale: (None, u8::MAX),
             added: std::iter::repeat_n(None, addition).collect(),
             result: None,
-            link: Cell::Unknown,
+            sends: sends(pe),
             indices: vec![None; pe.features.index_words as usize],
             index: IndexRegister::Clear,
         });
@@ -154,6 +163,7 @@ impl<'a> Checker<'a> {
             captures,
             pes: pes.collect(),
             written: vec![0; graph.values.len()],
+            expected: Vec::new(),
             violations: Vec::new(),
         };
         for (register, (state, _)) in program.states.iter().zip(&graph.states) {
@@ -183,75 +193,87 @@ impl<'a> Checker<'a> {
         }
     }
 
-    fn clock(&mut self, round: u32, word: u32) {
+    /// Follows one control word of a PE.
+    fn clock(&mut self, index: usize, round: u32, word: u32) {
         let length = self.program.round_words();
         let parity = (round * self.program.rounds + word / length) % 2 == 1;
         let pause = self.program.latency().pause();
         let settled = round > 0 || word >= pause;
         let step = i64::from(round);
-        // Writes before the pause point finish the step before.
-        let finishing = if word < pause { step - 1 } else { step };
-        let links: Vec<Cell> = self.pes.iter().map(|pe| pe.link).collect();
-        for index in 0..self.pes.len() {
-            let control = self.pes[index].program.words[word as usize];
-            let note = self.pes[index].program.notes[word as usize];
-            if control.own.is_some() && control.imported.is_some() {
-                self.joined(index, round, word, &control, parity);
+        let finishing = self.finishing(round, word);
+        let control = self.pes[index].program.words[word as usize];
+        let note = self.pes[index].program.notes[word as usize];
+        if control.own.is_some() && control.imported.is_some() {
+            self.joined(index, round, word, &control, parity);
+        }
+        if note.write != NONE && control.write.is_none() && control.write_index.is_none() {
+            self.fail(index, round, word, "a noted write is missing".into());
+        }
+        let operands = self.pes[index].read(&control, parity);
+        let indices = &self.pes[index].indices;
+        let fetched = control.index.map_or(IndexRegister::Clear, |address| {
+            IndexRegister::Loaded(indices.get(usize::from(address)).copied().flatten())
+        });
+        self.capture(index, round, word, finishing);
+        let writes = settled && (control.write.is_some() || control.write_index.is_some());
+        let written = writes.then(|| self.written_cell(index, round, word, note.write, finishing));
+        if let (Some(target), Some(cell)) = (control.write, written) {
+            if !self.pes[index].program.features.reaches(target) {
+                self.fail(index, round, word, "a write address beyond its memory".into());
             }
-            if note.write != NONE && control.write.is_none() && control.write_index.is_none() {
-                self.fail(index, round, word, "a noted write is missing".into());
-            }
-            let operands = self.pes[index].read(&control, parity);
-            let indices = &self.pes[index].indices;
-            let fetched = control.index.map_or(IndexRegister::Clear, |address| {
-                IndexRegister::Loaded(indices.get(usize::from(address)).copied().flatten())
-            });
-            self.capture(index, round, word, finishing);
-            let writes = settled && (control.write.is_some() || control.write_index.is_some());
-            let written = writes.then(|| self.written_cell(index, round, word, note.write, finishing));
-            if let (Some(target), Some(cell)) = (control.write, written) {
-                if !self.pes[index].program.features.reaches(target) {
-                    self.fail(index, round, word, "a write address beyond its memory".into());
+            let target = Target { base: target.base && self.takes_base(index, word), ..target };
+            self.pes[index].write(target, parity, cell);
+        }
+        if let (Some((address, octaves)), Some(cell)) = (control.write_index, written) {
+            let known = match cell {
+                Cell::Value(value, step) => Some((value, step, octaves)),
+                _ => None,
+            };
+            self.pes[index].indices[usize::from(address)] = known;
+        }
+        // Whatever is sent may set the overflow flag, received or not.
+        if control.send && note.write == NONE {
+            self.fail(index, round, word, "sends a value without a name".into());
+        }
+        if let Some((port, address)) = control.receive.filter(|_| settled) {
+            let cell = match self.pes[index].program.ports.get(usize::from(port)) {
+                Some(LinkSource::Pe(source)) => self.link(*source as usize, round, word),
+                // Inputs of a step are sampled at its pause point.
+                Some(LinkSource::Input(input)) if word > pause => {
+                    Cell::Value(self.graph.inputs[*input as usize].0, step)
                 }
-                let target = Target { base: target.base && self.takes_base(index, word), ..target };
-                self.pes[index].write(target, parity, cell);
+                _ => Cell::Unknown,
+            };
+            if note.receive == NONE
+                || cell != self.cell(ValueId(note.receive), self.received_step(note.receive, finishing, step), |w| w)
+            {
+                let name = self.program.name(note.receive).to_owned();
+                self.fail(index, round, word, format!("receives {cell:?} instead of `{name}`"));
             }
-            if let (Some((address, octaves)), Some(cell)) = (control.write_index, written) {
-                let known = match cell {
-                    Cell::Value(value, step) => Some((value, step, octaves)),
-                    _ => None,
-                };
-                self.pes[index].indices[usize::from(address)] = known;
+            let slot = physical(address, self.pes[index].imported.len(), parity);
+            self.pes[index].imported[slot] = cell;
+        }
+        self.pes[index].advance(&control, operands, fetched);
+    }
+
+    /// The step whose writes are under way: those before the pause point finish the step before.
+    fn finishing(&self, round: u32, word: u32) -> i64 {
+        i64::from(round) - i64::from(word < self.program.latency().pause())
+    }
+
+    /// What the link of a PE carries as a word begins.
+    fn link(&self, pe: usize, round: u32, word: u32) -> Cell {
+        let sends = &self.pes[pe].sends;
+        let before = sends.partition_point(|(sent, _)| *sent < word);
+        let last = match before.checked_sub(1) {
+            Some(at) => Some((sends[at], round)),
+            None => sends.last().copied().zip(round.checked_sub(1)),
+        };
+        match last {
+            Some(((sent, value), round)) if value != NONE => {
+                self.cell(ValueId(value), self.finishing(round, sent), |word| word)
             }
-            if control.send {
-                // Whatever is sent may set the overflow flag, received or not.
-                if note.write == NONE {
-                    self.fail(index, round, word, "sends a value without a name".into());
-                }
-                let claimed =
-                    if note.write == NONE { Cell::Unknown } else { self.cell(ValueId(note.write), finishing, |w| w) };
-                self.pes[index].link = claimed;
-            }
-            if let Some((port, address)) = control.receive.filter(|_| settled) {
-                let cell = match self.pes[index].program.ports.get(usize::from(port)) {
-                    Some(LinkSource::Pe(source)) => links[*source as usize],
-                    // Inputs of a step are sampled at its pause point.
-                    Some(LinkSource::Input(input)) if word > pause => {
-                        Cell::Value(self.graph.inputs[*input as usize].0, step)
-                    }
-                    _ => Cell::Unknown,
-                };
-                if note.receive == NONE
-                    || cell
-                        != self.cell(ValueId(note.receive), self.received_step(note.receive, finishing, step), |w| w)
-                {
-                    let name = self.program.name(note.receive).to_owned();
-                    self.fail(index, round, word, format!("receives {cell:?} instead of `{name}`"));
-                }
-                let slot = physical(address, self.pes[index].imported.len(), parity);
-                self.pes[index].imported[slot] = cell;
-            }
-            self.pes[index].advance(&control, operands, fetched);
+            _ => Cell::Unknown,
         }
     }
 
@@ -317,18 +339,16 @@ impl<'a> Checker<'a> {
         let position = chain.writes().position(|write| write.value == id).unwrap_or(0);
         let write = chain.writes().nth(position).expect("position found above");
         let format = self.fixed.format;
-        let mut expected: Vec<Product> = chain
-            .terms
-            .clone()
-            .map(|index| {
-                let term = &self.graph.terms[index as usize];
-                let factor = match term.factor {
-                    Factor::Coefficient(_) => Cell::Image(self.fixed.coefficients[index as usize]),
-                    Factor::Value(factor) => self.cell(factor, step, |word| format.factor_operand(word)),
-                };
-                Product { operand: self.cell(term.operand, step, |word| format.data_operand(word)), factor }
-            })
-            .collect();
+        let mut expected = std::mem::take(&mut self.expected);
+        expected.clear();
+        expected.extend(chain.terms.clone().map(|index| {
+            let term = &self.graph.terms[index as usize];
+            let factor = match term.factor {
+                Factor::Coefficient(_) => Cell::Image(self.fixed.coefficients[index as usize]),
+                Factor::Value(factor) => self.cell(factor, step, |word| format.factor_operand(word)),
+            };
+            Product { operand: self.cell(term.operand, step, |word| format.data_operand(word)), factor }
+        }));
         expected.sort_unstable();
         let expected_base = write.base.map(|base| match self.graph.value(base).role {
             Role::Column(..) => self.entry(pe, base, step),
@@ -337,8 +357,7 @@ impl<'a> Checker<'a> {
         let problem = match &self.pes[pe].result {
             None => Some("no result".to_owned()),
             Some(result) => {
-                let mut sum = result.sum.as_ref().clone();
-                sum.sort_unstable();
+                let sum = &result.sum;
                 let wrong = sum.iter().zip(&expected).find(|(is, should)| is != should);
                 if sum.len() != expected.len() || wrong.is_some() {
                     Some(format!("{} products instead of {}, first difference {wrong:?}", sum.len(), expected.len()))
@@ -351,6 +370,7 @@ impl<'a> Checker<'a> {
                 }
             }
         };
+        self.expected = expected;
         if let Some(problem) = problem {
             self.fail(pe, round, word, format!("`{}` of step {step}: {problem}", self.graph.value_name(id)));
         }
@@ -452,11 +472,19 @@ impl Pe<'_> {
         self.scale = (base, self.program.features.shifts.get(usize::from(control.shift)).copied().unwrap_or(u8::MAX));
         let arriving = self.products.pop_front().unwrap_or_default();
         if control.close {
-            self.hold = Rc::new(std::mem::take(&mut self.accumulator));
+            self.accumulator.sort_unstable();
+            self.hold = Rc::from(&self.accumulator[..]);
+            self.accumulator.clear();
         }
         self.accumulator.extend(arriving.into_iter().flatten());
         self.products.push_back(products);
     }
+}
+
+/// The words of a PE that send, and what they claim to send.
+fn sends(pe: &PeProgram) -> Vec<(u32, u32)> {
+    let words = (0..).zip(pe.words.iter().zip(&pe.notes));
+    words.filter(|(_, (control, _))| control.send).map(|(word, (_, note))| (word, note.write)).collect()
 }
 
 fn physical(address: Address, depth: usize, parity: bool) -> usize {
