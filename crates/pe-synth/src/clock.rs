@@ -116,6 +116,8 @@ const ECP5: &[Measured] = &[
     measured(Deep, 4, 1, 223.4),
     measured(Short, 1, 1, 96.3),
     measured(Short, 1, 4, 117.5),
+    measured(Short, 1, 8, 132.4),
+    measured(Short, 1, 16, 91.5),
     measured(Short, 4, 1, 108.5),
 ];
 
