@@ -12,6 +12,7 @@ pub mod functions;
 pub mod lift;
 pub mod mapping;
 pub mod pairs;
+pub mod relay;
 pub mod rounding;
 pub mod rounds;
 pub mod schedule;

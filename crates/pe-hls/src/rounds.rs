@@ -165,7 +165,7 @@ impl Finder<'_> {
                 }
                 // Looped stages have no lookups.
                 role @ (Role::Input(_) | Role::Constant(_) | Role::Published(_) | Role::Column(..)) => (role, 0),
-                Role::Partial(..) | Role::Auxiliary(_) | Role::Pivot(..) => return None,
+                Role::Partial(..) | Role::Relayed(..) | Role::Auxiliary(_) | Role::Pivot(..) => return None,
             };
             let key = match role {
                 Role::State(s) => (0, s, 0, 0),

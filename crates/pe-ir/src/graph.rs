@@ -101,6 +101,8 @@ pub enum Role {
     Inner(u32, u32),
     /// A part of an equation's sum that another equation computes: the equation it is a part of, and serial number.
     Partial(u32, u32),
+    /// A copy that a relay makes of a value of another equation: the value, and the number of the relay.
+    Relayed(ValueId, u32),
     /// An external input, held over the step.
     Input(u32),
     /// A constant in memory.
@@ -354,6 +356,7 @@ impl StepGraph {
             Role::Algebraic(a, stage) => format!("{}.stage{stage}", self.names.algebraics[a as usize]),
             Role::Inner(_, serial) => format!("{}.factor{serial}", self.equations[value.equation as usize].name),
             Role::Partial(equation, serial) => format!("{}.partial{serial}", self.equations[equation as usize].name),
+            Role::Relayed(value, relay) => format!("{}.relayed{relay}", self.value_name(value)),
             Role::Input(i) => self.names.inputs[i as usize].clone(),
             Role::Constant(c) => format!("{c:e}"),
             Role::Auxiliary(a) => self.names.auxiliaries[a as usize].clone(),

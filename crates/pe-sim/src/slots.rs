@@ -205,6 +205,7 @@ fn kind(role: &Role) -> (u32, u32, u32) {
         Role::Algebraic(algebraic, stage) => (6, u32::from(stage), algebraic),
         Role::Inner(equation, serial) => (7, serial, equation),
         Role::Partial(equation, serial) => (8, serial, equation),
+        Role::Relayed(value, relay) => (14, relay, value.0),
         Role::Published(output) => (9, 0, output),
         Role::Pivot(state, matrix) => (12, u32::from(matrix), state),
         Role::Auxiliary(auxiliary) => (11, 0, auxiliary),

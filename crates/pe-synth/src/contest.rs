@@ -60,18 +60,25 @@ fn contenders(candidates: &[Candidate], loads: &[u32], periods: &[u32], max_in_d
 }
 
 /// Candidates from best to worst: cycles x connections (the paper's objective) among the fastest that have the ports.
-pub fn rank(candidates: &[Candidate], schedules: &[Schedule], max_in_degree: u32) -> Vec<usize> {
+/// The first ones, as many as `plain` says, do without relays; one with relays has to have a smaller product than the best
+/// of them.
+pub fn rank(candidates: &[Candidate], schedules: &[Schedule], max_in_degree: u32, plain: usize) -> Vec<usize> {
     let excess = |index: usize| candidates[index].cost.max_in_degree.saturating_sub(max_in_degree);
-    let permitted = (0..candidates.len()).filter(|&index| excess(index) == 0);
-    let shortest = permitted.map(|index| schedules[index].period).min().unwrap_or(0);
-    let longest = f64::from(shortest) * PERIOD_TOLERANCE;
-    let mut order: Vec<usize> = (0..candidates.len()).collect();
-    order.sort_by_key(|&index| {
-        let period = schedules[index].period;
-        let slow = f64::from(period) > longest;
-        (excess(index), slow, u64::from(period) * u64::from(candidates[index].cost.connections.max(1)), index)
-    });
-    order
+    let product =
+        |index: usize| u64::from(schedules[index].period) * u64::from(candidates[index].cost.connections.max(1));
+    let order = |among: usize, useless: &dyn Fn(usize) -> bool| {
+        let permitted = (0..among).filter(|&index| excess(index) == 0 && !useless(index));
+        let shortest = permitted.map(|index| schedules[index].period).min().unwrap_or(0);
+        let longest = f64::from(shortest) * PERIOD_TOLERANCE;
+        let mut order: Vec<usize> = (0..among).collect();
+        order.sort_by_key(|&index| {
+            let slow = f64::from(schedules[index].period) > longest;
+            (useless(index), excess(index), slow, product(index), index)
+        });
+        order
+    };
+    let best = order(plain, &|_| false).first().copied();
+    order(candidates.len(), &|index| index >= plain && best.is_some_and(|best| product(index) >= product(best)))
 }
 
 #[cfg(test)]
@@ -96,5 +103,20 @@ mod tests {
         // As long as nobody is certain to be fast enough, all go on.
         assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], 1), [0, 1]);
         assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], 0), [0; 0], "none has the ports");
+    }
+
+    #[test]
+    fn relays_have_to_save_something() {
+        let candidates = [candidate(100, 50), candidate(100, 40), candidate(100, 35), candidate(100, 10)];
+        let schedule = |period| Schedule { period, starts: Vec::new(), order: Vec::new(), transfers: Vec::new() };
+        let ranked = |periods: [u32; 4]| rank(&candidates, &periods.map(schedule), 1, 2);
+        assert_eq!(ranked([100, 101, 100, 120]), [2, 1, 0, 3], "a smaller product, and not too slow");
+        assert_eq!(ranked([100, 101, 140, 120])[0], 1, "too slow");
+        // Faster, but at a larger product than the best without relays, which so would be too slow.
+        let last = [candidate(100, 40), candidate(100, 50)];
+        let schedules = [100, 90].map(schedule);
+        assert_eq!(rank(&last, &schedules, 1, 1), [0, 1]);
+        assert_eq!(rank(&last, &schedules, 1, 2), [1, 0]);
+        assert_eq!(rank(&last, &schedules, 1, 0), [1, 0], "nothing to compare with");
     }
 }

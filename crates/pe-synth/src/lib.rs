@@ -25,6 +25,7 @@ pub mod console;
 pub mod contest;
 pub mod devices;
 pub mod engines;
+pub mod entrants;
 pub mod explore;
 pub mod failure;
 pub mod features;

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use pe_hls::relay::is_relay;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::mapping::Mapping;
@@ -75,6 +76,11 @@ impl MappingFile {
     /// Number of PEs.
     pub fn pes(&self) -> u32 {
         self.pes
+    }
+
+    /// Number of relays among its equations.
+    pub fn relays(&self) -> u32 {
+        self.lines.iter().filter(|line| is_relay(&line.equation)).count() as u32
     }
 
     /// The mapping of a step graph.

@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use pe_hls::assemble::TooLarge;
-use pe_hls::even::even;
-use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, WireLength};
+use pe_hls::mapping::{self, MapError, WireLength};
 use pe_hls::pairs::{self, Paired};
 use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
@@ -23,6 +22,7 @@ use pe_ir::word::{Latency, WordFormat};
 
 use crate::area;
 use crate::contest;
+use crate::entrants::{self, Entrants};
 use crate::failure::{Failure, print_findings};
 use crate::mapping_file::MappingFile;
 use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions};
@@ -120,6 +120,8 @@ pub struct StartResult {
     pub after: MappingCost,
     /// Cycles per step of its schedule.
     pub period: u32,
+    /// Relays of hubs in the step that was mapped.
+    pub relays: u32,
 }
 
 /// Everything that was decided about a model.
@@ -291,7 +293,7 @@ pub fn design(
     let (file, pes) = mapping_options.given(point.pes)?;
     let graph = build(loaded, point, mapping_options, watch)?;
     let graph = split(&graph, pes, mapping_options, format).unwrap_or(graph);
-    let given = file.map(|file| file.mapping(&graph)).transpose()?;
+    let given = file.map(|file| entrants::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
     let graph = match point.coefficients {
         Coefficients::OneSlot => graph,
         _ => two_slots(loaded, graph, format, point.coefficients, watch)?,
@@ -313,11 +315,11 @@ pub struct Network {
     pub pes: Option<u32>,
     /// Seed of the annealer.
     pub seed: u64,
-    /// The mapping that the user gives.
-    pub given: Option<Mapping>,
+    /// The mapping that the user gives, and the number of relays in it.
+    pub given: Option<(Mapping, u32)>,
 }
 
-/// Designs the network for a step graph whose formats are known.
+/// Designs the network for a step graph whose formats are known. The design's step may have relays beside it.
 pub fn implement(
     loaded: &LoadedModel,
     graph: &Arc<StepGraph>,
@@ -326,50 +328,39 @@ pub fn implement(
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
-    let fixed = &judged.fixed;
-    // What the mapping counts on: its loads are those of all pairs that it could make possible.
-    let hoped: Arc<StepGraph> = pairs::hoped_for(graph, fixed).map_or_else(|| Arc::clone(graph), Arc::new);
-    let problem = Problem::of(&hoped);
     let latency = Latency::of(&judged.fixed.format);
     let mapped = watch.stage(
         "map",
-        || map(&problem, &hoped, &network, mapping_options),
-        |candidates| match candidates {
-            Ok(candidates) => {
-                let pes = candidates[0].mapping.pes;
-                let origin = match network.given {
-                    Some(_) => "as given".to_owned(),
-                    None => format!("{} starts", candidates.len()),
-                };
-                format!("{} equations on {pes} PEs, {origin}", problem.equations())
-            }
+        || Entrants::of(graph, &judged.fixed, &network, mapping_options),
+        |entrants| match entrants {
+            Ok(entrants) => entrants.figure(network.given.is_some()),
             Err(_) => "impossible".to_owned(),
         },
     );
-    let mut candidates = mapped.map_err(|error| map_failure(error, graph, loaded))?;
-    if network.given.is_none() && !Arc::ptr_eq(&hoped, graph) {
-        let evened = |candidate: &Candidate| {
-            let mapping = even(graph, fixed, &candidate.mapping);
-            let cost = problem.cost(&mapping);
-            let useful = mapping != candidate.mapping && cost.max_in_degree <= mapping_options.max_in_degree;
-            useful.then_some(Candidate { mapping, cost, ..candidate.clone() })
-        };
-        let evened: Vec<Candidate> = candidates.iter().filter_map(evened).collect();
-        candidates.extend(evened);
-    }
+    let Entrants { variants, candidates, of, plain, .. } = mapped.map_err(|error| map_failure(error, graph, loaded))?;
     let taken_pes = candidates[0].mapping.pes;
-    let pairs: Vec<Option<Paired>> =
-        candidates.iter().map(|candidate| pairs::pair(graph, fixed, &candidate.mapping)).collect();
-    let graphs: Vec<&StepGraph> =
-        pairs.iter().map(|paired| paired.as_ref().map_or(&**graph, |paired| &paired.graph)).collect();
+    let variant = |index: usize| &variants[of[index]];
+    let pairs: Vec<Option<Paired>> = (candidates.iter().zip(&of))
+        .map(|(candidate, of)| pairs::pair(&variants[*of].graph, &variants[*of].fixed, &candidate.mapping))
+        .collect();
+    let graphs: Vec<&StepGraph> = (pairs.iter().zip(&of))
+        .map(|(paired, of)| paired.as_ref().map_or(&*variants[*of].graph, |paired| &paired.graph))
+        .collect();
     let schedules: Vec<Schedule> = watch.stage_saying(
         "schedule",
-        |say| contest::schedules(&graphs, &candidates, latency, mapping_options.max_in_degree, say),
+        |say| {
+            // Relays have no say in how well the others are scheduled.
+            let (graphs, more_graphs) = graphs.split_at(plain);
+            let (candidates, more) = candidates.split_at(plain);
+            let mut all = contest::schedules(graphs, candidates, latency, mapping_options.max_in_degree, say);
+            all.extend(contest::schedules(more_graphs, more, latency, mapping_options.max_in_degree, say));
+            all
+        },
         |schedules: &Vec<Schedule>| {
             format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
         },
     );
-    let order = contest::rank(&candidates, &schedules, mapping_options.max_in_degree);
+    let order = contest::rank(&candidates, &schedules, mapping_options.max_in_degree, plain);
     let starts: Vec<StartResult> = order
         .iter()
         .map(|index| StartResult {
@@ -377,13 +368,16 @@ pub fn implement(
             before: candidates[*index].start_cost,
             after: candidates[*index].cost,
             period: schedules[*index].period,
+            relays: variant(*index).relays,
         })
         .collect();
     let taken = order[0];
+    let variant = variant(taken);
     let schedule = schedules.into_iter().nth(taken).expect("ranked above");
     let candidate = candidates.into_iter().nth(taken).expect("ranked above");
     let paired = pairs.into_iter().nth(taken).expect("ranked above");
-    let (issued, numbers) = paired.as_ref().map_or((&**graph, fixed), |paired| (&paired.graph, &paired.fixed));
+    let (issued, numbers) =
+        paired.as_ref().map_or((&*variant.graph, &*variant.fixed), |paired| (&paired.graph, &paired.fixed));
     let assembled = watch.stage(
         "assemble",
         || assemble(&loaded.model, issued, numbers, &candidate.mapping, schedule, mapping_options.stage_loop),
@@ -397,14 +391,14 @@ pub fn implement(
     );
     let (schedule, program) = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
     let design = Design {
-        bound: Bound::of(&hoped, taken_pes, latency),
-        wires: mapping::wire_length(&problem, &candidate.mapping),
+        bound: Bound::of(&variant.hoped, taken_pes, latency),
+        wires: mapping::wire_length(&variant.problem, &candidate.mapping),
         mapping: candidate.mapping,
         cost: candidate.cost,
         default_pes: network.pes.is_none(),
-        graph: Arc::clone(graph),
-        hoped,
-        judged: Arc::clone(judged),
+        graph: Arc::clone(&variant.graph),
+        hoped: Arc::clone(&variant.hoped),
+        judged: variant.judged(judged),
         paired,
         schedule,
         program,
@@ -512,32 +506,6 @@ pub fn split(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, form
 pub fn default_pes(graph: &StepGraph) -> u32 {
     let slots: u64 = graph.loads().iter().map(|load| u64::from(*load)).sum();
     slots.div_ceil(DEFAULT_SLOTS_PER_PE).clamp(1, graph.equations.len() as u64) as u32
-}
-
-/// Maps the equations, or takes the mapping that is given. A default number of PEs is halved as long as some PE would
-/// need too many input ports.
-fn map(
-    problem: &Problem,
-    graph: &StepGraph,
-    network: &Network,
-    mapping_options: &MappingOptions,
-) -> Result<Vec<Candidate>, MapError> {
-    let &Network { pes, seed, ref given } = network;
-    if let Some(given) = given {
-        return mapping::given(problem, given, mapping_options.max_in_degree).map(|candidate| vec![candidate]);
-    }
-    let mut map_options = MapOptions {
-        pes: pes.unwrap_or_else(|| default_pes(graph)),
-        seed,
-        tries: mapping_options.tries.unwrap_or_else(|| MapOptions::default_tries(problem.equations())),
-        max_in_degree: mapping_options.max_in_degree,
-    };
-    loop {
-        match mapping::map(problem, &map_options) {
-            Err(MapError::InDegree { .. }) if pes.is_none() && map_options.pes > 1 => map_options.pes /= 2,
-            result => return result,
-        }
-    }
 }
 
 /// A mapping error as the user gets it.

@@ -163,6 +163,12 @@ pub fn report(
         };
         report["rates"] = json!((0..).zip(&model.rates).map(rate).collect::<Vec<_>>());
     }
+    if design.starts.iter().any(|start| start.relays > 0) {
+        report["relays"] = json!(design.starts[0].relays);
+        for (index, start) in design.starts.iter().enumerate() {
+            report["starts"][index]["relays"] = json!(start.relays);
+        }
+    }
     report["functions"] = json!(tables::report(&design.graph, &design.judged.fixed));
     report
 }
@@ -299,7 +305,8 @@ fn peak_memory_mb() -> Option<f64> {
 /// Best start and random start side by side.
 fn mapping_row(design: &Design) -> String {
     let figure = |start: &StartResult| {
-        format!("{}: {} cycles, {} connections", start.start, start.period, start.after.connections)
+        let relays = if start.relays > 0 { format!(", {} relays", start.relays) } else { String::new() };
+        format!("{}: {} cycles, {} connections{relays}", start.start, start.period, start.after.connections)
     };
     let random = design.starts.iter().find(|start| start.start == RANDOM);
     let best = &design.starts[0];

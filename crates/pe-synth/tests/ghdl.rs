@@ -10,6 +10,7 @@ use pe_ir::word::Pipeline;
 use pe_synth::engines::{self, Engine};
 use support::bench::{Agreement, Folder, assert_agreement};
 use support::flow::{Flow, Placement, Start, format};
+use support::hubs::hub_model;
 use support::models::{compile, compile_file, spec};
 use support::{FAMILIES, Family};
 
@@ -83,6 +84,21 @@ fn random_models_on_a_single_multiplier_block_agree() {
         sum += agree(family, (10, 4), solver, (32, 25, 18), seed);
     }
     report("25x18", sum);
+}
+
+#[test]
+fn designs_with_relays_agree() {
+    let mut sum = Agreement::default();
+    for (seed, (solver, widths)) in (81..).zip([("rk4", (32, 25, 18)), ("heun", (18, 18, 25)), ("euler", (32, 32, 32))])
+    {
+        let label = format!("hubs, {solver}, {widths:?}, seed {seed}");
+        let format = format(widths.0, widths.1, widths.2);
+        let flow = Flow::of(label, hub_model(12, solver, seed), 5, format, Placement::Annealed);
+        let flow = flow.relayed(3, 2).unwrap_or_else(|| panic!("{}: no hubs", flow.label));
+        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
+        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
+    }
+    report("relays", sum);
 }
 
 #[test]

@@ -116,6 +116,7 @@ fn curve_count(graph: &StepGraph) -> usize {
 }
 
 /// What the runs found.
+#[derive(Clone)]
 pub struct Judged {
     /// Number formats under which the span runs without saturation.
     pub fixed: FixedPoint,

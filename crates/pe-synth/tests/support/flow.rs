@@ -3,6 +3,7 @@
 use pe_hls::formats::{self, Ranges};
 use pe_hls::mapping::{MapOptions, Problem};
 use pe_hls::pairs;
+use pe_hls::relay::relay;
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
@@ -115,6 +116,12 @@ impl Flow {
         let graph = pe_hls::split::split(&graph, pes, MAX_IN_DEGREE, latency).unwrap_or(graph);
         let fixed = settled(&label, &model, &graph, format);
         let mapping = place(&label, &graph, pes, placement);
+        Flow::mapped(label, model, graph, fixed, mapping)
+    }
+
+    /// What the stages behind the mapping make of it.
+    fn mapped(label: String, model: Model, graph: StepGraph, fixed: FixedPoint, mapping: Mapping) -> Flow {
+        let (pes, latency) = (mapping.pes, Latency::of(&fixed.format));
         let paired = pairs::pair(&graph, &fixed, &mapping);
         let (issued, numbers) = paired.as_ref().map_or((&graph, &fixed), |paired| (&paired.graph, &paired.fixed));
         let schedule = pe_hls::schedule::schedule(issued, &mapping, latency);
@@ -125,6 +132,17 @@ impl Flow {
         assert_clean(&label, &verify::program::check(&program, &graph, &fixed, 3));
         let pairs = paired.map_or(0, |paired| paired.pairs);
         Flow { label, model, graph, fixed, mapping, schedule, program, pairs }
+    }
+
+    /// The same design with relays of its hubs, if it has hubs for PEs of so few ports.
+    pub fn relayed(&self, ports: u32, relays: u32) -> Option<Flow> {
+        let Flow { model, graph, fixed, mapping, .. } = self;
+        let relayed = relay(graph, mapping.pes, ports, relays)?;
+        let numbers = relayed.fixed(graph, fixed)?;
+        let mut mapping = mapping.clone();
+        mapping.pe_of.extend((0..relays).map(|relay| relay * 7919 % mapping.pes));
+        let graph = StepGraph::clone(&relayed.graph);
+        Some(Flow::mapped(format!("{}, {relays} relays", self.label), model.clone(), graph, numbers, mapping))
     }
 
     /// The same design with one round of control words for all stages, if these are alike.

@@ -6,6 +6,7 @@
 pub mod bench;
 pub mod faults;
 pub mod flow;
+pub mod hubs;
 pub mod models;
 pub mod tables;
 

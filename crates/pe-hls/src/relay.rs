@@ -1,0 +1,168 @@
+//! Relays of hubs: equations that copy what very many others read.
+//!
+//! Where several hubs are on several PEs, nearly every PE has a connection to each of these. A relay gathers them: it
+//! copies all that its readers read of any hub, so each of them needs a connection to the relay alone. A copy is a chain of
+//! one product with the coefficient 1, which is exact in every format, so relays change no result. They cost an issue
+//! slot per copy, and readers wait for a chain more.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use pe_ir::graph::{Chain, Equation, Factor, FixedPoint, Role, StepGraph, Term, Value, ValueId, Write};
+
+/// A hub is read by more equations than this many times the limit of input ports, and by more than there are PEs.
+const HUB: u32 = 2;
+
+/// A step graph with relays.
+#[derive(Clone, Debug)]
+pub struct Relayed {
+    /// The graph: equations and values of the relays come after all others.
+    pub graph: Arc<StepGraph>,
+    /// For each value of a relay the one that it is a copy of.
+    pub copied: Vec<ValueId>,
+    /// For each chain the one that it was without relays; none of those that copy.
+    origins: Vec<Option<u32>>,
+}
+
+/// The graph with so many relays, each for as many readers of hubs as the others; none where there are no two hubs, or so
+/// few PEs that each may read all others.
+pub fn relay(graph: &StepGraph, pes: u32, max_in_degree: u32, relays: u32) -> Option<Relayed> {
+    let (hubs, readers) = hubs(graph, pes, max_in_degree)?;
+    let mut relay_of: Vec<Option<u32>> = vec![None; graph.equations.len()];
+    for (position, reader) in (0u64..).zip(&readers) {
+        relay_of[*reader as usize] = Some((position * u64::from(relays) / readers.len() as u64) as u32);
+    }
+    let mut relayed = graph.clone();
+    let first = graph.equations.len() as u32;
+    let named = hubs.iter().position(|hub| *hub).expect("two at least");
+    for number in 1..=relays {
+        let Equation { name, span } = &graph.equations[named];
+        relayed.equations.push(Equation { name: format!("{name}{INFIX}{number}"), span: *span });
+    }
+    let mut copies: BTreeMap<(ValueId, u32), ValueId> = BTreeMap::new();
+    let mut copied = Vec::new();
+    for chain in &graph.chains {
+        let Some(relay) = relay_of[chain.equation as usize] else { continue };
+        for term in &mut relayed.terms[chain.terms.start as usize..chain.terms.end as usize] {
+            let hub = graph.value(term.operand).equation;
+            if hub == u32::MAX || !hubs[hub as usize] {
+                continue;
+            }
+            let original = term.operand;
+            term.operand = *copies.entry((original, relay)).or_insert_with(|| {
+                let role = Role::Relayed(original, relay + 1);
+                relayed.values.push(Value { role, equation: first + relay, factor: false });
+                copied.push(original);
+                ValueId(relayed.values.len() as u32 - 1)
+            });
+        }
+    }
+    Some(woven(graph, relayed, copied, &copies))
+}
+
+/// What the names of relays have between that of a hub and their number.
+const INFIX: &str = ".relay";
+
+/// Whether an equation of this name is a relay.
+pub fn is_relay(name: &str) -> bool {
+    name.rsplit_once(INFIX).is_some_and(|(_, number)| number.parse::<u32>().is_ok())
+}
+
+/// Which equations are hubs, and the others that read one; none if there are no two hubs.
+fn hubs(graph: &StepGraph, pes: u32, max_in_degree: u32) -> Option<(Vec<bool>, Vec<u32>)> {
+    if pes <= max_in_degree + 1 {
+        return None;
+    }
+    let arcs = graph.dependencies();
+    let mut readers = vec![0; graph.equations.len()];
+    arcs.iter().for_each(|(read, _)| readers[*read as usize] += 1);
+    let hubs: Vec<bool> = readers.into_iter().map(|count: u32| count > pes.max(HUB * max_in_degree)).collect();
+    if hubs.iter().filter(|hub| **hub).count() < 2 {
+        return None;
+    }
+    let is_reader = |(read, reader): &&(u32, u32)| hubs[*read as usize] && !hubs[*reader as usize];
+    let mut readers: Vec<u32> = arcs.iter().filter(is_reader).map(|(_, reader)| *reader).collect();
+    readers.sort_unstable();
+    readers.dedup();
+    Some((hubs, readers))
+}
+
+/// Puts the chains that copy a value behind the one that computes it, or in front of all.
+fn woven(
+    graph: &StepGraph,
+    mut relayed: StepGraph,
+    copied: Vec<ValueId>,
+    copies: &BTreeMap<(ValueId, u32), ValueId>,
+) -> Relayed {
+    let (mut chains, mut terms, mut origins) = (Vec::new(), Vec::new(), Vec::new());
+    let mut add = |chain: Chain, own: &[Term], origin: Option<u32>| {
+        let first = terms.len() as u32;
+        terms.extend_from_slice(own);
+        chains.push(Chain { terms: first..terms.len() as u32, ..chain });
+        origins.push(origin);
+    };
+    let copies_of = |value: ValueId| copies.range((value, 0)..=(value, u32::MAX));
+    let copy = |original: ValueId, value: ValueId| {
+        let write = Write { value, base: None, weight: 0 };
+        let equation = relayed.value(value).equation;
+        let chain = Chain { equation, terms: 0..0, interim: None, write, second: None, function: None };
+        (chain, [Term::new(original, Factor::Coefficient(1.0))])
+    };
+    let producers = graph.producers();
+    for ((original, _), value) in copies.iter().filter(|((original, _), _)| producers[original.index()] == u32::MAX) {
+        let (chain, own) = copy(*original, *value);
+        add(chain, &own, None);
+    }
+    for (index, chain) in (0..).zip(&relayed.chains) {
+        add(chain.clone(), relayed.chain_terms(chain), Some(index));
+        for ((original, _), value) in chain.writes().flat_map(|write| copies_of(write.value)) {
+            let (chain, own) = copy(*original, *value);
+            add(chain, &own, None);
+        }
+    }
+    (relayed.chains, relayed.terms) = (chains, terms);
+    Relayed { graph: Arc::new(relayed), copied, origins }
+}
+
+impl Relayed {
+    /// What each value had, with what each copy has from its original.
+    pub fn extended<T: Copy>(&self, of_values: &[T]) -> Vec<T> {
+        of_values.iter().copied().chain(self.copied.iter().map(|original| of_values[original.index()])).collect()
+    }
+
+    /// The numbers of the graph without relays, and those of the copies, which have the formats of their originals.
+    /// None if words are so wide against the multiplier that a product with 1 is coarser than the word.
+    pub fn fixed(&self, graph: &StepGraph, fixed: &FixedPoint) -> Option<FixedPoint> {
+        let format = fixed.format;
+        // The finest point on which the port holds a 1, and the bits of a product with it.
+        let one = format.coefficient_bits - 2;
+        let shift = u8::try_from((one + format.lift()).checked_sub(format.data_drop())?).ok()?;
+        let bits = (format.data_bits + one + 1) as u8;
+        let mut extended = FixedPoint {
+            format,
+            exponents: self.extended(&fixed.exponents),
+            headroom: self.extended(&fixed.headroom),
+            coefficients: Vec::with_capacity(self.graph.terms.len()),
+            products: Vec::with_capacity(self.graph.chains.len()),
+            shifts: Vec::with_capacity(self.graph.chains.len()),
+            accumulator_bits: Vec::with_capacity(self.graph.chains.len()),
+        };
+        for (chain, origin) in self.graph.chains.iter().zip(&self.origins) {
+            if let Some(origin) = origin.map(|origin| origin as usize) {
+                let terms = graph.chains[origin].terms.clone();
+                extended.coefficients.extend_from_slice(&fixed.coefficients[terms.start as usize..terms.end as usize]);
+                extended.products.push(fixed.products[origin]);
+                extended.shifts.push(fixed.shifts[origin]);
+                extended.accumulator_bits.push(fixed.accumulator_bits[origin]);
+            } else {
+                let original = self.graph.chain_terms(chain)[0].operand;
+                let operand = fixed.exponents[original.index()] + format.data_drop() as i32;
+                extended.coefficients.push(1 << one);
+                extended.products.push(operand - one as i32);
+                extended.shifts.push([shift, 0, 0]);
+                extended.accumulator_bits.push(bits);
+            }
+        }
+        Some(extended)
+    }
+}
