@@ -95,7 +95,7 @@ def main(folder, name="table1"):
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     shutil.rmtree(folder, ignore_errors=True)
     os.makedirs(os.path.join(folder, "hdl"))
-    libraries = ["pe_pkg", "pe_write_pkg", "pe_relay", "pe_ram", "pe_rom", "pe_multiplier", "pe_index", "pe_scale", "pe"]
+    libraries = ["pe_pkg", "pe_write_pkg", "pe_replica", "pe_ram", "pe_rom", "pe_multiplier", "pe_index", "pe_scale", "pe"]
     for library in libraries:
         shutil.copy(os.path.join(root, "hdl", library + ".vhd"), os.path.join(folder, "hdl"))
     generator = random.Random(1)

@@ -288,7 +288,7 @@ while read -r line; do
     synthesise -nobram
   fi
   awk '/^module/ { skip = $2 ~ /pe_rom/ } !skip { print } /^endmodule/ { skip = 0 }' netlist.v > pe.v
-  awk '/^module/ { take = $2 ~ /pe_rom|pe_relay/ } take { print } /^endmodule/ { take = 0 }' measured.v > rom.v
+  awk '/^module/ { take = $2 ~ /pe_rom|pe_replica/ } take { print } /^endmodule/ { take = 0 }' measured.v > rom.v
   netlist_bench > bench.v
   iverilog -g2012 -s bench -o bench pe.v rom.v bench.v "$cells" 2> iverilog.log || { cat iverilog.log >&2; exit 1; }
   vvp -n bench > /dev/null

@@ -116,9 +116,9 @@ begin
 
   end generate g_told;
 
-  g_relayed : if DEEP generate
+  g_replicated : if DEEP generate
 
-    u_advance : entity pe_lib.pe_relay
+    u_advance : entity pe_lib.pe_replica
       generic map (
         WIDTH => 2
       )
@@ -132,7 +132,7 @@ begin
 
     g_parity : if SWAP generate
 
-      u_parity : entity pe_lib.pe_relay
+      u_parity : entity pe_lib.pe_replica
         generic map (
           WIDTH => 1
         )
@@ -152,7 +152,7 @@ begin
 
     g_last : if BASE_LAST generate
 
-      u_last : entity pe_lib.pe_relay
+      u_last : entity pe_lib.pe_replica
         generic map (
           WIDTH => 1
         )
@@ -170,7 +170,7 @@ begin
 
     end generate g_no_last;
 
-  end generate g_relayed;
+  end generate g_replicated;
 
   -- Operand group -------------------------------------------------------------------------------------------------
 

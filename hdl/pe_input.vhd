@@ -14,7 +14,7 @@ entity pe_input is
     STORAGE_BITS : positive;        -- width of the input
     WORD_BITS    : positive;        -- stored word, guard bits included
     DATA_BITS    : positive;        -- data operand
-    DEEP         : boolean := false -- a second register, loaded by a relay
+    DEEP         : boolean := false -- a second register, loaded by a replica
   );
   port (
     clk_i      : in    std_ulogic;                                   -- clock
@@ -73,7 +73,7 @@ begin
 
     end process p_take;
 
-    u_arrive : entity pe_lib.pe_relay
+    u_arrive : entity pe_lib.pe_replica
       generic map (
         WIDTH => 1
       )

@@ -67,7 +67,7 @@ begin
 
   end generate g_direct;
 
-  g_relayed : if DEEP generate
+  g_replicated : if DEEP generate
 
     p_select : process (clk_i) is
     begin
@@ -82,7 +82,7 @@ begin
 
     end process p_select;
 
-    u_publish : entity pe_lib.pe_relay
+    u_publish : entity pe_lib.pe_replica
       generic map (
         WIDTH => 1
       )
@@ -92,7 +92,7 @@ begin
         value_o(0) => publish
       );
 
-  end generate g_relayed;
+  end generate g_replicated;
 
   g_round_by : for i in 0 to WORD_BITS generate
 

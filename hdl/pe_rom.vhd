@@ -7,7 +7,7 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_pkg.all;
 
--- The program of one PE; the registered output is the PE's control register. With DEEP there are more: a relay of the
+-- The program of one PE; the registered output is the PE's control register. With DEEP there are more: a replica of the
 -- address, and behind the memory one that block RAM has at its output, and one that synthesis may place beside the PE.
 -- They never stop.
 
@@ -83,7 +83,7 @@ begin
 
   begin
 
-    u_address : entity pe_lib.pe_relay
+    u_address : entity pe_lib.pe_replica
       generic map (
         WIDTH => address_i'length
       )

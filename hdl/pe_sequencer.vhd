@@ -150,7 +150,7 @@ begin
 
   end generate g_direct;
 
-  -- What the PEs are told leaves two registers later, and each of them has a relay, so they follow four clocks behind:
+  -- What the PEs are told leaves two registers later, and each of them has a replica, so they follow four clocks behind:
   -- as many as a control word takes on its way from the address to the PE. None of these registers stops. A clock
   -- without fetch is a clock later one in which nothing is executed, so a clock enable at the PEs comes from a register,
   -- and `ce_i` does not reach them.

@@ -14,7 +14,7 @@ entity pe_tick is
     DONE      : natural;         -- steps since the last sample as the network starts; 0: the first step begins with one
     ONE_BIT   : natural;         -- bit of the operand that is worth 1.0
     DATA_BITS : positive;        -- data operand
-    DEEP      : boolean := false -- loads the operand when a relay says so
+    DEEP      : boolean := false -- loads the operand when a replica says so
   );
   port (
     clk_i     : in    std_ulogic;                                -- clock
@@ -43,9 +43,9 @@ begin
 
   end generate g_direct;
 
-  g_relay : if DEEP generate
+  g_replica : if DEEP generate
 
-    u_arrive : entity pe_lib.pe_relay
+    u_arrive : entity pe_lib.pe_replica
       generic map (
         WIDTH => 1
       )
@@ -55,7 +55,7 @@ begin
         value_o(0) => load
       );
 
-  end generate g_relay;
+  end generate g_replica;
 
   p_count : process (clk_i) is
   begin

@@ -303,7 +303,7 @@ begin
 
   g_trace : if TRACE generate
 {% if deep %}
-    u_advance : entity pe_lib.pe_relay
+    u_advance : entity pe_lib.pe_replica
       generic map (
         WIDTH => 1
       )

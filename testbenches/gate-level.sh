@@ -22,7 +22,7 @@ while read -r library file; do
 done < "$design/$model.f"
 ghdl --synth --std=08 --out=verilog -gTRACE=true "$model" > network.v 2> /dev/null
 if [[ $family == ecp5 ]]; then
-  "$yosys" -q -p "read_verilog network.v; setattr -mod -set keep_hierarchy 1 pe_relay*
+  "$yosys" -q -p "read_verilog network.v; setattr -mod -set keep_hierarchy 1 pe_replica*
                   synth_ecp5 -no-rw-check -top $model
                   setattr -mod -unset keep_hierarchy *; flatten; write_json network.json" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }

@@ -155,7 +155,7 @@ begin
         report "no bit of " & integer'image(number) & " need be lost"
         severity failure;
 
-      -- The next input comes before the relay tells.
+      -- The next input comes before the replica tells.
       arrive   <= '1';
       enable   <= '0';
       wait until rising_edge(clk);

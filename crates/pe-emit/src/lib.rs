@@ -46,7 +46,7 @@ pub struct EmitOptions {
 pub const LIBRARY: [(&str, &str); 14] = [
     ("pe_pkg.vhd", include_str!("../../../hdl/pe_pkg.vhd")),
     ("pe_write_pkg.vhd", include_str!("../../../hdl/pe_write_pkg.vhd")),
-    ("pe_relay.vhd", include_str!("../../../hdl/pe_relay.vhd")),
+    ("pe_replica.vhd", include_str!("../../../hdl/pe_replica.vhd")),
     ("pe_ram.vhd", include_str!("../../../hdl/pe_ram.vhd")),
     ("pe_rom.vhd", include_str!("../../../hdl/pe_rom.vhd")),
     ("pe_multiplier.vhd", include_str!("../../../hdl/pe_multiplier.vhd")),

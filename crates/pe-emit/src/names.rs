@@ -169,7 +169,7 @@ const RESERVED: &[&str] = &[
     "pe_output",
     "pe_pkg",
     "pe_ram",
-    "pe_relay",
+    "pe_replica",
     "pe_rom",
     "pe_scale",
     "pe_sequencer",

@@ -204,7 +204,7 @@ fn errors(features: &PeFeatures, format: &WordFormat) -> (f64, f64) {
     (floor.max(2.0 * lut), floor.max(2.0 * ff))
 }
 
-/// Flip-flops of a program memory in a deep pipeline: the relay of its address, and two registers behind it.
+/// Flip-flops of a program memory in a deep pipeline: the replica of its address, and two registers behind it.
 pub(crate) fn followers(format: &WordFormat, words: u32, bits: u32) -> f64 {
     if format.pipeline == Pipeline::Short || bits == 0 { 0.0 } else { f64::from(index_bits(words) + 2 * bits) }
 }

@@ -7,7 +7,7 @@ library ieee;
 -- not all that they do with it. Synthesis must not make one of those that are alike: the attribute tells Vivado so,
 -- `hdl/measure-clock.sh` tells yosys.
 
-entity pe_relay is
+entity pe_replica is
   generic (
     WIDTH : positive -- bits
   );
@@ -16,9 +16,9 @@ entity pe_relay is
     value_i : in    std_ulogic_vector(WIDTH - 1 downto 0); -- what all are told
     value_o : out   std_ulogic_vector(WIDTH - 1 downto 0)  -- the same a clock later
   );
-end entity pe_relay;
+end entity pe_replica;
 
-architecture rtl of pe_relay is
+architecture rtl of pe_replica is
 
   signal value : std_ulogic_vector(WIDTH - 1 downto 0) := (others => '0');
 
@@ -28,14 +28,14 @@ architecture rtl of pe_relay is
 
 begin
 
-  p_relay : process (clk_i) is
+  p_replica : process (clk_i) is
   begin
 
     if rising_edge(clk_i) then
       value <= value_i;
     end if;
 
-  end process p_relay;
+  end process p_replica;
 
   value_o <= value;
 
