@@ -132,8 +132,13 @@ fn remedy(found: &Token, text: &str, tokens: &[Token], expected: &[&str]) -> Opt
         TokenKind::Open if before.is_some_and(|token| token.kind == TokenKind::Prime) => {
             "indices stand before the prime: `x[i]' = ...`"
         }
-        TokenKind::Number if after.is_some_and(|token| text_of(text, *token) == "..") && expected == ["a name"] => {
+        TokenKind::Number
+            if after.is_some_and(|token| ["..", "]"].contains(&text_of(text, *token))) && expected == ["a name"] =>
+        {
             "an index has a name: `state x[i in 1..3] = 0`"
+        }
+        TokenKind::Word if text_of(text, *found) == "for" => {
+            "there are no loops: `x[i]' = ...` holds for all of its indices, `x[i]' = ... for i in 2..3` for some"
         }
         TokenKind::Brace => {
             "group with parentheses `( )`, indices with brackets `[ ]`; a block begins with `every 1 ms {`"

@@ -100,8 +100,9 @@ impl Compile {
             "read",
             || self.model.load(&self.point),
             |loaded| match loaded {
-                Ok(loaded) => {
-                    format!("{}: {}, {}", loaded.model.name, loaded.model.size(), loaded.model.title)
+                Ok(LoadedModel { model, .. }) => {
+                    let title = if model.title.is_empty() { String::new() } else { format!(", {}", model.title) };
+                    format!("{}: {}{title}", model.name, model.size())
                 }
                 Err(_) => "refused".to_owned(),
             },
