@@ -94,10 +94,19 @@ def equivalent(lut, dsp, bram):
     return round(lut + LUTS_OF_DSP * dsp + LUTS_OF_BRAM * bram)
 
 
+# The numbers of a row of hdl/measure-area.sh.
+AREA_COLUMNS = ("shape", "PEs", "LUT", "packed", "logic", "memory", "SRL", "FF", "DSP", "RAMB18", "RAMB36")
+
+
 def shapes(path):
-    """Rows of hdl/measure-area.sh: numbers and features; without the mean."""
+    """Rows of hdl/measure-area.sh: numbers by column, BRAM among them, and features; without the mean."""
     lines = [line for line in open(path) if re.match(r"\d+ ", line)]
-    return [(list(map(float, line.split()[:10])), line.split(None, 10)[10].strip()) for line in lines]
+    rows = []
+    for line in lines:
+        *numbers, features = line.split(None, len(AREA_COLUMNS))
+        row = dict(zip(AREA_COLUMNS, map(float, numbers)))
+        rows.append((row | {"BRAM": row["RAMB18"] / 2 + row["RAMB36"]}, features.strip()))
+    return rows
 
 
 def introduction():
@@ -146,9 +155,10 @@ def table_one():
         own, imported, ports = (int(re.search(rf"{name} (\d+)", features)[1]) for name in ("own", "imported", "ports"))
         words, bits = re.search(r"(\d+) words of (\d+) bits", features).groups()
         lut, dsp, bram, clock = PAPER_PES[ports, own + imported]
-        rows.append((ports, own + imported, lut, f"{numbers[2]:.0f}", f"{numbers[4]:.0f}", dsp, f"{numbers[7]:.0f}", bram,
-                     f"{numbers[8] / 2 + numbers[9]:g}", clock, f"{words} x {bits}"))
-    table(("ports", "data words", "LUT, paper", "LUT, measured", "of them memory", "DSP, paper", "DSP", "BRAM, paper", "BRAM",
+        rows.append((ports, own + imported, lut, f"{numbers['LUT']:.0f}", f"{numbers['packed']:.0f}",
+                     f"{numbers['memory']:.0f}", dsp, f"{numbers['DSP']:.0f}", bram, f"{numbers['BRAM']:g}", clock,
+                     f"{words} x {bits}"))
+    table(("ports", "data words", "LUT, paper", "LUT, measured", "packed", "of them memory", "DSP, paper", "DSP", "BRAM, paper", "BRAM",
            "MHz, paper", "program"), rows)
     paragraph("Multiplier 25x18, five right shifts, memory contents random so that nothing can be simplified away. Our data "
               "memory is counted as half own results (33 bits wide, with a copy for the operands) and half words from other "
@@ -332,25 +342,25 @@ def area(designs):
         model, pes, multiplier = os.path.basename(path)[:-4].rsplit("-", 2)
         pes = int(pes)
         rows_of_file = shapes(path)
-        total = [sum(s[1] * s[i] for s, _ in rows_of_file) / pes for i in range(10)]
-        assert sum(s[1] for s, _ in rows_of_file) == pes, path
+        shown = ("LUT", "packed", "logic", "memory", "FF", "DSP", "BRAM")
+        mean = {name: sum(row["PEs"] * row[name] for row, _ in rows_of_file) / pes for name in shown}
+        assert sum(row["PEs"] for row, _ in rows_of_file) == pes, path
         rows = []
         if (model, pes) in PAPER:
             lut, dsp, bram = PAPER[model, pes][:3]
-            rows.append(("paper", f"{lut / pes:.0f}", "", "", "", f"{dsp / pes:.0f}", f"{bram / pes:.1f}"))
-        rows.append((f"measured, {len(rows_of_file)} shapes", f"{total[2]:.1f}", f"{total[3]:.1f}", f"{total[4]:.1f}",
-                     f"{total[6]:.1f}", f"{total[7]:.1f}", f"{total[8] / 2 + total[9]:.1f}"))
+            rows.append(("paper", f"{lut / pes:.0f}", "", "", "", "", f"{dsp / pes:.0f}", f"{bram / pes:.1f}"))
+        rows.append((f"measured, {len(rows_of_file)} shapes", *(f"{mean[name]:.1f}" for name in shown)))
         if (model, pes, multiplier) in designs:
             folder, (report, _) = designs[model, pes, multiplier]
             estimate = report["area"]
-            rows.append((f"estimated at commit {commits([folder])}", f"{estimate['lut'] / pes:.1f}", "", "",
+            rows.append((f"estimated at commit {commits([folder])}", f"{estimate['lut'] / pes:.1f}", "", "", "",
                          f"{estimate['ff'] / pes:.1f}", f"{estimate['dsp'] / pes:.1f}", f"{estimate['bram18'] / 2 / pes:.1f}"))
         print(f"**{model}, {pes} PEs, {multiplier}**, mean per PE:\n")
-        table(("", "LUT", "logic", "memory", "FF", "DSP", "BRAM"), rows)
-        rows = [(int(s[1]), int(s[2]), int(s[3]), int(s[4]), int(s[6]), int(s[7]), f"{s[8] / 2 + s[9]:g}", features)
-                for s, features in sorted(rows_of_file, key=lambda shape: -shape[0][1])[:12]]
+        table(("",) + shown, rows)
+        most = sorted(rows_of_file, key=lambda shape: -shape[0]["PEs"])[:12]
+        rows = [(*(f"{row[name]:g}" for name in ("PEs",) + shown), features) for row, features in most]
         print("The twelve most frequent shapes:\n")
-        table(("PEs", "LUT", "logic", "memory", "FF", "DSP", "BRAM", "features"), rows)
+        table(("PEs",) + shown + ("features",), rows)
     residuals = f"{work}/area/residuals.txt"
     if os.path.exists(residuals):
         line = re.search(r"residuals: (.*)", open(residuals).read())
