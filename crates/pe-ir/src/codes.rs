@@ -100,6 +100,9 @@ codes! {
     SOLUTION_ENDS = "E0906", "solution ends within the span";
     WORD_TOO_SHORT = "E0907", "word too short";
     POLE_MOVED = "E0908", "rounding makes a pole unstable";
+    INPUT_UNSEEN = "E0913", "step too large for an input";
+    INPUT_ALIASED = "E0914", "input faster than the steps";
+    PULSE_MISSED = "E0915", "pulse between two steps";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";
@@ -122,6 +125,10 @@ codes! {
     INPUT_RANGE = "W0913", "input outside its stated range";
     REFERENCES_DIFFER = "W0914", "reference methods differ";
     RINGING = "W0915", "sampled part does not come to rest";
+    INPUT_HELD = "W0920", "held input large for the accuracy";
+    INPUT_JUMPS = "W0921", "input jumps within a step";
+    INPUT_NEARLY_ALIASED = "W0922", "input faster than the steps";
+    SHORT_PULSE_MISSED = "W0923", "pulse between two steps";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.
@@ -139,7 +146,8 @@ pub const GROUPS: &[(&str, &str)] = &[
 ];
 
 /// Errors that the user may turn into warnings, for their result is only doubtful.
-pub const PERMITTABLE: [&str; 3] = [STEP_TOO_LARGE, WORD_TOO_SHORT, POLE_MOVED];
+pub const PERMITTABLE: [&str; 6] =
+    [STEP_TOO_LARGE, WORD_TOO_SHORT, POLE_MOVED, INPUT_UNSEEN, INPUT_ALIASED, PULSE_MISSED];
 
 /// The long explanation of a code: its section of `docs/diagnostics.md`, heading included. Case does not matter.
 pub fn explain(code: &str) -> Option<&'static str> {

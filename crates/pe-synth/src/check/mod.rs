@@ -43,8 +43,16 @@ const TRIED_STATES: usize = 10_000;
 const MATRIX_STATES: usize = 200;
 
 /// Refusals that the check can explain.
-pub const EXPLAINED: [&str; 5] =
-    [codes::DIVERGED, codes::SATURATED, codes::STEP_TOO_LARGE, codes::SMALL_PIVOT, codes::WORD_TOO_SHORT];
+pub const EXPLAINED: [&str; 8] = [
+    codes::DIVERGED,
+    codes::SATURATED,
+    codes::STEP_TOO_LARGE,
+    codes::SMALL_PIVOT,
+    codes::WORD_TOO_SHORT,
+    codes::INPUT_UNSEEN,
+    codes::INPUT_ALIASED,
+    codes::PULSE_MISSED,
+];
 
 /// Findings of the check alone; others come from the runs.
 const OWN: [&str; 9] = [

@@ -234,6 +234,9 @@ pub fn text(model: &Model, check: &Check, judged: Option<&Judged>, asked_span: f
     if let Some(judged) = judged {
         let errors = judged.errors;
         row("method error", &format!("{:.1e} (half-step estimate)", errors.method));
+        if errors.input_hold > 0.0 {
+            row("input hold", &format!("{:.1e}", errors.input_hold));
+        }
         row("word length", &format!("{:.1e}, worst `{}`", errors.word_length, model.states[errors.worst_state].name));
     }
     text

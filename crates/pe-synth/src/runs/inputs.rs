@@ -1,8 +1,151 @@
-//! Inputs whose declared signal leaves the range that the spec states for them.
+//! Inputs: what a step sees of their signals, and signals that leave the range that the spec states for them.
 
 use pe_ir::codes;
-use pe_ir::model::{Input, Model};
+use pe_ir::model::{Expr, Input, Model, Unseen, Variable};
 use pe_ir::source::Diagnostic;
+use pe_sim::error::Trajectory;
+
+use super::{INPUT_ERROR_REFUSED, INPUT_ERROR_WARNED};
+
+/// What a comparison run takes an input for in a substep.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sight {
+    /// Its value at the beginning of the step, as the hardware does.
+    Held,
+    /// Its value at the beginning of the substep.
+    Sampled,
+    /// Its mean over the substep. What samples read is read at the beginning of the substep.
+    Mean,
+}
+
+/// The inputs of a substep in their means; those that not only the continuous part reads as they are at its beginning.
+pub(super) fn means(finer: &Model, continuous: &[bool], (begin, end): (f64, f64)) -> Vec<f64> {
+    let mut inputs = finer.sample_inputs(begin);
+    for ((number, input), mean) in inputs.iter_mut().zip(&finer.inputs).zip(continuous) {
+        if *mean {
+            *number = input.waveform.mean(begin, end);
+        }
+    }
+    inputs
+}
+
+/// For each input whether it is read by nothing but the continuous part of the model.
+pub(super) fn read_by_continuous_alone(model: &Model) -> Vec<bool> {
+    let mut alone = vec![true; model.inputs.len()];
+    if let Some(Variable::Input(ratio)) = model.step_ratio() {
+        alone[ratio as usize] = false;
+    }
+    let sampled = model.states.iter().filter(|state| state.rate.is_some()).map(|state| &state.derivative);
+    let mut waiting: Vec<&Expr> = sampled.collect();
+    let mut seen = vec![false; model.algebraics.len()];
+    while let Some(expr) = waiting.pop() {
+        expr.each_variable(&mut |variable| match variable {
+            Variable::Input(input) => alone[input as usize] = false,
+            Variable::Algebraic(number) if !std::mem::replace(&mut seen[number as usize], true) => {
+                waiting.push(&model.algebraics[number as usize].expr);
+            }
+            Variable::Algebraic(_) | Variable::State(_) => {}
+        });
+    }
+    alone
+}
+
+/// What steps do not see of an input: which one, what, and the beginning of the first such step in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Cause {
+    input: usize,
+    unseen: Unseen,
+    time: f64,
+}
+
+/// The gravest thing that steps do not see of inputs.
+pub(super) fn cause(model: &Model) -> Option<Cause> {
+    const GRAVEST: [Unseen; 3] = [Unseen::Aliased, Unseen::Missed, Unseen::Jump];
+    let rank = |unseen: Unseen| GRAVEST.iter().position(|other| *other == unseen);
+    let mut found: Option<Cause> = None;
+    for (input, _) in read_by_continuous_alone(model).into_iter().enumerate().filter(|(_, alone)| *alone) {
+        let mut begin = 0.0;
+        for step in 0..model.steps() {
+            let end = model.time(step, 1.0);
+            let unseen = model.inputs[input].waveform.unseen(begin, end);
+            let graver = |unseen: &Unseen| found.is_none_or(|found| rank(*unseen) < rank(found.unseen));
+            if let Some(unseen) = unseen.filter(graver) {
+                found = Some(Cause { input, unseen, time: begin });
+                if rank(unseen) == Some(0) {
+                    return found;
+                }
+            }
+            begin = end;
+        }
+    }
+    found
+}
+
+/// How wrong the steps are for what they do not see of inputs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blindness {
+    /// Relative to the largest magnitude that the state has in either run.
+    pub error: f64,
+    state: usize,
+}
+
+impl Blindness {
+    /// Compares a run that sees inputs as the hardware does with one that sees their means.
+    pub fn of(model: &Model, run: &Trajectory, seen: &Trajectory, scales: &[f64]) -> Blindness {
+        let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
+        let scales: Vec<f64> = scales.iter().zip(seen.scales(&quantities)).map(|(a, b)| a.max(b)).collect();
+        let (state, error) = run.deviation(seen).worst(&scales);
+        Blindness { error, state }
+    }
+
+    /// What is said about it, if it is worth a word.
+    pub fn finding(&self, model: &Model) -> Option<Diagnostic> {
+        if self.error <= INPUT_ERROR_WARNED {
+            return None;
+        }
+        let refused = self.error > INPUT_ERROR_REFUSED;
+        let moved =
+            format!("moves `{}` by up to {:.1e} of its largest magnitude", model.states[self.state].name, self.error);
+        let cause = cause(model);
+        let (error, warning, message) = match cause {
+            None => {
+                let message = format!("holding inputs over steps of {:e} s {moved}", model.step);
+                (codes::INPUT_UNSEEN, codes::INPUT_HELD, message)
+            }
+            Some(Cause { input, unseen, time }) => {
+                let name = &model.inputs[input].name;
+                let step = format!("the step of {:e} s at t = {time:.6e} s", model.step);
+                match unseen {
+                    Unseen::Aliased => {
+                        let message =
+                            format!("`{name}` changes faster than steps of {:e} s see: that {moved}", model.step);
+                        (codes::INPUT_ALIASED, codes::INPUT_NEARLY_ALIASED, message)
+                    }
+                    Unseen::Missed => {
+                        let message =
+                            format!("`{name}` has a pulse within {step}, which sees none of it: that {moved}");
+                        (codes::PULSE_MISSED, codes::SHORT_PULSE_MISSED, message)
+                    }
+                    Unseen::Jump => {
+                        let message = format!("`{name}` jumps within {step}, which sees it at its end: that {moved}");
+                        (codes::INPUT_UNSEEN, codes::INPUT_JUMPS, message)
+                    }
+                }
+            }
+        };
+        let help = match cause.map(|cause| cause.unseen) {
+            None => "take a smaller `--step`; the error falls linearly with it".to_owned(),
+            Some(Unseen::Aliased) => "take a step of a tenth of its period, or a slower signal".to_owned(),
+            Some(Unseen::Missed) => "take a step that its beginning and its length are multiples of".to_owned(),
+            Some(Unseen::Jump) => {
+                "take a step that the times of its jumps are multiples of, or a smaller one".to_owned()
+            }
+        };
+        let span = cause.map_or(model.states[self.state].span, |cause| model.inputs[cause.input].span);
+        let finding = Diagnostic::error(if refused { error } else { warning }, span, message).with_help(help);
+        Some(if refused { finding } else { finding.into_warning() })
+    }
+}
 
 /// What the samples of a signal do that leaves its range.
 struct Excursion {

@@ -4,7 +4,7 @@
 //! double, step h        ranges, reference trajectory; refuses what turns non-finite
 //! fixed point           widens formats until nothing saturates; word-length error, checkpoint
 //! double, quantised     coefficient error on its own
-//! double, step h/2      method error; once more with inputs sampled twice as often: input-hold error
+//! double, step h/2      method error; once more with the means of inputs: input-hold error
 //! ```
 
 mod comparison;
@@ -33,6 +33,7 @@ use crate::pipeline::thread_seconds;
 use crate::pivots::{self, SmallestPivot};
 
 use self::comparison::{Substeps, first_beyond, half_step_runs, trajectory};
+use self::inputs::Sight;
 use self::saturated::Saturated;
 
 pub use self::comparison::Comparison;
@@ -49,6 +50,10 @@ const SAMPLE_BUDGET: u64 = 32_000_000;
 /// Estimated method error from which on the step is refused, and from which on it is warned about.
 const METHOD_ERROR_REFUSED: f64 = 0.5;
 const METHOD_ERROR_WARNED: f64 = 0.02;
+
+/// The same of the error that held inputs cause.
+const INPUT_ERROR_REFUSED: f64 = 0.5;
+const INPUT_ERROR_WARNED: f64 = 0.02;
 
 /// Word-length error from which on the word is called short, and from which on its result is refused; that of a model
 /// that multiplies small differences is refused as soon as it is warned about.
@@ -70,7 +75,7 @@ pub struct Errors {
     pub function: Option<f64>,
     /// Step `h` against step `h/2`, extrapolated with the order of the method.
     pub method: f64,
-    /// Inputs held over `h` against inputs held over `h/2`, extrapolated; zero if all inputs are constant.
+    /// Inputs held over `h` against their means over `h/2`; zero if all inputs are constant.
     pub input_hold: f64,
 }
 
@@ -151,7 +156,8 @@ pub struct Judged {
 /// Runs the model over its span.
 ///
 /// # Errors
-/// `E0901` non-finite, `E0902` saturates however wide, `E0903` step too large, `E0907` word too short, `E080x` no format.
+/// `E0901` non-finite, `E0902` saturates however wide, `E0903` step too large, `E0907` word too short, `E0913` to `E0915` input not seen,
+/// `E080x` no format.
 pub fn judge(
     model: &Model,
     graph: &StepGraph,
@@ -227,7 +233,8 @@ impl Exact {
         }
         let options = StepOptions { form: Some(self.form), ..StepOptions::default() };
         let graph = pe_hls::step::build_with(model, &options)?;
-        let functions = trajectory(model, DoubleRun::new(&graph), &self.plan, Substeps { count: 1, resample: false })?;
+        let functions =
+            trajectory(model, DoubleRun::new(&graph), &self.plan, Substeps { count: 1, inputs: Sight::Held })?;
         let function = Some(functions.deviation(&self.reference).worst(&self.scales).1);
         let comparison = half_step_runs(model, self.form, &self.plan, &functions, &self.scales)?;
         Ok(Comparison { function, ..comparison })
@@ -258,6 +265,8 @@ impl Exact {
         let word_length_at_end = self.reference.last().deviation(&settled.hardware.last()).worst(&self.scales).1;
         let at_end = (word_length_at_end, settled.quantised_at_end.worst(&self.scales).1);
         let Comparison { function, method, input_hold, finding } = comparison;
+        let blindness = input_hold;
+        let input_hold = blindness.map_or(0.0, |blindness| blindness.error);
         let errors = Errors { worst_state, word_length, coefficient, at_end, function, method, input_hold };
         let mut warnings = Vec::new();
         if errors.method > METHOD_ERROR_REFUSED {
@@ -265,6 +274,10 @@ impl Exact {
         } else if errors.method > METHOD_ERROR_WARNED {
             let message = finding.message.replace("too large", "large");
             warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..finding.into_warning() });
+        }
+        if let Some(finding) = blindness.and_then(|blindness| blindness.finding(model)) {
+            let refused = finding.severity == Severity::Error;
+            warnings.extend(if refused { options.permit(vec![finding])? } else { vec![finding] });
         }
         if let Some(finding) = self.word_short(model, graph, &settled.hardware, errors) {
             let refused = finding.severity == Severity::Error;

@@ -12,6 +12,7 @@ use pe_sim::error::{Deviation, Trajectory};
 use crate::pipeline::thread_seconds;
 
 use super::comparison::{Substeps, trajectory};
+use super::inputs::Sight;
 use super::{Checkpoint, Exact, fixed_run};
 
 /// Fixed-point runs before a saturating model is refused.
@@ -111,7 +112,7 @@ impl Exact {
         fixed: &FixedPoint,
     ) -> Result<(Deviation, Deviation), Vec<Diagnostic>> {
         let run = DoubleRun::quantised(graph, fixed);
-        let samples = trajectory(model, run, &self.plan, Substeps { count: 1, resample: false })?;
+        let samples = trajectory(model, run, &self.plan, Substeps { count: 1, inputs: Sight::Held })?;
         Ok((self.reference.deviation(&samples), self.reference.last().deviation(&samples.last())))
     }
 

@@ -1,6 +1,10 @@
 //! Signals of external inputs over time. All are computed with `libm`, so that every platform gives the same bits.
 
+mod mean;
+
 use std::sync::Arc;
+
+pub use self::mean::Unseen;
 
 /// Declared signal of an external input; drives the runs and the test bench.
 #[derive(Clone, Debug, PartialEq)]
