@@ -4,8 +4,8 @@
 //! Cycle-accurate reference of the {{ model }} network, independent of the compiler and of the VHDL: it decodes the
 //! control-word bits of the network's memories and follows the hardware datasheet.
 //!
-//! Build with `rustc -O --edition 2021`. Arguments: `--stimulus FILE`, `--steps N`, `--quiet` (outputs and a checksum
-//! of all memory writes instead of the writes). Prints lines `t cycle pe address value` (memory writes),
+//! Build with `rustc -O --edition 2021`. Arguments: `--stimulus FILE`, `--steps N`, `--images FILE` (initial words in
+//! place of some of those below), `--quiet` (outputs and a checksum of all memory writes instead of the writes). Prints lines `t cycle pe address value` (memory writes),
 //! `o step index value` (outputs), `v pe` and `v any` (overflow flags), `c clocks` (clocks per step) and `checks count`.
 
 use std::io::{BufWriter, Write};
@@ -255,6 +255,22 @@ impl Network {
         }
     }
 
+    /// Takes initial words from a file: lines `pe memory address word`, all decimal, memory `own`, `base` or `imported`.
+    fn start_from(&mut self, name: &str) {
+        for line in read(name).lines() {
+            let fields: Vec<&str> = line.split_ascii_whitespace().collect();
+            let pe = &mut self.pes[fields[0].parse::<usize>().expect("a PE is a number")];
+            let image = match fields[1] {
+                "own" => &mut pe.own,
+                "base" => &mut pe.base_words,
+                "imported" => &mut pe.imported,
+                memory => panic!("no memory {memory}"),
+            };
+            image[fields[2].parse::<usize>().expect("an address is a number")] =
+                fields[3].parse().expect("a word is a number");
+        }
+    }
+
     fn trace(&mut self, pe: usize, address: u64, value: u64) {
         self.checks += 1;
         if self.quiet {
@@ -431,12 +447,16 @@ impl Network {
     }
 }
 
-/// Input words of every step.
-fn read_stimulus(name: &str) -> Vec<Vec<i64>> {
-    let text = std::fs::read_to_string(name).unwrap_or_else(|error| {
+fn read(name: &str) -> String {
+    std::fs::read_to_string(name).unwrap_or_else(|error| {
         eprintln!("cannot read {name}: {error}");
         std::process::exit(2);
-    });
+    })
+}
+
+/// Input words of every step.
+fn read_stimulus(name: &str) -> Vec<Vec<i64>> {
+    let text = read(name);
     let word = |digits: &str| {
         let bits = i64::from_str_radix(digits, 16).expect("stimulus words are hexadecimal");
         signed(bits, STORAGE_BITS)
@@ -447,6 +467,7 @@ fn read_stimulus(name: &str) -> Vec<Vec<i64>> {
 fn main() {
     let mut stimulus_name = String::from("{{ model }}_stimulus.txt");
     let mut steps = DEFAULT_STEPS;
+    let mut images_name = None;
     let mut quiet = false;
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
@@ -454,6 +475,7 @@ fn main() {
         match argument.as_str() {
             "--stimulus" => stimulus_name = value(),
             "--steps" => steps = value().parse().expect("--steps takes a number"),
+            "--images" => images_name = Some(value()),
             "--quiet" => quiet = true,
             _ => {
                 eprintln!("unknown argument {argument}");
@@ -463,6 +485,9 @@ fn main() {
     }
     let stimulus = read_stimulus(&stimulus_name);
     let mut network = Network::new(quiet);
+    if let Some(name) = images_name {
+        network.start_from(&name);
+    }
     network.configure();
     for step in 0..steps {
         let words = stimulus.get(step as usize).or(stimulus.last()).map_or(&[][..], |words| words);

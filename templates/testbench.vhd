@@ -23,6 +23,7 @@ entity {{ model }}_tb is
     STEPS	: positive := {{ default_steps }};	-- steps to run
     GAP	: natural  := 0;	-- clocks between two steps; 0 runs freely
     CE_SEED	: natural  := 0;	-- not 0: pseudo-random clock enable
+    CONTROL	: string   := "";	-- a hex digit per clock: 1 ce_i, 2 step_i, 4 inputs valid; else garbage
     TRACE	: boolean  := true;	-- prints memory writes
     STIMULUS	: string   := "{{ model }}_stimulus.txt"	-- input words, one line per step
   );
@@ -46,6 +47,9 @@ architecture bench of {{ model }}_tb is
   signal busy       : std_ulogic;
   signal done       : std_ulogic;
   signal overflow   : std_ulogic;
+  signal valid      : std_ulogic := '1';
+  signal words      : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
+  signal garbage    : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
   signal inputs     : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
   signal outputs    : std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0);
   signal trace_line : std_ulogic_vector(trace_width(TRACE, PE_COUNT) - 1 downto 0);
@@ -74,10 +78,18 @@ begin
       trace_o	=> trace_line
     );
 
+  inputs <= words when valid = '1' else
+            garbage;
+
   p_run : process is
 
     file stimulus_file : text open read_mode is STIMULUS;
+    file control_file  : text;
 
+    variable controls  : line;
+    variable ended     : boolean;
+    variable shown     : std_ulogic_vector(outputs'range);
+    variable state     : std_ulogic_vector(2 downto 0);
     variable random    : unsigned(15 downto 0);
     variable countdown : natural;
     variable cycle     : natural;
@@ -92,8 +104,8 @@ begin
 
     procedure next_inputs is
 
-      variable words : line;
-      variable word  : std_ulogic_vector(FILE_BITS - 1 downto 0);
+      variable fields : line;
+      variable word   : std_ulogic_vector(FILE_BITS - 1 downto 0);
 
     begin
 
@@ -101,16 +113,71 @@ begin
         return;
       end if;
 
-      readline(stimulus_file, words);
+      readline(stimulus_file, fields);
 
       for i in 0 to INPUT_COUNT - 1 loop
 
-        hread(words, word);
-        inputs((i + 1) * STORAGE_BITS - 1 downto i * STORAGE_BITS) <= word(STORAGE_BITS - 1 downto 0);
+        hread(fields, word);
+        words((i + 1) * STORAGE_BITS - 1 downto i * STORAGE_BITS) <= word(STORAGE_BITS - 1 downto 0);
 
       end loop;
 
     end procedure next_inputs;
+
+    -- What the next clock sees, as the control file says.
+
+    procedure next_control is
+
+      variable digit : std_ulogic_vector(3 downto 0);
+
+    begin
+
+      if (controls = null or controls'length = 0) then
+        if (endfile(control_file)) then
+          ended := true;
+          return;
+        end if;
+
+        readline(control_file, controls);
+      end if;
+
+      hread(controls, digit);
+      ce    <= digit(0);
+      step  <= digit(1);
+      valid <= digit(2);
+
+      random := random(14 downto 0) & (random(15) xor random(13) xor random(12) xor random(10));
+
+      for i in garbage'range loop
+
+        garbage(i) <= random(i mod 16) xor random(i / 16 mod 16);
+
+      end loop;
+
+    end procedure next_control;
+
+    -- Changes of the handshake, and of outputs when nothing is published.
+
+    procedure watch is
+
+      variable now_state : std_ulogic_vector(2 downto 0);
+
+    begin
+
+      now_state := busy & done & overflow;
+
+      if (now_state /= state) then
+        print("h " & integer'image(clocks) & " " & hex(now_state));
+      end if;
+
+      if (outputs /= shown and (done = '0' or told)) then
+        print("u " & integer'image(clocks));
+      end if;
+
+      state := now_state;
+      shown := outputs;
+
+    end procedure watch;
 
     procedure print_outputs is
     begin
@@ -136,13 +203,25 @@ begin
     finished  := 0;
     checks    := 0;
     told      := false;
+    ended     := false;
+    state     := "100";
+    shown     := (others => '0');
     next_inputs;
+
+    if (CONTROL'length > 0) then
+      file_open(control_file, CONTROL, read_mode);
+      next_control;
+    end if;
 
     loop
 
       -- All values are those before the edge.
       wait until rising_edge(clk);
       clocks := clocks + 1;
+
+      if (CONTROL'length > 0) then
+        watch;
+      end if;
 
       -- In its first clock, enabled or not: a deep pipeline goes on with the next words.
       if (done = '1' and not told) then
@@ -160,7 +239,14 @@ begin
         cycle := cycle + 1;
       end if;
 
-      if (busy = '0' and step = '1' and ce = '1') then
+      if (CONTROL'length > 0) then
+        if (valid = '1') then
+          next_inputs;
+        end if;
+
+        next_control;
+        exit when ended;
+      elsif (busy = '0' and step = '1' and ce = '1') then
         next_inputs;
         countdown := GAP;
 

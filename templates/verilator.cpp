@@ -2,7 +2,8 @@
 // Regenerate: {{ header.command }}
 //
 // Runs the {{ model }} network in Verilator and prints the same lines as the test bench.
-// Arguments: --stimulus FILE, --steps N.
+// Arguments: --stimulus FILE, --steps N, --control FILE (a hex digit per clock: 1 ce_i, 2 step_i, 4 inputs valid; else
+// garbage).
 
 #include <cstdint>
 #include <cstdio>
@@ -43,9 +44,14 @@ uint64_t Bits(const Port& port, unsigned lsb, unsigned width) {
 
 int main(int argc, char** argv) {
   std::string stimulus_name = "{{ model }}_stimulus.txt";
+  std::string control;
   unsigned long steps = {{ default_steps }};
   for (int i = 1; i + 1 < argc; i += 2) {
     if (std::strcmp(argv[i], "--stimulus") == 0) stimulus_name = argv[i + 1];
+    if (std::strcmp(argv[i], "--control") == 0) {
+      std::ifstream file(argv[i + 1]);
+      for (char digit; file >> digit;) control += digit;
+    }
     if (std::strcmp(argv[i], "--steps") == 0) steps = std::strtoul(argv[i + 1], nullptr, 10);
   }
   std::ifstream stimulus(stimulus_name);
@@ -67,21 +73,35 @@ int main(int argc, char** argv) {
 
   unsigned long long cycle = 0, clocks = 0, previous = 0, latest = 0, checks = 0;
   unsigned long finished = 0;
-  top->ce_i = 1;
-  top->step_i = 1;
-  for (;;) {
+  bool told = false;
+  unsigned state = 4;
+  uint64_t garbage = 0x9e3779b97f4a7c15;
+  std::vector<uint64_t> shown(kOutputCount + 1, 0);
+  while (control.empty() || clocks < control.size()) {
+    const char digit = control.empty() ? '7' : control[clocks];
+    const bool valid = digit & 4;
+    garbage = garbage * 0x5851f42d4c957f2d + 0x14057b7ef767814f;
     top->clk_i = 0;
+    top->ce_i = digit & 1;
+    top->step_i = digit >> 1 & 1;
 {%- for slice in inputs %}
-    top->{{ slice.port }} = inputs[{{ slice.index }}];
+    top->{{ slice.port }} = (valid ? inputs[{{ slice.index }}] : garbage >> {{ slice.index % 16 }}) & (~uint64_t{0} >> (64 - kStorageBits));
 {%- endfor %}
     top->eval();
     ++clocks;
-    if (top->done_o) {
-      const uint64_t outputs[kOutputCount + 1] = {
+    const std::vector<uint64_t> outputs = {
 {%- for slice in outputs %}
-          static_cast<uint64_t>(top->{{ slice.port }}),
+        static_cast<uint64_t>(top->{{ slice.port }}),
 {%- endfor %}
-          0};
+        0};
+    if (!control.empty()) {
+      const unsigned now = top->busy_o << 2 | top->done_o << 1 | top->overflow_o;
+      if (now != state) std::printf("h %llu %x\n", clocks, now);
+      if (outputs != shown && (!top->done_o || told)) std::printf("u %llu\n", clocks);
+      state = now;
+      shown = outputs;
+    }
+    if (top->done_o && !told) {
       for (unsigned i = 0; i < kOutputCount; ++i, ++checks) {
         const unsigned long long value = outputs[i] & (~uint64_t{0} >> (64 - kStorageBits));
         std::printf("o %lu %u %llx\n", finished, i, value);
@@ -91,6 +111,7 @@ int main(int argc, char** argv) {
       latest = clocks;
       if (finished == steps) break;
     }
+    told = top->done_o;
     if (Bits(top->trace_o, kPeCount * kTraceBits, 1)) {
       for (unsigned pe = 0; pe < kPeCount; ++pe) {
         const unsigned first = pe * kTraceBits;
@@ -109,7 +130,7 @@ int main(int argc, char** argv) {
       }
       ++cycle;
     }
-    const bool sampled = !top->busy_o;
+    const bool sampled = control.empty() ? !top->busy_o : valid;
     top->clk_i = 1;
     top->eval();
     if (sampled) next_inputs();

@@ -3,12 +3,15 @@
 //! * [`double`]: the step graph in double precision, the yardstick of ranges and errors;
 //! * [`fixed`]: the step graph in fixed point, what the hardware computes;
 //! * [`machine`]: the program, control word by control word, what the hardware does;
+//! * [`clocked`]: the same register by register, and what of it was at work;
 //! * [`native`]: the step graph as loops for the computer at hand;
 //! * [`reference`]: the model's equations by a library for differential equations, what is right;
 //! * [`linear`]: the model and its Jacobian at a point;
 //! * [`spectrum`]: the eigenvalues of a matrix;
 //! * [`error`]: comparison of runs.
 
+pub mod clocked;
+pub mod coverage;
 pub mod double;
 pub mod error;
 pub mod fixed;

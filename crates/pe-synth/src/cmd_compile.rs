@@ -167,6 +167,7 @@ impl Compile {
                 folder.write(path, text)?;
             }
         }
+        report["files"] = json!(folder.hashes());
         folder.write("report.json", &pretty(&report))?;
         folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
         folder.finish()?;

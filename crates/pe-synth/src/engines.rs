@@ -1,8 +1,10 @@
 //! Runs a written design in the engines that must agree, and compares what they print.
 //!
 //! Every engine prints the same lines: `t` and a memory write, `o` and a published output, `v` and an overflow flag,
-//! `c` and the clocks between the last two steps.
+//! `c` and the clocks between the last two steps; those with a handshake also `h` and its changes, and `u` and a clock in
+//! which outputs changed although nothing was published.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,6 +14,16 @@ use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
 
 use crate::failure::Failure;
+use crate::verify::package::{self, InitialWord};
+
+/// A change of the handshake's pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// The first clock that sees it, counted from 1.
+    pub clock: u64,
+    /// 4 `busy_o`, 2 `done_o`, 1 `overflow_o`.
+    pub pins: u8,
+}
 
 /// What a run showed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -22,6 +34,10 @@ pub struct Run {
     pub outputs: Vec<(u64, usize, u64)>,
     /// Whether an overflow flag was set.
     pub overflow: bool,
+    /// PEs whose sticky flag was set; none if the run does not tell.
+    pub flags: Option<Vec<u32>>,
+    /// Changes of the handshake, of runs that were told what to do to it.
+    pub events: Vec<Event>,
     /// Clocks between the last two `done_o`; zero after a single step.
     pub clocks: u64,
 }
@@ -48,86 +64,137 @@ impl Engine {
     }
 }
 
-/// A design's files and a folder for what the engines build.
-pub struct Bench<'a> {
-    /// Folder with the design.
-    pub folder: &'a Path,
-    /// Design name: the files' common prefix.
-    pub design: &'a str,
-    /// Folder for build products.
-    pub scratch: &'a Path,
-    /// Steps to run.
-    pub steps: u64,
+/// A copy of a design's files, in which the engines build what they run.
+pub struct Bench {
+    design: String,
+    scratch: PathBuf,
+    built: BTreeSet<&'static str>,
+    /// The initial words with which the package was analysed last.
+    analysed: Option<Vec<InitialWord>>,
 }
 
-impl Bench<'_> {
-    /// Runs an engine.
-    pub fn run(&self, engine: Engine) -> Result<Run, Failure> {
-        self.copy_design()?;
-        let text = match engine {
-            Engine::Reference => self.reference()?,
-            Engine::Ghdl => self.ghdl()?,
-            Engine::Verilator => self.verilator()?,
-        };
-        parse(&text).map_err(|line| Failure::Mismatch(format!("{} printed `{line}`", engine.name())))
-    }
+/// One run of an engine.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'a> {
+    /// Steps.
+    pub steps: u64,
+    /// Initial words in place of the design's.
+    pub words: &'a [InitialWord],
+    /// Lines of input words in place of the design's stimulus file.
+    pub stimulus: Option<&'a str>,
+    /// What to do to the handshake, a hex digit per clock; freely running without. The reference has no handshake.
+    pub control: Option<&'a str>,
+}
 
-    /// Copies the design into the scratch folder: GHDL's libraries record paths and make reads them, and neither can
-    /// quote what a user may call a folder.
-    fn copy_design(&self) -> Result<(), Failure> {
-        let list = self.folder.join(format!("{}.f", self.design));
+impl Bench {
+    /// Copies a design into a scratch folder: GHDL's libraries record paths and make reads them, and neither can quote
+    /// what a user may call a folder.
+    ///
+    /// # Errors
+    /// If a file is missing that an engine reads.
+    pub fn new(folder: &Path, design: &str, scratch: &Path) -> Result<Bench, Failure> {
+        let bench = Bench {
+            design: design.to_owned(),
+            scratch: fs::canonicalize(scratch).unwrap_or_else(|_| scratch.to_owned()),
+            built: BTreeSet::new(),
+            analysed: None,
+        };
+        let list = folder.join(format!("{design}.f"));
         let text = fs::read_to_string(&list).map_err(|error| Failure::file("read", &list, error))?;
         let listed = text.lines().filter_map(|line| line.split_once(' ')).map(|(_, file)| file.to_owned());
         let others = [".f", "_stimulus.txt", "_reference.rs", "_verilator.cpp"];
-        for file in listed.chain(others.map(|ending| format!("{}{ending}", self.design))) {
-            let (from, to) = (self.folder.join(&file), self.copy(&file));
+        for file in listed.chain(others.map(|ending| format!("{design}{ending}"))) {
+            let (from, to) = (folder.join(&file), bench.copy(&file));
             if let Some(folder) = to.parent() {
                 fs::create_dir_all(folder).map_err(|error| Failure::file("create", folder, error))?;
             }
             fs::copy(&from, &to).map_err(|error| Failure::file("read", &from, error))?;
         }
-        Ok(())
+        Ok(bench)
+    }
+
+    /// Runs an engine. What does not depend on the job is built once.
+    ///
+    /// # Errors
+    /// If the engine is missing, fails, or prints something else than it should.
+    pub fn run(&mut self, engine: Engine, job: &Job) -> Result<Run, Failure> {
+        let stimulus = match job.stimulus {
+            Some(text) => self.write("stimulus.txt", text)?,
+            None => self.copy(&format!("{}_stimulus.txt", self.design)),
+        };
+        let stimulus = stimulus.display().to_string();
+        let text = match engine {
+            Engine::Reference => self.reference(job, &stimulus)?,
+            Engine::Ghdl => self.ghdl(job, &stimulus)?,
+            Engine::Verilator => self.verilator(job, &stimulus)?,
+        };
+        parse(&text).map_err(|line| Failure::Mismatch(format!("{} printed `{line}`", engine.name())))
     }
 
     /// Path of a file of the design in the scratch folder; absolute, for engines run in folders of their own.
     fn copy(&self, file: &str) -> PathBuf {
-        absolute(self.scratch).join("design").join(file)
+        self.scratch.join("design").join(file)
     }
 
-    fn stimulus(&self) -> PathBuf {
-        self.copy(&format!("{}_stimulus.txt", self.design))
+    /// Writes a file beside the design.
+    fn write(&self, file: &str, text: &str) -> Result<PathBuf, Failure> {
+        let path = self.scratch.join(file);
+        fs::write(&path, text).map_err(|error| Failure::file("write", &path, error))?;
+        Ok(path)
     }
 
-    fn reference(&self) -> Result<String, Failure> {
+    fn reference(&mut self, job: &Job, stimulus: &str) -> Result<String, Failure> {
         let source = self.copy(&format!("{}_reference.rs", self.design));
         let program = self.scratch.join("reference");
-        let mut build = Command::new("rustc");
-        build.args(["--edition", "2021", "-O", "-o"]).arg(&program).arg(&source);
-        execute(&mut build, "rustc", "install Rust from https://rustup.rs").map_err(|failure| match failure {
-            Failure::Mismatch(text) if text.contains("linker") && text.contains("not found") => {
-                Failure::MissingTool("a C linker is not installed: apt-get install gcc".into())
-            }
-            failure => failure,
-        })?;
+        if self.built.insert("reference") {
+            let mut build = Command::new("rustc");
+            build.args(["--edition", "2021", "-O", "-o"]).arg(&program).arg(&source);
+            execute(&mut build, "rustc", "install Rust from https://rustup.rs").map_err(|failure| match failure {
+                Failure::Mismatch(text) if text.contains("linker") && text.contains("not found") => {
+                    Failure::MissingTool("a C linker is not installed: apt-get install gcc".into())
+                }
+                failure => failure,
+            })?;
+        }
         let mut run = Command::new(&program);
-        run.arg("--stimulus").arg(self.stimulus()).args(["--steps", &self.steps.to_string()]);
+        run.args(["--stimulus", stimulus, "--steps", &job.steps.to_string()]);
+        if !job.words.is_empty() {
+            run.arg("--images").arg(self.write("images.txt", &package::lines(job.words))?);
+        }
         execute(&mut run, "reference", "it was just built")
     }
 
-    /// Analyses the files of the design's list, without the test bench if `library_only`.
-    fn analyse(&self, library_only: bool) -> Result<(), Failure> {
+    /// Analyses the files of the design's list; once the library is there, only what initial words change.
+    fn analyse(&mut self, words: &[InitialWord]) -> Result<(), Failure> {
+        if self.analysed.as_deref() == Some(words) {
+            return Ok(());
+        }
         let list = self.copy(&format!("{}.f", self.design));
         let text = fs::read_to_string(&list).map_err(|error| Failure::file("read", &list, error))?;
-        for line in text.lines().filter(|line| !line.trim().is_empty()) {
-            let (library, file) = line.split_once(' ').unwrap_or(("work", line));
-            if library_only && file.ends_with("_tb.vhd") {
+        let package = format!("{}_program_pkg.vhd", self.design);
+        let files: Vec<(&str, &str)> =
+            text.lines().map(|line| line.split_once(' ').unwrap_or(("work", line))).collect();
+        for part in files.chunk_by(|(library, _), (other, _)| library == other) {
+            let library = part[0].0;
+            if library != "work" && !self.built.insert("library") {
                 continue;
             }
             let mut analyse = Command::new("ghdl");
             analyse.args(["-a", "--std=08", &format!("--work={library}")]).args(self.work_folder());
-            analyse.arg(self.copy(file));
+            for (_, file) in part {
+                if *file == package && !words.is_empty() {
+                    let path = self.copy(file);
+                    let text = fs::read_to_string(&path).map_err(|error| Failure::file("read", &path, error))?;
+                    let text = package::with_words(&text, words)
+                        .map_err(|what| Failure::Mismatch(format!("`{package}`: {what}")))?;
+                    analyse.arg(self.write(&package, &text)?);
+                } else {
+                    analyse.arg(self.copy(file));
+                }
+            }
             execute(&mut analyse, "ghdl", GHDL_INSTALL)?;
         }
+        self.analysed = Some(words.to_vec());
         Ok(())
     }
 
@@ -136,47 +203,46 @@ impl Bench<'_> {
         [format!("--workdir={scratch}"), format!("-P{scratch}")]
     }
 
-    fn ghdl(&self) -> Result<String, Failure> {
-        self.analyse(false)?;
-        let bench = format!("{}_tb", self.design);
-        // With the mcode back end this does nothing, with the others it links.
-        let mut elaborate = Command::new("ghdl");
-        elaborate.args(["-e", "--std=08"]).args(self.work_folder()).arg(&bench).current_dir(self.scratch);
-        execute(&mut elaborate, "ghdl", GHDL_INSTALL)?;
+    fn ghdl(&mut self, job: &Job, stimulus: &str) -> Result<String, Failure> {
+        self.analyse(job.words)?;
         let mut run = Command::new("ghdl");
-        run.args(["-r", "--std=08"]).args(self.work_folder()).arg(&bench);
-        run.arg(format!("-gSTEPS={}", self.steps)).arg(format!("-gSTIMULUS={}", self.stimulus().display()));
+        run.args(["--elab-run", "--std=08"]).args(self.work_folder()).arg(format!("{}_tb", self.design));
+        run.arg(format!("-gSTEPS={}", job.steps)).arg(format!("-gSTIMULUS={stimulus}"));
+        if let Some(control) = job.control {
+            run.arg(format!("-gCONTROL={}", self.write("control.txt", control)?.display()));
+        }
         // The images of program memories are larger than a process may put on its stack unless told otherwise.
-        run.args(["--ieee-asserts=disable-at-0", "--max-stack-alloc=0"]).current_dir(self.scratch);
+        run.args(["--ieee-asserts=disable-at-0", "--max-stack-alloc=0"]).current_dir(&self.scratch);
         execute(&mut run, "ghdl", GHDL_INSTALL)
     }
 
-    fn verilator(&self) -> Result<String, Failure> {
-        self.analyse(true)?;
+    fn verilator(&mut self, job: &Job, stimulus: &str) -> Result<String, Failure> {
+        self.analyse(job.words)?;
         let mut synthesise = Command::new("ghdl");
         synthesise.args(["--synth", "--std=08", "--out=verilog", "-gTRACE=true"]).args(self.work_folder());
-        let netlist = execute(synthesise.arg(self.design), "ghdl", GHDL_INSTALL)?;
-        let file = self.scratch.join(format!("{}.v", self.design));
-        fs::write(&file, netlist).map_err(|error| Failure::file("write", &file, error))?;
+        let netlist = execute(synthesise.arg(&self.design), "ghdl", GHDL_INSTALL)?;
+        let file = self.write(&format!("{}.v", self.design), &netlist)?;
         let driver = self.copy(&format!("{}_verilator.cpp", self.design));
+        let folder = self.scratch.join("verilated");
+        // What another start left there would be taken for this one's.
+        let _ = fs::remove_dir_all(&folder);
         let mut build = Command::new("verilator");
-        build.args(["--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", self.design]);
-        build.arg("--Mdir").arg(self.scratch.join("verilated")).args(["-o", "netlist"]).arg(&file).arg(driver);
+        build.args(["--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", &self.design]);
+        build.arg("--Mdir").arg(&folder).args(["-o", "netlist"]).arg(&file).arg(driver);
         for tool in ["make", "g++"] {
             execute(Command::new(tool).arg("--version"), tool, "apt-get install g++ make")?;
         }
         execute(&mut build, "verilator", "apt-get install verilator g++ make")?;
-        let mut run = Command::new(self.scratch.join("verilated").join("netlist"));
-        run.arg("--stimulus").arg(self.stimulus()).args(["--steps", &self.steps.to_string()]);
+        let mut run = Command::new(folder.join("netlist"));
+        run.args(["--stimulus", stimulus, "--steps", &job.steps.to_string()]);
+        if let Some(control) = job.control {
+            run.arg("--control").arg(self.write("control.txt", control)?);
+        }
         execute(&mut run, "netlist", "it was just built")
     }
 }
 
 const GHDL_INSTALL: &str = "apt-get install ghdl";
-
-fn absolute(path: &Path) -> PathBuf {
-    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
-}
 
 /// Runs a program and returns what it printed.
 pub(crate) fn execute(command: &mut Command, tool: &str, install: &str) -> Result<String, Failure> {
@@ -195,17 +261,20 @@ pub(crate) fn execute(command: &mut Command, tool: &str, install: &str) -> Resul
 
 /// Reads an engine's lines; the error is a line that is none of them.
 fn parse(text: &str) -> Result<Run, String> {
-    let mut run = Run::default();
+    let mut run = Run { flags: Some(Vec::new()), ..Run::default() };
     for line in text.lines() {
         let parsed = match line.split_once(' ') {
             Some(("t", rest)) => TraceLine::parse(rest).map(|line| run.trace.push(line)),
             Some(("o", rest)) => output_line(rest).map(|line| run.outputs.push(line)),
-            Some(("v", _)) => {
+            Some(("v", "any")) => {
                 run.overflow = true;
                 Some(())
             }
+            Some(("v", pe)) => pe.parse().ok().map(|pe| run.flags.iter_mut().for_each(|flags| flags.push(pe))),
+            Some(("h", rest)) => event(rest).map(|event| run.events.push(event)),
             Some(("c", rest)) => rest.parse().ok().map(|clocks| run.clocks = clocks),
             Some(("checks", _)) => Some(()),
+            Some(("u", _)) => None,
             // The simulator's own notes, for example where the test bench finished.
             _ => Some(()),
         };
@@ -214,6 +283,11 @@ fn parse(text: &str) -> Result<Run, String> {
     run.trace.sort_unstable();
     run.outputs.sort_unstable();
     Ok(run)
+}
+
+fn event(text: &str) -> Option<Event> {
+    let (clock, pins) = text.split_once(' ')?;
+    Some(Event { clock: clock.parse().ok()?, pins: u8::from_str_radix(pins, 16).ok()? })
 }
 
 /// Reads the trace and output files of a design.
@@ -291,6 +365,11 @@ pub fn compare(program: &Program, engine: &str, run: &Run, expected: &Run, expec
     }
     if run.overflow != expected.overflow {
         return Err(format!("{engine}: overflow flag is {} instead of {}", run.overflow, expected.overflow));
+    }
+    if let (Some(is), Some(should)) = (&run.flags, &expected.flags)
+        && is != should
+    {
+        return Err(format!("{engine}: sticky flags of PEs {is:?} instead of {should:?}"));
     }
     if run.clocks != expected.clocks {
         return Err(format!("{engine}: {} clocks per step instead of {}", run.clocks, expected.clocks));

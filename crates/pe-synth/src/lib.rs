@@ -47,4 +47,5 @@ pub mod slots;
 pub mod tables;
 pub mod total;
 pub mod variables;
+pub mod verify;
 pub mod waveforms;

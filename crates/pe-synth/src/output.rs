@@ -5,6 +5,7 @@
 //! either the old one or the new one. The process holds a lock on its hidden folder; one without a lock was left by a
 //! process that was killed, and the next compilation removes it. An interrupt removes it at once.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -12,6 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::console;
 use crate::failure::Failure;
+use crate::verify::folder::hash;
 
 /// Files that mark a folder as written by this program; only such folders are replaced.
 const MARKERS: [&str; 3] = ["report.json", "points.json", "accuracy.json"];
@@ -20,6 +22,8 @@ const MARKERS: [&str; 3] = ["report.json", "points.json", "accuracy.json"];
 pub struct OutputFolder {
     target: PathBuf,
     partial: PathBuf,
+    /// Hashes of the files so far.
+    hashes: Mutex<BTreeMap<String, String>>,
     /// The hidden folder, locked as long as this is open.
     _lock: File,
     /// Whether the folder is in place; held while files change, and for good by who ends the process.
@@ -69,7 +73,7 @@ impl OutputFolder {
         let held = finished.lock().unwrap_or_else(PoisonError::into_inner);
         let lock = create_locked(&partial).map_err(|error| Failure::file("create", &partial, error))?;
         drop(held);
-        Ok(OutputFolder { target: target.to_owned(), partial, _lock: lock, finished })
+        Ok(OutputFolder { target: target.to_owned(), partial, hashes: Mutex::default(), _lock: lock, finished })
     }
 
     /// Writes a file; `path` is relative and uses `/`.
@@ -84,7 +88,15 @@ impl OutputFolder {
         if let Some(folder) = file.parent() {
             fs::create_dir_all(folder).map_err(|error| Failure::file("create", folder, error))?;
         }
-        fs::write(&file, content).map_err(|error| Failure::file("write", &file, error))
+        fs::write(&file, content).map_err(|error| Failure::file("write", &file, error))?;
+        let mut hashes = self.hashes.lock().unwrap_or_else(PoisonError::into_inner);
+        hashes.insert(path.to_owned(), hash(content));
+        Ok(())
+    }
+
+    /// SHA-256 of every file so far, by its path.
+    pub fn hashes(&self) -> BTreeMap<String, String> {
+        self.hashes.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Puts the folder in place.

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use pe_emit::EmitOptions;
 use pe_ir::program::Program;
-use pe_synth::engines::{self, Bench, Engine, Run};
+use pe_synth::engines::{self, Bench, Engine, Job, Run};
 use pe_synth::failure::Failure;
 
 use super::flow::Start;
@@ -89,8 +89,9 @@ pub fn run(engine: Engine, program: &Program, stimulus: &[Vec<i64>], name: &str)
     emit(program, stimulus, &files);
     let scratch = folder.sub("scratch");
     let design = pe_emit::design_name(program);
-    let bench = Bench { folder: &files, design: &design, scratch: &scratch, steps: stimulus.len() as u64 };
-    match bench.run(engine) {
+    let job = Job { steps: stimulus.len() as u64, words: &[], stimulus: None, control: None };
+    let ran = Bench::new(&files, &design, &scratch).and_then(|mut bench| bench.run(engine, &job));
+    match ran {
         Ok(run) => (run, folder),
         Err(Failure::MissingTool(text)) => panic!("{text}"),
         Err(failure) => panic!("{name}: {failure:?}"),
