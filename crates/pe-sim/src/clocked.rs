@@ -54,6 +54,8 @@ pub struct Clocked<'a> {
     settle: bool,
     steps: u64,
     overflow_cycle: Option<u64>,
+    /// PEs, then inputs, that raised it in that cycle.
+    raised_by: Vec<usize>,
     wrapped: bool,
     coverage: Coverage,
 }
@@ -104,6 +106,7 @@ impl<'a> Clocked<'a> {
             settle: true,
             steps: 0,
             overflow_cycle: None,
+            raised_by: Vec::new(),
             wrapped: false,
             coverage: Coverage::none(program),
         };
@@ -148,23 +151,32 @@ impl<'a> Clocked<'a> {
     }
 
     /// What was at work so far.
-    pub fn coverage(&self) -> &Coverage {
-        &self.coverage
+    pub fn coverage(&self) -> Coverage {
+        let mut coverage = self.coverage.clone();
+        if let [source] = self.raised_by[..] {
+            coverage.raised[source] = true;
+        }
+        coverage
     }
 
-    fn flag(&mut self, cycle: u64) {
-        self.overflow_cycle.get_or_insert(cycle);
+    /// A PE, or behind the PEs an input, sets its flag.
+    fn flag(&mut self, cycle: u64, source: usize) {
+        if *self.overflow_cycle.get_or_insert(cycle) == cycle {
+            self.raised_by.push(source);
+        }
     }
 
     /// Inputs load their operands at the end of the step's first word.
     fn sample(&mut self, words: &[i64], cycle: u64) {
         let format = &self.program.format;
         let mask = u64::MAX >> (64 - format.storage_bits);
-        let mut flagged = false;
+        let mut flagged = Vec::new();
         for (index, word) in words.iter().enumerate().take(self.coverage.inputs.len()) {
             let stored = (i128::from(*word) << format.guard_bits) + i128::from(format.data_offset());
             let beyond = stored > i128::from(format.max_word());
-            flagged |= beyond;
+            if beyond {
+                flagged.push(self.pes.len() + index);
+            }
             self.coverage.clamped[index] |= beyond;
             self.coverage.inputs[index][0] |= *word as u64 & mask;
             self.coverage.inputs[index][1] |= !*word as u64 & mask;
@@ -175,21 +187,17 @@ impl<'a> Clocked<'a> {
             self.coverage.ticks[number][usize::from(due)] = true;
             self.inputs[index as usize] = if due { format.input_operand(one) } else { 0 };
         }
-        if flagged {
-            self.flag(cycle);
-        }
+        flagged.into_iter().for_each(|source| self.flag(cycle, source));
     }
 
     /// Executes one control word in every PE.
     fn clock(&mut self, trace: &mut impl FnMut(TraceLine)) {
         let ends_step = self.program.ends_step(self.word as u32);
         let links = self.links.clone();
-        let mut flagged = false;
         for pe in 0..self.pes.len() {
-            flagged |= self.execute(pe, ends_step, &links, trace);
-        }
-        if flagged {
-            self.flag(self.cycle);
+            if self.execute(pe, ends_step, &links, trace) {
+                self.flag(self.cycle, pe);
+            }
         }
         self.cycle += 1;
         self.word += 1;
@@ -242,9 +250,13 @@ impl<'a> Clocked<'a> {
         operand(own, swap(word.own), [FieldName::OwnEnable, FieldName::OwnAddress, FieldName::OwnSwap], OWN);
         let names = [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
         operand(imported, swap(word.imported), names, IMPORTED);
-        if let Some(address) = base_address.filter(|_| used && base != format.data_offset()) {
-            fields |= bit(FieldName::BaseEnable) | bit(FieldName::BaseAddress);
-            cover.read[BASE][address] = true;
+        if let Some(address) = base_address.filter(|_| used) {
+            let enabled = base != format.data_offset();
+            let others = (0..features.base_words.ilog2()).map(|bit| pe.base_words[address ^ (1 << bit)]);
+            if enabled || others.into_iter().any(|other| other != base) {
+                fields |= bit(FieldName::BaseAddress) | if enabled { bit(FieldName::BaseEnable) } else { 0 };
+                cover.read[BASE][address] = true;
+            }
         }
         if let Some(address) = word.index.filter(|_| fetched != 0) {
             fields |= bit(FieldName::IndexEnable) | bit(FieldName::IndexAddress);
@@ -356,10 +368,10 @@ impl<'a> Clocked<'a> {
                     (FieldName::ReceiveEnable, true),
                     (FieldName::ReceiveAddress, true),
                     (FieldName::ReceiveSwap, address.swap && odd),
-                    (FieldName::Port, distinct),
                 ];
                 let names = names.iter().filter(|(_, seen)| *seen).map(|(name, _)| bit(*name)).sum();
                 store(&mut pe.imported, place, value, names, &mut cover.written[IMPORTED]);
+                fields |= if distinct { bit(FieldName::Port) } else { 0 };
                 let address = features.write_words() + place as u32;
                 let value = value as u64 & (u64::MAX >> (64 - format.data_bits));
                 trace(TraceLine { cycle: self.cycle, pe: index as u32, address, value });

@@ -42,6 +42,8 @@ pub struct Coverage {
     pub inputs: Vec<[u64; 2]>,
     /// Input ports that took a word beyond the largest operand.
     pub clamped: Vec<bool>,
+    /// PEs, then input ports, that alone made the overflow flag rise.
+    pub raised: Vec<bool>,
     /// Ticks: whether they were 1 in a step and 0 in another one.
     pub ticks: Vec<[bool; 2]>,
     /// Output ports: bits that were 1, and bits that were 0.
@@ -81,6 +83,7 @@ impl Coverage {
             pes: program.pes.iter().map(pe).collect(),
             inputs: vec![[0; 2]; ports],
             clamped: vec![false; ports],
+            raised: vec![false; program.pes.len() + ports],
             ticks: vec![[false; 2]; program.ticks().count()],
             outputs: vec![[0; 2]; program.outputs.len()],
         }
@@ -97,6 +100,9 @@ impl Coverage {
                 let word = usize::from(address.word);
                 [word, if address.swap { word ^ (depth / 2) } else { word }]
             };
+            let mut kept = vec![false; pe.base_image.len()];
+            let targets = pe.words.iter().filter_map(|word| word.write).filter(|target| target.base);
+            targets.for_each(|target| kept[features.base_word(target.address.word)] = true);
             for (k, word) in pe.words.iter().enumerate() {
                 let mut fields = 0;
                 let mut operand = |address: Option<Address>, names: [FieldName; 3], memory: usize| {
@@ -123,9 +129,14 @@ impl Coverage {
                 let before = &pe.words[(k + pe.words.len() - 1) % pe.words.len()];
                 if used[k] {
                     if let Some(base) = word.base {
-                        fields |= bit(FieldName::BaseEnable) | bit(FieldName::BaseAddress);
-                        let entries = if before.index.is_some() { features.segments().count() } else { 1 };
+                        let indexed = before.index.is_some();
+                        let entries = if indexed { features.segments().count() } else { 1 };
                         (0..entries).for_each(|entry| cover.read[BASE][usize::from(base) | entry] = true);
+                        // A constant that is what a disabled base adds anyway needs no enable.
+                        let word = usize::from(base);
+                        let needless = !indexed && !kept[word] && pe.base_image[word] == format.data_offset();
+                        fields |= bit(FieldName::BaseAddress);
+                        fields |= if needless { 0 } else { bit(FieldName::BaseEnable) };
                     }
                     fields |= bit(FieldName::Shift);
                     cover.shifts[usize::from(word.shift)] = true;
@@ -180,6 +191,8 @@ impl Coverage {
         let largest = (1i64 << (format.storage_bits - 1)) - 1;
         let clamps = (i128::from(largest) << format.guard_bits) + i128::from(format.data_offset());
         coverage.clamped.fill(clamps > i128::from(format.max_word()));
+        let pes = coverage.pes.iter().map(|pe| pe.saturated != [false; 2] || pe.too_large);
+        coverage.raised = pes.chain(coverage.clamped.iter().copied()).collect();
         // A tick of one step is always due.
         coverage.ticks = program.ticks().map(|(_, tick, _)| [tick.steps > 1, true]).collect();
         coverage
@@ -205,26 +218,31 @@ impl Coverage {
         bits(&mut self.inputs, &other.inputs);
         bits(&mut self.outputs, &other.outputs);
         flags(&mut self.clamped, &other.clamped);
+        flags(&mut self.raised, &other.raised);
         self.ticks.iter_mut().zip(&other.ticks).for_each(|(to, from)| flags(to, from));
     }
 
     /// Number of items.
     pub fn count(&self) -> u64 {
-        fn flags(flags: &[bool]) -> u64 {
-            flags.iter().filter(|flag| **flag).count() as u64
-        }
         let pe = |pe: &PeCoverage| {
             let fields: u64 = pe.fields.iter().map(|fields| u64::from(fields.count_ones())).sum();
-            let words: u64 = pe.read.iter().chain(&pe.written).map(|words| flags(words)).sum();
-            fields + words + flags(&pe.ports) + flags(&pe.shifts) + flags(&pe.saturated) + u64::from(pe.too_large)
+            let words: u64 = pe.read.iter().chain(&pe.written).map(|words| set(words)).sum();
+            fields + words + set(&pe.ports) + set(&pe.shifts)
         };
         let bits = |ports: &[[u64; 2]]| ports.iter().flatten().map(|bits| u64::from(bits.count_ones())).sum::<u64>();
-        self.pes.iter().map(pe).sum::<u64>()
-            + bits(&self.inputs)
-            + bits(&self.outputs)
-            + flags(&self.clamped)
-            + self.ticks.iter().map(|tick| flags(tick)).sum::<u64>()
+        let ticks: u64 = self.ticks.iter().map(|tick| set(tick)).sum();
+        self.pes.iter().map(pe).sum::<u64>() + bits(&self.inputs) + bits(&self.outputs) + ticks + self.flags()
     }
+
+    /// Number of items that have to do with saturation and flags.
+    pub fn flags(&self) -> u64 {
+        let pe = |pe: &PeCoverage| set(&pe.saturated) + u64::from(pe.too_large);
+        self.pes.iter().map(pe).sum::<u64>() + set(&self.clamped) + set(&self.raised)
+    }
+}
+
+fn set(flags: &[bool]) -> u64 {
+    flags.iter().filter(|flag| **flag).count() as u64
 }
 
 /// For each PE and control word, whether anything takes the result whose base and shift the word chooses.

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::console;
 use crate::engines::Engine;
@@ -18,7 +19,7 @@ Examples:
 pub struct Verify {
     /// Folder that `compile` wrote
     folder: PathBuf,
-    /// Steps to run from each start [default: as many as the reference trace has]
+    /// Steps to run from each start, at most [default: as many as the reference trace has, and more where all must move]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// Engines to compare with the simulator, in this order
@@ -30,7 +31,7 @@ pub struct Verify {
     /// Succeeds although files differ from the hashes in report.json, if the engines agree
     #[arg(long)]
     allow_changed: bool,
-    /// Form of errors and warnings on standard error
+    /// Form of errors on standard error; `json` also prints runs and coverage as one object on standard output
     #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     message_format: MessageFormat,
 }
@@ -48,7 +49,16 @@ impl Verify {
             engines.push(Engine::Verilator);
         }
         let options = Options { engines, steps: self.steps };
-        let verdict = judge(&self.folder, &options, &mut |line| console::out(line))?;
+        let for_people = self.message_format == MessageFormat::Human;
+        let mut say = |line: &str| {
+            if for_people {
+                console::out(line);
+            }
+        };
+        let verdict = judge(&self.folder, &options, &mut say)?;
+        if !for_people {
+            console::out(&format!("{}\n", verdict.json()));
+        }
         match verdict.changes.len() {
             0 => Ok(()),
             _ if self.allow_changed => Ok(()),
@@ -70,7 +80,9 @@ pub(crate) struct Scratch {
 
 impl Scratch {
     pub(crate) fn new() -> Result<Scratch, Failure> {
-        let path = std::env::temp_dir().join(format!("pe-synth-{}", std::process::id()));
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let path = std::env::temp_dir().join(format!("pe-synth-{}-{number}", std::process::id()));
         fs::create_dir_all(&path).map_err(|error| Failure::file("create", &path, error))?;
         Ok(Scratch { path })
     }

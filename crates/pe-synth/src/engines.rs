@@ -38,6 +38,8 @@ pub struct Run {
     pub flags: Option<Vec<u32>>,
     /// Changes of the handshake, of runs that were told what to do to it.
     pub events: Vec<Event>,
+    /// Clocks in which outputs changed although nothing was published.
+    pub strays: Vec<u64>,
     /// Clocks between the last two `done_o`; zero after a single step.
     pub clocks: u64,
 }
@@ -274,7 +276,7 @@ fn parse(text: &str) -> Result<Run, String> {
             Some(("h", rest)) => event(rest).map(|event| run.events.push(event)),
             Some(("c", rest)) => rest.parse().ok().map(|clocks| run.clocks = clocks),
             Some(("checks", _)) => Some(()),
-            Some(("u", _)) => None,
+            Some(("u", rest)) => rest.parse().ok().map(|clock| run.strays.push(clock)),
             // The simulator's own notes, for example where the test bench finished.
             _ => Some(()),
         };
@@ -362,6 +364,9 @@ pub fn compare(program: &Program, engine: &str, run: &Run, expected: &Run, expec
             }
             None => format!("{engine}: {} outputs instead of {}", run.outputs.len(), expected.outputs.len()),
         });
+    }
+    if let Some(clock) = run.strays.first() {
+        return Err(format!("{engine}: outputs change in clock {clock} although nothing is published"));
     }
     if run.overflow != expected.overflow {
         return Err(format!("{engine}: overflow flag is {} instead of {}", run.overflow, expected.overflow));

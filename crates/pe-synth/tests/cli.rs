@@ -283,7 +283,8 @@ fn verify_without_its_tools_names_the_package_and_exits_with_5() {
     let output = pe_synth().args(verify).arg(&target).env("PATH", &empty).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(text.matches("Rust reference = simulator").count(), 2, "{text}");
+    assert!(text.matches("Rust reference = simulator").count() >= 3, "{text}");
+    assert!(text.contains("coverage"), "{text}");
 }
 
 #[test]

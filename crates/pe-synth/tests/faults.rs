@@ -7,8 +7,11 @@ use std::collections::BTreeMap;
 use pe_ir::model::Solver;
 use pe_ir::verify;
 use pe_ir::word::Pipeline;
+use pe_sim::coverage::Coverage;
 use pe_sim::trace::TraceLine;
 use pe_synth::engines::{self, Engine, Run, compare};
+use pe_synth::verify::coverage::resting;
+use pe_synth::verify::stimuli;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use support::Family;
@@ -80,6 +83,25 @@ fn the_comparison_catches_every_fault_that_can_show() {
         assert!(*can_show > 20, "{kind}: too few faults show");
     }
     assert!(counts.values().map(|count| count.injected).sum::<u32>() >= 200);
+}
+
+#[test]
+fn both_simulators_see_the_same() {
+    for flow in designs() {
+        for Start { program, stimulus, name, .. } in [flow.beginning(STEPS), flow.middle(STEPS)] {
+            let simulated = engines::simulate(&program, &stimulus, STEPS);
+            let observed = stimuli::observe(&program, &stimulus, STEPS);
+            assert!(!observed.wrapped, "{}", flow.label);
+            let writes = program.writes_per_step() * STEPS;
+            compare(&program, &format!("{}, {name}", flow.label), &observed.run, &simulated, writes).unwrap();
+            // What is at work is among what the control words can do, and in the middle it is nearly all of that.
+            let possible = Coverage::of_program(&program);
+            let mut all = possible.clone();
+            all.add(&observed.coverage);
+            assert_eq!(all, possible, "{}, {name}", flow.label);
+            assert!(resting(&program, &observed.coverage).is_empty(), "{}, {name}", flow.label);
+        }
+    }
 }
 
 #[test]

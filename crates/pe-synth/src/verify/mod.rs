@@ -4,26 +4,35 @@
 //! is wrong. Nothing is emitted anew: other starts than the design's own replace initial words of states in a copy of
 //! the folder's package ([`package`]), and give them to the folder's reference, and nothing else.
 
+pub mod coverage;
 pub mod folder;
 pub mod handshake;
 pub mod package;
+pub mod stimuli;
 
 use std::path::Path;
 
 use pe_ir::program::Program;
+use pe_sim::coverage::Coverage;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
 
 use crate::cmd_verify::Scratch;
 use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
 use crate::failure::Failure;
+use coverage::Table;
 use folder::{Change, DesignFolder};
+use handshake::{Handshake, Met};
 use package::InitialWord;
+use stimuli::{Observed, Purpose};
 
 /// What to run.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Engines to compare with the simulator, in this order.
     pub engines: Vec<Engine>,
-    /// Steps from each start; none: as many as the reference trace has.
+    /// Steps from each start, at most; none: as many as the reference trace has.
     pub steps: Option<u64>,
 }
 
@@ -32,11 +41,27 @@ pub struct Options {
 pub struct Verdict {
     /// Files that are not what the report says.
     pub changes: Vec<Change>,
+    /// The runs that were compared, as JSON.
+    pub runs: Vec<Value>,
+    /// What was at work in them, for the table.
+    pub coverage: Table,
+    /// The same for programs.
+    pub seen: Coverage,
+}
+
+impl Verdict {
+    /// The verdict for tools.
+    pub fn json(&self) -> Value {
+        let changes: Vec<String> = self.changes.iter().map(ToString::to_string).collect();
+        json!({"generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")), "changed": changes, "runs": self.runs,
+               "coverage": self.coverage.json()})
+    }
 }
 
 /// Where a compared run starts.
 struct Start {
     name: String,
+    steps: u64,
     /// With the images of this start.
     program: Program,
     /// What differs from the folder's images.
@@ -44,7 +69,33 @@ struct Start {
     stimulus: Vec<Vec<i64>>,
     /// The stimulus as a file, unless it is the design's own.
     lines: Option<String>,
+    /// Whether clock enable and steps are held back now and then.
+    held: bool,
 }
+
+/// Runs so far and what they showed.
+struct Session<'a> {
+    options: &'a Options,
+    bench: Bench,
+    seen: Coverage,
+    met: Met,
+    runs: Vec<Value>,
+    say: &'a mut dyn FnMut(&str),
+}
+
+/// Control words of all PEs that the run in motion takes, if that makes it longer than [`SHORT`] steps.
+const LONG: u64 = 8_000;
+
+/// Steps of the run in motion: at least, and at most.
+const SHORT: u64 = 12;
+const LONGEST: u64 = 256;
+
+/// Steps of a run that saturates: what saturates soon stays there.
+const SATURATING: u64 = 5;
+
+/// Runs that saturate, at most: a PE often saturates on one side only, and the first flag hides the others. Large designs
+/// get fewer.
+const SATURATIONS: u64 = 4;
 
 /// Judges a folder; every line of the result goes to `say` as it is found.
 ///
@@ -57,20 +108,42 @@ pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Resul
     for change in &changes {
         say(&format!("{:>14}   {change}\n", "changed"));
     }
-    let beginning = Start {
+    let mut beginning = Start {
         name: "the beginning".into(),
+        steps: 0,
         program: folder.program.clone(),
         words: Vec::new(),
         stimulus: folder.stimulus("stimulus")?,
         lines: None,
+        held: false,
     };
-    let recorded = recorded(&folder, &beginning, say)?;
-    let steps = options.steps.unwrap_or(recorded);
-    let mut bench = Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?;
-    for start in [beginning, middle(&folder)?] {
-        run(&start, options, &mut bench, steps, say)?;
+    beginning.steps = recorded(&folder, &beginning, say)?;
+    beginning.steps = options.steps.unwrap_or(beginning.steps);
+    let middle = middle(&folder, beginning.steps)?;
+    let program = &folder.program;
+    let mut session = Session {
+        options,
+        bench: Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?,
+        seen: Coverage::none(program),
+        met: Met::default(),
+        runs: Vec::new(),
+        say,
+    };
+    session.run(&beginning)?;
+    session.run(&middle)?;
+    let work = (program.pes.len() as u64 * u64::from(program.period)).max(1);
+    let most = options.steps.unwrap_or(u64::MAX);
+    session.made(program, Purpose::Motion, (LONG / work).clamp(SHORT, LONGEST).min(most))?;
+    for _ in 0..(LONG / work).clamp(1, SATURATIONS) {
+        session.made(program, Purpose::Saturation, SATURATING.min(most))?;
     }
-    Ok(Verdict { changes })
+    let Session { seen, met, runs, say, .. } = session;
+    let coverage = Table::new(program, &seen, met);
+    say(&coverage.text());
+    match &coverage::resting(program, &seen)[..] {
+        [] => Ok(Verdict { changes, runs, coverage, seen }),
+        resting => Err(Failure::Mismatch(format!("nothing was shown of a part that rests: {}", resting.join("; ")))),
+    }
 }
 
 /// Compares the design's reference trace with the simulator; returns the number of its steps.
@@ -84,37 +157,92 @@ fn recorded(folder: &DesignFolder, start: &Start, say: &mut dyn FnMut(&str)) -> 
     Ok(steps)
 }
 
-/// Compares the engines from one start.
-fn run(
-    start: &Start,
-    options: &Options,
-    bench: &mut Bench,
-    steps: u64,
-    say: &mut dyn FnMut(&str),
-) -> Result<(), Failure> {
-    let expected = simulate(&start.program, &start.stimulus, steps);
-    let writes = start.program.writes_per_step() * steps;
-    let job = Job { steps, words: &start.words, stimulus: start.lines.as_deref(), control: None };
-    for engine in &options.engines {
-        let run = bench.run(*engine, &job)?;
-        compare(&start.program, engine.name(), &run, &expected, writes).map_err(Failure::Mismatch)?;
-        // A single step has no other one to count clocks to.
-        let clocks = if steps < 2 { String::new() } else { format!(", {} clocks per step", run.clocks) };
-        say(&format!(
-            "{:>14} = simulator from {}: {} memory writes and {} outputs equal, {steps} steps{clocks}\n",
-            engine.name(),
-            start.name,
-            run.trace.len(),
-            run.outputs.len(),
-        ));
+impl Session<'_> {
+    /// A run that is made for the hardware, unless none would show more.
+    fn made(&mut self, program: &Program, purpose: Purpose, steps: u64) -> Result<(), Failure> {
+        let Some(candidate) = stimuli::choose(program, purpose, steps, &self.seen) else { return Ok(()) };
+        let name = match purpose {
+            Purpose::Motion => "random words",
+            Purpose::Saturation => "words at the limits",
+        };
+        self.run(&Start {
+            name: name.into(),
+            steps,
+            words: package::differences(program, &candidate.program),
+            lines: Some(lines(program, &candidate.stimulus)),
+            program: candidate.program,
+            stimulus: candidate.stimulus,
+            held: true,
+        })
     }
-    let live = 100.0 * liveliness(&expected);
-    say(&format!("{:>14}   {live:.1} % of the words are not zero and changing\n", ""));
-    Ok(())
+
+    /// Compares the engines from one start.
+    fn run(&mut self, start: &Start) -> Result<(), Failure> {
+        let Start { name, steps, program, stimulus, .. } = start;
+        let writes = program.writes_per_step() * steps;
+        let observed = stimuli::observe(program, stimulus, *steps);
+        agree(start, &observed, writes)?;
+        let mut random = ChaCha8Rng::seed_from_u64(*steps);
+        let random = start.held.then_some(&mut random as &mut dyn rand::Rng);
+        let handshake = handshake::drive(program, *steps, observed.overflow_cycle, random);
+        let job = Job {
+            steps: *steps,
+            words: &start.words,
+            stimulus: start.lines.as_deref(),
+            control: Some(&handshake.control),
+        };
+        let live = 100.0 * liveliness(&observed.run);
+        for engine in &self.options.engines {
+            let run = self.bench.run(*engine, &job)?;
+            let has_handshake = *engine != Engine::Reference;
+            let clocks = if has_handshake { handshake.clocks } else { observed.run.clocks };
+            let expected = engines::Run { clocks, ..observed.run.clone() };
+            compare(program, engine.name(), &run, &expected, writes).map_err(Failure::Mismatch)?;
+            if has_handshake && let Some(what) = handshake::difference(&run.events, &handshake.events) {
+                return Err(Failure::Mismatch(format!("{}: {what}", engine.name())));
+            }
+            (self.say)(&format!(
+                "{:>14} = simulator from {name}: {} memory writes and {} outputs equal, {}\n",
+                engine.name(),
+                run.trace.len(),
+                run.outputs.len(),
+                duration(start, &handshake, has_handshake),
+            ));
+            self.runs.push(json!({"start": name, "engine": engine.name(), "steps": steps, "writes": run.trace.len(),
+                                  "outputs": run.outputs.len(), "live": live / 100.0}));
+        }
+        (self.say)(&format!("{:>14}   {live:.1} % of the words are not zero and changing\n", ""));
+        self.seen.add(&observed.coverage);
+        self.met.add(&handshake.met);
+        Ok(())
+    }
+}
+
+/// Steps and clocks of a run.
+fn duration(start: &Start, handshake: &Handshake, has_handshake: bool) -> String {
+    match (start.steps, start.held && has_handshake) {
+        (steps, true) => {
+            let clocks = handshake.events.last().map_or(0, |event| event.clock);
+            format!("{steps} steps in {clocks} clocks")
+        }
+        // A single step has no other one to count clocks to.
+        (1, false) => "1 steps".to_owned(),
+        (steps, false) => format!("{steps} steps, {} clocks per step", start.program.period),
+    }
+}
+
+/// Compares the two simulators: what a step computes, and clock by clock.
+fn agree(start: &Start, observed: &Observed, writes: u64) -> Result<(), Failure> {
+    // What wrapped is known to one of them only.
+    if observed.wrapped {
+        return Ok(());
+    }
+    let simulated = simulate(&start.program, &start.stimulus, start.steps);
+    compare(&start.program, "simulator clock by clock", &observed.run, &simulated, writes).map_err(Failure::Mismatch)
 }
 
 /// The middle of the span: states and inputs as they are there.
-fn middle(folder: &DesignFolder) -> Result<Start, Failure> {
+fn middle(folder: &DesignFolder, steps: u64) -> Result<Start, Failure> {
     let (step, words) = folder.checkpoint()?;
     let mut program = folder.program.clone();
     for (state, word) in program.states.iter().zip(&words) {
@@ -123,10 +251,12 @@ fn middle(folder: &DesignFolder) -> Result<Start, Failure> {
     let stimulus = folder.stimulus("checkpoint_stimulus")?;
     Ok(Start {
         name: format!("step {step}"),
+        steps,
         words: package::differences(&folder.program, &program),
         lines: Some(lines(&program, &stimulus)),
         program,
         stimulus,
+        held: true,
     })
 }
 
