@@ -103,6 +103,7 @@ codes! {
     INPUT_UNSEEN = "E0913", "step too large for an input";
     INPUT_ALIASED = "E0914", "input faster than the steps";
     PULSE_MISSED = "E0915", "pulse between two steps";
+    TOO_STEEP = "E0916", "function too steep for a table";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";

@@ -1,7 +1,7 @@
 //! Tables in place of the functions of a step: the run that finds their arguments, and what the report says of them.
 
 use indicatif::ProgressBar;
-use pe_hls::functions::Unbounded;
+use pe_hls::functions::Untabled;
 use pe_ir::functions::Table;
 use pe_ir::graph::{FixedPoint, Role, StepGraph};
 use pe_ir::model::Model;
@@ -18,7 +18,7 @@ const STRIDE: u64 = 256;
 /// Runs the exact functions over the span, and puts tables in their place for the arguments that they had.
 ///
 /// # Errors
-/// `E0901` non-finite, `E0904` a function outside its domain.
+/// `E0901` non-finite, `E0904` a function outside its domain, `E0916` one that is too steep for a table.
 pub fn tabulate(
     model: &Model,
     graph: &StepGraph,
@@ -35,12 +35,12 @@ pub fn tabulate(
         }
     }
     pe_hls::functions::tabulate(graph, run.arguments(), format)
-        .map_err(|unbounded| unbounded.into_iter().map(|unbounded| with_time(model, graph, unbounded)).collect())
+        .map_err(|untabled| untabled.into_iter().map(|untabled| with_time(model, graph, untabled)).collect())
 }
 
-/// The finding with the time at which the arguments reach the place where the function has no bounds, or pass it.
-fn with_time(model: &Model, graph: &StepGraph, unbounded: Unbounded) -> Diagnostic {
-    let Unbounded { function, at, mut finding } = unbounded;
+/// The finding with the time at which the arguments reach the place where the function has no bounds or no table, or pass it.
+fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic {
+    let Untabled { function, at, mut finding } = untabled;
     let mut run = DoubleRun::new(graph);
     for step in 0..model.steps() {
         let time = model.time(step, 0.0);

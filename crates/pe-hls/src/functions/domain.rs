@@ -1,8 +1,11 @@
 //! The arguments that a table covers, and how they are mapped to -1 .. 1.
 
+use std::borrow::Cow;
+
 use pe_ir::functions::ScalarFunction;
 use pe_ir::word::WordFormat;
 
+use super::places::{self, Singular};
 use crate::lift::{edges, kinks};
 
 /// Factor by which a table covers more than the run needed.
@@ -10,13 +13,6 @@ const MARGIN: f64 = 1.2;
 
 /// Points at which a function is looked at beyond and between its arguments.
 const PROBES: usize = 256;
-
-/// Part of a probe's distance to the next that no table resolves, and growth within it from which on there is a pole.
-const CLOSE: usize = 1024;
-const STEEP: f64 = 16.0;
-
-/// Times that the neighbourhood of a pole is looked at more closely, each time by half as many as there are probes.
-const ZOOMS: usize = 7;
 
 /// How much larger or steeper than in the run a function may become in the margin.
 const GROWTH: f64 = 2.0;
@@ -29,15 +25,23 @@ const SLACK: f64 = 1.0 / 1024.0;
 
 /// A function over the arguments that its table covers.
 pub(super) struct Domain<'a> {
-    pub function: &'a ScalarFunction,
+    pub function: Cow<'a, ScalarFunction>,
     pub low: f64,
     pub high: f64,
     /// Largest magnitude of the function.
     pub largest: f64,
     /// Error up to which the data port of what reads the function sees no difference: half of its lowest bit.
     pub tolerance: f64,
+    /// Half of what the data port tells arguments apart by.
+    pub blur: f64,
+    /// Arguments around narrow peaks, ascending: what is fitted is looked at there, too.
+    pub features: Vec<f64>,
+    /// Arguments at which the function is 0/0 and has a limit: around them values are rounding noise.
+    pub removable: Vec<f64>,
     /// Whether scales are powers of two: coefficients are too short for others.
     binary: bool,
+    /// Whether it is a part of another one, whose argument is counted from an end of it: zero is no place of its own then.
+    pub is_part: bool,
 }
 
 /// `z = slope*x + offset`.
@@ -54,34 +58,6 @@ impl Map {
     }
 }
 
-/// Whether a function grows beyond bounds at the place of its largest value among the probes, or within rounding of it: it
-/// then keeps growing where no table tells arguments apart. A value right beside a pole is finite, and so large that no
-/// error looks large beside it.
-fn is_pole(function: &ScalarFunction, (low, high): (f64, f64), place: f64) -> bool {
-    let near = |distance: f64| {
-        let value = |x: f64| if (low..=high).contains(&x) { function.evaluate(x).abs() } else { 0.0 };
-        value(place - distance).max(value(place + distance))
-    };
-    let close = (high - low) / (PROBES * CLOSE) as f64;
-    function.evaluate(place).abs() > STEEP * near(close) && near(close) > 0.0
-}
-
-/// The place near which a function grows beyond bounds, as exactly as numbers tell; `place` if it is no larger there.
-pub(super) fn steepest_place(function: &ScalarFunction, run: (f64, f64), place: f64) -> f64 {
-    let size = |x: f64| Some(function.evaluate(x).abs()).filter(|size| size.is_finite()).unwrap_or(f64::INFINITY);
-    let ((mut low, mut high), mut found) = (run, place);
-    for _ in 0..ZOOMS {
-        let width = (high - low) / PROBES as f64;
-        for x in (0..=PROBES).map(|step| low + width * step as f64) {
-            if size(x) > size(found) {
-                found = x;
-            }
-        }
-        (low, high) = ((found - width).max(low), (found + width).min(high));
-    }
-    if size(found) > STEEP * size(place) { found } else { place }
-}
-
 impl<'a> Domain<'a> {
     /// The domain for arguments of a run.
     ///
@@ -90,21 +66,25 @@ impl<'a> Domain<'a> {
     pub fn of(function: &'a ScalarFunction, run: (f64, f64), format: WordFormat) -> Result<Domain<'a>, f64> {
         let probe = |from: f64, to: f64, step: usize| from + (to - from) * (step as f64 / PROBES as f64);
         let (mut largest, mut steepest): (f64, f64) = (0.0, 0.0);
-        let (mut before, mut highest) = (function.evaluate(run.0), run.0);
-        for step in 0..=PROBES {
-            let x = probe(run.0, run.1, step);
+        let mut before = (run.0, function.evaluate(run.0));
+        let features = places::features(function, run.0, run.1);
+        let mut probes: Vec<f64> = (0..=PROBES).map(|step| probe(run.0, run.1, step)).collect();
+        probes.extend(&features);
+        probes.sort_unstable_by(f64::total_cmp);
+        for x in probes {
             let value = function.evaluate(x);
             if !value.is_finite() {
                 return Err(x);
             }
-            if value.abs() > largest {
-                (largest, highest) = (value.abs(), x);
+            largest = largest.max(value.abs());
+            if x > before.0 {
+                steepest = steepest.max((value - before.1).abs() / (x - before.0));
             }
-            steepest = steepest.max((value - before).abs() * PROBES as f64 / (run.1 - run.0));
-            before = value;
+            before = (x, value);
         }
-        if is_pole(function, run, highest) {
-            return Err(steepest_place(function, run, highest));
+        let Singular { pole, removable } = places::singular(function, run.0, run.1);
+        if let Some(place) = pole {
+            return Err(place);
         }
         let kinks = kinks(&function.body);
         let (middle, half) = (0.5 * (run.0 + run.1), 0.5 * (run.1 - run.0));
@@ -133,12 +113,56 @@ impl<'a> Domain<'a> {
             // Alone between two places where the function has no value.
             (low, high) = (low - f64::EPSILON * magnitude, high + f64::EPSILON * magnitude);
         }
-        let largest = (0..=PROBES).map(|step| function.evaluate(probe(low, high, step)).abs());
+        let places = (0..=PROBES).map(|step| probe(low, high, step)).chain(features.iter().copied());
+        let largest = places.map(|x| function.evaluate(x).abs());
         let largest = largest.filter(|value| value.is_finite()).fold(0.0, f64::max);
         let scale = if largest > 0.0 { libm::exp2(libm::ceil(libm::log2(largest))) } else { 1.0 };
         let tolerance = libm::scalbn(scale, -(format.data_bits as i32));
         let binary = format.coefficient_bits < format.data_bits;
-        Ok(Domain { function, low, high, largest, tolerance, binary })
+        let blur = libm::scalbn(high - low, -(format.data_bits as i32));
+        Ok(Domain {
+            function: Cow::Borrowed(function),
+            low,
+            high,
+            largest,
+            tolerance,
+            blur,
+            features,
+            removable,
+            binary,
+            is_part: false,
+        })
+    }
+
+    /// The domain of a function that stands for a part of this one, or for what leads to it: what is tolerated is the
+    /// same, but for what its own values are held by.
+    pub fn part(&self, function: ScalarFunction, low: f64, high: f64, tolerance: f64) -> Domain<'static> {
+        let values = (0..=PROBES).map(|step| function.evaluate(low + (high - low) * (step as f64 / PROBES as f64)));
+        let largest = values.filter(|value| value.is_finite()).fold(0.0f64, |largest, value| largest.max(value.abs()));
+        let features = places::features(&function, low, high);
+        let removable = places::singular(&function, low, high).removable;
+        let (blur, binary, function) = (self.blur, self.binary, Cow::Owned(function));
+        Domain { function, low, high, largest, tolerance, blur, features, removable, binary, is_part: true }
+    }
+
+    /// The same function from one argument to another.
+    pub fn between(&self, low: f64, high: f64) -> Domain<'_> {
+        let (features, function) = (self.features_between(low, high).to_vec(), Cow::Borrowed(&*self.function));
+        Domain { function, low, high, features, removable: self.removable.clone(), is_part: true, ..*self }
+    }
+
+    /// The arguments around narrow peaks that lie between two, whichever is larger.
+    pub fn features_between(&self, from: f64, to: f64) -> &[f64] {
+        let index = |x: f64| self.features.partition_point(|feature| *feature <= x);
+        &self.features[index(from.min(to))..index(from.max(to)).max(index(from.min(to)))]
+    }
+
+    /// Error up to which nothing is lost at an argument: half a bit of the result, or what half a bit of the argument
+    /// makes of it.
+    pub fn tolerance_at(&self, x: f64) -> f64 {
+        let at = |x: f64| self.function.evaluate(x.clamp(self.low, self.high));
+        let change = (at(x + self.blur) - at(x - self.blur)).abs();
+        self.tolerance + if change.is_finite() { 0.5 * change } else { 0.0 }
     }
 
     /// The map for equal segments, its scale a power of two if `whole` says so and that wastes little: a kink falls on
@@ -163,13 +187,17 @@ impl<'a> Domain<'a> {
     /// The map for octaves of distances from where the function is steep, or from zero, if all arguments are on one
     /// side of that place.
     pub fn octaves(&self, whole: bool) -> Option<Map> {
-        if kinks(&self.function.body).iter().any(|kink| (self.low..=self.high).contains(kink)) {
+        let kinks = kinks(&self.function.body);
+        if kinks.iter().any(|kink| *kink > self.low && *kink < self.high) {
             return None;
         }
-        let places = edges(&self.function.body).into_iter().chain([0.0]);
+        let beside = |place: &f64| *place <= self.low || *place >= self.high;
+        let mut places: Vec<f64> = edges(&self.function.body).into_iter().chain(kinks).filter(beside).collect();
+        if places.is_empty() || !self.is_part {
+            places.extend(Some(0.0).filter(beside));
+        }
         let distance = |place: &f64| (self.low - place).max(place - self.high);
-        let beside = places.filter(|place| *place <= self.low || *place >= self.high);
-        let place = beside.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let place = places.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
         let (sign, reach) = if place <= self.low { (1.0, self.high - place) } else { (-1.0, place - self.low) };
         let slope = sign * self.scale(reach, whole);
         Some(Map { slope, offset: -place * slope })

@@ -1,23 +1,87 @@
 //! Chains of lookups in place of chains that apply functions.
 
-use pe_ir::functions::{Functions, Lookup, Segments};
+use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
 
-use super::Planned;
+use super::domain::Domain;
 use super::fit::{Fit, Layout};
 
 /// Largest magnitude of a base in a chain whose result has full scale 1.
 const LARGEST_BASE: f64 = 0.99;
 
+/// A function and its table.
+pub(super) struct Planned<'a> {
+    pub domain: Domain<'a>,
+    pub fit: Fit,
+}
+
+impl Planned<'_> {
+    fn entry(&self) -> Table {
+        Table {
+            name: self.domain.function.name.clone(),
+            octaves: self.fit.layout == Layout::Octaves,
+            columns: self.fit.columns.clone(),
+            domain: (self.domain.low, self.domain.high),
+            error: self.fit.error,
+        }
+    }
+}
+
+/// A table, and those that its argument goes through first.
+pub(super) struct PlannedPart<'a> {
+    pub clamps: Vec<Planned<'a>>,
+    pub table: Planned<'a>,
+    /// The argument of the function from which on that of the table is counted.
+    pub origin: f64,
+}
+
+/// How a function of the step is computed: as the sum of its parts.
+pub(super) struct Computed<'a> {
+    /// Largest magnitude of the function.
+    pub largest: f64,
+    pub parts: Vec<PlannedPart<'a>>,
+}
+
+impl<'a> Computed<'a> {
+    /// A function by one table.
+    pub fn whole(table: Planned<'a>) -> Computed<'a> {
+        Computed { largest: table.domain.largest, parts: vec![PlannedPart { clamps: Vec::new(), table, origin: 0.0 }] }
+    }
+
+    /// Number of parts.
+    pub fn parts(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// Where the tables are worst, and their error there over the largest value, if that is above a part of it and above
+    /// what arguments excuse by more than a factor.
+    pub fn misses(&self, part: f64, excess: f64) -> Option<(f64, f64)> {
+        let missing = self.parts.iter().filter(|PlannedPart { table, .. }| {
+            table.fit.error > part * self.largest && table.fit.blurred_excess > excess
+        });
+        let worst = missing.max_by(|a, b| a.table.fit.error.total_cmp(&b.table.fit.error))?;
+        Some((worst.origin + worst.table.fit.worst, worst.table.fit.error / self.largest))
+    }
+}
+
 /// The step graph with the tables of its functions.
-pub(super) fn expand(graph: &StepGraph, segments: Segments, planned: &[Option<Planned>]) -> StepGraph {
+pub(super) fn expand(graph: &StepGraph, segments: Segments, computed: &[Option<Computed>]) -> StepGraph {
     let mut tables = Vec::new();
-    let table_of: Vec<u32> = planned
+    // Of each part the numbers of its tables.
+    let table_of: Vec<Vec<Vec<u32>>> = computed
         .iter()
-        .zip(&graph.functions.exact)
-        .map(|(planned, function)| {
-            tables.extend(planned.as_ref().map(|planned| planned.table(&function.name)));
-            tables.len() as u32 - u32::from(planned.is_some())
+        .map(|computed| {
+            let parts = computed.iter().flat_map(|computed| &computed.parts);
+            parts
+                .map(|part| {
+                    let all = part.clamps.iter().chain([&part.table]);
+                    all.map(|planned| {
+                        tables.push(planned.entry());
+                        tables.len() as u32 - 1
+                    })
+                    .collect()
+                })
+                .collect()
         })
         .collect();
     let mut serials = vec![0; graph.equations.len()];
@@ -44,12 +108,20 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, planned: &[Option<Pl
                 expansion.chain(chain.equation, terms, chain.write, chain.second);
             }
             Some(function) => {
-                let fit = &planned[function as usize].as_ref().expect("a function in use is planned").fit;
-                expansion.lookup(graph, chain, fit, table_of[function as usize]);
+                let computed = computed[function as usize].as_ref().expect("a function in use is planned");
+                expansion.function(graph, chain, computed, &table_of[function as usize]);
             }
         }
     }
     expansion.graph
+}
+
+/// The affine argument of a function: the sum of its terms times a power of two, and a constant.
+#[derive(Clone)]
+struct Argument {
+    terms: Vec<Term>,
+    constant: f64,
+    weight: i32,
 }
 
 struct Expansion {
@@ -59,16 +131,41 @@ struct Expansion {
 }
 
 impl Expansion {
-    fn lookup(&mut self, graph: &StepGraph, chain: &Chain, fit: &Fit, table: u32) {
-        let equation = chain.equation;
-        let z = self.argument(graph, chain, fit);
+    /// The chains of a function, in place of one that applies it.
+    fn function(&mut self, graph: &StepGraph, chain: &Chain, computed: &Computed, tables: &[Vec<u32>]) {
+        let constant = chain.write.base.map_or(0.0, |base| match graph.value(base).role {
+            Role::Constant(number) => number,
+            _ => unreachable!("the argument of a function has a constant base"),
+        });
+        let argument = Argument { terms: graph.chain_terms(chain).to_vec(), constant, weight: chain.write.weight };
+        let alone = computed.parts.len() == 1;
+        let mut sum = Vec::new();
+        for (part, tables) in computed.parts.iter().zip(tables) {
+            let mut argument = argument.clone();
+            for (clamp, table) in part.clamps.iter().zip(tables) {
+                let clamped = self.inner(chain.equation, false);
+                self.lookup(chain.equation, &argument, &clamp.fit, *table, clamped);
+                let terms = vec![Term::new(clamped, Factor::Coefficient(1.0))];
+                argument = Argument { terms, constant: 0.0, weight: 0 };
+            }
+            let result = if alone { chain.write.value } else { self.inner(chain.equation, false) };
+            self.lookup(chain.equation, &argument, &part.table.fit, tables[part.clamps.len()], result);
+            sum.push(Term::new(result, Factor::Coefficient(1.0)));
+        }
+        if !alone {
+            self.chain(chain.equation, sum, Write { value: chain.write.value, base: None, weight: 0 }, None);
+        }
+    }
+
+    /// The chains of a lookup whose result is a value.
+    fn lookup(&mut self, equation: u32, argument: &Argument, fit: &Fit, table: u32, result: ValueId) {
+        let z = self.argument(equation, argument, fit);
         let lookup = self.graph.functions.lookups.len() as u32;
         self.graph.functions.lookups.push(Lookup { argument: z, table });
         let nothing = |operand| Term::new(operand, Factor::Coefficient(0.0));
-        let result = chain.write;
         let last = fit.columns.len() as u8 - 1;
         if fit.degree == 0 {
-            self.write(equation, nothing(z), result.value, (lookup, last));
+            self.write(equation, nothing(z), result, (lookup, last));
             return;
         }
         // The columns in their order: local coordinate, its scale with octaves, coefficients.
@@ -94,32 +191,28 @@ impl Expansion {
             self.write(equation, Term::new(u, Factor::Value(factor)), next, (lookup, column));
             factor = next;
         }
-        self.write(equation, Term::new(u, Factor::Value(factor)), result.value, (lookup, last));
+        self.write(equation, Term::new(u, Factor::Value(factor)), result, (lookup, last));
     }
 
     /// The chain of the argument, mapped to -1 .. 1.
-    fn argument(&mut self, graph: &StepGraph, chain: &Chain, fit: &Fit) -> ValueId {
-        let z = self.inner(chain.equation, false);
-        let terms = graph.chain_terms(chain).iter().map(|term| match term.factor {
+    fn argument(&mut self, equation: u32, argument: &Argument, fit: &Fit) -> ValueId {
+        let z = self.inner(equation, false);
+        let terms = argument.terms.iter().map(|term| match term.factor {
             Factor::Coefficient(coefficient) => {
                 Term { factor: Factor::Coefficient(coefficient * fit.map.slope), ..*term }
             }
             Factor::Value(_) => unreachable!("the argument of a function is affine"),
         });
         let mut terms: Vec<Term> = terms.collect();
-        let constant = chain.write.base.map_or(0.0, |base| match graph.value(base).role {
-            Role::Constant(number) => number,
-            _ => unreachable!("the argument of a function has a constant base"),
-        });
-        let mut constant = constant * fit.map.slope + fit.map.offset;
+        let mut constant = argument.constant * fit.map.slope + fit.map.offset;
         if constant.abs() >= LARGEST_BASE {
             // The base has the argument's format, -1 .. 1. A whole number is a product, exact whatever the port.
-            let one = self.value(Role::Constant(1.0), chain.equation, false);
+            let one = self.value(Role::Constant(1.0), equation, false);
             terms.push(Term::new(one, Factor::Coefficient(libm::round(constant))));
             constant -= libm::round(constant);
         }
-        let base = (constant != 0.0).then(|| self.value(Role::Constant(constant), chain.equation, false));
-        self.chain(chain.equation, terms, Write { value: z, base, weight: chain.write.weight }, None);
+        let base = (constant != 0.0).then(|| self.value(Role::Constant(constant), equation, false));
+        self.chain(equation, terms, Write { value: z, base, weight: argument.weight }, None);
         z
     }
 

@@ -31,7 +31,9 @@ pub(super) struct Fit {
     pub error: f64,
     /// How many times that is what is tolerated, at least 1.
     pub excess: f64,
-    /// Where it is.
+    /// The same where an argument that the data port does not tell from its neighbours excuses a part of it.
+    pub blurred_excess: f64,
+    /// Where the largest difference is.
     pub worst: f64,
 }
 
@@ -77,7 +79,7 @@ impl Fit {
         let octaves = layout == Layout::Octaves;
         let head = if degree == 0 { 0 } else { 1 + usize::from(octaves) };
         let mut columns = vec![Vec::with_capacity(segments.count()); head + degree + 1];
-        let (mut error, mut worst) = (0.0, domain.low);
+        let (mut error, mut worst, mut blurred_excess) = (0.0, domain.low, 1.0f64);
         for index in 0..segments.count() {
             let (start, end) = segments.range(index, octaves);
             let (centre, half) = (0.5 * (start + end), 0.5 * (end - start));
@@ -85,12 +87,13 @@ impl Fit {
             if piece.error.is_nan() || piece.error > error {
                 (error, worst) = (if piece.error.is_nan() { f64::INFINITY } else { piece.error }, piece.worst);
             }
+            blurred_excess = blurred_excess.max(piece.blurred_excess);
             let head = [-centre / half, 1.0 / half].into_iter().take(head);
             let entries = head.chain(piece.polynomial.into_iter().rev());
             columns.iter_mut().zip(entries).for_each(|(column, entry)| column.push(entry));
         }
         let excess = (error / domain.tolerance).max(1.0);
-        Fit { layout, map, degree, columns, error, excess, worst }
+        Fit { layout, map, degree, columns, error, excess, blurred_excess, worst }
     }
 
     /// Products of a lookup: the argument, the local coordinate, and the polynomial with its first factor.
@@ -105,6 +108,7 @@ struct Piece {
     /// Coefficients, lowest first.
     polynomial: Vec<f64>,
     error: f64,
+    blurred_excess: f64,
     worst: f64,
 }
 
@@ -120,31 +124,74 @@ impl Piece {
             let nearest = argument(0.0).clamp(domain.low, domain.high);
             let mut polynomial = vec![0.0; degree + 1];
             polynomial[0] = domain.function.evaluate(nearest);
-            return Piece { polynomial, error: 0.0, worst: nearest };
+            return Piece { polynomial, error: 0.0, blurred_excess: 0.0, worst: nearest };
         }
         let (middle, width) = (0.5 * (from + to), 0.5 * (to - from));
         let value = |u: f64| smooth(domain, &argument, u);
         let polynomial = interpolate(degree, |t| value(middle + width * t));
-        let polynomial = moved(&polynomial, middle, width);
-        let (mut error, mut worst) = (0.0, argument(middle));
-        for check in 0..CHECKS {
-            // Just inside, where a jump at the end of the segment is not seen.
-            let t = (2.0 * check as f64 / (CHECKS - 1) as f64 - 1.0) * (1.0 - 1e-12);
+        let mut polynomial = moved(&polynomial, middle, width);
+        if domain.is_part {
+            // What a part is at its ends stays when the argument is beyond them.
+            let is = |polynomial: &[f64], u: f64| polynomial.iter().rev().fold(0.0, |sum, entry| sum * u + entry);
+            let ends = [(covered[0].min(covered[1]), from), (covered[0].max(covered[1]), to)];
+            let missing = ends.map(|(end, u)| if end == u { value(u) - is(&polynomial, u) } else { 0.0 });
+            if missing.iter().all(|missing| missing.is_finite()) {
+                let slope = if degree == 0 { 0.0 } else { (missing[1] - missing[0]) / (to - from) };
+                polynomial[0] += if missing[0] == 0.0 { missing[1] - slope * to } else { missing[0] - slope * from };
+                polynomial.iter_mut().skip(1).take(1).for_each(|entry| *entry += slope);
+            }
+        }
+        let (mut error, mut worst, mut blurred_excess) = (0.0, argument(middle), 0.0f64);
+        // Just inside, where a jump at the end of the segment is not seen.
+        let even = |check: usize| (2.0 * check as f64 / (CHECKS - 1) as f64 - 1.0) * (1.0 - 1e-12);
+        let peaks = domain.features_between(argument(from), argument(to));
+        let peaks = peaks.iter().map(|x| (((map.slope * x + map.offset) - centre) / half - middle) / width);
+        for t in (0..CHECKS).map(even).chain(peaks) {
             let u = middle + width * t;
             let is = polynomial.iter().rev().fold(0.0, |sum, coefficient| sum * u + coefficient);
             let difference = (is - value(u)).abs();
             if difference.is_nan() || difference > error {
                 (error, worst) = (difference, argument(u));
             }
+            if difference.is_nan() || difference > domain.tolerance {
+                let excess = difference / domain.tolerance_at(argument(u));
+                blurred_excess = if excess.is_nan() { f64::INFINITY } else { blurred_excess.max(excess) };
+            }
         }
-        Piece { polynomial, error, worst }
+        Piece { polynomial, error, blurred_excess, worst }
     }
+}
+
+/// Whether the polynomials of highest degree hold a function in all segments of a layout, but for so many times of what
+/// their arguments excuse.
+pub(super) fn holds(domain: &Domain, segments: Segments, excess: f64) -> bool {
+    let all = |layout: Layout, map: Map| {
+        (0..segments.count()).all(|index| {
+            let (start, end) = segments.range(index, layout == Layout::Octaves);
+            let place = (0.5 * (start + end), 0.5 * (end - start));
+            Piece::of(domain, map, place, HIGHEST_DEGREE).blurred_excess <= excess
+        })
+    };
+    match segments.octave_bits {
+        0 => all(Layout::Uniform, domain.uniform(false)),
+        _ => domain.octaves(false).is_some_and(|map| all(Layout::Octaves, map)),
+    }
+}
+
+/// Whether one polynomial does from one argument to another.
+pub(super) fn piece_holds(domain: &Domain, low: f64, high: f64, excess: f64) -> bool {
+    let (map, place) = (Map { slope: 1.0, offset: 0.0 }, (0.5 * (low + high), 0.5 * (high - low)));
+    Piece::of(domain, map, place, HIGHEST_DEGREE).blurred_excess <= excess
 }
 
 /// The function at a place of a segment. Right beside a removable singularity, where rounding makes nonsense of 0/0, what
 /// two places further inside lead to stands in for it.
 fn smooth(domain: &Domain, argument: &impl Fn(f64) -> f64, u: f64) -> f64 {
     const APART: f64 = 1e-4;
+    let (one, other) = (argument(-3.0), argument(3.0));
+    if !domain.removable.iter().any(|place| (one.min(other)..=one.max(other)).contains(place)) {
+        return domain.function.evaluate(argument(u));
+    }
     let inwards = if u > 0.0 { -APART } else { APART };
     let at = |steps: f64| domain.function.evaluate(argument(u + steps * inwards));
     let ahead = [0.0, 1.0, 2.0, 3.0].map(at);

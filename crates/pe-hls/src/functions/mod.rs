@@ -6,18 +6,21 @@
 //! the coefficients of the segment.
 
 mod domain;
+mod enclosure;
 mod expand;
 mod fit;
+mod parts;
+mod places;
 
-use expand::expand;
+use expand::{Computed, Planned, PlannedPart, expand};
 
 use pe_ir::codes;
-use pe_ir::functions::{Segments, Table};
+use pe_ir::functions::Segments;
 use pe_ir::graph::StepGraph;
 use pe_ir::source::{Diagnostic, Span};
 use pe_ir::word::WordFormat;
 
-use domain::{Domain, steepest_place};
+use domain::Domain;
 use fit::{Fit, Layout};
 
 /// Bits of an index that are tried.
@@ -35,29 +38,23 @@ const SAMPLED: usize = 24;
 /// Largest error of a table, relative to the largest value of its function; a coarser one is refused.
 const COARSEST: f64 = 1.0 / 256.0;
 
-/// A function of the step and how it is computed.
-struct Planned<'a> {
-    domain: Domain<'a>,
-    fit: Fit,
-}
-
-/// A function that grows beyond all bounds between its arguments.
+/// A function that has no table for its arguments.
 #[derive(Clone, Debug)]
-pub struct Unbounded {
+pub struct Untabled {
     /// The function among those of the step graph.
     pub function: usize,
-    /// The argument where it does.
+    /// The argument where it grows beyond all bounds, or where its table is worst.
     pub at: f64,
-    /// `E0904`.
+    /// `E0904` or `E0916`.
     pub finding: Diagnostic,
 }
 
 /// The step graph with tables in place of its exact functions, for words of a format. `arguments` are smallest and
-/// largest argument of each function over the run.
+/// largest argument of each function over the run. A function that one table does not hold becomes a sum of parts.
 ///
 /// # Errors
-/// All functions that grow beyond all bounds between their arguments.
-pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat) -> Result<StepGraph, Vec<Unbounded>> {
+/// All functions that grow beyond all bounds between their arguments, or that are too steep for tables.
+pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat) -> Result<StepGraph, Vec<Untabled>> {
     let mut uses = vec![0u64; graph.functions.exact.len()];
     let mut place: Vec<Option<(&str, Span)>> = vec![None; uses.len()];
     for chain in &graph.chains {
@@ -75,7 +72,7 @@ pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat)
                 Ok(domain) => Some(domain),
                 Err(at) => {
                     let finding = unbounded(&function.name, place, arguments[index], at);
-                    errors.push(Unbounded { function: index, at, finding });
+                    errors.push(Untabled { function: index, at, finding });
                     None
                 }
             },
@@ -85,16 +82,79 @@ pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat)
     if !errors.is_empty() {
         return Err(errors);
     }
-    let (segments, planned) = plan(domains, &uses, format);
-    for (index, planned) in planned.iter().enumerate() {
-        let (Some(planned), Some(place)) = (planned, place[index]) else { continue };
-        if planned.fit.error > COARSEST * planned.domain.largest {
-            let at = steepest_place(&graph.functions.exact[index], arguments[index], planned.fit.worst);
-            let finding = unbounded(&graph.functions.exact[index].name, place, arguments[index], at);
-            errors.push(Unbounded { function: index, at, finding });
+    let (segments, computed) = computed(domains, &uses, format);
+    for (index, computed) in computed.iter().enumerate() {
+        let (Some(computed), Some(place)) = (computed, place[index]) else { continue };
+        if let Some((at, error)) = computed.misses(COARSEST, parts::COARSE) {
+            let name = &graph.functions.exact[index].name;
+            let finding = too_steep(name, place, arguments[index], (at, error), computed.parts());
+            errors.push(Untabled { function: index, at, finding });
         }
     }
-    if errors.is_empty() { Ok(expand(graph, segments, &planned)) } else { Err(errors) }
+    if errors.is_empty() { Ok(expand(graph, segments, &computed)) } else { Err(errors) }
+}
+
+/// The division of all tables, and how each function is computed with them: by one table, or by parts if one does not
+/// hold it and parts do.
+fn computed<'a>(
+    domains: Vec<Option<Domain<'a>>>,
+    uses: &[u64],
+    format: WordFormat,
+) -> (Segments, Vec<Option<Computed<'a>>>) {
+    let (segments, planned) = plan(domains, uses, format);
+    let misses = |planned: &Planned| planned.fit.blurred_excess > parts::COARSE;
+    let divided: Vec<Option<Vec<parts::Part>>> = planned
+        .iter()
+        .map(|planned| parts::parts(&planned.as_ref().filter(|planned| misses(planned))?.domain, format))
+        .collect();
+    if divided.iter().all(Option::is_none) {
+        return (segments, planned.into_iter().map(|planned| planned.map(Computed::whole)).collect());
+    }
+    // Tables of parts have a say in the division of all.
+    let (mut domains, mut again, mut shapes) = (Vec::new(), Vec::new(), Vec::new());
+    for ((planned, divided), uses) in planned.into_iter().zip(divided).zip(uses) {
+        shapes.push(match (&planned, &divided) {
+            (None, _) => None,
+            (Some(_), None) => Some(Vec::new()),
+            (Some(planned), Some(parts)) => {
+                let largest = planned.domain.largest;
+                Some(parts.iter().map(|part| (part.clamps.len(), part.origin, largest)).collect::<Vec<_>>())
+            }
+        });
+        let of: Vec<Domain> = match divided {
+            Some(parts) => parts.into_iter().flat_map(|part| part.clamps.into_iter().chain([part.domain])).collect(),
+            None => planned.into_iter().map(|planned| planned.domain).collect(),
+        };
+        again.extend(of.iter().map(|_| *uses));
+        domains.extend(of.into_iter().map(Some));
+    }
+    let (segments, planned) = plan(domains, &again, format);
+    let mut planned = planned.into_iter().map(|planned| planned.expect("a domain has a plan"));
+    let mut next = || planned.next().expect("as many plans as domains");
+    let computed = shapes.into_iter().map(|shape| {
+        let shape = shape?;
+        if shape.is_empty() {
+            return Some(Computed::whole(next()));
+        }
+        let largest = shape[0].2;
+        let part = |(clamps, origin, _): (usize, f64, f64)| {
+            let clamps = (0..clamps).map(|_| next()).collect();
+            PlannedPart { clamps, table: next(), origin }
+        };
+        Some(Computed { largest, parts: shape.into_iter().map(part).collect() })
+    });
+    let computed = computed.collect();
+    (segments, computed)
+}
+
+/// The divisions that words of a format can have, those with the fewest segments first.
+fn divisions(format: WordFormat) -> impl DoubleEndedIterator<Item = Segments> {
+    let octaves = move || std::iter::once(0).chain(OCTAVE_BITS);
+    let all = INDEX_BITS.flat_map(move |bits| octaves().map(move |octave_bits| (bits, octave_bits)));
+    all.map(|(index_bits, octave_bits)| Segments { index_bits, octave_bits }).filter(move |segments| {
+        let deepest = (1u32 << segments.octave_bits) - 1 + segments.index_bits.saturating_sub(segments.octave_bits);
+        segments.octave_bits < segments.index_bits && deepest < format.data_bits
+    })
 }
 
 /// The division of all tables, and of each function its table.
@@ -130,13 +190,8 @@ fn plan<'a>(
 /// The division with the fewest products of these functions, so often used, in not too many words.
 fn divide(functions: &[(&Domain, u64)], format: WordFormat) -> Segments {
     let mut best: Option<(f64, Segments)> = None;
-    let octaves = std::iter::once(0).chain(OCTAVE_BITS);
-    for (index_bits, octave_bits) in INDEX_BITS.flat_map(|bits| octaves.clone().map(move |octaves| (bits, octaves))) {
-        let segments = Segments { index_bits, octave_bits };
-        let deepest = (1u32 << octave_bits) - 1 + index_bits.saturating_sub(octave_bits);
-        if octave_bits >= index_bits || deepest >= format.data_bits {
-            continue;
-        }
+    for segments in divisions(format) {
+        let Segments { index_bits, octave_bits } = segments;
         let fits: Vec<(Fit, u64)> = functions.iter().map(|(domain, uses)| (Fit::of(domain, segments), *uses)).collect();
         if octave_bits > 0 && !fits.iter().any(|(fit, _)| fit.layout == Layout::Octaves) {
             // The same as without octaves.
@@ -162,18 +217,25 @@ fn unbounded(function: &str, (name, span): (&str, Span), (low, high): (f64, f64)
         .with_help("keep the argument away from there, with `max`, `min` or `if`; or a smaller `--step` stays away")
 }
 
-impl Planned<'_> {
-    /// The table of a function.
-    fn table(&self, name: &str) -> Table {
-        Table {
-            name: name.to_owned(),
-            octaves: self.fit.layout == Layout::Octaves,
-            columns: self.fit.columns.clone(),
-            domain: (self.domain.low, self.domain.high),
-            error: self.fit.error,
-        }
-    }
+fn too_steep(
+    function: &str,
+    (name, span): (&str, Span),
+    (low, high): (f64, f64),
+    (at, error): (f64, f64),
+    parts: usize,
+) -> Diagnostic {
+    let tried = if parts > 1 { format!("{parts} tables together are") } else { "the best table is".to_owned() };
+    let message = format!(
+        "`{name}` is too steep for a table: of `{function}` between x = {low:.6e} and {high:.6e} {tried} wrong by {error:.1e} \
+         of its largest value, near x = {at:.6e}"
+    );
+    Diagnostic::error(codes::TOO_STEEP, span, message).with_help(
+        "the values are bounded, but change within too small a part of the arguments: narrow these with `max` and `min`, or \
+         compute the function from a variable that changes less",
+    )
 }
 
+#[cfg(test)]
+mod matrix;
 #[cfg(test)]
 mod tests;

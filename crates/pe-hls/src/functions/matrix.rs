@@ -1,0 +1,224 @@
+//! Functions of all kinds over ranges of all widths, with words of all lengths: each has tables that are as right as the
+//! argument's word allows, or is refused for a reason that is right.
+
+use pe_ir::functions::{ScalarFunction, Segments};
+use pe_ir::model::{Expr, Function, Select, Variable};
+use pe_ir::word::WordFormat;
+
+use super::domain::Domain;
+use super::expand::{Computed, Planned};
+use super::fit::Layout;
+use super::{COARSEST, computed, parts};
+
+fn x() -> Expr {
+    Expr::Variable(Variable::State(0))
+}
+
+fn apply(function: Function, argument: Expr) -> Expr {
+    Expr::Apply(function, Box::new(argument))
+}
+
+fn plus(expr: Expr, number: f64) -> Expr {
+    Expr::sum(vec![expr, Expr::Constant(number)])
+}
+
+fn over(above: Expr, below: Expr) -> Expr {
+    Expr::product(vec![above, apply(Function::Reciprocal, below)])
+}
+
+fn at_least(expr: Expr, least: f64) -> Expr {
+    let distance = plus(expr, -least);
+    let magnitude = apply(Function::Abs, distance.clone());
+    plus(Expr::sum(vec![Expr::scaled(0.5, distance), Expr::scaled(0.5, magnitude)]), least)
+}
+
+/// What a case must come to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Must {
+    /// Tables that are right.
+    Run,
+    /// Refused for a place without bounded values, near this one.
+    Pole(f64),
+    /// Tables that are right, or a refusal because it is too steep.
+    RunOrSteep,
+}
+
+/// A function, its library version, a range and what must become of it.
+struct Case {
+    name: String,
+    body: Expr,
+    range: (f64, f64),
+    must: Must,
+}
+
+fn cases() -> Vec<Case> {
+    let mut cases = Vec::new();
+    let mut add = |name: String, body: Expr, range: (f64, f64), must| cases.push(Case { name, body, range, must });
+    for decades in [1, 4, 7, 9] {
+        let wide = 10f64.powi(decades);
+        for (low, high) in [(1.0, wide), (1.0 / wide, 1.0), (-wide, -1.0), (-1.0, -1.0 / wide)] {
+            let name = |what: &str| format!("{what} on {low:e} .. {high:e}");
+            let size = if low > 0.0 { x() } else { Expr::scaled(-1.0, x()) };
+            add(name("1/x"), apply(Function::Reciprocal, x()), (low, high), Must::Run);
+            add(name("1/x^2"), apply(Function::Reciprocal, Expr::power(x(), 2)), (low, high), Must::RunOrSteep);
+            add(name("x^-1.5"), apply(Function::RealPower(-1.5), size.clone()), (low, high), Must::RunOrSteep);
+            add(name("x^0.3"), apply(Function::RealPower(0.3), size.clone()), (low, high), Must::Run);
+            add(name("sqrt"), apply(Function::Sqrt, size.clone()), (low, high), Must::Run);
+            add(name("log"), apply(Function::Log, size.clone()), (low, high), Must::Run);
+            add(name("monod"), over(size.clone(), plus(size.clone(), 0.01)), (low, high), Must::Run);
+            let hill = over(Expr::power(size.clone(), 4), plus(Expr::power(size, 4), 1.0));
+            add(name("hill"), hill, (low, high), Must::RunOrSteep);
+        }
+        // Poles inside and right outside of the range.
+        for place in [0.0, 0.3, -wide / 3.0].into_iter().filter(|place| decades <= 7 || place.abs() < 1.0) {
+            let moved = plus(x(), -place);
+            for (what, body) in [
+                ("1/(x-p)", apply(Function::Reciprocal, moved.clone())),
+                ("1/(x-p)^2", apply(Function::Reciprocal, Expr::power(moved.clone(), 2))),
+                ("1+1e-6/(x-p)", plus(Expr::scaled(1e-6, apply(Function::Reciprocal, moved.clone())), 1.0)),
+                ("log|x-p|", apply(Function::Log, apply(Function::Abs, moved.clone()))),
+            ] {
+                add(format!("{what} with p = {place} in {wide:e}"), body, (-wide, wide), Must::Pole(place));
+            }
+        }
+    }
+    for low in [0.0, -1e-6, -1.0] {
+        for body in [
+            apply(Function::Sqrt, at_least(x(), 0.0)),
+            apply(Function::RealPower(0.3), at_least(x(), 0.0)),
+            apply(Function::RealPower(1.5), at_least(x(), 0.0)),
+            apply(Function::Sqrt, apply(Function::Abs, x())),
+            apply(Function::Log, at_least(x(), 1e-6)),
+            apply(Function::Abs, Expr::sum(vec![x(), Expr::Constant(-0.3)])),
+        ] {
+            add(format!("kink from {low}"), body, (low, 1.0), Must::Run);
+        }
+    }
+    for width in [1.0, 1e-2, 1e-3, 1e-5] {
+        for centre in [0.0, 90.005, 99.9999] {
+            let near = Expr::scaled(1.0 / width, plus(x(), -centre));
+            let bell = apply(Function::Exp, Expr::scaled(-1.0, Expr::power(near.clone(), 2)));
+            let must = if width < 1e-4 { Must::RunOrSteep } else { Must::Run };
+            add(format!("bell of {width} at {centre}"), bell, (0.0, 100.0), must);
+            add(format!("step of {width} at {centre}"), apply(Function::Tanh, near.clone()), (0.0, 100.0), must);
+            let peak = apply(Function::Reciprocal, plus(Expr::power(near, 2), 1.0));
+            add(format!("peak of {width} at {centre}"), peak, (0.0, 100.0), must);
+        }
+    }
+    for rate in [1.0, 10.0, 100.0, 700.0] {
+        add(format!("exp({rate} x)"), apply(Function::Exp, Expr::scaled(rate, x())), (-1.0, 1.0), Must::Run);
+        add(format!("exp(-{rate} x)"), apply(Function::Exp, Expr::scaled(-rate, x())), (0.0, 1.0), Must::Run);
+        add(format!("sin({rate} x)"), apply(Function::Sin, Expr::scaled(rate, x())), (-1.0, 1.0), Must::RunOrSteep);
+    }
+    for range in [(-1.0, 1.0), (-1.0, 2.0), (-30.0, 45.0), (-1e-3, 1e-3), (0.0, 5.0)] {
+        let one_less = |expr: Expr| plus(expr, -1.0);
+        for (what, body) in [
+            ("x/(exp(x)-1)", over(x(), one_less(apply(Function::Exp, x())))),
+            ("sin(x)/x", over(apply(Function::Sin, x()), x())),
+            ("(cosh(x)-1)/x^2", over(one_less(apply(Function::Cosh, x())), Expr::power(x(), 2))),
+            ("log(1+x^2)/x", over(apply(Function::Log, plus(Expr::power(x(), 2), 1.0)), x())),
+            ("(x^2-1)/(x-1)", over(one_less(Expr::power(x(), 2)), one_less(x()))),
+        ] {
+            add(format!("{what} on {range:?}"), body, range, Must::RunOrSteep);
+        }
+    }
+    let choice = Select { condition: plus(x(), -0.3), yes: apply(Function::Log, x()), no: Expr::Constant(2.0) };
+    add("jump".to_owned(), Expr::Select(Box::new(choice)), (-1.0, 2.0), Must::Run);
+    cases
+}
+
+/// What the chains of a function compute, in exact arithmetic.
+fn looked_up(computed: &Computed, segments: Segments, x: f64) -> f64 {
+    let table = |planned: &Planned, x: f64| {
+        let fit = &planned.fit;
+        let z = fit.map.slope * x + fit.map.offset;
+        assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z} by {}", planned.domain.function.name);
+        let octaves = fit.layout == Layout::Octaves;
+        let entry = |column: usize| fit.columns[column][segments.index_of(z, octaves)];
+        if fit.columns.len() == 1 {
+            return entry(0);
+        }
+        let scale = if octaves { entry(1) } else { segments.count() as f64 };
+        let u = entry(0) + scale * z;
+        (if octaves { 2 } else { 1 }..fit.columns.len()).fold(0.0, |sum, column| entry(column) + u * sum)
+    };
+    let parts = computed.parts.iter();
+    parts.map(|part| table(&part.table, part.clamps.iter().fold(x, |x, clamp| table(clamp, x)))).sum()
+}
+
+/// Arguments of a range: evenly spread, and close to both ends and to places of interest.
+fn arguments((low, high): (f64, f64)) -> Vec<f64> {
+    let mut all: Vec<f64> = (0..=600).map(|k| low + (high - low) * f64::from(k) / 600.0).collect();
+    for place in [low, high, 0.0, 0.3, 1.0, 3.3, 90.005, 99.9999] {
+        for distance in (0..80).map(|k| (high - low) * libm::exp2(-0.5 * f64::from(k))) {
+            all.extend([place - distance, place + distance].into_iter().filter(|x| (low..=high).contains(x)));
+        }
+    }
+    all
+}
+
+#[test]
+fn every_function_has_tables_that_are_right_or_a_reason_that_is() {
+    let mut failures = Vec::new();
+    let (mut run, mut divided, mut steep, mut poles) = (0, 0, 0, 0);
+    for (number, Case { name, body, range, must }) in cases().into_iter().enumerate() {
+        let function = ScalarFunction { name: name.clone(), body, variable: Variable::State(0) };
+        let formats = [WordFormat::new(32, 32, 32), WordFormat::new(32, 35, 25)];
+        for format in [formats[number % 2]] {
+            let domain = match Domain::of(&function, range, format) {
+                Ok(domain) => domain,
+                Err(place) => {
+                    poles += 1;
+                    // A removable place is none without bounds.
+                    let right = matches!(must, Must::Pole(at) if (at - place).abs() <= 1e-3 * (range.1 - range.0));
+                    failures.extend((!right).then(|| format!("{name}: no bounded values at {place:e}")));
+                    continue;
+                }
+            };
+            if let Must::Pole(place) = must {
+                failures.push(format!("{name}: the pole at {place:e} is not found"));
+                continue;
+            }
+            let (largest, tolerance, blur) = (domain.largest, domain.tolerance, domain.blur);
+            let (segments, mut all) = computed(vec![Some(domain)], &[1], format);
+            let computed = all.remove(0).expect("a function in use");
+            if let Some((at, error)) = computed.misses(COARSEST, parts::COARSE) {
+                steep += 1;
+                let message = || format!("{name}: too steep at {at:e}, {error:e}, {} parts", computed.parts());
+                failures.extend((must == Must::Run).then(message));
+                continue;
+            }
+            run += 1;
+            divided += usize::from(computed.parts() > 1 || !computed.parts[0].clamps.is_empty());
+            let mut worst = (0.0f64, 0.0);
+            for x in arguments(range) {
+                let exact = function.evaluate(x);
+                // Right beside 0/0 what is computed from the formula is rounding noise.
+                if name.contains('/') && name.contains(" on (") && [0.0, 1.0].iter().any(|at| (x - at).abs() < 1e-4) {
+                    continue;
+                }
+                let near = |by: f64| function.evaluate((x + by).clamp(range.0, range.1));
+                let jumps = (near(1e-12) - near(-1e-12)).abs() > 0.1;
+                let blurred = (near(blur) - exact).abs().max((near(-blur) - exact).abs());
+                // Parts that are small are cut where they are as good as flat.
+                let allowed = COARSEST * largest.min(1e300);
+                let difference = (looked_up(&computed, segments, x) - exact).abs();
+                let excess = difference / (32.0 * tolerance + 32.0 * blurred + 1e-11 * largest);
+                if difference.is_nan() || difference > allowed + 16.0 * blurred {
+                    failures.push(format!("{name}: off by {difference:e} of {largest:e} at {x:e}"));
+                    break;
+                }
+                if excess > worst.0 && !jumps {
+                    worst = (excess, x);
+                }
+            }
+            let fine = computed.parts.iter().all(|part| part.table.fit.blurred_excess <= parts::COARSE);
+            if worst.0 > 1.0 && fine {
+                failures.push(format!("{name}: {:e} times what is excused at {:e}", worst.0, worst.1));
+            }
+        }
+    }
+    println!("{run} run, {divided} of them divided, {steep} too steep, {poles} poles");
+    assert!(failures.is_empty(), "{} failures\n{}", failures.len(), failures.join("\n"));
+    assert!(run > 180 && divided > 50 && poles > 30, "{run} {divided} {poles}");
+}
