@@ -218,6 +218,8 @@ fn a_design_at_rest_hides_no_damage() {
     let design = converter(&folder, &["--multiplier", "25x18", "--pes", "2"]);
     let verdict = verdict(&design, &[Engine::Ghdl]).unwrap_or_else(|failure| panic!("{failure:?}"));
     assert!(verdict.changes.is_empty());
+    let met = verdict.coverage.handshake.all();
+    assert!(met.iter().all(|(_, count)| *count > 0), "{met:?}");
     let live = |at: usize| verdict.runs[at]["live"].as_f64().expect("a share");
     println!("live {:.2} at first, {:.2} in motion", live(0), live(2));
     assert!(live(0) < 0.5 && live(2) > 0.6, "it starts at rest and is set in motion");

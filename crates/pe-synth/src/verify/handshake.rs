@@ -5,7 +5,8 @@ use std::fmt::Write;
 
 use pe_ir::program::Program;
 use pe_ir::word::Pipeline;
-use rand::{Rng, RngExt};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use crate::engines::Event;
 
@@ -89,10 +90,12 @@ impl Met {
     }
 }
 
-/// Drives `steps` steps of a program, with all manners or freely, and tells what the network does. `overflow` is the
-/// control word, counted from the first, that raises the overflow flag.
-pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, manners: Option<&mut dyn Rng>) -> Handshake {
-    let mut random = manners;
+/// Drives `steps` steps of a program, freely or, with the number of a run, held back as that run is, and tells what the
+/// network does. `overflow` is the control word, counted from the first, that raises the overflow flag.
+pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, held: Option<u64>) -> Handshake {
+    let mut random = held.map(ChaCha8Rng::seed_from_u64);
+    // Short runs begin elsewhere in the list, so that all of them together meet all of it.
+    let first = held.unwrap_or(0) * steps.min(MANNERS.len() as u64 - 1);
     let (period, pause) = (u64::from(program.period), u64::from(program.latency().pause()));
     let delay = if program.format.pipeline == Pipeline::Deep { 4 } else { 0 };
     let mut late: VecDeque<(Option<u64>, bool)> = vec![(None, false); delay].into();
@@ -106,8 +109,8 @@ pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, manners: Opti
     let (mut begun, mut finished, mut latest, mut clock) = (0u64, 0u64, 0u64, 0u64);
     loop {
         clock += 1;
-        let manner = if random.is_some() { MANNERS[begun as usize % MANNERS.len()] } else { Manner::Free };
-        let (ce, step) = match random.as_deref_mut() {
+        let manner = MANNERS[(first + begun) as usize % MANNERS.len()];
+        let (ce, step) = match &mut random {
             Some(random) => choose(manner, random, (waiting, waited, target), pause_is_near(fetched, period, pause)),
             None => (true, true),
         };
@@ -158,7 +161,7 @@ pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, manners: Opti
             fetched += 1;
             if waiting {
                 waited = 0;
-                target = random.as_deref_mut().map_or(0, |random| random.random_range(1..5));
+                target = random.as_mut().map_or(0, |random| random.random_range(1..5));
             }
         }
     }
@@ -177,7 +180,7 @@ fn pause_is_near(fetched: u64, period: u64, pause: u64) -> bool {
 
 fn choose(
     manner: Manner,
-    random: &mut dyn Rng,
+    random: &mut impl Rng,
     (waiting, waited, target): (bool, u64, u64),
     near: bool,
 ) -> (bool, bool) {

@@ -14,8 +14,6 @@ use std::path::Path;
 
 use pe_ir::program::Program;
 use pe_sim::coverage::Coverage;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
 use crate::cmd_verify::Scratch;
@@ -79,6 +77,8 @@ struct Session<'a> {
     bench: Bench,
     seen: Coverage,
     met: Met,
+    /// Number of starts so far.
+    started: u64,
     runs: Vec<Value>,
     say: &'a mut dyn FnMut(&str),
 }
@@ -126,6 +126,7 @@ pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Resul
         bench: Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?,
         seen: Coverage::none(program),
         met: Met::default(),
+        started: 0,
         runs: Vec::new(),
         say,
     };
@@ -182,9 +183,9 @@ impl Session<'_> {
         let writes = program.writes_per_step() * steps;
         let observed = stimuli::observe(program, stimulus, *steps);
         agree(start, &observed, writes)?;
-        let mut random = ChaCha8Rng::seed_from_u64(*steps);
-        let random = start.held.then_some(&mut random as &mut dyn rand::Rng);
-        let handshake = handshake::drive(program, *steps, observed.overflow_cycle, random);
+        let held = start.held.then_some(self.started);
+        let handshake = handshake::drive(program, *steps, observed.overflow_cycle, held);
+        self.started += 1;
         let job = Job {
             steps: *steps,
             words: &start.words,

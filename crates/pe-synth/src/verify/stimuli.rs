@@ -56,7 +56,7 @@ pub struct Candidate {
 const BUDGET: u64 = 6_000_000;
 
 /// Candidates, at most, unless there are so many PEs that each has its own.
-const CANDIDATES: u64 = 16;
+const CANDIDATES: u64 = 32;
 
 /// What a start is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
