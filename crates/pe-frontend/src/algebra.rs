@@ -2,7 +2,7 @@
 //! writes out what one element of it is, as an expression of scalars.
 
 use crate::ast::{Binder, Expr, ExprKind, Factor, Name, Range, Reference, Sign};
-use crate::names::{Names, PREDEFINED, Symbol};
+use crate::names::{Names, PREDEFINED, Symbol, TIME};
 use crate::report::Report;
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
@@ -84,7 +84,7 @@ impl Algebra<'_, '_> {
             ExprKind::SumOver { binder, condition, body } => {
                 self.sum_over(binder, condition.as_deref(), body, expr.span)
             }
-            ExprKind::Call { function, arguments } => match (function.text.as_str(), arguments.as_slice()) {
+            ExprKind::Call { function, arguments, .. } => match (function.text.as_str(), arguments.as_slice()) {
                 (DOT, [one, other]) => self.dot(one, other, expr.span),
                 (TRANSPOSE, [matrix]) => self.transpose(matrix, expr.span),
                 (DOT | TRANSPOSE, _) => {
@@ -116,8 +116,8 @@ impl Algebra<'_, '_> {
             }
             ExprKind::Not(operand) => ExprKind::Not(Box::new(self.scalar(operand)?)),
             ExprKind::Logical(connective, operands) => ExprKind::Logical(*connective, self.list(operands)?),
-            ExprKind::Call { function, arguments } => {
-                ExprKind::Call { function: function.clone(), arguments: self.list(arguments)? }
+            ExprKind::Call { function, arguments, units } => {
+                ExprKind::Call { function: function.clone(), arguments: self.list(arguments)?, units: units.clone() }
             }
             ExprKind::Matrix(rows) => {
                 ExprKind::Matrix(rows.iter().map(|row| self.list(row)).collect::<Option<Vec<_>>>()?)
@@ -155,6 +155,7 @@ impl Algebra<'_, '_> {
                 self.report.push(Names::unbound_index(name));
                 None
             }
+            None if name.text == TIME => same(scalar),
             None if self.names.is_poisoned(&name.text) => None,
             None => {
                 let local: Vec<&str> = self.local.iter().map(String::as_str).collect();

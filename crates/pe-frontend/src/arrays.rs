@@ -261,7 +261,7 @@ impl<'a> Writer<'_, 'a> {
                 match signal {
                     Signal::Call { function, arguments, span } if is_of_arrays(function) => {
                         let arguments = arguments.iter().map(|argument| argument.value.clone()).collect();
-                        let kind = ExprKind::Call { function: function.clone(), arguments };
+                        let kind = ExprKind::Call { function: function.clone(), arguments, units: Vec::new() };
                         let mut value = Expr { kind, span: *span };
                         self.element(declared, &mut value)?;
                         *signal = Signal::Value(value);

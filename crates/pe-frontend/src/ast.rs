@@ -310,6 +310,8 @@ pub enum ExprKind {
         function: Name,
         /// Arguments in order.
         arguments: Vec<Expr>,
+        /// Units behind arguments, by the numbers of these; signals alone may have them.
+        units: Vec<(usize, Name)>,
     },
     /// `data("airways.csv", "R")`.
     Data {

@@ -30,6 +30,10 @@ pub(crate) enum NodeKind {
     If(Box<Condition>, Box<Node>, Box<Node>),
     SumOver(Box<SumOver>),
     Call(Function, Vec<Node>),
+    /// The time.
+    Time,
+    /// A signal: its number in [`crate::signals::WAVEFORMS`], arguments and the scales of their units.
+    Signal(usize, Vec<(Node, f64)>),
     /// Argument of the innermost function.
     Argument(usize),
     /// The body of a function with these arguments.

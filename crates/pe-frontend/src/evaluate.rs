@@ -3,10 +3,12 @@
 
 use crate::ast::{Connective, Factor, Sign};
 use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
+use crate::defined::Signals;
 use crate::elementary::reciprocal;
 use crate::fold::{ProductBuilder, SumBuilder, negate};
 use crate::functions::modulo;
 use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names};
+use crate::signals::{WAVEFORMS, waveform_of};
 use pe_ir::codes;
 use pe_ir::model::{Expr, Variable};
 use pe_ir::source::{Diagnostic, Span};
@@ -47,13 +49,16 @@ pub(crate) struct Evaluator {
     work: u64,
     /// Variables that may still be read; bounds the memory of the result.
     pub(crate) reads: u64,
+    /// Signals of the model.
+    pub(crate) signals: Signals,
     /// Whether all left-hand sides are known; before, any algebraic element may still get its equation.
     pub(crate) left_sides_known: bool,
 }
 
 impl Evaluator {
     pub(crate) fn new(work: u64, reads: u64) -> Self {
-        Evaluator { frame: Vec::new(), arguments: Vec::new(), first_argument: 0, work, reads, left_sides_known: false }
+        let (frame, arguments, signals) = (Vec::new(), Vec::new(), Signals::default());
+        Evaluator { frame, arguments, first_argument: 0, work, reads, signals, left_sides_known: false }
     }
 
     /// The value of an expression over variables.
@@ -76,6 +81,13 @@ impl Evaluator {
             NodeKind::If(condition, yes, no) => self.choice(names, condition, yes, no),
             NodeKind::SumOver(sum) => self.sum_over(names, sum, node.span),
             NodeKind::Call(function, arguments) => self.call(names, function, arguments, node.span),
+            NodeKind::Time => Ok(self.time(node.span)),
+            NodeKind::Signal(number, arguments) => {
+                let values = self.signal_arguments(names, arguments)?;
+                let spans: Vec<Span> = arguments.iter().map(|(argument, _)| argument.span).collect();
+                let waveform = waveform_of(*number, &values, &spans)?;
+                self.defined(WAVEFORMS[*number].0, waveform, node.span)
+            }
             NodeKind::Argument(place) => self.argument(*place, node.span),
             NodeKind::Inline(arguments, body) => self.inline(names, arguments, body, node.span),
             NodeKind::Matrix(quantity, cells) => {

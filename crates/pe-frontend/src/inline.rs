@@ -28,7 +28,7 @@ pub(crate) struct Defined<'a> {
     pub(crate) parameters: &'a [Name],
     pub(crate) body: &'a Tree,
     /// The bound body for each of [`Reads`] that was asked for; `None` inside after an error.
-    bound: [Option<Option<Rc<Body>>>; 3],
+    bound: [Option<Option<Rc<Body>>>; 4],
 }
 
 /// A bound body.
@@ -75,7 +75,7 @@ impl<'a> Names<'a> {
             report.push(error.with_label(first.name.span, "first defined here"));
         } else {
             self.function_numbers.insert(&name.text, self.functions.len());
-            self.functions.push(Defined { name, parameters, body, bound: [None, None, None] });
+            self.functions.push(Defined { name, parameters, body, bound: [None, None, None, None] });
         }
     }
 }
@@ -226,7 +226,8 @@ pub(crate) fn size(expr: &Expr) -> (u64, usize) {
 fn depth(node: &Node) -> usize {
     let most = |nodes: &mut dyn Iterator<Item = &Node>| nodes.map(depth).max().unwrap_or(0);
     1 + match &node.kind {
-        NodeKind::Number(_) | NodeKind::Index(_) | NodeKind::Argument(_) | NodeKind::Data(..) => 0,
+        NodeKind::Number(_) | NodeKind::Time | NodeKind::Index(_) | NodeKind::Argument(_) | NodeKind::Data(..) => 0,
+        NodeKind::Signal(_, members) => most(&mut members.iter().map(|(member, _)| member)),
         NodeKind::Element(_, members) | NodeKind::Call(_, members) | NodeKind::Matrix(_, members) => {
             most(&mut members.iter())
         }

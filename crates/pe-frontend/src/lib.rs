@@ -14,6 +14,7 @@ mod bound;
 mod constants;
 mod data;
 mod declarations;
+mod defined;
 mod elaborate;
 mod elementary;
 mod equations;

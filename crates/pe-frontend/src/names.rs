@@ -12,6 +12,9 @@ use std::collections::{HashMap, HashSet};
 /// Names that the language defines itself.
 pub(crate) const PREDEFINED: [(&str, f64); 1] = [("pi", std::f64::consts::PI)];
 
+/// The time in seconds, unless the spec gives this name to something else.
+pub(crate) const TIME: &str = "time";
+
 /// Most dimensions an array can have.
 pub(crate) const MOST_DIMENSIONS: usize = 8;
 
@@ -352,10 +355,8 @@ impl<'a> Names<'a> {
         let error = Diagnostic::error(codes::UNKNOWN_NAME, name.span, format!("unknown name `{}`", name.text));
         let known = local.iter().copied().chain(self.all()).chain(PREDEFINED.iter().map(|(word, _)| *word));
         let help = suggestion(&name.text, known).or_else(|| {
-            let time = matches!(name.text.as_str(), "t" | "time" | "T");
-            time.then(|| {
-                "if it is to be the time: waveforms of inputs, such as `sine(1, 50 Hz)`, depend on it, and a state has its value with `t' = 1`".to_owned()
-            })
+            let time = matches!(name.text.as_str(), "t" | "T");
+            time.then(|| "if it is to be the time in seconds: that is `time`".to_owned())
         });
         Diagnostic { help, ..error }
     }

@@ -1,5 +1,6 @@
 //! Dependency order of the algebraic equations, and the loops that prevent one.
 
+use crate::defined::SIGNALS;
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use pe_ir::codes;
@@ -94,7 +95,9 @@ fn reads_of(rows: &[Option<Row>]) -> (Vec<usize>, Vec<u32>) {
     for row in rows {
         if let Some(row) = row {
             row.expr.each_variable(&mut |variable| {
-                if let Variable::Algebraic(read) = variable {
+                if let Variable::Algebraic(read) = variable
+                    && read < SIGNALS
+                {
                     reads.push(read);
                 }
             });

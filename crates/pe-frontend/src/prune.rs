@@ -1,6 +1,7 @@
 //! Leaves out what no output depends on, and puts the model together with dense numbers.
 
 use crate::declarations::{Driven, Initial};
+use crate::defined::{SIGNALS, Signals, TIME};
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use crate::names::{Kind, Quantity};
@@ -33,11 +34,15 @@ struct Numbers {
     states: Vec<u32>,
     inputs: Vec<u32>,
     algebraics: Vec<u32>,
+    /// States that stand for signals, then the time.
+    signals: Vec<u32>,
 }
 
 impl Numbers {
     fn of(&mut self, variable: Variable) -> &mut u32 {
         match variable {
+            TIME => self.signals.last_mut().expect("time has a place"),
+            Variable::State(i) if i >= SIGNALS => &mut self.signals[(i - SIGNALS) as usize],
             Variable::State(i) => &mut self.states[i as usize],
             Variable::Input(i) => &mut self.inputs[i as usize],
             Variable::Algebraic(i) => &mut self.algebraics[i as usize],
@@ -73,10 +78,17 @@ impl Elaborator<'_> {
         };
         let (continuous, discrete): (Vec<_>, Vec<_>) =
             numbers.states.iter_mut().zip(&blocks).partition(|(_, block)| block.is_none());
-        number(continuous.into_iter().chain(discrete).map(|(slot, _)| slot));
+        let count = self.evaluator.signals.states();
+        let (signals, time) = numbers.signals.split_at_mut(count);
+        let discrete = discrete.into_iter().map(|(slot, _)| slot);
+        number(continuous.into_iter().map(|(slot, _)| slot).chain(signals).chain(discrete));
         let (rates, rate_of) = self.rates_in_use(&rates, &numbers.states, &blocks);
         number(numbers.inputs.iter_mut());
         let mut next = 0;
+        for slot in time.iter_mut().filter(|slot| **slot != LEFT_OUT) {
+            *slot = next;
+            next += 1;
+        }
         for equation in &order {
             let slot = &mut numbers.algebraics[*equation as usize];
             if *slot != LEFT_OUT {
@@ -102,10 +114,10 @@ impl Elaborator<'_> {
                 unit: unit(quantity),
                 derivative: row.expr,
                 rate: blocks[at].map(|block| rate_of[block]),
+                motion: None,
                 span: row.span,
             });
         }
-        states.sort_by_key(|state| state.rate.is_some());
         if states.is_empty() {
             let help = "a model computes state variables; name one in `output`, or let an output read one";
             self.report
@@ -113,8 +125,19 @@ impl Elaborator<'_> {
             return None;
         }
 
+        let quantities = self.names.quantities.len() as u32;
+        let signals = &self.evaluator.signals;
+        for (at, own) in numbers.signals[..count].iter().enumerate().filter(|(_, own)| **own != LEFT_OUT) {
+            states.push(signals.state(at, *own, quantities + at as u32));
+        }
+        states.sort_by_key(|state| state.rate.is_some());
+
         let mut rows = flat.algebraics;
         let mut algebraics = Vec::with_capacity(next as usize);
+        if numbers.signals[count] != LEFT_OUT {
+            let own = self.names.find(crate::names::TIME).is_some();
+            algebraics.push(signals.time_equation(numbers.signals[0], if own { "time_" } else { "time" }));
+        }
         for equation in order {
             let kept = numbers.algebraics[equation as usize] != LEFT_OUT;
             let Some(mut row) = rows[equation as usize].take().filter(|_| kept) else { continue };
@@ -155,6 +178,7 @@ impl Elaborator<'_> {
         let mut model =
             Model { name, title, solver, step, phases, span, states, rates, algebraics, inputs, outputs, left_out };
         model.add_step_ratio();
+        model.set_step(step);
         Some(model)
     }
 
@@ -164,6 +188,7 @@ impl Elaborator<'_> {
             states: vec![LEFT_OUT; parts.flat.states.len()],
             inputs: vec![LEFT_OUT; parts.inputs.len()],
             algebraics: vec![LEFT_OUT; parts.flat.algebraics.len()],
+            signals: vec![LEFT_OUT; self.evaluator.signals.states() + 1],
         };
         let mut waiting: Vec<Variable> = Vec::new();
         let mut need = |variable: Variable, waiting: &mut Vec<Variable>| {
@@ -177,6 +202,10 @@ impl Elaborator<'_> {
             need(output.variable, &mut waiting);
         }
         while let Some(variable) = waiting.pop() {
+            if matches!(variable, Variable::State(i) | Variable::Algebraic(i) if i >= SIGNALS) {
+                Signals::reads(variable).into_iter().for_each(|read| need(read, &mut waiting));
+                continue;
+            }
             let row = match variable {
                 Variable::State(i) => &parts.flat.states[i as usize],
                 Variable::Algebraic(i) => &parts.flat.algebraics[i as usize],

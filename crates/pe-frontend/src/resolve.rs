@@ -7,9 +7,11 @@ use crate::algebra::{DOT, TRANSPOSE};
 use crate::ast::{Binder, Expr, ExprKind, Name, Reference, Spec};
 use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
 use crate::functions::{self, FUNCTIONS};
-use crate::names::{Kind, Names, PREDEFINED, Symbol};
+use crate::names::{Kind, Names, PREDEFINED, Symbol, TIME};
 use crate::nearest::suggestion;
 use crate::report::Report;
+use crate::settings::unit_scale;
+use crate::signals::{WAVEFORMS, check_count};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
@@ -20,6 +22,8 @@ pub(crate) enum Reads {
     Consts,
     /// `const` and `param`.
     Constants,
+    /// `const`, `param`, the time and signals.
+    Signals,
     /// Everything.
     Variables,
 }
@@ -65,7 +69,7 @@ impl<'a> Resolver<'_, 'a> {
             ExprKind::SumOver { binder, condition, body } => self.sum_over(binder, condition.as_deref(), body)?,
             ExprKind::Data { path, column } => self.data(path, column)?,
             ExprKind::Matrix(rows) => self.matrix(rows, expr.span)?,
-            ExprKind::Call { function, arguments } => self.call(function, arguments, expr.span)?,
+            ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), expr.span)?,
             ExprKind::Compare(..) | ExprKind::Logical(..) | ExprKind::Not(_) => {
                 let message = "a number is needed here, this is a condition";
                 self.report.push(
@@ -154,7 +158,23 @@ impl<'a> Resolver<'_, 'a> {
         Some(NodeKind::SumOver(Box::new(SumOver { range: range?, condition, body: body? })))
     }
 
-    fn call(&mut self, name: &'a Name, arguments: &'a [Expr], span: Span) -> Option<NodeKind> {
+    fn call(
+        &mut self,
+        name: &'a Name,
+        (arguments, units): (&'a [Expr], &'a [(usize, Name)]),
+        span: Span,
+    ) -> Option<NodeKind> {
+        if let Some(number) = WAVEFORMS.iter().position(|(word, ..)| *word == name.text) {
+            return self.signal(number, (arguments, units), span);
+        }
+        for (_, unit) in units {
+            let message =
+                format!("`{}` stands behind an argument of `{}`, which takes plain numbers", unit.text, name.text);
+            self.report.push(
+                Diagnostic::error(codes::UNKNOWN_UNIT, unit.span, message)
+                    .with_help("units stand behind arguments of signals; a product needs its sign"),
+            );
+        }
         let bound = all(arguments.iter().map(|argument| self.number(argument)));
         if let Some(number) = self.names.function_numbers.get(name.text.as_str()).copied() {
             return self.inline(number, bound, arguments.len(), span);
@@ -214,6 +234,15 @@ impl<'a> Resolver<'_, 'a> {
                 self.check_rank(number, reference)?;
                 Some(NodeKind::Element(number, subscripts?))
             }
+            None if name.text == TIME && !self.names.is_poisoned(TIME) => {
+                self.check_signal(TIME, name.span)?;
+                if !reference.subscripts.is_empty() {
+                    let message = "`time` is a number and takes no subscripts";
+                    self.report.push(Diagnostic::error(codes::SUBSCRIPT_COUNT, reference.span, message));
+                    return None;
+                }
+                Some(NodeKind::Time)
+            }
             _ if self.names.is_poisoned(&name.text) => None,
             Some(Symbol::Index(number)) => {
                 self.names.indices[number].used = true;
@@ -227,12 +256,45 @@ impl<'a> Resolver<'_, 'a> {
         }
     }
 
+    /// Binds a signal.
+    fn signal(
+        &mut self,
+        number: usize,
+        (arguments, units): (&'a [Expr], &'a [(usize, Name)]),
+        span: Span,
+    ) -> Option<NodeKind> {
+        let (word, meanings, _) = WAVEFORMS[number];
+        self.check_signal(word, span)?;
+        check_count(number, arguments.len(), span).map_err(|error| self.report.push(error)).ok()?;
+        let reads = std::mem::replace(&mut self.reads, Reads::Constants);
+        let mut bound = Vec::with_capacity(arguments.len());
+        for (at, (argument, (meaning, kind))) in arguments.iter().zip(meanings).enumerate() {
+            let unit = units.iter().find(|(of, _)| *of == at).map(|(_, unit)| unit);
+            let scale = unit_scale(unit, kind.units(), meaning).map_err(|error| self.report.push(error));
+            let value = self.number(argument);
+            bound.extend(value.zip(scale.ok()));
+        }
+        self.reads = reads;
+        (bound.len() == arguments.len()).then_some(NodeKind::Signal(number, bound))
+    }
+
+    /// Reports a signal where none can be read.
+    fn check_signal(&mut self, word: &str, span: Span) -> Option<()> {
+        if matches!(self.reads, Reads::Variables | Reads::Signals) {
+            return Some(());
+        }
+        let message = format!("`{word}` changes over time and cannot be read here");
+        let help = "signals stand on the right-hand side of equations and of inputs";
+        self.report.push(Diagnostic::error(codes::SIGNAL_PLACE, span, message).with_help(help));
+        None
+    }
+
     /// Reports a quantity that an expression of this place cannot read.
     fn check_kind(&mut self, number: usize, name: &Name) -> Option<()> {
         let quantity = &self.names.quantities[number];
         let allowed = match self.reads {
             Reads::Consts => quantity.kind == Kind::Const,
-            Reads::Constants => matches!(quantity.kind, Kind::Const | Kind::Param),
+            Reads::Constants | Reads::Signals => matches!(quantity.kind, Kind::Const | Kind::Param),
             Reads::Variables => true,
         };
         if allowed {

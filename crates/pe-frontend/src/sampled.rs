@@ -3,6 +3,7 @@
 //! An algebraic quantity of a block is computed where a sample is taken. Whoever reads it elsewhere reads a state that
 //! takes its value then and holds it, which comes into being here.
 
+use crate::defined::SIGNALS;
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use crate::names::Kind;
@@ -39,7 +40,9 @@ impl Elaborator<'_> {
         let mut held: Vec<u32> = Vec::new();
         let first = flat.states.len() as u32;
         let mut elsewhere = |variable: Variable, reader: Option<usize>| match variable {
-            Variable::Algebraic(number) if blocks[number as usize].is_some_and(|block| reader != Some(block)) => {
+            Variable::Algebraic(number)
+                if number < SIGNALS && blocks[number as usize].is_some_and(|block| reader != Some(block)) =>
+            {
                 let holder = sampled.holders[number as usize].get_or_insert_with(|| {
                     held.push(number);
                     first + held.len() as u32 - 1

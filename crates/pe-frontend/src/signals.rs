@@ -3,8 +3,9 @@
 use crate::ast::{Declared, Measure, Name, Signal};
 use crate::bound::{Node, NodeKind};
 use crate::elaborate::Elaborator;
-use crate::evaluate::{Fault, Purpose, fault};
+use crate::evaluate::{Evaluator, Fault, Purpose, fault};
 use crate::functions;
+use crate::names::Names;
 use crate::nearest::suggestion;
 use crate::resolve::{Reads, unknown_function};
 use crate::settings::{FREQUENCIES, TIMES, scaled, unit_scale};
@@ -28,6 +29,17 @@ pub(crate) enum Argument {
 }
 
 use Argument::{Frequency, Number, Time, Value};
+
+impl Argument {
+    /// Units that may stand behind it.
+    pub(crate) fn units(self) -> &'static [(&'static str, f64)] {
+        match self {
+            Value | Number => &[],
+            Time => &TIMES,
+            Frequency => &FREQUENCIES,
+        }
+    }
+}
 
 /// A waveform: name, its arguments, how many of them are needed.
 type Form = (&'static str, &'static [(&'static str, Argument)], usize);
@@ -77,24 +89,12 @@ impl<'a> Elaborator<'a> {
         span: Span,
         declared: &'a Declared,
     ) -> Option<BoundSignal> {
-        let (waveform, meanings, needed) = WAVEFORMS[number];
-        if arguments.len() < needed || arguments.len() > meanings.len() {
-            let wanted =
-                if needed == meanings.len() { needed.to_string() } else { format!("{needed} to {}", meanings.len()) };
-            let message = format!("`{waveform}` takes {wanted} argument(s), found {}", arguments.len());
-            let help =
-                format!("its arguments are {}", meanings.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "));
-            self.report.push(Diagnostic::error(codes::ARGUMENT_COUNT, span, message).with_help(help));
-            return None;
-        }
+        let (_, meanings, _) = WAVEFORMS[number];
+        check_count(number, arguments.len(), span).map_err(|error| self.report.push(error)).ok()?;
         let mut bound = Vec::with_capacity(arguments.len());
         for (argument, (meaning, kind)) in arguments.iter().zip(meanings) {
-            let units = match kind {
-                Value | Number => &[],
-                Time => &TIMES[..],
-                Frequency => &FREQUENCIES[..],
-            };
-            let scale = unit_scale(argument.unit.as_ref(), units, meaning).map_err(|error| self.report.push(error));
+            let scale =
+                unit_scale(argument.unit.as_ref(), kind.units(), meaning).map_err(|error| self.report.push(error));
             let value = self.bind_element(&argument.value, declared, Reads::Constants);
             if let (Some(value), Ok(scale)) = (value, scale) {
                 bound.push((value, scale));
@@ -186,51 +186,77 @@ impl<'a> Elaborator<'a> {
             BoundSignal::Samples(samples) => return Ok(Waveform::Samples(Arc::clone(samples))),
             BoundSignal::Form(form, arguments) => (*form, arguments),
         };
+        let values = self.evaluator.signal_arguments(&self.names, arguments)?;
+        let spans: Vec<Span> = arguments.iter().map(|(node, _)| node.span).collect();
+        waveform_of(form, &values, &spans)
+    }
+}
+
+impl Evaluator {
+    /// Arguments of a signal in base units.
+    pub(crate) fn signal_arguments(&mut self, names: &Names, arguments: &[(Node, f64)]) -> Result<Vec<f64>, Fault> {
         let mut values = Vec::with_capacity(arguments.len());
         for (node, scale) in arguments {
-            let value = scaled(self.evaluator.number(&self.names, node, Purpose::Constant)?, *scale);
+            let value = scaled(self.number(names, node, Purpose::Constant)?, *scale);
             if !value.is_finite() {
                 return Err(fault(Diagnostic::error(codes::NOT_FINITE, node.span, "the value is too large")));
             }
             values.push(value);
         }
-        let (name, meanings, _) = WAVEFORMS[form];
-        let value = |at: usize, default: f64| values.get(at).copied().unwrap_or(default);
-        let bad = |at: usize, reason: &str| {
-            let place = arguments.get(at).map_or_else(Span::default, |(node, _)| node.span);
-            let message = format!("the {} is {}; {reason}", meanings[at].0, value(at, 0.0));
-            Err(fault(Diagnostic::error(codes::BAD_WAVEFORM, place, message)))
-        };
-        for (at, (_, kind)) in meanings.iter().enumerate() {
-            if matches!(kind, Time | Frequency) && value(at, 0.0) < 0.0 {
-                return bad(at, "it must not be negative");
-            }
-        }
-        let (amplitude, frequency, offset) = (value(0, 0.0), value(1, 0.0), value(2, 0.0));
-        Ok(match name {
-            "sine" => Waveform::Sine { amplitude, frequency, offset, phase: value(3, 0.0) },
-            "square" => {
-                let duty = value(3, 0.5);
-                if !(0.0..=1.0).contains(&duty) {
-                    return bad(3, "it is a part of the period, between 0 and 1");
-                }
-                Waveform::Square { amplitude, frequency, offset, duty }
-            }
-            "pulse" => {
-                let (width, period) = (value(2, 0.0), value(4, f64::INFINITY));
-                if period < width || period == 0.0 {
-                    return bad(4, "it must be positive and not shorter than the pulse");
-                }
-                Waveform::Pulse { height: amplitude, start: value(1, 0.0), width, offset: value(3, 0.0), period }
-            }
-            "ramp" => {
-                let duration = value(3, 0.0);
-                if duration == 0.0 {
-                    return bad(3, "a jump is a `pulse`");
-                }
-                Waveform::Ramp { from: amplitude, to: value(1, 0.0), start: value(2, 0.0), duration }
-            }
-            _ => Waveform::Constant(amplitude),
-        })
+        Ok(values)
     }
+}
+
+/// Whether a waveform, by its number in [`WAVEFORMS`], takes so many arguments.
+pub(crate) fn check_count(number: usize, count: usize, span: Span) -> Result<(), Diagnostic> {
+    let (waveform, meanings, needed) = WAVEFORMS[number];
+    if (needed..=meanings.len()).contains(&count) {
+        return Ok(());
+    }
+    let wanted = if needed == meanings.len() { needed.to_string() } else { format!("{needed} to {}", meanings.len()) };
+    let message = format!("`{waveform}` takes {wanted} argument(s), found {count}");
+    let help = format!("its arguments are {}", meanings.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "));
+    Err(Diagnostic::error(codes::ARGUMENT_COUNT, span, message).with_help(help))
+}
+
+/// A waveform, by its number in [`WAVEFORMS`], with these arguments, which stand at these places.
+pub(crate) fn waveform_of(form: usize, values: &[f64], spans: &[Span]) -> Result<Waveform, Fault> {
+    let (name, meanings, _) = WAVEFORMS[form];
+    let value = |at: usize, default: f64| values.get(at).copied().unwrap_or(default);
+    let bad = |at: usize, reason: &str| {
+        let place = spans.get(at).copied().unwrap_or_default();
+        let message = format!("the {} is {}; {reason}", meanings[at].0, value(at, 0.0));
+        Err(fault(Diagnostic::error(codes::BAD_WAVEFORM, place, message)))
+    };
+    for (at, (_, kind)) in meanings.iter().enumerate() {
+        if matches!(kind, Time | Frequency) && value(at, 0.0) < 0.0 {
+            return bad(at, "it must not be negative");
+        }
+    }
+    let (amplitude, frequency, offset) = (value(0, 0.0), value(1, 0.0), value(2, 0.0));
+    Ok(match name {
+        "sine" => Waveform::Sine { amplitude, frequency, offset, phase: value(3, 0.0) },
+        "square" => {
+            let duty = value(3, 0.5);
+            if !(0.0..=1.0).contains(&duty) {
+                return bad(3, "it is a part of the period, between 0 and 1");
+            }
+            Waveform::Square { amplitude, frequency, offset, duty }
+        }
+        "pulse" => {
+            let (width, period) = (value(2, 0.0), value(4, f64::INFINITY));
+            if period < width || period == 0.0 {
+                return bad(4, "it must be positive and not shorter than the pulse");
+            }
+            Waveform::Pulse { height: amplitude, start: value(1, 0.0), width, offset: value(3, 0.0), period }
+        }
+        "ramp" => {
+            let duration = value(3, 0.0);
+            if duration == 0.0 {
+                return bad(3, "a jump is a `pulse`");
+            }
+            Waveform::Ramp { from: amplitude, to: value(1, 0.0), start: value(2, 0.0), duration }
+        }
+        _ => Waveform::Constant(amplitude),
+    })
 }

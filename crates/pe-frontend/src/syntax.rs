@@ -360,11 +360,13 @@ impl Builder<'_> {
             Rule::call => {
                 let mut parts = Parts::of(pair);
                 let function = self.name(parts.take(Rule::function)?);
-                let mut arguments = Vec::new();
-                while let Some(argument) = parts.take(Rule::expr) {
-                    arguments.push(self.expr(argument)?);
+                let (mut arguments, mut units) = (Vec::new(), Vec::new());
+                while let Some(argument) = parts.take(Rule::measure) {
+                    let Measure { value, unit } = self.measure(argument)?;
+                    units.extend(unit.map(|unit| (arguments.len(), unit)));
+                    arguments.push(value);
                 }
-                ExprKind::Call { function, arguments }
+                ExprKind::Call { function, arguments, units }
             }
             _ => return None,
         };
@@ -516,7 +518,7 @@ mod tests {
             ExprKind::Negate(operand) => format!("(-{})", show(operand)),
             ExprKind::If { condition, yes, no } => format!("({}?{}:{})", show(condition), show(yes), show(no)),
             ExprKind::SumOver { binder, body, .. } => format!("sum({}:{})", binder.name.text, show(body)),
-            ExprKind::Call { function, arguments } => format!("{}({})", function.text, list(arguments, ",")),
+            ExprKind::Call { function, arguments, .. } => format!("{}({})", function.text, list(arguments, ",")),
             ExprKind::Matrix(rows) => {
                 format!("[{}]", rows.iter().map(|row| list(row, ",")).collect::<Vec<_>>().join(";"))
             }

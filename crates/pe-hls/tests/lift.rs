@@ -63,6 +63,7 @@ fn model(derivatives: Vec<Expr>, algebraics: Vec<Expr>) -> Model {
         unit: None,
         derivative,
         rate: None,
+        motion: None,
         span,
     });
     let named = |(index, expr)| Algebraic { name: format!("a{index}"), unit: None, expr, range: None, span };

@@ -37,6 +37,7 @@ codes! {
     INCLUDE_CYCLE = "E0112", "files include each other";
     MISPLACED = "E0113", "statement belongs in the main file";
     BAD_BLOCK = "E0114", "block not well formed";
+    SIGNAL_PLACE = "E0115", "signal out of place";
 
     UNKNOWN_NAME = "E0201", "unknown name";
     UNKNOWN_FUNCTION = "E0202", "unknown function or waveform";

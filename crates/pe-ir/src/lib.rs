@@ -13,6 +13,7 @@ pub mod graph;
 pub mod mapping;
 pub mod memory;
 pub mod model;
+pub mod motion;
 pub mod place;
 pub mod program;
 pub mod schedule;

@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use crate::motion::Motion;
 use crate::source::Span;
 
 pub use crate::expr::{Expr, Function, Select};
@@ -39,6 +40,8 @@ pub struct State {
     /// The rate in [`Model::rates`] at which the state takes its next value, held in between; none if it changes all
     /// the time.
     pub rate: Option<u32>,
+    /// How it moves exactly, if it stands for a signal of the model.
+    pub motion: Option<Motion>,
     /// The equation in the spec.
     pub span: Span,
 }
@@ -218,7 +221,7 @@ impl Model {
     }
 
     /// A name that no variable has: this one, with `_` behind it where it is taken.
-    fn free_name(&self, mut name: String) -> String {
+    pub fn free_name(&self, mut name: String) -> String {
         let taken = |name: &str| {
             self.states.iter().any(|state| state.name == name)
                 || self.inputs.iter().any(|input| input.name == name)
@@ -258,10 +261,10 @@ impl Model {
 
     /// How many equations there are, in words.
     pub fn size(&self) -> String {
-        let continuous = self.continuous_states();
-        match self.states.len() - continuous {
-            0 => format!("{continuous} ODEs"),
-            sampled => format!("{continuous} ODEs, {sampled} sampled states"),
+        let odes = self.odes();
+        match self.states.len() - self.continuous_states() {
+            0 => format!("{odes} ODEs"),
+            sampled => format!("{odes} ODEs, {sampled} sampled states"),
         }
     }
 

@@ -57,8 +57,14 @@ pub struct Linearised {
 }
 
 impl Linearised {
-    /// The model at `states` with these inputs; sampled states are held.
+    /// The model at `states` with these inputs; sampled states are held, and so are those that stand for signals, which
+    /// no mode of the model moves.
     pub fn at(model: &Model, states: &[f64], inputs: &[f64]) -> Linearised {
+        Linearised::of(model, states, inputs, &|state| state.rate.is_none() && state.motion.is_none())
+    }
+
+    /// The same with the derivatives of states that stand for signals.
+    pub fn with_signals(model: &Model, states: &[f64], inputs: &[f64]) -> Linearised {
         Linearised::of(model, states, inputs, &|state| state.rate.is_none())
     }
 
@@ -164,6 +170,7 @@ mod tests {
             unit: None,
             derivative,
             rate: None,
+            motion: None,
             span: Span::default(),
         };
         let shared = Algebraic { name: "a".to_owned(), unit: None, expr: product, range: None, span: Span::default() };

@@ -25,6 +25,7 @@ fn model(states: Vec<(f64, Expr)>, inputs: Vec<Waveform>, algebraics: Vec<Expr>,
         unit: None,
         derivative,
         rate: None,
+        motion: None,
         span: SPAN,
     });
     let input = |(index, waveform)| Input { name: format!("u{index}"), unit: None, waveform, range: None, span: SPAN };

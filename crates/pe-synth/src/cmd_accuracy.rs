@@ -147,7 +147,7 @@ impl Accuracy {
         let head = json!({
             "generator": GENERATOR,
             "model": model.name,
-            "odes": model.continuous_states(),
+            "odes": model.odes(),
             "model_sha256": fingerprint(model),
             "span_s": model.span,
             "command": self.given.command,

@@ -133,7 +133,7 @@ impl Explore {
         let head = json!({
             "generator": GENERATOR,
             "model": model.name,
-            "odes": model.continuous_states(),
+            "odes": model.odes(),
             "model_sha256": fingerprint(model),
             "command": self.given.command,
             "shared_options": self.given.shared.join(" "),

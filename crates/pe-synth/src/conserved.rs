@@ -76,10 +76,17 @@ impl Conserved {
                 .states
                 .iter()
                 .zip(scales)
-                .map(|(state, scale)| near(&mut random, state.initial, *scale))
+                .map(|(state, scale)| near(&mut random, state.initial, if scale.is_finite() { *scale } else { 1.0 }))
                 .collect();
             let inputs: Vec<f64> = model.inputs.iter().map(|_| random.random_range(0.1..1.0)).collect();
-            Place::new(model, &states, &inputs).derivatives()
+            let mut derivatives = Place::new(model, &states, &inputs).derivatives();
+            // What stands for a signal is no part of anything conserved.
+            for (derivative, state) in derivatives.iter_mut().zip(&model.states) {
+                if state.motion.is_some() {
+                    *derivative = random.random_range(0.1..1.0);
+                }
+            }
+            derivatives
         };
         let places: Vec<Vec<f64>> = (0..count + MORE_PLACES).map(|_| place()).collect();
         let fresh = place();

@@ -204,7 +204,7 @@ impl DesignPoint {
     /// If the span is shorter than the step, or takes more steps than can be run.
     pub fn apply(&self, model: &mut Model) -> Result<(), Failure> {
         model.solver = self.solver.unwrap_or(model.solver);
-        model.step = self.step.unwrap_or(model.step);
+        model.set_step(self.step.unwrap_or(model.step));
         step_count_problem(model.step, model.span).map_or(Ok(()), |problem| Err(Failure::Usage(problem)))
     }
 

@@ -113,7 +113,7 @@ pub fn report(
     let mut report = json!({
         "generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")),
         "model": model.name,
-        "odes": model.continuous_states(),
+        "odes": model.odes(),
         "pes": program.pes.len(),
         "pes_default": design.default_pes,
         "solver": model.solver.name(),

@@ -97,7 +97,10 @@ struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     fn of(model: &'a Model) -> Scene<'a> {
-        let states = model.states.iter().map(|state| (state.name.as_str(), "state"));
+        let states = model.states.iter().map(|state| {
+            let kind = if state.motion.is_some() { "signal" } else { "state" };
+            (state.name.as_str(), kind)
+        });
         let algebraics = model.algebraics.iter().map(|algebraic| (algebraic.name.as_str(), "algebraic"));
         let inputs = model.inputs.iter().map(|input| (input.name.as_str(), "input"));
         let elements: Vec<_> = states.chain(algebraics).chain(inputs).collect();

@@ -143,10 +143,10 @@ impl Reference {
             (loose.join().unwrap_or_else(ended), second.join().unwrap_or_else(ended), solution)
         });
         let (loose, Solution { states: solution, method }) = (loose?, solution?);
-        let scales = solution.scales(&quantities(model));
+        let scales = model.own_scales(solution.scales(&quantities(model)));
         let uncertainty = solution.deviation(&loose.states).worst(&scales).1.max(reference::TOLERANCE);
         let conserved = conserved.iter().cloned().chain(Conserved::found(model, &scales)).collect();
-        let candidates = if varying_inputs(model) { Vec::new() } else { outputs_first(model) };
+        let candidates = if varying_inputs(model) || model.has_signals() { Vec::new() } else { outputs_first(model) };
         let times = times.to_vec();
         let agreement = second.map(|second| agreement(&times, &solution, &second, &scales));
         Ok(Reference { times, solution, scales, candidates, conserved, uncertainty, method, agreement })
@@ -178,7 +178,9 @@ impl Reference {
 
     fn l2(&self, run: &Trajectory) -> f64 {
         let mut sums = (0.0, 0.0);
-        for (solution, run, scale) in pairs(&self.solution, run, &self.scales).filter(|(.., scale)| *scale > 0.0) {
+        for (solution, run, scale) in
+            pairs(&self.solution, run, &self.scales).filter(|(.., scale)| *scale > 0.0 && scale.is_finite())
+        {
             let (wrong, whole) = ((run - solution) / scale, solution / scale);
             sums = (sums.0 + wrong * wrong, sums.1 + whole * whole);
         }

@@ -58,7 +58,8 @@ pub fn variables(model: &Model, graph: &StepGraph, judged: &Judged) -> Vec<Varia
     let [states, algebraics] = values_of(graph, model);
     let mut variables = Vec::new();
     for (index, state) in model.states.iter().enumerate() {
-        let measured = measure(&state.name, "state", &state.unit, &states[index]);
+        let kind = if state.motion.is_some() { "signal" } else { "state" };
+        let measured = measure(&state.name, kind, &state.unit, &states[index]);
         let word_length = Some(judged.state_errors[index]);
         variables.extend(measured.map(|variable| Variable { word_length, ..variable }));
     }

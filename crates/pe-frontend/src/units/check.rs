@@ -8,7 +8,7 @@ use crate::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Measure, Name, Rang
 use crate::elaborate::Elaborator;
 use crate::functions;
 use crate::inline::MOST_NESTED_CALLS;
-use crate::names::{Kind, Symbol};
+use crate::names::{Kind, Symbol, TIME};
 use crate::signals::{Argument, WAVEFORMS};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
@@ -261,13 +261,25 @@ impl<'a> Checker<'_, 'a> {
         let span = value.1;
         let wanted = match kind {
             Argument::Value => own,
-            // A unit after the argument is that of the number before it.
-            Argument::Number => (Known(Dimension::ONE), span),
-            _ if argument.unit.is_some() => (Known(Dimension::ONE), span),
-            Argument::Time => (Known(Dimension::SECOND), span),
-            Argument::Frequency => (Dimension::ONE.times(Dimension::SECOND, -1).map_or(Unknown, Known), span),
+            kind => (wanted(kind, argument.unit.is_some()), span),
         };
         self.same(wanted, value, TOLD);
+    }
+
+    /// The unit of a signal in an expression: that of its values.
+    fn waveform(
+        &mut self,
+        kinds: &[(&str, Argument)],
+        (arguments, units): (&'a [Expr], &'a [(usize, Name)]),
+        scope: Scope,
+    ) -> Unit {
+        let kind = |at: usize| kinds.get(at).map_or(Argument::Value, |(_, kind)| *kind);
+        for (at, argument) in arguments.iter().enumerate().filter(|(at, _)| kind(*at) != Argument::Value) {
+            let value = self.unit(argument, scope);
+            self.same((wanted(kind(at), units.iter().any(|(of, _)| *of == at)), value.1), value, scope);
+        }
+        let values = arguments.iter().enumerate().filter(|(at, _)| kind(*at) == Argument::Value);
+        self.all_same(values.map(|(_, argument)| argument), scope)
     }
 
     /// The unit of a quantity, and the place where it is written, or the quantity defined.
@@ -307,7 +319,7 @@ impl<'a> Checker<'_, 'a> {
                 condition.iter().for_each(|condition| _ = self.unit(condition, scope));
                 self.unit(body, scope).0
             }
-            ExprKind::Call { function, arguments } => self.call(function, arguments, span, scope),
+            ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), span, scope),
             ExprKind::Matrix(rows) => self.all_same(rows.iter().flatten(), scope),
             ExprKind::Data { path, column } => self.data(path, column).0,
             ExprKind::Compare(_, left, right) => {
@@ -333,6 +345,7 @@ impl<'a> Checker<'_, 'a> {
         }
         match self.elaborator.names.find(name) {
             Some(Symbol::Quantity(number)) => self.units[number].unwrap_or(Unknown),
+            None if name == TIME => Known(Dimension::SECOND),
             // Indices and what is predefined are numbers.
             Some(Symbol::Index(_)) | None => Number,
         }
@@ -355,8 +368,17 @@ impl<'a> Checker<'_, 'a> {
         unit
     }
 
-    fn call(&mut self, function: &'a Name, arguments: &'a [Expr], span: Span, scope: Scope) -> Unit {
+    fn call(
+        &mut self,
+        function: &'a Name,
+        (arguments, units): (&'a [Expr], &'a [(usize, Name)]),
+        span: Span,
+        scope: Scope,
+    ) -> Unit {
         let name = function.text.as_str();
+        if let Some((_, kinds, _)) = WAVEFORMS.iter().find(|(word, ..)| *word == name) {
+            return self.waveform(kinds, (arguments, units), scope);
+        }
         if let Some(defined) = self.elaborator.names.function(name) {
             let (parameters, body) = (defined.parameters, defined.body);
             let units: Vec<(&str, Unit)> = parameters
@@ -466,6 +488,15 @@ impl<'a> Checker<'_, 'a> {
             Some(text) => format!("{text}/s"),
             None => unit.to_string(),
         }
+    }
+}
+
+/// The unit that an argument of a signal must have which is no value. A unit written behind it is that of the number.
+fn wanted(kind: Argument, written: bool) -> Unit {
+    match kind {
+        Argument::Time if !written => Known(Dimension::SECOND),
+        Argument::Frequency if !written => Dimension::ONE.times(Dimension::SECOND, -1).map_or(Unknown, Known),
+        _ => Known(Dimension::ONE),
     }
 }
 

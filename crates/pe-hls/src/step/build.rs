@@ -12,7 +12,7 @@ use super::polynomial::{Nested, NestedFactor};
 use super::prune::prune;
 use super::rows::Rows;
 use super::sharing::{self, Expanded};
-use super::{method, planned, sampled};
+use super::{method, motion, planned, sampled};
 use crate::pairs;
 
 /// One stage of a solver: where its chains read, how they are scaled, and what they write.
@@ -147,7 +147,11 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     let slots: Vec<u32> = derivatives.iter().map(slots).chain(shared).collect();
     let mut written = vec![forms::plain_cost(plain, model.solver.stages(), &slots, options.pes)];
     let looks_up = expanded.functions.iter().any(Option::is_some);
-    if plain == StageForm::Increments && options.sums && !looks_up && matches!(model.solver, Solver::Heun | Solver::Rk4)
+    if plain == StageForm::Increments
+        && options.sums
+        && !looks_up
+        && !model.has_signals()
+        && matches!(model.solver, Solver::Heun | Solver::Rk4)
     {
         let pairs: Vec<u32> = derivatives.iter().map(pairs_of).collect();
         let counted = options.pre_adder && pairs::are_worthwhile(pairs.iter().sum(), slots.iter().sum());
@@ -165,9 +169,15 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     let mut builder = Builder::new(model, form.cost);
     builder.graph.forms = costs;
     let mut current: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
+    let parts = if form.cost.form == StageForm::Increments { motion::abscissae(model.solver) } else { &[] };
+    let moved = motion::chains(&mut builder, model, parts);
     for (number, rows) in (1..).zip(&form.stages) {
         let last = number == form.stages.len() as u8;
-        current = (0..rows.len()).map(|index| builder.row(index, (number, last), rows, &current)).collect();
+        let row = |index: usize| match moved.get(&(1f64.to_bits(), index)).filter(|_| last) {
+            Some(end) => *end,
+            None => builder.row(index, (number, last), rows, &current),
+        };
+        current = (0..rows.len()).map(row).collect();
     }
     let written = if form.stages.is_empty() { stages(model.solver, form.cost.form, model.step) } else { Vec::new() };
     for stage in written {
@@ -176,7 +186,13 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
             builder.algebraic(index, stage.number, (nested, &expanded.functions[index]), &mut operands);
         }
         let next: Vec<ValueId> = (0..derivatives.len())
-            .map(|index| builder.derivative(index, &stage, &derivatives[index], &operands))
+            .map(|index| {
+                let part = if stage.last { Some(&1.0) } else { parts.get(stage.number as usize - 1) };
+                match part.and_then(|part| moved.get(&(part.to_bits(), index))) {
+                    Some(value) => *value,
+                    None => builder.derivative(index, &stage, &derivatives[index], &operands),
+                }
+            })
             .collect();
         current = next;
     }

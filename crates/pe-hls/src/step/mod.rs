@@ -3,6 +3,7 @@
 mod build;
 mod forms;
 mod method;
+mod motion;
 mod plan;
 mod planned;
 mod polynomial;

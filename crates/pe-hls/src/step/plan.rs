@@ -8,6 +8,9 @@ use std::collections::BTreeMap;
 
 use pe_ir::graph::Role;
 use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::motion::Motion;
+
+use super::motion;
 
 /// `variable := base + sum`.
 #[derive(Clone, Debug)]
@@ -170,14 +173,63 @@ impl<'m> Plan<'m> {
         Variable::State(self.ends.len() as u32 - 1)
     }
 
-    /// The end value of a state or memory.
+    /// The end value of a state or memory. That of a state that stands for a signal is exact, whatever is given.
     pub fn end(&mut self, state: u32, base: Option<Variable>, sum: Expr) -> Variable {
+        match self.model.states.get(state as usize).and_then(|state| state.motion) {
+            None => self.ending(state, base, sum),
+            Some(motion) => self.moved(state, motion),
+        }
+    }
+
+    /// The end value of a state that stands for a signal.
+    fn moved(&mut self, state: u32, motion: Motion) -> Variable {
+        if let Some(end) = self.ends[state as usize] {
+            return end;
+        }
+        let model = self.model;
+        let (sine, rate) = match motion {
+            Motion::Clock => {
+                let slope = model.states[state as usize].derivative.as_constant().unwrap_or(0.0);
+                return self.ending(state, Some(Variable::State(state)), motion::of_step(model, |step| slope * step));
+            }
+            Motion::Sine(rate) => (state, rate),
+            Motion::Cosine(rate) => (state - 1, rate),
+        };
+        let cosine = sine + 1;
+        let (of_cosine, of_sine) = motion::shears_of_step(model, rate);
+        let name = format!("{}.sheared", model.states[cosine as usize].name);
+        let first = Expr::product(vec![of_cosine.clone(), of(Variable::State(sine))]);
+        let sheared = self.added(cosine, name, Variable::State(cosine), first);
+        let second = Expr::product(vec![of_sine, of(sheared)]);
+        let sine_end = self.ending(sine, Some(Variable::State(sine)), second);
+        let cosine_end = self.ending(cosine, Some(sheared), Expr::product(vec![of_cosine, of(sine_end)]));
+        if state == sine { sine_end } else { cosine_end }
+    }
+
+    fn ending(&mut self, state: u32, base: Option<Variable>, sum: Expr) -> Variable {
         let states = self.model.states.len();
         let owner = (state as usize).checked_sub(states).map_or(state, |memory| self.memories[memory].owner);
         let role = Role::Next(state);
         let end = self.add(Planned { role, owner: Some(owner), base, sum, same_sum: None, keep: true });
         self.ends[state as usize] = Some(end);
         end
+    }
+
+    /// Adds sums to a state where they are added to a quantity of the method that is itself a sum added to that state;
+    /// whether there was any.
+    pub fn put_bases_in_place(&mut self) -> bool {
+        let mut found = false;
+        for index in 0..self.equations.len() {
+            let Some(Variable::Algebraic(base)) = self.equations[index].base else { continue };
+            let Planned { role, base, sum, .. } = self.equations[base as usize].clone();
+            if matches!((role, base), (Role::Auxiliary(_), Some(Variable::State(_)))) {
+                let own = std::mem::replace(&mut self.equations[index].sum, Expr::Constant(0.0));
+                self.equations[index].sum = Expr::sum(vec![sum, own]);
+                self.equations[index].base = base;
+                found = true;
+            }
+        }
+        found
     }
 
     fn auxiliary_role(&mut self, name: String) -> Role {

@@ -24,7 +24,24 @@ const NONE: u32 = u32::MAX;
 pub fn build(mut plan: Plan, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
     let model = plan.model;
     let published = publish(&mut plan);
-    let (mut builder, algebraics) = chains(&plan)?;
+    let mut graph = whole(&plan, &published)?;
+    if !can_overwrite(&graph) {
+        // Words in pairs, which no order of equations can spoil; there only states are operands and bases.
+        if plan.put_bases_in_place() {
+            graph = whole(&plan, &published)?;
+        }
+        (graph.form, graph.stages) = (StageForm::Euler, 1);
+    }
+    forms::check_only(model, graph.form, options)?;
+    graph.forms = vec![whole_cost(&graph, options)];
+    graph.pre_adder = options.pre_adder && pairs::worthwhile(&graph);
+    Ok(graph)
+}
+
+/// The step graph of a plan with what it publishes.
+fn whole(plan: &Plan, published: &Point) -> Result<StepGraph, Vec<Diagnostic>> {
+    let model = plan.model;
+    let (mut builder, algebraics) = chains(plan)?;
     let ends: Vec<ValueId> = builder.graph.states.iter().map(|(_, next)| *next).collect();
     for (index, output) in model.outputs.iter().enumerate() {
         let value = match output.variable {
@@ -37,15 +54,7 @@ pub fn build(mut plan: Plan, options: &StepOptions) -> Result<StepGraph, Vec<Dia
         };
         builder.graph.outputs.push(value);
     }
-    let mut graph = prune(builder.graph);
-    if !can_overwrite(&graph) {
-        // Words in pairs, which no order of equations can spoil.
-        (graph.form, graph.stages) = (StageForm::Euler, 1);
-    }
-    forms::check_only(model, graph.form, options)?;
-    graph.forms = vec![whole_cost(&graph, options)];
-    graph.pre_adder = options.pre_adder && pairs::worthwhile(&graph);
-    Ok(graph)
+    Ok(prune(builder.graph))
 }
 
 /// The chains of a plan, with nothing published, and the value of each of its equations.

@@ -210,7 +210,7 @@ impl ODE<f64, States> for Piece<'_> {
         let model = self.equations.model;
         let middle = 0.5 * (self.from + self.to);
         let inputs: Vec<f64> = model.inputs.iter().map(|input| input.waveform.piece(middle, time)).collect();
-        let columns = Linearised::at(model, &states.0, &inputs).dense();
+        let columns = Linearised::with_signals(model, &states.0, &inputs).dense();
         let count = states.0.len();
         for (index, number) in columns.into_iter().enumerate() {
             jacobian[(index % count, index / count)] = number;

@@ -87,10 +87,15 @@ pub fn is_still(model: &Model, trusted: &Trusted) -> bool {
     let inputs = model.sample_inputs(0.0);
     let derivatives = Place::new(model, first, &inputs).derivatives();
     let rests = |((state, at), derivative): ((&State, &f64), &f64)| match state.rate {
+        _ if state.motion.is_some() => true,
         Some(_) => derivative == at,
         None => at + model.step * derivative == *at,
     };
-    trusted.states.samples.chunks_exact(states.max(1)).all(|sample| sample == first)
+    let same = |sample: &[f64]| {
+        let mut numbers = model.states.iter().zip(sample.iter().zip(first));
+        numbers.all(|(state, (number, first))| state.motion.is_some() || number == first)
+    };
+    trusted.states.samples.chunks_exact(states.max(1)).all(same)
         && model.states.iter().zip(first).zip(&derivatives).all(rests)
 }
 
@@ -162,7 +167,10 @@ fn magnitudes(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, po
     let product = |vector: &[f64]| -> Vec<f64> {
         let moved: Vec<f64> = (0..states).map(|i| at[i] + size * scales[i] * vector[i]).collect();
         let after = step(&moved);
-        (0..states).map(|i| (after[i] - origin[i]) / (size * scales[i])).collect()
+        // No mode of the model moves states that stand for signals.
+        let moved =
+            |i: usize| if model.states[i].motion.is_none() { (after[i] - origin[i]) / (size * scales[i]) } else { 0.0 };
+        (0..states).map(moved).collect()
     };
     let values = if states <= COLUMNS {
         let mut unit = vec![0.0; states];

@@ -122,7 +122,7 @@ pub fn json(model: &Model, check: &Check, judged: Option<&Judged>, asked_span: f
     json!({
         "generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")),
         "model": model.name,
-        "odes": model.continuous_states(),
+        "odes": model.odes(),
         "solver": model.solver.name(),
         "step_s": model.step,
         "span_s": asked_span,

@@ -1,7 +1,8 @@
 //! Inputs: what a step sees of their signals, and signals that leave the range that the spec states for them.
 
 use pe_ir::codes;
-use pe_ir::model::{Expr, Input, Model, Unseen, Variable};
+use pe_ir::model::{Expr, Input, Model, State, Unseen, Variable};
+use pe_ir::motion::Motion;
 use pe_ir::source::Diagnostic;
 use pe_sim::error::Trajectory;
 
@@ -134,7 +135,7 @@ impl Blindness {
             }
         };
         let help = match cause.map(|cause| cause.unseen) {
-            None => "take a smaller `--step`; the error falls linearly with it".to_owned(),
+            None => "take a smaller `--step`, with which the error falls linearly; or, if the model itself knows the signal, define it without `input`: the network computes it within the step".to_owned(),
             Some(Unseen::Aliased) => "take a step of a tenth of its period, or a slower signal".to_owned(),
             Some(Unseen::Missed) => "take a step that its beginning and its length are multiples of".to_owned(),
             Some(Unseen::Jump) => {
@@ -145,6 +146,27 @@ impl Blindness {
         let finding = Diagnostic::error(if refused { error } else { warning }, span, message).with_help(help);
         Some(if refused { finding } else { finding.into_warning() })
     }
+}
+
+/// Part of its period that a sine of the model may go through in a step: beyond half of it nothing tells it from a slower
+/// one, and short before the numbers of its rotation leave every word.
+const FASTEST: f64 = 0.4;
+
+/// A sine of the model that no step can follow.
+pub(super) fn too_fast(model: &Model) -> Option<Diagnostic> {
+    let frequency = |state: &State| match state.motion {
+        Some(Motion::Sine(rate)) => Some(rate.abs() / (2.0 * core::f64::consts::PI)),
+        _ => None,
+    };
+    let state = model.states.iter().find(|state| frequency(state).is_some_and(|f| f * model.step > FASTEST))?;
+    let frequency = frequency(state)?;
+    let message = format!(
+        "a sine of {frequency} Hz goes through {:.2} periods in a step of {:e} s; at most {FASTEST} can be followed",
+        frequency * model.step,
+        model.step
+    );
+    let help = format!("take `--step {:.1e}` or less, a tenth of its period", 0.1 / frequency);
+    Some(Diagnostic::error(codes::INPUT_ALIASED, state.span, message).with_help(help))
 }
 
 /// What the samples of a signal do that leaves its range.

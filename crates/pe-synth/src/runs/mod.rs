@@ -196,8 +196,11 @@ impl Exact {
     /// Runs the step graph over the span.
     ///
     /// # Errors
-    /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero.
+    /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero, `E0914` a sine faster than the steps.
     pub fn run(model: &Model, graph: &StepGraph, progress: ProgressBar) -> Result<Exact, Vec<Diagnostic>> {
+        if let Some(finding) = inputs::too_fast(model) {
+            return Err(vec![finding]);
+        }
         let plan = Plan::of(model, progress);
         let begin = thread_seconds();
         let (reference, curves, mut ranges, moments) = reference_run(model, graph, &plan)?;
@@ -207,7 +210,7 @@ impl Exact {
         let seconds = thread_seconds() - begin;
         include_declared(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
-        let scales = reference.scales(&quantities);
+        let scales = model.own_scales(reference.scales(&quantities));
         Ok(Exact {
             plan,
             form: graph.form,

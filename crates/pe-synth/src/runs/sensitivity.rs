@@ -50,7 +50,8 @@ impl Sensitivity {
         let mut fine = [DoubleRun::new(&finer), DoubleRun::new(&finer)];
         for (index, state) in model.states.iter().enumerate() {
             let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
-            let disturbed = state.initial * (1.0 + sign * DISTURBANCE);
+            let part = if state.motion.is_none() { sign * DISTURBANCE } else { 0.0 };
+            let disturbed = state.initial * (1.0 + part);
             [&mut pair, &mut fine].into_iter().for_each(|[_, other]| other.set_state(index, disturbed));
         }
         let difference = |run: &DoubleRun, other: &DoubleRun| {

@@ -117,6 +117,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
             unit: None,
             derivative: Expr::Sum(terms),
             rate: None,
+            motion: None,
             span: Span::default(),
         });
     }

@@ -19,6 +19,11 @@ pub fn plan(model: &Model) -> Plan<'_> {
     let states: Vec<u32> = (0..model.states.len() as u32).collect();
     let history = slopes_before(model, weights.len() - 1);
     let mut plan = Plan::new(model);
+    let (signals, states): (Vec<u32>, Vec<u32>) =
+        states.into_iter().partition(|state| model.states[*state as usize].motion.is_some());
+    for state in signals {
+        plan.end(state, None, Expr::Constant(0.0));
+    }
     // Increments h f of the steps before, the latest first.
     let memories: Vec<Vec<Variable>> = states
         .iter()
