@@ -99,7 +99,6 @@ fn missing(statement: &StatementKind) -> Broken {
 fn concerns_arrays(statement: &StatementKind, array: impl Fn(&Name) -> bool) -> bool {
     let mut found = match statement {
         StatementKind::Equation(Equation { target, .. }) => target.subscripts.is_empty() && array(&target.name),
-        StatementKind::Input { signal: Signal::Call { function, .. }, .. } => is_of_arrays(function),
         _ => false,
     };
     for expr in expressions(statement) {
@@ -131,7 +130,6 @@ fn expressions(statement: &StatementKind) -> Vec<&Expr> {
         StatementKind::Input { signal, within, .. } => {
             match signal {
                 Signal::Value(value) => all.push(value),
-                Signal::Call { arguments, .. } => all.extend(arguments.iter().map(|argument| &argument.value)),
                 Signal::Samples { .. } => {}
             }
             range = within.as_ref();
@@ -259,18 +257,6 @@ impl<'a> Writer<'_, 'a> {
             }
             StatementKind::Input { declared, signal, within } => {
                 match signal {
-                    Signal::Call { function, arguments, span } if is_of_arrays(function) => {
-                        let arguments = arguments.iter().map(|argument| argument.value.clone()).collect();
-                        let kind = ExprKind::Call { function: function.clone(), arguments, units: Vec::new() };
-                        let mut value = Expr { kind, span: *span };
-                        self.element(declared, &mut value)?;
-                        *signal = Signal::Value(value);
-                    }
-                    Signal::Call { arguments, .. } => {
-                        for argument in arguments {
-                            self.element(declared, &mut argument.value)?;
-                        }
-                    }
                     Signal::Value(value) => self.element(declared, value)?,
                     Signal::Samples { .. } => {}
                 }

@@ -188,15 +188,6 @@ pub struct Measure {
 /// The right-hand side of an `input`.
 #[derive(Clone, Debug)]
 pub enum Signal {
-    /// `sine(5, 0.25 Hz)`; also a lone function call such as `min(2, 3)`.
-    Call {
-        /// Waveform or function.
-        function: Name,
-        /// Arguments in order.
-        arguments: Vec<Measure>,
-        /// The whole call.
-        span: Span,
-    },
     /// `samples("breath.csv", "p", linear)`.
     Samples {
         /// Path of the data file.
@@ -206,7 +197,7 @@ pub enum Signal {
         /// `linear` or `hold`.
         interpolation: Name,
     },
-    /// A constant expression.
+    /// An expression of constants, `time` and signals.
     Value(Expr),
 }
 

@@ -91,6 +91,7 @@ impl<'a> Elaborator<'a> {
         self.extents();
         self.constants(Kind::Param, &overrides);
         let times = self.times(&settings);
+        self.evaluator.span = times.as_ref().map_or(1.0, |times| times.span);
         let initials = self.initial_values(&overrides);
         let inputs = self.inputs();
         let rates = self.rates();

@@ -3,14 +3,14 @@
 
 use crate::ast::{Connective, Factor, Sign};
 use crate::bound::{BoundRange, Condition, Node, NodeKind, SumOver};
-use crate::defined::Signals;
+use crate::defined::{SIGNALS, Signals};
 use crate::elementary::reciprocal;
 use crate::fold::{ProductBuilder, SumBuilder, negate};
 use crate::functions::modulo;
 use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names};
-use crate::signals::{WAVEFORMS, waveform_of};
+use crate::signals::WAVEFORMS;
 use pe_ir::codes;
-use pe_ir::model::{Expr, Variable};
+use pe_ir::model::{Expr, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Span};
 
 /// Integers up to this size are exact in double precision.
@@ -51,6 +51,10 @@ pub(crate) struct Evaluator {
     pub(crate) reads: u64,
     /// Signals of the model.
     pub(crate) signals: Signals,
+    /// Signals that the signal of an input is made of; none in equations.
+    pub(crate) parts: Option<Vec<Waveform>>,
+    /// Span of the model in seconds.
+    pub(crate) span: f64,
     /// Whether all left-hand sides are known; before, any algebraic element may still get its equation.
     pub(crate) left_sides_known: bool,
 }
@@ -58,7 +62,8 @@ pub(crate) struct Evaluator {
 impl Evaluator {
     pub(crate) fn new(work: u64, reads: u64) -> Self {
         let (frame, arguments, signals) = (Vec::new(), Vec::new(), Signals::default());
-        Evaluator { frame, arguments, first_argument: 0, work, reads, signals, left_sides_known: false }
+        let (parts, span) = (None, 1.0);
+        Evaluator { frame, arguments, first_argument: 0, work, reads, signals, parts, span, left_sides_known: false }
     }
 
     /// The value of an expression over variables.
@@ -81,12 +86,16 @@ impl Evaluator {
             NodeKind::If(condition, yes, no) => self.choice(names, condition, yes, no),
             NodeKind::SumOver(sum) => self.sum_over(names, sum, node.span),
             NodeKind::Call(function, arguments) => self.call(names, function, arguments, node.span),
-            NodeKind::Time => Ok(self.time(node.span)),
+            NodeKind::Time => {
+                let span = self.span;
+                Ok(self.part(|| Waveform::Time { span }).unwrap_or_else(|| self.time(node.span)))
+            }
             NodeKind::Signal(number, arguments) => {
-                let values = self.signal_arguments(names, arguments)?;
-                let spans: Vec<Span> = arguments.iter().map(|(argument, _)| argument.span).collect();
-                let waveform = waveform_of(*number, &values, &spans)?;
-                self.defined(WAVEFORMS[*number].0, waveform, node.span)
+                let waveform = self.signal(names, *number, arguments)?;
+                match self.part(|| waveform.clone()) {
+                    Some(part) => Ok(part),
+                    None => self.defined(WAVEFORMS[*number].0, waveform, node.span),
+                }
             }
             NodeKind::Argument(place) => self.argument(*place, node.span),
             NodeKind::Inline(arguments, body) => self.inline(names, arguments, body, node.span),
@@ -101,6 +110,13 @@ impl Evaluator {
                 values.get(offset).map(|value| Expr::Constant(*value)).ok_or(Fault::Silent)
             }
         }
+    }
+
+    /// What stands for a part of the signal of an input that is being evaluated; none in equations.
+    fn part(&mut self, part: impl FnOnce() -> Waveform) -> Option<Expr> {
+        let parts = self.parts.as_mut()?;
+        parts.push(part());
+        Some(Expr::Variable(Variable::Input(SIGNALS + parts.len() as u32 - 1)))
     }
 
     /// The value of an expression that must be constant.

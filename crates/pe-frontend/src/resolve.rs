@@ -11,7 +11,7 @@ use crate::names::{Kind, Names, PREDEFINED, Symbol, TIME};
 use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::settings::unit_scale;
-use crate::signals::{WAVEFORMS, check_count};
+use crate::signals::{Argument, WAVEFORMS, check_count};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
@@ -191,7 +191,9 @@ impl<'a> Resolver<'_, 'a> {
             }
             let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
             let own = self.names.functions.iter().map(|function| function.name.text.as_str());
-            let known = FUNCTIONS.iter().map(|function| function.name).chain([DOT, TRANSPOSE]).chain(own);
+            let signals = WAVEFORMS.iter().map(|(word, ..)| *word).filter(|_| self.reads != Reads::Constants);
+            let known =
+                FUNCTIONS.iter().map(|function| function.name).chain([DOT, TRANSPOSE]).chain(own).chain(signals);
             let help = suggestion(&name.text, known).or_else(|| {
                 let array = matches!(self.names.find(&name.text), Some(Symbol::Quantity(_)));
                 array.then(|| {
@@ -266,11 +268,12 @@ impl<'a> Resolver<'_, 'a> {
         let (word, meanings, _) = WAVEFORMS[number];
         self.check_signal(word, span)?;
         check_count(number, arguments.len(), span).map_err(|error| self.report.push(error)).ok()?;
-        let reads = std::mem::replace(&mut self.reads, Reads::Constants);
+        let reads = self.reads;
         let mut bound = Vec::with_capacity(arguments.len());
         for (at, (argument, (meaning, kind))) in arguments.iter().zip(meanings).enumerate() {
             let unit = units.iter().find(|(of, _)| *of == at).map(|(_, unit)| unit);
             let scale = unit_scale(unit, kind.units(), meaning).map_err(|error| self.report.push(error));
+            self.reads = if *kind == Argument::Modulation { Reads::Signals } else { Reads::Constants };
             let value = self.number(argument);
             bound.extend(value.zip(scale.ok()));
         }

@@ -1,17 +1,16 @@
 //! The signals that drive inputs.
 
-use crate::ast::{Declared, Measure, Name, Signal};
-use crate::bound::{Node, NodeKind};
+use crate::ast::{Declared, Name, Signal};
+use crate::bound::Node;
+use crate::defined::SIGNALS;
 use crate::elaborate::Elaborator;
 use crate::evaluate::{Evaluator, Fault, Purpose, fault};
-use crate::functions;
 use crate::names::Names;
-use crate::nearest::suggestion;
-use crate::resolve::{Reads, unknown_function};
+use crate::resolve::Reads;
 use crate::settings::{FREQUENCIES, TIMES, scaled, unit_scale};
 use crate::tables::Table;
 use pe_ir::codes;
-use pe_ir::model::{Interpolation, Samples, Waveform};
+use pe_ir::model::{Chirp, Expr, Formula, Interpolation, Pwm, Samples, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Span};
 use std::sync::Arc;
 
@@ -26,15 +25,17 @@ pub(crate) enum Argument {
     Time,
     /// A frequency.
     Frequency,
+    /// A signal without unit.
+    Modulation,
 }
 
-use Argument::{Frequency, Number, Time, Value};
+use Argument::{Frequency, Modulation, Number, Time, Value};
 
 impl Argument {
     /// Units that may stand behind it.
     pub(crate) fn units(self) -> &'static [(&'static str, f64)] {
         match self {
-            Value | Number => &[],
+            Value | Number | Modulation => &[],
             Time => &TIMES,
             Frequency => &FREQUENCIES,
         }
@@ -44,12 +45,25 @@ impl Argument {
 /// A waveform: name, its arguments, how many of them are needed.
 type Form = (&'static str, &'static [(&'static str, Argument)], usize);
 
-pub(crate) const WAVEFORMS: [Form; 5] = [
+pub(crate) const WAVEFORMS: [Form; 7] = [
     ("constant", &[("value", Value)], 1),
     ("sine", &[("amplitude", Value), ("frequency", Frequency), ("offset", Value), ("phase", Number)], 2),
     ("square", &[("amplitude", Value), ("frequency", Frequency), ("offset", Value), ("duty", Number)], 2),
     ("pulse", &[("height", Value), ("start", Time), ("width", Time), ("offset", Value), ("period", Time)], 3),
     ("ramp", &[("from", Value), ("to", Value), ("start", Time), ("duration", Time)], 4),
+    (
+        "chirp",
+        &[
+            ("amplitude", Value),
+            ("from", Frequency),
+            ("to", Frequency),
+            ("duration", Time),
+            ("offset", Value),
+            ("phase", Number),
+        ],
+        4,
+    ),
+    ("pwm", &[("low", Value), ("high", Value), ("frequency", Frequency), ("duty", Modulation)], 4),
 ];
 
 /// The word for a sampled signal; it names a file and so is no waveform of numbers.
@@ -57,8 +71,8 @@ pub(crate) const SAMPLES: &str = "samples";
 
 /// A bound signal.
 pub(crate) enum BoundSignal {
-    /// Number in [`WAVEFORMS`], arguments and the scales of their units.
-    Form(usize, Vec<(Node, f64)>),
+    /// An expression of signals.
+    Value(Node),
     /// The same samples for all elements.
     Samples(Arc<Samples>),
 }
@@ -66,76 +80,11 @@ pub(crate) enum BoundSignal {
 impl<'a> Elaborator<'a> {
     pub(crate) fn bind_signal(&mut self, signal: &'a Signal, declared: &'a Declared) -> Option<BoundSignal> {
         match signal {
-            Signal::Value(value) => {
-                let value = self.bind_element(value, declared, Reads::Constants)?;
-                Some(BoundSignal::Form(0, vec![(value, 1.0)]))
-            }
+            Signal::Value(value) => self.bind_element(value, declared, Reads::Signals).map(BoundSignal::Value),
             Signal::Samples { path, column, interpolation } => {
                 self.samples(path, column, interpolation).map(|samples| BoundSignal::Samples(Arc::new(samples)))
             }
-            Signal::Call { function, arguments, span } => {
-                match WAVEFORMS.iter().position(|(name, ..)| *name == function.text) {
-                    Some(number) => self.bind_waveform(number, arguments, *span, declared),
-                    None => self.bind_function(function, arguments, *span, declared),
-                }
-            }
         }
-    }
-
-    fn bind_waveform(
-        &mut self,
-        number: usize,
-        arguments: &'a [Measure],
-        span: Span,
-        declared: &'a Declared,
-    ) -> Option<BoundSignal> {
-        let (_, meanings, _) = WAVEFORMS[number];
-        check_count(number, arguments.len(), span).map_err(|error| self.report.push(error)).ok()?;
-        let mut bound = Vec::with_capacity(arguments.len());
-        for (argument, (meaning, kind)) in arguments.iter().zip(meanings) {
-            let scale =
-                unit_scale(argument.unit.as_ref(), kind.units(), meaning).map_err(|error| self.report.push(error));
-            let value = self.bind_element(&argument.value, declared, Reads::Constants);
-            if let (Some(value), Ok(scale)) = (value, scale) {
-                bound.push((value, scale));
-            }
-        }
-        (bound.len() == arguments.len()).then_some(BoundSignal::Form(number, bound))
-    }
-
-    /// A lone call that is no waveform: a function of constants, whose value is a constant signal.
-    fn bind_function(
-        &mut self,
-        name: &'a Name,
-        arguments: &'a [Measure],
-        span: Span,
-        declared: &'a Declared,
-    ) -> Option<BoundSignal> {
-        let Some(function) = functions::find(&name.text) else {
-            let waveforms = WAVEFORMS.iter().map(|(name, ..)| *name).chain([SAMPLES]);
-            let known = waveforms.clone().chain(functions::FUNCTIONS.iter().map(|f| f.name));
-            let help = suggestion(&name.text, known).unwrap_or_else(|| {
-                format!("waveforms are {}", waveforms.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "))
-            });
-            let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
-            self.report.push(error.with_help(help));
-            return None;
-        };
-        let (fewest, most) = function.arguments;
-        if arguments.len() < fewest || arguments.len() > most {
-            let message = format!("`{}` does not take {} argument(s)", name.text, arguments.len());
-            self.report.push(Diagnostic::error(codes::ARGUMENT_COUNT, span, message));
-            return None;
-        }
-        let mut bound = Vec::with_capacity(arguments.len());
-        for argument in arguments {
-            let unit = unit_scale(argument.unit.as_ref(), &[], "argument").map_err(|error| self.report.push(error));
-            let value = self.bind_element(&argument.value, declared, Reads::Constants);
-            bound.extend(value.filter(|_| unit.is_ok()));
-        }
-        let complete = bound.len() == arguments.len();
-        let call = Node { kind: NodeKind::Call(function, bound), span };
-        complete.then_some(BoundSignal::Form(0, vec![(call, 1.0)]))
     }
 
     /// The signal in a column of a data file, over its first column, the times.
@@ -182,28 +131,60 @@ impl<'a> Elaborator<'a> {
     }
 
     pub(crate) fn waveform(&mut self, signal: &BoundSignal) -> Result<Waveform, Fault> {
-        let (form, arguments) = match signal {
-            BoundSignal::Samples(samples) => return Ok(Waveform::Samples(Arc::clone(samples))),
-            BoundSignal::Form(form, arguments) => (*form, arguments),
-        };
-        let values = self.evaluator.signal_arguments(&self.names, arguments)?;
-        let spans: Vec<Span> = arguments.iter().map(|(node, _)| node.span).collect();
-        waveform_of(form, &values, &spans)
+        match signal {
+            BoundSignal::Samples(samples) => Ok(Waveform::Samples(Arc::clone(samples))),
+            BoundSignal::Value(node) => self.evaluator.formula(&self.names, node),
+        }
     }
 }
 
 impl Evaluator {
-    /// Arguments of a signal in base units.
-    pub(crate) fn signal_arguments(&mut self, names: &Names, arguments: &[(Node, f64)]) -> Result<Vec<f64>, Fault> {
-        let mut values = Vec::with_capacity(arguments.len());
-        for (node, scale) in arguments {
+    /// A signal by its number in [`WAVEFORMS`].
+    pub(crate) fn signal(
+        &mut self,
+        names: &Names,
+        number: usize,
+        arguments: &[(Node, f64)],
+    ) -> Result<Waveform, Fault> {
+        let (mut values, mut duty) = (Vec::with_capacity(arguments.len()), Waveform::Constant(0.0));
+        for ((node, scale), (_, kind)) in arguments.iter().zip(WAVEFORMS[number].1) {
+            if *kind == Modulation {
+                duty = self.formula(names, node)?;
+                continue;
+            }
             let value = scaled(self.number(names, node, Purpose::Constant)?, *scale);
             if !value.is_finite() {
                 return Err(fault(Diagnostic::error(codes::NOT_FINITE, node.span, "the value is too large")));
             }
             values.push(value);
         }
-        Ok(values)
+        let spans: Vec<Span> = arguments.iter().map(|(node, _)| node.span).collect();
+        waveform_of(number, &values, duty, &spans)
+    }
+
+    /// An expression of signals as one signal.
+    pub(crate) fn formula(&mut self, names: &Names, node: &Node) -> Result<Waveform, Fault> {
+        let outer = self.parts.replace(Vec::new());
+        let expr = self.expr(names, node);
+        let mut parts = std::mem::replace(&mut self.parts, outer).unwrap_or_default();
+        let waveform = match expr? {
+            Expr::Constant(value) => Waveform::Constant(value),
+            Expr::Variable(Variable::Input(part)) => parts.swap_remove((part - SIGNALS) as usize),
+            expr => {
+                let part = |variable| match variable {
+                    Variable::Input(part) => Variable::Input(part - SIGNALS),
+                    other => other,
+                };
+                Waveform::Formula(Arc::new(Formula { expr: expr.renamed(&part), parts }))
+            }
+        };
+        let (low, high) = waveform.bounds();
+        if low.is_finite() && high.is_finite() {
+            return Ok(waveform);
+        }
+        let message = "the signal goes beyond all numbers";
+        let help = "keep divisors away from zero and arguments in the domains of their functions, over all values of the signals in it";
+        Err(fault(Diagnostic::error(codes::BAD_WAVEFORM, node.span, message).with_help(help)))
     }
 }
 
@@ -219,8 +200,8 @@ pub(crate) fn check_count(number: usize, count: usize, span: Span) -> Result<(),
     Err(Diagnostic::error(codes::ARGUMENT_COUNT, span, message).with_help(help))
 }
 
-/// A waveform, by its number in [`WAVEFORMS`], with these arguments, which stand at these places.
-pub(crate) fn waveform_of(form: usize, values: &[f64], spans: &[Span]) -> Result<Waveform, Fault> {
+/// A waveform, by its number in [`WAVEFORMS`], with these arguments, which stand at these places, and this modulation.
+pub(crate) fn waveform_of(form: usize, values: &[f64], duty: Waveform, spans: &[Span]) -> Result<Waveform, Fault> {
     let (name, meanings, _) = WAVEFORMS[form];
     let value = |at: usize, default: f64| values.get(at).copied().unwrap_or(default);
     let bad = |at: usize, reason: &str| {
@@ -256,6 +237,21 @@ pub(crate) fn waveform_of(form: usize, values: &[f64], spans: &[Span]) -> Result
                 return bad(3, "a jump is a `pulse`");
             }
             Waveform::Ramp { from: amplitude, to: value(1, 0.0), start: value(2, 0.0), duration }
+        }
+        "chirp" => {
+            let duration = value(3, 0.0);
+            if duration == 0.0 {
+                return bad(3, "a frequency that does not change is a `sine`");
+            }
+            let (to, offset, phase) = (value(2, 0.0), value(4, 0.0), value(5, 0.0));
+            Waveform::Chirp(Chirp { amplitude, from: frequency, to, duration, offset, phase })
+        }
+        "pwm" => {
+            let frequency = value(2, 0.0);
+            if frequency == 0.0 {
+                return bad(2, "it must be positive");
+            }
+            Waveform::Pwm(Arc::new(Pwm { low: amplitude, high: value(1, 0.0), frequency, duty }))
         }
         _ => Waveform::Constant(amplitude),
     })

@@ -257,17 +257,7 @@ impl Builder<'_> {
             let (path, column) = self.file_column(&mut parts)?;
             return Some(Signal::Samples { path, column, interpolation: self.name(parts.take(Rule::name)?) });
         }
-        let Some(call) = parts.take(Rule::signal_call) else {
-            return Some(Signal::Value(self.expr(parts.take(Rule::expr)?)?));
-        };
-        let span = self.span(&call);
-        let mut parts = Parts::of(call);
-        let function = self.name(parts.take(Rule::function)?);
-        let mut arguments = Vec::new();
-        while let Some(argument) = parts.take(Rule::measure) {
-            arguments.push(self.measure(argument)?);
-        }
-        Some(Signal::Call { function, arguments, span })
+        Some(Signal::Value(self.expr(parts.take(Rule::expr)?)?))
     }
 
     /// A text with the place of its quotes.

@@ -75,7 +75,6 @@ fn in_words(rule: Rule) -> &'static str {
         | Rule::sum
         | Rule::measure
         | Rule::signal
-        | Rule::signal_call
         | Rule::range => "an expression",
         Rule::add
         | Rule::subtract

@@ -9,7 +9,7 @@ use crate::source::Span;
 
 pub use crate::expr::{Expr, Function, Select};
 pub use crate::solver::Solver;
-pub use crate::waveform::{Interpolation, Samples, Unseen, Waveform};
+pub use crate::waveform::{Chirp, Formula, Interpolation, Pwm, Samples, Unseen, Waveform};
 
 /// A variable of the flat model: indices into [`Model::states`], [`Model::inputs`] and [`Model::algebraics`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -4,7 +4,7 @@
 //! takes that of its definition.
 
 use super::{Dimension, Units, parse, place, shown_factor};
-use crate::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Measure, Name, Range, Reference, Signal, StatementKind};
+use crate::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Name, Range, Reference, Signal, StatementKind};
 use crate::elaborate::Elaborator;
 use crate::functions;
 use crate::inline::MOST_NESTED_CALLS;
@@ -245,25 +245,7 @@ impl<'a> Checker<'_, 'a> {
                 let value = self.data(path, column);
                 self.same(own, value, TOLD);
             }
-            Signal::Call { function, arguments, .. } => {
-                let form = WAVEFORMS.iter().find(|(name, ..)| *name == function.text);
-                let kinds = form.map_or(&[][..], |(_, kinds, _)| *kinds);
-                for (at, argument) in arguments.iter().enumerate() {
-                    let kind = kinds.get(at).map_or(Argument::Value, |(_, kind)| *kind);
-                    self.argument(own, argument, kind);
-                }
-            }
         }
-    }
-
-    fn argument(&mut self, own: Side, argument: &'a Measure, kind: Argument) {
-        let value = self.unit(&argument.value, TOLD);
-        let span = value.1;
-        let wanted = match kind {
-            Argument::Value => own,
-            kind => (wanted(kind, argument.unit.is_some()), span),
-        };
-        self.same(wanted, value, TOLD);
     }
 
     /// The unit of a signal in an expression: that of its values.

@@ -1,6 +1,6 @@
 //! Means of signals over short intervals, and what happens within one.
 
-use super::{Interpolation, Samples, Waveform};
+use super::{Chirp, Interpolation, Samples, Waveform};
 
 /// Part of an interval at each of its ends within which an edge counts as one at the end: times of steps are rounded.
 const SLACK: f64 = 1e-6;
@@ -15,6 +15,12 @@ pub enum Unseen {
     /// It jumps within a step.
     Jump,
 }
+
+/// Corners of a train in an interval that are listed; with more of them the mean is an estimate.
+const MOST_CORNERS: u32 = 1000;
+
+/// Subintervals of a piece, at most.
+const MOST_PARTS: f64 = 4096.0;
 
 /// A train of pulses: high for `width` from `start + k period` on, `k = 0, 1, ..`; one pulse if the period is infinite.
 struct Train {
@@ -40,6 +46,14 @@ impl Train {
     /// Seconds spent high up to a time.
     fn high(&self, time: f64) -> f64 {
         self.place(time).map_or(0.0, |(cycles, rest)| cycles * self.width + rest.min(self.width))
+    }
+
+    /// Its edges in an interval.
+    fn corners(&self, begin: f64, end: f64) -> Vec<f64> {
+        let first = self.place(begin).map_or(0.0, |(cycles, _)| cycles);
+        let starts = (0..MOST_CORNERS)
+            .map(|k| self.start + if k > 0 || first > 0.0 { (first + f64::from(k)) * self.period } else { 0.0 });
+        starts.take_while(|start| *start < end).flat_map(|start| [start, start + self.width]).collect()
     }
 
     /// Part of an interval that is high.
@@ -106,8 +120,60 @@ impl Waveform {
             }
             Waveform::Ramp { start, duration, .. } => self.mean_of_pieces(&[*start, start + duration], begin, end),
             Waveform::Samples(samples) => self.mean_of_pieces(samples.within(begin, end), begin, end),
+            Waveform::Chirp(_) | Waveform::Formula(_) => self.mean_of_curves(begin, end),
+            Waveform::Pwm(_) => self.mean_of_pieces(&self.corners(begin, end), begin, end),
             _ => self.at(middle),
         }
+    }
+
+    /// Times between two others at which the value or the slope jumps, in no order.
+    fn corners(&self, begin: f64, end: f64) -> Vec<f64> {
+        let mut corners = match self {
+            Waveform::Ramp { start, duration, .. } => vec![*start, start + duration],
+            Waveform::Samples(samples) => samples.within(begin, end).to_vec(),
+            Waveform::Chirp(chirp) => vec![chirp.duration],
+            Waveform::Pwm(pwm) => {
+                let first = libm::floor(pwm.frequency * begin);
+                let cycles = (0..MOST_CORNERS).map(|k| first + f64::from(k)).take_while(|k| *k < pwm.frequency * end);
+                cycles.flat_map(|cycle| pwm.edges(cycle)).collect()
+            }
+            Waveform::Formula(formula) => formula.parts.iter().flat_map(|part| part.corners(begin, end)).collect(),
+            _ => self.train().map_or(Vec::new(), |train| train.corners(begin, end)),
+        };
+        corners.retain(|time| *time > begin && *time < end);
+        corners.sort_unstable_by(f64::total_cmp);
+        corners.dedup();
+        corners
+    }
+
+    /// The highest frequency between two times, in hertz, roughly.
+    fn fastest(&self, begin: f64, end: f64) -> f64 {
+        match self {
+            Waveform::Sine { frequency, .. } => *frequency,
+            Waveform::Chirp(chirp) => chirp.frequency(begin).max(chirp.frequency(end)),
+            // Products add frequencies, powers and functions multiply them.
+            Waveform::Formula(formula) => 4.0 * formula.parts.iter().map(|part| part.fastest(begin, end)).sum::<f64>(),
+            _ => 0.0,
+        }
+    }
+
+    /// The mean of smooth pieces, by Gauss's rule of three points on quarters of periods.
+    fn mean_of_curves(&self, begin: f64, end: f64) -> f64 {
+        let node = libm::sqrt(0.6);
+        let slack = SLACK * (end - begin);
+        let (mut sum, mut from) = (0.0, begin);
+        for to in self.corners(begin + slack, end - slack).into_iter().chain([end]) {
+            let within = f64::midpoint(from, to);
+            let parts = libm::ceil(4.0 * self.fastest(from, to) * (to - from)).clamp(1.0, MOST_PARTS);
+            let half = (to - from) / parts / 2.0;
+            for part in 0..parts as u32 {
+                let middle = from + (2.0 * f64::from(part) + 1.0) * half;
+                let at = |offset: f64| self.piece(within, middle + offset * half);
+                sum += half / 9.0 * (5.0 * at(-node) + 8.0 * at(0.0) + 5.0 * at(node));
+            }
+            from = to;
+        }
+        sum / (end - begin)
     }
 
     /// The mean of straight pieces between these times.
@@ -141,6 +207,20 @@ impl Waveform {
                     (1, Interpolation::Hold) => Some(Unseen::Jump),
                     _ => Some(Unseen::Aliased),
                 }
+            }
+            Waveform::Chirp(Chirp { amplitude, .. }) => {
+                let fast = 2.0 * self.fastest(begin, end) * (end - begin) > 1.0 + SLACK;
+                (fast && *amplitude != 0.0).then_some(Unseen::Aliased)
+            }
+            Waveform::Pwm(pwm) if 2.0 * pwm.frequency * (end - begin) > 1.0 + SLACK => Some(Unseen::Aliased),
+            Waveform::Pwm(_) => match self.corners(begin + slack, end - slack).len() {
+                0 => None,
+                1 => Some(Unseen::Jump),
+                _ => Some(Unseen::Missed),
+            },
+            Waveform::Formula(formula) => {
+                let unseen: Vec<Unseen> = formula.parts.iter().filter_map(|part| part.unseen(begin, end)).collect();
+                [Unseen::Aliased, Unseen::Missed, Unseen::Jump].into_iter().find(|graver| unseen.contains(graver))
             }
             _ => None,
         }

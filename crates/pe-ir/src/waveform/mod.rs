@@ -1,9 +1,11 @@
 //! Signals of external inputs over time. All are computed with `libm`, so that every platform gives the same bits.
 
+mod formula;
 mod mean;
 
 use std::sync::Arc;
 
+pub use self::formula::{Chirp, Formula, Pwm};
 pub use self::mean::Unseen;
 
 /// Declared signal of an external input; drives the runs and the test bench.
@@ -59,6 +61,17 @@ pub enum Waveform {
     },
     /// Sampled values.
     Samples(Arc<Samples>),
+    /// The time in seconds.
+    Time {
+        /// Span of the model in seconds, which its largest value is expected at.
+        span: f64,
+    },
+    /// A sine whose frequency changes.
+    Chirp(Chirp),
+    /// Pulses whose width a signal gives.
+    Pwm(Arc<Pwm>),
+    /// An expression of signals.
+    Formula(Arc<Formula>),
 }
 
 /// What a sampled signal does between two samples.
@@ -150,6 +163,10 @@ impl Waveform {
                 }
             }
             Waveform::Samples(samples) => samples.value(within, time),
+            Waveform::Time { .. } => time,
+            Waveform::Chirp(chirp) => chirp.at(time),
+            Waveform::Pwm(pwm) => pwm.at(within),
+            Waveform::Formula(formula) => formula.piece(within, time),
         }
     }
 
@@ -160,7 +177,7 @@ impl Waveform {
     pub fn breakpoints(&self, end: f64) -> Box<dyn Iterator<Item = f64> + '_> {
         let inside = move |time: &f64| *time > 0.0 && *time < end;
         match self {
-            Waveform::Constant(_) | Waveform::Sine { .. } => Box::new(std::iter::empty()),
+            Waveform::Constant(_) | Waveform::Sine { .. } | Waveform::Time { .. } => Box::new(std::iter::empty()),
             Waveform::Square { amplitude, frequency, duty, .. } => {
                 if *amplitude == 0.0 || *frequency == 0.0 || *duty == 0.0 || *duty == 1.0 {
                     return Box::new(std::iter::empty());
@@ -188,6 +205,20 @@ impl Waveform {
                 Box::new(corners.into_iter().filter(inside))
             }
             Waveform::Samples(samples) => Box::new(samples.times.iter().copied().filter(inside)),
+            Waveform::Chirp(chirp) => Box::new(std::iter::once(chirp.duration).filter(inside)),
+            Waveform::Pwm(pwm) => {
+                let mut last = 0.0;
+                let edges = (0u64..).flat_map(move |cycle| pwm.edges(cycle as f64)).take_while(move |time| *time < end);
+                Box::new(edges.filter(move |time| std::mem::replace(&mut last, *time) < *time))
+            }
+            Waveform::Formula(formula) => {
+                let mut parts: Vec<_> = formula.parts.iter().map(|part| part.breakpoints(end).peekable()).collect();
+                Box::new(std::iter::from_fn(move || {
+                    let next = parts.iter_mut().filter_map(|part| part.peek().copied()).reduce(f64::min)?;
+                    parts.iter_mut().for_each(|part| _ = part.next_if(|time| *time <= next));
+                    Some(next)
+                }))
+            }
         }
     }
 
@@ -201,6 +232,10 @@ impl Waveform {
             }
             Waveform::Pulse { height, offset, .. } => between(*offset, offset + height),
             Waveform::Ramp { from, to, .. } => between(*from, *to),
+            Waveform::Time { span } => (0.0, *span),
+            Waveform::Chirp(Chirp { amplitude, offset, .. }) => (offset - amplitude.abs(), offset + amplitude.abs()),
+            Waveform::Pwm(pwm) => between(pwm.low, pwm.high),
+            Waveform::Formula(formula) => formula.bounds(),
             Waveform::Samples(samples) => {
                 let fold = |pick: fn(f64, f64) -> f64| samples.values.iter().copied().reduce(pick).unwrap_or(0.0);
                 (fold(f64::min), fold(f64::max))
@@ -212,6 +247,8 @@ impl Waveform {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::expr::Expr;
+    use crate::model::Variable;
 
     fn samples(interpolation: Interpolation) -> Waveform {
         let signal = Samples::new(vec![1.0, 2.0, 4.0], vec![10.0, 20.0, -20.0], interpolation);
@@ -230,6 +267,43 @@ mod tests {
             samples(Interpolation::Linear),
             samples(Interpolation::Hold),
         ]
+    }
+
+    /// A chirp, pulse-width modulation, and a product of signals.
+    fn made() -> Vec<Waveform> {
+        let sine = Waveform::Sine { amplitude: 0.3, frequency: 0.4, offset: 0.5, phase: 0.0 };
+        let pwm = Pwm { low: -1.0, high: 2.0, frequency: 2.0, duty: sine.clone() };
+        let chirp = Chirp { amplitude: 2.0, from: 1.0, to: 3.0, duration: 2.5, offset: 0.5, phase: 0.1 };
+        let pulse = Waveform::Pulse { height: 4.0, start: 1.0, width: 0.5, offset: -1.0, period: 2.0 };
+        let input = |part| Expr::Variable(Variable::Input(part));
+        let expr = Expr::sum(vec![Expr::product(vec![input(0), input(1)]), Expr::scaled(0.5, input(2))]);
+        let formula = Formula { expr, parts: vec![sine, pulse, Waveform::Time { span: 5.0 }] };
+        vec![Waveform::Chirp(chirp), Waveform::Pwm(Arc::new(pwm)), Waveform::Formula(Arc::new(formula))]
+    }
+
+    #[test]
+    fn what_is_made_of_signals_is_smooth_between_its_breakpoints_and_has_their_mean() {
+        let breaks: Vec<Vec<f64>> = made().iter().map(|signal| signal.breakpoints(5.0).collect()).collect();
+        assert_eq!((breaks[0].as_slice(), breaks[2].as_slice()), (&[2.5][..], &[1.0, 1.5, 3.0, 3.5][..]));
+        assert_eq!((breaks[1].len(), breaks[1][0]), (19, 0.25));
+        for (signal, breaks) in made().iter().zip(breaks) {
+            let ends: Vec<f64> = [0.0].into_iter().chain(breaks).chain([5.0]).collect();
+            let (low, high) = signal.bounds();
+            for pair in ends.windows(2) {
+                let middle = f64::midpoint(pair[0], pair[1]);
+                for part in [0.01, 0.3, 0.99] {
+                    let time = pair[0] + part * (pair[1] - pair[0]);
+                    assert_eq!(signal.piece(middle, time), signal.at(time), "{signal:?} at {time}");
+                    assert!(low <= signal.at(time) && signal.at(time) <= high, "{signal:?} at {time}");
+                }
+            }
+            for (begin, end) in [(0.0, 5.0), (0.2, 0.45), (0.9, 1.7)] {
+                const COUNT: u32 = 200_000;
+                let at = |k: u32| signal.at(begin + (end - begin) * (f64::from(k) + 0.5) / f64::from(COUNT));
+                let mean = (0..COUNT).map(at).sum::<f64>() / f64::from(COUNT);
+                assert!((signal.mean(begin, end) - mean).abs() < 1e-4, "{signal:?} from {begin} to {end}: {mean}");
+            }
+        }
     }
 
     #[test]
