@@ -257,6 +257,12 @@ impl<'a> Writer<'_, 'a> {
             }
             StatementKind::Input { declared, signal, within } => {
                 match signal {
+                    // Of a lone call arguments may be arrays.
+                    Signal::Value(Expr { kind: ExprKind::Call { function, arguments, .. }, .. })
+                        if !is_of_arrays(function) =>
+                    {
+                        arguments.iter_mut().try_for_each(|argument| self.element(declared, argument))?;
+                    }
                     Signal::Value(value) => self.element(declared, value)?,
                     Signal::Samples { .. } => {}
                 }

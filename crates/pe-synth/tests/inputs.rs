@@ -105,3 +105,25 @@ fn the_stated_error_of_inputs_is_never_far_below_the_true_one() {
         assert_eq!(answer.exit, Some(0), "{input}");
     }
 }
+
+#[test]
+fn signals_add_scale_and_modulate() {
+    let folder = Folder::new("made");
+    let inputs = [
+        ("25*pulse(1, 10 ms, 20 ms)*sine(1, 100 Hz)", None),
+        ("chirp(0.5, 1 Hz, 20 Hz, 100 ms) + 0.1*exp(-time/0.05)", None),
+        ("pwm(-1, 1, 50 Hz, 0.5 + 0.4*sine(1, 5 Hz))", Some("W0921")),
+        ("max(sine(1, 5 Hz), 0)", None),
+        ("0.5 - square(1, 50 Hz)", None),
+    ];
+    for (input, wanted) in inputs {
+        let answer = compile(&folder.0, &lag("heun", "0.02", input), &["--step", "0.2e-3"]);
+        let number =
+            |key: &str| answer.error[key].as_f64().unwrap_or_else(|| panic!("{input}: {key}: {:?}", answer.codes));
+        let codes = answer.codes.iter().filter(|code| *code == "W0921").count();
+        assert_eq!(codes, usize::from(wanted.is_some() && number("input_hold") > 0.02), "{input}: {:?}", answer.codes);
+        let stated = number("input_hold") + number("method");
+        assert!(stated > 0.4 * number("double") - 1e-6, "{input}: {stated:e} is not {:e}", number("double"));
+        assert_eq!(answer.exit, Some(0), "{input}");
+    }
+}
