@@ -316,7 +316,8 @@ fn last_stages(graph: &StepGraph) -> Vec<u32> {
     let producers = graph.producers();
     let last = |(index, chain): (usize, &Chain)| match graph.value(chain.write.value).role {
         Role::Stage(state, _) if matches!(graph.form, StageForm::Horner | StageForm::Increments) => {
-            producers[graph.states[state as usize].1.index()]
+            // What stands for a signal ends without its stages, in front of them.
+            producers[graph.states[state as usize].1.index()].max(index as u32)
         }
         _ => index as u32,
     };

@@ -101,10 +101,13 @@ fn all_engines_compute_the_same_words() {
         ("chebyshev", "rkc5", "10 ms", format!("{linear}u = sine(1, 0.5 Hz) + 0.1*time\n")),
         ("sampled", "heun", "10 ms", sampled.to_owned()),
     ];
-    for (name, solver, step, statements) in cases {
+    let forms = ["horner", "factors", "full"].map(|form| (form, "rk4", "10 ms", cases[0].3.clone()));
+    for (name, solver, step, statements) in cases.into_iter().chain(forms) {
         let text = format!("model m\nsolver {solver}\nstep {step}\nspan 1.02 s\n{statements}");
         std::fs::write(folder.0.join("m.spec"), text).expect("the spec can be written");
-        let (exit, _, messages) = run(&folder, &["compile", "m.spec", "-o", name, "--pes", "2", "--no-pictures"]);
+        let form: &[&str] = if ["horner", "factors", "full"].contains(&name) { &["--form", name] } else { &[] };
+        let (exit, _, messages) =
+            run(&folder, &[&["compile", "m.spec", "-o", name, "--pes", "2", "--no-pictures"], form].concat());
         assert_eq!(exit, Some(0), "{name}: {messages}");
         // A program to build takes longer than all else.
         let sure = name == "sine_rk4" || name == "list";
