@@ -147,6 +147,21 @@ pub(crate) fn kinks(body: &Expr) -> Vec<f64> {
     found
 }
 
+/// How high a lifted function of one variable jumps; none if it does not.
+pub fn jump(body: &Expr) -> Option<f64> {
+    let sides = |kink: f64, distance: f64| {
+        let at = |x: f64| body.evaluate(&|_| x);
+        (at(kink + distance) - at(kink - distance)).abs()
+    };
+    let height = |kink: f64| {
+        let wide = 1e-6 * if kink == 0.0 { 1.0 } else { kink.abs() };
+        let (far, near) = (sides(kink, wide), sides(kink, wide / 1024.0));
+        // The difference of both sides of a mere kink falls with their distance.
+        (near > 0.0 && near.is_finite() && near > 0.9 * far).then_some(near)
+    };
+    if Reads::of(body) == Reads::Many { None } else { kinks(body).into_iter().filter_map(height).reduce(f64::max) }
+}
+
 /// Where divisors, radicands and arguments of logarithms in a function of one variable are zero, as far as they are
 /// affine: near these places it may be steep.
 pub(crate) fn edges(body: &Expr) -> Vec<f64> {

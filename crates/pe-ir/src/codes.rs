@@ -105,6 +105,8 @@ codes! {
     INPUT_ALIASED = "E0914", "input faster than the steps";
     PULSE_MISSED = "E0915", "pulse between two steps";
     TOO_STEEP = "E0916", "function too steep for a table";
+    TOO_SMALL = "E0917", "number too small for double precision";
+    INDETERMINATE = "E0918", "0/0 of two variables";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";
@@ -131,6 +133,8 @@ codes! {
     INPUT_JUMPS = "W0921", "input jumps within a step";
     INPUT_NEARLY_ALIASED = "W0922", "input faster than the steps";
     SHORT_PULSE_MISSED = "W0923", "pulse between two steps";
+    CHATTERING = "W0925", "chattering at a jump";
+    LIMIT_TAKEN = "W0926", "limit taken where a function is 0/0";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.

@@ -34,8 +34,14 @@ impl ScalarFunction {
     /// The value at `x`, or the limit there if both sides have the same (`x/(1 - exp(-x))` at zero); not finite where
     /// the function is not defined.
     pub fn evaluate(&self, x: f64) -> f64 {
+        self.evaluate_noting(x).0
+    }
+
+    /// The same, and whether it is a limit that stands in for 0/0.
+    pub fn evaluate_noting(&self, x: f64) -> (f64, bool) {
         let value = self.body.evaluate(&|_| x);
-        if value.is_finite() || !x.is_finite() { value } else { self.limit(x).unwrap_or(value) }
+        let limit = if value.is_finite() || !x.is_finite() { None } else { self.limit(x) };
+        (limit.unwrap_or(value), limit.is_some())
     }
 
     /// The limit at `x`: the mean of two points around it, as far apart as the means of points half as far away agree.

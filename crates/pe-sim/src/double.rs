@@ -117,6 +117,11 @@ impl<'a> DoubleRun<'a> {
         &self.functions.arguments
     }
 
+    /// Exact functions that took a limit where they are 0/0, so far, with the first argument of each.
+    pub fn limits(&self) -> &[(usize, f64)] {
+        &self.functions.limits
+    }
+
     /// Advances by one step with the inputs held.
     ///
     /// # Errors

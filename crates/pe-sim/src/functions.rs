@@ -12,13 +12,15 @@ pub(crate) struct FunctionRun {
     pub arguments: Vec<(f64, f64)>,
     /// Slot, function and argument where a function had no value.
     pub outside: Option<(u32, u32, f64)>,
+    /// Functions that took a limit in the place of 0/0, and the argument of the first time.
+    pub limits: Vec<(usize, f64)>,
 }
 
 impl FunctionRun {
     pub fn new(graph: &StepGraph) -> FunctionRun {
         let functions = graph.functions.exact.clone();
         let arguments = vec![(f64::INFINITY, f64::NEG_INFINITY); functions.len()];
-        FunctionRun { functions, arguments, outside: None }
+        FunctionRun { functions, arguments, outside: None, limits: Vec::new() }
     }
 
     /// The class of a chain: zero for plain sums.
@@ -34,7 +36,11 @@ impl FunctionRun {
             let argument = *number;
             *low = low.min(argument);
             *high = high.max(argument);
-            *number = self.functions[index].evaluate(argument);
+            let (value, is_limit) = self.functions[index].evaluate_noting(argument);
+            *number = value;
+            if is_limit && self.limits.iter().all(|(known, _)| *known != index) {
+                self.limits.push((index, argument));
+            }
             if !number.is_finite() && argument.is_finite() && self.outside.is_none() {
                 self.outside = Some((target(lane), class - 1, argument));
             }

@@ -58,7 +58,8 @@ impl Check {
         let mut loaded = self.model.load(&self.point)?;
         let asked_span = loaded.model.span;
         let format = self.point.format(&loaded.model)?;
-        let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;
+        let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)
+            .map_err(|failure| check::unbuilt(failure, &loaded))?;
         let (_, pes) = self.mapping.given(self.point.pes)?;
         let graph = pipeline::split(&graph, pes, &self.mapping, format).unwrap_or(graph);
         if loaded.model.states.len() > LARGE {

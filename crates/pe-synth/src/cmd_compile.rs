@@ -243,7 +243,7 @@ impl Compile {
         let question = graph.as_ref().ok().and_then(|graph| self.step_question(loaded, graph, point).ok());
         let findings = match question {
             Some(question) => Check::of_refused(&question, refusals).findings,
-            None => refusals,
+            None => Check::of_unbuilt(loaded, refusals),
         };
         Failure::Spec(findings, sources)
     }

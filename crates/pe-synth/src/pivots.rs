@@ -4,8 +4,10 @@
 //! 1 for a state that nothing moves and above 1 for one that decays; near zero the step is that of another model.
 
 use pe_ir::codes;
-use pe_ir::graph::{Role, StepGraph};
+use pe_ir::graph::{Role, StepGraph, ValueId};
+use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
+use pe_sim::double::DoubleRun;
 
 /// Smallest magnitude of a pivot that is accepted, beside the 1 of the identity.
 const SMALLEST: f64 = 1.0 / (1u64 << 20) as f64;
@@ -19,11 +21,38 @@ pub struct SmallestPivot {
     pub magnitude: f64,
 }
 
+/// The smallest pivot of a run of at most so many steps, its state and its time in seconds; none if no pivot varies.
+pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(SmallestPivot, f64)> {
+    let pivots: Vec<(u32, ValueId)> = (0..graph.values.len() as u32)
+        .filter_map(|index| match graph.value(ValueId(index)).role {
+            Role::Pivot(state, _) => Some((state, ValueId(index))),
+            _ => None,
+        })
+        .collect();
+    let mut run = DoubleRun::new(graph);
+    let mut smallest: Option<(u32, f64, f64)> = None;
+    for step in 0..if pivots.is_empty() { 0 } else { model.steps().min(steps) } {
+        let time = model.time(step, 0.0);
+        let finite = run.step(&model.sample_inputs(time)).is_ok();
+        for (state, value) in &pivots {
+            let magnitude = 1.0 / run.value(value.index()).abs();
+            if magnitude.is_finite() && smallest.is_none_or(|(_, least, _)| magnitude < least) {
+                smallest = Some((*state, magnitude, time));
+            }
+        }
+        if !finite {
+            break;
+        }
+    }
+    let (state, magnitude, time) = smallest?;
+    Some((SmallestPivot { state: graph.names.states[state as usize].clone(), magnitude }, time))
+}
+
 /// The smallest pivot, from the largest magnitude of each value of the graph; none if no pivot varies.
 ///
 /// # Errors
 /// `E0905` if it is below 2^-20.
-pub fn smallest(graph: &StepGraph, largest: &[f64]) -> Result<Option<SmallestPivot>, Vec<Diagnostic>> {
+pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Option<SmallestPivot>, Vec<Diagnostic>> {
     let reciprocals = graph.values.iter().zip(largest).filter_map(|(value, largest)| match value.role {
         Role::Pivot(state, _) => Some((state, value.equation, 1.0 / largest)),
         _ => None,
@@ -33,7 +62,10 @@ pub fn smallest(graph: &StepGraph, largest: &[f64]) -> Result<Option<SmallestPiv
     if magnitude >= SMALLEST {
         return Ok(Some(SmallestPivot { state, magnitude }));
     }
-    let message = format!("the pivot of `{state}` falls to {magnitude:.1e}: the matrix of the step is nearly singular");
+    let time = over_run(model, graph, u64::MAX).map_or(0.0, |(_, time)| time);
+    let message = format!(
+        "the pivot of `{state}` falls to {magnitude:.1e} at t = {time:.6e} s: the matrix of the step is nearly singular"
+    );
     let finding = Diagnostic::error(codes::SMALL_PIVOT, graph.equations[equation as usize].span, message);
     Err(vec![
         finding.with_help("try half of the `--step`; where the model grows, its rate times the step must stay below 1"),

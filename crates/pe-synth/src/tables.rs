@@ -2,9 +2,11 @@
 
 use indicatif::ProgressBar;
 use pe_hls::functions::Untabled;
+use pe_ir::codes;
 use pe_ir::functions::Table;
 use pe_ir::graph::{FixedPoint, Role, StepGraph};
-use pe_ir::model::Model;
+use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::place::Place;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
@@ -41,13 +43,31 @@ pub fn tabulate(
 /// The finding with the time at which the arguments reach the place where the function has no bounds or no table, or pass it.
 fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic {
     let Untabled { function, at, mut finding } = untabled;
+    if let Some(state) = pivot_of(graph, function).filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
+        finding.code = codes::SMALL_PIVOT;
+        finding.message = format!("the pivot of `{state}` passes zero: the matrix of the step is singular there");
+        let help = "try half of the `--step`; where the model grows, its rate times the step must stay below 1";
+        finding.help = Some(help.to_owned());
+    }
     let mut run = DoubleRun::new(graph);
     for step in 0..model.steps() {
         let time = model.time(step, 0.0);
-        let finite = run.step(&model.sample_inputs(time)).is_ok();
+        let before: Vec<f64> = (0..model.states.len()).map(|state| run.state(state)).collect();
+        let inputs = model.sample_inputs(time);
+        let finite = run.step(&inputs).is_ok();
         let (low, high) = run.arguments()[function];
         if low <= at && at <= high {
-            finding.message += &format!("; x gets there at t = {time:.6e} s");
+            let what = if finding.code == codes::SMALL_PIVOT { "it" } else { "x" };
+            finding.message += &format!("; {what} gets there at t = {time:.6e} s");
+            let after: Vec<f64> = (0..model.states.len()).map(|state| run.state(state)).collect();
+            let named = chain_of(graph, function).and_then(|name| vanishing(model, &name, (&before, &after), &inputs));
+            if let Some(factor) = named.filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
+                finding.message += &format!(", where `{factor}`, which it is multiplied by, is zero as well: 0/0");
+                finding.code = codes::INDETERMINATE;
+                let help = "take the limit of the quotient near there, as in `if abs(w) > 1e-3 then x/w else 1`; a function of one \
+                            variable, such as `sin(x)/x`, takes its limit by itself";
+                finding.help = Some(help.to_owned());
+            }
             break;
         }
         if !finite {
@@ -55,6 +75,64 @@ fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic
         }
     }
     finding
+}
+
+/// The state whose pivot a function is the reciprocal of, if it is one.
+fn pivot_of(graph: &StepGraph, function: usize) -> Option<&str> {
+    let chain = graph.chains.iter().find(|chain| chain.function == Some(function as u32))?;
+    match graph.value(chain.write.value).role {
+        Role::Pivot(state, _) => Some(&graph.names.states[state as usize]),
+        _ => None,
+    }
+}
+
+/// The name of the equation that applies a function.
+fn chain_of(graph: &StepGraph, function: usize) -> Option<String> {
+    let chain = graph.chains.iter().find(|chain| chain.function == Some(function as u32))?;
+    Some(graph.equations[chain.equation as usize].name.clone())
+}
+
+/// The variable that is zero within a step, given by the states before and after it, and that an algebraic variable is
+/// multiplied by.
+fn vanishing(model: &Model, name: &str, (before, after): (&[f64], &[f64]), inputs: &[f64]) -> Option<String> {
+    let number = model.algebraics.iter().position(|algebraic| algebraic.name == name)?;
+    let singular = Expr::Variable(Variable::Algebraic(number as u32));
+    let all = model.states.iter().map(|state| &state.derivative).chain(model.algebraics.iter().map(|own| &own.expr));
+    let mut factors = Vec::new();
+    all.for_each(|expr| beside(expr, &singular, &mut factors));
+    let (one, other) = (Place::new(model, before, inputs), Place::new(model, after, inputs));
+    let zero = |variable: &Variable| {
+        let (one, other) = (one.number(*variable), other.number(*variable));
+        // What is zero all the time does not become it.
+        one.is_finite() && one != 0.0 && (one * other <= 0.0 || one.abs().min(other.abs()) <= 2.0 * (one - other).abs())
+    };
+    let found = factors.into_iter().find(zero)?;
+    Some(match found {
+        Variable::State(index) => model.states[index as usize].name.clone(),
+        Variable::Input(index) => model.inputs[index as usize].name.clone(),
+        Variable::Algebraic(index) => model.algebraics[index as usize].name.clone(),
+    })
+}
+
+/// Variables that are factors beside another one in some product.
+fn beside(expr: &Expr, other: &Expr, found: &mut Vec<Variable>) {
+    match expr {
+        Expr::Product(members) => {
+            if members.contains(other) {
+                found.extend(members.iter().filter(|member| *member != other).filter_map(|member| match member {
+                    Expr::Variable(variable) => Some(*variable),
+                    _ => None,
+                }));
+            }
+            members.iter().for_each(|member| beside(member, other, found));
+        }
+        Expr::Sum(members) => members.iter().for_each(|member| beside(member, other, found)),
+        Expr::Power(base, _) | Expr::Apply(_, base) => beside(base, other, found),
+        Expr::Select(select) => {
+            [&select.condition, &select.yes, &select.no].into_iter().for_each(|part| beside(part, other, found));
+        }
+        Expr::Constant(_) | Expr::Variable(_) => {}
+    }
 }
 
 /// The tables of a step in a few words.

@@ -47,7 +47,7 @@ fn a_model_whose_solution_ends_is_written_without_a_total_error_and_with_a_warni
     let path = folder.0.join("m.spec");
     let text = "model m\nsolver rk4\nstep 10 ms\nspan 1.01 s\nstate x = 1\nx' = x^2\noutput x\n";
     std::fs::write(&path, text).expect("the spec can be written");
-    let (error, messages) = error_of(&path, &folder.0.join("out"), &["--allow", "E0903"]);
+    let (error, messages) = error_of(&path, &folder.0.join("out"), &["--allow", "E0903", "--allow", "E0907"]);
     assert!(messages.contains("W0904") && messages.contains("t = 1.0000"), "{messages}");
     let reason = error["total_reason"].as_str().expect("a reason");
     assert!(error["total"].is_null() && reason.contains("too small"), "{error}");

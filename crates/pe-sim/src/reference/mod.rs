@@ -163,9 +163,11 @@ pub fn solve_by_second_method(model: &Model, times: &[f64], tolerance: f64) -> R
     }
 }
 
-/// Steps that an explicit method may take.
+/// Steps that an explicit method may take. Those of an implicit solver are no measure of what an explicit one needs: a
+/// model that is given to one is likely stiff, and the method made for that has its turn before so many are wasted.
 pub fn explicit_steps(model: &Model) -> u64 {
-    STEP_FLOOR + STEP_RATIO * model.steps()
+    let stiff = Stiff::suits(model) && model.solver.largest_step(-1.0, 0.0).is_none();
+    STEP_FLOOR + if stiff { 0 } else { STEP_RATIO * model.steps() }
 }
 
 /// Solves by a method of the library, first roughly, to learn the magnitudes of the states.

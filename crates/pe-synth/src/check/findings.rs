@@ -3,10 +3,12 @@
 use pe_ir::codes;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
-use pe_sim::linear::Linearised;
-use pe_sim::reference::Obstacle;
+use pe_sim::linear::is_affine;
 
+use super::causes;
+use super::course;
 use super::observed;
+use super::prediction::Basis;
 use super::remedies::{self, Remedy, rounded};
 use super::sampled;
 use super::trials::Trials;
@@ -55,7 +57,7 @@ impl Check {
     ) -> Vec<Diagnostic> {
         let model = &question.loaded.model;
         let mut findings = judged.warnings.clone();
-        findings.extend(self.near_limit(model));
+        findings.extend(self.near_limit(model).or_else(|| self.unseen_instability(model, trusted)));
         findings.extend(self.growing(model));
         findings.extend(self.rounded_growth(model));
         findings.extend(self.poles(question, trusted));
@@ -74,7 +76,10 @@ impl Check {
             findings = findings.into_iter().map(about_word).collect();
         }
         findings.extend(self.dead_band(model));
-        findings.extend(self.chaotic(model));
+        if findings.iter().all(|finding| finding.code != codes::CHAOTIC) {
+            findings.extend(self.chaotic(model));
+        }
+        findings.extend(course::findings(model, question.graph));
         findings.extend(of_span(model));
         if observed::is_still(model, trusted) {
             let message = "no state moves: all derivatives are zero over the whole span".to_owned();
@@ -101,6 +106,26 @@ impl Check {
             None => "take a smaller step".to_owned(),
         };
         Some(Diagnostic::error(codes::NEAR_LIMIT, model.states[state].span, message).with_help(help).into_warning())
+    }
+
+    /// The step is unstable, and the run does not show it, for it does not excite the mode.
+    fn unseen_instability(&self, model: &Model, trusted: &Trusted) -> Option<Diagnostic> {
+        let limit = self.prediction.limit.as_ref().filter(|limit| model.step > causes::BEYOND * limit.step)?;
+        let certain = self.prediction.basis == Basis::All && (is_affine(model) || observed::is_still(model, trusted));
+        if !certain || !model.rates.is_empty() || !model.phases.is_empty() {
+            return None;
+        }
+        let state = &model.states[limit.state];
+        let message = format!(
+            "the step of {:e} s is unstable, {:.2} of the largest stable one, {:.2e} s by eigenvalues: this run does not excite the \
+             mode of `{}`, but any disturbance of it grows",
+            model.step,
+            model.step / limit.step,
+            limit.step,
+            state.name
+        );
+        let help = format!("try `--step {:e}`", rounded(remedies::SAFE * limit.step));
+        Some(Diagnostic::error(codes::NEAR_LIMIT, state.span, message).with_help(help).into_warning())
     }
 
     /// The method lets modes grow that the model does not.
@@ -189,12 +214,26 @@ impl Check {
         trials: &Trials,
     ) -> Diagnostic {
         let model = &question.loaded.model;
+        if let Some((time, state)) = Some(())
+            .filter(|()| causes::is_symptom(&refusal))
+            .and_then(|()| causes::end_of_solution(model, trusted, std::slice::from_ref(&refusal)))
+        {
+            return solution_ends(model, state, time);
+        }
+        let certain = is_affine(model)
+            || observed::is_still(model, trusted)
+            || self.found.is_some_and(|found| found.unstable.is_some_and(|step| step <= model.step));
+        // What grew beyond all numbers is told as such, with the limit.
+        let grew = refusal.code == codes::DIVERGED;
+        let unstable = causes::unstable(model, &self.prediction, &refusal).filter(|_| certain && !grew);
+        if let Some(finding) = unstable {
+            return self.with_limit(question, finding, trials);
+        }
+        if let Some(finding) = causes::near_singular(model, question.graph, &refusal) {
+            return self.with_limit(question, finding, trials);
+        }
         match refusal.code {
-            codes::DIVERGED => match trusted.end.filter(|end| end.obstacle != Obstacle::TooManySteps && end.time > 0.0)
-            {
-                Some(end) => solution_ends(model, trusted, end.time),
-                None => self.with_limit(question, refusal, trials),
-            },
+            codes::DIVERGED => self.with_limit(question, refusal, trials),
             codes::STEP_TOO_LARGE | codes::SMALL_PIVOT => self.with_limit(question, refusal, trials),
             codes::SATURATED | codes::WORD_TOO_SHORT => {
                 let remedy = remedies::for_word(question);
@@ -265,16 +304,8 @@ pub(super) fn factor(logarithm: f64) -> String {
 }
 
 /// The solution itself ends within the span.
-fn solution_ends(model: &Model, trusted: &Trusted, time: f64) -> Diagnostic {
-    let last = trusted.count() - 1;
-    let linear = Linearised::at(model, trusted.at(last), &model.sample_inputs(trusted.times[last]));
-    let first = trusted.at(0);
-    let moved = |state: &usize| {
-        let change = (trusted.at(last)[*state] - first[*state]).abs();
-        (change + model.step * linear.derivatives[*state].abs()) / (first[*state].abs() + f64::MIN_POSITIVE)
-    };
-    let fastest = (0..model.states.len()).max_by(|a, b| moved(a).total_cmp(&moved(b))).unwrap_or(0);
-    let state = &model.states[fastest];
+pub(super) fn solution_ends(model: &Model, state: usize, time: f64) -> Diagnostic {
+    let state = &model.states[state];
     let message = format!("the solution ends at t = {time:.6e} s: `{}` leaves all bounds there", state.name);
     let help = format!(
         "no step and no method gets past it: check the equation, or end earlier with `--span {:e}`",

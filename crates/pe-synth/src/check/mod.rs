@@ -4,6 +4,8 @@
 //! explain it (`prediction`), trials with other steps confirm it (`trials`), and what is proposed has been tried
 //! (`remedies`). See `docs/decisions/0027-check.md`.
 
+mod causes;
+mod course;
 mod findings;
 mod observed;
 mod prediction;
@@ -21,6 +23,7 @@ use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
+use crate::failure::Failure;
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pivots::SmallestPivot;
 use crate::runs::{self, Judged};
@@ -43,19 +46,23 @@ const TRIED_STATES: usize = 10_000;
 const MATRIX_STATES: usize = 200;
 
 /// Refusals that the check can explain.
-pub const EXPLAINED: [&str; 8] = [
+pub const EXPLAINED: [&str; 10] = [
     codes::DIVERGED,
     codes::SATURATED,
     codes::STEP_TOO_LARGE,
     codes::SMALL_PIVOT,
     codes::WORD_TOO_SHORT,
+    codes::OUTSIDE_DOMAIN,
+    codes::NO_FORMAT,
     codes::INPUT_UNSEEN,
     codes::INPUT_ALIASED,
     codes::PULSE_MISSED,
 ];
 
 /// Findings of the check alone; others come from the runs.
-const OWN: [&str; 9] = [
+const OWN: [&str; 11] = [
+    codes::CHATTERING,
+    codes::LIMIT_TAKEN,
     codes::NEAR_LIMIT,
     codes::METHOD_GROWTH,
     codes::DEAD_BAND,
@@ -82,6 +89,16 @@ pub struct Question<'a> {
     pub format: WordFormat,
     /// Method error that the accuracy step is for; none if that is not asked.
     pub goal: Option<f64>,
+}
+
+/// A failure to build the step of a model, with what it really comes from.
+pub fn unbuilt(failure: Failure, loaded: &LoadedModel) -> Failure {
+    match failure {
+        Failure::Spec(refusals, sources) if loaded.model.states.len() <= TRIED_STATES => {
+            Failure::Spec(Check::of_unbuilt(loaded, refusals), sources)
+        }
+        failure => failure,
+    }
 }
 
 /// What was found about a model and its step.
@@ -142,7 +159,7 @@ impl Check {
         let trials = Trials::new(model, &trusted);
         let mut check = Check::explain(question, &trusted, &trials);
         if refusals.iter().any(|refusal| refusal.code == codes::STEP_TOO_LARGE) {
-            let sensitivity = observed::sensitivity(model, question.graph, &trusted);
+            let sensitivity = observed::refused_sensitivity(model, question.graph, &trusted);
             check.chaos = sensitivity.and_then(|found| observed::chaos(question.graph, None, &trusted, found));
             check.parted = sensitivity.and_then(|sensitivity| sensitivity.parted);
         }
@@ -156,6 +173,28 @@ impl Check {
     /// Findings that the runs did not give: warnings, and refusals of a step whose runs succeeded.
     pub fn own_findings(&self) -> Vec<Diagnostic> {
         self.findings.iter().filter(|finding| OWN.contains(&finding.code)).cloned().collect()
+    }
+
+    /// Refusals of a model whose step has no tables, with what they really come from.
+    pub fn of_unbuilt(loaded: &LoadedModel, refusals: Vec<Diagnostic>) -> Vec<Diagnostic> {
+        let symptoms = [codes::DIVERGED, codes::OUTSIDE_DOMAIN, codes::SMALL_PIVOT];
+        if !refusals.iter().any(|refusal| symptoms.contains(&refusal.code)) {
+            return refusals;
+        }
+        let model = &loaded.model;
+        let trusted = Trusted::of(model, None);
+        if let Some((time, state)) = causes::end_of_solution(model, &trusted, &refusals) {
+            return vec![findings::solution_ends(model, state, time)];
+        }
+        let prediction = Prediction::of(model, &trusted);
+        let found =
+            prediction.limit.as_ref().and_then(|limit| Trials::new(model, &trusted).limit(model.solver, limit.step));
+        let certain = found.is_some_and(|found| found.unstable.is_some_and(|step| step <= model.step));
+        let explained = |refusal: Diagnostic| {
+            let unstable = causes::unstable(model, &prediction, &refusal).filter(|_| certain);
+            unstable.unwrap_or(refusal)
+        };
+        refusals.into_iter().map(explained).collect()
     }
 
     /// The accuracy step over the stable one.

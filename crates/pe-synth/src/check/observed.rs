@@ -212,6 +212,11 @@ pub fn sensitivity(model: &Model, graph: &StepGraph, trusted: &Trusted) -> Optio
     Sensitivity::of(model, graph, &scales(trusted))
 }
 
+/// The same of a step that was refused.
+pub fn refused_sensitivity(model: &Model, graph: &StepGraph, trusted: &Trusted) -> Option<Sensitivity> {
+    Sensitivity::beside_half(model, graph, &scales(trusted))
+}
+
 /// Whether a model is chaotic; none if it is not. Without number formats an LSB is that of 32 bits.
 pub fn chaos(
     graph: &StepGraph,

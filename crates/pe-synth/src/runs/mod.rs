@@ -9,6 +9,7 @@
 
 mod comparison;
 mod inputs;
+mod reasons;
 mod saturated;
 mod sensitivity;
 mod settled;
@@ -206,7 +207,7 @@ impl Exact {
         let (reference, curves, mut ranges, moments) = reference_run(model, graph, &plan)?;
         let reference = Arc::new(reference);
         let largest = ranges.largest.clone();
-        let smallest_pivot = pivots::smallest(graph, &largest)?;
+        let smallest_pivot = pivots::smallest(model, graph, &largest)?;
         let seconds = thread_seconds() - begin;
         include_declared(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
@@ -273,7 +274,11 @@ impl Exact {
         let errors = Errors { worst_state, word_length, coefficient, at_end, function, method, input_hold };
         let mut warnings = Vec::new();
         if errors.method > METHOD_ERROR_REFUSED {
-            warnings.extend(options.permit(vec![finding])?);
+            let runs = (&*self.reference, &settled.hardware);
+            match reasons::chaotic(model, graph, &settled.fixed, &self.scales, runs) {
+                Some(chaotic) => warnings.push(chaotic),
+                None => warnings.extend(options.permit(vec![finding])?),
+            }
         } else if errors.method > METHOD_ERROR_WARNED {
             let message = finding.message.replace("too large", "large");
             warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..finding.into_warning() });
@@ -282,7 +287,10 @@ impl Exact {
             let refused = finding.severity == Severity::Error;
             warnings.extend(if refused { options.permit(vec![finding])? } else { vec![finding] });
         }
-        if let Some(finding) = self.word_short(model, graph, &settled.hardware, errors) {
+        // Of a chaotic model that has been told all that there is to say.
+        let chaotic = warnings.iter().any(|warning| warning.code == codes::CHAOTIC);
+        let word_short = if chaotic { None } else { self.word_short(model, graph, &settled.hardware, errors) };
+        if let Some(finding) = word_short {
             let refused = finding.severity == Severity::Error;
             warnings.extend(if refused { options.permit(vec![finding])? } else { vec![finding] });
         }
@@ -320,6 +328,9 @@ impl Exact {
     ) -> Option<Diagnostic> {
         if errors.word_length <= WORD_ERROR_WARNED {
             return None;
+        }
+        if let Some(finding) = reasons::too_small(model, errors.worst_state, self.scales[errors.worst_state]) {
+            return Some(finding);
         }
         let state = &model.states[errors.worst_state];
         let message = format!(
@@ -419,10 +430,18 @@ fn reference_run(
     Ok((reference, curves, ranges, sampling.moments()))
 }
 
+/// Magnitude of an argument from which on an infinite value is an overflow, not a pole.
+const OVERFLOWING: f64 = 500.0;
+
 /// What a run says that met a value that is not finite.
 pub fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
     let equation = &graph.equations[graph.value(diverged.value).equation as usize];
-    if let Some((function, argument)) = diverged.outside {
+    // An exponential that overflows has a domain; what its argument is has left all bounds.
+    let overflows = |(function, argument): &(u32, f64)| {
+        let value = graph.functions.exact[*function as usize].evaluate(*argument);
+        value.is_infinite() && argument.abs() > OVERFLOWING
+    };
+    if let Some((function, argument)) = diverged.outside.filter(|outside| !overflows(outside)) {
         let function = &graph.functions.exact[function as usize].name;
         let message = format!("`{}` has no value at t = {time:.6e} s: `{function}` at x = {argument:e}", equation.name);
         return Diagnostic::error(codes::OUTSIDE_DOMAIN, equation.span, message)

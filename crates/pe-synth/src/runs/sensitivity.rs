@@ -41,6 +41,15 @@ impl Sensitivity {
     /// A step that is too coarse multiplies differences that the model does not, where it lands before or behind a jump.
     /// So half the step has to multiply them alike, and the runs are looked at for only as long as it goes the same way.
     pub fn of(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<Sensitivity> {
+        let growth = disturbed_growth(model, graph, scales)?;
+        if growth < SENSITIVE {
+            return Some(Sensitivity { growth, rate: None, parted: None });
+        }
+        Sensitivity::beside_half(model, graph, scales)
+    }
+
+    /// The same of a step that was refused, with the time from which on half of it goes elsewhere.
+    pub fn beside_half(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<Sensitivity> {
         if is_affine(model) || model.steps().saturating_mul(6 * graph.macs()) > PRODUCTS {
             return None;
         }
@@ -90,6 +99,35 @@ impl Sensitivity {
         let rate = rate(first, &course).filter(|rate| slope(&fine_course) >= SAME * rate);
         Some(Sensitivity { growth: largest / DISTURBANCE, rate, parted })
     }
+}
+
+/// What becomes of a difference of the initial values over the whole span, relative to itself: nothing more needs to be
+/// asked of a model that does not multiply it.
+fn disturbed_growth(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<f64> {
+    if is_affine(model) || model.steps().saturating_mul(6 * graph.macs()) > PRODUCTS {
+        return None;
+    }
+    let mut pair = [DoubleRun::new(graph), DoubleRun::new(graph)];
+    for (index, state) in model.states.iter().enumerate() {
+        let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
+        pair[1].set_state(index, state.initial * (1.0 + sign * DISTURBANCE));
+    }
+    let stride = model.steps().div_ceil(LOOKS);
+    let mut largest: f64 = 0.0;
+    for done in 1..=model.steps() {
+        let inputs = model.sample_inputs(model.time(done - 1, 0.0));
+        for run in &mut pair {
+            run.step(&inputs).ok()?;
+        }
+        if done % stride == 0 || done == model.steps() {
+            let apart = |index: usize| (pair[0].state(index) - pair[1].state(index)).abs() / scales[index];
+            largest = (0..scales.len()).map(apart).fold(largest, f64::max);
+            if largest / DISTURBANCE >= SENSITIVE {
+                break;
+            }
+        }
+    }
+    Some(largest / DISTURBANCE)
 }
 
 /// The Lyapunov exponent from a first difference and its course; none if the growth is not that of chaos.
