@@ -37,6 +37,7 @@ entity pe is
     INDEX_WORDS      : natural := 0;     -- index memory, 0 or a power of two
     INDEX_WIDTH      : natural := 0;     -- bits of an index
     OCTAVE_WIDTH     : natural := 0;     -- bits of an index that count octaves, 0 if none do
+    SATURATE         : boolean := true;  -- clamps words that are out of range; false if it is proven that none can be
     DEEP             : boolean := false; -- registers behind memories and shifts
     TRACE            : boolean := false  -- drives trace_o
   );
@@ -66,6 +67,9 @@ architecture rtl of pe is
   constant WRITE_BITS : positive := index_bits(write_words(OWN_WORDS, BASE_WORDS, COEFF_WORDS, FACTOR));
 
   constant PADDED_BITS : positive := larger(ACCUMULATOR_BITS, DATA_BITS + COEFFICIENT_BITS);
+
+  -- Where nothing can be out of range there is a flag in simulation only, where it stops the run.
+  constant FLAGGED : boolean := SATURATE or TRACE;
 
   -- What the sequencer tells
   signal advance : std_ulogic;
@@ -340,6 +344,7 @@ begin
       INDEX_WORDS      => INDEX_WORDS,
       INDEX_WIDTH      => INDEX_WIDTH,
       OCTAVE_WIDTH     => OCTAVE_WIDTH,
+      SATURATE         => SATURATE,
       DEEP             => DEEP
     )
     port map (
@@ -380,12 +385,19 @@ begin
     if rising_edge(clk_i) then
       if (advance = '1') then
         -- A value that is only sent must not saturate unseen either.
-        if (saturated = '1' and (write_own = '1' or write_base = '1' or write_factor = '1' or write_index = '1'
-                                 or (flag(control_i, LAYOUT.send) = '1' and settle = '0'))) then
+        if (FLAGGED and saturated = '1'
+            and (write_own = '1' or write_base = '1' or write_factor = '1' or write_index = '1'
+                 or (flag(control_i, LAYOUT.send) = '1' and settle = '0'))) then
+          assert SATURATE
+            report "pe: a word is out of range, which was proven impossible"
+            severity failure;
           overflow <= '1';
         end if;
 
-        if (too_large = '1' and settle = '0') then
+        if (FLAGGED and too_large = '1' and settle = '0') then
+          assert SATURATE
+            report "pe: an operand is too large for a sum, which was proven impossible"
+            severity failure;
           overflow <= '1';
         end if;
       end if;

@@ -24,6 +24,7 @@ entity pe_scale is
     INDEX_WORDS      : natural;         -- index memory, 0 or a power of two
     INDEX_WIDTH      : natural;         -- bits of an index
     OCTAVE_WIDTH     : natural;         -- bits of an index that count octaves, 0 if none do
+    SATURATE         : boolean;         -- clamps words that are out of range; false if none can be
     DEEP             : boolean          -- a register behind base memory and shifts
   );
   port (
@@ -271,12 +272,15 @@ begin
         -- that without logic.
         word <= std_ulogic_vector(sum(WORD_BITS downto 1));
 
-        if (differs = '1') then
+        if (SATURATE and differs = '1') then
           word                                                <= (others => '0');
           word(WORD_BITS - 1 downto WORD_BITS - CEILING_BITS) <= (others => not sum(SUM_BITS - 1));
         end if;
 
-        word(WORD_BITS - 1) <= sum(SUM_BITS - 1);
+        if (SATURATE) then
+          word(WORD_BITS - 1) <= sum(SUM_BITS - 1);
+        end if;
+
         saturated           <= differs;
       end if;
     end if;

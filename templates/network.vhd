@@ -270,6 +270,9 @@ begin
       INDEX_WIDTH      => {{ pe.index_width }},
       OCTAVE_WIDTH     => {{ pe.octave_width }},
 {%- endif %}
+{%- if pe.proven %}
+      SATURATE         => false,
+{%- endif %}
 {%- if deep %}
       DEEP             => true,
 {%- endif %}

@@ -60,6 +60,8 @@ struct Description {
     pre_adder: bool,
     swap: bool,
     send: bool,
+    /// Whether no word that it writes can be out of range.
+    proven: bool,
     /// 0 if no base address takes an index.
     index_words: u32,
     index_width: u32,
@@ -154,6 +156,7 @@ struct Pe {
     base_last: bool,
     accumulator_bits: u32,
     pre_adder: bool,
+    proven: bool,
     /// Whether an operand of the sum in front of the multiplier, {% if deep %}two words{% else %}one word{% endif %} ago, was beyond half of full scale.
     too_large: bool,
 {%- if deep %}
@@ -213,6 +216,7 @@ impl Network {
             imported: pe.imported_image.to_vec(),
             accumulator_bits: pe.accumulator_bits,
             pre_adder: pe.pre_adder,
+            proven: pe.proven,
             too_large: false,
 {%- if deep %}
             too_large_next: false,
@@ -368,6 +372,10 @@ impl Network {
                 let address = word.write[odd] as usize;
                 let receive = word.receive.map(|(address, _)| address[odd] as usize);
                 pe.overflow |= saturated && (writes || word.write_index.is_some() || word.send);
+                if pe.proven && pe.overflow {
+                    eprintln!("PE {index}: a word is out of range, which was proven impossible");
+                    std::process::exit(1);
+                }
                 let depth = pe.write_words as usize;
                 // Each memory takes as many low bits of the address as it needs.
                 if word.write_own {
@@ -533,6 +541,7 @@ const PES: &[Description] = &[
         pre_adder: {{ pe.pre_adder }},
         swap: {{ pe.swap }},
         send: {{ pe.send }},
+        proven: {{ pe.proven }},
         index_words: {{ pe.index_words }},
         index_width: {{ pe.index_width }},
         octave_width: {{ pe.octave_width }},

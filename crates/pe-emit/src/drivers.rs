@@ -169,6 +169,9 @@ pub fn shape(program: &Program, index: usize, fold: &Fold) -> String {
     if let Some(variants) = fold.variants() {
         write!(text, " variants={variants}").expect("writing to a string succeeds");
     }
+    if features.proven {
+        text += " proven=true";
+    }
     if features.index_words > 0 {
         let PeFeatures { index_words, index_bits, octave_bits, .. } = features;
         write!(text, " index_words={index_words} index_bits={index_bits} octave_bits={octave_bits}")

@@ -11,6 +11,7 @@ pub mod formats;
 pub mod functions;
 pub mod lift;
 pub mod mapping;
+pub mod norms;
 pub mod pairs;
 pub mod relay;
 pub mod rounding;

@@ -57,6 +57,7 @@ pub struct Clocked<'a> {
     /// PEs, then inputs, that raised it in that cycle.
     raised_by: Vec<usize>,
     wrapped: bool,
+    escaped: bool,
     coverage: Coverage,
 }
 
@@ -108,6 +109,7 @@ impl<'a> Clocked<'a> {
             overflow_cycle: None,
             raised_by: Vec::new(),
             wrapped: false,
+            escaped: false,
             coverage: Coverage::none(program),
         };
         (0..program.latency().pause()).for_each(|_| network.clock(&mut |_| {}));
@@ -148,6 +150,11 @@ impl<'a> Clocked<'a> {
     /// Whether a sum of two operands wrapped: [`crate::machine`] knows such sums no longer.
     pub fn wrapped(&self) -> bool {
         self.wrapped
+    }
+
+    /// Whether a word of a PE that does not saturate was out of range, which was proven impossible of the design's runs.
+    pub fn escaped(&self) -> bool {
+        self.escaped
     }
 
     /// What was at work so far.
@@ -275,6 +282,7 @@ impl<'a> Clocked<'a> {
             _ => 0,
         };
         pe.word = match pe.saturated {
+            _ if features.proven => wrapped(pe.sum, format.word_bits()) as i64,
             1 => format.ceiling(),
             -1 => format.min_word(),
             _ => pe.sum as i64,
@@ -392,6 +400,7 @@ impl<'a> Clocked<'a> {
             outputs.iter().for_each(|output| self.captured[*output] = result);
         }
         flag &= !settle;
+        self.escaped |= flag && features.proven;
         pe.overflow |= flag;
         flag
     }

@@ -140,7 +140,7 @@ impl Coverage {
                     }
                     fields |= bit(FieldName::Shift);
                     cover.shifts[usize::from(word.shift)] = true;
-                    cover.saturated = [true; 2];
+                    cover.saturated = [!features.proven; 2];
                 }
                 if let Some(index) = word.index {
                     fields |= bit(FieldName::IndexEnable) | bit(FieldName::IndexAddress);
@@ -181,7 +181,8 @@ impl Coverage {
                     places(address, depth).iter().for_each(|word| cover.written[IMPORTED][*word] = true);
                     cover.ports[usize::from(port)] = true;
                 }
-                cover.too_large |= features.pre_adder && word.own.is_some() && word.imported.is_some();
+                let joins = features.pre_adder && word.own.is_some() && word.imported.is_some();
+                cover.too_large |= joins && !features.proven;
                 cover.fields[k] = fields;
             }
         }

@@ -17,6 +17,7 @@ pub struct Machine<'a> {
     homes: Homes,
     network: Network,
     overflow: bool,
+    escaped: bool,
     /// Steps done.
     steps: u64,
     cycle: u64,
@@ -75,6 +76,7 @@ impl<'a> Machine<'a> {
             homes,
             network,
             overflow: false,
+            escaped: false,
             steps: 0,
             cycle: u64::from(program.latency().pause()),
             parity: false,
@@ -97,6 +99,7 @@ impl<'a> Machine<'a> {
         }
         let step = (self.cycle, self.parity, &mut self.checksums[..]);
         self.overflow |= on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
+        self.escaped |= on_steps!(&self.network, steps => steps.escaped);
         self.steps += 1;
         self.cycle += u64::from(self.program.period);
         // Roles of buffers change in every round.
@@ -111,6 +114,12 @@ impl<'a> Machine<'a> {
     /// Whether the overflow output is set.
     pub fn overflow(&self) -> bool {
         self.overflow
+    }
+
+    /// Whether a word of a PE that does not saturate was out of range, which was proven impossible: nothing that was
+    /// computed since is what the hardware computes.
+    pub fn escaped(&self) -> bool {
+        self.escaped
     }
 
     /// Checksum of all memory writes of each PE so far; see [`Checksums`].
@@ -139,6 +148,8 @@ struct Steps<P> {
     moving: (Vec<i64>, Vec<P>),
     /// Whether operands of the last words were too large for their sum.
     too_large: bool,
+    /// Whether a word of a PE that does not saturate was out of range.
+    escaped: bool,
 }
 
 /// One step.
@@ -148,6 +159,7 @@ struct Step<P> {
     checksums: Checksums,
     outputs: Vec<u32>,
     flagged: Vec<u32>,
+    proven: Vec<u32>,
     paired: Vec<u32>,
     paired_last: Vec<u32>,
     moves: Moves,
@@ -182,6 +194,7 @@ impl<P: Port> Steps<P> {
             odd: None,
             moving: (Vec::new(), Vec::new()),
             too_large: false,
+            escaped: false,
         };
         let checksums = &mut vec![0; program.pes.len()];
         state.run(&program.format, (0, false, checksums), &mut vec![0; program.outputs.len()], &mut |_| {});
@@ -200,7 +213,9 @@ impl<P: Port> Steps<P> {
         let words = &mut self.words;
         let mut overflow = words.run(&step.tiles, &self.kept.0, &mut self.kept.1);
         if overflow {
-            overflow = step.flagged.iter().any(|slot| words.saturations[*slot as usize] > 0);
+            let saturated = |slots: &[u32]| slots.iter().any(|slot| words.saturations[*slot as usize] > 0);
+            overflow = saturated(&step.flagged);
+            self.escaped |= saturated(&step.proven);
             words.saturations.fill(0);
         }
         // The hardware's sum of such operands wraps; here it does not, so from then on only the flag is that of the hardware.
@@ -281,6 +296,7 @@ impl<P: Port> Step<P> {
             writes,
             outputs: recording.outputs.iter().map(|output| slot(*output)).collect(),
             flagged: recording.flagged.iter().map(|flagged| slot(*flagged)).collect(),
+            proven: recording.proven.iter().map(|proven| slot(*proven)).collect(),
             paired: slots(recording.paired),
             paired_last: slots(recording.paired_last),
             moves,

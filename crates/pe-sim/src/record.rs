@@ -229,6 +229,8 @@ pub(crate) struct Recording {
     pub outputs: Vec<u32>,
     /// Slots whose saturation sets the overflow flag.
     pub flagged: Vec<u32>,
+    /// Of these the words of PEs that do not saturate.
+    pub proven: Vec<u32>,
     /// Operands of sums in front of a multiplier: beyond half of full scale they set the overflow flag soon after.
     pub paired: Vec<u32>,
     /// Those of the last words, which set it in the step that follows.
@@ -254,6 +256,7 @@ impl Recording {
             writes: Vec::new(),
             outputs: vec![NULL; program.outputs.len()],
             flagged: Vec::new(),
+            proven: Vec::new(),
             paired: Vec::new(),
             paired_last: Vec::new(),
             columns: Columns { segments: program.segments(), choices: Vec::new() },
@@ -346,6 +349,7 @@ impl Recording {
             // A value that is only sent must not saturate unseen either.
             if !stretch.settle && (write.is_some() || write_index.is_some() || word.send) {
                 self.flagged.push(slot);
+                self.proven.extend(program.features.proven.then_some(slot));
             }
             if word.send {
                 self.pes[index].link = slot;

@@ -122,7 +122,10 @@ impl Compile {
         let point = choice.as_ref().map_or(self.point, |choice| choice.point);
         point.apply(&mut loaded.model)?;
         let model = &loaded.model;
-        let design = pipeline::design(&loaded, &self.model, &point, &self.mapping, &mut watch)
+        // Formats of a design that was chosen for its error stay as they are.
+        let widen = if choice.is_some() { 0 } else { self.model.widen };
+        let options = ModelOptions { widen, ..self.model.clone() };
+        let design = pipeline::design(&loaded, &options, &point, &self.mapping, &mut watch)
             .map_err(|failure| self.explained(failure, &loaded, &point))?;
         let check = self.check(&loaded, &design, &point, &mut watch)?;
         let format = self.message_format();
@@ -362,6 +365,7 @@ fn reference_trace(design: &Design, stimulus: &[Vec<i64>]) -> (String, String) {
     let mask = u64::MAX >> (64 - design.program.format.storage_bits);
     for (step, inputs) in stimulus.iter().enumerate() {
         machine.step(inputs, &mut |line| trace += &format!("{line}\n"));
+        assert!(!machine.escaped(), "step {step}: a word is out of range, which was proven impossible");
         for (index, word) in machine.outputs().iter().enumerate() {
             outputs += &format!("{step} {index} {:x}\n", *word as u64 & mask);
         }

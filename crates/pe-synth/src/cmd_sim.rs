@@ -82,6 +82,9 @@ impl Sim {
         let mut rows = Vec::new();
         for inputs in pipeline::stimulus(model, &design, 0, model.steps()) {
             machine.step(&inputs, &mut |_| {});
+            if machine.escaped() {
+                return Err(Failure::Internal("a word is out of range, which was proven impossible".to_owned()));
+            }
             let number = |(word, port): (&i64, &pe_ir::program::OutputPort)| *word as f64 * 2f64.powi(port.exponent);
             rows.push(machine.outputs().iter().zip(&design.program.outputs).map(number).collect());
         }

@@ -4,10 +4,12 @@
 
 use std::collections::BTreeMap;
 
-use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, Term, ValueId};
+use pe_ir::graph::StepGraph;
 use pe_ir::mapping::Mapping;
 use pe_ir::program::{ControlWord, FieldName, Fold, Layout, Note, PeFeatures, PeProgram, Program};
 use serde_json::{Value, json};
+
+use crate::runs::Judged;
 
 /// A feature that a PE has in some size or not at all.
 struct Feature {
@@ -149,11 +151,11 @@ fn first(program: &Program, pe: &PeProgram, kind: fn(&ControlWord) -> bool, valu
 }
 
 /// The features of the PEs with their reasons, and the fields of the control words.
-pub fn features(program: &Program, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Value {
+pub fn features(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> Value {
     let lookups = program.pes.iter().any(|pe| pe.features.index_words > 0);
     let features = FEATURES.iter().chain(LOOKUPS.iter().filter(|_| lookups));
     let mut rows: Vec<Value> = features.map(|feature| row(program, feature)).collect();
-    rows.push(saturation(program, graph, fixed, mapping));
+    rows.push(saturation(program, graph, judged, mapping));
     json!({"pe": rows, "control_word": fields(program), "program": folds(program)})
 }
 
@@ -174,66 +176,28 @@ fn row(program: &Program, feature: &Feature) -> Value {
     })
 }
 
-/// Saturation is in every PE. What could be proven is counted: PEs none of whose writes can overflow.
-fn saturation(program: &Program, graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Value {
-    let mut example = vec![None; program.pes.len()];
-    for (chain, overflows) in graph.chains.iter().zip(can_overflow(graph, fixed)) {
-        let value = chain.writes().zip(overflows).find(|(_, overflows)| *overflows).map(|(write, _)| write.value);
-        let slot = &mut example[mapping.pe_of[chain.equation as usize] as usize];
-        *slot = slot.or(value);
-    }
-    let provable = example.iter().filter(|value| value.is_none()).count();
-    let because = match example.iter().enumerate().find_map(|(pe, value)| Some((pe, (*value)?))) {
-        Some((pe, value)) => format!("PE {pe}: no interval rules out that `{}` overflows", graph.value_name(value)),
-        None => "always built, although no write can overflow".to_owned(),
+/// PEs that clamp words which are out of range, and those that are proven to write none.
+fn saturation(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> Value {
+    let without = program.pes.iter().filter(|pe| pe.features.proven).count();
+    let enclosed = judged.proof.as_ref().and_then(|proof| proof.enclosed.as_ref());
+    let saturating = program.pes.iter().position(|pe| !pe.features.proven);
+    let because = match (saturating, enclosed) {
+        (None, _) => "every word is proven to be in range".to_owned(),
+        (Some(_), None) if judged.proof.is_none() => "no proof of ranges was asked for".to_owned(),
+        (Some(pe), None) => format!("PE {pe}: no bound of its values was found"),
+        (Some(pe), Some(enclosed)) => {
+            let own = graph.chains.iter().filter(|chain| mapping.pe_of[chain.equation as usize] as usize == pe);
+            let mut values = own.flat_map(|chain| chain.writes()).map(|write| write.value);
+            match values.find(|value| !enclosed.enclosure.fits(*value)) {
+                Some(value) => format!("PE {pe}: nothing proves that `{}` stays in range", graph.value_name(value)),
+                None => format!("PE {pe}: nothing proves that its sums of operands fit"),
+            }
+        }
     };
     json!({
-        "feature": "saturation", "with": program.pes.len(), "without": 0, "sizes": {}, "provable": provable,
-        "because": because,
+        "feature": "saturation", "with": program.pes.len() - without, "without": without, "sizes": {},
+        "provable": without, "because": because,
     })
-}
-
-/// Whether each write of each chain could leave the range of its word, by intervals: states may have any word, inputs
-/// any operand; everything else is bounded by what it is computed from.
-fn can_overflow(graph: &StepGraph, fixed: &FixedPoint) -> Vec<[bool; 3]> {
-    let format = &fixed.format;
-    let full = i128::from(format.max_word()) + 1;
-    let mut largest = vec![full; graph.values.len()];
-    for (index, value) in graph.values.iter().enumerate() {
-        if let Role::Constant(_) = value.role {
-            let word = fixed.constant_word(graph, ValueId(index as u32));
-            largest[index] = i128::from(word).abs();
-        }
-    }
-    // Dropping low bits rounds down, so a negative word may gain one.
-    let seen = |largest: i128, dropped: u32| (largest >> dropped) + 1;
-    let mut found = Vec::with_capacity(graph.chains.len());
-    for (index, chain) in graph.chains.iter().enumerate() {
-        let sum: i128 = chain
-            .terms
-            .clone()
-            .map(|term| {
-                let Term { operand, factor, .. } = graph.terms[term as usize];
-                let operand = seen(largest[operand.index()], format.data_drop()).min(1 << (format.data_bits - 1));
-                let factor = match factor {
-                    Factor::Coefficient(_) => i128::from(fixed.coefficients[term as usize]).abs(),
-                    Factor::Value(value) => {
-                        seen(largest[value.index()], format.factor_drop()).min(1 << (format.coefficient_bits - 1))
-                    }
-                };
-                operand * factor
-            })
-            .sum();
-        let mut overflows = [false; 3];
-        for ((write, shift), overflows) in chain.writes().zip(fixed.shifts[index]).zip(&mut overflows) {
-            let base = write.base.map_or(i128::from(format.data_offset()), |base| largest[base.index()]);
-            let bound = base + seen(sum << format.lift(), u32::from(shift));
-            *overflows = bound >= full;
-            largest[write.value.index()] = bound.min(full);
-        }
-        found.push(overflows);
-    }
-    found
 }
 
 /// Rounds of a step, and how many PEs keep how many bits of their control words for each word of a round (`loop_bits`),

@@ -39,6 +39,7 @@ pub mod output;
 pub mod pictures;
 pub mod pipeline;
 pub mod pivots;
+pub mod proof;
 pub mod render;
 pub mod report;
 pub mod runs;

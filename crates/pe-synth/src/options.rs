@@ -37,12 +37,28 @@ pub struct ModelOptions {
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Mapping")]
     pub seed: u64,
+    /// Whether ranges are proven beside being measured
+    #[arg(long, value_enum, default_value_t, help_heading = "Numbers")]
+    pub proof: ProofMode,
+    /// Bits by which formats may become wider where that proves all ranges
+    #[arg(long, value_name = "BITS", default_value_t = 6, value_parser = clap::value_parser!(i32).range(0..=16), help_heading = "Numbers")]
+    pub widen: i32,
     /// Lets a refusal through as a warning; may be repeated
     #[arg(long, value_name = "CODE", value_parser = PossibleValuesParser::new(codes::PERMITTABLE), help_heading = "Diagnostics")]
     pub allow: Vec<String>,
     /// Form of errors and warnings on standard error
     #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     pub message_format: MessageFormat,
+}
+
+/// What is proven about a design.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum ProofMode {
+    /// Nothing: every PE saturates
+    Off,
+    /// That values stay in range; PEs of which that is proven do not saturate
+    #[default]
+    Ranges,
 }
 
 /// What the total error is asked about beside the states.

@@ -25,7 +25,8 @@ use crate::contest;
 use crate::entrants::{self, Entrants};
 use crate::failure::{Failure, print_findings};
 use crate::mapping_file::MappingFile;
-use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions};
+use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions, ProofMode};
+use crate::proof;
 use crate::runs::{self, Judged};
 use crate::slots;
 use crate::tables;
@@ -34,7 +35,7 @@ use crate::tables;
 const DEFAULT_SLOTS_PER_PE: u64 = 200;
 
 /// Stages that take as long as the span is.
-const RUNS: [&str; 6] = ["choose", "functions", "slots", "runs", "stability", "reference"];
+const RUNS: [&str; 7] = ["choose", "functions", "slots", "runs", "ranges", "stability", "reference"];
 
 /// Time between two pictures of the spinner of a stage.
 const SPINNER_TICK: Duration = Duration::from_millis(200);
@@ -301,8 +302,13 @@ pub fn design(
     let graph = Arc::new(graph);
     let progress = watch.progress_bar("runs");
     let judged = watch
-        .timed("runs", || runs::judge(&loaded.model, &graph, format, options, progress), runs_figure)
+        .timed(
+            "runs",
+            || runs::judge_open(&loaded.model, &graph, format, options, progress),
+            |open| runs_figure(open.as_ref().map(|(judged, ..)| judged)),
+        )
         .map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    let judged = prove(loaded, &graph, judged, options, watch)?;
     print_findings(&judged.warnings, &loaded.sources, options.message_format);
     let network = Network { pes, seed: options.seed, given };
     implement(loaded, &graph, &Arc::new(judged), network, mapping_options, watch)
@@ -389,7 +395,16 @@ pub fn implement(
             Err(_) => "refused".to_owned(),
         },
     );
-    let (schedule, program) = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
+    let (schedule, mut program) = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
+    let mut judged = variant.judged(judged);
+    if let Some(proof) = judged.proof.as_ref().filter(|_| variant.relays > 0) {
+        // What relays write is proven as well.
+        let enclosed = proof::enclose(&variant.graph, &judged.fixed, loaded.model.steps());
+        judged = Arc::new(Judged { proof: Some(proof::Proof { enclosed, ..proof.clone() }), ..Judged::clone(&judged) });
+    }
+    if let Some(proof) = &judged.proof {
+        proof.leave_out(&mut program, issued, &candidate.mapping);
+    }
     let design = Design {
         bound: Bound::of(&variant.hoped, taken_pes, latency),
         wires: mapping::wire_length(&variant.problem, &candidate.mapping),
@@ -398,7 +413,7 @@ pub fn implement(
         default_pes: network.pes.is_none(),
         graph: Arc::clone(&variant.graph),
         hoped: Arc::clone(&variant.hoped),
-        judged: variant.judged(judged),
+        judged,
         paired,
         schedule,
         program,
@@ -487,7 +502,27 @@ fn two_slots(
     Ok(refined.map_or(graph, |(split, _)| split))
 }
 
-fn runs_figure(judged: &Result<Judged, Vec<Diagnostic>>) -> String {
+/// Proves ranges, if that is asked for; formats may become wider for it.
+fn prove(
+    loaded: &LoadedModel,
+    graph: &StepGraph,
+    (judged, exact, comparison): (Judged, runs::Exact, runs::Comparison),
+    options: &ModelOptions,
+    watch: &mut Stopwatch,
+) -> Result<Judged, Failure> {
+    if options.proof == ProofMode::Off {
+        return Ok(judged);
+    }
+    let figure = |judged: &Result<Judged, Vec<Diagnostic>>| match judged.as_ref().map(|judged| &judged.proof) {
+        Ok(Some(proof)) => proof.figure(graph),
+        _ => "refused".to_owned(),
+    };
+    let work = || runs::prove(judged, (&exact, &comparison), &loaded.model, graph, options);
+    let proven = watch.stage("ranges", work, figure);
+    proven.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))
+}
+
+fn runs_figure(judged: Result<&Judged, &Vec<Diagnostic>>) -> String {
     match judged {
         Ok(judged) => {
             format!("word-length error {:.1e}, method error {:.1e}", judged.errors.word_length, judged.errors.method)
@@ -532,6 +567,11 @@ fn check(design: &Design, latency: Latency, options: &MappingOptions, say: &dyn 
     say("program".to_owned());
     // Pairs are proved to be the products of the step graph without pairs.
     violations.extend(verify::program::check(program, graph, &judged.fixed, CHECKED_ROUNDS));
+    let proof = judged.proof.as_ref().and_then(|proof| proof.enclosed.as_ref());
+    match proof {
+        Some(enclosed) => violations.extend(verify::ranges::check(program, design.issued(), &enclosed.enclosure)),
+        None => debug_assert!(program.pes.iter().all(|pe| !pe.features.proven)),
+    }
     match violations.first() {
         None => Ok(()),
         Some(first) => Err(Failure::Internal(format!("{} violations, first: {first}", violations.len()))),

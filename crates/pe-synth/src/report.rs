@@ -151,7 +151,7 @@ pub fn report(
         "outputs": model.outputs.iter().map(|output| output.name.as_str()).collect::<Vec<_>>(),
         "left_out": model.left_out,
         "kept": scene::kept(model, &design.graph),
-        "features": features::features(program, &design.graph, &design.judged.fixed, &design.mapping),
+        "features": features::features(program, &design.graph, &design.judged, &design.mapping),
         "seed": seed,
         "command": command,
     });
@@ -168,6 +168,9 @@ pub fn report(
         for (index, start) in design.starts.iter().enumerate() {
             report["starts"][index]["relays"] = json!(start.relays);
         }
+    }
+    if let Some(proof) = &design.judged.proof {
+        report["ranges"] = proof.report(program, &design.graph, &design.judged);
     }
     report["functions"] = json!(tables::report(&design.graph, &design.judged.fixed));
     report
@@ -316,6 +319,14 @@ fn mapping_row(design: &Design) -> String {
     }
 }
 
+/// What is proven about ranges, in words.
+fn ranges(design: &Design) -> String {
+    match &design.judged.proof {
+        None => "measured, without proof".to_owned(),
+        Some(proof) => proof.summary(&design.program, &design.graph, &design.judged),
+    }
+}
+
 /// The total error in words.
 fn total_row(model: &Model, total: &Result<TotalError, ReferenceError>) -> String {
     match total {
@@ -379,6 +390,7 @@ pub fn table(
         ),
         ("size", format!("{}, {} DSP, {} BRAM18 ({})", area.lut_words(), area.dsp, area.bram18, area.basis())),
         ("headroom", variables::summary(variables)),
+        ("ranges", ranges(design)),
         (
             "word-length error",
             format!(

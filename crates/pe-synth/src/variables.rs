@@ -4,6 +4,7 @@ use pe_ir::graph::{Role, StepGraph, ValueId};
 use pe_ir::model::Model;
 use serde_json::{Value, json};
 
+use crate::proof::Certainty;
 use crate::runs::Judged;
 
 /// Variables that reports list: those with the least headroom.
@@ -29,6 +30,10 @@ pub struct Variable {
     pub limit: f64,
     /// Largest difference between fixed point and double precision, relative to the largest magnitude; states only.
     pub word_length: Option<f64>,
+    /// How sure it is that it stays in range; states only.
+    pub range: Option<Certainty>,
+    /// Magnitude that it is proven not to exceed over the span; proven states only.
+    pub bound: Option<f64>,
 }
 
 impl Variable {
@@ -52,16 +57,20 @@ pub fn variables(model: &Model, graph: &StepGraph, judged: &Judged) -> Vec<Varia
             lsb: libm::scalbn(1.0, fixed.exponents[value.index()]),
             limit: libm::scalbn(fixed.format.max_word() as f64, fixed.exponents[value.index()]),
             word_length: None,
+            range: None,
+            bound: None,
         };
         values.iter().map(of_value).min_by(|a, b| a.headroom().total_cmp(&b.headroom()))
     };
     let [states, algebraics] = values_of(graph, model);
+    let proven = judged.proof.as_ref().map(|proof| proof.states(graph, judged));
     let mut variables = Vec::new();
     for (index, state) in model.states.iter().enumerate() {
         let kind = if state.motion.is_some() { "signal" } else { "state" };
         let measured = measure(&state.name, kind, &state.unit, &states[index]);
         let word_length = Some(judged.state_errors[index]);
-        variables.extend(measured.map(|variable| Variable { word_length, ..variable }));
+        let (range, bound) = proven.as_ref().map_or((None, None), |proven| (Some(proven[index].0), proven[index].1));
+        variables.extend(measured.map(|variable| Variable { word_length, range, bound, ..variable }));
     }
     for (algebraic, values) in model.algebraics.iter().zip(&algebraics) {
         variables.extend(measure(&algebraic.name, "algebraic", &algebraic.unit, values));
@@ -123,7 +132,8 @@ pub fn complete(variables: &[Variable]) -> Vec<Value> {
     let row = |variable: &Variable| {
         json!({"name": variable.name, "kind": variable.kind, "unit": variable.unit, "largest": variable.largest,
                "limit": variable.limit, "bits": variable.headroom(), "lsb": variable.lsb,
-               "word_length": variable.word_length})
+               "word_length": variable.word_length, "range": variable.range.map(Certainty::name),
+               "bound": variable.bound})
     };
     variables.iter().map(row).collect()
 }
@@ -150,7 +160,8 @@ pub fn table(variables: &[Variable]) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut write = |row: &[String]| writer.write_record(row).expect("writing to memory");
     write(
-        &["name", "kind", "unit", "largest", "limit", "headroom_bits", "lsb", "word_length_error"].map(str::to_owned),
+        &["name", "kind", "unit", "largest", "limit", "headroom_bits", "lsb", "word_length_error", "range", "bound"]
+            .map(str::to_owned),
     );
     for variable in variables {
         write(&[
@@ -162,6 +173,8 @@ pub fn table(variables: &[Variable]) -> String {
             format!("{:.3}", variable.headroom()),
             format!("{:e}", variable.lsb),
             variable.word_length.map_or(String::new(), |error| format!("{error:e}")),
+            variable.range.map_or(String::new(), |range| range.name().to_owned()),
+            variable.bound.map_or(String::new(), |bound| format!("{bound:e}")),
         ]);
     }
     String::from_utf8(writer.into_inner().expect("writing to memory")).expect("all cells are text")

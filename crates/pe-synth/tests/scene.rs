@@ -114,7 +114,7 @@ fn the_report_tells_why_each_quantity_is_there() {
 fn the_report_counts_the_hardware_features_and_says_what_needs_them() {
     let rows = |model: &str, span: &str| {
         let Compiled { design, .. } = observing(model, span, &[]);
-        let features = features::features(&design.program, &design.graph, &design.judged.fixed, &design.mapping);
+        let features = features::features(&design.program, &design.graph, &design.judged, &design.mapping);
         let pes = design.program.pes.len() as u64;
         for row in features["pe"].as_array().unwrap().iter().chain(features["control_word"].as_array().unwrap()) {
             assert_eq!(row["with"].as_u64().unwrap() + row["without"].as_u64().unwrap(), pes, "{row}");
@@ -132,7 +132,8 @@ fn the_report_counts_the_hardware_features_and_says_what_needs_them() {
     assert_eq!(row(&euler, "swap")["with"], 2);
     assert_eq!(row(&euler, "factor")["because"], "no PE needs it");
     assert_eq!(row(&euler, "operand_addition")["with"], 2);
-    assert!(row(&euler, "saturation")["because"].as_str().unwrap().contains("no interval rules out that `"));
+    assert_eq!(row(&euler, "saturation")["because"], "every word is proven to be in range");
+    assert_eq!(row(&cubic, "saturation")["because"], "PE 0: no bound of its values was found");
     let single = rows("harmonic_oscillator", "100ms");
     let fields = single["control_word"].as_array().unwrap();
     assert!(fields.iter().any(|field| field["field"] == "coefficient" && field["bits"]["32"] == 2));
@@ -140,14 +141,13 @@ fn the_report_counts_the_hardware_features_and_says_what_needs_them() {
 }
 
 #[test]
-fn a_pe_none_of_whose_writes_can_overflow_is_counted() {
+fn pes_whose_words_are_proven_are_counted() {
     let home = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("scene");
     std::fs::create_dir_all(&home).unwrap();
-    let provable = |factor: f64| {
-        // The format of x ends at 1, that of y at 1, too: only a factor of 1 or more can carry y beyond it.
+    let saturation = |rate: &str| {
         let text = format!(
             "model m \"one state, one copy\"\nsolver rk4\nstep 1 ms\nspan 10 ms\n\
-             state x = 0.8\nx' = -x\ny = {factor}*x\noutput x, y\n"
+             state x = 0.8\nx' = {rate}\ny = 0.9*x\noutput x, y\n"
         );
         std::fs::write(home.join("m.spec"), text).unwrap();
         let command = std::process::Command::new(env!("CARGO_BIN_EXE_pe-synth"))
@@ -158,9 +158,17 @@ fn a_pe_none_of_whose_writes_can_overflow_is_counted() {
         assert!(command.status.success(), "{}", String::from_utf8_lossy(&command.stderr));
         let report = std::fs::read_to_string(home.join("out/report.json")).unwrap();
         let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let states = report["ranges"]["states"].clone();
         let rows = report["features"]["pe"].as_array().unwrap();
-        rows.iter().find(|row| row["feature"] == "saturation").unwrap()["provable"].as_u64().unwrap()
+        (rows.iter().find(|row| row["feature"] == "saturation").unwrap().clone(), states)
     };
-    assert_eq!(provable(0.9), 1, "y, but not x");
-    assert_eq!(provable(1.02), 0, "y can overflow where x is near the end of its format");
+    let (row, states) = saturation("-x");
+    assert_eq!(
+        (&row["with"], &row["provable"], &row["because"]),
+        (&0.into(), &2.into(), &"every word is proven to be in range".into())
+    );
+    assert_eq!(states, serde_json::json!({"proven": 1, "probable": 0, "unknown": 0}));
+    let (row, states) = saturation("-x^2");
+    assert_eq!((&row["with"], &row["provable"]), (&2.into(), &0.into()));
+    assert_eq!(states, serde_json::json!({"proven": 0, "probable": 1, "unknown": 0}));
 }

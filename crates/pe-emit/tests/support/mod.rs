@@ -75,6 +75,7 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
         swap: flags.contains('w'),
         base_last: flags.contains('l'),
         send: flags.contains('s'),
+        proven: false,
         index_words: if tables { 4 } else { 0 },
         index_bits: if tables { 3 } else { 0 },
         octave_bits: if flags.contains('o') { 2 } else { 0 },

@@ -123,6 +123,7 @@ impl Assembler<'_> {
                     swap: self.rounds.graph.swaps(),
                     base_last: self.rounds.base_last,
                     send: senders.contains(&pe),
+                    proven: false,
                     index_words: depths.indices,
                     index_bits: if depths.indices > 0 { self.graph.functions.segments.index_bits } else { 0 },
                     octave_bits: 0,

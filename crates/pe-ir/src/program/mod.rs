@@ -116,6 +116,8 @@ pub struct PeFeatures {
     pub base_last: bool,
     /// Output link.
     pub send: bool,
+    /// Every word that it writes is proven to be in range ([`crate::verify::ranges`]), so that nothing saturates.
+    pub proven: bool,
     /// Depth of the index memory, zero or a power of two, at least 2.
     pub index_words: u32,
     /// Bits of an index; base memories of PEs with an index memory have at least as many address bits.
@@ -302,6 +304,12 @@ impl Program {
         // Writes before the place of the pause point in a round finish the round before.
         let finishing = (word + self.period - self.latency().pause()) % self.period;
         finishing / self.round_words() == self.rounds - 1
+    }
+
+    /// Whether a PE clamps words that are out of range. One that does not was proven to write none over the span, from
+    /// the initial states on: started from words that no run over the span has, it may wrap.
+    pub fn saturates(&self, pe: u32) -> bool {
+        !self.pes[pe as usize].features.proven
     }
 
     /// The latency table.

@@ -80,6 +80,7 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
         (features.swap, "swap"),
         (features.base_last, "base_last"),
         (features.send, "send"),
+        (features.proven, "proven"),
     ];
     for (present, name) in flags {
         if present {
@@ -439,6 +440,7 @@ impl Parser {
             swap: has("swap"),
             base_last: has("base_last"),
             send: has("send"),
+            proven: has("proven"),
             index_words,
             index_bits,
             octave_bits,

@@ -2,4 +2,5 @@
 
 pub mod mapping;
 pub mod program;
+pub mod ranges;
 pub mod schedule;

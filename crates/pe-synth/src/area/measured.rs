@@ -107,6 +107,7 @@ fn shape(line: &str) -> Option<MeasuredShape> {
             swap: flag("swap")?,
             base_last: flag("base_last")?,
             send: flag("send")?,
+            proven: flag("proven")?,
             index_words: missing_is_zero("index_words")?,
             index_bits: missing_is_zero("index_bits")?,
             octave_bits: missing_is_zero("octave_bits")?,

@@ -188,8 +188,10 @@ pub fn size(program: &Program, measured: &Measured) -> Area {
 /// Look-up tables and flip-flops of a PE without its program memory.
 pub fn pe(features: &PeFeatures, format: &WordFormat) -> (f64, f64) {
     let (choices, registers) = deeper(features, format);
+    // The upper bits of a saturated word tell its sign; a reset makes the others without a table.
+    let saturation = if features.proven { f64::from(WordFormat::CEILING_BITS) } else { 0.0 };
     (
-        weighted(&lut_terms(features, format), &fitted::LUT) + choices * fitted::DEEP_LUT,
+        weighted(&lut_terms(features, format), &fitted::LUT) + choices * fitted::DEEP_LUT - saturation,
         weighted(&ff_terms(features, format), &fitted::FF) + registers * fitted::DEEP_FF,
     )
 }
@@ -374,6 +376,7 @@ mod tests {
                 swap: false,
                 base_last: false,
                 send: true,
+                proven: false,
                 index_words: 0,
                 index_bits: 0,
                 octave_bits: 0,

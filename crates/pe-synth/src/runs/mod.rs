@@ -9,6 +9,7 @@
 
 mod comparison;
 mod inputs;
+mod proven;
 mod reasons;
 mod saturated;
 mod sensitivity;
@@ -32,6 +33,7 @@ use pe_sim::fixed::FixedRun;
 use crate::options::ModelOptions;
 use crate::pipeline::thread_seconds;
 use crate::pivots::{self, SmallestPivot};
+use crate::proof::Proof;
 
 use self::comparison::{Substeps, first_beyond, half_step_runs, trajectory};
 use self::inputs::Sight;
@@ -39,6 +41,7 @@ use self::saturated::Saturated;
 
 pub use self::comparison::Comparison;
 pub use self::inputs::outside;
+pub use self::proven::prove;
 pub use self::sensitivity::{APART, Sensitivity};
 pub use self::settled::Settled;
 
@@ -152,6 +155,8 @@ pub struct Judged {
     pub state_errors: Vec<f64>,
     /// The smallest pivot of an implicit method.
     pub smallest_pivot: Option<SmallestPivot>,
+    /// Which ranges are proven; none if no proof was asked for.
+    pub proof: Option<Proof>,
 }
 
 /// Runs the model over its span.
@@ -166,14 +171,29 @@ pub fn judge(
     options: &ModelOptions,
     progress: ProgressBar,
 ) -> Result<Judged, Vec<Diagnostic>> {
+    judge_open(model, graph, format, options, progress).map(|(judged, ..)| judged)
+}
+
+/// The same with what other formats can be judged from.
+///
+/// # Errors
+/// Those of [`judge`].
+pub fn judge_open(
+    model: &Model,
+    graph: &StepGraph,
+    format: WordFormat,
+    options: &ModelOptions,
+    progress: ProgressBar,
+) -> Result<(Judged, Exact, Comparison), Vec<Diagnostic>> {
     let exact = Exact::run(model, graph, progress)?;
     // The runs that follow depend on the reference run alone, so they share the machine's cores; each is deterministic.
-    std::thread::scope(|scope| {
+    let (settled, comparison) = std::thread::scope(|scope| {
         let comparison = scope.spawn(|| exact.compare(model));
         let settled = exact.settle(model, graph, format);
-        let comparison = comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        exact.conclude(model, graph, settled, comparison, options)
-    })
+        (settled, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    });
+    let judged = exact.conclude(model, graph, settled, comparison.clone(), options)?;
+    Ok((judged, exact, comparison?))
 }
 
 /// The run in double precision, which knows nothing of formats: ranges, and the trajectory that others are compared to.
@@ -311,6 +331,7 @@ impl Exact {
             largest: self.largest.clone(),
             state_errors: deviation.relative(&self.scales).collect(),
             smallest_pivot: self.smallest_pivot.clone(),
+            proof: None,
         })
     }
 

@@ -1,6 +1,6 @@
 //! Number formats under which the span runs without saturation, and the roundings of coefficients.
 
-use pe_hls::formats;
+use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim};
 use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::model::Model;
@@ -55,17 +55,23 @@ impl Exact {
     /// # Errors
     /// `E0902` saturates however wide, `E080x` no format.
     pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
-        let settled = self.widened(model, graph, format)?;
+        let settled = self.widened(model, graph, format, self.ranges.clone())?;
         if !graph.pre_adder || self.word_length(&settled) <= PAIR_ERROR {
             return Ok(settled);
         }
-        let alone = self.widened(model, &StepGraph { pre_adder: false, ..graph.clone() }, format)?;
+        let alone = StepGraph { pre_adder: false, ..graph.clone() };
+        let alone = self.widened(model, &alone, format, self.ranges.clone())?;
         Ok(if self.word_length(&alone) < self.word_length(&settled) { alone } else { settled })
     }
 
     /// Chooses formats and widens them until the fixed-point run does not saturate.
-    fn widened(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
-        let mut ranges = self.ranges.clone();
+    pub(super) fn widened(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        format: WordFormat,
+        mut ranges: Ranges,
+    ) -> Result<Settled, Vec<Diagnostic>> {
         let mut widenings = 0;
         loop {
             let chosen = formats::choose(graph, &ranges, format).map_err(|error| vec![error])?;

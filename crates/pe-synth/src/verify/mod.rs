@@ -182,6 +182,10 @@ impl Session<'_> {
         let Start { name, steps, program, stimulus, .. } = start;
         let writes = program.writes_per_step() * steps;
         let observed = stimuli::observe(program, stimulus, *steps);
+        if observed.escaped {
+            let what = format!("from {name}: a word of a PE without saturation is out of range");
+            return Err(Failure::Mismatch(what));
+        }
         agree(start, &observed, writes)?;
         let held = start.held.then_some(self.started);
         let handshake = handshake::drive(program, *steps, observed.overflow_cycle, held);

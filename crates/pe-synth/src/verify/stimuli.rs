@@ -22,6 +22,8 @@ pub struct Observed {
     pub overflow_cycle: Option<u64>,
     /// Whether a sum of two operands wrapped.
     pub wrapped: bool,
+    /// Whether a word was out of range of which that was proven impossible.
+    pub escaped: bool,
 }
 
 /// Runs a program clock by clock; the last line of the stimulus stays.
@@ -41,7 +43,8 @@ pub fn observe(program: &Program, stimulus: &[Vec<i64>], steps: u64) -> Observed
     run.overflow = overflow_cycle.is_some();
     run.flags = Some(flags);
     run.clocks = if steps < 2 { 0 } else { u64::from(program.period) };
-    Observed { run, coverage: network.coverage(), overflow_cycle, wrapped: network.wrapped() }
+    let (wrapped, escaped) = (network.wrapped(), network.escaped());
+    Observed { run, coverage: network.coverage(), overflow_cycle, wrapped, escaped }
 }
 
 /// Words to begin with and inputs of every step.
@@ -84,8 +87,13 @@ pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) 
     let most = CANDIDATES.max(2 * program.pes.len() as u64 + 2);
     for number in 0..(BUDGET / cost).clamp(2, most) {
         let candidate = candidate(program, purpose, steps, number);
+        let observed = observe(&candidate.program, &candidate.stimulus, steps);
+        if observed.escaped {
+            // No run of the design gets there, so PEs that do not saturate need not stand it.
+            continue;
+        }
         let mut coverage = seen.clone();
-        coverage.add(&observe(&candidate.program, &candidate.stimulus, steps).coverage);
+        coverage.add(&observed.coverage);
         if purpose.score(&coverage) > best.0 {
             best = (purpose.score(&coverage), Some(candidate));
         }

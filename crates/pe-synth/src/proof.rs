@@ -1,0 +1,197 @@
+//! Proof of ranges: which values can never leave their words, and what the report says of it.
+
+use pe_hls::formats::RANGE_MARGIN;
+use pe_hls::norms;
+use pe_ir::graph::{Chain, FixedPoint, Role, StepGraph, Term, ValueId};
+use pe_ir::mapping::Mapping;
+use pe_ir::program::Program;
+use pe_ir::verify::ranges::{Drift, Enclosure, Norm, Step};
+use serde_json::{Value, json};
+
+use crate::runs::Judged;
+
+/// Rounding may move a state by so much of the largest word before another norm is asked for.
+const SMALL: f64 = 1.0 / 1024.0;
+
+/// What the proof of ranges came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proof {
+    /// Bounds; none of steps that are not affine, or that grow in all norms that were tried.
+    pub enclosed: Option<Enclosed>,
+    /// Bits by which formats were widened for it, at most.
+    pub widened: i32,
+    /// Word-length error with the formats as they were before.
+    pub word_length: f64,
+}
+
+/// Bounds of all values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Enclosed {
+    /// The bounds.
+    pub enclosure: Enclosure,
+    /// What rounding can do, in the norm that the bounds come from.
+    pub drift: Drift,
+    /// The kind of norm.
+    pub norm: &'static str,
+}
+
+/// How sure it is that a state stays in range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Certainty {
+    /// Proven: no word can be out of range over the span, whatever words the inputs have.
+    Proven,
+    /// Measured, with the head room that formats have.
+    Probable,
+    /// Measured, with less.
+    Unknown,
+}
+
+impl Certainty {
+    /// All of them.
+    pub const ALL: [Certainty; 3] = [Certainty::Proven, Certainty::Probable, Certainty::Unknown];
+
+    /// The word in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Certainty::Proven => "proven",
+            Certainty::Probable => "probable",
+            Certainty::Unknown => "unknown",
+        }
+    }
+}
+
+/// Bounds for so many steps, in the norm that proves most.
+pub fn enclose(graph: &StepGraph, fixed: &FixedPoint, steps: u64) -> Option<Enclosed> {
+    let step = Step::of(graph, fixed)?;
+    let mut best: Option<(Drift, Norm)> = None;
+    for norm in norms::norms(graph, fixed, steps) {
+        let Some(drift) = step.drift(&norm, Some(steps)) else { continue };
+        if best.as_ref().is_none_or(|(known, _)| drift.largest < known.largest) {
+            best = Some((drift, norm));
+        }
+        if drift.largest < SMALL && drift.growth < 1.0 {
+            break;
+        }
+    }
+    let (drift, norm) = best?;
+    let enclosure = step.enclose(&norm, steps)?;
+    let norm = match norm {
+        Norm::Largest(_) => "largest",
+        Norm::Energy(_) => "energy",
+        Norm::Basis(..) => "basis",
+    };
+    Some(Enclosed { enclosure, drift, norm })
+}
+
+impl Proof {
+    fn fits(&self, value: ValueId) -> bool {
+        self.enclosed.as_ref().is_some_and(|enclosed| enclosed.enclosure.fits(value))
+    }
+
+    /// Leaves saturation out of the PEs that cannot need it: of none whose chains write, or add in front of the
+    /// multiplier, a value without proof. `graph` is the step as it is issued.
+    pub fn leave_out(&self, program: &mut Program, graph: &StepGraph, mapping: &Mapping) {
+        let mut needed = vec![self.enclosed.is_none(); program.pes.len()];
+        for chain in &graph.chains {
+            let joined = graph.chain_terms(chain).iter().filter(|term| term.partner.is_some());
+            let mut values = chain.writes().map(|write| write.value).chain(joined.flat_map(Term::operands));
+            needed[mapping.pe_of[chain.equation as usize] as usize] |= values.any(|value| !self.fits(value));
+        }
+        program.pes.iter_mut().zip(needed).for_each(|(pe, needed)| pe.features.proven = !needed);
+    }
+
+    /// How sure the range of each state is, and what it is proven not to exceed.
+    pub fn states(&self, graph: &StepGraph, judged: &Judged) -> Vec<(Certainty, Option<f64>)> {
+        let fixed = &judged.fixed;
+        let mut states = vec![(Certainty::Proven, Some(0.0f64)); graph.states.len()];
+        let states_of = graph.chains.iter().flat_map(Chain::writes).map(|write| write.value);
+        for value in states_of.chain(graph.states.iter().map(|(start, _)| *start)) {
+            let (Role::State(state)
+            | Role::Stage(state, _)
+            | Role::Sum(state, _)
+            | Role::Interim(state, _)
+            | Role::Next(state)) = graph.value(value).role
+            else {
+                continue;
+            };
+            let limit = fixed.format.max_word() as f64;
+            let word = libm::scalbn(judged.largest[value.index()], -fixed.exponents[value.index()]);
+            let certainty = match self.fits(value) {
+                true => Certainty::Proven,
+                false if RANGE_MARGIN * word <= limit => Certainty::Probable,
+                false => Certainty::Unknown,
+            };
+            let bound = self.enclosed.as_ref().filter(|_| certainty == Certainty::Proven).map(|enclosed| {
+                libm::scalbn(enclosed.enclosure.largest[value.index()], fixed.exponents[value.index()])
+            });
+            let slot = &mut states[state as usize];
+            *slot = (slot.0.max(certainty), slot.1.zip(bound).map(|(a, b)| a.max(b)));
+        }
+        states
+    }
+
+    /// The key `ranges` of the report.
+    pub fn report(&self, program: &Program, graph: &StepGraph, judged: &Judged) -> Value {
+        let states = self.states(graph, judged);
+        let count = |of: Certainty| states.iter().filter(|(certainty, _)| *certainty == of).count();
+        let without = program.pes.iter().filter(|pe| pe.features.proven).count();
+        let mut report = json!({
+            "states": {"proven": count(Certainty::Proven), "probable": count(Certainty::Probable),
+                       "unknown": count(Certainty::Unknown)},
+            "pes_without_saturation": without,
+            "widened_bits": self.widened,
+            "word_length_before": self.word_length,
+        });
+        match &self.enclosed {
+            None => report["reason"] = json!("the step is not affine, or grows in every norm that was tried"),
+            Some(Enclosed { enclosure, drift, norm }) => {
+                let written = graph.chains.iter().flat_map(Chain::writes).map(|write| write.value);
+                let scale = judged.fixed.format.max_word() as f64;
+                let rounding = written.map(|value| enclosure.rounding[value.index()] / scale).fold(0.0, f64::max);
+                report["for_ever"] = json!(enclosure.lasts);
+                report["norm"] = json!(norm);
+                report["growth"] = json!(drift.growth);
+                report["rounding"] = json!(rounding);
+                report["missing_bits"] = json!(self.missing(graph));
+            }
+        }
+        report
+    }
+
+    /// What was proven about the values of a step, in a few words.
+    pub fn figure(&self, graph: &StepGraph) -> String {
+        let written = || graph.chains.iter().flat_map(Chain::writes).map(|write| write.value);
+        let proven = written().filter(|value| self.fits(*value)).count();
+        format!("{proven} of {} values proven to stay in range", written().count())
+    }
+
+    /// The most bits by which a format is too narrow for its bound.
+    fn missing(&self, graph: &StepGraph) -> i32 {
+        let Some(enclosed) = &self.enclosed else { return 0 };
+        let written = graph.chains.iter().flat_map(Chain::writes).map(|write| write.value);
+        written.map(|value| enclosed.enclosure.missing(value)).max().unwrap_or(0)
+    }
+
+    /// The proof in a line of the summary.
+    pub fn summary(&self, program: &Program, graph: &StepGraph, judged: &Judged) -> String {
+        let states = self.states(graph, judged);
+        let count = |of: Certainty| states.iter().filter(|(certainty, _)| *certainty == of).count();
+        let counts = Certainty::ALL.into_iter().filter(|of| count(*of) > 0);
+        let counts: Vec<String> = counts.map(|of| format!("{} {}", count(of), of.name())).collect();
+        let without = program.pes.iter().filter(|pe| pe.features.proven).count();
+        let for_ever = self.enclosed.as_ref().is_some_and(|enclosed| enclosed.enclosure.lasts);
+        let horizon = if for_ever { "for ever" } else { "over the span" };
+        let widened = match (self.widened, self.missing(graph)) {
+            (0, 0) => String::new(),
+            (0, missing) => format!("; {missing} more bits would prove all"),
+            (bits, _) => format!("; formats up to {bits} bits wider"),
+        };
+        let counts = counts.join(", ");
+        match self.enclosed {
+            None => format!("{counts}: no bound for this step"),
+            Some(_) => {
+                format!("{counts}, {horizon}; {without} of {} PEs without saturation{widened}", program.pes.len())
+            }
+        }
+    }
+}
