@@ -293,10 +293,11 @@ fn a_list_of_equal_steps_is_the_single_step() {
 fn a_pivot_close_to_zero_is_refused_and_others_are_reported() {
     let smallest = |initial: f64| {
         let body = format!("state x = {initial:e}\nx' = 0.5*x^2\noutput x\n");
-        let graph = pe_hls::step::build(&model(&body, Solver::ImplicitEuler, 0.125, 1.0)).expect("a step");
+        let model = model(&body, Solver::ImplicitEuler, 0.125, 1.0);
+        let graph = pe_hls::step::build(&model).expect("a step");
         let mut run = DoubleRun::new(&graph);
         run.step(&[]).expect("finite numbers");
-        pe_synth::pivots::smallest(&graph, &run.largest())
+        pe_synth::pivots::smallest(&model, &graph, &run.largest())
     };
     // The pivot is 1 - x/8.
     let pivot = smallest(2.0).expect("far from zero").expect("a pivot that varies");
