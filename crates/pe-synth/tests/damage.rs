@@ -40,7 +40,12 @@ type Damage = (&'static str, &'static str, &'static str, &'static str);
 /// Damage that every design can take.
 const ALWAYS: [Damage; 15] = [
     ("multiplier at 0", "hdl/pe_multiplier.vhd", "product_o <= product;", "product_o <= (others => '0');"),
-    ("no saturation", "hdl/pe_scale.vhd", "if (differs = '1') then", "if (differs = 'U') then"),
+    (
+        "no saturation",
+        "hdl/pe_scale.vhd",
+        "if (SATURATE and differs = '1') then",
+        "if (SATURATE and differs = 'U') then",
+    ),
     ("no sticky flag", "hdl/pe.vhd", "overflow_o <= overflow;", "overflow_o <= '0';"),
     ("dead overflow_o", "NAME.vhd", "overflow_o <= overflowed;", "overflow_o <= '0';"),
     ("overflow_o always", "NAME.vhd", "overflow_o <= overflowed;", "overflow_o <= '1';"),
