@@ -30,6 +30,8 @@ pub struct DoubleRun<'a> {
     values: Vec<f64>,
     largest: Vec<f64>,
     functions: FunctionRun,
+    /// Where the states are among the values.
+    states: std::ops::Range<usize>,
 }
 
 impl<'a> DoubleRun<'a> {
@@ -74,7 +76,8 @@ impl<'a> DoubleRun<'a> {
         }
         let largest = vec![0.0; values.len()];
         values.extend(&tape.numbers);
-        let mut run = DoubleRun { graph, slots, tiles, tape, largest, values, functions };
+        let states = slots.states(graph);
+        let mut run = DoubleRun { graph, slots, tiles, tape, largest, values, functions, states };
         for (index, initial) in graph.initial.iter().enumerate() {
             run.set_state(index, *initial);
         }
@@ -91,6 +94,11 @@ impl<'a> DoubleRun<'a> {
     /// A state at the start of the next step.
     pub fn state(&self, index: usize) -> f64 {
         self.number(self.graph.states[index].0)
+    }
+
+    /// All states at the start of the next step, those of the model first.
+    pub fn states(&self) -> &[f64] {
+        &self.values[self.states.clone()]
     }
 
     /// A value by its index: of the latest step, but for states, which are those of the next.

@@ -1,4 +1,4 @@
-//! Comparison of a run with a reference run, state by state.
+//! Comparison of a run with a reference run at sample times, state by state; [`crate::compared`] does it at every step.
 
 /// Part of the largest magnitude of its quantity that the scale of a state has at least.
 pub const SCALE_FLOOR: f64 = 1e-6;

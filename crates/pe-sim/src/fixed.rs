@@ -13,6 +13,8 @@ pub struct FixedRun<'a> {
     fixed: &'a FixedPoint,
     slots: Slots,
     state: Ports,
+    /// Of each state the word that stands for zero, and what a unit stands for; their words come first.
+    units: Vec<(i64, f64)>,
 }
 
 /// Words and tiles, as wide as the multiplier's ports need.
@@ -43,7 +45,12 @@ impl<'a> FixedRun<'a> {
             let (words, tiles) = prepare(graph, fixed, &slots);
             Ports::Long(words, tiles)
         };
-        let mut run = FixedRun { graph, fixed, slots, state };
+        let unit = |index: usize| {
+            let id = graph.states[index].0;
+            (fixed.offset(graph.value(id)), libm::scalbn(1.0, fixed.exponents[id.index()]))
+        };
+        let units = slots.states(graph).map(unit).collect();
+        let mut run = FixedRun { graph, fixed, slots, state, units };
         for (index, initial) in graph.initial.iter().enumerate() {
             let id = graph.states[index].0;
             let (word, saturated) =
@@ -77,6 +84,12 @@ impl<'a> FixedRun<'a> {
     /// The number a state stands for at the start of the next step.
     pub fn state(&self, index: usize) -> f64 {
         self.number(self.graph.states[index].0)
+    }
+
+    /// The numbers that all states stand for at the start of the next step, those of the model first.
+    pub fn states(&self) -> impl Iterator<Item = f64> {
+        let words = on_words!(&self.state, words => &words.words);
+        words.iter().zip(&self.units).map(|(word, (zero, unit))| (word - zero) as f64 * unit)
     }
 
     /// The number a published output stands for.

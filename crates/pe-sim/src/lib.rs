@@ -8,9 +8,10 @@
 //! * [`reference`]: the model's equations by a library for differential equations, what is right;
 //! * [`linear`]: the model and its Jacobian at a point;
 //! * [`spectrum`]: the eigenvalues of a matrix;
-//! * [`error`]: comparison of runs.
+//! * [`error`], [`compared`]: comparison of runs, at sample times and at every step.
 
 pub mod clocked;
+pub mod compared;
 pub mod coverage;
 pub mod double;
 pub mod error;

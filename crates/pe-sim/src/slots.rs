@@ -79,6 +79,16 @@ impl Slots {
         self.of[value.index()]
     }
 
+    /// Where the states of a graph lie: in their order from the first slot on.
+    ///
+    /// # Panics
+    /// If they do not.
+    pub fn states(&self, graph: &StepGraph) -> std::ops::Range<usize> {
+        let in_order = (0..).zip(&graph.states).all(|(slot, (state, _))| self.of(*state) == slot);
+        assert!(in_order, "states come first, in their order");
+        0..graph.states.len()
+    }
+
     /// The slot of what a missing base means.
     pub fn zero(&self) -> u32 {
         self.of.len() as u32

@@ -289,13 +289,13 @@ fn total_error(
     format: MessageFormat,
     watch: &mut Stopwatch,
 ) -> Result<TotalError, ReferenceError> {
-    let model = &loaded.model;
+    let (model, judged) = (&loaded.model, &design.judged);
     let progress = watch.progress_bar("reference");
     let result: Result<TotalError, ReferenceError> = watch.timed(
         "reference",
         || {
-            let reference = Reference::solve(model, &design.judged.times, conserved, &progress)?;
-            Ok(reference.compare(model, &design.judged))
+            let reference = Reference::solve(model, &judged.times, &judged.looks.times, conserved, &progress)?;
+            Ok(reference.compare(model, judged))
         },
         |total| match total {
             Ok(total) => format!("total error {:.1e}", total.whole.error),

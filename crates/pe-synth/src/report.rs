@@ -17,6 +17,7 @@ use crate::bottleneck::Bottleneck;
 use crate::clock::Clock;
 use crate::conserved::Drift;
 use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name};
+use crate::runs::ToDate;
 use crate::total::TotalError;
 use crate::variables::{self, Variable};
 use crate::{features, scene, tables};
@@ -226,9 +227,15 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
         "coefficient_at_end": errors.at_end.1,
         "function": errors.function,
         "input_hold": errors.input_hold,
+        "steps": design.judged.steps,
         "samples": design.judged.times.len(),
         "outputs": output_errors(model, design),
     });
+    for (name, error, to_date) in to_date(design, total) {
+        if to_date > ToDate::APART * error {
+            value[format!("{name}_to_date")] = finite(to_date);
+        }
+    }
     if errors.function.is_none() {
         value["function_reason"] = json!("the model has no elementary function of a variable");
     }
@@ -238,6 +245,8 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
         Some(Ok(total)) => {
             value["total"] = json!(total.whole.error);
             value["total_worst_state"] = json!(model.states[total.whole.state].name);
+            value["total_between_times"] = json!(total.between);
+            value["total_times"] = json!(total.compared);
             value["total_at_end"] = json!(total.end.error);
             value["total_at_end_worst_state"] = json!(model.states[total.end.state].name);
             value["total_l2"] = json!(total.l2);
@@ -270,6 +279,25 @@ fn error(model: &Model, design: &Design, total: &Option<Result<TotalError, Refer
     value
 }
 
+/// Errors over the span by the names of their keys, each with the same relative to the magnitudes up to then.
+fn to_date<'a>(
+    design: &Design,
+    total: &Option<Result<TotalError, ReferenceError>>,
+) -> impl Iterator<Item = (&'a str, f64, f64)> + use<'a> {
+    let errors = design.judged.errors;
+    let to_date = errors.to_date;
+    let total = total.as_ref().and_then(|total| total.as_ref().ok()).map(|total| (total.whole.error, total.to_date));
+    let pairs = [
+        ("total", total),
+        ("method", Some((errors.method, to_date.method))),
+        ("word_length", Some((errors.word_length, to_date.word_length))),
+        ("coefficient", Some((errors.coefficient, to_date.coefficient))),
+        ("function", errors.function.zip(to_date.function)),
+        ("input_hold", Some((errors.input_hold, to_date.input_hold))),
+    ];
+    pairs.into_iter().filter_map(|(name, pair)| pair.map(|(error, to_date)| (name, error, to_date)))
+}
+
 /// A number, or `inf` for one that has no place in JSON.
 fn finite(number: f64) -> Value {
     if number.is_finite() { json!(number) } else { json!("inf") }
@@ -277,8 +305,7 @@ fn finite(number: f64) -> Value {
 
 /// Word-length errors of the outputs that are drawn.
 fn output_errors(model: &Model, design: &Design) -> Vec<Value> {
-    let errors = design.judged.curves.errors();
-    let named = model.outputs.iter().zip(errors);
+    let named = model.outputs.iter().zip(&design.judged.output_errors);
     named.map(|(output, error)| json!({"name": output.name, "word_length": error})).collect()
 }
 
@@ -406,6 +433,12 @@ pub fn table(
     }
     if let Some(total) = total {
         rows.push(("total error", total_row(model, total)));
+    }
+    let early = to_date(design, total).filter(|(_, error, to_date)| *to_date > ToDate::APART * *error);
+    let early: Vec<String> =
+        early.map(|(name, _, to_date)| format!("{} {to_date:.1e}", name.replace('_', " "))).collect();
+    if !early.is_empty() {
+        rows.push(("relative to date", format!("{}: of the largest magnitude up to then", early.join(", "))));
     }
     rows.iter().map(|(name, text)| row(name, text)).collect()
 }

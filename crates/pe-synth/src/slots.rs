@@ -33,7 +33,7 @@ pub fn refine(
     let split_exact = Exact::run(model, &split, ProgressBar::hidden())?;
     if coefficients == Coefficients::Auto {
         let fine = split_exact.settle(model, &split, format)?;
-        if split_exact.word_length(&fine) > WORTH * exact.word_length(&settled) {
+        if fine.word_length() > WORTH * settled.word_length() {
             return Ok(None);
         }
     }

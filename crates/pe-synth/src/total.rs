@@ -4,6 +4,7 @@ use indicatif::ProgressBar;
 use pe_ir::codes;
 use pe_ir::model::{Model, Variable};
 use pe_ir::source::Diagnostic;
+use pe_sim::compared::{Compared, Rows};
 use pe_sim::error::{SCALE_FLOOR, Trajectory};
 use pe_sim::reference::{self, Method, ReferenceError, Solution};
 
@@ -23,8 +24,14 @@ const DIVERGED: f64 = 0.1;
 /// Correct digits that are told apart, at most.
 const DIGITS: f64 = 16.0;
 
-/// A reference solution at sample times.
+/// A reference solution at the samples of a run, and where else it is looked at.
 pub struct Reference {
+    /// All times, and which of them are samples.
+    all_times: Vec<f64>,
+    sampled: Vec<bool>,
+    /// The solution at all times.
+    whole: Trajectory,
+    /// Times of the samples, and the solution there.
     times: Vec<f64>,
     solution: Trajectory,
     /// Magnitudes that errors are relative to.
@@ -53,11 +60,17 @@ pub struct Worst {
 /// The total error of a run.
 #[derive(Clone, Debug)]
 pub struct TotalError {
-    /// Over all samples.
+    /// Over all steps: the largest at the times of the reference, plus what the parts of the error are larger in between.
     pub whole: Worst,
+    /// The part of it that was added for steps between these times.
+    pub between: f64,
+    /// Relative to the largest magnitude of a state up to the time in question.
+    pub to_date: f64,
+    /// Number of times at which the reference was compared.
+    pub compared: usize,
     /// At the last one.
     pub end: Worst,
-    /// The run in double precision with the same step, over all samples and at the last one: what the method and held
+    /// The run in double precision with the same step, over all steps and at the last one: what the method and held
     /// inputs cost.
     pub double: (f64, f64),
     /// L2 norm of the deviation over that of the solution, all states at all samples, each relative to its scale.
@@ -119,16 +132,20 @@ impl Agreement {
 
 impl Reference {
     /// Solves the model three times side by side: with different tolerances, and by another method of the library.
-    /// `conserved` are the user's conserved quantities; linear invariants are found.
+    /// `times` are those of samples, `looks` others, both ascending. `conserved` are the user's conserved quantities;
+    /// linear invariants are found.
     ///
     /// # Errors
     /// If there is no solution up to the last of the times.
     pub fn solve(
         model: &Model,
-        times: &[f64],
+        samples: &[f64],
+        looks: &[f64],
         conserved: &[Conserved],
         progress: &ProgressBar,
     ) -> Result<Reference, ReferenceError> {
+        let (all_times, sampled) = merged(samples, looks);
+        let times = &all_times[..];
         let end = times.last().copied().unwrap_or(0.0);
         progress.set_length(BAR);
         let mut silent = |_: f64| {};
@@ -147,33 +164,84 @@ impl Reference {
         let uncertainty = solution.deviation(&loose.states).worst(&scales).1.max(reference::TOLERANCE);
         let conserved = conserved.iter().cloned().chain(Conserved::found(model, &scales)).collect();
         let candidates = if varying_inputs(model) || model.has_signals() { Vec::new() } else { outputs_first(model) };
-        let times = times.to_vec();
-        let agreement = second.map(|second| agreement(&times, &solution, &second, &scales));
-        Ok(Reference { times, solution, scales, candidates, conserved, uncertainty, method, agreement })
+        let agreement = second.map(|second| agreement(times, &solution, &second, &scales));
+        let (whole, times) = (solution, samples.to_vec());
+        let mut solution = Trajectory::new(whole.states);
+        let rows = whole.samples.chunks_exact(whole.states).zip(&sampled).filter(|(_, sampled)| **sampled);
+        rows.for_each(|(row, _)| solution.push(|state| row[state]));
+        Ok(Reference {
+            all_times,
+            sampled,
+            whole,
+            times,
+            solution,
+            scales,
+            candidates,
+            conserved,
+            uncertainty,
+            method,
+            agreement,
+        })
     }
 
-    /// How far the fixed-point run of `judged`, sampled at the same times, is from it.
+    /// How far the fixed-point run of `judged`, sampled and looked at at the same times, is from it.
     pub fn compare(&self, model: &Model, judged: &Judged) -> TotalError {
         let run = &judged.hardware;
-        let worst = |solution: &Trajectory, run: &Trajectory| {
-            let (state, error) = solution.deviation(run).worst(&self.scales);
+        let last = self.solution.last();
+        let end = |run: &Trajectory| {
+            let (state, error) = last.deviation(&run.last()).worst(&self.scales);
             Worst { state, error }
         };
-        let (last, run_last) = (self.solution.last(), run.last());
         let drift = |conserved: &Conserved| conserved.drift(model, &self.times, &run.samples);
+        let unseen = &judged.unseen;
+        let hardware = self.together(run, &judged.looks.hardware);
+        let compared = self.compared(model, &hardware);
+        let added: Vec<f64> =
+            unseen.word_length.iter().zip(&unseen.double).map(|(word, double)| word + double).collect();
+        let double = self.compared(model, &self.together(&judged.double, &judged.looks.double));
+        let whole = worst(&compared, &added);
         TotalError {
-            whole: worst(&self.solution, run),
-            end: worst(&last, &run_last),
-            double: (worst(&self.solution, &judged.double).error, worst(&last, &judged.double.last()).error),
+            whole,
+            between: added[whole.state],
+            to_date: compared.to_date().max(judged.errors.largest_to_date()),
+            compared: self.all_times.len(),
+            end: end(run),
+            double: (worst(&double, &unseen.double).error, end(&judged.double).error),
             l2: self.l2(run),
-            digits: self.digits(&last, &run_last),
-            diverged: first_beyond(&self.times, &self.solution, run, &self.scales, DIVERGED),
+            digits: self.digits(&last, &run.last()),
+            diverged: first_beyond(&self.all_times, &self.whole, &hardware, &self.scales, DIVERGED),
             period: self.period(run),
             drift: self.conserved.iter().map(drift).collect(),
             uncertainty: self.uncertainty,
             method: self.method,
             agreement: self.agreement,
         }
+    }
+
+    /// A run's states at all times, from those at samples and at looks.
+    fn together(&self, samples: &Trajectory, looks: &Trajectory) -> Trajectory {
+        assert_eq!(samples.len() + looks.len(), self.sampled.len(), "a run at other times");
+        let mut both = [samples, looks].map(|states| states.samples.chunks_exact(states.states));
+        let mut together = Trajectory::new(samples.states);
+        for sampled in &self.sampled {
+            let row = both[usize::from(!sampled)].next().expect("as many as times");
+            together.push(|state| row[state]);
+        }
+        together
+    }
+
+    /// A run compared with the solution at all times.
+    fn compared(&self, model: &Model, run: &Trajectory) -> Compared {
+        let start: Vec<f64> = model.states.iter().map(|state| state.initial).collect();
+        let mut compared = Compared::new(0, &self.scales, &start);
+        let rows = |trajectory: &Trajectory| {
+            let mut rows = Rows::new(trajectory.states);
+            let all = trajectory.samples.chunks_exact(trajectory.states);
+            all.for_each(|row| rows.add(row.iter().copied()));
+            rows
+        };
+        compared.include(run.len() as u64, &rows(&self.whole), &rows(run));
+        compared
     }
 
     fn l2(&self, run: &Trajectory) -> f64 {
@@ -205,6 +273,21 @@ impl Reference {
             |state: &usize| oscillation::period(*state, &self.times, &of(&self.solution, *state), &of(run, *state));
         self.candidates.iter().find_map(period)
     }
+}
+
+/// The state with the largest error, where `added` comes on top.
+fn worst(compared: &Compared, added: &[f64]) -> Worst {
+    let errors = compared.relative().zip(added).map(|(error, added)| error + added).enumerate();
+    let larger = |worst: Worst, (state, error)| if error > worst.error { Worst { state, error } } else { worst };
+    errors.fold(Worst { state: 0, error: 0.0 }, larger)
+}
+
+/// Times of samples and others in one order, and which of them are samples.
+fn merged(samples: &[f64], others: &[f64]) -> (Vec<f64>, Vec<bool>) {
+    let mut all: Vec<(f64, bool)> = samples.iter().map(|time| (*time, true)).collect();
+    all.extend(others.iter().map(|time| (*time, false)));
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.into_iter().unzip()
 }
 
 /// Numbers of samples, state by state: solution, other, scale.
@@ -279,6 +362,9 @@ mod tests {
     #[test]
     fn norms_and_digits_are_those_of_their_definitions() {
         let reference = Reference {
+            all_times: TIMES.to_vec(),
+            sampled: vec![true; TIMES.len()],
+            whole: one_state(RISE),
             times: TIMES.to_vec(),
             solution: one_state(RISE),
             scales: vec![4.0],
@@ -300,6 +386,9 @@ mod tests {
         let worst = Worst { state: 0, error: 1e-9 };
         let total = |difference| TotalError {
             whole: worst,
+            between: 0.0,
+            to_date: 1e-9,
+            compared: 1,
             end: worst,
             double: (0.0, 0.0),
             l2: 0.0,

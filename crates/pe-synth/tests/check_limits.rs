@@ -160,7 +160,7 @@ fn cases() -> Vec<Case> {
         useless(case("validation/van_der_pol_10", 40.0, vec![2.0, 0.0], van_der_pol, 1e-3)),
         imprecise(case("lorenz/lorenz", 5.0, vec![1.0; 3], lorenz, 1e-3)),
         imprecise(case("validation/dc_motor", 2.0, vec![0.0; 5], motor, 5e-4)),
-        case("validation/decay_chain", 10.0, vec![1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], decay, 1e-4),
+        imprecise(case("validation/decay_chain", 10.0, vec![1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], decay, 1e-4)),
         case("rc_ladder/rc_ladder", 0.4, (1..=10).map(|i| 0.1 * (1.0 - f64::from(i) / 20.0)).collect(), ladder, 1e-4),
         imprecise(case("spring_chain/spring_chain", 500.0, chain_start.chain([0.0; 64]).collect(), chain, 2e-2)),
     ]

@@ -206,7 +206,7 @@ impl<'a> Trials<'a> {
             return None;
         }
         let exact = Exact::run(&model, &graph, ProgressBar::hidden()).ok()?;
-        Some(exact.compare(&model).ok()?.method())
+        Some(exact.compare(&model, &graph).ok()?.method())
     }
 
     /// The step at which the method error meets a goal, and the error there. `known` is the error of the model's step.

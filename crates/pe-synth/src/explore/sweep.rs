@@ -194,7 +194,7 @@ impl Sweep {
         let graph = pipeline::build(&loaded, point, &self.mapping, &mut Stopwatch::new(true))?;
         let exact = Exact::run(&loaded.model, &graph, ProgressBar::hidden());
         let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
-        let comparison = exact.compare(&loaded.model);
+        let comparison = exact.compare(&loaded.model, &graph);
         Ok(Base { loaded: Arc::new(loaded), reference, graph: Arc::new(graph), exact, comparison })
     }
 
@@ -246,7 +246,8 @@ impl Sweep {
     ) -> Result<TotalError, ReferenceError> {
         let model = &base.loaded.model;
         let reference = base.reference.get_or_init(|| {
-            let solution = Reference::solve(model, &judged.times, &self.conserved, &ProgressBar::hidden());
+            let (times, looks) = (&judged.times, &judged.looks.times);
+            let solution = Reference::solve(model, times, looks, &self.conserved, &ProgressBar::hidden());
             let _ = sender.send(Event::Work(self.estimate.reference(point)));
             solution
         });

@@ -1,125 +1,249 @@
-//! Runs in double precision that a run of the step is compared with, and what smaller steps say about the method.
+//! What smaller steps, exact functions and the means of inputs say about the step: runs in double precision, all
+//! compared at every step.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
 
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
-use pe_ir::graph::StageForm;
+use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
+use pe_sim::compared::{Compared, Rows};
 use pe_sim::double::DoubleRun;
-use pe_sim::error::Trajectory;
 
-use super::inputs::{self, Sight};
-use super::{Plan, varying_inputs};
+use super::inputs::{self, Blindness, Sight};
+use super::lockstep::{Pass, Plan};
+use super::{Exact, varying_inputs};
 
-/// How a comparison run divides a step.
-#[derive(Clone, Copy)]
-pub(super) struct Substeps {
-    pub count: u64,
-    /// What it takes inputs for.
-    pub inputs: Sight,
-}
-
-/// Samples of a run in double precision at the reference's sample times.
-pub(super) fn trajectory(
-    model: &Model,
-    mut run: DoubleRun,
-    plan: &Plan,
-    substeps: Substeps,
-) -> Result<Trajectory, Vec<Diagnostic>> {
-    let mut samples = Trajectory::new(model.states.len());
-    let finer = Model { step: model.step / substeps.count as f64, ..model.clone() };
-    let continuous = inputs::read_by_continuous_alone(model);
-    for done in 1..=plan.steps {
-        for substep in 0..substeps.count {
-            let time = model.time(done - 1, substep as f64 / substeps.count as f64);
-            let seen = match substeps.inputs {
-                Sight::Held => finer.hold_inputs(model.time(done - 1, 0.0), time),
-                Sight::Sampled => finer.sample_inputs(time),
-                Sight::Mean => {
-                    let end = model.time(done - 1, (substep + 1) as f64 / substeps.count as f64);
-                    inputs::means(&finer, &continuous, (time, end))
-                }
-            };
-            run.step(&seen).map_err(|_| {
-                let message = format!("a comparison run is not finite at t = {time:.6e} s");
-                let help = "the model is at the edge of stability: try a smaller `--step`";
-                vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]
-            })?;
-        }
-        plan.advance(done, substeps.count);
-        if plan.sampled(done) {
-            samples.push(|state| run.state(state));
-        }
-    }
-    Ok(samples)
-}
+/// The beginning of a span, where a step may pass over what decays at once: this part of all steps, but so many of spans
+/// that have ten times as many at least.
+const BEGINNING_PART: u64 = 100;
+const SHORTEST_BEGINNING: u64 = 64;
 
 /// Part of the largest difference to half the step from which on a finding counts time.
 const PART: f64 = 0.1;
 
-/// The first sample at which a state of two runs differs by more than a number; the first of all if none does.
-pub(super) fn first_beyond(run: &Trajectory, other: &Trajectory, state: usize, difference: f64) -> usize {
-    let of = |run: &Trajectory| run.samples.iter().skip(state).step_by(run.states).copied().collect::<Vec<f64>>();
-    // What is not a number differs.
-    let apart =
-        |(own, other): (&f64, &f64)| (own - other).abs().partial_cmp(&difference).is_none_or(|order| order.is_gt());
-    of(run).iter().zip(&of(other)).position(apart).unwrap_or(0)
-}
+/// The first steps are also taken in quarters, to see the order of the method: this part of all steps, but so many at
+/// least.
+const QUARTERED_PART: u64 = 64;
+const FEWEST_QUARTERED: u64 = 64;
+
+/// Part of the largest difference that has to be seen among these steps for their order to count, and the difference
+/// below which all is rounding.
+const TELLING: f64 = 0.1;
+const ROUNDING: f64 = 1e-11;
+
+/// What is left of a difference when the step is halved, at most: a smaller step is not worth more than four times the
+/// difference.
+const LEAST_GAIN: f64 = 0.75;
 
 /// What smaller steps say about the method.
 #[derive(Clone)]
 pub struct Comparison {
-    pub(super) function: Option<f64>,
-    pub(super) method: f64,
-    /// What the step does not see of inputs; none if they are constant, or covered by the method.
-    pub(super) input_hold: Option<inputs::Blindness>,
-    /// The finding that a large method error would be.
-    pub(super) finding: Diagnostic,
+    /// Tables against the functions that they stand for.
+    pub(super) function: Option<Compared>,
+    /// The step against half of it.
+    pub(super) halved: Compared,
+    /// Method error over the largest difference to half the step.
+    pub(super) gain: f64,
+    /// What the step does not see of inputs, which are compared in their means; none if they are constant, or covered by
+    /// the method.
+    pub(super) unseen_inputs: Option<Compared>,
 }
 
 impl Comparison {
-    /// The method error that it found.
+    /// The method error: with an error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).
     pub fn method(&self) -> f64 {
-        self.method
+        self.gain * self.halved.worst().1
+    }
+
+    /// The method error after the beginning of the span. What is wrong before it fades away, or else is wrong later, too.
+    pub(super) fn lasting(&self, model: &Model) -> f64 {
+        let steps = model.steps();
+        self.gain * self.halved.after((steps / BEGINNING_PART).max(SHORTEST_BEGINNING.min(steps / 10)))
+    }
+
+    /// What the step does not see of inputs.
+    pub(super) fn blindness(&self) -> Option<Blindness> {
+        self.unseen_inputs.as_ref().map(Blindness::of)
+    }
+
+    /// The error of inputs held over the step.
+    pub fn input_hold(&self) -> f64 {
+        self.blindness().map_or(0.0, |blindness| blindness.error)
+    }
+
+    /// The same two relative to the magnitudes up to then.
+    pub(super) fn to_date(&self) -> (f64, f64) {
+        let hold = self.unseen_inputs.as_ref().map_or(0.0, Compared::to_date);
+        (self.gain * self.halved.to_date(), hold)
+    }
+
+    /// How much larger the errors of each state are than at the steps that were seen, all added up.
+    pub(super) fn unseen(&self) -> Vec<f64> {
+        let mut unseen: Vec<f64> = self.halved.unseen().map(|error| self.gain * error).collect();
+        for compared in self.unseen_inputs.iter().chain(&self.function) {
+            unseen.iter_mut().zip(compared.unseen()).for_each(|(sum, error)| *sum += error);
+        }
+        unseen
+    }
+
+    /// The finding that a large method error is.
+    pub(super) fn finding(&self, model: &Model) -> Diagnostic {
+        let (worst, difference) = self.halved.worst();
+        let state = &model.states[worst];
+        let time = model.time(self.halved.since(PART * difference), 0.0);
+        let message = format!(
+            "the step is too large for `{}`: from t = {time:.6e} s on half of it changes the result by up to {difference:.1e}",
+            state.name
+        );
+        Diagnostic::error(codes::STEP_TOO_LARGE, state.span, message)
+            .with_help(format!("try `--step {:.3e}`; a chaotic model needs a shorter `--span`", model.step / 2.0))
     }
 }
 
-/// Runs half the step, with inputs held as the hardware does and with their means.
-pub(super) fn half_step_runs(
-    model: &Model,
-    form: StageForm,
-    plan: &Plan,
-    reference: &Trajectory,
-    scales: &[f64],
-) -> Result<Comparison, Vec<Diagnostic>> {
-    let half = Model { step: model.step / 2.0, ..model.clone() };
-    let graph = pe_hls::step::build_with(&half, &StepOptions { form: Some(form), ..StepOptions::default() })?;
-    // Otherwise the method's own history of slopes would see inputs that move at every other of its steps.
-    let covers = model.solver.covers_inputs();
-    let own = Substeps { count: 2, inputs: if covers { Sight::Sampled } else { Sight::Held } };
-    let halved = trajectory(model, DoubleRun::new(&graph), plan, own)?;
-    let (worst, difference) = reference.deviation(&halved).worst(scales);
-    // With error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).
-    let gain = f64::from(1u32 << model.solver.order());
-    let mean = Substeps { count: 2, inputs: Sight::Mean };
-    let mut input_hold = None;
-    if varying_inputs(model) && !covers {
-        // Both runs share the method error of h/2; a mean does in a substep what the signal itself does, to second order.
-        let seen = trajectory(model, DoubleRun::new(&graph), plan, mean)?;
-        input_hold = Some(inputs::Blindness::of(model, &halved, &seen, scales));
-    } else if covers && inputs::cause(model).is_some() {
-        // The order of these methods holds for inputs that are smooth.
-        let one_step = Model { solver: Solver::Rk4, ..half };
-        let graph = pe_hls::step::build_with(&one_step, &StepOptions::default())?;
-        let seen = trajectory(model, DoubleRun::new(&graph), plan, mean)?;
-        input_hold = Some(inputs::Blindness::of(model, reference, &seen, scales));
+impl Exact {
+    /// Compares with smaller steps.
+    ///
+    /// # Errors
+    /// `E0901` non-finite.
+    pub fn compare(&self, model: &Model, graph: &StepGraph) -> Result<Comparison, Vec<Diagnostic>> {
+        self.compare_telling(model, graph, None)
     }
-    let name = &model.states[worst].name;
-    let time = plan.times()[first_beyond(reference, &halved, worst, PART * difference * scales[worst])];
-    let message = format!(
-        "the step is too large for `{name}`: from t = {time:.6e} s on half of it changes the result by up to {difference:.1e}"
-    );
-    let finding = Diagnostic::error(codes::STEP_TOO_LARGE, model.states[worst].span, message)
-        .with_help(format!("try `--step {:.3e}`; a chaotic model needs a shorter `--span`", model.step / 2.0));
-    Ok(Comparison { function: None, method: difference * gain / (gain - 1.0), input_hold, finding })
+
+    /// The same, where somebody listens to the run of the step itself, block by block.
+    pub(super) fn compare_telling(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        mut listener: Option<SyncSender<Arc<Rows>>>,
+    ) -> Result<Comparison, Vec<Diagnostic>> {
+        let plan = &self.plan;
+        let graphs = Graphs::of(self, model);
+        let mut others = graphs.as_ref().map(|graphs| Others::new(self, graph, graphs)).map_err(Clone::clone);
+        let mut own = self.own(graph);
+        for block in plan.blocks() {
+            own.block(plan, &block).expect("it was finite before");
+            let rows = Arc::new(own.take());
+            if listener.as_ref().is_some_and(|listener| listener.send(Arc::clone(&rows)).is_err()) {
+                listener = None;
+            }
+            if let Ok(runs) = &mut others
+                && let Err(findings) = runs.block(plan, &block, &rows)
+            {
+                others = Err(findings);
+            }
+            if listener.is_none() && others.is_err() {
+                break;
+            }
+        }
+        others.map(|runs| runs.conclude(model))
+    }
+
+    /// The run of the step itself.
+    pub(super) fn own<'a>(&self, graph: &'a StepGraph) -> Pass<'a> {
+        Pass::new(&self.plan, DoubleRun::new(graph), super::curve_count(graph))
+    }
+}
+
+/// Step graphs of the runs that the step is compared with.
+struct Graphs {
+    /// With exact functions in the place of tables.
+    functions: Option<StepGraph>,
+    half: StepGraph,
+    quarter: StepGraph,
+    /// Half the step with a method that keeps nothing from step to step, for inputs that others only cover if smooth.
+    one_step: Option<StepGraph>,
+}
+
+impl Graphs {
+    fn of(exact: &Exact, model: &Model) -> Result<Graphs, Vec<Diagnostic>> {
+        let options = StepOptions { form: Some(exact.form), ..StepOptions::default() };
+        let divided =
+            |count: f64| pe_hls::step::build_with(&Model { step: model.step / count, ..model.clone() }, &options);
+        let functions = exact.tables.then(|| divided(1.0)).transpose()?;
+        let jumps = model.solver.covers_inputs() && inputs::cause(model).is_some();
+        let one_step = Model { solver: Solver::Rk4, step: model.step / 2.0, ..model.clone() };
+        let one_step = jumps.then(|| pe_hls::step::build_with(&one_step, &StepOptions::default())).transpose()?;
+        Ok(Graphs { functions, half: divided(2.0)?, quarter: divided(4.0)?, one_step })
+    }
+}
+
+/// Runs that the step is compared with.
+struct Others<'a> {
+    functions: Option<(Pass<'a>, Compared)>,
+    half: (Pass<'a>, Compared),
+    /// With the means of inputs.
+    seeing: Option<(Pass<'a>, Compared)>,
+    /// Quarters of the first steps against their halves, and the number of these steps; none once they are done.
+    quarter: Option<(Pass<'a>, Compared, u64)>,
+    /// Largest difference to half the step among the first steps, and what it is with a quarter of it.
+    first: Option<(f64, f64)>,
+}
+
+impl<'a> Others<'a> {
+    fn new(exact: &Exact, own: &'a StepGraph, graphs: &'a Graphs) -> Others<'a> {
+        let (plan, model) = (&exact.plan, &exact.plan.model);
+        // Otherwise the method's own history of slopes would see inputs that move at every other of its steps.
+        let covered = model.solver.covers_inputs();
+        let sight = if covered { Sight::Sampled } else { Sight::Held };
+        let pass = |graph, count, sight| Pass::divided(plan, DoubleRun::new(graph), count, sight);
+        let quartered = (plan.steps / QUARTERED_PART).max(FEWEST_QUARTERED);
+        // A mean does in a step what the signal itself does, to second order.
+        let means = (varying_inputs(model) && !covered).then_some((own, 1));
+        let means = means.or(graphs.one_step.as_ref().map(|graph| (graph, 2)));
+        Others {
+            functions: graphs.functions.as_ref().map(|graph| (pass(graph, 1, Sight::Held), exact.compared())),
+            half: (pass(&graphs.half, 2, sight), exact.compared()),
+            seeing: means.map(|(graph, count)| (pass(graph, count, Sight::Mean), exact.compared())),
+            quarter: Some((pass(&graphs.quarter, 4, sight), exact.compared(), quartered)),
+            first: None,
+        }
+    }
+
+    /// Goes on with a block of the step's own run.
+    fn block(&mut self, plan: &Plan, block: &Range<u64>, own: &Rows) -> Result<(), Vec<Diagnostic>> {
+        let Others { functions, half, seeing, quarter, first } = self;
+        let mut run = own;
+        if let Some((pass, compared)) = functions {
+            let exact = pass.block(plan, block)?;
+            plan.compare(block, compared, exact, own);
+            run = exact;
+        }
+        let halves = half.0.block(plan, block)?;
+        plan.compare(block, &mut half.1, run, halves);
+        if let Some((pass, compared)) = seeing {
+            plan.compare(block, compared, pass.block(plan, block)?, own);
+        }
+        if let Some((pass, compared, steps)) = quarter {
+            match pass.block(plan, block) {
+                Ok(quarters) => compared.include(block.end, halves, quarters),
+                // Where a quarter of the step fails, nothing is known of the order.
+                Err(_) => *steps = 0,
+            }
+            if block.end >= *steps {
+                *first = (*steps > 0).then(|| (half.1.worst().1, compared.worst().1));
+                *quarter = None;
+            }
+        }
+        Ok(())
+    }
+
+    fn conclude(self, model: &Model) -> Comparison {
+        let left = 1.0 / f64::from(1u32 << model.solver.order());
+        let (_, largest) = self.half.1.worst();
+        let telling = |(half, quarter): &(f64, f64)| *half >= TELLING * largest && *quarter > ROUNDING;
+        let seen = self.first.filter(telling).map_or(0.0, |(half, quarter)| (quarter / half).min(LEAST_GAIN));
+        let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
+        // Of what the step does not see the run has no magnitude.
+        let unseen_inputs = self.seeing.map(|(_, compared)| compared.in_scale(&quantities));
+        Comparison {
+            function: self.functions.map(|(_, compared)| compared),
+            halved: self.half.1,
+            gain: 1.0 / (1.0 - left.max(seen)),
+            unseen_inputs,
+        }
+    }
 }

@@ -4,7 +4,7 @@ use pe_ir::codes;
 use pe_ir::model::{Expr, Input, Model, State, Unseen, Variable};
 use pe_ir::motion::Motion;
 use pe_ir::source::Diagnostic;
-use pe_sim::error::Trajectory;
+use pe_sim::compared::Compared;
 
 use super::{INPUT_ERROR_REFUSED, INPUT_ERROR_WARNED};
 
@@ -91,11 +91,9 @@ pub(super) struct Blindness {
 }
 
 impl Blindness {
-    /// Compares a run that sees inputs as the hardware does with one that sees their means.
-    pub fn of(model: &Model, run: &Trajectory, seen: &Trajectory, scales: &[f64]) -> Blindness {
-        let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
-        let scales: Vec<f64> = scales.iter().zip(seen.scales(&quantities)).map(|(a, b)| a.max(b)).collect();
-        let (state, error) = run.deviation(seen).worst(&scales);
+    /// From the comparison of a run that sees inputs as the hardware does with one that sees their means.
+    pub fn of(compared: &Compared) -> Blindness {
+        let (state, error) = compared.worst();
         Blindness { error, state }
     }
 

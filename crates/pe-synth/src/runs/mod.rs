@@ -1,14 +1,20 @@
 //! The runs over the span: ranges, number formats, and how wrong the result is.
 //!
 //! ```text
-//! double, step h        ranges, reference trajectory; refuses what turns non-finite
+//! double, step h        ranges and magnitudes; refuses what turns non-finite
+//!
+//! double, step h        once more, beside all others: they are compared at every step, block by block
 //! fixed point           widens formats until nothing saturates; word-length error, checkpoint
 //! double, quantised     coefficient error on its own
-//! double, step h/2      method error; once more with the means of inputs: input-hold error
+//! double, step h/2      method error
+//! double, step h        with the means of inputs: input-hold error
+//! double, step h/4      for the first steps, to see the order of the method
 //! ```
 
 mod comparison;
 mod inputs;
+mod lockstep;
+mod looks;
 mod proven;
 mod reasons;
 mod saturated;
@@ -16,16 +22,17 @@ mod sensitivity;
 mod settled;
 
 use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
 
 use indicatif::ProgressBar;
 use pe_hls::formats::Ranges;
 use pe_hls::rounding::{Aim, Moments, Sampling};
-use pe_hls::step::StepOptions;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
 use pe_ir::model::{Model, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Severity};
 use pe_ir::word::WordFormat;
+use pe_sim::compared::Compared;
 use pe_sim::double::{Diverged, DoubleRun};
 use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
@@ -35,23 +42,17 @@ use crate::pipeline::thread_seconds;
 use crate::pivots::{self, SmallestPivot};
 use crate::proof::Proof;
 
-use self::comparison::{Substeps, first_beyond, half_step_runs, trajectory};
-use self::inputs::Sight;
-use self::saturated::Saturated;
+use self::lockstep::Plan;
 
 pub use self::comparison::Comparison;
 pub use self::inputs::outside;
 pub use self::proven::prove;
 pub use self::sensitivity::{APART, Sensitivity};
+use self::settled::Measured;
 pub use self::settled::Settled;
 
-/// Samples of the trajectory, at most; never fewer than 200 if the span has as many steps.
-const SAMPLES: u64 = 400;
-
-/// Numbers that a trajectory may hold before the samples are thinned out.
-const SAMPLE_BUDGET: u64 = 32_000_000;
-
-/// Estimated method error from which on the step is refused, and from which on it is warned about.
+/// Estimated method error from which on the step is refused, unless it is that of the beginning alone, and from which on
+/// it is warned about.
 const METHOD_ERROR_REFUSED: f64 = 0.5;
 const METHOD_ERROR_WARNED: f64 = 0.02;
 
@@ -64,7 +65,7 @@ const INPUT_ERROR_WARNED: f64 = 0.02;
 const WORD_ERROR_WARNED: f64 = 0.02;
 const WORD_ERROR_REFUSED: f64 = 0.5;
 
-/// Errors relative to the largest magnitude of a state; see `pe_sim::error` for the floor.
+/// Errors of all steps, relative to the largest magnitude of a state over the span; see `pe_sim::error` for the floor.
 #[derive(Clone, Copy, Debug)]
 pub struct Errors {
     /// State with the largest word-length error.
@@ -79,8 +80,39 @@ pub struct Errors {
     pub function: Option<f64>,
     /// Step `h` against step `h/2`, extrapolated with the order of the method.
     pub method: f64,
-    /// Inputs held over `h` against their means over `h/2`; zero if all inputs are constant.
+    /// Inputs held over `h` against their means; zero if all inputs are constant.
     pub input_hold: f64,
+    /// The same errors relative to the largest magnitude of a state up to the step in question.
+    pub to_date: ToDate,
+}
+
+/// Errors relative to the largest magnitude that a state has up to the step in question, at least a millionth of its
+/// scale over the span.
+#[derive(Clone, Copy, Debug)]
+pub struct ToDate {
+    /// As [`Errors::word_length`].
+    pub word_length: f64,
+    /// As [`Errors::coefficient`].
+    pub coefficient: f64,
+    /// As [`Errors::function`].
+    pub function: Option<f64>,
+    /// As [`Errors::method`].
+    pub method: f64,
+    /// As [`Errors::input_hold`].
+    pub input_hold: f64,
+}
+
+impl Errors {
+    /// The largest part of the error relative to the largest magnitude of a state up to the step in question.
+    pub fn largest_to_date(&self) -> f64 {
+        let ToDate { word_length, function, method, input_hold, .. } = self.to_date;
+        [word_length, function.unwrap_or(0.0), method, input_hold].into_iter().fold(0.0, f64::max)
+    }
+}
+
+impl ToDate {
+    /// How much larger such an error has to be than that over the span to be worth telling.
+    pub const APART: f64 = 10.0;
 }
 
 /// State words in the middle of a run, to start from there.
@@ -99,22 +131,6 @@ pub struct Curves {
     pub double: Trajectory,
     /// In fixed point.
     pub fixed: Trajectory,
-}
-
-impl Curves {
-    /// Largest difference of each output, relative to its largest magnitude.
-    pub fn errors(&self) -> Vec<f64> {
-        let largest = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0, |most: f64, n| most.max(n.abs()));
-        let outputs = self.double.states.max(1);
-        let of = |output| move |samples: &[f64]| samples[output];
-        let error = |output| {
-            let double = || self.double.samples.chunks_exact(outputs).map(of(output));
-            let fixed = self.fixed.samples.chunks_exact(outputs).map(of(output));
-            let difference = largest(&mut fixed.zip(double()).map(|(fixed, double)| fixed - double));
-            if difference == 0.0 { 0.0 } else { difference / largest(&mut double()) }
-        };
-        (0..self.double.states).map(error).collect()
-    }
 }
 
 /// Outputs of which [`Curves`] are kept.
@@ -137,12 +153,18 @@ pub struct Judged {
     pub widenings: usize,
     /// Middle of the run.
     pub checkpoint: Checkpoint,
-    /// Times of the samples that were compared, in seconds.
+    /// Steps of the span: errors are the largest of all of them.
+    pub steps: u64,
+    /// Times of evenly spread samples, in seconds.
     pub times: Vec<f64>,
     /// States of the fixed-point run at these times.
     pub hardware: Trajectory,
     /// States of the run in double precision at these times.
     pub double: Arc<Trajectory>,
+    /// States at other times of interest.
+    pub looks: Looks,
+    /// How much larger the errors of each state are than at the samples and looks.
+    pub unseen: Unseen,
     /// Warnings.
     pub warnings: Vec<Diagnostic>,
     /// Nanoseconds per product in double precision and in fixed point.
@@ -153,10 +175,32 @@ pub struct Judged {
     pub largest: Vec<f64>,
     /// Word-length error of each state.
     pub state_errors: Vec<f64>,
+    /// Word-length error of each output that has a curve, relative to its largest magnitude.
+    pub output_errors: Vec<f64>,
     /// The smallest pivot of an implicit method.
     pub smallest_pivot: Option<SmallestPivot>,
     /// Which ranges are proven; none if no proof was asked for.
     pub proof: Option<Proof>,
+}
+
+/// States at steps that deserve a look beside the samples: the first ones, and those after a jump of an input.
+#[derive(Clone, Debug, Default)]
+pub struct Looks {
+    /// Times in seconds; none of them is that of a sample.
+    pub times: Vec<f64>,
+    /// States of the fixed-point run at these times.
+    pub hardware: Trajectory,
+    /// States of the run in double precision at these times.
+    pub double: Arc<Trajectory>,
+}
+
+/// By how much errors are larger than at those steps at which states are kept, state by state, relative to their scales.
+#[derive(Clone, Debug, Default)]
+pub struct Unseen {
+    /// Of the word length.
+    pub word_length: Vec<f64>,
+    /// Of method, held inputs and functions together.
+    pub double: Vec<f64>,
 }
 
 /// Runs the model over its span.
@@ -188,21 +232,29 @@ pub fn judge_open(
     let exact = Exact::run(model, graph, progress)?;
     // The runs that follow depend on the reference run alone, so they share the machine's cores; each is deterministic.
     let (settled, comparison) = std::thread::scope(|scope| {
-        let comparison = scope.spawn(|| exact.compare(model));
-        let settled = exact.settle(model, graph, format);
+        let (sender, blocks) = sync_channel(BLOCKS_AHEAD);
+        let comparison = scope.spawn(|| exact.compare_telling(model, graph, Some(sender)));
+        let settled = exact.settle_listening(model, graph, format, Some(blocks));
         (settled, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     });
     let judged = exact.conclude(model, graph, settled, comparison.clone(), options)?;
     Ok((judged, exact, comparison?))
 }
 
-/// The run in double precision, which knows nothing of formats: ranges, and the trajectory that others are compared to.
+/// Blocks that one run in double precision may be ahead of those that listen to it.
+const BLOCKS_AHEAD: usize = 4;
+
+/// The run in double precision, which knows nothing of formats: ranges, and what others are compared to.
 pub struct Exact {
     plan: Plan,
     form: StageForm,
     /// Whether tables stand for functions.
     tables: bool,
     reference: Arc<Trajectory>,
+    /// States at the plan's looks.
+    looks: Arc<Trajectory>,
+    /// Largest magnitude of each output that has a curve.
+    output_scales: Vec<f64>,
     /// Outputs in double precision alone.
     curves: Curves,
     largest: Vec<f64>,
@@ -224,8 +276,10 @@ impl Exact {
         }
         let plan = Plan::of(model, progress);
         let begin = thread_seconds();
-        let (reference, curves, mut ranges, moments) = reference_run(model, graph, &plan)?;
-        let reference = Arc::new(reference);
+        let ReferenceRun { reference, looks, curves, mut ranges, moments } = reference_run(model, graph, &plan)?;
+        let (reference, looks) = (Arc::new(reference), Arc::new(looks));
+        let output_scales = graph.outputs[..curve_count(graph)].iter().map(|output| ranges.largest[output.index()]);
+        let output_scales = output_scales.collect();
         let largest = ranges.largest.clone();
         let smallest_pivot = pivots::smallest(model, graph, &largest)?;
         let seconds = thread_seconds() - begin;
@@ -237,6 +291,8 @@ impl Exact {
             form: graph.form,
             tables: !graph.functions.tables.is_empty(),
             reference,
+            looks,
+            output_scales,
             curves,
             largest,
             ranges,
@@ -247,26 +303,10 @@ impl Exact {
         })
     }
 
-    /// Compares with smaller steps.
-    ///
-    /// # Errors
-    /// `E0901` non-finite.
-    pub fn compare(&self, model: &Model) -> Result<Comparison, Vec<Diagnostic>> {
-        if !self.tables {
-            return half_step_runs(model, self.form, &self.plan, &self.reference, &self.scales);
-        }
-        let options = StepOptions { form: Some(self.form), ..StepOptions::default() };
-        let graph = pe_hls::step::build_with(model, &options)?;
-        let functions =
-            trajectory(model, DoubleRun::new(&graph), &self.plan, Substeps { count: 1, inputs: Sight::Held })?;
-        let function = Some(functions.deviation(&self.reference).worst(&self.scales).1);
-        let comparison = half_step_runs(model, self.form, &self.plan, &functions, &self.scales)?;
-        Ok(Comparison { function, ..comparison })
-    }
-
-    /// Word-length error of a run: the worst state's largest deviation from this run.
-    pub fn word_length(&self, settled: &Settled) -> f64 {
-        self.reference.deviation(&settled.hardware).worst(&self.scales).1
+    /// A comparison of states with those of this run.
+    fn compared(&self) -> Compared {
+        let start: Vec<f64> = self.plan.model.states.iter().map(|state| state.initial).collect();
+        Compared::new(0, &self.scales, &start)
     }
 
     /// Puts together what the runs found.
@@ -283,19 +323,32 @@ impl Exact {
     ) -> Result<Judged, Vec<Diagnostic>> {
         let settled = settled?;
         let comparison = comparison?;
-        let deviation = self.reference.deviation(&settled.hardware);
-        let (worst_state, word_length) = deviation.worst(&self.scales);
-        let coefficient = settled.quantised.worst(&self.scales).1;
-        let word_length_at_end = self.reference.last().deviation(&settled.hardware.last()).worst(&self.scales).1;
-        let at_end = (word_length_at_end, settled.quantised_at_end.worst(&self.scales).1);
-        let Comparison { function, method, input_hold, finding } = comparison;
-        let blindness = input_hold;
-        let input_hold = blindness.map_or(0.0, |blindness| blindness.error);
-        let errors = Errors { worst_state, word_length, coefficient, at_end, function, method, input_hold };
+        let Settled { fixed, aim, widenings, measured } = settled;
+        let Measured { word, outputs, quantised, hardware, looks, curves, checkpoint, seconds } = measured;
+        let (worst_state, word_length) = word.worst();
+        let (method, input_hold) = (comparison.method(), comparison.input_hold());
+        let (method_to_date, hold_to_date) = comparison.to_date();
+        let to_date = ToDate {
+            word_length: word.to_date(),
+            coefficient: quantised.to_date(),
+            function: comparison.function.as_ref().map(Compared::to_date),
+            method: method_to_date,
+            input_hold: hold_to_date,
+        };
+        let errors = Errors {
+            worst_state,
+            word_length,
+            coefficient: quantised.worst().1,
+            at_end: (word.at_end(), quantised.at_end()),
+            function: comparison.function.as_ref().map(|function| function.worst().1),
+            method,
+            input_hold,
+            to_date,
+        };
         let mut warnings = Vec::new();
-        if errors.method > METHOD_ERROR_REFUSED {
-            let runs = (&*self.reference, &settled.hardware);
-            match reasons::chaotic(model, graph, &settled.fixed, &self.scales, runs) {
+        let finding = comparison.finding(model);
+        if comparison.lasting(model) > METHOD_ERROR_REFUSED {
+            match reasons::chaotic(model, graph, &fixed, &self.scales, (&*self.reference, &hardware)) {
                 Some(chaotic) => warnings.push(chaotic),
                 None => warnings.extend(options.permit(vec![finding])?),
             }
@@ -303,13 +356,13 @@ impl Exact {
             let message = finding.message.replace("too large", "large");
             warnings.push(Diagnostic { code: codes::STEP_LARGE, message, ..finding.into_warning() });
         }
-        if let Some(finding) = blindness.and_then(|blindness| blindness.finding(model)) {
+        if let Some(finding) = comparison.blindness().and_then(|blindness| blindness.finding(model)) {
             let refused = finding.severity == Severity::Error;
             warnings.extend(if refused { options.permit(vec![finding])? } else { vec![finding] });
         }
         // Of a chaotic model that has been told all that there is to say.
         let chaotic = warnings.iter().any(|warning| warning.code == codes::CHAOTIC);
-        let word_short = if chaotic { None } else { self.word_short(model, graph, &settled.hardware, errors) };
+        let word_short = if chaotic { None } else { self.word_short(model, graph, &word, errors) };
         if let Some(finding) = word_short {
             let refused = finding.severity == Severity::Error;
             warnings.extend(if refused { options.permit(vec![finding])? } else { vec![finding] });
@@ -317,19 +370,23 @@ impl Exact {
         warnings.extend(outside(model));
         let macs = graph.macs() as f64 * self.plan.steps as f64;
         Ok(Judged {
-            fixed: settled.fixed,
-            aim: settled.aim,
+            fixed,
+            aim,
             errors,
-            widenings: settled.widenings,
-            checkpoint: settled.checkpoint,
-            times: self.plan.times(),
-            hardware: settled.hardware,
+            widenings,
+            checkpoint,
+            steps: self.plan.steps,
+            times: self.plan.times(&self.plan.samples),
+            hardware,
             double: Arc::clone(&self.reference),
+            looks: Looks { times: self.plan.times(&self.plan.looks), hardware: looks, double: Arc::clone(&self.looks) },
+            unseen: Unseen { word_length: word.unseen().collect(), double: comparison.unseen() },
             warnings,
-            ns_per_mac: (self.seconds * 1e9 / macs, settled.seconds * 1e9 / macs),
-            curves: Curves { fixed: settled.curves, ..self.curves.clone() },
+            ns_per_mac: (self.seconds * 1e9 / macs, seconds * 1e9 / macs),
+            curves: Curves { fixed: curves, ..self.curves.clone() },
             largest: self.largest.clone(),
-            state_errors: deviation.relative(&self.scales).collect(),
+            state_errors: word.relative().collect(),
+            output_errors: outputs.relative().collect(),
             smallest_pivot: self.smallest_pivot.clone(),
             proof: None,
         })
@@ -340,13 +397,7 @@ impl Exact {
     /// Of a chaotic model any word gives another trajectory sooner or later, which is no reason to refuse this one. Of
     /// others the word is too short where the run has little in common with the model, or where the model multiplies
     /// differences so much that the last bits decide where it goes, and not the step.
-    fn word_short(
-        &self,
-        model: &Model,
-        graph: &StepGraph,
-        hardware: &Trajectory,
-        errors: Errors,
-    ) -> Option<Diagnostic> {
+    fn word_short(&self, model: &Model, graph: &StepGraph, word: &Compared, errors: Errors) -> Option<Diagnostic> {
         if errors.word_length <= WORD_ERROR_WARNED {
             return None;
         }
@@ -368,8 +419,7 @@ impl Exact {
         if chaotic || !(decided || errors.word_length > WORD_ERROR_REFUSED) {
             return Some(warning);
         }
-        let moved = WORD_ERROR_WARNED * self.scales[errors.worst_state];
-        let time = self.plan.times()[first_beyond(&self.reference, hardware, errors.worst_state, moved)];
+        let time = model.time(word.since(WORD_ERROR_WARNED), 0.0);
         let reason = match decided {
             true => {
                 format!("the model multiplies differences by {growth:.1e}, so that the last bits decide where it goes")
@@ -377,47 +427,11 @@ impl Exact {
             false => "the run has little in common with the model".to_owned(),
         };
         let message = format!(
-            "the word is too short: from t = {time:.6e} s on rounding moves `{}` by up to {:.1e} of its largest magnitude; {reason}",
+            "the word is too short: from t = {time:.6e} s on rounding moves states by more than {WORD_ERROR_WARNED} of \
+             their largest magnitude, `{}` by up to {:.1e}; {reason}",
             state.name, errors.word_length
         );
         Some(Diagnostic { code: codes::WORD_TOO_SHORT, message, severity: Severity::Error, ..warning })
-    }
-}
-
-/// Which steps are sampled, and who is told about the progress.
-struct Plan {
-    model: Model,
-    steps: u64,
-    samples: u64,
-    progress: ProgressBar,
-}
-
-impl Plan {
-    fn of(model: &Model, progress: ProgressBar) -> Plan {
-        let steps = model.steps();
-        // Reference, fixed point, quantised, and two substeps each in the half-step runs.
-        progress.set_length(steps * if varying_inputs(model) { 7 } else { 5 });
-        let affordable = (SAMPLE_BUDGET / model.states.len().max(1) as u64).max(200);
-        Plan { model: model.clone(), steps, samples: SAMPLES.min(affordable).min(steps), progress }
-    }
-
-    /// Tells the progress after `done` steps; rarely, for a step may take no longer than the telling.
-    fn advance(&self, done: u64, weight: u64) {
-        const STRIDE: u64 = 256;
-        if done.is_multiple_of(STRIDE) {
-            self.progress.inc(STRIDE * weight);
-        }
-    }
-
-    /// Whether a sample is taken after `done` steps.
-    fn sampled(&self, done: u64) -> bool {
-        let before = u128::from(done - 1) * u128::from(self.samples) / u128::from(self.steps);
-        u128::from(done) * u128::from(self.samples) / u128::from(self.steps) > before
-    }
-
-    /// Times of the samples.
-    fn times(&self) -> Vec<f64> {
-        (1..=self.steps).filter(|done| self.sampled(*done)).map(|done| self.model.time(done, 0.0)).collect()
     }
 }
 
@@ -426,29 +440,39 @@ pub fn varying_inputs(model: &Model) -> bool {
     model.inputs.iter().any(|input| !matches!(input.waveform, Waveform::Constant(_)))
 }
 
-fn reference_run(
-    model: &Model,
-    graph: &StepGraph,
-    plan: &Plan,
-) -> Result<(Trajectory, Curves, Ranges, Moments), Vec<Diagnostic>> {
+/// What the first run in double precision finds.
+struct ReferenceRun {
+    reference: Trajectory,
+    looks: Trajectory,
+    curves: Curves,
+    ranges: Ranges,
+    moments: Moments,
+}
+
+fn reference_run(model: &Model, graph: &StepGraph, plan: &Plan) -> Result<ReferenceRun, Vec<Diagnostic>> {
     let mut sampling = Sampling::new(graph);
     let mut run = DoubleRun::new(graph);
     let mut reference = Trajectory::new(model.states.len());
+    let mut looks = Trajectory::new(model.states.len());
     let mut curves = Curves { double: Trajectory::new(curve_count(graph)), ..Curves::default() };
+    let (mut samples, mut looked_at) = (plan.samples.iter().peekable(), plan.looks.iter().peekable());
     for done in 1..=plan.steps {
         let time = model.time(done - 1, 0.0);
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
-        if plan.sampled(done) {
+        if samples.next_if_eq(&&done).is_some() {
             reference.push(|state| run.state(state));
             curves.double.push(|output| run.output(output));
             sampling.add(|value| run.value(value));
+        }
+        if looked_at.next_if_eq(&&done).is_some() {
+            looks.push(|state| run.state(state));
         }
     }
     let largest = run.largest();
     reference.largest = graph.states.iter().map(|(state, _)| largest[state.index()]).collect();
     let ranges = Ranges { largest, widened: vec![0; graph.values.len()] };
-    Ok((reference, curves, ranges, sampling.moments()))
+    Ok(ReferenceRun { reference, looks, curves, ranges, moments: sampling.moments() })
 }
 
 /// Magnitude of an argument from which on an infinite value is an overflow, not a pole.
@@ -497,37 +521,6 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
             range.into_iter().for_each(|range| include(ValueId(index as u32), range));
         }
     }
-}
-
-fn fixed_run(
-    model: &Model,
-    graph: &StepGraph,
-    fixed: &FixedPoint,
-    plan: &Plan,
-) -> Result<(Trajectory, Checkpoint, Trajectory), Saturated> {
-    let mut run = FixedRun::new(graph, fixed);
-    let mut samples = Trajectory::new(model.states.len());
-    let mut curves = Trajectory::new(curve_count(graph));
-    let middle = plan.steps / 2;
-    let mut checkpoint = Checkpoint { step: 0, words: Vec::new() };
-    for done in 1..=plan.steps {
-        if done - 1 == middle {
-            checkpoint.step = middle;
-            checkpoint.words = graph.states.iter().map(|(state, _)| run.word(*state)).collect();
-        }
-        let words: Vec<i64> = port_words(model, &run, done - 1);
-        if run.step(&words) || (done == 1 && run.saturations().iter().any(|count| *count > 0)) {
-            let values = run.saturations().into_iter().enumerate().filter(|(_, count)| *count > 0);
-            let values = values.map(|(index, _)| ValueId(index as u32)).collect();
-            return Err(Saturated { values, step: done - 1 });
-        }
-        plan.advance(done, 1);
-        if plan.sampled(done) {
-            samples.push(|state| run.state(state));
-            curves.push(|output| run.output(output));
-        }
-    }
-    Ok((samples, checkpoint, curves))
 }
 
 /// Input port words of a step.

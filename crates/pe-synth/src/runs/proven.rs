@@ -55,9 +55,9 @@ pub fn prove(
         if widened > options.widen {
             break;
         }
-        let Ok(settled) = exact.widened(model, &alone, judged.fixed.format, ranges.clone()) else { break };
+        let Ok(settled) = exact.widened(model, &alone, judged.fixed.format, ranges.clone(), None) else { break };
         latest = proof::enclose(graph, settled.fixed(), model.steps());
-        if exact.word_length(&settled) > HARMLESS.max(ERROR_GROWTH * word_length) {
+        if settled.word_length() > HARMLESS.max(ERROR_GROWTH * word_length) {
             break;
         }
         if latest.as_ref().is_some_and(|found| most_missing(graph, found) == 0) {

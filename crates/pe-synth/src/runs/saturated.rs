@@ -6,6 +6,25 @@ use pe_ir::graph::{StepGraph, ValueId};
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 
+/// Why a run in fixed point and those beside it ended.
+pub(super) enum Ended {
+    Saturated(Saturated),
+    /// Double precision with quantised coefficients met what is not finite.
+    Diverged(Vec<Diagnostic>),
+}
+
+impl From<Saturated> for Ended {
+    fn from(saturated: Saturated) -> Ended {
+        Ended::Saturated(saturated)
+    }
+}
+
+impl From<Vec<Diagnostic>> for Ended {
+    fn from(findings: Vec<Diagnostic>) -> Ended {
+        Ended::Diverged(findings)
+    }
+}
+
 /// A fixed-point run met the end of a range.
 pub struct Saturated {
     /// The values that did, in this step.

@@ -1,19 +1,24 @@
 //! Number formats under which the span runs without saturation, and the roundings of coefficients.
 
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+
 use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim};
-use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
+use pe_sim::compared::{Compared, Rows};
 use pe_sim::double::DoubleRun;
-use pe_sim::error::{Deviation, Trajectory};
+use pe_sim::error::Trajectory;
+use pe_sim::fixed::FixedRun;
 
 use crate::pipeline::thread_seconds;
 
-use super::comparison::{Substeps, trajectory};
-use super::inputs::Sight;
-use super::{Checkpoint, Exact, fixed_run};
+use super::lockstep::Pass;
+use super::saturated::{Ended, Saturated};
+use super::{Checkpoint, Exact, curve_count, port_words};
 
 /// Fixed-point runs before a saturating model is refused.
 const WIDENINGS: usize = 24;
@@ -29,17 +34,8 @@ pub struct Settled {
     pub(super) fixed: FixedPoint,
     /// What its roundings cancel in.
     pub(super) aim: Aim,
-    /// Samples of the fixed-point run.
-    pub(super) hardware: Trajectory,
-    /// Deviation of the run in double precision with quantised coefficients.
-    pub(super) quantised: Deviation,
-    /// The same at the last sample alone.
-    pub(super) quantised_at_end: Deviation,
-    pub(super) checkpoint: Checkpoint,
-    pub(super) curves: Trajectory,
     pub(super) widenings: usize,
-    /// Time of the fixed-point run.
-    pub(super) seconds: f64,
+    pub(super) measured: Measured,
 }
 
 impl Settled {
@@ -47,6 +43,42 @@ impl Settled {
     pub fn fixed(&self) -> &FixedPoint {
         &self.fixed
     }
+
+    /// Word-length error of the run: the worst state's largest deviation from the run in double precision.
+    pub fn word_length(&self) -> f64 {
+        self.measured.word.worst().1
+    }
+
+    /// Coefficient error of the run.
+    fn coefficient(&self) -> f64 {
+        self.measured.quantised.worst().1
+    }
+}
+
+/// What a run in fixed point shows.
+pub(super) struct Measured {
+    /// States against double precision.
+    pub word: Compared,
+    /// Outputs against double precision.
+    pub outputs: Compared,
+    /// Quantised coefficients alone, in double precision.
+    pub quantised: Compared,
+    /// States at samples.
+    pub hardware: Trajectory,
+    /// States at the other steps that are looked at.
+    pub looks: Trajectory,
+    /// Outputs at samples.
+    pub curves: Trajectory,
+    pub checkpoint: Checkpoint,
+    /// Time of the fixed-point run.
+    pub seconds: f64,
+}
+
+/// Where the run in double precision comes from, block by block.
+enum Source<'a> {
+    /// A run that another thread does anyway.
+    Shared(Receiver<Arc<Rows>>),
+    Own(Box<Pass<'a>>),
 }
 
 impl Exact {
@@ -55,13 +87,24 @@ impl Exact {
     /// # Errors
     /// `E0902` saturates however wide, `E080x` no format.
     pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
-        let settled = self.widened(model, graph, format, self.ranges.clone())?;
-        if !graph.pre_adder || self.word_length(&settled) <= PAIR_ERROR {
+        self.settle_listening(model, graph, format, None)
+    }
+
+    /// The same, where the first run can listen to one in double precision.
+    pub(super) fn settle_listening(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        format: WordFormat,
+        shared: Option<Receiver<Arc<Rows>>>,
+    ) -> Result<Settled, Vec<Diagnostic>> {
+        let settled = self.widened(model, graph, format, self.ranges.clone(), shared)?;
+        if !graph.pre_adder || settled.word_length() <= PAIR_ERROR {
             return Ok(settled);
         }
         let alone = StepGraph { pre_adder: false, ..graph.clone() };
-        let alone = self.widened(model, &alone, format, self.ranges.clone())?;
-        Ok(if self.word_length(&alone) < self.word_length(&settled) { alone } else { settled })
+        let alone = self.widened(model, &alone, format, self.ranges.clone(), None)?;
+        Ok(if alone.word_length() < settled.word_length() { alone } else { settled })
     }
 
     /// Chooses formats and widens them until the fixed-point run does not saturate.
@@ -71,6 +114,7 @@ impl Exact {
         graph: &StepGraph,
         format: WordFormat,
         mut ranges: Ranges,
+        mut shared: Option<Receiver<Arc<Rows>>>,
     ) -> Result<Settled, Vec<Diagnostic>> {
         let mut widenings = 0;
         loop {
@@ -78,48 +122,86 @@ impl Exact {
             let mut fixed = chosen.clone();
             let aim = Aim::Chain;
             rounding::improve(graph, &mut fixed, &self.moments, aim);
-            let begin = thread_seconds();
-            match fixed_run(model, graph, &fixed, &self.plan) {
-                Ok((hardware, checkpoint, curves)) => {
-                    let seconds = thread_seconds() - begin;
-                    let (quantised, quantised_at_end) = self.quantised(model, graph, &fixed)?;
-                    let settled = Settled {
-                        fixed,
-                        aim,
-                        hardware,
-                        quantised,
-                        quantised_at_end,
-                        checkpoint,
-                        curves,
-                        widenings,
-                        seconds,
-                    };
+            let source = shared.take().map_or_else(|| self.source(graph), Source::Shared);
+            match self.measure(model, graph, &fixed, source) {
+                Ok(measured) => {
+                    let settled = Settled { fixed, aim, widenings, measured };
                     return self.balanced(model, graph, chosen, settled);
                 }
-                Err(saturated) if saturated.argument(graph).is_some() => {
+                Err(Ended::Diverged(findings)) => return Err(findings),
+                Err(Ended::Saturated(saturated)) if saturated.argument(graph).is_some() => {
                     return Err(vec![saturated.refusal(model, graph)]);
                 }
-                Err(saturated) if widenings < WIDENINGS => {
+                Err(Ended::Saturated(saturated)) if widenings < WIDENINGS => {
                     widenings += 1;
                     for value in &saturated.values {
                         ranges.widened[value.index()] += 1;
                     }
                 }
-                Err(saturated) => return Err(vec![saturated.refusal(model, graph)]),
+                Err(Ended::Saturated(saturated)) => return Err(vec![saturated.refusal(model, graph)]),
             }
         }
     }
 
-    /// Deviation of a run in double precision with quantised coefficients, over the span and at its end.
-    fn quantised(
+    fn source<'a>(&self, graph: &'a StepGraph) -> Source<'a> {
+        Source::Own(Box::new(self.own(graph)))
+    }
+
+    /// Runs in fixed point, and in double precision with quantised coefficients, beside the run in double precision.
+    fn measure(
         &self,
         model: &Model,
         graph: &StepGraph,
         fixed: &FixedPoint,
-    ) -> Result<(Deviation, Deviation), Vec<Diagnostic>> {
-        let run = DoubleRun::quantised(graph, fixed);
-        let samples = trajectory(model, run, &self.plan, Substeps { count: 1, inputs: Sight::Held })?;
-        Ok((self.reference.deviation(&samples), self.reference.last().deviation(&samples.last())))
+        mut source: Source,
+    ) -> Result<Measured, Ended> {
+        let plan = &self.plan;
+        let (states, outputs) = (model.states.len(), curve_count(graph));
+        let mut run = FixedPass::new(graph, fixed, (states, outputs));
+        let mut quantised = Pass::new(plan, DoubleRun::quantised(graph, fixed), 0);
+        let mut measured = Measured {
+            word: self.compared(),
+            outputs: Compared::new(states, &self.output_scales, &vec![0.0; outputs]),
+            quantised: self.compared(),
+            hardware: Trajectory::new(states),
+            looks: Trajectory::new(states),
+            curves: Trajectory::new(outputs),
+            checkpoint: Checkpoint { step: 0, words: Vec::new() },
+            seconds: 0.0,
+        };
+        for block in plan.blocks() {
+            let shared;
+            let double = match &mut source {
+                Source::Shared(blocks) => {
+                    shared = blocks.recv().expect("all blocks are sent");
+                    &*shared
+                }
+                Source::Own(own) => own.block(plan, &block).expect("it was finite before"),
+            };
+            let begin = thread_seconds();
+            run.rows.clear();
+            for step in block.clone() {
+                if step == plan.steps / 2 {
+                    measured.checkpoint = run.checkpoint(step);
+                }
+                run.step(model, step)?;
+                plan.advance(step + 1, 1);
+            }
+            measured.seconds += thread_seconds() - begin;
+            plan.compare(&block, &mut measured.word, double, &run.rows);
+            if outputs > 0 {
+                measured.outputs.include(block.end, double, &run.rows);
+            }
+            plan.compare(&block, &mut measured.quantised, double, quantised.block(plan, &block)?);
+            for row in plan.sampled(&block) {
+                measured.hardware.push(|state| run.rows.row(row)[state]);
+                measured.curves.push(|output| run.rows.row(row)[states + output]);
+            }
+            for row in plan.looked_at(&block) {
+                measured.looks.push(|state| run.rows.row(row)[state]);
+            }
+        }
+        Ok(measured)
     }
 
     /// The same formats with roundings that cancel over the step, if the coefficient error matters and they make it
@@ -131,27 +213,47 @@ impl Exact {
         chosen: FixedPoint,
         settled: Settled,
     ) -> Result<Settled, Vec<Diagnostic>> {
-        let error = |deviation: &Deviation| deviation.worst(&self.scales).1;
-        if error(&settled.quantised) <= BALANCED_ERROR || !rounding::can_balance(graph) {
+        if settled.coefficient() <= BALANCED_ERROR || !rounding::can_balance(graph) {
             return Ok(settled);
         }
         let mut fixed = chosen;
         let aim = Aim::Step;
         rounding::improve(graph, &mut fixed, &self.moments, aim);
-        self.plan.progress.inc_length(self.plan.steps);
-        let (quantised, quantised_at_end) = self.quantised(model, graph, &fixed)?;
-        if error(&quantised) >= error(&settled.quantised) {
-            return Ok(settled);
+        self.plan.progress.inc_length(3 * self.plan.steps);
+        // Formats that were wide enough for the other roundings are kept with those.
+        let Ok(measured) = self.measure(model, graph, &fixed, self.source(graph)) else { return Ok(settled) };
+        let balanced = Settled { fixed, aim, measured, widenings: settled.widenings };
+        Ok(if balanced.coefficient() < settled.coefficient() { balanced } else { settled })
+    }
+}
+
+/// A run in fixed point, a row of states and outputs after each step.
+struct FixedPass<'a> {
+    graph: &'a StepGraph,
+    run: FixedRun<'a>,
+    states: usize,
+    outputs: usize,
+    rows: Rows,
+}
+
+impl<'a> FixedPass<'a> {
+    fn new(graph: &'a StepGraph, fixed: &'a FixedPoint, (states, outputs): (usize, usize)) -> FixedPass<'a> {
+        FixedPass { graph, run: FixedRun::new(graph, fixed), states, outputs, rows: Rows::new(states + outputs) }
+    }
+
+    fn checkpoint(&self, step: u64) -> Checkpoint {
+        Checkpoint { step, words: self.graph.states.iter().map(|(state, _)| self.run.word(*state)).collect() }
+    }
+
+    fn step(&mut self, model: &Model, step: u64) -> Result<(), Saturated> {
+        let FixedPass { run, states, outputs, rows, .. } = self;
+        let words = port_words(model, run, step);
+        if run.step(&words) || (step == 0 && run.saturations().iter().any(|count| *count > 0)) {
+            let values = run.saturations().into_iter().enumerate().filter(|(_, count)| *count > 0);
+            let values = values.map(|(index, _)| ValueId(index as u32)).collect();
+            return Err(Saturated { values, step });
         }
-        self.plan.progress.inc_length(self.plan.steps);
-        let begin = thread_seconds();
-        Ok(match fixed_run(model, graph, &fixed, &self.plan) {
-            Ok((hardware, checkpoint, curves)) => {
-                let seconds = thread_seconds() - begin;
-                Settled { fixed, aim, hardware, quantised, quantised_at_end, checkpoint, curves, seconds, ..settled }
-            }
-            // Formats that were wide enough for the other roundings are kept with those.
-            Err(_) => settled,
-        })
+        rows.add(run.states().take(*states).chain((0..*outputs).map(|output| run.output(output))));
+        Ok(())
     }
 }
