@@ -62,6 +62,9 @@ fn what_one_table_does_not_hold_runs_and_is_right() {
     }
 }
 
+/// Head, statements, exit code, what messages have, and what they must not have.
+type Named<'a> = (&'a str, &'a str, i32, &'a [&'a str], &'a [&'a str]);
+
 #[test]
 fn refusals_and_warnings_name_what_is_the_matter() {
     let folder = Folder::new("reasons_named");
@@ -70,8 +73,7 @@ fn refusals_and_warnings_name_what_is_the_matter() {
     let at_rest = "state y = 1\ny' = -1000*(y - 1)\noutput y\n";
     let nearly = "state y = 0.3\ny' = -1000*(y - 0.3)\noutput y\n";
     let growing = "state x = 0.1\nx' = 0.5*x^2\noutput x\n";
-    // Head, statements, exit code, what messages have, and what they must not have.
-    let cases: [(&str, &str, i32, &[&str], &[&str]); 19] = [
+    let cases: [Named; 19] = [
         (
             "solver rk4\nstep 1 ms\nspan 1 s",
             "state t = 0\nt' = 1\nstate y = 0\ny' = 1/(t - 0.3)\noutput y\n",
