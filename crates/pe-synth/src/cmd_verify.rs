@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use crate::console;
 use crate::engines::Engine;
 use crate::failure::{Failure, MessageFormat};
+use crate::inject::{Campaign, show};
 use crate::verify::{Options, judge};
 
 /// Compares a compiled design in GHDL and as Rust reference with the simulator, bit for bit
@@ -15,7 +16,8 @@ use crate::verify::{Options, judge};
 Examples:
   pe-synth verify out/weibel5
   pe-synth verify out/weibel11 --steps 2
-  pe-synth verify out/weibel11 --steps 100 --engines verilator")]
+  pe-synth verify out/weibel11 --steps 100 --engines verilator
+  pe-synth verify out/van_der_pol --inject 100 --seed 7")]
 pub struct Verify {
     /// Folder that `compile` wrote
     folder: PathBuf,
@@ -31,6 +33,12 @@ pub struct Verify {
     /// Succeeds although files differ from the hashes in report.json, if the engines agree
     #[arg(long)]
     allow_changed: bool,
+    /// Damages the VHDL of copies of the folder so often, and tells which damages verify catches
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Damage")]
+    inject: Option<u64>,
+    /// Chooses the damages
+    #[arg(long, value_name = "SEED", default_value_t = 1, requires = "inject", help_heading = "Damage")]
+    seed: u64,
     /// Form of errors on standard error; `json` also prints runs and coverage as one object on standard output
     #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     message_format: MessageFormat,
@@ -44,6 +52,9 @@ impl Verify {
 
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
+        if let Some(count) = self.inject {
+            return self.campaign(count as usize);
+        }
         let mut engines = self.engines.clone();
         if self.verilator && !engines.contains(&Engine::Verilator) {
             engines.push(Engine::Verilator);
@@ -73,18 +84,60 @@ impl Verify {
     }
 }
 
-/// A temporary folder that goes with the process.
+impl Verify {
+    /// Damages copies of the folder.
+    fn campaign(&self, count: usize) -> Result<(), Failure> {
+        let progress = self.message_format == MessageFormat::Human;
+        let campaign = Campaign { count, seed: self.seed, steps: self.steps, progress };
+        let findings = campaign.run(&self.folder)?;
+        console::out(&match self.message_format {
+            MessageFormat::Human => show::table(&findings),
+            MessageFormat::Json => format!("{}\n", show::as_json(&findings, self.seed)),
+        });
+        match show::missed(&findings) {
+            0 => Ok(()),
+            missed => Err(Failure::Mismatch(format!(
+                "{missed} of {} damages are neither caught nor shown to be without effect",
+                findings.len()
+            ))),
+        }
+    }
+}
+
+/// A temporary folder that goes with its owner; all of a process are in one.
 pub(crate) struct Scratch {
     path: PathBuf,
 }
 
 impl Scratch {
     pub(crate) fn new() -> Result<Scratch, Failure> {
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("pe-synth-{}-{number}", std::process::id()));
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let path = Self::all().join(COUNT.fetch_add(1, Ordering::Relaxed).to_string());
         fs::create_dir_all(&path).map_err(|error| Failure::file("create", &path, error))?;
         Ok(Scratch { path })
+    }
+
+    fn all() -> PathBuf {
+        std::env::temp_dir().join(format!("pe-synth-{}", std::process::id()))
+    }
+
+    /// From here on an interrupt removes all temporary folders and ends the process.
+    pub(crate) fn remove_when_interrupted() {
+        // Where signals cannot be caught, the folders stay.
+        let _ = ctrlc::set_handler(|| {
+            let all = Self::all();
+            // Other threads and the programs that they run may be writing; what they begin has no place any more.
+            for _ in 0..100 {
+                let _ = fs::remove_dir_all(&all);
+                let _ = fs::write(&all, "");
+                if all.is_file() {
+                    break;
+                }
+                std::thread::sleep(std::time::Duration::from_millis(20));
+            }
+            let _ = fs::remove_file(&all);
+            std::process::exit(i32::from(Failure::Interrupted(String::new()).code()));
+        });
     }
 
     /// A new, empty folder in it.
@@ -100,5 +153,7 @@ impl Scratch {
 impl Drop for Scratch {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.path);
+        // Fails while there are others.
+        let _ = fs::remove_dir(Self::all());
     }
 }

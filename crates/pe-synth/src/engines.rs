@@ -6,8 +6,9 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use pe_ir::program::Program;
 use pe_sim::machine::Machine;
@@ -120,6 +121,19 @@ impl Bench {
     /// # Errors
     /// If the engine is missing, fails, or prints something else than it should.
     pub fn run(&mut self, engine: Engine, job: &Job) -> Result<Run, Failure> {
+        self.run_until_difference(engine, job, None)
+    }
+
+    /// The same; GHDL is stopped at the first memory write that is not the expected one.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn run_until_difference(
+        &mut self,
+        engine: Engine,
+        job: &Job,
+        expected: Option<&[TraceLine]>,
+    ) -> Result<Run, Failure> {
         let stimulus = match job.stimulus {
             Some(text) => self.write("stimulus.txt", text)?,
             None => self.copy(&format!("{}_stimulus.txt", self.design)),
@@ -127,7 +141,7 @@ impl Bench {
         let stimulus = stimulus.display().to_string();
         let text = match engine {
             Engine::Reference => self.reference(job, &stimulus)?,
-            Engine::Ghdl => self.ghdl(job, &stimulus)?,
+            Engine::Ghdl => self.ghdl(job, &stimulus, expected)?,
             Engine::Verilator => self.verilator(job, &stimulus)?,
         };
         parse(&text).map_err(|line| Failure::Mismatch(format!("{} printed `{line}`", engine.name())))
@@ -205,7 +219,7 @@ impl Bench {
         [format!("--workdir={scratch}"), format!("-P{scratch}")]
     }
 
-    fn ghdl(&mut self, job: &Job, stimulus: &str) -> Result<String, Failure> {
+    fn ghdl(&mut self, job: &Job, stimulus: &str, expected: Option<&[TraceLine]>) -> Result<String, Failure> {
         self.analyse(job.words)?;
         let mut run = Command::new("ghdl");
         run.args(["--elab-run", "--std=08"]).args(self.work_folder()).arg(format!("{}_tb", self.design));
@@ -215,7 +229,10 @@ impl Bench {
         }
         // The images of program memories are larger than a process may put on its stack unless told otherwise.
         run.args(["--ieee-asserts=disable-at-0", "--max-stack-alloc=0"]).current_dir(&self.scratch);
-        execute(&mut run, "ghdl", GHDL_INSTALL)
+        match expected {
+            Some(expected) => watched(&mut run, "ghdl", GHDL_INSTALL, expected),
+            None => execute(&mut run, "ghdl", GHDL_INSTALL),
+        }
     }
 
     fn verilator(&mut self, job: &Job, stimulus: &str) -> Result<String, Failure> {
@@ -259,6 +276,41 @@ pub(crate) fn execute(command: &mut Command, tool: &str, install: &str) -> Resul
     let errors = String::from_utf8_lossy(&output.stderr);
     let first: Vec<&str> = errors.lines().chain(text.lines()).take(6).collect();
     Err(Failure::Mismatch(format!("{tool} failed ({}):\n{}", output.status, first.join("\n"))))
+}
+
+/// Runs a program until it ends or prints a memory write that is not the expected one; returns what it printed.
+fn watched(command: &mut Command, tool: &str, install: &str, expected: &[TraceLine]) -> Result<String, Failure> {
+    let cannot = |error: std::io::Error| match error.kind() {
+        std::io::ErrorKind::NotFound => Failure::MissingTool(format!("`{tool}` is not installed: {install}")),
+        _ => Failure::File(format!("cannot run {tool}: {error}")),
+    };
+    let mut child =
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(cannot)?;
+    // A pipe that nobody reads would hold the program up.
+    let mut errors = child.stderr.take();
+    let errors = std::thread::spawn(move || {
+        let mut text = Vec::new();
+        errors.as_mut().map(|errors| errors.read_to_end(&mut text));
+        String::from_utf8_lossy(&text).into_owned()
+    });
+    let (mut text, mut left) = (String::new(), expected.iter());
+    for line in child.stdout.take().into_iter().flat_map(|out| BufReader::new(out).lines()).map_while(Result::ok) {
+        text.push_str(&line);
+        text.push('\n');
+        let write = line.strip_prefix("t ").map(TraceLine::parse);
+        if write.is_some_and(|write| write.as_ref() != left.next()) {
+            let _ = child.kill();
+            let _ = child.wait();
+            return Ok(text);
+        }
+    }
+    let status = child.wait().map_err(cannot)?;
+    let errors = errors.join().unwrap_or_default();
+    if status.success() {
+        return Ok(text);
+    }
+    let first: Vec<&str> = errors.lines().chain(text.lines()).take(6).collect();
+    Err(Failure::Mismatch(format!("{tool} failed ({status}):\n{}", first.join("\n"))))
 }
 
 /// Reads an engine's lines; the error is a line that is none of them.

@@ -32,6 +32,7 @@ pub mod features;
 pub mod feedback;
 pub mod figures;
 pub mod files;
+pub mod inject;
 pub mod mapping_file;
 pub mod options;
 pub mod oscillation;

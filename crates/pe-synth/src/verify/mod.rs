@@ -198,7 +198,7 @@ impl Session<'_> {
         };
         let live = 100.0 * liveliness(&observed.run);
         for engine in &self.options.engines {
-            let run = self.bench.run(*engine, &job)?;
+            let run = self.bench.run_until_difference(*engine, &job, Some(&observed.run.trace))?;
             let has_handshake = *engine != Engine::Reference;
             let clocks = if has_handshake { handshake.clocks } else { observed.run.clocks };
             let expected = engines::Run { clocks, ..observed.run.clone() };

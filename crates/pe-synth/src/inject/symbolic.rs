@@ -1,0 +1,462 @@
+//! Proof that a damage of programs, images or wiring has no effect, by the rules of the datasheet.
+//!
+//! Two networks, the design's and the damaged one, execute the control words of a step side by side with symbols in
+//! place of numbers: a product, a sum, a rounded word is a symbol made of those that it depends on, and means the same
+//! number in both if it is the same symbol. It is an induction over steps. What is stored between two steps is first taken for
+//! constant, then for equal, then for different, until a step keeps what was supposed; the proof holds if all memory writes,
+//! outputs and words that may saturate are the same symbols then. Nothing is computed, so it holds for all states, inputs and
+//! times, also for those that no run reaches.
+
+use std::collections::{BTreeSet, HashMap};
+
+use super::datasheet::{Design, Features, Pe, Source, log2};
+
+/// A symbol.
+type Id = u32;
+
+/// What a symbol means. Numbers are as the datasheet writes them: stored words, operands, sums.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+enum Node {
+    /// A word of an initial image, or a register's 0.
+    Constant(u128),
+    /// The rounding offset: base of words without one, by what makes it.
+    Offset(String),
+    /// What was stored there before the step: place, and which network if they differ.
+    Stored(u32, u8),
+    /// An input or tick in a step.
+    Input(String, u32),
+    /// The operand that the data port, or the coefficient port, sees of a word.
+    Data(Id),
+    Factor(Id),
+    /// Sum of an own and an imported operand; the flag tells whether the PE may add them.
+    Both(Id, Id, bool),
+    Product(Id, Id),
+    Sum(Id, Id),
+    /// Base, held sum, shift.
+    Word(Id, Id, u32),
+    /// Word, whether octaves are counted.
+    Segment(Id, bool),
+    /// One of some base words by an index.
+    Chosen(Id, Vec<Id>),
+    /// A port that is not there.
+    NoPort,
+}
+
+/// What can be seen of a step: place and symbols.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Seen {
+    Write {
+        word: u32,
+        pe: usize,
+        address: u64,
+        value: Id,
+    },
+    Receive {
+        word: u32,
+        pe: usize,
+        address: u64,
+        value: Id,
+    },
+    Output {
+        port: String,
+        step: u32,
+        value: Id,
+    },
+    /// A word that sets the sticky flag if it saturated, or operands that do if they are too large for their sum.
+    MaySaturate(Id),
+    MayBeTooLarge(Id),
+}
+
+const ZERO: Id = 0;
+
+/// All symbols, each once.
+struct Symbols {
+    nodes: Vec<Node>,
+    ids: HashMap<Node, Id>,
+}
+
+impl Symbols {
+    fn new() -> Symbols {
+        let mut symbols = Symbols { nodes: Vec::new(), ids: HashMap::new() };
+        symbols.of(Node::Constant(0));
+        symbols
+    }
+
+    fn of(&mut self, node: Node) -> Id {
+        if let Some(id) = self.ids.get(&node) {
+            return *id;
+        }
+        let id = self.nodes.len() as Id;
+        self.nodes.push(node.clone());
+        self.ids.insert(node, id);
+        id
+    }
+
+    fn is_constant(&self, id: Id) -> bool {
+        matches!(self.nodes[id as usize], Node::Constant(_) | Node::Offset(_))
+    }
+
+    fn product(&mut self, operand: Id, factor: Id) -> Id {
+        if operand == ZERO || factor == ZERO { ZERO } else { self.of(Node::Product(operand, factor)) }
+    }
+
+    fn sum(&mut self, before: Id, product: Id) -> Id {
+        match (before, product) {
+            (ZERO, other) | (other, ZERO) => other,
+            _ => self.of(Node::Sum(before, product)),
+        }
+    }
+
+    /// A stored word; without a sum it is its base.
+    fn word(&mut self, base: Id, held: Id, shift: u32) -> Id {
+        if held == ZERO { base } else { self.of(Node::Word(base, held, shift)) }
+    }
+}
+
+/// Words, registers and pipelines of a PE.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct PeState {
+    own: Vec<Id>,
+    base: Vec<Id>,
+    coefficient: Vec<Id>,
+    imported: Vec<Id>,
+    index: Vec<Id>,
+    /// Index that the next base address takes.
+    fetched: Id,
+    running: Id,
+    held: Id,
+    link: Id,
+    /// Products on their way to the sum, the oldest first.
+    products: Vec<Id>,
+    /// Base word of the scale group of the word before, and its shift.
+    scaled: (Id, u32),
+    /// Words on their way to the write group, the oldest first.
+    words: Vec<Id>,
+}
+
+/// A network between two words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct State {
+    pes: Vec<PeState>,
+    inputs: Vec<Vec<Id>>,
+}
+
+impl State {
+    /// After configuration.
+    fn configured(design: &Design, symbols: &mut Symbols) -> State {
+        let index = symbols.of(Node::Constant(design.index_image));
+        let mut image = |words: &[u128], depth: u32| -> Vec<Id> {
+            let word = |at: usize| words.get(at).copied().unwrap_or(0);
+            (0..depth as usize).map(|at| symbols.of(Node::Constant(word(at)))).collect()
+        };
+        let (operand, addend) = if design.deep { (2, 1) } else { (0, 0) };
+        let pe = |pe: &Pe| PeState {
+            own: image(&pe.images[0], pe.features.own_words),
+            base: image(&pe.images[1], pe.features.base_words),
+            coefficient: image(&pe.images[2], pe.features.coefficient_words),
+            imported: image(&pe.images[3], pe.features.imported_words),
+            index: vec![index; pe.features.index_words as usize],
+            fetched: ZERO,
+            running: ZERO,
+            held: ZERO,
+            link: ZERO,
+            products: vec![ZERO; (operand + design.multiplier + 1) as usize],
+            scaled: (ZERO, 0),
+            words: vec![ZERO; addend + 2],
+        };
+        let pes = design.pes.iter().map(pe).collect();
+        let inputs = design.pes.iter().map(|pe| vec![ZERO; pe.ports.len()]).collect();
+        State { pes, inputs }
+    }
+
+    /// Every place in turn.
+    fn places(&mut self) -> Vec<&mut Id> {
+        let mut places = Vec::new();
+        for pe in &mut self.pes {
+            let memories = [&mut pe.own, &mut pe.base, &mut pe.coefficient, &mut pe.imported, &mut pe.index];
+            places.extend(memories.into_iter().flatten());
+            places.extend([&mut pe.fetched, &mut pe.running, &mut pe.held, &mut pe.link, &mut pe.scaled.0]);
+            places.extend(pe.products.iter_mut().chain(&mut pe.words));
+        }
+        places.extend(self.inputs.iter_mut().flatten());
+        places
+    }
+
+    fn symbols(&mut self) -> Vec<Id> {
+        self.places().into_iter().map(|place| *place).collect()
+    }
+}
+
+/// Executes control words.
+struct Run<'a> {
+    design: &'a Design,
+    state: State,
+    seen: BTreeSet<Seen>,
+}
+
+impl Run<'_> {
+    /// Executes words `from .. to`, counted from the very first one.
+    fn execute(&mut self, symbols: &mut Symbols, from: u32, to: u32) {
+        for count in from..to {
+            self.word(symbols, count);
+        }
+    }
+
+    fn word(&mut self, symbols: &mut Symbols, count: u32) {
+        let Design { period, rounds, .. } = *self.design;
+        let (pause, length) = (self.design.pause(), period / rounds);
+        let settle = count < pause;
+        let parity = count / length % 2 == 1;
+        let last = !settle && (count - pause) / length % rounds == rounds - 1;
+        let place = Place { count, word: count % period, settle, parity, last };
+        let links: Vec<Id> = self.state.pes.iter().map(|pe| pe.link).collect();
+        for index in 0..self.design.pes.len() {
+            self.pe(symbols, index, &place, &links);
+        }
+        // The step begins with the word at which the network waits, and so do its inputs.
+        if !settle && (count - pause).is_multiple_of(period) {
+            for (pe, operands) in self.design.pes.iter().zip(&mut self.state.inputs) {
+                for (source, operand) in pe.ports.iter().zip(operands) {
+                    if let Source::Input(made) = source {
+                        *operand = symbols.of(Node::Input(made.clone(), count / period));
+                    }
+                }
+            }
+        }
+    }
+
+    fn pe(&mut self, symbols: &mut Symbols, index: usize, place: &Place, links: &[Id]) {
+        let pe = &self.design.pes[index];
+        let (f, features) = (&pe.fields, &pe.features);
+        let bits = if place.count == 0 { pe.first } else { pe.words[place.word as usize] };
+        let state = &mut self.state.pes[index];
+        let top = |words: u32| 1u64 << log2(words) >> 1;
+        let steered = |address: u64, swap: bool, words: u32| {
+            if swap && place.parity { address ^ top(words) } else { address }
+        };
+        let read = |memory: &[Id], address: u64| memory[address as usize & (memory.len() - 1)];
+
+        // What the word reads, all from before the word.
+        let own = f
+            .own_enable
+            .set(bits)
+            .then(|| read(&state.own, steered(f.own_address.of(bits), f.own_swap.set(bits), features.own_words)));
+        let imported = f.imported_enable.set(bits).then(|| {
+            let address = f.imported_address.of(bits);
+            read(&state.imported, steered(address, f.imported_swap.set(bits), features.imported_words))
+        });
+        let factor = if features.coefficient_words > 0 {
+            read(&state.coefficient, f.coefficient_address.of(bits))
+        } else {
+            symbols.of(Node::Constant(f.coefficient.of(bits).into()))
+        };
+        let operand = match (own, imported) {
+            (Some(own), Some(imported)) => {
+                let both = symbols.of(Node::Both(own, imported, features.pre_adder));
+                if !place.settle {
+                    self.seen.insert(Seen::MayBeTooLarge(both));
+                }
+                both
+            }
+            (one, other) => one.or(other).unwrap_or(ZERO),
+        };
+        let base = f.base_enable.set(bits).then(|| {
+            let address = f.base_address.of(bits);
+            if state.fetched == ZERO {
+                return read(&state.base, address);
+            }
+            let entries = (0..1u64 << features.index_width).map(|entry| read(&state.base, address | entry)).collect();
+            symbols.of(Node::Chosen(state.fetched, entries))
+        });
+        let fetched = if f.index_enable.set(bits) { read(&state.index, f.index_address.of(bits)) } else { ZERO };
+        let written = state.words[0];
+        let received = f.receive_enable.set(bits).then(|| match pe.ports.get(f.port.of(bits) as usize) {
+            Some(Source::Link(link)) => links.get(*link).copied().unwrap_or(ZERO),
+            Some(Source::Input(_)) => self.state.inputs[index][f.port.of(bits) as usize],
+            None => symbols.of(Node::NoPort),
+        });
+
+        // What it changes.
+        let offset = symbols.of(Node::Offset(self.design.offset.clone()));
+        let (scaled, shift) = state.scaled;
+        let next = symbols.word(scaled, state.held, shift);
+        state.words.remove(0);
+        state.words.push(next);
+        state.scaled = (base.unwrap_or(offset), position(features, f.shift.of(bits)));
+        state.fetched = fetched;
+        let kept = if f.close.set(bits) { ZERO } else { state.running };
+        if f.close.set(bits) {
+            state.held = state.running;
+        }
+        let product = state.products.remove(0);
+        state.products.push(symbols.product(operand, factor));
+        state.running = symbols.sum(kept, product);
+        for (word, port) in &pe.outputs {
+            // What the first pass shows is published by nobody.
+            if *word == place.word && !place.settle {
+                self.seen.insert(Seen::Output { port: port.clone(), step: place.count, value: written });
+            }
+        }
+        if place.settle {
+            // Sending is not disabled.
+            if f.send.set(bits) {
+                state.link = symbols.of(Node::Data(written));
+            }
+            return;
+        }
+        let takes_base = f.write_base.set(bits) && (place.last || !features.base_last);
+        let (takes_own, takes_factor) = (f.write_own.set(bits), f.write_factor.set(bits));
+        let address = steered(f.write_address.of(bits), f.write_swap.set(bits), features.own_words);
+        if takes_own || takes_base || takes_factor {
+            self.seen.insert(Seen::Write { word: place.count, pe: index, address, value: written });
+        }
+        let data = symbols.of(Node::Data(written));
+        let at = |memory: &[Id]| address as usize & (memory.len() - 1);
+        if takes_own {
+            let at = at(&state.own);
+            state.own[at] = data;
+        }
+        if takes_base {
+            let at = at(&state.base);
+            state.base[at] = written;
+        }
+        if takes_factor {
+            let at = at(&state.coefficient);
+            state.coefficient[at] = symbols.of(Node::Factor(written));
+        }
+        let takes_index = f.write_index.set(bits);
+        if takes_index {
+            let at = f.write_index_address.of(bits) as usize;
+            state.index[at] = symbols.of(Node::Segment(written, f.write_octave.set(bits)));
+        }
+        if f.send.set(bits) {
+            state.link = data;
+        }
+        let flagged = takes_own || takes_base || takes_factor || takes_index || f.send.set(bits);
+        // A word without a sum is a word that is stored already, or the offset.
+        if flagged && matches!(symbols.nodes[written as usize], Node::Word(..)) {
+            self.seen.insert(Seen::MaySaturate(written));
+        }
+        if let Some(received) = received {
+            let address = steered(f.receive_address.of(bits), f.receive_swap.set(bits), features.imported_words);
+            self.seen.insert(Seen::Receive { word: place.count, pe: index, address, value: received });
+            let at = address as usize & (state.imported.len() - 1);
+            state.imported[at] = received;
+        }
+    }
+}
+
+/// What a shift index means; indices without a position of their own are told apart.
+fn position(features: &Features, index: u64) -> u32 {
+    features.shifts.get(index as usize).copied().unwrap_or(1_000 + index as u32)
+}
+
+/// Where a word stands.
+struct Place {
+    count: u32,
+    word: u32,
+    settle: bool,
+    parity: bool,
+    last: bool,
+}
+
+/// What is supposed of a place between two steps.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Supposed {
+    Constant(Id),
+    Equal,
+    Different,
+}
+
+/// Whether a damaged design writes, shows and flags the same as the design in every step from every state; what is seen
+/// first to differ otherwise.
+///
+/// # Errors
+/// Why there is no proof.
+pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
+    let pes = design.pes.iter().zip(&damaged.pes);
+    let shapes = |a: &Pe, b: &Pe| {
+        let depths = |pe: &Pe| {
+            let f = &pe.features;
+            [f.own_words, f.base_words, f.coefficient_words, f.imported_words, f.index_words]
+        };
+        depths(a) == depths(b) && a.ports.len() == b.ports.len()
+    };
+    let alike = [design.period, design.rounds, design.multiplier]
+        == [damaged.period, damaged.rounds, damaged.multiplier]
+        && design.deep == damaged.deep
+        && design.widths == damaged.widths;
+    if !alike || design.pes.len() != damaged.pes.len() || !pes.clone().all(|(a, b)| shapes(a, b)) {
+        return Err("the networks have other memories or another timing".into());
+    }
+    let symbols = &mut Symbols::new();
+    let pause = design.pause();
+    let mut runs = [design, damaged].map(|design| {
+        let state = State::configured(design, symbols);
+        Run { design, state, seen: BTreeSet::new() }
+    });
+    for run in &mut runs {
+        run.execute(symbols, 0, pause);
+    }
+    let [own, other] = [0, 1].map(|side| runs[side].state.symbols());
+    let mut supposed: Vec<Supposed> = own
+        .iter()
+        .zip(&other)
+        .map(|(own, other)| match own == other {
+            true if symbols.is_constant(*own) => Supposed::Constant(*own),
+            true => Supposed::Equal,
+            false => Supposed::Different,
+        })
+        .collect();
+    // Buffers change roles in every round, so with an odd number of rounds two steps are one turn.
+    let steps = 1 + design.rounds % 2;
+    loop {
+        for (side, run) in (0..).zip(&mut runs) {
+            let places = run.state.places().into_iter().zip(&supposed);
+            for (at, (place, supposed)) in (0..).zip(places) {
+                *place = match supposed {
+                    Supposed::Constant(id) => *id,
+                    Supposed::Equal => symbols.of(Node::Stored(at, 0)),
+                    Supposed::Different => symbols.of(Node::Stored(at, 1 + side)),
+                };
+            }
+            // The shift of the word before the step is not a place: it is the program's.
+            let word = (pause + design.period - 1) % design.period;
+            for (pe, state) in run.design.pes.iter().zip(&mut run.state.pes) {
+                state.scaled.1 = position(&pe.features, pe.fields.shift.of(pe.words[word as usize]));
+            }
+            run.seen.clear();
+            run.execute(symbols, pause, pause + steps * design.period);
+        }
+        let [own, other] = [0, 1].map(|side| runs[side].state.symbols());
+        let mut kept = true;
+        for ((supposed, own), other) in supposed.iter_mut().zip(own).zip(other) {
+            let now = match supposed {
+                Supposed::Constant(id) if *id == own && own == other => continue,
+                Supposed::Constant(_) | Supposed::Equal if own == other => Supposed::Equal,
+                _ => Supposed::Different,
+            };
+            kept &= now == *supposed;
+            *supposed = now;
+        }
+        if kept {
+            break;
+        }
+    }
+    let different = runs[0].seen.symmetric_difference(&runs[1].seen).next();
+    different.map_or(Ok(()), |seen| Err(described(seen, design)))
+}
+
+fn described(seen: &Seen, design: &Design) -> String {
+    match seen {
+        Seen::Write { word, pe, address, .. } => {
+            format!("PE {pe} may write another word to {address:x} in word {}", word % design.period)
+        }
+        Seen::Receive { word, pe, address, .. } => {
+            format!("PE {pe} may receive another operand to {address:x} in word {}", word % design.period)
+        }
+        Seen::Output { port, .. } => format!("`{port}` may be another word"),
+        Seen::MaySaturate(_) => "another word may set a sticky flag".into(),
+        Seen::MayBeTooLarge(_) => "other operands may be too large for their sum".into(),
+    }
+}
