@@ -11,6 +11,8 @@ use crate::tiles::{self, Outcome};
 #[derive(Clone, Debug)]
 pub(crate) struct Slots {
     of: Vec<u32>,
+    /// The slot behind those of all values.
+    zero: u32,
     /// Number of lookups.
     lookups: u32,
     /// First entry of each column that is kept, by a value that it gives and its index into [`Slots::entries`].
@@ -34,16 +36,44 @@ impl Slots {
 
     /// The same, where values of a column that differ in `kind` have entries of their own.
     pub fn with_columns(graph: &StepGraph, column_kind: impl Fn(ValueId) -> i32) -> Slots {
+        Slots::in_rows(graph, column_kind, (1, 0, |_, row| (row, false)))
+    }
+
+    /// The same, where `row` may change the row of a value and its place in there, and says whether places are exact:
+    /// slots between them, and `tail` slots behind the last one, are then left free. Rows begin at multiples of `align`
+    /// slots.
+    pub fn in_rows(
+        graph: &StepGraph,
+        column_kind: impl Fn(ValueId) -> i32,
+        (align, tail, row): (u32, u32, impl Fn(ValueId, InRow) -> (InRow, bool)),
+    ) -> Slots {
+        let kinds = graph.values.iter().map(|value| kind(&value.role));
+        let rows: Vec<(InRow, bool)> = (0..).zip(kinds).map(|(index, kind)| row(ValueId(index), kind)).collect();
         let mut order: Vec<u32> = (0..graph.values.len() as u32).collect();
-        order.sort_by_key(|index| (kind(&graph.values[*index as usize].role), *index));
-        let mut of = vec![0; order.len()];
-        for (slot, value) in order.iter().enumerate() {
-            of[*value as usize] = slot as u32;
+        order.sort_by_key(|index| (rows[*index as usize].0, *index));
+        let (mut of, mut zero, mut given) = (vec![0; order.len()], 0u32, 0);
+        let (mut before, mut start, mut behind) = (None, 0, 0);
+        for value in order {
+            let ((kind, stage, place), exact) = rows[value as usize];
+            if before.replace((kind, stage)) != Some((kind, stage)) {
+                zero = (zero + behind).next_multiple_of(align);
+                start = zero;
+                behind = if exact { tail } else { 0 };
+            }
+            if exact {
+                zero = zero.max(start + place);
+            }
+            of[value as usize] = zero;
+            zero += 1;
+            if kind < COMPUTED {
+                given = zero as usize;
+            }
         }
-        let given = order.iter().take_while(|value| kind(&graph.values[**value as usize].role).0 < COMPUTED).count();
+        zero += behind;
         let lookups = graph.functions.lookups.len() as u32;
         let mut slots = Slots {
             of,
+            zero,
             lookups,
             columns: Vec::new(),
             column_of: BTreeMap::new(),
@@ -74,6 +104,11 @@ impl Slots {
         slots
     }
 
+    /// All values with what is their row unless it is changed.
+    pub fn kinds<'a>(graph: &'a StepGraph) -> impl Iterator<Item = (ValueId, InRow)> + 'a {
+        (0..).zip(&graph.values).map(|(index, value)| (ValueId(index), kind(&value.role)))
+    }
+
     /// The slot of a value.
     pub fn of(&self, value: ValueId) -> u32 {
         self.of[value.index()]
@@ -91,7 +126,7 @@ impl Slots {
 
     /// The slot of what a missing base means.
     pub fn zero(&self) -> u32 {
-        self.of.len() as u32
+        self.zero
     }
 
     /// What [`Slots::take_over`] moves: from, to, length.
@@ -134,8 +169,7 @@ impl Slots {
         }
     }
 
-    /// The chains of a graph over slots; the products of two values come last in each sum. `class` and `shift` say what
-    /// the arithmetic needs to know of a chain and of its writes, `coefficient` gives the number of a term.
+    /// The chains of a graph over slots as tiles; arguments as those of [`Slots::chains`].
     pub fn arrange<C: Copy + PartialEq>(
         &self,
         graph: &StepGraph,
@@ -143,6 +177,20 @@ impl Slots {
         coefficient: impl Fn(usize) -> C,
         shift: impl Fn(usize, usize, &Write) -> i32,
     ) -> tiles::Tiles<C> {
+        let (chains, terms, columns) = self.chains(graph, class, coefficient, shift);
+        tiles::Tiles::new(&chains, &terms, self.count(), columns)
+    }
+
+    /// The chains of a graph over slots, their terms, and what lookups choose among; the products of two values come
+    /// last in each sum. `class` and `shift` say what the arithmetic needs to know of a chain and of its writes,
+    /// `coefficient` gives the number of a term.
+    pub fn chains<C>(
+        &self,
+        graph: &StepGraph,
+        class: impl Fn(usize, &Chain) -> u32,
+        coefficient: impl Fn(usize) -> C,
+        shift: impl Fn(usize, usize, &Write) -> i32,
+    ) -> (Vec<tiles::Chain>, Vec<tiles::Term<C>>, tiles::Columns) {
         use pe_ir::graph::Factor;
         let mut terms = Vec::with_capacity(graph.terms.len());
         let mut chains = Vec::with_capacity(graph.chains.len());
@@ -194,16 +242,20 @@ impl Slots {
             });
         }
         let choices = (self.first_entry()..self.first_entry() + self.entries).collect();
-        let columns = tiles::Columns { segments: graph.functions.segments, choices };
-        tiles::Tiles::new(&chains, &terms, self.count(), columns)
+        (chains, terms, tiles::Columns { segments: graph.functions.segments, choices })
     }
 }
 
 /// The first kind of values that chains write.
 const COMPUTED: u32 = 3;
 
-/// Kind of a value, its stage or serial number, and what it belongs to.
-fn kind(role: &Role) -> (u32, u32, u32) {
+/// Kind of a value, its stage or serial number, which are its row, and what it belongs to, which is its place there.
+pub(crate) type InRow = (u32, u32, u32);
+
+/// The row of values that are states of the next step.
+pub(crate) const NEXT: u32 = 5;
+
+fn kind(role: &Role) -> InRow {
     match *role {
         Role::State(state) => (0, 0, state),
         Role::Input(input) => (1, 0, input),
@@ -211,7 +263,7 @@ fn kind(role: &Role) -> (u32, u32, u32) {
         Role::Stage(state, stage) => (COMPUTED, u32::from(stage), state),
         Role::Sum(state, stage) => (4, u32::from(stage), state),
         Role::Interim(state, stage) => (13, u32::from(stage), state),
-        Role::Next(state) => (5, 0, state),
+        Role::Next(state) => (NEXT, 0, state),
         Role::Algebraic(algebraic, stage) => (6, u32::from(stage), algebraic),
         Role::Inner(equation, serial) => (7, serial, equation),
         Role::Partial(equation, serial) => (8, serial, equation),

@@ -184,8 +184,6 @@ pub(crate) enum Lookups {
 #[derive(Clone, Debug)]
 pub(crate) struct Tile {
     pub lanes: u32,
-    /// Tiles of one level do not depend on each other.
-    pub level: u32,
     pub class: u32,
     /// Kept sums that the sums start from; none means zero.
     pub starts: Option<Place>,
@@ -233,18 +231,18 @@ impl<C: Copy + PartialEq> Tiles<C> {
             columns,
             firsts: Vec::new(),
         };
-        for (shape, group) in &groups(chains, terms, slots, &tiles.columns) {
+        for group in groups(chains, terms, slots, &tiles.columns).values() {
             let mut rest = &group[..];
             while !rest.is_empty() {
                 let (tile, others) = rest.split_at(tile_length(rest, terms));
-                tiles.push(tile, terms, shape.0);
+                tiles.push(tile, terms);
                 rest = others;
             }
         }
         tiles
     }
 
-    fn push(&mut self, lanes: &[&Chain], terms: &[Term<C>], level: u32) {
+    fn push(&mut self, lanes: &[&Chain], terms: &[Term<C>]) {
         let (products, writes) = (self.products.len() as u32, self.writes.len() as u32);
         let first = lanes[0];
         for position in 0..first.terms.len() {
@@ -277,7 +275,6 @@ impl<C: Copy + PartialEq> Tiles<C> {
         let lookups = self.lookups(lanes);
         self.tiles.push(Tile {
             lanes: lanes.len() as u32,
-            level,
             class: first.class,
             starts,
             kept,
@@ -347,16 +344,10 @@ fn shared<T: Copy + PartialEq>(numbers: impl Iterator<Item = T> + Clone, all: &m
 /// products, long chains first.
 type Shape = (u32, u32, bool, u8, Reverse<usize>, Vec<bool>);
 
-/// Chains that may run side by side, in the order of what they write.
-fn groups<'a, C>(
-    chains: &'a [Chain],
-    terms: &[Term<C>],
-    slots: usize,
-    columns: &Columns,
-) -> BTreeMap<Shape, Vec<&'a Chain>> {
+/// For each chain how many others have to run before it, one after another.
+pub(crate) fn levels<C>(chains: &[Chain], terms: &[Term<C>], slots: usize, columns: &Columns) -> Vec<u32> {
     let mut level_of = vec![0u32; slots];
-    let mut groups: BTreeMap<Shape, Vec<&Chain>> = BTreeMap::new();
-    for chain in chains {
+    let mut level = |chain: &Chain| {
         let own = &terms[chain.terms.start as usize..chain.terms.end as usize];
         let operands = own.iter().map(|term| term.operand);
         let factors = own.iter().filter_map(|term| match term.factor {
@@ -373,6 +364,21 @@ fn groups<'a, C>(
         for target in chain.targets() {
             level_of[target as usize] = level + 1;
         }
+        level
+    };
+    chains.iter().map(&mut level).collect()
+}
+
+/// Chains that may run side by side, in the order of what they write.
+fn groups<'a, C>(
+    chains: &'a [Chain],
+    terms: &[Term<C>],
+    slots: usize,
+    columns: &Columns,
+) -> BTreeMap<Shape, Vec<&'a Chain>> {
+    let mut groups: BTreeMap<Shape, Vec<&Chain>> = BTreeMap::new();
+    for (chain, level) in chains.iter().zip(levels(chains, terms, slots, columns)) {
+        let own = &terms[chain.terms.start as usize..chain.terms.end as usize];
         let kinds = own.iter().map(|term| matches!(term.factor, Factor::Value(_))).collect();
         let shape = (level, chain.class, chain.start.is_some(), chain.kind(), Reverse(own.len()), kinds);
         groups.entry(shape).or_default().push(chain);

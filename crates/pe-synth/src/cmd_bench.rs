@@ -2,42 +2,35 @@
 
 use std::fmt::Write;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
-use pe_sim::native;
 use serde_json::{Value, json};
 
 use crate::clock::{Clock, ClockSource};
 use crate::cmd_compile::positive;
 use crate::cmd_verify::Scratch;
 use crate::console;
-use crate::engines::execute;
 use crate::failure::{Failure, MessageFormat};
+use crate::native::{self, Measured, Measurement, Other, REPETITIONS};
 use crate::options::{DesignPoint, ModelOptions};
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
 use crate::report;
 
 /// Products of a repetition, at least: long beside the resolution of any clock.
-const PRODUCTS: u64 = 200_000_000;
-
-/// Products of a step from which on all cores are tried: below, waiting for each other takes longer than the work.
-const WORTH_ALL_CORES: u64 = 10_000;
-
-/// Repetitions of which the median counts.
-const REPEATS: usize = 5;
+const PRODUCTS: u64 = 50_000_000;
 
 /// Runs the model as native code on this computer and compares its speed with the hardware's
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
   pe-synth bench models/van_der_pol/van_der_pol.spec --pes 2
-  pe-synth bench models/weibel11/weibel11.spec --pes 396 --span 20ms -o weibel11_bench.json")]
+  pe-synth bench models/weibel11/weibel11.spec --pes 396 --span 20ms -o weibel11_bench.json
+  pe-synth bench models/wave80/wave80.spec --pes 63 --against double=./wave80 --against single=./wave80f")]
 pub struct Bench {
     #[command(flatten)]
     point: DesignPoint,
@@ -52,22 +45,13 @@ pub struct Bench {
     /// Steps of a repetition [default: as many as take a fraction of a second]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000_000), help_heading = "Output")]
     steps: Option<u64>,
+    /// Times a program of your own as well, which is called with STEPS REPETITIONS INPUTS and prints what a generated one
+    /// prints
+    #[arg(long, value_name = "PRECISION=PROGRAM", value_parser = native::other, help_heading = "Output")]
+    against: Vec<Other>,
     #[command(flatten)]
     model: ModelOptions,
 }
-
-/// How the model ran on this computer.
-struct Measured {
-    precision: &'static str,
-    cores: usize,
-    /// Median of the repetitions.
-    seconds_per_step: f64,
-    /// Largest deviation of a state from our run in double precision, relative to its largest magnitude.
-    error: f64,
-}
-
-/// A precision and the type that the program computes with.
-const PRECISIONS: [(&str, &str); 2] = [("double", "f64"), ("single", "f32")];
 
 impl Bench {
     /// Form of messages.
@@ -92,29 +76,34 @@ impl Bench {
         )?;
         let native = watch.stage(
             "native",
-            || natively(model, graph, &inputs, &reference),
+            || {
+                let scratch = Scratch::new()?;
+                native::measure(model, graph, &inputs, &reference, (&scratch.folder("bench")?, &self.against))
+            },
             |result| match result {
-                Ok((runs, _)) => format!("{} runs", runs.len()),
+                Ok(measurement) => format!("{} runs", measurement.runs.len()),
                 Err(_) => "not measured".to_owned(),
             },
         );
-        let (runs, kernel) = match native {
-            Ok((runs, compiler)) => (runs, format!("Rust generated for the model, {compiler}")),
-            Err(Failure::MissingTool(text)) => {
-                (vec![own], format!("the loops of this program, in double precision on one core: {text}"))
-            }
+        let measurement = match native {
+            Ok(measurement) => measurement,
+            Err(Failure::MissingTool(text)) if self.against.is_empty() => Measurement {
+                runs: vec![own],
+                work: None,
+                kernel: format!("the loops of this program, in double precision on one core: {text}"),
+            },
             Err(failure) => return Err(failure),
         };
         let pes = design.program.pes.len() as u32;
         let clock = ClockSource { given: self.clock, device: None }.of(&design.program.format, pes);
-        let figures = figures(&design, model, clock, (&kernel, steps), &runs);
+        let figures = figures(&design, model, clock, steps, &measurement);
         if let Some(path) = &self.output {
             fs::write(path, format!("{figures:#}\n")).map_err(|error| Failure::file("write", path, error))?;
         }
         if quiet {
             console::out(&format!("{figures}\n"));
         } else {
-            console::out(&table(&design, model, clock, (&kernel, steps), &runs));
+            console::out(&table(&design, model, clock, steps, &measurement));
         }
         Ok(())
     }
@@ -123,8 +112,8 @@ impl Bench {
 /// Runs the loops that the compiler itself uses; gives the states after the last step and the time of a step.
 fn in_process(model: &Model, graph: &StepGraph, inputs: &[Vec<f64>]) -> Result<(Trajectory, Measured), Failure> {
     let mut reference = Trajectory::new(model.states.len());
-    let mut seconds = Vec::new();
-    for _ in 0..=REPEATS {
+    let mut fastest = f64::INFINITY;
+    for _ in 0..REPETITIONS {
         let mut run = DoubleRun::new(graph);
         let clock = Instant::now();
         for inputs in inputs {
@@ -132,86 +121,13 @@ fn in_process(model: &Model, graph: &StepGraph, inputs: &[Vec<f64>]) -> Result<(
             finite
                 .map_err(|_| Failure::Mismatch("the run is not finite beyond the span: try fewer `--steps`".into()))?;
         }
-        seconds.push(clock.elapsed().as_secs_f64());
+        fastest = fastest.min(clock.elapsed().as_secs_f64());
         reference = Trajectory::new(model.states.len());
         reference.push(|state| run.state(state));
     }
-    let seconds_per_step = median(&mut seconds[1..]) / inputs.len() as f64;
-    Ok((reference, Measured { precision: "double", cores: 1, seconds_per_step, error: 0.0 }))
-}
-
-fn median(numbers: &mut [f64]) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    numbers[numbers.len() / 2]
-}
-
-/// Builds the model as Rust programs and runs them; also gives the compiler's version.
-fn natively(
-    model: &Model,
-    graph: &StepGraph,
-    inputs: &[Vec<f64>],
-    reference: &Trajectory,
-) -> Result<(Vec<Measured>, String), Failure> {
-    let install = "install Rust from https://rustup.rs";
-    let version = execute(Command::new("rustc").arg("--version"), "rustc", install)?;
-    let scratch = Scratch::new()?;
-    let folder = scratch.folder("bench")?;
-    let write = |path: &Path, text: &str| fs::write(path, text).map_err(|error| Failure::file("write", path, error));
-    let input_file = folder.join("inputs.txt");
-    let line = |numbers: &Vec<f64>| numbers.iter().map(|n| format!("{n:e}")).collect::<Vec<_>>().join(" ") + "\n";
-    write(&input_file, &inputs.iter().map(line).collect::<String>())?;
-    let loops = native::loops(graph);
-    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let mut runs = Vec::new();
-    for (precision, number) in PRECISIONS {
-        let (source, program) = (folder.join(format!("{precision}.rs")), folder.join(precision));
-        let head = "#![allow(overflowing_literals, unused_unsafe, dead_code, clippy::all)]\n";
-        write(&source, &format!("{head}type R = {number};\n{loops}{}", include_str!("../../../templates/native.rs")))?;
-        let mut build = Command::new("rustc");
-        build.args(["--edition", "2021", "-C", "opt-level=3", "-C", "target-cpu=native", "-o"]);
-        execute(build.arg(&program).arg(&source), "rustc", install).map_err(|failure| match failure {
-            Failure::Mismatch(text) if text.contains("linker") && text.contains("not found") => {
-                Failure::MissingTool("a C linker is not installed: apt-get install gcc".into())
-            }
-            failure => failure,
-        })?;
-        let all = (cores > 1 && graph.macs() >= WORTH_ALL_CORES).then_some(cores);
-        for threads in std::iter::once(1).chain(all) {
-            let mut run = Command::new(&program);
-            run.args([inputs.len().to_string(), REPEATS.to_string(), threads.to_string()]).arg(&input_file);
-            let text = execute(&mut run, "the native program", "it was just built")?;
-            let (mut seconds, states) = printed(&text).ok_or_else(|| Failure::Internal("a native program".into()))?;
-            let error = error_of(model, reference, &states)?;
-            let seconds_per_step = median(&mut seconds) / inputs.len() as f64;
-            runs.push(Measured { precision, cores: threads, seconds_per_step, error });
-        }
-    }
-    Ok((runs, version.trim().to_owned()))
-}
-
-/// What a native program printed: seconds of its repetitions, and states.
-fn printed(text: &str) -> Option<(Vec<f64>, Vec<f64>)> {
-    let (mut seconds, mut states) = (Vec::new(), Vec::new());
-    for line in text.lines() {
-        match line.split_once(' ')? {
-            ("seconds", number) => seconds.push(number.parse().ok()?),
-            ("state", bits) => states.push(f64::from_bits(u64::from_str_radix(bits, 16).ok()?)),
-            _ => return None,
-        }
-    }
-    (seconds.len() == REPEATS).then_some((seconds, states))
-}
-
-/// Error of the states relative to our own run; a program that computes something else is not a baseline.
-fn error_of(model: &Model, reference: &Trajectory, states: &[f64]) -> Result<f64, Failure> {
-    if states.len() != model.states.len() {
-        return Err(Failure::Mismatch(format!("the native program printed {} states", states.len())));
-    }
-    let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
-    let mut run = Trajectory::new(states.len());
-    run.push(|state| states[state]);
-    let error = reference.deviation(&run).worst(&reference.scales(&quantities)).1;
-    if error.is_finite() { Ok(error) } else { Err(Failure::Mismatch("the native program is not finite".into())) }
+    let seconds_per_step = fastest / inputs.len() as f64;
+    let precision = "double".to_owned();
+    Ok((reference, Measured { program: None, precision, cores: 1, seconds_per_step, error: 0.0, limits: None }))
 }
 
 /// Seconds that the hardware takes for a step.
@@ -219,19 +135,41 @@ fn hardware_step(design: &Design, clock: Clock) -> f64 {
     f64::from(design.program.period) / (clock.mhz * 1e6)
 }
 
-fn figures(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str, u64), runs: &[Measured]) -> Value {
+/// The generated program that a program of the user is compared with.
+fn rival<'a>(runs: &'a [Measured], other: &Measured) -> Option<&'a Measured> {
+    other.program.as_ref()?;
+    runs.iter().find(|run| run.program.is_none() && run.cores == 1 && run.precision == other.precision)
+}
+
+fn figures(design: &Design, model: &Model, clock: Clock, steps: u64, measurement: &Measurement) -> Value {
     let hardware = hardware_step(design, clock);
     let run = |run: &Measured| {
+        let reached = measurement.work.and_then(|work| run.reached(work));
         json!({
+            "program": run.program,
             "precision": run.precision,
             "cores": run.cores,
             "us_per_step": run.seconds_per_step * 1e6,
             "ms_per_simulated_second": run.seconds_per_step * 1e3 / model.mean_step(),
             "ns_per_product": run.seconds_per_step * 1e9 / design.graph.macs() as f64,
             "error": run.error,
+            "vector_bits": run.limits.map(|limits| limits.vector),
+            "of_arithmetic": reached.map(|(arithmetic, _)| arithmetic),
+            "of_memory": reached.map(|(_, memory)| memory),
+            "peak_operations_per_s": run.limits.map(|limits| limits.operations),
+            "peak_bytes_per_s": run.limits.map(|limits| limits.bytes),
+            "generated_takes": rival(&measurement.runs, run).map(|own| own.seconds_per_step / run.seconds_per_step),
             "hardware_faster": run.seconds_per_step / hardware,
         })
     };
+    let work = measurement.work.map(|work| {
+        json!({
+            "operations": work.operations,
+            "numbers_moved": work.moved,
+            "numbers_kept": work.kept,
+            "products_in_loops": work.in_loops,
+        })
+    });
     json!({
         "model": model.name,
         "states": model.states.len(),
@@ -239,10 +177,11 @@ fn figures(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str,
         "solver": model.solver.name(),
         "products_per_step": design.graph.macs(),
         "computer": {
-            "kernel": kernel,
+            "kernel": measurement.kernel,
             "steps": steps,
-            "repetitions": REPEATS,
-            "runs": runs.iter().map(run).collect::<Vec<_>>(),
+            "repetitions": REPETITIONS,
+            "work": work,
+            "runs": measurement.runs.iter().map(run).collect::<Vec<_>>(),
         },
         "hardware": {
             "pes": design.program.pes.len(),
@@ -256,22 +195,44 @@ fn figures(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str,
     })
 }
 
-fn table(design: &Design, model: &Model, clock: Clock, (kernel, steps): (&str, u64), runs: &[Measured]) -> String {
+fn table(design: &Design, model: &Model, clock: Clock, steps: u64, measurement: &Measurement) -> String {
     let hardware = hardware_step(design, clock);
     let mut text =
-        format!("  {:<30} {:>12} {:>20} {:>9} {:>10}\n", "", "us per step", "ms per simulated s", "error", "hardware");
+        format!("  {:<36} {:>12} {:>20} {:>9} {:>10}\n", "", "us per step", "ms per simulated s", "error", "hardware");
     let mut line = |name: &str, seconds: f64, error: f64, factor: &str| {
         let (step, second) = (seconds * 1e6, seconds * 1e3 / model.mean_step());
-        let _ = writeln!(text, "  {name:<30} {step:>12.3} {second:>20.3} {error:>9.1e} {factor:>10}");
+        let _ = writeln!(text, "  {name:<36} {step:>12.3} {second:>20.3} {error:>9.1e} {factor:>10}");
     };
-    for run in runs {
+    let name = |run: &Measured| {
         let cores = if run.cores == 1 { "1 core".to_owned() } else { format!("{} cores", run.cores) };
+        format!("{}, {}, {cores}", run.program.as_deref().unwrap_or("computer"), run.precision)
+    };
+    for run in &measurement.runs {
         let factor = format!("{:.2} x", run.seconds_per_step / hardware);
-        line(&format!("computer, {}, {cores}", run.precision), run.seconds_per_step, run.error, &factor);
+        line(&name(run), run.seconds_per_step, run.error, &factor);
     }
     let pes = design.program.pes.len();
     line(&format!("hardware, {pes} PEs"), hardware, design.judged.errors.word_length, "1");
-    text += &report::row("computer", &format!("{kernel}; median of {REPEATS} runs of {steps} steps"));
+    for run in &measurement.runs {
+        if let (Some(limits), Some((arithmetic, memory))) =
+            (run.limits, measurement.work.and_then(|work| run.reached(work)))
+        {
+            let (arithmetic, memory) = (arithmetic * 100.0, memory * 100.0);
+            let (operations, bytes) = (limits.operations * 1e-9, limits.bytes * 1e-9);
+            let limits = format!(
+                "vectors of {} bits; {arithmetic:.0} % of the {operations:.0} G operations per s and {memory:.0} % of \
+                 the {bytes:.0} GB per s that a core does at most",
+                limits.vector
+            );
+            text += &report::row(&format!("{}, {}", run.precision, run.cores), &limits);
+        }
+        if let Some(own) = rival(&measurement.runs, run) {
+            let takes = own.seconds_per_step / run.seconds_per_step;
+            text += &report::row(&name(run), &format!("the generated program takes {takes:.2} of its time"));
+        }
+    }
+    text +=
+        &report::row("computer", &format!("{}; fastest of {REPETITIONS} runs of {steps} steps", measurement.kernel));
     let name = pipeline::multiplier_name(&design.program.format);
     let cycles = design.program.period;
     text + &report::row("hardware", &format!("{cycles} cycles per step at {}, {name}", clock.words()))

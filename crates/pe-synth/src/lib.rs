@@ -34,6 +34,7 @@ pub mod figures;
 pub mod files;
 pub mod inject;
 pub mod mapping_file;
+pub mod native;
 pub mod options;
 pub mod oscillation;
 pub mod output;
