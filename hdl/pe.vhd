@@ -203,24 +203,64 @@ begin
 
   begin
 
-    u_coefficient : entity pe_lib.pe_ram
-      generic map (
-        WORDS     => COEFF_WORDS,
-        WORD_BITS => COEFFICIENT_BITS,
-        IMAGE     => COEFF_IMAGE,
-        DEEP      => DEEP
-      )
-      port map (
-        clk_i           => clk_i,
-        ce_i            => advance,
-        write_enable_i  => write_factor,
-        write_address_i => std_ulogic_vector(resize(unsigned(write_address), COEFF_BITS)),
-        write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - COEFFICIENT_BITS),
-        read_enable_i   => '1',
-        read_address_i  => bits(control_i, LAYOUT.coefficient_address, COEFF_BITS),
-        default_i       => (others => '0'),
-        read_data_o     => coefficient_operand
-      );
+    g_written : if FACTOR generate
+
+      u_coefficient : entity pe_lib.pe_ram
+        generic map (
+          WORDS     => COEFF_WORDS,
+          WORD_BITS => COEFFICIENT_BITS,
+          IMAGE     => COEFF_IMAGE,
+          DEEP      => DEEP
+        )
+        port map (
+          clk_i           => clk_i,
+          ce_i            => advance,
+          write_enable_i  => write_factor,
+          write_address_i => std_ulogic_vector(resize(unsigned(write_address), COEFF_BITS)),
+          write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - COEFFICIENT_BITS),
+          read_enable_i   => '1',
+          read_address_i  => bits(control_i, LAYOUT.coefficient_address, COEFF_BITS),
+          default_i       => (others => '0'),
+          read_data_o     => coefficient_operand
+        );
+
+    end generate g_written;
+
+    g_constant : if not FACTOR generate
+
+      signal coefficient : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0);
+      signal follower    : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
+
+    begin
+
+      u_coefficient : entity pe_lib.pe_rom
+        generic map (
+          CONTROL_BITS => COEFFICIENT_BITS,
+          PERIOD       => COEFF_WORDS,
+          CONTENT      => COEFF_IMAGE
+        )
+        port map (
+          clk_i     => clk_i,
+          fetch_i   => advance,
+          address_i => bits(control_i, LAYOUT.coefficient_address, COEFF_BITS),
+          control_o => coefficient
+        );
+
+      p_follow : process (clk_i) is
+      begin
+
+        if rising_edge(clk_i) then
+          if (advance = '1') then
+            follower <= coefficient;
+          end if;
+        end if;
+
+      end process p_follow;
+
+      coefficient_operand <= follower when DEEP else
+                             coefficient;
+
+    end generate g_constant;
 
   end generate g_stored;
 

@@ -4,6 +4,9 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
+library pe_lib;
+  use pe_lib.pe_style_pkg.all;
+
 -- Signed product of a data operand and a coefficient, both registered by the memories. The data operand arrives as
 -- two words that the pre-adder of a multiplier block adds. Where at most one is not 0 this saves a multiplexer;
 -- PRE_ADDER allows both, as long as their sum fits the operand. The product register is loaded LATENCY clocks after the
@@ -107,16 +110,28 @@ begin
 
   g_single : if LATENCY = 1 generate
 
+    signal whole : signed(PRODUCT_BITS - 1 downto 0) := (others => '0');
+
+    attribute use_dsp of whole       : signal is "yes";
+    attribute use_dsp48 of whole     : signal is "yes";
+    attribute multstyle of whole     : signal is "dsp";
+    attribute syn_multstyle of whole : signal is "block_mult";
+    attribute syn_dspstyle of whole  : signal is "dsp";
+
+  begin
+
     p_multiply : process (clk_i) is
     begin
 
       if rising_edge(clk_i) then
         if (ce_i = '1') then
-          product <= (own + imported) * coefficient;
+          whole <= (own + imported) * coefficient;
         end if;
       end if;
 
     end process p_multiply;
+
+    product <= whole;
 
   end generate g_single;
 
@@ -142,6 +157,12 @@ begin
     signal low_low   : signed(OUTER_SPLIT + 1 downto 0)                       := (others => '0');
     signal outer     : signed(PRODUCT_BITS - 1 downto 0)                       := (others => '0');
     signal inner     : signed(PRODUCT_BITS - 1 downto 0)                       := (others => '0');
+
+    attribute use_dsp of high_high, high_low, low_high, low_low       : signal is "yes";
+    attribute use_dsp48 of high_high, high_low, low_high, low_low     : signal is "yes";
+    attribute multstyle of high_high, high_low, low_high, low_low     : signal is "dsp";
+    attribute syn_multstyle of high_high, high_low, low_high, low_low : signal is "block_mult";
+    attribute syn_dspstyle of high_high, high_low, low_high, low_low  : signal is "dsp";
 
   begin
 

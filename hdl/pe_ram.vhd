@@ -6,6 +6,7 @@ library ieee;
 
 library pe_lib;
   use pe_lib.pe_pkg.all;
+  use pe_lib.pe_style_pkg.all;
 
 -- Memory with one write port and one registered read port. A disabled read loads `default_i` instead; where that is
 -- a constant, the read register's synchronous set and reset do it. A word that is read and written in the same clock
@@ -48,6 +49,8 @@ architecture rtl of pe_ram is
 
   end function depth;
 
+  constant IN_BLOCKS : boolean := block_ram(WORDS, WORD_BITS);
+
   type memory_t is array (depth - 1 downto 0) of std_ulogic_vector(WORD_BITS - 1 downto 0);
 
   function initial_memory return memory_t is
@@ -74,6 +77,11 @@ begin
   p_memory : process (clk_i) is
 
     variable memory : memory_t := initial_memory;
+
+    -- No word is read in the clock that writes it, so nothing need be made for that.
+    attribute ram_style of memory    : variable is style(IN_BLOCKS, "block", "distributed");
+    attribute ramstyle of memory     : variable is style(IN_BLOCKS, "no_rw_check", "MLAB, no_rw_check");
+    attribute syn_ramstyle of memory : variable is style(IN_BLOCKS, "block_ram, no_rw_check", "no_rw_check");
 
   begin
 

@@ -6,17 +6,19 @@ library ieee;
 
 library pe_lib;
   use pe_lib.pe_pkg.all;
+  use pe_lib.pe_style_pkg.all;
 
--- The program of one PE; the registered output is the PE's control register. With DEEP there are more: a replica of the
--- address, and behind the memory one that block RAM has at its output, and one that synthesis may place beside the PE.
--- They never stop.
+-- A memory that nothing writes: the program of one PE, whose registered output is the control register, or its
+-- coefficients. With DEEP there are more registers: a replica of the address, and behind the memory one that block RAM
+-- has at its output, and one that synthesis may place beside the PE. They never stop.
 
 entity pe_rom is
   generic (
-    CONTROL_BITS : positive;        -- width of a control word
-    PERIOD       : positive;        -- number of control words
-    CONTENT      : word_array_t;    -- the control words
-    DEEP         : boolean := false -- three more registers
+    CONTROL_BITS : positive;         -- width of a control word
+    PERIOD       : positive;         -- number of control words
+    CONTENT      : word_array_t;     -- the control words
+    DEEP         : boolean := false; -- three more registers
+    TABLES       : boolean := false  -- look-up tables at any depth
   );
   port (
     clk_i     : in    std_ulogic;                                                    -- clock
@@ -28,7 +30,8 @@ end entity pe_rom;
 
 architecture rtl of pe_rom is
 
-  constant DEPTH : positive := 2 ** larger(index_bits(PERIOD), 1);
+  constant DEPTH     : positive := 2 ** larger(index_bits(PERIOD), 1);
+  constant IN_BLOCKS : boolean  := block_rom(PERIOD) and not TABLES;
 
   type rom_t is array (DEPTH - 1 downto 0) of std_ulogic_vector(CONTROL_BITS - 1 downto 0);
 
@@ -56,6 +59,14 @@ architecture rtl of pe_rom is
 
   -- What the first word takes from the word before it must be known.
   signal fetched : std_ulogic_vector(CONTROL_BITS - 1 downto 0) := (others => '0');
+
+  -- Some tools look at the memory, others at what it is read into.
+  attribute rom_style of ROM        : constant is style(IN_BLOCKS, "block", "distributed");
+  attribute rom_style of fetched    : signal is style(IN_BLOCKS, "block", "distributed");
+  attribute romstyle of ROM         : constant is style(IN_BLOCKS, "M20K", "logic");
+  attribute romstyle of fetched     : signal is style(IN_BLOCKS, "M20K", "logic");
+  attribute syn_romstyle of ROM     : constant is style(IN_BLOCKS, "block_rom", "logic");
+  attribute syn_romstyle of fetched : signal is style(IN_BLOCKS, "block_rom", "logic");
 
 begin
 

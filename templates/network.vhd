@@ -209,7 +209,8 @@ begin
     generic map (
       CONTROL_BITS => {{ pe.streamed_bits }},
       PERIOD       => {{ pe.variant_words }},
-      CONTENT      => PE{{ pe.index }}_VARIANTS
+      CONTENT      => PE{{ pe.index }}_VARIANTS,
+      TABLES       => true
     )
     port map (
       clk_i     => clk_i,

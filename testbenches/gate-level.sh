@@ -17,13 +17,10 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 cd "$work"
-while read -r library file; do
-  ghdl -a --std=08 --work="$library" "$design/$file"
-done < "$design/$model.f"
-ghdl --synth --std=08 --out=verilog -gTRACE=true "$model" > network.v 2> /dev/null
+"$here/../hdl/to-verilog.sh" "$design" -gTRACE=true > network.v
 if [[ $family == ecp5 ]]; then
   "$yosys" -q -p "read_verilog network.v; setattr -mod -set keep_hierarchy 1 pe_replica*
-                  synth_ecp5 -no-rw-check -top $model
+                  synth_ecp5 -top $model
                   setattr -mod -unset keep_hierarchy *; flatten; write_json network.json" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
   python3 "$here/../hdl/ecp5/pack-registers.py" network.json packed.json

@@ -43,9 +43,10 @@ pub struct EmitOptions {
 }
 
 /// The hand-written library `pe_lib`, in compile order: file name and text.
-pub const LIBRARY: [(&str, &str); 14] = [
+pub const LIBRARY: [(&str, &str); 15] = [
     ("pe_pkg.vhd", include_str!("../../../hdl/pe_pkg.vhd")),
     ("pe_write_pkg.vhd", include_str!("../../../hdl/pe_write_pkg.vhd")),
+    ("pe_style_pkg.vhd", include_str!("../../../hdl/pe_style_pkg.vhd")),
     ("pe_replica.vhd", include_str!("../../../hdl/pe_replica.vhd")),
     ("pe_ram.vhd", include_str!("../../../hdl/pe_ram.vhd")),
     ("pe_rom.vhd", include_str!("../../../hdl/pe_rom.vhd")),

@@ -171,6 +171,7 @@ const RESERVED: &[&str] = &[
     "pe_ram",
     "pe_replica",
     "pe_rom",
+    "pe_style_pkg",
     "pe_scale",
     "pe_sequencer",
     "pe_tick",

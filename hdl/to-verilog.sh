@@ -1,0 +1,25 @@
+#!/usr/bin/env bash
+# Prints a generated network as Verilog for yosys, with the attributes of its memories, which GHDL 2.0 drops.
+#
+#   hdl/to-verilog.sh DESIGN_DIRECTORY [GHDL_OPTION...]
+#
+# Options such as -gTRACE=true go to `ghdl --synth`.
+set -euo pipefail
+
+if (($# < 1)); then
+  sed -n '2,6s/^# \{0,1\}//p' "$0" >&2
+  exit 2
+fi
+design=$(realpath "$1")
+shift
+styles=$(dirname "$(realpath "$0")")/styles.awk
+model=$(basename "$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)" _shapes.txt)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+cd "$work"
+while read -r library file; do
+  case $file in *_tb.vhd) continue ;; esac
+  ghdl -a --std=08 --work="$library" "$design/$file"
+done < "$design/$model.f"
+ghdl --synth --std=08 --out=verilog "$@" "$model" 2> ghdl.log | awk -f "$styles" || { grep -i error ghdl.log >&2; exit 1; }
