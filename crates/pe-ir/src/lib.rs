@@ -14,6 +14,7 @@ pub mod mapping;
 pub mod memory;
 pub mod model;
 pub mod motion;
+pub mod multiplier;
 pub mod place;
 pub mod program;
 pub mod schedule;

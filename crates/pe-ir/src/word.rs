@@ -105,15 +105,7 @@ impl WordFormat {
 
     /// DSP blocks per PE on a device with 25x18 multipliers.
     pub fn dsp_per_pe(&self) -> u32 {
-        self.multiplier_blocks(25, 18)
-    }
-
-    /// Signed multiplier blocks of `wide` x `narrow` bits that one product takes, as Yosys 0.70 splits it: an operand
-    /// that does not fit its port is cut into parts of 17 bits and a last one of 18, whichever port they come to.
-    pub fn multiplier_blocks(&self, wide: u32, narrow: u32) -> u32 {
-        let parts = |bits: u32, port: u32| if bits <= port { 1 } else { 1 + (bits.saturating_sub(18)).div_ceil(17) };
-        let (small, large) = (self.data_bits.min(self.coefficient_bits), self.data_bits.max(self.coefficient_bits));
-        parts(large, wide) * parts(small, narrow)
+        self.blocks(crate::multiplier::DSP48E1)
     }
 
     /// Low bits that the data port does not see.
@@ -338,34 +330,6 @@ mod tests {
         assert_eq!([added(32, 32, 32, 8), added(32, 32, 32, 13), added(32, 35, 35, 13)], [0, 5, 8]);
         assert_eq!([added(32, 35, 35, 40), added(48, 35, 35, 40)], [16, 8]);
         assert_eq!([added(32, 25, 18, 20), added(32, 25, 35, 20)], [5, 15]);
-    }
-
-    #[test]
-    fn products_take_the_blocks_that_synthesis_takes() {
-        // DSP48E1 cells of `q <= a * b` after yosys 0.70 `synth_xilinx -family xc6v`.
-        let synthesised = [
-            ((25, 18), 1),
-            ((18, 25), 1),
-            ((18, 18), 1),
-            ((24, 17), 1),
-            ((30, 18), 2),
-            ((26, 18), 2),
-            ((35, 18), 2),
-            ((9, 35), 2),
-            ((20, 20), 2),
-            ((25, 19), 2),
-            ((24, 24), 2),
-            ((26, 26), 4),
-            ((35, 19), 4),
-            ((25, 35), 4),
-            ((35, 25), 4),
-            ((32, 32), 4),
-            ((35, 35), 4),
-        ];
-        for ((data_bits, coefficient_bits), blocks) in synthesised {
-            let format = WordFormat { data_bits, coefficient_bits, ..NARROW };
-            assert_eq!(format.dsp_per_pe(), blocks, "{data_bits}x{coefficient_bits}");
-        }
     }
 
     #[test]

@@ -15,17 +15,21 @@ use std::path::Path;
 
 use nalgebra::{SMatrix, SVector};
 use pe_ir::word::Pipeline;
-use pe_synth::area::{self, ENOUGH, FF_TERMS, LUT_TERMS, MeasuredShape, RARE_ERROR, TRAITS};
+use pe_synth::area::{self, ENOUGH, FF_TERMS, Family, LUT_TERMS, MeasuredShape, RARE_ERROR, TRAITS};
 
 /// Weight of a coefficient's squared distance from its count, against squared relative residuals.
 const PULL: f64 = 5e-2;
 
-/// Counted coefficients.
-const LUT_COUNTS: [f64; LUT_TERMS.len()] = [1.0, 1.0, 1.0, 1.0, 4.0, 2.0, 1.0, 16.0];
+/// Counted coefficients; of tables of four inputs a PE has more beside the others.
+fn lut_counts(family: Family) -> [f64; LUT_TERMS.len()] {
+    [1.0, 1.0, 1.0, 1.0, 1.0, 4.0, 2.0, 1.0, 1.0, if family.wide_tables() { 16.0 } else { 45.0 }]
+}
+
+/// The same of flip-flops.
 const FF_COUNTS: [f64; FF_TERMS.len()] = [1.0, 1.0, 1.0, 1.0, 1.0, 2.0];
 
-/// Coefficients of the terms, and the root mean square of the relative residuals.
-fn fit<const N: usize>(rows: &[([f64; N], f64)], counts: &[f64; N]) -> ([f64; N], f64) {
+/// Coefficients of the terms.
+fn fit<const N: usize>(rows: &[([f64; N], f64)], counts: &[f64; N]) -> [f64; N] {
     // Normal equations; the pull makes them positive definite.
     let mut matrix = SMatrix::<f64, N, N>::identity() * PULL;
     let mut right = SVector::from(*counts) * PULL;
@@ -36,23 +40,14 @@ fn fit<const N: usize>(rows: &[([f64; N], f64)], counts: &[f64; N]) -> ([f64; N]
     }
     let solution = matrix.cholesky().expect("positive definite").solve(&right);
     // Three decimals are more than the figures bear.
-    let coefficients: [f64; N] = solution.map(|number| (number * 1e3).round() / 1e3).into();
-    let squares: f64 = rows.iter().map(|row| residual(row, &coefficients).powi(2)).sum();
-    (coefficients, (squares / rows.len() as f64).sqrt())
+    solution.map(|number| (number * 1e3).round() / 1e3).into()
 }
 
-/// Coefficient of the one term that is left of deep PEs, and the root mean square of the relative residuals.
-fn rest(rows: &[(f64, f64, f64)]) -> (f64, f64) {
-    let slope = rows.iter().map(|(term, known, all)| term * (all - known) / (all * all)).sum::<f64>()
-        / rows.iter().map(|(term, _, all)| (term / all).powi(2)).sum::<f64>();
-    let slope = (slope * 1e3).round() / 1e3;
-    let squares = rows.iter().map(|(term, known, all)| ((known + slope * term) / all - 1.0).powi(2)).sum::<f64>();
-    (slope, (squares / rows.len() as f64).sqrt())
-}
-
-/// Largest relative residual.
-fn worst<const N: usize>(rows: &[([f64; N], f64)], coefficients: &[f64; N]) -> f64 {
-    rows.iter().map(|row| residual(row, coefficients).abs()).fold(0.0, f64::max)
+/// Coefficient of the one term that is left of deep PEs; 0 if none of them has it.
+fn rest(rows: &[(f64, f64, f64)]) -> f64 {
+    let weight: f64 = rows.iter().map(|(term, _, all)| (term / all).powi(2)).sum();
+    let slope = rows.iter().map(|(term, known, all)| term * (all - known) / (all * all)).sum::<f64>();
+    if weight > 0.0 { (slope / weight * 1e3).round() / 1e3 } else { 0.0 }
 }
 
 fn residual<const N: usize>((terms, measured): &([f64; N], f64), coefficients: &[f64; N]) -> f64 {
@@ -66,6 +61,152 @@ fn collect(texts: &[String]) -> Vec<MeasuredShape> {
     by_key.into_values().collect()
 }
 
+/// What was fitted to the measured PEs of a family, and its residuals.
+struct Fit {
+    family: Family,
+    short: Vec<MeasuredShape>,
+    deep: Vec<MeasuredShape>,
+    lut: [f64; LUT_TERMS.len()],
+    ff: [f64; FF_TERMS.len()],
+    deep_lut: f64,
+    deep_ff: f64,
+    /// Relative residuals of look-up tables and flip-flops, of the short ones and of the deep ones.
+    residuals: [Vec<(f64, f64)>; 2],
+    known: [u32; TRAITS.len()],
+}
+
+impl Fit {
+    fn of(family: Family, shapes: &[MeasuredShape]) -> Fit {
+        let of_family = shapes.iter().filter(|shape| shape.family == family).cloned();
+        let (short, deep): (Vec<_>, Vec<_>) = of_family.partition(|s| s.format.pipeline == Pipeline::Short);
+        // Control words are not a matter of the fit.
+        let lut_terms = |s: &MeasuredShape| area::lut_terms(&s.features, &s.format, family);
+        let ff_terms = |s: &MeasuredShape| area::ff_terms(&s.features, &s.format, family);
+        let luts: Vec<_> = short.iter().map(|s| (lut_terms(s), f64::from(s.lut) - s.program.lut)).collect();
+        let ffs: Vec<_> = short.iter().map(|s| (ff_terms(s), f64::from(s.ff) - s.program.ff)).collect();
+        let lut = fit(&luts, &lut_counts(family));
+        let ff = fit(&ffs, &FF_COUNTS);
+        // Deep PEs do not move the coefficients of short ones.
+        let weigh = |terms: &[f64], by: &[f64]| terms.iter().zip(by).map(|(term, weight)| term * weight).sum::<f64>();
+        let deep_luts: Vec<_> = deep
+            .iter()
+            .map(|s| {
+                (
+                    area::deeper(&s.features, &s.format, family).0,
+                    weigh(&lut_terms(s), &lut) + s.program.lut,
+                    f64::from(s.lut),
+                )
+            })
+            .collect();
+        let deep_ffs: Vec<_> = deep
+            .iter()
+            .map(|s| {
+                (
+                    area::deeper(&s.features, &s.format, family).1,
+                    weigh(&ff_terms(s), &ff) + s.program.ff,
+                    f64::from(s.ff),
+                )
+            })
+            .collect();
+        let (deep_lut, deep_ff) = (rest(&deep_luts), rest(&deep_ffs));
+        let off = |(term, known, all): &(f64, f64, f64), by: f64| (known + by * term) / all - 1.0;
+        let residuals = [
+            luts.iter().zip(&ffs).map(|(l, f)| (residual(l, &lut), residual(f, &ff))).collect(),
+            deep_luts.iter().zip(&deep_ffs).map(|(l, f)| (off(l, deep_lut), off(f, deep_ff))).collect(),
+        ];
+        let mut known = [0; TRAITS.len()];
+        for shape in &short {
+            let traits = area::traits(&shape.features, &shape.format);
+            known.iter_mut().zip(traits).for_each(|(count, has)| *count += u32::from(has));
+        }
+        Fit { family, short, deep, lut, ff, deep_lut, deep_ff, residuals, known }
+    }
+
+    /// Root mean square and worst of the residuals of look-up tables and of flip-flops.
+    fn deviations(&self, deep: bool) -> [(f64, f64); 2] {
+        let of = &self.residuals[usize::from(deep)];
+        let summary = |values: Vec<f64>| {
+            let squares: f64 = values.iter().map(|value| value * value).sum();
+            ((squares / values.len() as f64).sqrt(), values.iter().map(|value| value.abs()).fold(0.0, f64::max))
+        };
+        [summary(of.iter().map(|both| both.0).collect()), summary(of.iter().map(|both| both.1).collect())]
+    }
+
+    /// The constant of `fitted.rs`.
+    fn code(&self) -> String {
+        let ([lut, ff], [deep_lut, deep_ff]) = (self.deviations(false), self.deviations(true));
+        format!(
+            "\n/// {}.\npub const {}: Fitted = Fitted {{\n    lut: {:?},\n    lut_deviation: {:.4},\n    ff: {:?},\n    \
+             ff_deviation: {:.4},\n    shapes: {:?},\n    deep_lut: {:?},\n    deep_lut_deviation: {:.4},\n    \
+             deep_ff: {:?},\n    deep_ff_deviation: {:.4},\n}};\n",
+            title(self.family),
+            self.family.name().to_uppercase(),
+            self.lut,
+            lut.0,
+            self.ff,
+            ff.0,
+            self.known,
+            self.deep_lut,
+            deep_lut.0,
+            self.deep_ff,
+            deep_ff.0,
+        )
+    }
+
+    /// The section of the page.
+    fn section(&self) -> String {
+        let ([lut, ff], [deep_lut, deep_ff]) = (self.deviations(false), self.deviations(true));
+        let percent = |value: f64| 100.0 * value;
+        let mut page = format!(
+            "## {}\n\n{} PEs with the short pipeline, root mean square of the relative residuals: {:.1} % of the look-up \
+             tables, worst {:.1} %;\n{:.1} % of the flip-flops, worst {:.1} %. {} with the deep one, fitted after the \
+             others, whose coefficients stay: {:.1} % of the\nlook-up tables, worst {:.1} %; {:.1} % of the flip-flops, \
+             worst {:.1} %. Bits that a deep pipeline chooses in tables of their\nown take {} tables each, bits of second \
+             registers {} flip-flops. Registers of program memories are counted.\n\n",
+            title(self.family),
+            self.short.len(),
+            percent(lut.0),
+            percent(lut.1),
+            percent(ff.0),
+            percent(ff.1),
+            self.deep.len(),
+            percent(deep_lut.0),
+            percent(deep_lut.1),
+            percent(deep_ff.0),
+            percent(deep_ff.1),
+            self.deep_lut,
+            self.deep_ff,
+        );
+        page += "| look-up tables per unit of | | flip-flops per unit of | |\n|---|---|---|---|\n";
+        for index in 0..LUT_TERMS.len() {
+            let flip_flops =
+                FF_TERMS.get(index).map_or("| |".to_owned(), |name| format!("{name} | {} |", self.ff[index]));
+            writeln!(page, "| {} | {} | {flip_flops}", LUT_TERMS[index], self.lut[index]).unwrap();
+        }
+        page += "\n| trait | measured shapes | error of estimates |\n|---|---|---|\n";
+        for (name, count) in TRAITS.iter().zip(self.known) {
+            let error = if count < ENOUGH { RARE_ERROR } else { 2.0 * lut.0 };
+            writeln!(page, "| {name} | {count} | {:.1} % |", percent(error)).unwrap();
+        }
+        page += HEAD;
+        for (shapes, residuals) in [&self.short, &self.deep].into_iter().zip(&self.residuals) {
+            for (shape, (lut, ff)) in shapes.iter().zip(residuals) {
+                page += &row(shape, *lut, *ff);
+            }
+        }
+        page + "\n"
+    }
+}
+
+/// What a family is.
+fn title(family: Family) -> &'static str {
+    match family {
+        Family::Virtex6 | Family::UltraScale => "Xilinx 6 and 7 series, and tables of UltraScale+",
+        Family::Ecp5 => "Lattice ECP5",
+        Family::Gowin => "Gowin GW1N and GW2A",
+    }
+}
+
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let table = root.join("src/area/measured.txt");
@@ -74,126 +215,45 @@ fn main() {
     let shapes = collect(&texts);
     fs::write(&table, shapes.iter().map(|shape| shape.line() + "\n").collect::<String>())
         .expect("measured.txt is written");
+    let fits = Family::MEASURED.map(|family| Fit::of(family, &shapes));
 
-    // Control words are not a matter of the fit.
-    let lut_row = |s: &MeasuredShape| (area::lut_terms(&s.features, &s.format), f64::from(s.lut) - s.program.lut);
-    let ff_row = |s: &MeasuredShape| (area::ff_terms(&s.features, &s.format), f64::from(s.ff) - s.program.ff);
-    let all = shapes;
-    let (shapes, deep): (Vec<_>, Vec<_>) = all.into_iter().partition(|s| s.format.pipeline == Pipeline::Short);
-    let luts: Vec<_> = shapes.iter().map(lut_row).collect();
-    let ffs: Vec<_> = shapes.iter().map(ff_row).collect();
-    let (lut, lut_deviation) = fit(&luts, &LUT_COUNTS);
-    let (ff, ff_deviation) = fit(&ffs, &FF_COUNTS);
-    // Deep PEs do not move the coefficients of short ones.
-    let weigh = |terms: &[f64], by: &[f64]| terms.iter().zip(by).map(|(term, weight)| term * weight).sum::<f64>();
-    let deep_lut = |s: &MeasuredShape| {
-        let known = weigh(&area::lut_terms(&s.features, &s.format), &lut) + s.program.lut;
-        (area::deeper(&s.features, &s.format).0, known, f64::from(s.lut))
-    };
-    let deep_ff = |s: &MeasuredShape| {
-        let known = weigh(&area::ff_terms(&s.features, &s.format), &ff) + s.program.ff;
-        (area::deeper(&s.features, &s.format).1, known, f64::from(s.ff))
-    };
-    let deep_luts: Vec<_> = deep.iter().map(deep_lut).collect();
-    let deep_ffs: Vec<_> = deep.iter().map(deep_ff).collect();
-    let ((more_lut, deep_lut_deviation), (more_ff, deep_ff_deviation)) = (rest(&deep_luts), rest(&deep_ffs));
-    let mut known = [0; TRAITS.len()];
-    for shape in &shapes {
-        let traits = area::traits(&shape.features, &shape.format);
-        known.iter_mut().zip(traits).for_each(|(count, has)| *count += u32::from(has));
-    }
-
-    let code = format!(
-        "//! Written by `cargo run -p pe-synth --example fit_area`; do not edit.\n\n\
-         /// Look-up tables per unit of each of `LUT_TERMS`.\npub const LUT: [f64; {}] = {lut:?};\n\n\
-         /// Root mean square of the relative residuals of look-up tables.\n\
-         pub const LUT_DEVIATION: f64 = {lut_deviation:.4};\n\n\
-         /// Flip-flops per unit of each of `FF_TERMS`.\npub const FF: [f64; {}] = {ff:?};\n\n\
-         /// Root mean square of the relative residuals of flip-flops.\n\
-         pub const FF_DEVIATION: f64 = {ff_deviation:.4};\n\n\
-         /// Measured PEs with each of `TRAITS`.\npub const SHAPES: [u32; {}] = {known:?};\n\n\
-         /// Look-up tables per bit that a deep pipeline chooses in tables of their own.\n\
-         pub const DEEP_LUT: f64 = {more_lut:?};\n\n\
-         /// Root mean square of the relative residuals of the look-up tables of deep PEs.\n\
-         pub const DEEP_LUT_DEVIATION: f64 = {deep_lut_deviation:.4};\n\n\
-         /// Flip-flops per bit of second registers of a deep pipeline.\n\
-         pub const DEEP_FF: f64 = {more_ff:?};\n\n\
-         /// Root mean square of the relative residuals of the flip-flops of deep PEs.\n\
-         pub const DEEP_FF_DEVIATION: f64 = {deep_ff_deviation:.4};\n",
-        lut.len(),
-        ff.len(),
-        known.len(),
-    );
-    fs::write(root.join("src/area/fitted.rs"), code).expect("fitted.rs can be written");
+    let code = root.join("src/area/fitted.rs");
+    let text = fs::read_to_string(&code).expect("fitted.rs is there");
+    let kept = text.find("\n/// Xilinx").expect("the constants begin");
+    let constants: String = fits.iter().map(Fit::code).collect();
+    fs::write(&code, text[..kept].to_owned() + &constants).expect("fitted.rs can be written");
 
     let mut page = format!(
         "# Area model\n\nWritten by `cargo run -p pe-synth --example fit_area`; do not edit. Look-up tables and flip-flops \
-         of a PE without\nits program memory are sums of terms, fitted to {} PEs that `hdl/measure-area.sh` synthesised \
-         (GHDL, yosys 0.70, xc6v)\nand whose netlists it simulated. [silicon.md](silicon.md) says how.\n\n\
+         of a PE without\nmemories that nothing writes are sums of terms, fitted for each family of devices to {} PEs that \
+         `hdl/measure-area.sh`\nsynthesised (GHDL, yosys 0.70); it simulated the netlists of Virtex-6. \
+         [silicon.md](silicon.md) says how, and holds whole\nnetworks beside the estimates.\n\n\
          ```sh\ndocs/fit-area.sh [DESIGN_FOLDER...]   # measures single PEs and the PEs of designs, and fits again\n```\n\n\
-         Root mean square of the relative residuals: {:.1} % of the look-up tables, worst {:.1} %; {:.1} % of the \
-         flip-flops, worst\n{:.1} %. Estimates in reports carry twice the root mean square as error. {} shapes are few \
-         for {} and {} coefficients, so\nthat these are pulled towards a count of the circuit.\n\n",
+         Estimates in reports carry twice the root mean square of the residuals as error. The shapes are few for so many \
+         coefficients,\nso that these are pulled towards a count of the circuit. Estimates of PEs with a trait that fewer \
+         than {ENOUGH} measured ones have\ncarry {:.0} % as error, a round figure for what is not known; several such traits \
+         together may be off by more.\n\n",
         shapes.len(),
-        100.0 * lut_deviation,
-        100.0 * worst(&luts, &lut),
-        100.0 * ff_deviation,
-        100.0 * worst(&ffs, &ff),
-        shapes.len(),
-        lut.len(),
-        ff.len(),
-    );
-    let plain =
-        shapes.iter().filter(|shape| (shape.format.data_bits, shape.format.coefficient_bits) == (25, 18)).count();
-    write!(
-        page,
-        "{plain} of the shapes are 25x18, and many are alike. Estimates of PEs with a trait that fewer than {ENOUGH} \
-         measured ones have carry {:.0} %\nas error, a round figure for what is not known; several such traits together \
-         may be off by more:\n\n| trait | measured shapes | error of estimates |\n\
-         |---|---|---|\n",
         100.0 * RARE_ERROR
-    )
-    .unwrap();
-    for (name, count) in TRAITS.iter().zip(known) {
-        let error = if count < ENOUGH { RARE_ERROR } else { 2.0 * lut_deviation };
-        writeln!(page, "| {name} | {count} | {:.1} % |", 100.0 * error).unwrap();
+    );
+    page += &fits.iter().map(Fit::section).collect::<String>();
+    fs::write(root.join("../../docs/area-model.md"), page.trim_end().to_owned() + "\n")
+        .expect("area-model.md can be written");
+    for fit in &fits {
+        let [lut, ff] = fit.deviations(false);
+        println!(
+            "{}: {} and {} shapes, {:.1} % of LUTs, {:.1} % of FFs",
+            fit.family.name(),
+            fit.short.len(),
+            fit.deep.len(),
+            100.0 * lut.0,
+            100.0 * ff.0
+        );
     }
-    page += "\n";
-    page += "| look-up tables per unit of | | flip-flops per unit of | |\n|---|---|---|---|\n";
-    for index in 0..LUT_TERMS.len() {
-        let flip_flops = FF_TERMS.get(index).map_or(String::from("| |"), |name| format!("{name} | {} |", ff[index]));
-        writeln!(page, "| {} | {} | {flip_flops}", LUT_TERMS[index], lut[index]).unwrap();
-    }
-    page += "\n";
-    page += HEAD;
-    let residuals = luts.iter().zip(&ffs).map(|(lut_row, ff_row)| (residual(lut_row, &lut), residual(ff_row, &ff)));
-    for (shape, (lut_residual, ff_residual)) in shapes.iter().zip(residuals) {
-        page += &row(shape, lut_residual, ff_residual);
-    }
-    let off = |(term, known, all): &(f64, f64, f64), by: f64| (known + by * term) / all - 1.0;
-    let worst = |rows: &[(f64, f64, f64)], by| rows.iter().map(|row| off(row, by).abs()).fold(0.0, f64::max);
-    write!(
-        page,
-        "\nA deep pipeline adds bits that are chosen in tables of their own because a register follows, {more_lut} tables \
-         each, and bits\nof second registers, {more_ff} flip-flops each. Registers of program memories are counted. Fitted to \
-         {} PEs after the others,\nwhose coefficients stay: root mean square {:.1} % of the look-up tables, worst {:.1} %; \
-         {:.1} % of the flip-flops, worst {:.1} %.\n\n{HEAD}",
-        deep.len(),
-        100.0 * deep_lut_deviation,
-        100.0 * worst(&deep_luts, more_lut),
-        100.0 * deep_ff_deviation,
-        100.0 * worst(&deep_ffs, more_ff),
-    )
-    .unwrap();
-    for ((shape, lut_row), ff_row) in deep.iter().zip(&deep_luts).zip(&deep_ffs) {
-        page += &row(shape, off(lut_row, more_lut), off(ff_row, more_ff));
-    }
-    fs::write(root.join("../../docs/area-model.md"), page).expect("area-model.md can be written");
-    println!("{} shapes: {:.1} % of LUTs, {:.1} % of FFs", shapes.len(), 100.0 * lut_deviation, 100.0 * ff_deviation);
 }
 
 /// Head of the tables of measured PEs.
-const HEAD: &str = "| word | multiplier | own, base | imported | coefficients | ports | shifts | accumulator | else | LUT | \
+const HEAD: &str = "\n| word | multiplier | own, base | imported | coefficients | ports | shifts | accumulator | else | LUT | \
                     residual | FF | residual |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
 
 /// A measured PE with the residuals of its estimate.
@@ -205,6 +265,7 @@ fn row(shape: &MeasuredShape, lut_residual: f64, ff_residual: f64) -> String {
         (features.pre_adder, "pre-adder"),
         (features.swap, "swap"),
         (features.send, "send"),
+        (format.pipeline == Pipeline::Deep, "deep"),
     ];
     let flags: Vec<&str> = flags.into_iter().filter(|flag| flag.0).map(|flag| flag.1).collect();
     format!(

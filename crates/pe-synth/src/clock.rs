@@ -1,10 +1,12 @@
 //! The clock that speeds are computed with: given by the user, estimated where networks were measured on the family of
 //! the device, or assumed.
 
+use pe_ir::multiplier::MULT18X18D;
 use pe_ir::word::Pipeline::{self, Deep, Short};
 use pe_ir::word::WordFormat;
 use serde_json::{Value, json};
 
+use crate::area::Family;
 use crate::devices::Device;
 
 /// Clock where nothing is known, in MHz: the paper's designs reach 140 to 182.
@@ -69,6 +71,11 @@ pub struct ClockSource {
 }
 
 impl ClockSource {
+    /// The family that sizes are estimated for: that of the device.
+    pub fn family(&self) -> Family {
+        self.device.map(|device| device.family).unwrap_or_default()
+    }
+
     /// The clock of a network of `pes` PEs.
     pub fn of(&self, format: &WordFormat, pes: u32) -> Clock {
         let exact = |mhz, basis| Clock { mhz, error_mhz: 0.0, basis };
@@ -118,7 +125,7 @@ const ECP5: &[Measured] = &[
     measured(Short, 1, 4, 117.5),
     measured(Short, 1, 8, 132.4),
     measured(Short, 1, 16, 91.5),
-    measured(Short, 4, 1, 108.5),
+    measured(Short, 6, 1, 108.5),
 ];
 
 /// PEs up to which a network is as fast as a PE alone; each doubling beyond costs the same part of the clock.
@@ -156,7 +163,7 @@ fn loss(pipeline: Pipeline) -> f64 {
 
 /// The clock on an ECP5, if small networks of this kind, and with its pipeline any of at least this size were measured.
 fn ecp5(format: &WordFormat, pes: u32) -> Option<Clock> {
-    let (pipeline, blocks) = (format.pipeline, format.multiplier_blocks(18, 18));
+    let (pipeline, blocks) = (format.pipeline, format.blocks(MULT18X18D));
     let (small, loss) = (small(pipeline, blocks)?, loss(pipeline));
     if !ECP5.iter().any(|of| of.pipeline == pipeline && of.pes >= pes) {
         return None;
@@ -178,9 +185,9 @@ mod tests {
     #[test]
     fn every_measured_network_is_within_the_error_of_its_estimate() {
         for of in ECP5 {
-            let (data, coefficient) = [(18, 18), (25, 18), (32, 32), (32, 32)][of.blocks as usize - 1];
+            let (data, coefficient) = [(18, 18), (25, 18), (32, 32)][of.blocks as usize / 2];
             let format = WordFormat { pipeline: of.pipeline, ..WordFormat::new(32, data, coefficient) };
-            assert_eq!(format.multiplier_blocks(18, 18), of.blocks);
+            assert_eq!(format.blocks(MULT18X18D), of.blocks);
             let clock = ecp5(&format, of.pes).expect("a network of this kind and size was measured");
             println!("{} {}: {} measured, {}", of.pipeline.name(), of.pes, of.mhz, clock.words());
             assert!((clock.mhz - of.mhz).abs() <= clock.error_mhz, "{}: {}", of.mhz, clock.words());

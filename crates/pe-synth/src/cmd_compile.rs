@@ -131,9 +131,9 @@ impl Compile {
         let format = self.message_format();
         let total =
             (self.reference || choice.is_some()).then(|| total_error(&loaded, &design, &conserved, format, &mut watch));
-        let area = area::size(&design.program, &measured);
+        let area = area::size(&design.program, &measured, clock.family());
         let pes = design.program.pes.len() as u32;
-        let fit = self.device.map(|device| Fit::of(device, &area, &design.program.format, pes));
+        let fit = self.device.map(|device| Fit::of(device, &area));
         let silicon = Silicon { area, clock: clock.of(&design.program.format, pes) };
         let variables = variables(model, &design.graph, &design.judged);
         let mut report = report::report(model, &design, &variables, silicon, &total, self.model.seed, command);

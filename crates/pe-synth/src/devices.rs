@@ -3,19 +3,9 @@
 //! A new device is a row of [`DEVICES`] and a row of the table in `docs/guide.md`.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use pe_ir::word::WordFormat;
 use serde_json::{Value, json};
 
-use crate::area::Area;
-
-/// Width of a signed multiplier, the wider port first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Multiplier {
-    /// Bits of the wider port.
-    pub wide: u32,
-    /// Bits of the narrower port.
-    pub narrow: u32,
-}
+use crate::area::{Area, Family};
 
 /// What a device offers.
 #[derive(Clone, Copy, Debug)]
@@ -26,14 +16,12 @@ pub struct Device {
     pub vendor: &'static str,
     /// Look-up tables.
     pub luts: u32,
-    /// Inputs of a look-up table.
-    pub lut_inputs: u32,
+    /// Family that sizes are estimated for.
+    pub family: Family,
     /// Flip-flops.
     pub ffs: u32,
     /// Multiplier blocks.
     pub dsps: u32,
-    /// What one multiplier block multiplies.
-    pub multiplier: Multiplier,
     /// Block RAMs of 18 kbit; those of 36 kbit count twice.
     pub bram18s: u32,
     /// Whether clocks of networks on its family were measured ([`crate::clock`]).
@@ -42,20 +30,15 @@ pub struct Device {
     pub source: &'static str,
 }
 
-const DSP48E1: Multiplier = Multiplier { wide: 25, narrow: 18 };
-const DSP48E2: Multiplier = Multiplier { wide: 27, narrow: 18 };
-const MULT18X18D: Multiplier = Multiplier { wide: 18, narrow: 18 };
-
 /// All known devices.
 pub const DEVICES: &[Device] = &[
     Device {
         name: "XC6VLX240T",
         vendor: "AMD Virtex-6",
         luts: 150_720,
-        lut_inputs: 6,
+        family: Family::Virtex6,
         ffs: 301_440,
         dsps: 768,
-        multiplier: DSP48E1,
         bram18s: 2 * 416,
         clocks_measured: false,
         source: "Virtex-6 Family Overview, DS150",
@@ -64,10 +47,9 @@ pub const DEVICES: &[Device] = &[
         name: "XC7Z020",
         vendor: "AMD Zynq-7000",
         luts: 53_200,
-        lut_inputs: 6,
+        family: Family::Virtex6,
         ffs: 106_400,
         dsps: 220,
-        multiplier: DSP48E1,
         bram18s: 2 * 140,
         clocks_measured: false,
         source: "Zynq-7000 SoC Data Sheet: Overview, DS190",
@@ -76,22 +58,31 @@ pub const DEVICES: &[Device] = &[
         name: "LFE5UM-85F",
         vendor: "Lattice ECP5",
         luts: 83_640,
-        lut_inputs: 4,
+        family: Family::Ecp5,
         ffs: 83_640,
         dsps: 156,
-        multiplier: MULT18X18D,
         bram18s: 208,
         clocks_measured: true,
         source: "ECP5 and ECP5-5G Family Data Sheet, FPGA-DS-02012",
     },
     Device {
+        name: "GW2A-LV18",
+        vendor: "Gowin Arora",
+        luts: 20_736,
+        family: Family::Gowin,
+        ffs: 15_552,
+        dsps: 48,
+        bram18s: 46,
+        clocks_measured: false,
+        source: "GW2A series of FPGA Products Data Sheet, DS102",
+    },
+    Device {
         name: "XCAU25P",
         vendor: "AMD Artix UltraScale+",
         luts: 141_000,
-        lut_inputs: 6,
+        family: Family::UltraScale,
         ffs: 282_000,
         dsps: 1_200,
-        multiplier: DSP48E2,
         bram18s: 2 * 300,
         clocks_measured: false,
         source: "UltraScale Architecture and Product Data Sheet: Overview, DS890",
@@ -137,18 +128,16 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Holds a design of `pes` PEs against a device.
-    pub fn of(device: &'static Device, area: &Area, format: &WordFormat, pes: u32) -> Fit {
+    /// Holds a design, its cells counted for the family of the device, against a device.
+    pub fn of(device: &'static Device, area: &Area) -> Fit {
         let needed = |resource, used, available: u32| Use { resource, used, available: u64::from(available) };
-        let Multiplier { wide, narrow } = device.multiplier;
-        let dsps = u64::from(pes) * u64::from(format.multiplier_blocks(wide, narrow));
         let uses = [
             needed("lut", area.lut.round() as u64, device.luts),
             needed("ff", area.ff.round() as u64, device.ffs),
-            needed("dsp", dsps, device.dsps),
+            needed("dsp", u64::from(area.dsp), device.dsps),
             needed("bram18", u64::from(area.bram18), device.bram18s),
         ];
-        let room = |of: &Use| (of.available * u64::from(pes)).checked_div(of.used).unwrap_or(u64::MAX);
+        let room = |of: &Use| (of.available * u64::from(area.pes)).checked_div(of.used).unwrap_or(u64::MAX);
         let fitting_pes = uses.iter().map(room).min().unwrap_or(0);
         Fit { device, uses, fitting_pes }
     }
@@ -172,8 +161,9 @@ impl Fit {
             "fits": self.fits(),
             "exceeded": self.exceeded().map(|of| of.resource).collect::<Vec<_>>(),
             "fitting_pes": self.fitting_pes,
-            "lut_inputs": self.device.lut_inputs,
-            "lut_inputs_counted": 6,
+            "family": self.device.family.name(),
+            "lut_inputs": self.device.family.lut_inputs(),
+            "lut_inputs_counted": self.device.family.lut_inputs(),
         });
         for of in &self.uses {
             value[of.resource] = json!({"used": of.used, "available": of.available, "share": of.share()});
@@ -186,9 +176,7 @@ impl Fit {
         let shares = self.uses.map(|of| format!("{:.0} % {}", 100.0 * of.share(), of.resource.to_uppercase()));
         let verdict = if self.fits() { "fits" } else { "does not fit" };
         let name = self.device.name;
-        // The estimate counts tables of six inputs.
-        let counted = if self.device.lut_inputs < 6 { "; LUTs counted with 6 inputs, it has 4" } else { "" };
-        format!("{verdict} {name}: {}; room for {} PEs{counted}", shares.join(", "), self.fitting_pes)
+        format!("{verdict} {name}: {}; room for {} PEs", shares.join(", "), self.fitting_pes)
     }
 
     /// What is wrong, in words; nothing if it fits.
@@ -208,15 +196,15 @@ mod tests {
 
     fn fit(device: &str, pes: u32) -> Fit {
         let device = DEVICES.iter().find(|known| known.name == device).expect("a known device");
-        let format = WordFormat::new(32, 32, 32);
         let area = Area {
             lut: 400.0 * f64::from(pes),
             ff: 300.0 * f64::from(pes),
             dsp: 4 * pes,
             bram18: 2 * pes,
+            pes,
             ..Area::default()
         };
-        Fit::of(device, &area, &format, pes)
+        Fit::of(device, &area)
     }
 
     #[test]

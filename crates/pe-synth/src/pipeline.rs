@@ -20,7 +20,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
-use crate::area;
+use crate::area::{self, Family};
 use crate::contest;
 use crate::entrants::{self, Entrants};
 use crate::failure::{Failure, print_findings};
@@ -439,7 +439,8 @@ fn assemble(
     }
     let Some(rounds) = Rounds::of(graph, fixed) else { return Ok((schedule, flat)) };
     let round = pe_hls::schedule::schedule(&rounds.graph, mapping, Latency::of(&fixed.format));
-    let cost = |program: &Program| area::estimate(program).equivalent_luts() * f64::from(program.period);
+    let cost =
+        |program: &Program| area::estimate(program, Family::default()).equivalent_luts() * f64::from(program.period);
     match (pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round), stage_loop) {
         (Ok(looped), StageLoop::Auto) if cost(&looped) >= cost(&flat) => Ok((schedule, flat)),
         (Ok(looped), _) => Ok((rounds.unroll(graph, &round), looped)),

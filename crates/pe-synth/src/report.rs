@@ -12,7 +12,7 @@ use pe_ir::word::Pipeline;
 use pe_sim::reference::{ReferenceError, TOLERANCE};
 use serde_json::{Value, json};
 
-use crate::area::Area;
+use crate::area::{self, Area, Family};
 use crate::bottleneck::Bottleneck;
 use crate::clock::Clock;
 use crate::conserved::Drift;
@@ -139,9 +139,7 @@ pub fn report(
         "word": word(design),
         "instruction_words_max": sizes.instruction_words,
         "data_words_max": sizes.data_words,
-        "area": {"lut": area.lut.round(), "lut_error": area.lut_error.round(), "ff": area.ff.round(),
-                 "ff_error": area.ff_error.round(), "dsp": area.dsp, "bram18": area.bram18,
-                 "basis": area.basis(), "measured_pes": area.measured_pes},
+        "area": size(program, &area),
         "clock": clock.report(),
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.mean_step(),
         "error": error(model, design, total),
@@ -413,9 +411,14 @@ pub fn table(
         ("bottleneck", Bottleneck::of(design).summary(program)),
         (
             "speed",
-            format!("{time_ms:.3} ms per simulated second, {:.1} x real time at {}", 1e3 / time_ms, clock.words()),
+            format!(
+                "{} per simulated second, {:.1} x real time at {}",
+                duration(time_ms),
+                1e3 / time_ms,
+                clock.words()
+            ),
         ),
-        ("size", format!("{}, {} DSP, {} BRAM18 ({})", area.lut_words(), area.dsp, area.bram18, area.basis())),
+        ("size", size_row(&area)),
         ("headroom", variables::summary(variables)),
         ("ranges", ranges(design)),
         (
@@ -441,6 +444,45 @@ pub fn table(
         rows.push(("relative to date", format!("{}: of the largest magnitude up to then", early.join(", "))));
     }
     rows.iter().map(|(name, text)| row(name, text)).collect()
+}
+
+/// Cells in words; blocks of programs are named, because synthesis may make logic of them.
+fn size_row(area: &Area) -> String {
+    let programs = area.split.programs.1;
+    let note = match programs {
+        0 => String::new(),
+        _ => format!(", {programs} of them for programs"),
+    };
+    format!("{}, {} DSP, {} BRAM18{note} ({})", area.lut_words(), area.dsp, area.bram18, area.basis())
+}
+
+/// A time in the unit that leaves a number before the point.
+fn duration(ms: f64) -> String {
+    match ms {
+        ms if ms >= 0.1 => format!("{ms:.3} ms"),
+        ms if ms >= 1e-4 => format!("{:.3} us", ms * 1e3),
+        ms => format!("{:.3} ns", ms * 1e6),
+    }
+}
+
+/// Cells, where they are, and what other families take.
+fn size(program: &Program, area: &Area) -> Value {
+    let cells = |of: &Area| {
+        json!({"family": of.family.name(), "lut": of.lut.round(), "lut_error": of.lut_error.round(),
+               "ff": of.ff.round(), "ff_error": of.ff_error.round(), "dsp": of.dsp, "bram18": of.bram18})
+    };
+    let mut size = cells(area);
+    size["basis"] = json!(area.basis());
+    size["measured_pes"] = json!(area.measured_pes);
+    let split = &area.split;
+    size["split"] = json!({
+        "pes": {"lut": split.pes.0.round(), "bram18": split.pes.1},
+        "programs": {"lut": split.programs.0.round(), "bram18": split.programs.1},
+        "inputs_outputs": {"lut": split.ports.round()},
+        "sequencer": {"lut": split.sequencer.round()},
+    });
+    size["families"] = Family::MEASURED.iter().map(|family| cells(&area::estimate(program, *family))).collect();
+    size
 }
 
 /// A row of the summary table.

@@ -36,7 +36,7 @@ struct Size {
 }
 
 fn size(design: &Design) -> Size {
-    let area = area::estimate(&design.program);
+    let area = area::estimate(&design.program, area::Family::default());
     Size {
         products: design.graph.macs(),
         writes: design.program.writes_per_step(),

@@ -1,28 +1,65 @@
 //! Written by `cargo run -p pe-synth --example fit_area`; do not edit.
 
-/// Look-up tables per unit of each of `LUT_TERMS`.
-pub const LUT: [f64; 8] = [0.99, 0.997, 1.064, 0.972, 4.001, 1.999, 0.837, 16.001];
+use super::{FF_TERMS, LUT_TERMS, TRAITS};
 
-/// Root mean square of the relative residuals of look-up tables.
-pub const LUT_DEVIATION: f64 = 0.0197;
+/// What was fitted to the measured PEs of a family.
+#[derive(Debug)]
+pub struct Fitted {
+    /// Look-up tables per unit of each of [`LUT_TERMS`].
+    pub lut: [f64; LUT_TERMS.len()],
+    /// Root mean square of the relative residuals of look-up tables.
+    pub lut_deviation: f64,
+    /// Flip-flops per unit of each of [`FF_TERMS`].
+    pub ff: [f64; FF_TERMS.len()],
+    /// Root mean square of the relative residuals of flip-flops.
+    pub ff_deviation: f64,
+    /// Measured PEs with each of [`TRAITS`].
+    pub shapes: [u32; TRAITS.len()],
+    /// Look-up tables per bit that a deep pipeline chooses in tables of their own.
+    pub deep_lut: f64,
+    /// Root mean square of the relative residuals of the look-up tables of deep PEs.
+    pub deep_lut_deviation: f64,
+    /// Flip-flops per bit of second registers of a deep pipeline.
+    pub deep_ff: f64,
+    /// Root mean square of the relative residuals of the flip-flops of deep PEs.
+    pub deep_ff_deviation: f64,
+}
 
-/// Flip-flops per unit of each of `FF_TERMS`.
-pub const FF: [f64; 6] = [1.06, 0.943, 0.922, 1.004, 0.801, 1.998];
+/// Xilinx 6 and 7 series, and tables of UltraScale+.
+pub const XC6V: Fitted = Fitted {
+    lut: [0.99, 1.0, 0.997, 1.064, 0.972, 4.001, 1.999, 0.837, 1.0, 16.001],
+    lut_deviation: 0.0197,
+    ff: [1.06, 0.943, 0.922, 1.004, 0.801, 1.998],
+    ff_deviation: 0.0187,
+    shapes: [4, 3, 0, 2, 0, 2, 3, 1, 2, 2, 3, 3, 0, 0],
+    deep_lut: 0.912,
+    deep_lut_deviation: 0.0378,
+    deep_ff: 1.047,
+    deep_ff_deviation: 0.0095,
+};
 
-/// Root mean square of the relative residuals of flip-flops.
-pub const FF_DEVIATION: f64 = 0.0187;
+/// Lattice ECP5.
+pub const ECP5: Fitted = Fitted {
+    lut: [0.993, 1.034, 0.994, 1.023, 1.056, 4.0, 2.0, 1.037, 1.027, 45.0],
+    lut_deviation: 0.0263,
+    ff: [1.056, 1.003, 0.977, 1.0, 0.937, 1.999],
+    ff_deviation: 0.0138,
+    shapes: [2, 1, 4, 9, 1, 2, 0, 2, 2, 7, 4, 2, 0, 4],
+    deep_lut: 0.0,
+    deep_lut_deviation: 0.0595,
+    deep_ff: 1.023,
+    deep_ff_deviation: 0.0064,
+};
 
-/// Measured PEs with each of `TRAITS`.
-pub const SHAPES: [u32; 14] = [4, 3, 0, 2, 0, 2, 3, 1, 2, 2, 3, 3, 0, 0];
-
-/// Look-up tables per bit that a deep pipeline chooses in tables of their own.
-pub const DEEP_LUT: f64 = 0.912;
-
-/// Root mean square of the relative residuals of the look-up tables of deep PEs.
-pub const DEEP_LUT_DEVIATION: f64 = 0.0378;
-
-/// Flip-flops per bit of second registers of a deep pipeline.
-pub const DEEP_FF: f64 = 1.047;
-
-/// Root mean square of the relative residuals of the flip-flops of deep PEs.
-pub const DEEP_FF_DEVIATION: f64 = 0.0095;
+/// Gowin GW1N and GW2A.
+pub const GOWIN: Fitted = Fitted {
+    lut: [0.942, 1.21, 1.196, 1.1, 1.052, 4.001, 2.0, 0.999, 1.135, 45.003],
+    lut_deviation: 0.0380,
+    ff: [1.038, 0.977, 0.963, 1.0, 0.956, 2.0],
+    ff_deviation: 0.0140,
+    shapes: [2, 1, 4, 3, 1, 2, 0, 2, 2, 2, 2, 2, 0, 0],
+    deep_lut: 0.0,
+    deep_lut_deviation: 0.0648,
+    deep_ff: 1.037,
+    deep_ff_deviation: 0.0082,
+};

@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use pe_ir::memory::{self, MemoryCells};
+use pe_ir::memory::MemoryCells;
 use pe_ir::program::{Fold, PeFeatures, Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
 
-use super::followers;
+use super::{Family, content, followers};
 
 /// A synthesised PE with its program memory.
 #[derive(Clone, Debug)]
@@ -15,14 +15,16 @@ pub struct MeasuredShape {
     pub features: PeFeatures,
     /// Its widths.
     pub format: WordFormat,
-    /// Memories of the control words.
+    /// Memories that nothing writes, of random words: control words and coefficients.
     pub program: MemoryCells,
     /// Look-up tables, memories in LUTs included.
     pub lut: u32,
     /// Flip-flops.
     pub ff: u32,
-    /// Multiplier blocks.
-    pub dsp: u32,
+    /// Family that it was measured on.
+    pub family: Family,
+    /// Multiplier blocks, in halves.
+    pub half_blocks: u32,
     /// Block RAMs of 18 kbit.
     pub bram18: u32,
     /// Features and widths as text, which tells whether two shapes are the same.
@@ -32,7 +34,8 @@ pub struct MeasuredShape {
 impl MeasuredShape {
     /// The line that says so.
     pub fn line(&self) -> String {
-        format!("{} lut={} ff={} dsp={} bram18={}", self.key, self.lut, self.ff, self.dsp, self.bram18)
+        let dsp = f64::from(self.half_blocks) / 2.0;
+        format!("{} lut={} ff={} dsp={dsp} bram18={}", self.key, self.lut, self.ff, self.bram18)
     }
 }
 
@@ -50,13 +53,15 @@ impl Measured {
     }
 
     /// The measured shape of each PE that has one.
-    pub(super) fn shapes(&self, program: &Program) -> BTreeMap<usize, &MeasuredShape> {
+    pub(super) fn shapes(&self, program: &Program, family: Family) -> BTreeMap<usize, &MeasuredShape> {
         if self.0.is_empty() {
             return BTreeMap::new();
         }
         let shape = |index: usize| {
             let fold = Fold::of(program, &program.pes[index]);
-            self.0.get(&key(&pe_emit::shape(program, index, &fold)))
+            let line = pe_emit::shape(program, index, &fold);
+            let line = if family.wide_tables() { line } else { format!("{line} family={}", family.name()) };
+            self.0.get(&key(&line))
         };
         (0..program.pes.len()).filter_map(|index| Some((index, shape(index)?))).collect()
     }
@@ -93,30 +98,35 @@ fn shape(line: &str) -> Option<MeasuredShape> {
         coefficient_bits: number("coefficient_bits")?,
         pipeline: pipeline(fields.get("pipeline"))?,
     };
+    let family = fields.get("family").map_or(Some(Family::default()), |name| Family::named(name))?;
+    let features = PeFeatures {
+        own_words: number("own_words")?,
+        base_words: number("base_words")?,
+        coefficient_words: number("coefficient_words")?,
+        imported_words: number("imported_words")?,
+        ports: number("ports")?,
+        shifts,
+        accumulator_bits: number("accumulator_bits")?,
+        factor: flag("factor")?,
+        pre_adder: flag("pre_adder")?,
+        swap: flag("swap")?,
+        base_last: flag("base_last")?,
+        send: flag("send")?,
+        proven: flag("proven")?,
+        index_words: missing_is_zero("index_words")?,
+        index_bits: missing_is_zero("index_bits")?,
+        octave_bits: missing_is_zero("octave_bits")?,
+    };
+    let coefficients = if features.factor { 0 } else { features.coefficient_words };
+    let constants = content::random(coefficients, format.coefficient_bits, false, family);
     Some(MeasuredShape {
-        features: PeFeatures {
-            own_words: number("own_words")?,
-            base_words: number("base_words")?,
-            coefficient_words: number("coefficient_words")?,
-            imported_words: number("imported_words")?,
-            ports: number("ports")?,
-            shifts,
-            accumulator_bits: number("accumulator_bits")?,
-            factor: flag("factor")?,
-            pre_adder: flag("pre_adder")?,
-            swap: flag("swap")?,
-            base_last: flag("base_last")?,
-            send: flag("send")?,
-            proven: flag("proven")?,
-            index_words: missing_is_zero("index_words")?,
-            index_bits: missing_is_zero("index_bits")?,
-            octave_bits: missing_is_zero("octave_bits")?,
-        },
+        program: [program(number, &format, family)?, constants].into_iter().sum(),
+        features,
         format,
-        program: program(number, &format)?,
+        family,
         lut: number("lut")?,
         ff: number("ff")?,
-        dsp: number("dsp")?,
+        half_blocks: (2.0 * fields.get("dsp")?.parse::<f64>().ok()?) as u32,
         bram18: number("bram18")?,
         key: key(line),
     })
@@ -128,18 +138,19 @@ fn pipeline(name: Option<&&str>) -> Option<Pipeline> {
 }
 
 /// Memories of the control words: what every round repeats, and the rest.
-fn program(number: impl Fn(&str) -> Option<u32>, format: &WordFormat) -> Option<MemoryCells> {
+fn program(number: impl Fn(&str) -> Option<u32>, format: &WordFormat, family: Family) -> Option<MemoryCells> {
     let (words, bits, streamed) = (number("program_words")?, number("program_bits")?, number("streamed_bits")?);
     let (rounds, repeated) = (number("rounds")?, bits.checked_sub(streamed)?);
     let round_words = words.checked_div(rounds)?;
     Some(match number("variants") {
         Some(variants) => {
-            let table = memory::tables(variants * rounds.next_power_of_two(), streamed);
-            [memory::rom(round_words, repeated + index_bits(variants)), table].into_iter().sum()
+            let table = content::random(variants * rounds.next_power_of_two(), streamed, true, family);
+            let repeated = content::random(round_words, repeated + index_bits(variants), false, family);
+            [repeated, table].into_iter().sum()
         }
         None => {
             let cells = |words, bits| {
-                let memory = memory::rom(words, bits);
+                let memory = content::random(words, bits, false, family);
                 MemoryCells { ff: memory.ff + followers(format, words, bits), ..memory }
             };
             [cells(round_words, repeated), cells(words, streamed)].into_iter().sum()

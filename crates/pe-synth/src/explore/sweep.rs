@@ -301,7 +301,7 @@ impl Sweep {
         let design = pipeline::implement(loaded, &graph, &judged, network, &self.mapping, watch)?;
         let (model, total) = (&loaded.model, Some(total));
         let silicon = Silicon {
-            area: area::estimate(&design.program),
+            area: area::estimate(&design.program, self.clock.family()),
             clock: self.clock.of(&design.program.format, design.program.pes.len() as u32),
         };
         let report = report::report(

@@ -1,0 +1,82 @@
+//! What a network has beside its PEs: sequencer, inputs, ticks and outputs.
+//!
+//! Counts of the circuit, held against `parts.txt`, which `hdl/measure-parts.sh` writes.
+
+use pe_ir::program::{Program, index_bits};
+use pe_ir::word::{Pipeline, WordFormat};
+
+use super::Family;
+
+/// Look-up tables and flip-flops of the sequencer, and of the one register that joins all sticky flags.
+pub fn sequencer(program: &Program, family: Family) -> (f64, f64) {
+    let deep = program.format.pipeline == Pipeline::Deep;
+    let (lut, ff) = sequencer_alone(program.period, program.rounds, deep, family);
+    let flags = (program.pes.len() + program.ports().count()) as f64;
+    let joined = (flags - 1.0) / f64::from(family.lut_inputs() - 1);
+    (lut + joined.ceil(), ff + 1.0)
+}
+
+pub(super) fn sequencer_alone(period: u32, rounds: u32, deep: bool, family: Family) -> (f64, f64) {
+    let bits = f64::from(index_bits(period));
+    // Word index, place in the round, index of the word that is executed, and single bits.
+    let (plain, late) = if family.wide_tables() { (11.0 + 4.0 * bits, 12.0) } else { (26.0 + 7.0 * bits, 0.0) };
+    let ff = if deep { plain } else { 7.0 + 3.0 * bits };
+    if !family.wide_tables() {
+        return (50.0, ff);
+    }
+    (12.0 + 1.2 * bits + f64::from(2 * u8::from(rounds > 1)) + if deep { late } else { 0.0 }, ff)
+}
+
+/// Look-up tables and flip-flops of inputs, ticks and outputs.
+pub fn ports(program: &Program, family: Family) -> (f64, f64) {
+    let format = &program.format;
+    let inputs = (program.ports().count() as f64, input(format, family));
+    let outputs = (program.outputs.len() as f64, output(format, index_bits(program.period), family));
+    let mut sum = (0.0, 0.0);
+    for (count, (lut, ff)) in [inputs, outputs] {
+        sum = (sum.0 + count * lut, sum.1 + count * ff);
+    }
+    for (_, steps, _) in program.ticks() {
+        let (lut, ff) = tick(steps.steps, family);
+        sum = (sum.0 + lut, sum.1 + ff);
+    }
+    sum
+}
+
+/// An input: where operands have fewer bits than the port the sum that rounds, and what clamps it.
+pub(super) fn input(format: &WordFormat, family: Family) -> (f64, f64) {
+    let deep = f64::from(u8::from(format.pipeline == Pipeline::Deep));
+    if format.data_bits >= format.storage_bits {
+        let bits = f64::from(format.storage_bits);
+        return (0.0, bits + deep * (bits + 1.0));
+    }
+    let bits = f64::from(format.data_bits);
+    (if family.wide_tables() { 2.0 } else { 2.0 * bits + 2.0 }, bits + 1.0 + deep * (bits + 2.0))
+}
+
+/// A tick: a counter, a comparison with its last number, and the register of the operand's one bit.
+pub(super) fn tick(steps: u32, family: Family) -> (f64, f64) {
+    let bits = f64::from(index_bits(steps));
+    (if family.wide_tables() { bits + 1.0 } else { 2.0 * bits + 3.0 }, bits + 1.0)
+}
+
+/// An output: recognition of its control word, and, unless stored words carry the offset that rounds to the port anyway,
+/// addition of another and saturation, between a register of the word and one of the port's width.
+pub(super) fn output(format: &WordFormat, index_bits: u32, family: Family) -> (f64, f64) {
+    let compare = match family.wide_tables() {
+        true => (f64::from(index_bits + 4) / 5.0).floor(),
+        false => (f64::from(index_bits + 1) / 3.0).ceil(),
+    };
+    let deep = 2 * u32::from(format.pipeline == Pipeline::Deep);
+    if format.data_bits == format.storage_bits {
+        return (compare, f64::from(2 * format.storage_bits + deep));
+    }
+    let (adder, captured) = match format.data_bits < format.storage_bits {
+        // Bits below the one that rounds are not looked at.
+        true => (format.data_bits + 2, format.word_bits() - format.guard_bits.saturating_sub(1)),
+        false if family.wide_tables() => (format.guard_bits, format.word_bits()),
+        false => (format.word_bits(), format.word_bits()),
+    };
+    let more = if family.wide_tables() || format.guard_bits == 0 { 0.0 } else { 6.0 };
+    (compare + f64::from(adder + format.storage_bits - 1) + more, f64::from(captured + format.storage_bits + deep))
+}
