@@ -50,10 +50,6 @@ fn rest(rows: &[(f64, f64, f64)]) -> f64 {
     if weight > 0.0 { (slope / weight * 1e3).round() / 1e3 } else { 0.0 }
 }
 
-fn residual<const N: usize>((terms, measured): &([f64; N], f64), coefficients: &[f64; N]) -> f64 {
-    terms.iter().zip(coefficients).map(|(term, coefficient)| term * coefficient).sum::<f64>() / measured - 1.0
-}
-
 /// Measured shapes by what they are, in the order of their lines.
 fn collect(texts: &[String]) -> Vec<MeasuredShape> {
     let shapes = texts.iter().flat_map(|text| area::read(text).expect("every line is a measured shape"));
@@ -110,8 +106,10 @@ impl Fit {
             .collect();
         let (deep_lut, deep_ff) = (rest(&deep_luts), rest(&deep_ffs));
         let off = |(term, known, all): &(f64, f64, f64), by: f64| (known + by * term) / all - 1.0;
+        let lut_off = |s: &MeasuredShape| (weigh(&lut_terms(s), &lut) + s.program.lut) / f64::from(s.lut) - 1.0;
+        let ff_off = |s: &MeasuredShape| (weigh(&ff_terms(s), &ff) + s.program.ff) / f64::from(s.ff) - 1.0;
         let residuals = [
-            luts.iter().zip(&ffs).map(|(l, f)| (residual(l, &lut), residual(f, &ff))).collect(),
+            short.iter().map(|s| (lut_off(s), ff_off(s))).collect(),
             deep_luts.iter().zip(&deep_ffs).map(|(l, f)| (off(l, deep_lut), off(f, deep_ff))).collect(),
         ];
         let mut known = [0; TRAITS.len()];
@@ -178,10 +176,10 @@ impl Fit {
             self.deep_ff,
         );
         page += "| look-up tables per unit of | | flip-flops per unit of | |\n|---|---|---|---|\n";
-        for index in 0..LUT_TERMS.len() {
+        for (index, (name, tables)) in LUT_TERMS.iter().zip(self.lut).enumerate() {
             let flip_flops =
                 FF_TERMS.get(index).map_or("| |".to_owned(), |name| format!("{name} | {} |", self.ff[index]));
-            writeln!(page, "| {} | {} | {flip_flops}", LUT_TERMS[index], self.lut[index]).unwrap();
+            writeln!(page, "| {name} | {tables} | {flip_flops}").unwrap();
         }
         page += "\n| trait | measured shapes | error of estimates |\n|---|---|---|\n";
         for (name, count) in TRAITS.iter().zip(self.known) {

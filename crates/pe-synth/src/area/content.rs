@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn deeper_memories_take_as_many_tables_as_their_inputs_ask_for() {
-        let random: Vec<u128> = (0..64u128).map(|k| k * k * 0x9e37_79b9 >> 7 & 0xff).collect();
+        let random: Vec<u128> = (0..64u128).map(|k| ((k * k * 0x9e37_79b9) >> 7) & 0xff).collect();
         assert_eq!(lut(&random, 8, Family::Virtex6), 8.0);
         assert_eq!(lut(&random, 8, Family::Ecp5), 32.0);
         assert_eq!(lut(&random[..16], 8, Family::Ecp5), 8.0);
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn bits_that_never_change_take_no_part_of_a_block() {
-        let words: Vec<u128> = (0..256u128).map(|k| k * k * 0x9e37_79b9_7f4a_7c15 >> 5 & ((1 << 36) - 1)).collect();
+        let words: Vec<u128> = (0..256u128).map(|k| ((k * k * 0x9e37_79b9_7f4a_7c15) >> 5) & ((1 << 36) - 1)).collect();
         assert_eq!(rom(&words, 44, false, Family::Ecp5).bram18, 1);
         assert_eq!(rom(&words, 44, true, Family::Ecp5).bram18, 0);
     }

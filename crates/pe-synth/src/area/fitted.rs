@@ -41,9 +41,9 @@ pub const XC6V: Fitted = Fitted {
 /// Lattice ECP5.
 pub const ECP5: Fitted = Fitted {
     lut: [0.993, 1.034, 0.994, 1.023, 1.056, 4.0, 2.0, 1.037, 1.027, 45.0],
-    lut_deviation: 0.0263,
+    lut_deviation: 0.0261,
     ff: [1.056, 1.003, 0.977, 1.0, 0.937, 1.999],
-    ff_deviation: 0.0138,
+    ff_deviation: 0.0137,
     shapes: [2, 1, 4, 9, 1, 2, 0, 2, 2, 7, 4, 2, 0, 4],
     deep_lut: 0.0,
     deep_lut_deviation: 0.0595,
@@ -54,7 +54,7 @@ pub const ECP5: Fitted = Fitted {
 /// Gowin GW1N and GW2A.
 pub const GOWIN: Fitted = Fitted {
     lut: [0.942, 1.21, 1.196, 1.1, 1.052, 4.001, 2.0, 0.999, 1.135, 45.003],
-    lut_deviation: 0.0380,
+    lut_deviation: 0.0377,
     ff: [1.038, 0.977, 0.963, 1.0, 0.956, 2.0],
     ff_deviation: 0.0140,
     shapes: [2, 1, 4, 3, 1, 2, 0, 2, 2, 2, 2, 2, 0, 0],

@@ -157,7 +157,7 @@ fn outside(features: &PeFeatures, format: &WordFormat, family: Family) -> (f64, 
     // Tiles of 18 bits are added where they overlap.
     let tiled = |(one, other): &(u32, u32)| {
         let tiles = one.div_ceil(18) * other.div_ceil(18);
-        f64::from((tiles - 1) * (one + other - 18))
+        f64::from((tiles - 1) * (one + other).saturating_sub(18))
     };
     let partial: f64 = products.iter().map(tiled).sum();
     let joined = f64::from(products.len() as u32 / 2 * (product - 17));
