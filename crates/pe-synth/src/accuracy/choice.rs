@@ -15,7 +15,7 @@ use crate::explore::row::{Outcome, Row};
 use crate::explore::show;
 use crate::explore::sweep::{self, Event, Job, Sweep};
 use crate::failure::Failure;
-use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions};
+use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions, ProofMode};
 use crate::pipeline::MappingOptions;
 
 /// Which axes of the design space the user fixed: those whose options were given.
@@ -121,7 +121,8 @@ impl Question<'_> {
     fn compiled(&self, points: &[DesignPoint], estimate: &Estimate, pool: &rayon::ThreadPool) -> Vec<Row> {
         let sweep = Sweep {
             loaded: self.loaded.clone(),
-            options: self.options.clone(),
+            // The chosen design keeps its formats, so no proof can change what is compared here.
+            options: ModelOptions { proof: ProofMode::Off, ..self.options.clone() },
             mapping: self.mapping.clone(),
             conserved: self.conserved.to_vec(),
             within: Some(self.max_error),

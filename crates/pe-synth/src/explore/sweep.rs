@@ -29,10 +29,10 @@ use crate::check::sampled;
 use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::failure::Failure;
-use crate::options::{DesignPoint, LoadedModel, ModelOptions};
+use crate::options::{DesignPoint, LoadedModel, ModelOptions, ProofMode};
 use crate::pipeline::{self, MappingOptions, Network, Stopwatch};
 use crate::report::{self, Silicon};
-use crate::runs::{Comparison, Exact, Judged};
+use crate::runs::{self, Comparison, Exact, Judged};
 use crate::slots;
 use crate::total::{Reference, TotalError};
 use crate::variables::variables;
@@ -274,6 +274,9 @@ impl Sweep {
         let refused = |findings| Failure::Spec(findings, base.loaded.sources.clone());
         let judged = exact.conclude(model, graph, settled, base.comparison.clone(), &self.options);
         let mut judged = judged.map_err(refused)?;
+        if let (ProofMode::Ranges, Ok(comparison)) = (self.options.proof, &base.comparison) {
+            judged = runs::prove(judged, (exact, comparison), model, graph, &self.options).map_err(refused)?;
+        }
         let findings = sampled::findings(model, graph, &judged).into_iter();
         let (refusals, warnings): (Vec<_>, Vec<_>) = findings.partition(|finding| finding.severity == Severity::Error);
         judged.warnings.extend(warnings);
