@@ -259,7 +259,7 @@ while read -r line; do
   input_bits=$((port_bits + address_bits + 5 + repeat_bits + round_bits))
   wrapper > measured.vhd
   ghdl -a --std=08 measured.vhd
-  ghdl --synth --std=08 --out=verilog measured 2> ghdl.log | awk -f "$here/styles.awk" > measured.v ||
+  ghdl --synth --no-formal --std=08 --out=verilog measured 2> ghdl.log | awk -f "$here/styles.awk" > measured.v ||
     { cat ghdl.log >&2; exit 1; }
   synthesise
   read -r logic memory shift ff dsp ramb18 ramb36 <<< "$(awk -f "$here/count-cells.awk" stat.txt)"

@@ -281,7 +281,7 @@ begin
           word(WORD_BITS - 1) <= sum(SUM_BITS - 1);
         end if;
 
-        saturated           <= differs;
+        saturated <= differs;
       end if;
     end if;
 

@@ -22,4 +22,4 @@ while read -r library file; do
   case $file in *_tb.vhd) continue ;; esac
   ghdl -a --std=08 --work="$library" "$design/$file"
 done < "$design/$model.f"
-ghdl --synth --std=08 --out=verilog "$@" "$model" 2> ghdl.log | awk -f "$styles" || { grep -i error ghdl.log >&2; exit 1; }
+ghdl --synth --no-formal --std=08 --out=verilog "$@" "$model" 2> ghdl.log | awk -f "$styles" || { grep -i error ghdl.log >&2; exit 1; }

@@ -78,8 +78,8 @@ const SHORT: [Damage; 4] = [
     (
         "an extra product register",
         "hdl/pe_multiplier.vhd",
-        "product <= (own + imported) * coefficient;",
-        "kept <= (own + imported) * coefficient;\n          product <= kept;",
+        "whole <= (own + imported) * coefficient;",
+        "kept <= (own + imported) * coefficient;\n          whole <= kept;",
     ),
     ("inputs taken whenever", "hdl/pe_input.vhd", "arrive <= sample_i;", "arrive <= '1';"),
 ];

@@ -195,7 +195,8 @@ fn every_damage_of_the_library_is_vhdl() {
     library(&|_, original| original.to_owned(), None);
     for (_, _, file, before, after) in REPLACEMENTS {
         library(&|_, original| original.replace(before, after), Some(file));
-        library(&|_, original| original.to_owned(), Some(file));
+        // What uses a package is obsolete once that is analysed again.
+        library(&|_, original| original.to_owned(), (!file.ends_with("_pkg.vhd")).then_some(file));
     }
 }
 

@@ -305,7 +305,10 @@ fn analyse(folder: &Path, design: &str, work: &Path) -> Result<Result<(), String
 fn synthesised(folder: &Path, design: &str, work: &Path) -> Result<Netlist, String> {
     analyse(folder, design, work).map_err(|failure| format!("{failure:?}"))??;
     let mut command = Command::new("ghdl");
-    command.args(["--synth", "--std=08", "--out=verilog", "-gTRACE=true"]).arg(format!("--workdir={}", work.display()));
+    // Assertions would be tasks that yosys does not know.
+    command
+        .args(["--synth", "--no-formal", "--std=08", "--out=verilog", "-gTRACE=true"])
+        .arg(format!("--workdir={}", work.display()));
     command.arg(format!("-P{}", work.display())).arg(design);
     let output = command.output().map_err(|error| error.to_string())?;
     if output.status.success() {
