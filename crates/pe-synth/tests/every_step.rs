@@ -164,18 +164,18 @@ fn random(random: &mut ChaCha8Rng, count: usize, fastest: f64) -> DMatrix<f64> {
     a
 }
 
-fn square(frequency: f64, span: f64) -> (String, Box<dyn Fn(f64) -> f64>, Vec<f64>) {
+fn square(frequency: f64, span: f64) -> Signal {
     let input = move |time: f64| if (time * frequency).fract() < 0.5 { 1.0 } else { -1.0 };
     let jumps = (1..).map(|half| f64::from(half) / (2.0 * frequency)).take_while(|time| *time < span).collect();
     (format!("square(1, {frequency:e} Hz)"), Box::new(input), jumps)
 }
 
-fn pulse(start: f64, width: f64) -> (String, Box<dyn Fn(f64) -> f64>, Vec<f64>) {
+fn pulse(start: f64, width: f64) -> Signal {
     let input = move |time: f64| if time >= start && time < start + width { 1.0 } else { 0.0 };
     (format!("pulse(1, {start:e} s, {width:e} s)"), Box::new(input), vec![start, start + width])
 }
 
-fn none() -> (String, Box<dyn Fn(f64) -> f64>, Vec<f64>) {
+fn none() -> Signal {
     ("constant(0)".to_owned(), Box::new(|_| 0.0), Vec::new())
 }
 

@@ -98,7 +98,7 @@ impl Plan {
 fn within(steps: &[u64], block: &Range<u64>) -> impl Iterator<Item = usize> {
     let (first, start) = (steps.partition_point(|done| *done <= block.start), block.start);
     let count = steps[first..].partition_point(|done| *done <= block.end);
-    steps[first..first + count].to_vec().into_iter().map(move |done| (done - start - 1) as usize)
+    steps[first..first + count].iter().map(move |done| (done - start - 1) as usize)
 }
 
 /// A run in double precision.
