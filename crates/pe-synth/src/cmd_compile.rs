@@ -14,6 +14,7 @@ use crate::accuracy::choice::{Choice, Fixed, Question};
 use crate::area::{self, Measured};
 use crate::check::{self, Check};
 use crate::clock::ClockSource;
+use crate::command::shown_path;
 use crate::conserved::Conserved;
 use crate::console;
 use crate::devices::{self, Device, Fit};
@@ -154,7 +155,7 @@ impl Compile {
         let folder = OutputFolder::create_until_interrupted(&target)?;
         let written = watch.stage(
             "write",
-            || write_design(&folder, loaded.sources.main().name(), model, &design, command),
+            || write_design(&folder, shown_path(loaded.sources.main().name()), model, &design, command),
             |_| target.display().to_string(),
         );
         written?;

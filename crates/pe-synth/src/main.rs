@@ -136,7 +136,8 @@ fn refused(error: &clap::Error) -> ExitCode {
     Failure::Usage(String::new()).exit_code()
 }
 
-/// The command as it can be typed again, without the output folder: that does not change the result.
+/// The command as it can be typed again in the folder of an absolute path, without the output folder: that does not change
+/// the result.
 fn command_line() -> String {
     let mut words = vec!["pe-synth".to_owned()];
     let mut arguments = std::env::args().skip(1);
@@ -144,7 +145,7 @@ fn command_line() -> String {
         if argument == "-o" || argument == "--output" {
             arguments.next();
         } else if !argument.starts_with("-o") && !argument.starts_with("--output=") {
-            words.push(pe_synth::command::quoted(&argument));
+            words.push(pe_synth::command::shown_word(&argument));
         }
     }
     words.join(" ")

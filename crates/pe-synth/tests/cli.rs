@@ -62,6 +62,42 @@ fn the_same_command_writes_the_same_bytes() {
 }
 
 #[test]
+fn no_output_holds_an_absolute_path() {
+    let home = folder("absolute");
+    let spec = model("lorenz");
+    let options = ["--span=100ms", "--quiet", "--jobs", "1"];
+    for (command, points) in [
+        ("compile", &["--pes", "1"][..]),
+        ("explore", &["--pes", "1", "--storage", "32", "--solver", "rk4"]),
+        ("accuracy", &["--storage", "32", "--solver", "rk4"]),
+    ] {
+        let options = if command == "compile" { &options[..2] } else { &options };
+        let target = home.join(command);
+        let output =
+            pe_synth().arg(command).arg(&spec).args(options).args(points).arg("-o").arg(&target).output().unwrap();
+        assert!(output.status.success(), "{command}: {}", stderr(&output));
+    }
+    let root = spec.canonicalize().unwrap();
+    let places =
+        [home.to_str().unwrap(), spec.parent().unwrap().to_str().unwrap(), root.parent().unwrap().to_str().unwrap()];
+    let (mut folders, mut read) = (vec![home.clone()], 0);
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let text = String::from_utf8_lossy(&fs::read(&path).unwrap()).into_owned();
+            let held = places.iter().find(|place| text.contains(**place));
+            assert_eq!(held, None, "{}", path.display());
+            read += 1;
+        }
+    }
+    assert!(read > 20, "{read} files");
+}
+
+#[test]
 fn the_report_has_every_promised_key() {
     let home = folder("report");
     let output = compile(&model("lorenz"), &home.join("out"), &["--span", "1s"]);
