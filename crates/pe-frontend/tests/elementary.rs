@@ -1,5 +1,7 @@
 //! Functions and choices of variables against those of the standard library.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod common;
 
 /// A right-hand side, and what it is for values of `x` and `y`.

@@ -3,6 +3,8 @@
 //! Nothing here shares code or formulas with the specs: parameters, initial values and right-hand sides are typed anew
 //! from the equations (Huang, Vahid, Givargis 2013, doi 10.1145/2514641.2514650, and the `README.md` of each model).
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 use pe_frontend::NoFiles;
 use pe_ir::model::{Expr, Model, Solver, Variable};
 use pe_ir::source::Sources;

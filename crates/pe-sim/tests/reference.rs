@@ -1,5 +1,7 @@
 //! The reference solution against closed forms, and against itself at another tolerance.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
 use pe_ir::source::Span;
 use pe_sim::error::Trajectory;

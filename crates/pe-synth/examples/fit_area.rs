@@ -45,7 +45,7 @@ fn fit<const N: usize>(rows: &[([f64; N], f64)], counts: &[f64; N]) -> [f64; N] 
 
 /// Coefficient of the one term that is left of deep PEs; 0 if none of them has it.
 fn rest(rows: &[(f64, f64, f64)]) -> f64 {
-    let weight: f64 = rows.iter().map(|(term, _, all)| (term / all).powi(2)).sum();
+    let weight: f64 = rows.iter().map(|(term, _, all)| (term / all) * (term / all)).sum();
     let slope = rows.iter().map(|(term, known, all)| term * (all - known) / (all * all)).sum::<f64>();
     if weight > 0.0 { (slope / weight * 1e3).round() / 1e3 } else { 0.0 }
 }

@@ -85,7 +85,7 @@ impl Sim {
             if machine.escaped() {
                 return Err(Failure::Internal("a word is out of range, which was proven impossible".to_owned()));
             }
-            let number = |(word, port): (&i64, &pe_ir::program::OutputPort)| *word as f64 * 2f64.powi(port.exponent);
+            let number = |(word, port): (&i64, &pe_ir::program::OutputPort)| libm::ldexp(*word as f64, port.exponent);
             rows.push(machine.outputs().iter().zip(&design.program.outputs).map(number).collect());
         }
         Ok(rows)

@@ -1,5 +1,7 @@
 //! The arithmetic of the datasheet against exact integers and against real numbers, written apart from the product.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod support;
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId, Write};

@@ -1,5 +1,7 @@
 //! Extreme and malformed cases with the answer that `check` must give: exit code, codes, state, time, remedy.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod support;
 
 use std::fs;

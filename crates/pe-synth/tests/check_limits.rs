@@ -2,6 +2,8 @@
 //!
 //! A step is stable if no state leaves the range of the solution by more than the width of that range.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod support;
 
 use std::path::Path;

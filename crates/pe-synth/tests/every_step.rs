@@ -3,6 +3,8 @@
 //! All models are linear with an input that is constant in pieces, so that the truth is exact to rounding. They are made
 //! to have their errors where evenly spread samples do not look: fast decays, first steps, jumps.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod support;
 
 use std::fmt::Write;

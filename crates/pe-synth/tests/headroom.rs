@@ -1,5 +1,7 @@
 //! The table of variables beside their number formats.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod support;
 
 use pe_ir::graph::Role;

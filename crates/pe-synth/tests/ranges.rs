@@ -1,5 +1,7 @@
 //! Proof of ranges: bounds hold against the worst inputs that there are, and are nearly met by them.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod support;
 
 use clap::Parser;

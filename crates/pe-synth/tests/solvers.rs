@@ -1,5 +1,7 @@
 //! The step graph of every solver against its textbook form: Butcher's tableau, written down a second time.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod support;
 
 use pe_hls::step::StepOptions;

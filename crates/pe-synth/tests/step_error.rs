@@ -3,6 +3,8 @@
 //! The bound is derived per model: half an LSB wherever a word or an operand is rounded, and what each coefficient
 //! lost to its port, carried through all chains of the step.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 mod support;
 
 use pe_hls::rounding::{self, Aim, Sampling};

@@ -57,7 +57,7 @@ fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     let mut add = |name: String, body: Expr, range: (f64, f64), must| cases.push(Case { name, body, range, must });
     for decades in [1, 4, 7, 9] {
-        let wide = 10f64.powi(decades);
+        let wide = libm::pow(10.0, f64::from(decades));
         for (low, high) in [(1.0, wide), (1.0 / wide, 1.0), (-wide, -1.0), (-1.0, -1.0 / wide)] {
             let name = |what: &str| format!("{what} on {low:e} .. {high:e}");
             let size = if low > 0.0 { x() } else { Expr::scaled(-1.0, x()) };

@@ -147,7 +147,7 @@ fn outside(features: &PeFeatures, format: &WordFormat, family: Family) -> (f64, 
         // Only the 25-bit port of a block has a pre-adder, and only one block accumulates.
         if !format.single_multiplier() {
             let blocks = format.blocks(family.tiles());
-            let all = data + sum + f64::from(product) * f64::from(blocks).log2();
+            let all = data + sum + f64::from(product) * libm::log2(f64::from(blocks));
             return (all, all);
         }
         return (if format.coefficient_bits > 18 { data } else { 0.0 }, 0.0);

@@ -107,7 +107,8 @@ impl Prediction {
         let states = model.states.len();
         let affine = is_affine(model);
         let small = states <= if affine { ALL_AFFINE } else { ALL };
-        let operations = if small { 25.0 * (states as f64).powi(3) } else { (states * VECTORS * VECTORS * 4) as f64 };
+        let operations =
+            if small { 25.0 * (states * states * states) as f64 } else { (states * VECTORS * VECTORS * 4) as f64 };
         let most = if affine { 1 } else { POINTS };
         let points = trusted.points(((OPERATIONS / operations.max(1.0)) as usize).clamp(most.min(5), most));
         let mut basis = if small { Basis::All } else { Basis::Outer };

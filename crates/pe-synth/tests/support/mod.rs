@@ -1,5 +1,6 @@
 //! Random models for tests: seeded, stable, and shaped to hit every feature of the hardware.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
 // Every test file compiles all of this and uses a part.
 #![allow(dead_code)]
 

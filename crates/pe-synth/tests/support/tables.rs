@@ -1,5 +1,7 @@
 //! Steps with tables, made by hand: what is written to some values goes through a polynomial that is looked up.
 
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
 use std::collections::BTreeMap;
 
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
