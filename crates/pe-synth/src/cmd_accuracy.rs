@@ -16,6 +16,7 @@ use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::estimate::Estimate;
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::record::{Kind, Record};
+use crate::explore::steps::hit;
 use crate::explore::sweep::{self, Sweep};
 use crate::failure::{Failure, MessageFormat};
 use crate::options::{ConservedOptions, DesignPoint, ModelOptions};
@@ -50,7 +51,8 @@ pub struct Accuracy {
     /// Estimates the clock for a device where networks on its like were measured
     #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
-    /// Picks the cheapest point with at most this total error, and tries more steps and words for it
+    /// Picks the cheapest point with at most this total error, and tries more steps and words for it; of those that miss
+    /// it only the error is shown
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Points")]
     max_error: Option<f64>,
     #[command(flatten)]
@@ -85,6 +87,7 @@ impl Accuracy {
         let target = self.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
         let conserved = self.conserved.of(model)?;
+        hit(&self.lists.step, self.lists.sample)?;
         let plan = self.lists.plan(model, &self.mapping);
         let clock = ClockSource { given: self.clock, device: self.device };
         let row = |point: DesignPoint| (point, self.given.command(&point), None);
@@ -98,12 +101,12 @@ impl Accuracy {
             target,
         };
         let estimate = Estimate::of(model, &plan.graphs, &self.mapping);
-        let sweep = || Sweep {
+        let sweep = |within: Option<f64>| Sweep {
             loaded: loaded.clone(),
             options: self.model.clone(),
             mapping: self.mapping.clone(),
             conserved: conserved.clone(),
-            within: None,
+            within,
             clock,
             estimate: estimate.clone(),
         };
@@ -116,7 +119,7 @@ impl Accuracy {
             console::err(&format!("  accuracy  {title}: {points} points, about {time}\n"));
         }
         let driver = Driver::new(Self::NAME, threads)?;
-        driver.round(&mut record, sweep(), quiet)?;
+        driver.round(&mut record, sweep(None), quiet)?;
         if let Some(limit) = self.max_error {
             let mut search = Search::new(model, &self.mapping, &self.lists, &plan, limit);
             loop {
@@ -125,7 +128,7 @@ impl Accuracy {
                     break;
                 }
                 record.rows.extend(more.into_iter().map(row));
-                driver.round(&mut record, sweep(), quiet)?;
+                driver.round(&mut record, sweep(Some(limit)), quiet)?;
             }
         }
         let sheet = record.sheet();

@@ -19,7 +19,7 @@ use crate::conserved::Conserved;
 use crate::console;
 use crate::devices::{self, Device, Fit};
 use crate::failure::{Failure, MessageFormat, print_findings};
-use crate::options::{ConservedOptions, DesignPoint, LoadedModel, ModelOptions};
+use crate::options::{ConservedOptions, DesignPoint, LoadedModel, ModelOptions, duration};
 use crate::output::OutputFolder;
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
 use crate::report::{self, Silicon};
@@ -72,6 +72,9 @@ pub struct Compile {
     /// given are kept
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
     max_error: Option<f64>,
+    /// Longest time between two outputs of the design that `--max-error` takes: its step is a whole part of it
+    #[arg(long, value_name = "T", value_parser = duration, requires = "max_error", help_heading = "Output")]
+    sample: Option<f64>,
     #[command(flatten)]
     model: ModelOptions,
     /// Prints errors and warnings only
@@ -132,6 +135,9 @@ impl Compile {
         let format = self.message_format();
         let total =
             (self.reference || choice.is_some()).then(|| total_error(&loaded, &design, &conserved, format, &mut watch));
+        if let (Some(max_error), Some(total)) = (self.max_error, &total) {
+            confirm(max_error, total)?;
+        }
         let area = area::size(&design.program, &measured, clock.family());
         let pes = design.program.pes.len() as u32;
         let fit = self.device.map(|device| Fit::of(device, &area));
@@ -203,7 +209,8 @@ impl Compile {
         watch: &mut Stopwatch,
     ) -> Result<Choice, Failure> {
         let (options, mapping, point, fixed) = (&self.model, &self.mapping, self.point, self.fixed);
-        let question = Question { loaded, options, mapping, point, fixed, conserved, clock, max_error };
+        let question =
+            Question { loaded, options, mapping, point, fixed, conserved, clock, max_error, sample: self.sample };
         watch.stage(
             "choose",
             || question.answer(),
@@ -266,6 +273,18 @@ impl Compile {
             format: point.format(&loaded.model)?,
             goal: None,
         })
+    }
+}
+
+/// The design that is about to be written is held against the goal itself.
+fn confirm(max_error: f64, total: &Result<TotalError, ReferenceError>) -> Result<(), Failure> {
+    match total {
+        Ok(total) if total.whole.error <= max_error => Ok(()),
+        Ok(total) => Err(Failure::Fruitless(format!(
+            "the chosen design has a total error of {:.1e}, which is more than {max_error:e}; take a smaller goal",
+            total.whole.error
+        ))),
+        Err(error) => Err(Failure::Fruitless(format!("the chosen design has no known total error: {error}"))),
     }
 }
 

@@ -18,6 +18,7 @@ use crate::explore::files::Sheet;
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::record::{Kind, Record};
 use crate::explore::show;
+use crate::explore::steps::hit;
 use crate::explore::sweep::{self, Sweep};
 use crate::failure::{Failure, MessageFormat};
 use crate::options::ModelOptions;
@@ -88,6 +89,7 @@ impl Explore {
         let folder = || PathBuf::from("out").join(format!("{}_explore", model.name));
         let target = self.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
+        hit(&self.axes.step, self.axes.sample)?;
         let Completed { axes, graphs, stiffness } = self.axes.complete(model);
         let clock = ClockSource { given: self.clock, device: self.device };
         let points = axes.formed(model, &self.mapping).into_iter();

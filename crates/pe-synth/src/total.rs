@@ -10,7 +10,7 @@ use pe_sim::reference::{self, Method, ReferenceError, Solution};
 
 use crate::conserved::{Conserved, Drift};
 use crate::oscillation::{self, Period};
-use crate::runs::{Judged, varying_inputs};
+use crate::runs::{Comparison, Exact, Judged, varying_inputs};
 
 /// How much looser the tolerance of the second solution is, which tells how far the first can be trusted.
 const LOOSER: f64 = 10.0;
@@ -216,6 +216,14 @@ impl Reference {
             method: self.method,
             agreement: self.agreement,
         }
+    }
+
+    /// Total error of a run in double precision alone: what method, held inputs and functions cost; without a comparison
+    /// only that at the times of the solution.
+    pub fn double_error(&self, model: &Model, exact: &Exact, comparison: Option<&Comparison>) -> f64 {
+        let (samples, looks) = exact.states();
+        let unseen = comparison.map_or_else(|| vec![0.0; model.states.len()], Comparison::unseen);
+        worst(&self.compared(model, &self.together(samples, looks)), &unseen).error
     }
 
     /// A run's states at all times, from those at samples and at looks.

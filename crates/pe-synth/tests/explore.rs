@@ -322,3 +322,20 @@ fn with_a_largest_error_the_cheapest_point_is_named() {
     let met = rows.iter().filter(|row| number(row, "/error/total") <= 1e-4);
     assert!(met.clone().count() > 1 && met.clone().all(|row| time(chosen) <= 1.021 * time(row)));
 }
+
+#[test]
+fn steps_are_whole_parts_of_the_time_between_outputs() {
+    let folder = Folder::new("explore_sample");
+    let target = folder.0.join("out");
+    let options = ["--sample", "250us", "--pes", "1", "--solver", "euler", "--multiplier", "25x18", "--span", "30ms"];
+    succeeded(&mut sweep(&spec("rc_ladder"), &target, &options));
+    let rows = rows(&target);
+    assert_eq!(rows.len(), 3);
+    for row in &rows {
+        let parts = 250e-6 / row["step_s"].as_f64().expect("a step");
+        assert!(parts >= 1.0 && (parts - parts.round()).abs() < 1e-6, "{row}");
+        assert!(!row["command"].as_str().expect("a command").contains("--sample"), "the step says it all");
+    }
+    let output = run(sweep(&spec("rc_ladder"), &target, &options).args(["--step", "100us"]));
+    assert!(output.status.code() == Some(2) && stderr(&output).contains("--sample"), "{}", stderr(&output));
+}

@@ -4,15 +4,17 @@ use std::sync::mpsc::channel;
 
 use clap::{Args, FromArgMatches};
 use pe_ir::model::Model;
+use pe_sim::reference::TOLERANCE;
 use serde_json::{Value, json};
 
-use super::goal::{Search, cheapest};
+use super::goal::{MOST_PRODUCTS, Search, cheapest, errors};
 use super::lists::Lists;
 use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::explore::estimate::Estimate;
 use crate::explore::row::{Outcome, Row};
 use crate::explore::show;
+use crate::explore::steps::hit;
 use crate::explore::sweep::{self, Event, Job, Sweep};
 use crate::failure::Failure;
 use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions, ProofMode};
@@ -68,6 +70,8 @@ pub struct Question<'a> {
     pub clock: ClockSource,
     /// Largest total error.
     pub max_error: f64,
+    /// Longest time between two outputs, in seconds.
+    pub sample: Option<f64>,
 }
 
 /// The chosen point and those after it.
@@ -97,9 +101,11 @@ impl Question<'_> {
             storage: if self.fixed.storage { vec![storage] } else { Vec::new() },
             coefficients: if self.fixed.coefficients { vec![coefficients] } else { Vec::new() },
             form,
+            sample: self.sample,
             pes,
             pipeline,
         };
+        hit(&lists.step, self.sample)?;
         let plan = lists.plan(model, self.mapping);
         let mut search = Search::new(model, self.mapping, &lists, &plan, self.max_error);
         let pool = rayon::ThreadPoolBuilder::new().build();
@@ -143,19 +149,20 @@ impl Question<'_> {
     }
 
     fn refusal(&self, rows: &[Row]) -> Failure {
-        let error = |row: &Row| match &row.outcome {
-            Outcome::Compiled(figures) => figures.total_error(),
-            Outcome::Failed(reason) => reason.beyond.map(|(total, _)| total),
-        };
-        let known = rows.iter().filter_map(|row| Some((error(row)?, row)));
-        let best = known.min_by(|a, b| a.0.total_cmp(&b.0));
+        // Where the method is right enough, what its word makes of it; else what the method comes to.
+        let known = rows.iter().filter_map(|row| Some((errors(row)?, row)));
+        let rank = |(total, double): (f64, f64)| (double > self.max_error, total);
+        let best = known.min_by(|a, b| {
+            let (a, b) = (rank(a.0), rank(b.0));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
         let text = match best {
-            Some((error, row)) => format!(
-                "no design has a total error of at most {:e}; the best of {} has {error:.1e}: {}. Allow more, or take \
-                 a shorter `--span` if the model is chaotic",
+            Some(((error, double), row)) => format!(
+                "no design has a total error of at most {:e}; the best of {} has {error:.1e}: {}. {}",
                 self.max_error,
                 rows.len(),
-                described(&self.loaded.model, row)
+                described(&self.loaded.model, row),
+                self.limited_by(error, double)
             ),
             None => {
                 let reasons = rows.iter().find_map(|row| match &row.outcome {
@@ -169,6 +176,24 @@ impl Question<'_> {
             }
         };
         Failure::Fruitless(text)
+    }
+
+    /// What keeps the best point from the goal, and what would help.
+    fn limited_by(&self, error: f64, double: f64) -> String {
+        let fixed_words = self.point.multiplier.is_some() || self.fixed.storage || self.fixed.coefficients;
+        if double <= self.max_error {
+            let help = if fixed_words { "let the search choose the word" } else { "no longer word is there" };
+            return format!("Its word limits it: {double:.1e} in double precision; {help}");
+        }
+        let limit = if self.max_error < TOLERANCE {
+            format!("no reference is known to less than {TOLERANCE:.0e}")
+        } else if self.point.step.is_some() {
+            "the step is given; leave `--step` out".to_owned()
+        } else {
+            format!("smaller steps would take more than {MOST_PRODUCTS:.0e} products over the span, or help no more")
+        };
+        let share = if double > 0.9 * error { String::new() } else { format!(" ({double:.1e} in double precision)") };
+        format!("Its method limits it{share}: {limit}. Allow more, or take a shorter `--span` if the model is chaotic")
     }
 }
 

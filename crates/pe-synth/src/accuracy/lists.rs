@@ -6,6 +6,7 @@ use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::word::Pipeline;
 
 use crate::explore::axes::{once, with_forms};
+use crate::explore::steps;
 use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, pipeline, solver, storage};
 use crate::pipeline::MappingOptions;
 
@@ -23,6 +24,12 @@ pub struct Word {
 impl Word {
     const fn new(storage: u32, multiplier: (u32, u32)) -> Word {
         Word { storage, multiplier, coefficients: Coefficients::OneSlot }
+    }
+
+    /// Whether no part of it is narrower than another word's.
+    pub fn holds(&self, other: &Word) -> bool {
+        let (own, others) = (self.multiplier, other.multiplier);
+        self.storage >= other.storage && own.0 >= others.0 && own.1 >= others.1
     }
 
     /// The word of a point of these lists.
@@ -51,6 +58,9 @@ const OTHER_WORDS: [Word; 7] = [
     Word::new(32, (25, 35)),
     Word::new(40, (35, 35)),
 ];
+
+/// The longest word, for goals that no other meets.
+const LONGEST_WORD: Word = Word::new(48, (35, 35));
 
 /// Multipliers, where storage bits are given and multipliers are not.
 const MULTIPLIERS: [(u32, u32); 6] = [(18, 18), (18, 25), (25, 18), (25, 35), (32, 32), (35, 35)];
@@ -93,6 +103,9 @@ pub struct Lists {
     /// Form of the step of a model that is affine in its states
     #[arg(long, value_enum, default_value_t, help_heading = "Points")]
     pub form: FormChoice,
+    /// Longest time between two outputs: steps are whole parts of it
+    #[arg(long, value_name = "T", value_parser = duration, help_heading = "Points")]
+    pub sample: Option<f64>,
     /// Number of processing elements of every point [default: one for every 200 issue slots]
     #[arg(long, value_name = "N", help_heading = "Points")]
     pub pes: Option<u32>,
@@ -142,7 +155,7 @@ impl Lists {
         let steps = self.steps(model, solvers.len());
         let mut points = Vec::new();
         if self.multiplier.is_empty() && self.storage.is_empty() && self.coefficients.is_empty() {
-            plan.words = std::iter::once(WORD).chain(OTHER_WORDS).collect();
+            plan.words = [WORD].into_iter().chain(OTHER_WORDS).chain([LONGEST_WORD]).collect();
             solvers.iter().for_each(|solver| points.extend(steps.iter().map(|step| self.point(*solver, *step, WORD))));
             // The spec's solver shows what word lengths do, at steps around the spec's.
             let of_spec = solvers.iter().copied().find(|solver| *solver == model.solver).or(solvers.first().copied());
@@ -173,12 +186,17 @@ impl Lists {
         DesignPoint { solver, step, storage, multiplier, coefficients, form, pes, pipeline }
     }
 
+    /// The longest step up to this one, or nearly so, that suits the model and the time between two outputs.
+    pub fn suitable(&self, model: &Model, step: f64) -> Option<f64> {
+        steps::suitable(model, self.sample, step)
+    }
+
     fn steps(&self, model: &Model, solvers: usize) -> Vec<f64> {
         let mut steps = self.step.clone();
         once(&mut steps);
         if steps.is_empty() {
             let powers: &[i32] = if solvers > FEW_SOLVERS { &FEW_STEPS } else { &MANY_STEPS };
-            let suitable = |power: &i32| model.suitable_step(libm::scalbn(model.step, *power));
+            let suitable = |power: &i32| self.suitable(model, libm::scalbn(model.step, *power));
             steps = powers.iter().filter_map(suitable).collect();
             once(&mut steps);
             steps.retain(|step| step_count_problem(*step, model.span).is_none());

@@ -8,7 +8,7 @@ use super::picture;
 use crate::explore::files::{Sheet, plain};
 use crate::explore::fronts::{front, knee, time_and_error};
 use crate::explore::record::Files;
-use crate::explore::row::{Outcome, Row};
+use crate::explore::row::{Outcome, Reason, Row};
 use crate::explore::show;
 use crate::failure::Failure;
 
@@ -53,6 +53,14 @@ fn steps(sheet: &Sheet, row: &Row) -> Option<f64> {
     Some(libm::round(clocks / figures.number("cycles_per_step")?))
 }
 
+/// Errors of a point that has no figures: what is known of one that misses the goal, else infinite.
+fn missed(row: &Row) -> Value {
+    match &row.outcome {
+        Outcome::Failed(Reason { beyond: Some((total, double)), .. }) => json!({"total": total, "double": double}),
+        _ => json!({"total": "inf"}),
+    }
+}
+
 impl<'a> View<'a> {
     /// Finds front and choice.
     pub fn new(sheet: &'a Sheet) -> View<'a> {
@@ -73,7 +81,7 @@ impl<'a> View<'a> {
         let rows = sheet.rows.iter().zip(&sheet.places).enumerate().map(|(index, (row, place))| {
             let mut stored = row.to_json();
             if row.figures().is_none() {
-                stored.insert("error".into(), json!({"total": "inf"}));
+                stored.insert("error".into(), missed(row));
             }
             stored.insert("point".into(), json!(place));
             stored.insert("steps".into(), json!(steps(sheet, row)));
@@ -214,7 +222,11 @@ impl<'a> View<'a> {
         let point = &row.point;
         let field = |path: &str| row.figures().and_then(|figures| figures.value(path)).map(plain).unwrap_or_default();
         // Of a point without a result every error is infinite.
-        let error = |path: &str| if row.figures().is_some() { field(path) } else { "inf".to_owned() };
+        let missed = missed(row);
+        let error = |path: &str| match row.figures() {
+            Some(_) => field(path),
+            None => missed.get(path.trim_start_matches("error.")).map_or_else(|| "inf".to_owned(), plain),
+        };
         let number = |number: Option<f64>| number.map_or(String::new(), |number| number.to_string());
         let drift = |key: &str| {
             let all = row.figures().and_then(|figures| figures.value("error.conserved")?.as_array());

@@ -6,6 +6,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_ir::word::{Latency, Pipeline};
 
+use super::steps::suitable;
 use crate::check::stiffness;
 use crate::options::{
     Coefficients, DesignPoint, FormChoice, default_ports, duration, multiplier, pipeline, solver, storage,
@@ -27,6 +28,9 @@ pub struct Axes {
     /// Steps [default: the spec's, its half and its double]
     #[arg(long, value_name = "T,...", value_delimiter = ',', value_parser = duration, help_heading = "Sweep")]
     pub step: Vec<f64>,
+    /// Longest time between two outputs: steps are whole parts of it
+    #[arg(long, value_name = "T", value_parser = duration, help_heading = "Sweep")]
+    pub sample: Option<f64>,
     /// Registers that an operation passes
     #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Sweep")]
     pub pipeline: Pipeline,
@@ -66,7 +70,10 @@ impl Axes {
         }
         if axes.step.is_empty() {
             let steps = [2.0 * model.step, model.step, model.step / 2.0];
-            axes.step = steps.into_iter().filter_map(|step| model.suitable_step(step)).collect();
+            axes.step = match axes.sample {
+                None => steps.into_iter().filter_map(|step| model.suitable_step(step)).collect(),
+                sample => steps.into_iter().filter_map(|step| suitable(model, sample, step)).collect(),
+            };
         }
         if axes.multiplier.is_empty() {
             axes.multiplier = SINGLE_BLOCK.to_vec();

@@ -14,7 +14,7 @@ use crate::options::{Coefficients, DesignPoint};
 const WITHOUT_EFFECT: [&str; 5] = ["output", "jobs", "resume", "quiet", "message_format"];
 
 /// Options of sweeps that a point's command lacks, or has with another meaning.
-const OF_SWEEPS: [&str; 1] = ["max_error"];
+const OF_SWEEPS: [&str; 2] = ["max_error", "sample"];
 
 /// A command that sweeps over points.
 pub trait Sweeping: Args {

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! axes       lists of options -> design points
+//! steps      steps that suit the model and the time between two outputs
 //! drive      threads, progress and end of a sweep
 //! sweep      design points -> rows, in parallel; shares what points have in common
 //! row        what became of a point, and how it is stored
@@ -22,4 +23,5 @@ pub mod given;
 pub mod record;
 pub mod row;
 pub mod show;
+pub mod steps;
 pub mod sweep;

@@ -165,9 +165,10 @@ impl Sweep {
         if formats.is_empty() {
             return;
         }
-        match guarded(|| self.base(loaded, &any, family.reference)) {
+        let base = self.base(loaded, &any, family.reference, sender);
+        let _ = sender.send(Event::Work(self.estimate.family(&any)));
+        match base {
             Ok(base) => {
-                let _ = sender.send(Event::Work(self.estimate.family(&any)));
                 let base = Arc::new(base);
                 for jobs in formats.into_iter().rev() {
                     let base = Arc::clone(&base);
@@ -185,16 +186,33 @@ impl Sweep {
         Ok(loaded)
     }
 
+    /// What the points of a family share. A run in double precision that is more wrong than was asked for ends it: first at
+    /// the times of the reference alone, then with what comes on top between them.
     fn base(
         &self,
         loaded: LoadedModel,
         point: &DesignPoint,
         reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
-    ) -> Result<Base, Failure> {
-        let graph = pipeline::build(&loaded, point, &self.mapping, &mut Stopwatch::new(true))?;
-        let exact = Exact::run(&loaded.model, &graph, ProgressBar::hidden());
-        let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
-        let comparison = exact.compare(&loaded.model, &graph);
+        sender: &Sender<Event>,
+    ) -> Result<Base, Reason> {
+        let (graph, exact) = guarded(|| {
+            let graph = pipeline::build(&loaded, point, &self.mapping, &mut Stopwatch::new(true))?;
+            let exact = Exact::run(&loaded.model, &graph, ProgressBar::hidden());
+            Ok((graph, exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?))
+        })?;
+        let refused = |comparison: Option<&Comparison>| -> Option<Reason> {
+            let limit = self.within?;
+            let solution = self.reference(&reference, &loaded.model, &exact, point, sender).as_ref().ok()?;
+            let error = solution.double_error(&loaded.model, &exact, comparison);
+            (error > limit || error.is_nan()).then(|| Reason::beyond(error, error))
+        };
+        if let Some(reason) = refused(None) {
+            return Err(reason);
+        }
+        let comparison = guarded(|| Ok(exact.compare(&loaded.model, &graph)))?;
+        if let Some(reason) = comparison.as_ref().ok().and_then(|comparison| refused(Some(comparison))) {
+            return Err(reason);
+        }
         Ok(Base { loaded: Arc::new(loaded), reference, graph: Arc::new(graph), exact, comparison })
     }
 
@@ -236,6 +254,23 @@ impl Sweep {
         if error <= limit { Ok(format) } else { Err(Reason::beyond(error, total.double.0)) }
     }
 
+    /// The solution that a family is compared with.
+    fn reference<'r>(
+        &self,
+        reference: &'r OnceLock<Result<Reference, ReferenceError>>,
+        model: &Model,
+        exact: &Exact,
+        point: &DesignPoint,
+        sender: &Sender<Event>,
+    ) -> &'r Result<Reference, ReferenceError> {
+        reference.get_or_init(|| {
+            let (times, looks) = exact.times();
+            let solution = Reference::solve(model, &times, &looks, &self.conserved, &ProgressBar::hidden());
+            let _ = sender.send(Event::Work(self.estimate.reference(point)));
+            solution
+        })
+    }
+
     /// The total error of a fixed-point run.
     fn total(
         &self,
@@ -245,13 +280,8 @@ impl Sweep {
         sender: &Sender<Event>,
     ) -> Result<TotalError, ReferenceError> {
         let model = &base.loaded.model;
-        let reference = base.reference.get_or_init(|| {
-            let (times, looks) = (&judged.times, &judged.looks.times);
-            let solution = Reference::solve(model, times, looks, &self.conserved, &ProgressBar::hidden());
-            let _ = sender.send(Event::Work(self.estimate.reference(point)));
-            solution
-        });
-        reference.as_ref().map(|reference| reference.compare(model, judged)).map_err(|error| *error)
+        let reference = self.reference(&base.reference, model, &base.exact, point, sender).as_ref();
+        reference.map(|reference| reference.compare(model, judged)).map_err(|error| *error)
     }
 
     /// The graph with coefficients in two slots, if the point has them.

@@ -82,7 +82,7 @@ impl Comparison {
     }
 
     /// How much larger the errors of each state are than at the steps that were seen, all added up.
-    pub(super) fn unseen(&self) -> Vec<f64> {
+    pub fn unseen(&self) -> Vec<f64> {
         let mut unseen: Vec<f64> = self.halved.unseen().map(|error| self.gain * error).collect();
         for compared in self.unseen_inputs.iter().chain(&self.function) {
             unseen.iter_mut().zip(compared.unseen()).for_each(|(sum, error)| *sum += error);

@@ -303,6 +303,16 @@ impl Exact {
         })
     }
 
+    /// Times of samples and of looks, in seconds.
+    pub fn times(&self) -> (Vec<f64>, Vec<f64>) {
+        (self.plan.times(&self.plan.samples), self.plan.times(&self.plan.looks))
+    }
+
+    /// States at these times.
+    pub fn states(&self) -> (&Trajectory, &Trajectory) {
+        (&self.reference, &self.looks)
+    }
+
     /// A comparison of states with those of this run.
     fn compared(&self) -> Compared {
         let start: Vec<f64> = self.plan.model.states.iter().map(|state| state.initial).collect();
