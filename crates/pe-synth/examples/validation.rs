@@ -27,8 +27,10 @@ pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the
 
 - **word length**: fixed point against double precision with the same step, rounded coefficients included;
   **coefficients** alone is a part of it.
-- **method**: the step in double precision against a reference solution by another library, at 20 times; **total**: the
-  hardware's numbers against it.
+- **method**: the step in double precision against a reference solution by another library, at all of its times, which
+  follow the solution where the file says so; **truth**: the hardware's numbers against it, at the same times.
+- **stated**: what the compiler states without knowing the reference, word length, method, functions and held inputs
+  together; **stated/truth** has to be at least a third, and should be 0.8.
 - Errors are those of the worst state, relative to its largest magnitude over the span. **must** and **aim** are what the
   word-length error has to be below, and should be.
 - **verdict** is `fine`, or the codes of the warnings and errors that the case has to end with
@@ -79,12 +81,14 @@ fn row(case: &Case, outcome: &Outcome) -> String {
                 short(figures.coefficient),
                 case.word_length.map_or(String::new(), |(must, aim)| format!("{must:e} / {aim:e}")),
                 case.word_length.map_or("", |goal| reached(figures.word_length, goal)).to_owned(),
+                short(figures.stated),
                 figures.total.map_or(String::new(), short),
+                figures.stated_part().map_or(String::new(), |part| format!("{part:.2}")),
             ]);
         }
-        None => cells.extend(std::iter::repeat_n(String::new(), 11)),
+        None => cells.extend(std::iter::repeat_n(String::new(), 13)),
     }
-    // The method stands before the total.
+    // The method stands before what is stated.
     cells.insert(11, outcome.method.map_or(String::new(), short));
     cells.extend([outcome.verdict.clone(), format!("{:.1}", outcome.seconds)]);
     format!("| {} |", cells.join(" | "))
@@ -102,9 +106,9 @@ fn main() -> ExitCode {
     println!("{HEAD}");
     println!(
         "| case | solver | step, s | states | steps | cycles | run | word length | coefficients | must / aim | reached \
-         | method | total | verdict | s |"
+         | method | stated | truth | stated/truth | verdict | s |"
     );
-    println!("|{}", "---|".repeat(15));
+    println!("|{}", "---|".repeat(17));
     let (mut complaints, mut refusals) = (Vec::new(), Vec::new());
     for case in &cases {
         eprintln!("{}", case.name);

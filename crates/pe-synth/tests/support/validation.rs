@@ -14,6 +14,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_sim::double::DoubleRun;
 use pe_sim::error::{SCALE_FLOOR, Trajectory};
+use pe_sim::fixed::FixedRun;
 use pe_synth::failure::Failure;
 use pe_synth::options::{DesignPoint, ModelOptions};
 use pe_synth::pipeline::{self, Design, MappingOptions, Stopwatch};
@@ -74,8 +75,23 @@ pub struct Figures {
     pub worst: String,
     /// The part of coefficients alone.
     pub coefficient: f64,
-    /// Fixed point against the reference, if there is one.
+    /// What the compiler states: word length, method, functions and input hold together.
+    pub stated: f64,
+    /// Fixed point against the reference at all of its times, if there is one.
     pub total: Option<f64>,
+}
+
+/// The part of the truth that a stated error may be at least.
+pub const LEAST_STATED: f64 = 1.0 / 3.0;
+
+/// Relative error below which reference and roundings of its digits are what is seen.
+const SEEN: f64 = 1e-10;
+
+impl Figures {
+    /// The stated error as a part of the truth; none without a reference, or where the truth is below what can be seen.
+    pub fn stated_part(&self) -> Option<f64> {
+        self.total.filter(|total| *total > SEEN).map(|total| self.stated / total)
+    }
 }
 
 #[derive(Parser)]
@@ -257,6 +273,10 @@ impl Case {
                 }
             }
         }
+        if let Some(part) = outcome.figures.as_ref().and_then(Figures::stated_part).filter(|part| *part < LEAST_STATED)
+        {
+            complaints.push(format!("{}: the stated error is {part:.2} of the truth", self.name));
+        }
         complaints
     }
 }
@@ -272,7 +292,11 @@ fn figures(model: &Model, design: &Design, reference: Option<&Reference>) -> Fig
         word_length: judged.errors.word_length,
         worst: names[judged.errors.worst_state].to_owned(),
         coefficient: judged.errors.coefficient,
-        total: reference.map(|reference| reference.error(&names, &judged.times, &judged.hardware)),
+        stated: judged.errors.word_length
+            + judged.errors.method
+            + judged.errors.function.unwrap_or(0.0)
+            + judged.errors.input_hold,
+        total: reference.map(|reference| in_fixed_point(model, design, reference)),
     }
 }
 
@@ -283,15 +307,49 @@ fn names(model: &Model) -> Vec<&str> {
 /// Error of the step graph in double precision; none if it diverges.
 fn in_double_precision(model: &Model, graph: &StepGraph, reference: &Reference) -> Option<f64> {
     let mut run = DoubleRun::new(graph);
+    at_all_times(model, reference, |time, samples| {
+        if let Some(time) = time {
+            return run.step(&model.sample_inputs(time)).is_ok();
+        }
+        samples.push(|state| run.state(state));
+        true
+    })
+}
+
+/// Error of the hardware's numbers.
+fn in_fixed_point(model: &Model, design: &Design, reference: &Reference) -> f64 {
+    let mut run = FixedRun::new(&design.graph, &design.judged.fixed);
+    let error = at_all_times(model, reference, |time, samples| {
+        if let Some(time) = time {
+            let inputs = model.sample_inputs(time).into_iter().enumerate();
+            let words: Vec<i64> = inputs.map(|(index, number)| run.encode_input(index, number).0).collect();
+            run.step(&words);
+        } else {
+            samples.push(|state| run.state(state));
+        }
+        true
+    });
+    error.expect("fixed point does not diverge")
+}
+
+/// Error of a run at all times of a reference. `run` steps from a time on, or samples the states if there is none; it
+/// gives false if it diverges.
+fn at_all_times(
+    model: &Model,
+    reference: &Reference,
+    mut run: impl FnMut(Option<f64>, &mut Trajectory) -> bool,
+) -> Option<f64> {
     let mut samples = Trajectory::new(model.states.len());
     let (mut times, mut rows) = (Vec::new(), reference.times().peekable());
     for done in 1..=model.steps() {
         let (before, time) = (model.time(done - 1, 0.0), model.time(done, 0.0));
-        run.step(&model.sample_inputs(before)).ok()?;
+        if !run(Some(before), &mut samples) {
+            return None;
+        }
         if rows.peek().is_some_and(|row| (time - row).abs() <= (time - before) / 2.0) {
             rows.next();
             times.push(time);
-            samples.push(|state| run.state(state));
+            run(None, &mut samples);
         }
     }
     Some(reference.error(&names(model), &times, &samples))
