@@ -9,9 +9,10 @@
 #[path = "../tests/support/validation.rs"]
 mod validation;
 
+use std::collections::BTreeSet;
 use std::process::ExitCode;
 
-use validation::{Case, Outcome};
+use validation::{Case, Figures, Outcome};
 
 /// Clock that run times on the hardware are stated for: the assumption of `pe-synth compile`.
 const CLOCK: f64 = 150e6;
@@ -27,10 +28,14 @@ pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the
 
 - **word length**: fixed point against double precision with the same step, rounded coefficients included;
   **coefficients** alone is a part of it.
-- **method**: the step in double precision against a reference solution by another library, at all of its times, which
-  follow the solution where the file says so; **truth**: the hardware's numbers against it, at the same times.
-- **stated**: what the compiler states without knowing the reference, word length, method, functions and held inputs
-  together; **stated/truth** has to be at least a third, and should be 0.8.
+- **method**: the step in double precision against a reference solution by another library, at the times of its file,
+  some 250 that follow the solution, or 20.
+- **truth**: the hardware's numbers against the solution after **every** step, and at the times of the file. The solution
+  after every step is found by the library of `--reference`, and has to agree with the file, which has nothing in common
+  with the compiler: to a tenth of the error, or to 1e-9.
+- **parts**: what `compile` states, word length, method, functions and held inputs added up; **stated**: the total error
+  that `compile --reference` states. Neither knows the file. Both have to be a third of the truth at least, and should be
+  0.8 of it. Where no truth is given, it is below 1e-10, which the digits of a file do not show.
 - Errors are those of the worst state, relative to its largest magnitude over the span. **must** and **aim** are what the
   word-length error has to be below, and should be.
 - **verdict** is `fine`, or the codes of the warnings and errors that the case has to end with
@@ -53,6 +58,54 @@ fn reached(found: f64, (must, aim): (f64, f64)) -> &'static str {
     } else {
         "**missed**"
     }
+}
+
+/// A stated error as a part of the truth.
+fn share(part: Option<f64>) -> String {
+    part.map_or(String::new(), |part| if part < 100.0 { format!("{part:.2}") } else { format!("{part:.0}") })
+}
+
+/// Part of the truth that every stated error should be at least, and from which on it says little.
+const WANTED: f64 = 0.8;
+const SAYS_LITTLE: f64 = 100.0;
+
+/// How stated errors compare with the truth.
+fn statements(outcomes: &[(&Case, Outcome)]) -> String {
+    let judged: Vec<(&Case, &Figures)> = outcomes
+        .iter()
+        .filter_map(|(case, outcome)| {
+            Some((*case, outcome.figures.as_ref().filter(|figures| figures.whole.is_some())?))
+        })
+        .collect();
+    let problems: BTreeSet<&str> = judged.iter().map(|(case, _)| case.spec.as_str()).collect();
+    let seen = judged.iter().filter(|(_, figures)| figures.truth().is_some()).count();
+    let mut text = format!(
+        "{} cases of {} problems are judged after every step; in {seen} of them the error is large enough to be seen.\n",
+        judged.len(),
+        problems.len()
+    );
+    text += &compared("stated/truth", &judged, Figures::stated_of_truth);
+    text + &compared("parts/truth", &judged, Figures::parts_of_truth)
+}
+
+/// Extremes of a statement as a part of the truth.
+fn compared(what: &str, judged: &[(&Case, &Figures)], of: impl Fn(&Figures) -> Option<f64>) -> String {
+    let mut found: Vec<(f64, &str)> =
+        judged.iter().filter_map(|(case, figures)| Some((of(figures)?, case.name.as_str()))).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let Some(((least, _), (most, _))) = found.first().zip(found.last()) else { return String::new() };
+    let names = |is: &dyn Fn(f64) -> bool| {
+        let names: Vec<&str> = found.iter().filter(|(part, _)| is(*part)).map(|(_, name)| *name).collect();
+        if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+    };
+    format!(
+        "\n**{what}**: smallest {}, median {}, largest {}; below {WANTED}: {}; above {SAYS_LITTLE}: {}.\n",
+        share(Some(*least)),
+        share(Some(found[found.len() / 2].0)),
+        share(Some(*most)),
+        names(&|part| part < WANTED),
+        names(&|part| part > SAYS_LITTLE)
+    )
 }
 
 /// A time with a unit that leaves one to three digits before the point.
@@ -81,12 +134,14 @@ fn row(case: &Case, outcome: &Outcome) -> String {
                 short(figures.coefficient),
                 case.word_length.map_or(String::new(), |(must, aim)| format!("{must:e} / {aim:e}")),
                 case.word_length.map_or("", |goal| reached(figures.word_length, goal)).to_owned(),
-                short(figures.stated),
-                figures.total.map_or(String::new(), short),
-                figures.stated_part().map_or(String::new(), |part| format!("{part:.2}")),
+                short(figures.parts),
+                figures.whole.map_or(String::new(), |whole| short(whole.stated)),
+                figures.truth().map_or(String::new(), short),
+                share(figures.parts_of_truth()),
+                share(figures.stated_of_truth()),
             ]);
         }
-        None => cells.extend(std::iter::repeat_n(String::new(), 13)),
+        None => cells.extend(std::iter::repeat_n(String::new(), 15)),
     }
     // The method stands before what is stated.
     cells.insert(11, outcome.method.map_or(String::new(), short));
@@ -106,20 +161,22 @@ fn main() -> ExitCode {
     println!("{HEAD}");
     println!(
         "| case | solver | step, s | states | steps | cycles | run | word length | coefficients | must / aim | reached \
-         | method | stated | truth | stated/truth | verdict | s |"
+         | method | parts | stated | truth | parts/truth | stated/truth | verdict | s |"
     );
-    println!("|{}", "---|".repeat(17));
-    let (mut complaints, mut refusals) = (Vec::new(), Vec::new());
+    println!("|{}", "---|".repeat(19));
+    let (mut complaints, mut refusals, mut outcomes) = (Vec::new(), Vec::new(), Vec::new());
     for case in &cases {
         eprintln!("{}", case.name);
-        let outcome = case.run();
+        let outcome = case.run(true);
         println!("{}", row(case, &outcome));
         complaints.extend(case.complaints(&outcome));
-        if let Some(message) = outcome.message {
+        if let Some(message) = &outcome.message {
             refusals.push(format!("- {}: {} {message}", case.name, outcome.verdict));
         }
+        outcomes.push((case, outcome));
     }
-    println!("\nWhat the cases with a code say:\n\n{}", refusals.join("\n"));
+    println!("\n{}", statements(&outcomes));
+    println!("What the cases with a code say:\n\n{}", refusals.join("\n"));
     if complaints.is_empty() {
         println!("\nAll {} cases are what they must be.", cases.len());
         return ExitCode::SUCCESS;

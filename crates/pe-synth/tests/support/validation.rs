@@ -10,14 +10,17 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
+use indicatif::ProgressBar;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_sim::double::DoubleRun;
-use pe_sim::error::{SCALE_FLOOR, Trajectory};
+use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
 use pe_synth::failure::Failure;
 use pe_synth::options::{DesignPoint, ModelOptions};
 use pe_synth::pipeline::{self, Design, MappingOptions, Stopwatch};
+use pe_synth::runs::port_words;
+use pe_synth::total;
 
 /// Times closer than this part of the last one are the same.
 const SAME_TIME: f64 = 1e-9;
@@ -37,8 +40,10 @@ pub struct Case {
     pub verdict: String,
     /// Largest word-length error that is accepted, coefficients included, and the one that is aimed at.
     pub word_length: Option<(f64, f64)>,
-    /// Largest total error that is accepted, and error in double precision.
+    /// Largest total error at the times of the reference that is accepted, and error in double precision.
     pub total: Option<f64>,
+    /// The same of all steps.
+    pub steps: Option<f64>,
     /// Whether it takes little enough time for the test.
     pub quick: bool,
 }
@@ -75,10 +80,23 @@ pub struct Figures {
     pub worst: String,
     /// The part of coefficients alone.
     pub coefficient: f64,
-    /// What the compiler states: word length, method, functions and input hold together.
-    pub stated: f64,
+    /// What the compiler states without a reference: word length, method, functions and input hold together.
+    pub parts: f64,
     /// Fixed point against the reference at all of its times, if there is one.
     pub total: Option<f64>,
+    /// What is known of all steps, where it was asked for and there is a reference.
+    pub whole: Option<Whole>,
+}
+
+/// All steps of a case. Errors are those of the worst state, relative to its largest magnitude.
+#[derive(Clone, Copy, Debug)]
+pub struct Whole {
+    /// The total error that the compiler states with `--reference`.
+    pub stated: f64,
+    /// Fixed point against the solution after every step.
+    pub truth: f64,
+    /// That solution against the reference, at the times of the reference.
+    pub doubt: f64,
 }
 
 /// The part of the truth that a stated error may be at least.
@@ -87,10 +105,27 @@ pub const LEAST_STATED: f64 = 1.0 / 3.0;
 /// Relative error below which reference and roundings of its digits are what is seen.
 const SEEN: f64 = 1e-10;
 
+/// Part of the truth that the solution it is held against may be off the reference, and a difference that the digits of a
+/// reference and the agreement of its methods explain.
+const DOUBT: f64 = 0.1;
+const EXPLAINED: f64 = 1e-9;
+
 impl Figures {
-    /// The stated error as a part of the truth; none without a reference, or where the truth is below what can be seen.
-    pub fn stated_part(&self) -> Option<f64> {
-        self.total.filter(|total| *total > SEEN).map(|total| self.stated / total)
+    /// The true largest error as far as it is known: over all steps, or else at the times of the reference. None without a
+    /// reference, or where it is below what can be seen.
+    pub fn truth(&self) -> Option<f64> {
+        let everywhere = self.whole.map_or(0.0, |whole| whole.truth);
+        self.total.map(|total| total.max(everywhere)).filter(|truth| *truth > SEEN)
+    }
+
+    /// The sum of the parts as a part of the truth.
+    pub fn parts_of_truth(&self) -> Option<f64> {
+        self.truth().map(|truth| self.parts / truth)
+    }
+
+    /// What is stated with `--reference` as a part of the truth.
+    pub fn stated_of_truth(&self) -> Option<f64> {
+        self.truth().zip(self.whole).map(|(truth, whole)| whole.stated / truth)
     }
 }
 
@@ -149,6 +184,7 @@ pub fn cases() -> Vec<Case> {
             verdict: field("verdict"),
             word_length: number("word must").zip(number("word aim")),
             total: number("total must"),
+            steps: number("steps must"),
             quick: field("run") == "quick",
         }
     };
@@ -185,29 +221,40 @@ impl Reference {
         Reference { names: names.split(',').map(str::to_owned).collect(), largest: numbers(largest), rows }
     }
 
+    fn column(&self, name: &str) -> usize {
+        let column = self.names.iter().position(|known| known == name);
+        column.unwrap_or_else(|| panic!("the reference lacks `{name}`"))
+    }
+
+    /// Magnitudes that errors of these states are relative to, as the compiler takes them from its own runs.
+    fn scales(&self, states: &[(&str, u32)]) -> Vec<f64> {
+        let largest = states.iter().map(|(name, _)| self.largest[self.column(name)]).collect();
+        let quantities: Vec<u32> = states.iter().map(|(_, quantity)| *quantity).collect();
+        Trajectory { largest, ..Trajectory::new(states.len()) }.scales(&quantities)
+    }
+
     /// Times of the rows.
     pub fn times(&self) -> impl Iterator<Item = f64> {
         self.rows.iter().map(|(time, _)| *time)
     }
 
-    /// The largest error of a run, relative to the largest magnitude of the state.
+    /// The largest error of a run, relative to the largest magnitude of the state. `states` are those of the run, names and
+    /// quantities.
     ///
     /// # Panics
     /// If a state or a time of the reference is not in the run: a comparison of nothing must not pass.
-    pub fn error(&self, names: &[&str], times: &[f64], run: &Trajectory) -> f64 {
-        assert!(!self.rows.is_empty() && !names.is_empty(), "nothing to compare");
+    pub fn error(&self, states: &[(&str, u32)], times: &[f64], run: &Trajectory) -> f64 {
+        assert!(!self.rows.is_empty() && !states.is_empty(), "nothing to compare");
         let end = self.rows.last().map_or(0.0, |(time, _)| *time);
-        let everything = self.largest.iter().fold(0.0, |most: f64, n| most.max(*n));
+        let scales = self.scales(states);
         let mut worst = 0.0f64;
         for (time, expected) in &self.rows {
             let sample = times.partition_point(|sample| *sample < time - SAME_TIME * end);
             let found = times.get(sample).filter(|sample| **sample <= time + SAME_TIME * end);
             assert!(found.is_some(), "the run has no sample at t = {time}");
-            for (state, name) in names.iter().enumerate() {
-                let column = self.names.iter().position(|known| known == name);
-                let column = column.unwrap_or_else(|| panic!("the reference lacks `{name}`"));
-                let difference = (run.samples[sample * run.states + state] - expected[column]).abs();
-                let error = difference / self.largest[column].max(SCALE_FLOOR * everything);
+            for (state, (name, _)) in states.iter().enumerate() {
+                let difference = (run.samples[sample * run.states + state] - expected[self.column(name)]).abs();
+                let error = difference / scales[state];
                 worst = if error.is_nan() { f64::INFINITY } else { worst.max(error) };
             }
         }
@@ -216,14 +263,15 @@ impl Reference {
 }
 
 impl Case {
-    /// Compiles the case and compares it with its reference.
-    pub fn run(&self) -> Outcome {
+    /// Compiles the case and compares it with its reference, `everywhere` also with a solution after every step that
+    /// agrees with the reference.
+    pub fn run(&self, everywhere: bool) -> Outcome {
         let clock = Instant::now();
         let spec = models().join(&self.spec).into_os_string();
         let words = ["validation".into(), spec].into_iter().chain(words(&self.options).into_iter().map(Into::into));
         let options = Options::try_parse_from(words).unwrap_or_else(|error| panic!("{}: {error}", self.name));
         let reference = (!self.reference.is_empty()).then(|| Reference::read(&self.reference));
-        let mut method = None;
+        let (mut method, mut seconds) = (None, None);
         let design = options.model.load(&options.point).and_then(|loaded| {
             let watch = &mut Stopwatch::new(true);
             if let Some(reference) = &reference {
@@ -231,9 +279,10 @@ impl Case {
                 method = in_double_precision(&loaded.model, &graph, reference);
             }
             let design = pipeline::design(&loaded, &options.model, &options.point, &options.mapping, watch)?;
-            Ok((figures(&loaded.model, &design, reference.as_ref()), design))
+            seconds = Some(clock.elapsed().as_secs_f64());
+            Ok((figures(&loaded.model, &design, reference.as_ref(), everywhere), design))
         });
-        let seconds = clock.elapsed().as_secs_f64();
+        let seconds = seconds.unwrap_or_else(|| clock.elapsed().as_secs_f64());
         let (findings, figures) = match design {
             Ok((figures, design)) => (design.judged.warnings.clone(), Some(figures)),
             Err(Failure::Spec(findings, _)) => (findings, None),
@@ -255,12 +304,14 @@ impl Case {
         }
         let word_length = outcome.figures.as_ref().map(|figures| figures.word_length);
         let total = outcome.figures.as_ref().and_then(|figures| figures.total);
+        let whole = outcome.figures.as_ref().and_then(|figures| figures.whole);
         // What is refused on purpose has no figures but that of double precision, where it gets so far.
         let refused = outcome.figures.is_none() && self.verdict == outcome.verdict;
         let word_must = self.word_length.map(|(must, _)| must);
         for (what, found, most, needed) in [
             ("word-length", word_length, word_must, !refused),
             ("total", total, self.total, !refused),
+            ("largest of all steps'", whole.map(|whole| whole.truth), self.steps, false),
             ("method", outcome.method, self.total, true),
         ] {
             match (found, most) {
@@ -273,35 +324,75 @@ impl Case {
                 }
             }
         }
-        if let Some(part) = outcome.figures.as_ref().and_then(Figures::stated_part).filter(|part| *part < LEAST_STATED)
-        {
-            complaints.push(format!("{}: the stated error is {part:.2} of the truth", self.name));
+        let Some(figures) = &outcome.figures else { return complaints };
+        for (what, part) in [("sum of the parts", figures.parts_of_truth()), ("total", figures.stated_of_truth())] {
+            if let Some(part) = part.filter(|part| part.is_nan() || *part < LEAST_STATED) {
+                complaints.push(format!("{}: the stated {what} is {part:.2} of the truth", self.name));
+            }
+        }
+        let doubtful = |whole: &Whole| whole.doubt.is_nan() || whole.doubt > EXPLAINED.max(DOUBT * whole.truth);
+        if let Some(whole) = figures.whole.filter(doubtful) {
+            complaints.push(format!("{}: the solution is {:.1e} off the reference", self.name, whole.doubt));
         }
         complaints
     }
 }
 
-fn figures(model: &Model, design: &Design, reference: Option<&Reference>) -> Figures {
+fn figures(model: &Model, design: &Design, reference: Option<&Reference>, everywhere: bool) -> Figures {
     let judged = &design.judged;
-    let names = names(model);
     Figures {
         method: (model.solver.name().to_owned(), model.step),
-        states: names.len(),
+        states: model.states.len(),
         steps: model.steps(),
         cycles: design.program.period,
         word_length: judged.errors.word_length,
-        worst: names[judged.errors.worst_state].to_owned(),
+        worst: model.states[judged.errors.worst_state].name.clone(),
         coefficient: judged.errors.coefficient,
-        stated: judged.errors.word_length
+        parts: judged.errors.word_length
             + judged.errors.method
             + judged.errors.function.unwrap_or(0.0)
             + judged.errors.input_hold,
         total: reference.map(|reference| in_fixed_point(model, design, reference)),
+        whole: reference.filter(|_| everywhere).map(|reference| whole(model, design, reference)),
     }
 }
 
-fn names(model: &Model) -> Vec<&str> {
-    model.states.iter().map(|state| state.name.as_str()).collect()
+/// Compares every step with a solution of the model by the library that `--reference` uses, which stops at each of them.
+/// That it is the model's is what the reference says.
+fn whole(model: &Model, design: &Design, reference: &Reference) -> Whole {
+    let judged = &design.judged;
+    let known = total::Reference::solve(model, &judged.times, &judged.looks.times, &[], &ProgressBar::hidden());
+    let known = known.expect("a model with a reference has a solution");
+    let times: Vec<f64> = (1..=model.steps()).map(|done| model.time(done, 0.0)).collect();
+    let solution = pe_sim::reference::solve(model, &times, pe_sim::reference::TOLERANCE, &mut |_| {});
+    let solution = solution.expect("a model with a reference has a solution");
+    let mut run = FixedRun::new(&design.graph, &judged.fixed);
+    let scales = reference.scales(&known_states(model));
+    let mut truth = 0.0f64;
+    for (step, row) in (0..).zip(solution.samples.chunks_exact(solution.states)) {
+        run.step(&port_words(model, &run, step));
+        for (state, (number, scale)) in row.iter().zip(&scales).enumerate() {
+            let wrong = (run.state(state) - number).abs() / scale;
+            truth = if wrong.is_nan() { f64::INFINITY } else { truth.max(wrong) };
+        }
+    }
+    let mut done = 0;
+    let doubt = at_all_times(model, reference, |time, samples| {
+        match time {
+            Some(_) => done += 1,
+            None => samples.push(|state| solution.samples[(done - 1) * solution.states + state]),
+        }
+        true
+    });
+    let doubt = doubt.expect("it was found");
+    Whole { stated: known.compare(model, judged).whole.error, truth, doubt }
+}
+
+/// Names and quantities of the states that a reference knows; behind them are those that signals are made of.
+fn known_states(model: &Model) -> Vec<(&str, u32)> {
+    let (of_signals, own): (Vec<_>, Vec<_>) = model.states.iter().enumerate().partition(|(_, s)| s.motion.is_some());
+    assert!(of_signals.iter().all(|(index, _)| *index >= own.len()), "signals come last");
+    own.iter().map(|(_, state)| (state.name.as_str(), state.quantity)).collect()
 }
 
 /// Error of the step graph in double precision; none if it diverges.
@@ -352,5 +443,5 @@ fn at_all_times(
             run(None, &mut samples);
         }
     }
-    Some(reference.error(&names(model), &times, &samples))
+    Some(reference.error(&known_states(model), &times, &samples))
 }
