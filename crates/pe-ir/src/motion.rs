@@ -1,6 +1,6 @@
 //! States that stand for signals of the model: they move exactly, whatever the method, and depend on nothing.
 
-use crate::model::{Expr, Model, Variable};
+use crate::model::{Expr, Model, Phase, Variable};
 
 /// How a state moves that no method approximates. Within a step methods may treat it by its derivative; what it is at the
 /// end of a step is exact but for rounding.
@@ -35,6 +35,17 @@ impl Model {
                 algebraic.expr = Expr::scaled(tick, Expr::Variable(clock));
             }
         }
+    }
+
+    /// Takes other steps for the beginning, each with the time until which it is taken, both in seconds, in the place of
+    /// those that it has; see [`Model::phases`].
+    pub fn set_early_steps(&mut self, early: &[(f64, f64)]) {
+        if !self.phases.is_empty() {
+            self.inputs.pop();
+        }
+        self.phases = early.iter().map(|(step, until)| Phase { until: *until, ratio: self.step / step }).collect();
+        self.add_step_ratio();
+        self.set_step(self.step);
     }
 
     /// Number of states that change all the time by equations of the spec.

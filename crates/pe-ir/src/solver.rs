@@ -64,6 +64,11 @@ impl Solver {
     /// The explicit Runge-Kutta methods with as many stages as their order; every model has a step of each.
     pub const RUNGE_KUTTA: [Solver; 4] = [Solver::Euler, Solver::Heun, Solver::Heun3, Solver::Rk4];
 
+    /// Whether it takes a list of steps: the step stands in the diagonal of a matrix, so that an input can change it.
+    pub fn takes_lists(self) -> bool {
+        matches!(self, Solver::ImplicitEuler | Solver::Trapezoidal | Solver::Ros2 | Solver::Rodas3)
+    }
+
     /// The name used in the spec, on the command line and in reports.
     pub fn name(self) -> &'static str {
         match self {

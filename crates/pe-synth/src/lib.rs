@@ -24,6 +24,7 @@ pub mod conserved;
 pub mod console;
 pub mod contest;
 pub mod devices;
+pub mod early;
 pub mod engines;
 pub mod entrants;
 pub mod explore;

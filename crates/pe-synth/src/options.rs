@@ -12,6 +12,7 @@ use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::word::{Pipeline, WordFormat};
 
 use crate::conserved::Conserved;
+use crate::early::{self, Early};
 use crate::failure::{Failure, MessageFormat};
 use crate::feedback::{Feedback, VISIBLE_BITS};
 use crate::files::{self, ModelFolder};
@@ -90,6 +91,9 @@ pub struct DesignPoint {
     /// Step, in place of the spec's, for example `1e-4` or `100us`
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
     pub step: Option<f64>,
+    /// Other steps for the beginning, in place of the spec's, each with the time until which it is taken: implicit solvers
+    #[arg(long, value_name = "T@UNTIL,...", value_parser = early::parse, help_heading = "Model")]
+    pub early_steps: Option<Early>,
     /// Bits of a stored word, without its guard bits
     #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = storage(), help_heading = "Numbers")]
     pub storage: u32,
@@ -221,6 +225,9 @@ impl DesignPoint {
     pub fn apply(&self, model: &mut Model) -> Result<(), Failure> {
         model.solver = self.solver.unwrap_or(model.solver);
         model.set_step(self.step.unwrap_or(model.step));
+        if let Some(early) = &self.early_steps {
+            early.apply(model)?;
+        }
         step_count_problem(model.step, model.span).map_or(Ok(()), |problem| Err(Failure::Usage(problem)))
     }
 

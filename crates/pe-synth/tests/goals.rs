@@ -13,7 +13,15 @@ fn compile(name: &str, model: &str, options: &[&str]) -> (Option<i32>, Option<Va
     let folder = Folder::new(name);
     let target = folder.0.join("out");
     let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
-    command.arg("compile").arg(spec(model)).arg("-o").arg(&target).args(["--no-pictures", "-q"]).args(options);
+    let validation = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/validation");
+    let path = model.strip_prefix("validation/").map(|name| validation.join(format!("{name}.spec")));
+    command
+        .arg("compile")
+        .arg(path.unwrap_or_else(|| spec(model)))
+        .arg("-o")
+        .arg(&target)
+        .args(["--no-pictures", "-q"])
+        .args(options);
     let output = command.output().expect("pe-synth starts");
     let report = std::fs::read_to_string(target.join("report.json")).ok();
     let report = report.map(|text| serde_json::from_str(&text).expect("it is JSON"));
@@ -60,4 +68,33 @@ fn a_refusal_says_what_came_closest_and_what_limits_it() {
     let given = ["--max-error", "1e-7", "--storage", "18", "--multiplier", "18x18", "--span", "1s", "--solver", "rk4"];
     let (exit, _, messages) = compile("goal_short", "harmonic_oscillator", &given);
     assert!(exit == Some(1) && messages.contains("word limits it"), "{messages}");
+}
+
+#[test]
+fn a_stiff_model_gets_a_list_of_steps_that_can_be_given_again() {
+    let goal = ["--max-error", "1e-4", "--solver", "rodas3", "--span", "10s"];
+    let (exit, report, messages) = compile("goal_list", "validation/robertson", &goal);
+    assert_eq!(exit, Some(0), "{messages}");
+    let report = report.expect("a report");
+    let total = report["error"]["total"].as_f64().expect("a total error");
+    assert!(total <= 1e-4, "{total}");
+    let early = report["early_steps"].as_array().expect("a list");
+    assert!(!early.is_empty(), "{report}");
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let texts: Vec<String> =
+        early.iter().map(|early| format!("{}@{}", number(&early["step_s"]), number(&early["until_s"]))).collect();
+    let (step, early) = (number(&report["step_s"]).to_string(), texts.join(","));
+    let word = &report["word"];
+    let (storage, ports) = (word["storage_bits"].to_string(), format!("{}x{}", word["mul_a_bits"], word["mul_b_bits"]));
+    let slots = if word["coefficient_slots"] == 2 { "two-slot" } else { "one-slot" };
+    let given =
+        ["--solver", "rodas3", "--span", "10s", "--step", &step, "--early-steps", &early, "--storage", &storage];
+    let given =
+        [&given[..], &["--multiplier", &ports, "--coefficients", slots, "--widen", "0", "--reference"]].concat();
+    let (exit, again, messages) = compile("goal_list_again", "validation/robertson", &given);
+    assert_eq!(exit, Some(0), "{messages}");
+    let again = again.expect("a report")["error"]["total"].as_f64().expect("a total error");
+    assert!((again - total).abs() <= 1e-6 * total, "{again} {total}");
+    let (exit, _, messages) = compile("goal_list_wrong", "validation/robertson", &["--early-steps", "3ms@10ms"]);
+    assert!(exit == Some(2) && messages.contains("--early-steps"), "{messages}");
 }

@@ -93,7 +93,8 @@ impl Question<'_> {
     /// If no point is right enough; the message names the one that comes closest.
     pub fn answer(&self) -> Result<Choice, Failure> {
         let model = &self.loaded.model;
-        let DesignPoint { solver, step, storage, multiplier, coefficients, form, pes, pipeline } = self.point;
+        let DesignPoint { solver, step, early_steps, storage, multiplier, coefficients, form, pes, pipeline } =
+            self.point;
         let lists = Lists {
             solver: solver.into_iter().collect(),
             step: step.into_iter().collect(),
@@ -102,6 +103,7 @@ impl Question<'_> {
             coefficients: if self.fixed.coefficients { vec![coefficients] } else { Vec::new() },
             form,
             sample: self.sample,
+            early_steps,
             pes,
             pipeline,
         };
@@ -213,6 +215,7 @@ impl Choice {
             json!({
                 "solver": row.point.solver.map(|solver| solver.name()),
                 "step_s": row.point.step,
+                "early_steps": row.point.early_steps.map(|early| early.to_string()),
                 "storage_bits": row.point.storage,
                 "multiplier": show::multiplier(&row.point),
                 "coefficients": row.point.coefficients.name(),

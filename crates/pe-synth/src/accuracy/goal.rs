@@ -7,7 +7,9 @@ use pe_ir::model::{Model, Solver};
 use pe_ir::word::Latency;
 use pe_sim::reference::TOLERANCE;
 
+use super::early::{self, Method};
 use super::lists::{Lists, Plan, WORD, Word};
+use crate::early::Early;
 use crate::explore::axes::with_forms;
 use crate::explore::row::{Figures, Outcome, Row};
 use crate::options::DesignPoint;
@@ -45,6 +47,12 @@ const AIM: f64 = 0.7;
 const FINALISTS: usize = 4;
 const CLOSE_TIME: f64 = 1.5;
 const SHORT_OF_BITS: usize = 4;
+
+/// Solvers that are tried with lists of steps, how much longer than the shortest the run time with the first step for all
+/// of the span may be, and rounds of them.
+const LISTED_SOLVERS: usize = 2;
+const LISTED: f64 = 4.0;
+const LIST_ROUNDS: u32 = 3;
 
 /// Rounds of new steps, and of words if nothing is right enough.
 const ROUNDS: u32 = 10;
@@ -97,6 +105,7 @@ struct Candidate {
 #[derive(Clone, Copy)]
 enum Stage {
     Steps(u32),
+    Lists(u32),
     Words(u32),
     Done,
 }
@@ -139,8 +148,12 @@ impl<'a> Search<'a> {
                     let again = self.free_steps && round < ROUNDS;
                     let points = if again { self.new_ones(rows, self.steps(rows, budget)) } else { Vec::new() };
                     let over = points.is_empty() && !again;
-                    self.next = if over { Stage::Words(0) } else { Stage::Steps(round + 1) };
+                    self.next = if over { Stage::Lists(0) } else { Stage::Steps(round + 1) };
                     points
+                }
+                Stage::Lists(round) => {
+                    self.next = if round + 1 == LIST_ROUNDS { Stage::Words(0) } else { Stage::Lists(round + 1) };
+                    self.new_ones(rows, self.lists_of_steps(rows, round))
                 }
                 Stage::Words(round) => {
                     let found = round > 0 && !cheapest(rows, self.limit).is_empty();
@@ -166,44 +179,60 @@ impl<'a> Search<'a> {
         self.solvers.iter().find(|other| other.solver == solver).map(figure)
     }
 
-    /// Steps over the span.
-    fn count(&self, step: f64) -> f64 {
-        self.model.steps() as f64 * self.model.step / step
+    /// Products of a run, over the span.
+    fn products(&self, method: Method) -> f64 {
+        let macs = self.of_solver(method.solver, |candidate| candidate.products);
+        macs.map_or(f64::INFINITY, |macs| macs * method.steps(self.model))
     }
 
-    /// Products of a solver's run with a step, over the span.
-    fn products(&self, solver: Solver, step: f64) -> f64 {
-        self.of_solver(solver, |candidate| candidate.products).map_or(f64::INFINITY, |macs| macs * self.count(step))
-    }
-
-    /// Clock cycles of a solver's run with a step on the hardware over the span, at least.
-    fn cycles(&self, solver: Solver, step: f64) -> f64 {
-        self.of_solver(solver, |candidate| candidate.cycles).map_or(f64::INFINITY, |cycles| cycles * self.count(step))
+    /// Clock cycles of a run on the hardware over the span, at least.
+    fn cycles(&self, method: Method) -> f64 {
+        let cycles = self.of_solver(method.solver, |candidate| candidate.cycles);
+        cycles.map_or(f64::INFINITY, |cycles| cycles * method.steps(self.model))
     }
 
     /// Products that a run may take, at most: so many, or a few times those of the spec's own step.
     fn most_products(&self, solver: Solver) -> f64 {
-        MOST_PRODUCTS.max(4.0 * self.products(solver, self.model.step))
+        MOST_PRODUCTS.max(4.0 * self.products(self.single(solver, self.model.step)))
+    }
+
+    /// A solver with one step for all of the span, or with those for the beginning that the user gave.
+    fn single(&self, solver: Solver, step: f64) -> Method {
+        Method { solver, step, early: self.lists.early_steps }
+    }
+
+    /// The lower bound of the run time of those that are right enough in double precision.
+    fn least(&self, rows: &[Row]) -> f64 {
+        let fitting = rows.iter().filter(|row| self.fits(row)).filter_map(Method::of);
+        fitting.map(|method| self.cycles(method)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Rows of a solver with one step, by the step.
+    fn tried<'r>(&self, rows: &'r [Row], solver: Solver) -> Vec<(f64, &'r Row)> {
+        let of_solver = |row: &&Row| {
+            Method::of(row).is_some_and(|method| method == self.single(solver, method.step))
+                && Word::of(&row.point) == self.word
+        };
+        let mut tried: Vec<(f64, &Row)> =
+            rows.iter().filter(of_solver).filter_map(|row| Some((row.point.step?, row))).collect();
+        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+        tried
     }
 
     /// The next step of each solver, where the steps so far leave open which is the largest that is right enough in
     /// double precision, as far as a run takes no more products than the budget and may be among the fastest.
     fn steps(&self, rows: &[Row], budget: f64) -> Vec<DesignPoint> {
-        let fitting = rows.iter().filter(|row| self.fits(row)).filter_map(pair);
-        let least = fitting.map(|(solver, step)| self.cycles(solver, step)).fold(f64::INFINITY, f64::min);
+        let least = self.least(rows);
         let next = |candidate: &Candidate| {
             let solver = candidate.solver;
-            let of_solver = |row: &&Row| row.point.solver == Some(solver) && Word::of(&row.point) == self.word;
-            let mut tried: Vec<(f64, &Row)> =
-                rows.iter().filter(of_solver).filter_map(|row| Some((row.point.step?, row))).collect();
-            tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let tried = self.tried(rows, solver);
             let step = match tried.iter().rposition(|(_, row)| self.fits(row)) {
                 Some(largest) => self.larger(solver, tried[largest], tried.get(largest + 1).map(|(step, _)| *step)),
                 None => self
                     .smaller(solver, &tried)
-                    .filter(|step| self.products(solver, *step) <= budget.min(self.most_products(solver))),
+                    .filter(|step| self.products(self.single(solver, *step)) <= budget.min(self.most_products(solver))),
             };
-            let step = step.filter(|step| self.cycles(solver, *step) <= RIVAL * least)?;
+            let step = step.filter(|step| self.cycles(self.single(solver, *step)) <= RIVAL * least)?;
             Some(self.lists.point(solver, step, self.word))
         };
         self.solvers.iter().filter_map(next).collect()
@@ -252,43 +281,86 @@ impl<'a> Search<'a> {
 
     /// The best solvers and steps with all words; longer words where only the word is wrong.
     fn finals(&self, rows: &[Row], round: u32) -> Vec<DesignPoint> {
-        let mut best: Vec<(Solver, f64)> = Vec::new();
+        let mut best: Vec<Method> = Vec::new();
         let ranked = cheapest(rows, self.limit);
         let time = |index: usize| rows[index].figures().map_or(f64::INFINITY, Figures::time_ms);
         let close = |index: &&usize| time(**index) <= CLOSE_TIME * time(ranked[0]);
         for index in ranked.iter().filter(close) {
-            if let Some(pair) = pair(&rows[*index])
+            if let Some(method) = Method::of(&rows[*index])
                 && best.len() < FINALISTS
-                && !best.contains(&pair)
+                && !best.contains(&method)
             {
-                best.push(pair);
+                best.push(method);
             }
         }
-        let words =
-            |(solver, step): (Solver, f64)| self.words.iter().map(move |word| self.lists.point(solver, step, *word));
-        let mut points: Vec<DesignPoint> = best.iter().flat_map(|pair| words(*pair)).collect();
+        let words = |method: Method| self.words.iter().map(move |word| self.point(method, *word));
+        let mut points: Vec<DesignPoint> = best.iter().flat_map(|method| words(*method)).collect();
         // Only the word is wrong, so far.
-        let mut short: Vec<(Solver, f64)> =
-            rows.iter().filter(|row| self.fits(row)).filter_map(pair).filter(|pair| !best.contains(pair)).collect();
-        short.sort_by(|a, b| self.cycles(a.0, a.1).total_cmp(&self.cycles(b.0, b.1)));
+        let fitting = rows.iter().filter(|row| self.fits(row)).filter_map(Method::of);
+        let mut short: Vec<Method> = fitting.filter(|method| !best.contains(method)).collect();
+        short.sort_by(|a, b| self.cycles(*a).total_cmp(&self.cycles(*b)));
         short.dedup();
         if round > 0 {
             // Longer words were not enough: the method may have what is left of the error.
-            short = short.iter().filter_map(|pair| self.half(*pair)).collect();
+            short = short.iter().filter_map(|method| self.half(*method)).collect();
         }
         // Among those that met the goal one that is not among the best is slower.
-        short.retain(|pair| best.iter().all(|best| self.cycles(pair.0, pair.1) < self.cycles(best.0, best.1)));
+        short.retain(|method| best.iter().all(|best| self.cycles(*method) < self.cycles(*best)));
         let longer = |word: &&Word| word.holds(&self.word);
-        for (solver, step) in short.into_iter().take(SHORT_OF_BITS) {
-            points.extend(self.words.iter().filter(longer).map(|word| self.lists.point(solver, step, *word)));
+        for method in short.into_iter().take(SHORT_OF_BITS) {
+            points.extend(self.words.iter().filter(longer).map(|word| self.point(method, *word)));
         }
         points
     }
 
     /// Half of the step, if steps are free.
-    fn half(&self, (solver, step): (Solver, f64)) -> Option<(Solver, f64)> {
-        let half = self.lists.suitable(self.model, step / 2.0).filter(|_| self.free_steps)?;
-        (self.products(solver, half) <= self.most_products(solver)).then_some((solver, half))
+    fn half(&self, method: Method) -> Option<Method> {
+        let half = match method.early.filter(|_| self.lists.early_steps.is_none()) {
+            // A list is one of the search's own: all of its steps are halved.
+            Some(early) => {
+                let halves: Vec<(f64, f64)> = early.list().iter().map(|(step, until)| (step / 2.0, *until)).collect();
+                Method { step: method.step / 2.0, early: Early::new(&halves), ..method }
+            }
+            None => Method { step: self.lists.suitable(self.model, method.step / 2.0)?, ..method },
+        };
+        (self.free_steps && self.products(half) <= self.most_products(half.solver)).then_some(half)
+    }
+
+    fn point(&self, method: Method, word: Word) -> DesignPoint {
+        DesignPoint { early_steps: method.early, ..self.lists.point(method.solver, method.step, word) }
+    }
+
+    /// Lists of steps for the solvers that take them: first one short step for the beginning, then another one behind it.
+    fn lists_of_steps(&self, rows: &[Row], round: u32) -> Vec<DesignPoint> {
+        let model = self.model;
+        if !self.free_steps || !model.phases.is_empty() || !model.rates.is_empty() {
+            return Vec::new();
+        }
+        let least = self.least(rows);
+        let long = |step: f64| self.lists.suitable(model, step);
+        let mut lists: Vec<Method> = Vec::new();
+        if round == 0 {
+            let candidates =
+                self.solvers.iter().map(|candidate| candidate.solver).filter(|solver| solver.takes_lists());
+            let short = |solver: Solver| {
+                let tried = self.tried(rows, solver);
+                let largest = tried.iter().rfind(|(_, row)| self.fits(row)).map(|(step, _)| *step);
+                let step = largest.or_else(|| self.smaller(solver, &tried))?;
+                Some((self.single(solver, step), largest.is_some()))
+            };
+            let mut short: Vec<(Method, bool)> = candidates.filter_map(short).collect();
+            short.retain(|(method, _)| self.cycles(*method) <= LISTED * least);
+            short.sort_by(|a, b| self.cycles(a.0).total_cmp(&self.cycles(b.0)));
+            for (method, fits) in short.into_iter().take(LISTED_SOLVERS) {
+                lists.extend(early::single(method, model.span, if fits { 1.0 } else { 4.0 }, long));
+            }
+        } else {
+            let of_lists = rows.iter().filter(|row| row.point.early_steps.is_some() && self.fits(row));
+            let best = of_lists.filter_map(Method::of).min_by(|a, b| self.cycles(*a).total_cmp(&self.cycles(*b)));
+            lists.extend(best.iter().flat_map(|method| early::longer(*method, model.span, long)));
+        }
+        lists.retain(|list| self.cycles(*list) < least && self.products(*list) <= self.most_products(list.solver));
+        lists.into_iter().map(|list| self.point(list, self.word)).collect()
     }
 }
 
@@ -301,11 +373,6 @@ fn unstable(row: &Row) -> bool {
     [codes::DIVERGED, codes::STEP_TOO_LARGE, codes::SATURATED, codes::OUTSIDE_DOMAIN, codes::SMALL_PIVOT]
         .iter()
         .any(|known| code == Some(*known))
-}
-
-/// Solver and step of a row.
-fn pair(row: &Row) -> Option<(Solver, f64)> {
-    row.point.solver.zip(row.point.step)
 }
 
 /// Whether a point failed for its word.

@@ -5,6 +5,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::word::Pipeline;
 
+use crate::early::Early;
 use crate::explore::axes::{once, with_forms};
 use crate::explore::steps;
 use crate::options::{Coefficients, DesignPoint, FormChoice, duration, multiplier, pipeline, solver, storage};
@@ -106,6 +107,9 @@ pub struct Lists {
     /// Longest time between two outputs: steps are whole parts of it
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Points")]
     pub sample: Option<f64>,
+    /// Other steps for the beginning of every point.
+    #[arg(skip)]
+    pub early_steps: Option<Early>,
     /// Number of processing elements of every point [default: one for every 200 issue slots]
     #[arg(long, value_name = "N", help_heading = "Points")]
     pub pes: Option<u32>,
@@ -182,8 +186,8 @@ impl Lists {
     pub fn point(&self, solver: Solver, step: f64, word: Word) -> DesignPoint {
         let Word { storage, multiplier, coefficients } = word;
         let (solver, step, form, pes, pipeline) = (Some(solver), Some(step), self.form, self.pes, self.pipeline);
-        let multiplier = Some(multiplier);
-        DesignPoint { solver, step, storage, multiplier, coefficients, form, pes, pipeline }
+        let (multiplier, early_steps) = (Some(multiplier), self.early_steps);
+        DesignPoint { solver, step, early_steps, storage, multiplier, coefficients, form, pes, pipeline }
     }
 
     /// The longest step up to this one, or nearly so, that suits the model and the time between two outputs.

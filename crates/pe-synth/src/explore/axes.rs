@@ -127,6 +127,7 @@ impl Axes {
                             pes: Some(*pes),
                             solver: Some(*solver),
                             step: Some(*step),
+                            early_steps: None,
                             form: self.form,
                             coefficients: Coefficients::OneSlot,
                             storage: *storage,

@@ -73,6 +73,7 @@ impl<C: Sweeping> Given<C> {
         words.extend(point.pes.map(|pes| format!("--pes {pes}")));
         words.extend(point.solver.map(|solver| format!("--solver {}", solver.name())));
         words.extend(point.step.map(|step| format!("--step {step:e}")));
+        words.extend(point.early_steps.map(|early| format!("--early-steps {early}")));
         words.extend(point.form.form().map(|form| format!("--form {form}")));
         words.push(format!("--storage {} --multiplier {}", point.storage, show::multiplier(point)));
         if point.coefficients != Coefficients::OneSlot {

@@ -148,6 +148,7 @@ impl Row {
             pes: None,
             solver: None,
             step: None,
+            early_steps: None,
             form: FormChoice::Auto,
             coefficients: Coefficients::OneSlot,
             storage: 32,

@@ -38,9 +38,16 @@ pub fn multiplier(point: &DesignPoint) -> String {
     point.multiplier.map_or(String::new(), |(data, coefficient)| format!("{data}x{coefficient}"))
 }
 
-/// The step with a unit.
+/// The step with a unit; behind it those for the beginning.
 pub fn step(point: &DesignPoint) -> String {
-    let seconds = point.step.unwrap_or(f64::NAN);
+    let early = point.early_steps.iter().flat_map(|early| early.list());
+    let early: Vec<String> = early.map(|(step, until)| format!("{} until {}", time(*step), time(*until))).collect();
+    let last = time(point.step.unwrap_or(f64::NAN));
+    if early.is_empty() { last } else { format!("{}, then {last}", early.join(", then ")) }
+}
+
+/// A time with a unit.
+fn time(seconds: f64) -> String {
     let units = [(1.0, "s"), (1e-3, "ms"), (1e-6, "us")];
     let (scale, unit) = units.into_iter().find(|(scale, _)| seconds >= *scale).unwrap_or((1e-9, "ns"));
     let rounded: f64 = format!("{:.3e}", seconds / scale).parse().unwrap_or(seconds);

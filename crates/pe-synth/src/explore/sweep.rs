@@ -124,7 +124,8 @@ pub fn has_functions(model: &Model) -> bool {
 pub fn families(jobs: Vec<Job>, functions: bool) -> Vec<Family> {
     let mut families: Vec<Family> = Vec::new();
     let same_tables = |a: &DesignPoint, b: &DesignPoint| !functions || a.multiplier == b.multiplier;
-    let same_step = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && a.step == b.step && a.form == b.form;
+    let same_times = |a: &DesignPoint, b: &DesignPoint| a.step == b.step && a.early_steps == b.early_steps;
+    let same_step = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && same_times(a, b) && a.form == b.form;
     let same_graph = |a: &DesignPoint, b: &DesignPoint| same_step(a, b) && same_tables(a, b);
     let same_format = |a: &DesignPoint, b: &DesignPoint| {
         (a.multiplier, a.storage, a.coefficients) == (b.multiplier, b.storage, b.coefficients)
@@ -133,8 +134,8 @@ pub fn families(jobs: Vec<Job>, functions: bool) -> Vec<Family> {
         let family = match families.iter().position(|family| same_graph(&family.formats[0][0].point, &job.point)) {
             Some(index) => &mut families[index],
             None => {
-                let same_times = families.iter().find(|family| family.formats[0][0].point.step == job.point.step);
-                let reference = same_times.map_or_else(Arc::default, |family| Arc::clone(&family.reference));
+                let alike = families.iter().find(|family| same_times(&family.formats[0][0].point, &job.point));
+                let reference = alike.map_or_else(Arc::default, |family| Arc::clone(&family.reference));
                 families.push(Family { reference, formats: vec![vec![job]] });
                 continue;
             }

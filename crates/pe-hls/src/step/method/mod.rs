@@ -17,15 +17,12 @@ pub use exponential::exponential;
 
 use super::plan::Plan;
 
-/// Methods in which the step stands in the diagonal of a matrix, so that an input can change it.
-const IMPLICIT: [Solver; 4] = [Solver::ImplicitEuler, Solver::Trapezoidal, Solver::Ros2, Solver::Rodas3];
-
 /// The step of a model by its method; none if the method is an explicit Runge-Kutta method, or needs no plan.
 ///
 /// # Errors
 /// `E0806` if the method does not suit the model.
 pub fn plan(model: &Model) -> Result<Option<Plan<'_>>, Vec<Diagnostic>> {
-    if !model.phases.is_empty() && !IMPLICIT.contains(&model.solver) {
+    if !model.phases.is_empty() && !model.solver.takes_lists() {
         let reason = "a list of steps needs an implicit solver";
         return Err(unsuitable(
             model,
