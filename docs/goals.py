@@ -27,8 +27,8 @@ SHIPPED = ["harmonic_oscillator", "hodgkin_huxley", "kepler", "lorenz", "lotka_v
            "rc_ladder", "van_der_pol", "wave6"]
 LARGE = ["brusselator20", "fhn_cube"]
 
-FIELDS = ["model", "goal", "solver", "step_s", "storage_bits", "multiplier", "coefficients", "total", "double", "agreement",
-          "tried", "seconds", "message", "true", "known_to", "judged_by", "grid_run", "grid_left_out", "grid_found"]
+FIELDS = ["model", "goal", "solver", "step_s", "early_steps", "storage_bits", "multiplier", "coefficients", "total", "double",
+          "agreement", "tried", "seconds", "message", "true", "known_to", "judged_by", "grid_run", "grid_left_out", "grid_found"]
 
 
 def problems():
@@ -68,7 +68,8 @@ def search(binary, spec, goal, seconds):
             return row
         report = json.loads((out / "report.json").read_text())
     error, word = report["error"], report["word"]
-    row |= {"solver": report["solver"], "step_s": repr(report["step_s"]), "storage_bits": word["storage_bits"],
+    early = ",".join(f"{step['step_s']!r}@{step['until_s']!r}" for step in report["early_steps"])
+    row |= {"solver": report["solver"], "step_s": repr(report["step_s"]), "early_steps": early, "storage_bits": word["storage_bits"],
             "multiplier": f"{word['mul_a_bits']}x{word['mul_b_bits']}",
             "coefficients": "two-slot" if word["coefficient_slots"] == 2 else "one-slot",
             "total": f"{error['total']:.2e}", "double": f"{error['double']:.2e}",
@@ -81,6 +82,7 @@ def judge(example, spec, row, seconds):
     if row["solver"]:
         point = ["--solver", row["solver"], "--step", row["step_s"], "--storage", row["storage_bits"], "--multiplier",
                  row["multiplier"], "--coefficients", row["coefficients"], "--widen", "0"]
+        point += ["--early-steps", row["early_steps"]] if row["early_steps"] else []
         code, text, _, _ = run([example, "truth", spec, row["goal"], *point], seconds)
         words = text.split(maxsplit=2) if code == 0 else []
         row["true"], row["known_to"], row["judged_by"] = words if len(words) == 3 else ("", "", "unknown")
@@ -128,9 +130,11 @@ def page(rows):
     for row, verdict in zip(designs, verdicts):
         true = f"{float(row['true']):.1e}" if row["true"] else ""
         note = {True: "", False: "**wrong**", None: "not judged"}[verdict]
+        early = "".join(f"{float(step):.3g} s until {float(until):.3g} s, " for step, until in
+                        (part.split("@") for part in row["early_steps"].split(",") if part))
         slots = ", two slots" if row["coefficients"] == "two-slot" else ""
         lines.append(f"| {row['model']} | {row['goal']} | {float(row['total']):.1e} | {true} | {row['judged_by']} | {row['solver']}, "
-                     f"{float(row['step_s']):.3g} s, {row['storage_bits']} {row['multiplier']}{slots} | {row['tried']} "
+                     f"{early}{float(row['step_s']):.3g} s, {row['storage_bits']} {row['multiplier']}{slots} | {row['tried']} "
                      f"| {row['seconds']} | {note} |")
     lines += ["", "## Refusals", "", "| model | goal | message | grid: run, left out, found | s |", "|---|---|---|---|---|"]
     for row in refused:
@@ -150,6 +154,7 @@ def main():
     chosen = [name for name in options.only.split(",") if name]
     specs = {name: spec for name, spec in problems().items() if not chosen or name in chosen}
     rows = list(csv.DictReader(TABLE.open())) if TABLE.exists() else []
+    rows = [{field: row.get(field) or "" for field in FIELDS} for row in rows]
 
     def save():
         rows.sort(key=lambda row: (row["model"], -float(row["goal"])))

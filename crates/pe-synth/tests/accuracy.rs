@@ -85,8 +85,9 @@ fn a_row_of_the_table_can_be_run_again_and_a_point_that_fails_is_infinitely_wron
         }
         let words: Vec<&str> = field(row, "command").split(' ').collect();
         let alone = folder.0.join(format!("alone{compiled}"));
-        let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(&words[1..]).arg("-o").arg(&alone).output();
-        succeeded(output.expect("pe-synth starts"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+        command.args(&words[1..]).arg("-o").arg(&alone).current_dir(model.parent().expect("a folder"));
+        succeeded(command.output().expect("pe-synth starts"));
         let report = json(&alone, "report.json");
         let pairs = [
             ("cycles_per_step", "/cycles_per_step"),

@@ -159,8 +159,8 @@ fn resume_takes_points_from_the_file_and_refuses_another_model_version_or_option
     assert!(output.status.code() == Some(2) && stderr(&output).contains("the version differs"), "{}", stderr(&output));
 }
 
-/// Runs the command of a row as a user would, and compares its figures with the row's.
-fn assert_reproduced(row: &Value, folder: &Path) {
+/// Runs the command of a row as a user would, in the folder of the spec, and compares its figures with the row's.
+fn assert_reproduced(row: &Value, folder: &Path, of_spec: &Path) {
     let command = row["command"].as_str().expect("a command");
     let binaries = Path::new(env!("CARGO_BIN_EXE_pe-synth")).parent().unwrap();
     let path = format!("{}:{}", binaries.display(), std::env::var("PATH").unwrap());
@@ -170,7 +170,7 @@ fn assert_reproduced(row: &Value, folder: &Path) {
         .arg("-c")
         .arg(format!("{command} -o {}", target.display()))
         .env("PATH", path)
-        .current_dir(folder)
+        .current_dir(of_spec)
         .output()
         .expect("a shell");
     if row["status"] == "failed" {
@@ -209,7 +209,7 @@ fn the_command_of_a_row_gives_the_figures_of_the_row() {
     let rows = rows(&target);
     assert_eq!(rows.len(), 8);
     for row in rows.iter().step_by(3) {
-        assert_reproduced(row, &folder.0);
+        assert_reproduced(row, &folder.0, &folder.0);
     }
     let page = fs::read_to_string(target.join("index.html")).unwrap();
     assert!(page.contains("&#60;b&#62;&#38;amp; $HOME") && !page.contains("<b>"), "the page shows names as they are");
@@ -243,8 +243,9 @@ fn points_that_fail_are_rows_with_their_reason() {
     assert!(narrow["code"].is_null() && narrow["message"].as_str().unwrap().contains("reads more bits"), "{narrow}");
     let many = of(1e-3, 32, 3);
     assert!(many["message"].as_str().unwrap().contains("use at most 2"), "{many}");
+    let van_der_pol = spec("van_der_pol");
     for row in [of(1.0, 32, 1), narrow, many] {
-        assert_reproduced(row, &folder.0);
+        assert_reproduced(row, &folder.0, van_der_pol.parent().expect("a folder"));
     }
     let table = fs::read_to_string(target.join("points.csv")).unwrap();
     assert_eq!(table.lines().filter(|line| line.contains(",failed,")).count(), 7);
@@ -278,7 +279,7 @@ next m2 = 0.1*x - 0.8475628573300946*(0.1*x + m1)";
     let rings = |row: &Value| row["warnings"].as_array().is_some_and(|codes| codes.contains(&"W0915".into()));
     assert_eq!([&section[0], &section[1]].map(rings), [true, false], "{section:?}");
     for row in resonator.iter().chain(&section) {
-        assert_reproduced(row, &folder.0);
+        assert_reproduced(row, &folder.0, &folder.0);
     }
 }
 
