@@ -231,6 +231,16 @@ impl Expr {
         }
     }
 
+    /// Whether it has bends or jumps: choices, magnitudes or signs.
+    pub fn has_bends(&self) -> bool {
+        match self {
+            Expr::Constant(_) | Expr::Variable(_) => false,
+            Expr::Sum(members) | Expr::Product(members) => members.iter().any(Expr::has_bends),
+            Expr::Apply(Function::Abs | Function::Sign, _) | Expr::Select(_) => true,
+            Expr::Power(base, _) | Expr::Apply(_, base) => base.has_bends(),
+        }
+    }
+
     /// Visits every occurrence of a variable.
     pub fn each_variable(&self, visit: &mut impl FnMut(Variable)) {
         match self {

@@ -259,6 +259,27 @@ impl Model {
         self.states.partition_point(|state| state.rate.is_none())
     }
 
+    /// Whether right-hand sides of states that change all the time have bends or jumps, where they are defined as they are
+    /// or in algebraic equations.
+    pub fn has_bends(&self) -> bool {
+        let derivatives = self.states[..self.continuous_states()].iter().map(|state| &state.derivative);
+        let mut waiting: Vec<&Expr> = derivatives.collect();
+        let mut seen = vec![false; self.algebraics.len()];
+        while let Some(expr) = waiting.pop() {
+            if expr.has_bends() {
+                return true;
+            }
+            expr.each_variable(&mut |variable| {
+                if let Variable::Algebraic(number) = variable
+                    && !std::mem::replace(&mut seen[number as usize], true)
+                {
+                    waiting.push(&self.algebraics[number as usize].expr);
+                }
+            });
+        }
+        false
+    }
+
     /// How many equations there are, in words.
     pub fn size(&self) -> String {
         let odes = self.odes();

@@ -251,3 +251,29 @@ fn no_stated_error_flatters() {
     println!("{cases} cases, smallest stated over true total error {smallest:.3}");
     assert!(cases >= 60 && smallest > 0.8, "{cases} cases, {smallest}");
 }
+
+#[test]
+fn parts_tell_errors_at_bends_and_of_states_that_the_step_makes_large() {
+    let cases: [(&str, &str, &[f64]); 4] = [
+        ("chua", "rk4", &[2e-3, 1.5e-3, 3e-3]),
+        ("gear_backlash", "heun", &[1e-3, 2e-3]),
+        ("clamp_tank", "ab3", &[5e-3, 1e-2]),
+        ("robertson", "implicit_euler", &[2e-2, 5e-3, 0.1]),
+    ];
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/validation");
+    for (name, solver, steps) in cases {
+        for step in steps {
+            let step = format!("{step:e}");
+            let options = ["--solver", solver, "--step", &step, "--allow", "E0903", "--pes", "1"];
+            let Compiled { loaded, design } = compile_file(&folder.join(format!("{name}.spec")), &options);
+            let (model, judged) = (&loaded.model, &design.judged);
+            let hidden = indicatif::ProgressBar::hidden();
+            let reference =
+                Reference::solve(model, &judged.times, &judged.looks.times, &[], &hidden).expect("a solution");
+            let truth = reference.compare(model, judged).whole.error;
+            let parts = judged.errors.method + judged.errors.word_length + judged.errors.input_hold;
+            println!("{name}, {solver}, {step} s: {:.2}", parts / truth);
+            assert!(parts >= LEAST * truth, "{name}, {solver}, {step} s: {parts:e}, true is {truth:e}");
+        }
+    }
+}

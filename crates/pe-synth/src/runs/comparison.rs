@@ -15,6 +15,7 @@ use pe_sim::double::DoubleRun;
 
 use super::inputs::{self, Blindness, Sight};
 use super::lockstep::{Pass, Plan};
+use super::magnitudes::Magnitudes;
 use super::{Exact, varying_inputs};
 
 /// The beginning of a span, where a step may pass over what decays at once: this part of all steps, but so many of spans
@@ -39,6 +40,9 @@ const ROUNDING: f64 = 1e-11;
 /// difference.
 const LEAST_GAIN: f64 = 0.75;
 
+/// The same where right-hand sides have bends: a method of any order keeps the first.
+const BENT_GAIN: f64 = 0.5;
+
 /// What smaller steps say about the method.
 #[derive(Clone)]
 pub struct Comparison {
@@ -48,21 +52,51 @@ pub struct Comparison {
     pub(super) halved: Compared,
     /// Method error over the largest difference to half the step.
     pub(super) gain: f64,
+    /// What quarters of the step say, of models with bends.
+    bent: Option<Bent>,
+    /// By how much the magnitude of each state in the run, which errors are relative to, is larger than it should be.
+    overshoot: Vec<f64>,
     /// What the step does not see of inputs, which are compared in their means; none if they are constant, or covered by
     /// the method.
     pub(super) unseen_inputs: Option<Compared>,
 }
 
+/// What a method makes of a bend depends on where in the step it lies: the errors of the step and of half of it may be
+/// the same by chance.
+#[derive(Clone)]
+struct Bent {
+    /// The step against a quarter of it.
+    quarters: Compared,
+    /// Half the step against a quarter of it.
+    rest: Compared,
+    /// Method error over the difference to a quarter of the step.
+    gain: f64,
+}
+
 impl Comparison {
-    /// The method error: with an error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).
+    /// The method error of each state: with an error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).
+    fn methods(&self) -> Vec<f64> {
+        let mut errors: Vec<f64> = self.halved.relative().map(|error| self.gain * error).collect();
+        if let Some(Bent { quarters, rest, gain }) = &self.bent {
+            for ((error, quarters), rest) in errors.iter_mut().zip(quarters.relative()).zip(rest.relative()) {
+                *error = error.max(gain * quarters).max(rest);
+            }
+        }
+        errors.iter_mut().zip(&self.overshoot).for_each(|(error, larger)| *error *= larger);
+        errors
+    }
+
+    /// The method error of the worst state.
     pub fn method(&self) -> f64 {
-        self.gain * self.halved.worst().1
+        self.methods().into_iter().fold(0.0, f64::max)
     }
 
     /// The method error after the beginning of the span. What is wrong before it fades away, or else is wrong later, too.
     pub(super) fn lasting(&self, model: &Model) -> f64 {
         let steps = model.steps();
-        self.gain * self.halved.after((steps / BEGINNING_PART).max(SHORTEST_BEGINNING.min(steps / 10)))
+        let beginning = (steps / BEGINNING_PART).max(SHORTEST_BEGINNING.min(steps / 10));
+        let bent = self.bent.as_ref().map_or(0.0, |bent| bent.gain * bent.quarters.after(beginning));
+        bent.max(self.gain * self.halved.after(beginning))
     }
 
     /// What the step does not see of inputs.
@@ -78,12 +112,17 @@ impl Comparison {
     /// The same two relative to the magnitudes up to then.
     pub(super) fn to_date(&self) -> (f64, f64) {
         let hold = self.unseen_inputs.as_ref().map_or(0.0, Compared::to_date);
-        (self.gain * self.halved.to_date(), hold)
+        let bent = self.bent.as_ref().map_or(0.0, |bent| bent.gain * bent.quarters.to_date());
+        (self.method().max(bent).max(self.gain * self.halved.to_date()), hold)
     }
 
     /// How much larger the errors of each state are than at the steps that were seen, all added up.
     pub fn unseen(&self) -> Vec<f64> {
         let mut unseen: Vec<f64> = self.halved.unseen().map(|error| self.gain * error).collect();
+        if let Some(Bent { quarters, gain, .. }) = &self.bent {
+            unseen.iter_mut().zip(quarters.unseen()).for_each(|(most, error)| *most = most.max(gain * error));
+        }
+        unseen.iter_mut().zip(&self.overshoot).for_each(|(error, larger)| *error *= larger);
         for compared in self.unseen_inputs.iter().chain(&self.function) {
             unseen.iter_mut().zip(compared.unseen()).for_each(|(sum, error)| *sum += error);
         }
@@ -92,11 +131,16 @@ impl Comparison {
 
     /// The finding that a large method error is.
     pub(super) fn finding(&self, model: &Model) -> Diagnostic {
-        let (worst, difference) = self.halved.worst();
+        let quarters = self.bent.as_ref().map(|bent| &bent.quarters);
+        let (part, compared) = match quarters.filter(|quarters| quarters.worst().1 > self.halved.worst().1) {
+            Some(quarters) => ("a quarter", quarters),
+            None => ("half", &self.halved),
+        };
+        let (worst, difference) = compared.worst();
         let state = &model.states[worst];
-        let time = model.time(self.halved.since(PART * difference), 0.0);
+        let time = model.time(compared.since(PART * difference), 0.0);
         let message = format!(
-            "the step is too large for `{}`: from t = {time:.6e} s on half of it changes the result by up to {difference:.1e}",
+            "the step is too large for `{}`: from t = {time:.6e} s on {part} of it changes the result by up to {difference:.1e}",
             state.name
         );
         Diagnostic::error(codes::STEP_TOO_LARGE, state.span, message)
@@ -139,7 +183,7 @@ impl Exact {
                 break;
             }
         }
-        others.map(|runs| runs.conclude(model))
+        others.map(|runs| runs.conclude(self))
     }
 
     /// The run of the step itself.
@@ -177,10 +221,23 @@ struct Others<'a> {
     half: (Pass<'a>, Compared),
     /// With the means of inputs.
     seeing: Option<(Pass<'a>, Compared)>,
-    /// Quarters of the first steps against their halves, and the number of these steps; none once they are done.
-    quarter: Option<(Pass<'a>, Compared, u64)>,
+    /// Quarters of the step; none once they are done.
+    quarter: Option<Quarters<'a>>,
     /// Largest difference to half the step among the first steps, and what it is with a quarter of it.
     first: Option<(f64, f64)>,
+    graphs: &'a Graphs,
+    magnitudes: Magnitudes,
+}
+
+/// The run with a quarter of the step.
+struct Quarters<'a> {
+    pass: Pass<'a>,
+    /// Half the step against it.
+    rest: Compared,
+    /// Steps that tell the order of the method.
+    first: u64,
+    /// The step against it over the whole span, of models with bends.
+    run: Option<Compared>,
 }
 
 impl<'a> Others<'a> {
@@ -190,7 +247,10 @@ impl<'a> Others<'a> {
         let covered = model.solver.covers_inputs();
         let sight = if covered { Sight::Sampled } else { Sight::Held };
         let pass = |graph, count, sight| Pass::divided(plan, DoubleRun::new(graph), count, sight);
-        let quartered = (plan.steps / QUARTERED_PART).max(FEWEST_QUARTERED);
+        let bent = model.has_bends();
+        if bent {
+            plan.progress.inc_length(4 * plan.steps);
+        }
         // A mean does in a step what the signal itself does, to second order.
         let means = (varying_inputs(model) && !covered).then_some((own, 1));
         let means = means.or(graphs.one_step.as_ref().map(|graph| (graph, 2)));
@@ -198,14 +258,21 @@ impl<'a> Others<'a> {
             functions: graphs.functions.as_ref().map(|graph| (pass(graph, 1, Sight::Held), exact.compared())),
             half: (pass(&graphs.half, 2, sight), exact.compared()),
             seeing: means.map(|(graph, count)| (pass(graph, count, Sight::Mean), exact.compared())),
-            quarter: Some((pass(&graphs.quarter, 4, sight), exact.compared(), quartered)),
+            quarter: Some(Quarters {
+                pass: pass(&graphs.quarter, 4, sight),
+                rest: exact.compared(),
+                first: (plan.steps / QUARTERED_PART).max(FEWEST_QUARTERED),
+                run: bent.then(|| exact.compared()),
+            }),
             first: None,
+            graphs,
+            magnitudes: Magnitudes::new(model.states.iter().map(|state| state.initial)),
         }
     }
 
     /// Goes on with a block of the step's own run.
     fn block(&mut self, plan: &Plan, block: &Range<u64>, own: &Rows) -> Result<(), Vec<Diagnostic>> {
-        let Others { functions, half, seeing, quarter, first } = self;
+        let Others { functions, half, seeing, quarter, first, graphs, magnitudes } = self;
         let mut run = own;
         if let Some((pass, compared)) = functions {
             let exact = pass.block(plan, block)?;
@@ -217,32 +284,53 @@ impl<'a> Others<'a> {
         if let Some((pass, compared)) = seeing {
             plan.compare(block, compared, pass.block(plan, block)?, own);
         }
-        if let Some((pass, compared, steps)) = quarter {
-            match pass.block(plan, block) {
-                Ok(quarters) => compared.include(block.end, halves, quarters),
-                // Where a quarter of the step fails, nothing is known of the order.
-                Err(_) => *steps = 0,
-            }
-            if block.end >= *steps {
-                *first = (*steps > 0).then(|| (half.1.worst().1, compared.worst().1));
+        let Some(Quarters { pass, rest, first: steps, run: bent }) = quarter else {
+            magnitudes.include(halves);
+            return Ok(());
+        };
+        let Ok(quarters) = pass.block(plan, block) else {
+            // Where a quarter of the step fails, nothing is known of it.
+            *quarter = None;
+            magnitudes.include(halves);
+            return Ok(());
+        };
+        rest.include(block.end, halves, quarters);
+        if let Some(bent) = bent {
+            plan.compare(block, bent, run, quarters);
+        }
+        magnitudes.include(quarters);
+        if first.is_none() && block.end >= *steps {
+            *first = Some((half.1.worst().1, rest.worst().1));
+            magnitudes.see_within(half.0.largest(&graphs.half), pass.largest(&graphs.quarter));
+            if bent.is_none() {
                 *quarter = None;
             }
         }
         Ok(())
     }
 
-    fn conclude(self, model: &Model) -> Comparison {
+    fn conclude(self, exact: &Exact) -> Comparison {
+        let model = &exact.plan.model;
         let left = 1.0 / f64::from(1u32 << model.solver.order());
         let (_, largest) = self.half.1.worst();
         let telling = |(half, quarter): &(f64, f64)| *half >= TELLING * largest && *quarter > ROUNDING;
         let seen = self.first.filter(telling).map_or(0.0, |(half, quarter)| (quarter / half).min(LEAST_GAIN));
+        let bent = self.quarter.and_then(|Quarters { run, rest, .. }| {
+            // What halving leaves, twice.
+            let left = (rest.worst().1 / largest.max(ROUNDING)).min(BENT_GAIN).max(left);
+            run.map(|quarters| Bent { quarters, rest, gain: 1.0 / (1.0 - left * left) })
+        });
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
+        let within_steps = self.half.0.largest(&self.graphs.half);
+        let overshoot = self.magnitudes.overshoot(&quantities, &exact.scales, &within_steps);
         // Of what the step does not see the run has no magnitude.
         let unseen_inputs = self.seeing.map(|(_, compared)| compared.in_scale(&quantities));
         Comparison {
             function: self.functions.map(|(_, compared)| compared),
             halved: self.half.1,
             gain: 1.0 / (1.0 - left.max(seen)),
+            bent,
+            overshoot,
             unseen_inputs,
         }
     }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use indicatif::ProgressBar;
 use pe_ir::codes;
+use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::{Compared, Rows};
@@ -128,6 +129,12 @@ impl<'a> Pass<'a> {
         let continuous = inputs::read_by_continuous_alone(&plan.model);
         let rows = Rows::new(plan.model.states.len());
         Pass { run, finer, substeps, sight, continuous, outputs: 0, rows }
+    }
+
+    /// Largest magnitudes of the states so far, within steps of the plan, too. `graph` is that of the run.
+    pub fn largest(&self, graph: &StepGraph) -> Vec<f64> {
+        let largest = self.run.largest();
+        graph.states.iter().map(|(state, _)| largest[state.index()]).collect()
     }
 
     /// The rows of the latest block, to keep.

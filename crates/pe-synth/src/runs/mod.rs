@@ -8,13 +8,14 @@
 //! double, quantised     coefficient error on its own
 //! double, step h/2      method error
 //! double, step h        with the means of inputs: input-hold error
-//! double, step h/4      for the first steps, to see the order of the method
+//! double, step h/4      for the first steps, to see the order of the method; for all, where right-hand sides have bends
 //! ```
 
 mod comparison;
 mod inputs;
 mod lockstep;
 mod looks;
+mod magnitudes;
 mod proven;
 mod reasons;
 mod saturated;
