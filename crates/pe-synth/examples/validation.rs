@@ -23,8 +23,8 @@ const HEAD: &str = "\
 Written by [`docs/validation.sh`](validation.sh), which compiles every case of
 [models/validation/cases.csv](../models/validation/cases.csv): published test problems and models of the fields that
 pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the options say otherwise.
-[models/validation](../models/validation/README.md) says where they are from. Decision
-[0029](decisions/0029-validation-set.md) says why it is done this way.
+[models/validation](../models/validation/README.md) says where they are from. Decisions
+[0029](decisions/0029-validation-set.md) and [0047](decisions/0047-stated-beside-true.md) say why it is done this way.
 
 - **word length**: fixed point against double precision with the same step, rounded coefficients included;
   **coefficients** alone is a part of it.
@@ -41,7 +41,7 @@ pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the
 - **verdict** is `fine`, or the codes of the warnings and errors that the case has to end with
   (`pe-synth explain CODE`). A refusal is the right answer where there is no result to be had.
 - **run** is cycles per step times steps at a clock of 150 MHz, which is assumed. **s** are seconds of the compiler on
-  two cores.
+  the machine at hand, which may have been busy.
 ";
 
 /// A figure in as many digits as it is worth.
