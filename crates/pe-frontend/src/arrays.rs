@@ -3,7 +3,7 @@
 
 use crate::algebra::{Algebra, DOT, Shape, TRANSPOSE, described, index, misfit, range, visit};
 use crate::ast::{
-    Binder, Broken, Declared, Equation, Expr, ExprKind, LeftSide, Measure, Name, Range, Signal, Spec, StatementKind,
+    Binder, Broken, Declared, Equation, Expr, ExprKind, LeftSide, Measure, Name, Range, Spec, StatementKind,
 };
 use crate::elaborate::Elaborator;
 use crate::names::{Kind, Names, Symbol};
@@ -128,10 +128,7 @@ fn expressions(statement: &StatementKind) -> Vec<&Expr> {
             range = within.as_ref();
         }
         StatementKind::Input { signal, within, .. } => {
-            match signal {
-                Signal::Value(value) => all.push(value),
-                Signal::Samples { .. } => {}
-            }
+            all.push(signal);
             range = within.as_ref();
         }
         StatementKind::Equation(equation) => {
@@ -255,16 +252,13 @@ impl<'a> Writer<'_, 'a> {
                 self.element(declared, initial)?;
                 self.ends(within, &names_of(&declared.dimensions))
             }
-            StatementKind::Input { declared, signal, within } => {
-                match signal {
+            StatementKind::Input { declared, signal, within, .. } => {
+                match &mut signal.kind {
                     // Of a lone call arguments may be arrays.
-                    Signal::Value(Expr { kind: ExprKind::Call { function, arguments, .. }, .. })
-                        if !is_of_arrays(function) =>
-                    {
+                    ExprKind::Call { function, arguments, .. } if !is_of_arrays(function) => {
                         arguments.iter_mut().try_for_each(|argument| self.element(declared, argument))?;
                     }
-                    Signal::Value(value) => self.element(declared, value)?,
-                    Signal::Samples { .. } => {}
+                    _ => self.element(declared, signal)?,
                 }
                 self.ends(within, &names_of(&declared.dimensions))
             }

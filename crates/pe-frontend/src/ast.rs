@@ -109,7 +109,9 @@ pub enum StatementKind {
         /// Name, dimensions, unit.
         declared: Declared,
         /// The signal over time.
-        signal: Signal,
+        signal: Expr,
+        /// What it is between two samples, `hold` or `linear`.
+        between: Option<Name>,
         /// Stated range.
         within: Option<Range>,
     },
@@ -183,22 +185,6 @@ pub struct Measure {
     pub value: Expr,
     /// The unit as written.
     pub unit: Option<Name>,
-}
-
-/// The right-hand side of an `input`.
-#[derive(Clone, Debug)]
-pub enum Signal {
-    /// `samples("breath.csv", "p", linear)`.
-    Samples {
-        /// Path of the data file.
-        path: Name,
-        /// Name of the column.
-        column: Name,
-        /// `linear` or `hold`.
-        interpolation: Name,
-    },
-    /// An expression of constants, `time` and signals.
-    Value(Expr),
 }
 
 /// What the left-hand side of an equation stands for.
@@ -310,6 +296,15 @@ pub enum ExprKind {
         path: Name,
         /// Name of the column.
         column: Name,
+    },
+    /// `samples("breath.csv", "p", linear)`.
+    Samples {
+        /// Path of the data file.
+        path: Name,
+        /// Name of the column.
+        column: Name,
+        /// `linear` or `hold`.
+        interpolation: Name,
     },
     /// `[1, 2; 3, 4]`, row by row.
     Matrix(Vec<Vec<Expr>>),

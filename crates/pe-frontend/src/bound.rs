@@ -5,8 +5,10 @@
 use crate::ast::{Comparison, Connective, Factor, Sign};
 use crate::functions::Function;
 use crate::inline::Body;
+use pe_ir::model::Samples;
 use pe_ir::source::Span;
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// A bound expression and its place.
 #[derive(Debug)]
@@ -42,6 +44,8 @@ pub(crate) enum NodeKind {
     Matrix(usize, Vec<Node>),
     /// One value for each element of this quantity, whose subscripts come first in the frame.
     Data(usize, Vec<f64>),
+    /// A sampled signal.
+    Samples(Arc<Samples>),
 }
 
 /// A sum over an index, whose value is pushed onto the frame.

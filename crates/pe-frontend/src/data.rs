@@ -2,7 +2,6 @@
 
 use crate::ast::Name;
 use crate::bound::NodeKind;
-use crate::elaborate::Elaborator;
 use crate::names::Quantity;
 use crate::nearest::suggestion;
 use crate::report::Report;
@@ -13,23 +12,6 @@ use pe_ir::source::Diagnostic;
 
 /// Cells of a column that are reported; a column of text needs no more.
 const MOST_CELLS: usize = 5;
-
-impl<'a> Elaborator<'a> {
-    /// The table of a file, `None` if it could not be read, which has been reported.
-    pub(crate) fn table(&self, path: &Name) -> Option<&'a Table> {
-        self.spec.table(path)
-    }
-
-    /// Number of a column of a table.
-    pub(crate) fn table_column(&mut self, table: &Table, column: &Name) -> Option<usize> {
-        find_column(table, column, &mut self.report)
-    }
-
-    /// All numbers of a column.
-    pub(crate) fn numbers(&mut self, table: &Table, column: usize) -> Option<Vec<f64>> {
-        numbers(table, column, &mut self.report)
-    }
-}
 
 impl<'a> Resolver<'_, 'a> {
     /// Binds a column of a data file: its rows in the order of the elements, or keyed by columns with the names of the
@@ -66,7 +48,7 @@ impl<'a> Resolver<'_, 'a> {
     }
 }
 
-fn find_column(table: &Table, column: &Name, report: &mut Report) -> Option<usize> {
+pub(crate) fn find_column(table: &Table, column: &Name, report: &mut Report) -> Option<usize> {
     let mut found = table.columns.iter().enumerate().filter(|(_, known)| known.name == column.text);
     let first = found.next();
     if let (Some((_, one)), Some((_, other))) = (first, found.next()) {
@@ -90,7 +72,7 @@ fn find_column(table: &Table, column: &Name, report: &mut Report) -> Option<usiz
     first.map(|(number, _)| number)
 }
 
-fn numbers(table: &Table, column: usize, report: &mut Report) -> Option<Vec<f64>> {
+pub(crate) fn numbers(table: &Table, column: usize, report: &mut Report) -> Option<Vec<f64>> {
     let values: Vec<f64> = table.column(column).map(|cell| cell.value).collect();
     for cell in table.column(column).filter(|cell| cell.value.is_nan()).take(MOST_CELLS) {
         let message =

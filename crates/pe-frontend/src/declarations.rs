@@ -7,8 +7,9 @@ use crate::evaluate::{Fault, Purpose, fault};
 use crate::names::{Kind, Symbol};
 use crate::resolve::Reads;
 use crate::set::Set;
+use crate::signals;
 use pe_ir::codes;
-use pe_ir::model::Waveform;
+use pe_ir::model::{Interpolation, Waveform};
 use pe_ir::source::{Diagnostic, Span};
 use std::collections::HashMap;
 
@@ -22,6 +23,8 @@ pub(crate) struct Initial {
 pub(crate) struct Driven {
     pub(crate) waveform: Waveform,
     pub(crate) range: Option<(f64, f64)>,
+    /// What it is between two samples.
+    pub(crate) between: Interpolation,
     /// The declaration.
     pub(crate) span: Span,
 }
@@ -71,14 +74,17 @@ impl<'a> Elaborator<'a> {
     pub(crate) fn inputs(&mut self) -> Vec<Driven> {
         let mut inputs = Vec::new();
         for statement in &self.spec.statements {
-            let StatementKind::Input { declared, signal, within } = &statement.kind else { continue };
-            let bound = self.bind_signal(signal, declared);
+            let StatementKind::Input { declared, signal, between, within } = &statement.kind else { continue };
+            let bound = self.bind_element(signal, declared, Reads::Signals);
             let bounds = self.bind_bounds(within.as_ref(), declared);
-            let (Some(signal), Some(bounds)) = (bound, bounds) else { continue };
+            let between = between.as_ref().map(signals::between).transpose();
+            let between = between.map_err(|error| self.report.push(error)).ok();
+            let (Some(signal), Some(bounds), Some(between)) = (bound, bounds, between) else { continue };
+            let between = between.or(self.between).unwrap_or(Interpolation::Hold);
             self.for_each_element(declared, |elaborator| {
-                let waveform = elaborator.waveform(&signal)?;
+                let waveform = elaborator.evaluator.formula(&elaborator.names, &signal)?;
                 let range = elaborator.bounds(&bounds)?;
-                inputs.push(Driven { waveform, range, span: statement.span });
+                inputs.push(Driven { waveform, range, between, span: statement.span });
                 Ok(())
             });
         }

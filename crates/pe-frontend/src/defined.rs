@@ -3,12 +3,12 @@
 //! Time is a count of steps, sines are rotations: states of their own that move exactly ([`Motion`]). While equations are
 //! written out they have numbers from [`SIGNALS`] on; [`crate::prune`] gives them their places behind the declared states.
 
-use crate::evaluate::{Evaluator, Fault, fault};
+use crate::evaluate::{Evaluator, Fault};
 use crate::fold::{ProductBuilder, SumBuilder};
-use pe_ir::codes;
-use pe_ir::model::{Algebraic, Expr, Function, State, Variable, Waveform};
-use pe_ir::motion::Motion;
-use pe_ir::source::{Diagnostic, Span};
+use pe_ir::model::{Algebraic, Expr, Function, Interpolation, Samples, Signal, State, Variable, Waveform};
+use pe_ir::motion::{Motion, Source};
+use pe_ir::source::Span;
+use std::sync::Arc;
 
 /// Number of the first variable that stands for a signal; no model has as many of its own.
 pub(crate) const SIGNALS: u32 = 1 << 30;
@@ -22,34 +22,101 @@ pub(crate) const TIME: Variable = Variable::Algebraic(SIGNALS);
 /// The count of steps.
 const CLOCK: Variable = Variable::State(SIGNALS);
 
+/// A state that stands for a signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Slot {
+    /// The sine of a frequency in hertz; the cosine is behind it.
+    Sine(f64),
+    Cosine(f64),
+    /// The sine of an angle whose speed is the state of this number; the cosine is behind it.
+    SweptSine(u32),
+    SweptCosine(u32),
+    /// A played signal or an input, in a role.
+    Played(Motion),
+}
+
 /// Signals of the model found so far.
 #[derive(Debug, Default)]
 pub(crate) struct Signals {
     /// Where time is read first.
     time: Option<Span>,
-    /// Frequencies in hertz of sines, each with the place where it occurs first.
-    frequencies: Vec<(f64, Span)>,
+    /// States behind the clock, each with the place where it occurs first.
+    slots: Vec<(Slot, Span)>,
+    /// What the network plays, each once, with its name.
+    pub(crate) played: Vec<(Signal, String)>,
 }
 
 impl Signals {
-    /// Number of states that stand for signals: the clock, which may be unused, and two for each frequency.
+    /// Number of states that stand for signals: the clock, which may be unused, and all others.
     pub(crate) fn states(&self) -> usize {
-        1 + 2 * self.frequencies.len()
+        1 + self.slots.len()
     }
 
-    /// What a signal reads, by its variable: the states that move with it, or the clock.
-    pub(crate) fn reads(variable: Variable) -> Option<Variable> {
-        match variable {
-            TIME => Some(CLOCK),
-            CLOCK => None,
-            // Sine and cosine move one another; the clock is in front of them.
-            Variable::State(number) => Some(Variable::State(SIGNALS + 1 + ((number - SIGNALS - 1) ^ 1))),
-            _ => None,
+    /// The state of the latest slots that are added, the first of them.
+    fn add(&mut self, slots: &[Slot], span: Span) -> Variable {
+        let number = SIGNALS + 1 + self.slots.len() as u32;
+        self.slots.extend(slots.iter().map(|slot| (*slot, span)));
+        Variable::State(number)
+    }
+
+    /// The first state of a slot, if there is one.
+    fn find(&self, slot: Slot) -> Option<Variable> {
+        let at = self.slots.iter().position(|(other, _)| *other == slot)?;
+        Some(Variable::State(SIGNALS + 1 + at as u32))
+    }
+
+    /// The state that an interpolated input is.
+    pub(crate) fn line(&mut self, input: u32, span: Span) -> Variable {
+        let source = Source::Input(input);
+        self.add(&[Slot::Played(Motion::Line(source)), Slot::Played(Motion::Before(source))], span)
+    }
+
+    /// The state that a played signal is.
+    fn play(&mut self, waveform: Waveform, smooth: bool, name: &str, span: Span) -> Variable {
+        let known = self.played.iter().position(|(signal, _)| signal.waveform == waveform);
+        let source = Source::Signal(known.unwrap_or(self.played.len()) as u32);
+        let states = match smooth {
+            true => &[Motion::Line(source), Motion::Before(source), Motion::After(source)][..],
+            false => &[Motion::Held(source)],
+        };
+        let slots: Vec<Slot> = states.iter().map(|motion| Slot::Played(*motion)).collect();
+        if let Some(state) = self.find(slots[0]) {
+            return state;
+        }
+        let name = format!("{name}.{}", self.played.len() + 1);
+        self.played.push((Signal { waveform, span }, name));
+        self.add(&slots, span)
+    }
+
+    /// What a signal reads, by its variable: the states that move with it, the clock, an input.
+    pub(crate) fn reads(&self, variable: Variable) -> Vec<Variable> {
+        let Variable::State(number) = variable else {
+            return if variable == TIME { vec![CLOCK] } else { Vec::new() };
+        };
+        let Some((slot, _)) = (number - SIGNALS).checked_sub(1).map(|at| self.slots[at as usize]) else {
+            return Vec::new();
+        };
+        let next = |places: u32| Variable::State(number + places);
+        match slot {
+            Slot::Sine(_) => vec![next(1)],
+            Slot::Cosine(_) => vec![Variable::State(number - 1)],
+            Slot::SweptSine(speed) => vec![next(1), Variable::State(speed)],
+            Slot::SweptCosine(speed) => vec![Variable::State(number - 1), Variable::State(speed)],
+            Slot::Played(Motion::Line(Source::Input(input))) => vec![next(1), Variable::Input(input)],
+            Slot::Played(Motion::Line(Source::Signal(_))) => vec![next(1), next(2)],
+            Slot::Played(_) => Vec::new(),
         }
     }
 
-    /// The state of a number from [`SIGNALS`] on, with the final numbers of itself and of what moves with it.
-    pub(crate) fn state(&self, number: usize, own: u32, quantity: u32) -> State {
+    /// The state of a number from [`SIGNALS`] on, with the final numbers of itself, of inputs and of played signals.
+    pub(crate) fn state(
+        &self,
+        number: usize,
+        own: u32,
+        quantity: u32,
+        (inputs, names): (&[u32], &[String]),
+        (played, states): (&[u32], &[u32]),
+    ) -> State {
         let of = |name: String, initial: f64, derivative: Expr, motion: Motion, span: Span| State {
             name,
             quantity,
@@ -61,23 +128,76 @@ impl Signals {
             motion: Some(motion),
             span,
         };
-        let Some(pair) = number.checked_sub(1) else {
+        let Some(at) = number.checked_sub(1) else {
             // The model's step is put in when it is known.
             return of("time.steps".to_owned(), 0.0, Expr::Constant(1.0), Motion::Clock, self.time.unwrap_or_default());
         };
-        let (frequency, span) = self.frequencies[pair / 2];
-        let rate = 2.0 * std::f64::consts::PI * frequency;
-        let name = |function: &str| format!("{function}(2*pi*{frequency}*time)");
-        match pair % 2 {
-            0 => {
-                let cosine = Expr::Variable(Variable::State(own + 1));
-                of(name("sin"), 0.0, Expr::scaled(rate, cosine), Motion::Sine(rate), span)
+        let (slot, span) = self.slots[at];
+        let name = |function: &str, frequency: f64| format!("{function}(2*pi*{frequency}*time)");
+        let of_state = |state: u32| Expr::Variable(Variable::State(state));
+        let rate = |frequency: f64| 2.0 * std::f64::consts::PI * frequency;
+        match slot {
+            Slot::Sine(frequency) => {
+                let (rate, cosine) = (rate(frequency), Expr::Variable(Variable::State(own + 1)));
+                of(name("sin", frequency), 0.0, Expr::scaled(rate, cosine), Motion::Sine(rate), span)
             }
-            _ => {
-                let sine = Expr::Variable(Variable::State(own - 1));
-                of(name("cos"), 1.0, Expr::scaled(-rate, sine), Motion::Cosine(rate), span)
+            Slot::Cosine(frequency) => {
+                let (rate, sine) = (rate(frequency), Expr::Variable(Variable::State(own - 1)));
+                of(name("cos", frequency), 1.0, Expr::scaled(-rate, sine), Motion::Cosine(rate), span)
+            }
+            Slot::SweptSine(speed) => {
+                let speed = states[(speed - SIGNALS) as usize];
+                let moved = Expr::product(vec![of_state(speed), of_state(own + 1)]);
+                of(format!("sine.{own}"), 0.0, moved, Motion::SweptSine(speed), span)
+            }
+            Slot::SweptCosine(speed) => {
+                let speed = states[(speed - SIGNALS) as usize];
+                let moved = Expr::product(vec![Expr::Constant(-1.0), of_state(speed), of_state(own - 1)]);
+                of(format!("cosine.{own}"), 1.0, moved, Motion::SweptCosine(speed), span)
+            }
+            Slot::Played(motion) => {
+                let final_of = |source: Source| match source {
+                    Source::Input(input) => {
+                        (Source::Input(inputs[input as usize]), names[inputs[input as usize] as usize].clone())
+                    }
+                    Source::Signal(signal) => {
+                        (Source::Signal(played[signal as usize]), self.played[signal as usize].1.clone())
+                    }
+                };
+                let (motion, name) = match motion {
+                    Motion::Line(source) => {
+                        let line = if matches!(source, Source::Input(_)) { ".line" } else { "" };
+                        (Motion::Line(final_of(source).0), format!("{}{line}", final_of(source).1))
+                    }
+                    Motion::Before(source) => {
+                        (Motion::Before(final_of(source).0), format!("{}.before", final_of(source).1))
+                    }
+                    Motion::After(source) => {
+                        (Motion::After(final_of(source).0), format!("{}.after", final_of(source).1))
+                    }
+                    Motion::Held(source) => (Motion::Held(final_of(source).0), final_of(source).1),
+                    other => (other, String::new()),
+                };
+                // What the step tells is put in when it is known.
+                of(name, 0.0, Expr::Constant(0.0), motion, span)
             }
         }
+    }
+
+    /// The played signals of which a state is needed, and their final numbers; `needed` tells of slots.
+    pub(crate) fn played(&self, needed: impl Fn(usize) -> bool) -> (Vec<Signal>, Vec<u32>) {
+        let mut kept = vec![false; self.played.len()];
+        for (at, (slot, _)) in (1..).zip(&self.slots) {
+            if let Slot::Played(motion) = slot
+                && let Some(Source::Signal(signal)) = motion.source()
+            {
+                kept[signal as usize] |= needed(at);
+            }
+        }
+        let number = |at: usize| kept[..at].iter().filter(|kept| **kept).count() as u32;
+        let numbers = (0..kept.len()).map(number).collect();
+        let signals = self.played.iter().zip(kept).filter(|(_, kept)| *kept).map(|((signal, _), _)| signal.clone());
+        (signals.collect(), numbers)
     }
 
     /// The algebraic equation of the time, which reads the clock.
@@ -116,18 +236,13 @@ impl Evaluator {
         match waveform {
             Waveform::Constant(value) => Ok(Expr::Constant(value)),
             Waveform::Sine { amplitude, frequency, offset, phase } => {
-                let parts = [libm::cos(phase), libm::sin(phase)];
-                let parts = parts.map(|part| if part.abs() < RESIDUE { 0.0 } else { amplitude * part });
                 if frequency == 0.0 {
-                    return Ok(Expr::Constant(offset + parts[1]));
+                    return Ok(Expr::Constant(offset + amplitude * libm::sin(phase)));
                 }
-                let known = self.signals.frequencies.iter().position(|(other, _)| *other == frequency);
-                let number = known.unwrap_or(self.signals.frequencies.len());
-                if known.is_none() {
-                    self.signals.frequencies.push((frequency, span));
-                }
-                let of = |part: u32| Expr::Variable(Variable::State(SIGNALS + 1 + 2 * number as u32 + part));
-                Ok(sum([scaled(parts[0], of(0)), scaled(parts[1], of(1)), Expr::Constant(offset)]))
+                let known = self.signals.find(Slot::Sine(frequency));
+                let pair = [Slot::Sine(frequency), Slot::Cosine(frequency)];
+                let sine = known.unwrap_or_else(|| self.signals.add(&pair, span));
+                Ok(self.turned(sine, amplitude, phase, offset))
             }
             Waveform::Ramp { from, to, start, duration } => {
                 let slope = (to - from) / duration;
@@ -140,12 +255,42 @@ impl Evaluator {
                 };
                 Ok(sum([part(start, 1.0), part(start + duration, -1.0), Expr::Constant(f64::midpoint(from, to))]))
             }
-            _ => {
-                let message = format!("`{name}` is a signal of inputs and cannot be part of the model");
-                let help =
-                    "declare it, `input u = ...`, and read `u` here; or compute it in a sampled block from `time`";
-                Err(fault(Diagnostic::error(codes::SIGNAL_PLACE, span, message).with_help(help)))
+            Waveform::Samples(samples) => {
+                let smooth = samples.interpolation() == Interpolation::Linear;
+                Ok(Expr::Variable(self.signals.play(Waveform::Samples(samples), smooth, name, span)))
             }
+            jumping @ (Waveform::Square { .. } | Waveform::Pulse { .. }) => self.jumping(name, jumping, span),
+            jumping @ Waveform::Pwm(_) => self.jumping(name, jumping, span),
+            Waveform::Chirp(chirp) => {
+                let speeds = [chirp.from, chirp.to].map(|frequency| 2.0 * std::f64::consts::PI * frequency);
+                let samples = Samples::new(vec![0.0, chirp.duration], speeds.to_vec(), Interpolation::Linear);
+                let samples = Waveform::Samples(Arc::new(samples.expect("a positive duration")));
+                let Variable::State(speed) = self.signals.play(samples, true, name, span) else {
+                    unreachable!("what is played is a state")
+                };
+                let known = self.signals.find(Slot::SweptSine(speed));
+                let pair = [Slot::SweptSine(speed), Slot::SweptCosine(speed)];
+                let sine = known.unwrap_or_else(|| self.signals.add(&pair, span));
+                Ok(self.turned(sine, chirp.amplitude, chirp.phase, chirp.offset))
+            }
+            Waveform::Time { .. } | Waveform::Formula(_) => unreachable!("`{name}` is no signal of its own"),
         }
+    }
+
+    /// A sine with a phase, of the states that have none.
+    fn turned(&self, sine: Variable, amplitude: f64, phase: f64, offset: f64) -> Expr {
+        let parts = [libm::cos(phase), libm::sin(phase)];
+        let parts = parts.map(|part| if part.abs() < RESIDUE { 0.0 } else { amplitude * part });
+        let Variable::State(number) = sine else { unreachable!("slots are states") };
+        let cosine = Expr::Variable(Variable::State(number + 1));
+        sum([scaled(parts[0], Expr::Variable(sine)), scaled(parts[1], cosine), Expr::Constant(offset)])
+    }
+
+    /// A signal that jumps; one that never does is a number.
+    fn jumping(&mut self, name: &str, waveform: Waveform, span: Span) -> Result<Expr, Fault> {
+        if waveform.breakpoints(self.span).next().is_none() {
+            return Ok(Expr::Constant(waveform.at(0.0)));
+        }
+        Ok(Expr::Variable(self.signals.play(waveform, false, name, span)))
     }
 }

@@ -15,7 +15,7 @@ use crate::report::Report;
 use crate::resolve::{Reads, Resolver};
 use crate::settings::Settings;
 use pe_ir::codes;
-use pe_ir::model::Model;
+use pe_ir::model::{Interpolation, Model};
 use pe_ir::source::{Diagnostic, Span};
 
 /// How large a model may become before it is refused.
@@ -65,6 +65,8 @@ pub(crate) struct Elaborator<'a> {
     pub(crate) evaluator: Evaluator,
     /// Elements that may still be created.
     pub(crate) elements_left: usize,
+    /// What inputs are between two samples if the spec does not say.
+    pub(crate) between: Option<Interpolation>,
     /// Whether the work limit has been reported; it concerns every later expression.
     out_of_work: bool,
 }
@@ -78,6 +80,7 @@ impl<'a> Elaborator<'a> {
             report,
             evaluator: Evaluator::new(limits.evaluations, limits.reads),
             elements_left: limits.elements,
+            between: None,
             out_of_work: false,
         }
     }
@@ -85,6 +88,7 @@ impl<'a> Elaborator<'a> {
     fn run(&mut self, overrides: &Overrides) -> Option<Model> {
         let settings = Settings::collect(self.spec, &mut self.report);
         let (observe, units) = (&overrides.observe, overrides.units);
+        self.between = overrides.inputs;
         let overrides = self.check_overrides(&overrides.set);
         self.constants(Kind::Const, &overrides);
         self.index_ranges();

@@ -8,10 +8,11 @@ use crate::elementary::reciprocal;
 use crate::fold::{ProductBuilder, SumBuilder, negate};
 use crate::functions::modulo;
 use crate::names::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names};
-use crate::signals::WAVEFORMS;
+use crate::signals::{SAMPLES, WAVEFORMS};
 use pe_ir::codes;
 use pe_ir::model::{Expr, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Span};
+use std::sync::Arc;
 
 /// Integers up to this size are exact in double precision.
 const LARGEST_INTEGER: f64 = 9_007_199_254_740_992.0;
@@ -95,6 +96,13 @@ impl Evaluator {
                 match self.part(|| waveform.clone()) {
                     Some(part) => Ok(part),
                     None => self.defined(WAVEFORMS[*number].0, waveform, node.span),
+                }
+            }
+            NodeKind::Samples(samples) => {
+                let waveform = Waveform::Samples(Arc::clone(samples));
+                match self.part(|| waveform.clone()) {
+                    Some(part) => Ok(part),
+                    None => self.defined(SAMPLES, waveform, node.span),
                 }
             }
             NodeKind::Argument(place) => self.argument(*place, node.span),

@@ -226,7 +226,12 @@ pub(crate) fn size(expr: &Expr) -> (u64, usize) {
 fn depth(node: &Node) -> usize {
     let most = |nodes: &mut dyn Iterator<Item = &Node>| nodes.map(depth).max().unwrap_or(0);
     1 + match &node.kind {
-        NodeKind::Number(_) | NodeKind::Time | NodeKind::Index(_) | NodeKind::Argument(_) | NodeKind::Data(..) => 0,
+        NodeKind::Number(_)
+        | NodeKind::Time
+        | NodeKind::Index(_)
+        | NodeKind::Argument(_)
+        | NodeKind::Data(..)
+        | NodeKind::Samples(_) => 0,
         NodeKind::Signal(_, members) => most(&mut members.iter().map(|(member, _)| member)),
         NodeKind::Element(_, members) | NodeKind::Call(_, members) | NodeKind::Matrix(_, members) => {
             most(&mut members.iter())

@@ -50,7 +50,7 @@ pub use elaborate::{Limits, elaborate, elaborate_within};
 pub use files::{LARGEST_FILE, LoadError, Loader, NoFiles, main_file};
 pub use units::Units;
 
-use pe_ir::model::Model;
+use pe_ir::model::{Interpolation, Model};
 use pe_ir::source::{Diagnostic, Severity, Sources};
 
 /// Parses a spec: the main file in `sources` and every file it names, which `loader` reads and `sources` takes up.
@@ -70,6 +70,8 @@ pub struct Overrides {
     pub observe: Vec<String>,
     /// How strictly units are checked; what the spec says, if this is not given.
     pub units: Option<Units>,
+    /// What inputs are between two samples if the spec does not say; the earlier one, if this is not given.
+    pub inputs: Option<Interpolation>,
 }
 
 /// Parses and elaborates a spec: the model and its warnings, or everything that was found, in source order. See

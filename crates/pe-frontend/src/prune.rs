@@ -1,14 +1,14 @@
 //! Leaves out what no output depends on, and puts the model together with dense numbers.
 
 use crate::declarations::{Driven, Initial};
-use crate::defined::{SIGNALS, Signals, TIME};
+use crate::defined::{SIGNALS, TIME};
 use crate::elaborate::Elaborator;
 use crate::equations::{Flat, Row};
 use crate::names::{Kind, Quantity};
 use crate::sampled::Sampled;
 use crate::settings::{Header, Times};
 use pe_ir::codes;
-use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Rate, State, Variable};
+use pe_ir::model::{Algebraic, Expr, Input, Interpolation, Model, Output, Rate, State, Variable};
 use pe_ir::source::Diagnostic;
 
 /// Marks a variable that is left out.
@@ -65,7 +65,8 @@ impl Numbers {
 
 impl Elaborator<'_> {
     /// The model of what the outputs depend on.
-    pub(crate) fn assemble(&mut self, header: Header, parts: Parts) -> Option<Model> {
+    pub(crate) fn assemble(&mut self, header: Header, mut parts: Parts) -> Option<Model> {
+        self.draw_lines(&mut parts);
         let mut numbers = self.needed(&parts);
         let left_out = self.left_out(&parts, &numbers);
         let Parts { flat, sampled, rates, order, initials, inputs: driven, outputs, .. } = parts;
@@ -127,8 +128,17 @@ impl Elaborator<'_> {
 
         let quantities = self.names.quantities.len() as u32;
         let signals = &self.evaluator.signals;
+        let inputs = self.inputs_in_use(&driven, &numbers);
+        let names: Vec<String> = inputs.iter().map(|input| input.name.clone()).collect();
+        let (played, places) = signals.played(|at| numbers.signals[at] != LEFT_OUT);
         for (at, own) in numbers.signals[..count].iter().enumerate().filter(|(_, own)| **own != LEFT_OUT) {
-            states.push(signals.state(at, *own, quantities + at as u32));
+            states.push(signals.state(
+                at,
+                *own,
+                quantities + at as u32,
+                (&numbers.inputs, &names),
+                (&places, &numbers.signals),
+            ));
         }
         states.sort_by_key(|state| state.rate.is_some());
 
@@ -155,6 +165,49 @@ impl Elaborator<'_> {
             });
         }
 
+        let outputs = outputs
+            .into_iter()
+            .map(|output| Output { variable: numbers.renumbered(output.variable), ..output })
+            .collect();
+        let Header { name, title, solver, times: Times { step, phases, span } } = header;
+        let mut model = Model {
+            name,
+            title,
+            solver,
+            step,
+            phases,
+            span,
+            states,
+            rates,
+            algebraics,
+            inputs,
+            signals: played,
+            outputs,
+            left_out,
+        };
+        model.add_step_ratio();
+        model.set_step(step);
+        Some(model)
+    }
+
+    /// Lets everyone read an interpolated input as the state that it is.
+    fn draw_lines(&mut self, parts: &mut Parts) {
+        let signals = &mut self.evaluator.signals;
+        let linear = (0..).zip(&parts.inputs).filter(|(_, driven)| driven.between == Interpolation::Linear);
+        let lines: Vec<(u32, Variable)> =
+            linear.map(|(input, driven)| (input, signals.line(input, driven.span))).collect();
+        let line = |variable: &mut Variable| {
+            if let Some((_, line)) = lines.iter().find(|(input, _)| Variable::Input(*input) == *variable) {
+                *variable = *line;
+            }
+        };
+        let rows = parts.flat.states.iter_mut().chain(&mut parts.flat.algebraics).flatten();
+        rows.for_each(|row| row.expr.each_variable_mut(&mut |variable| line(variable)));
+        parts.outputs.iter_mut().for_each(|output| line(&mut output.variable));
+    }
+
+    /// The inputs that are not left out.
+    fn inputs_in_use(&self, driven: &[Driven], numbers: &Numbers) -> Vec<Input> {
         let mut inputs = Vec::new();
         for quantity in self.names.quantities.iter().filter(|quantity| quantity.kind == Kind::Input) {
             for offset in 0..quantity.length {
@@ -165,21 +218,12 @@ impl Elaborator<'_> {
                     unit: unit(quantity),
                     waveform: driven.waveform.clone(),
                     range: driven.range,
+                    between: driven.between,
                     span: driven.span,
                 });
             }
         }
-
-        let outputs = outputs
-            .into_iter()
-            .map(|output| Output { variable: numbers.renumbered(output.variable), ..output })
-            .collect();
-        let Header { name, title, solver, times: Times { step, phases, span } } = header;
-        let mut model =
-            Model { name, title, solver, step, phases, span, states, rates, algebraics, inputs, outputs, left_out };
-        model.add_step_ratio();
-        model.set_step(step);
-        Some(model)
+        inputs
     }
 
     /// Marks whatever an output depends on with zero, everything else as left out.
@@ -203,7 +247,8 @@ impl Elaborator<'_> {
         }
         while let Some(variable) = waiting.pop() {
             if matches!(variable, Variable::State(i) | Variable::Algebraic(i) if i >= SIGNALS) {
-                Signals::reads(variable).into_iter().for_each(|read| need(read, &mut waiting));
+                let reads = self.evaluator.signals.reads(variable);
+                reads.into_iter().for_each(|read| need(read, &mut waiting));
                 continue;
             }
             let row = match variable {

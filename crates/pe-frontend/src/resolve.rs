@@ -11,9 +11,10 @@ use crate::names::{Kind, Names, PREDEFINED, Symbol, TIME};
 use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::settings::unit_scale;
-use crate::signals::{Argument, WAVEFORMS, check_count};
+use crate::signals::{Argument, SAMPLES, WAVEFORMS, check_count};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
+use std::sync::Arc;
 
 /// What an expression may read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +69,10 @@ impl<'a> Resolver<'_, 'a> {
             }
             ExprKind::SumOver { binder, condition, body } => self.sum_over(binder, condition.as_deref(), body)?,
             ExprKind::Data { path, column } => self.data(path, column)?,
+            ExprKind::Samples { path, column, interpolation } => {
+                self.check_signal(SAMPLES, expr.span)?;
+                NodeKind::Samples(Arc::new(self.samples(path, column, interpolation)?))
+            }
             ExprKind::Matrix(rows) => self.matrix(rows, expr.span)?,
             ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), expr.span)?,
             ExprKind::Compare(..) | ExprKind::Logical(..) | ExprKind::Not(_) => {

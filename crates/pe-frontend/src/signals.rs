@@ -1,14 +1,13 @@
 //! The signals that drive inputs.
 
-use crate::ast::{Declared, Name, Signal};
+use crate::ast::Name;
 use crate::bound::Node;
+use crate::data::{find_column, numbers};
 use crate::defined::SIGNALS;
-use crate::elaborate::Elaborator;
 use crate::evaluate::{Evaluator, Fault, Purpose, fault};
 use crate::names::Names;
-use crate::resolve::Reads;
+use crate::resolve::Resolver;
 use crate::settings::{FREQUENCIES, TIMES, scaled, unit_scale};
-use crate::tables::Table;
 use pe_ir::codes;
 use pe_ir::model::{Chirp, Expr, Formula, Interpolation, Pwm, Samples, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Span};
@@ -69,43 +68,18 @@ pub(crate) const WAVEFORMS: [Form; 7] = [
 /// The word for a sampled signal; it names a file and so is no waveform of numbers.
 pub(crate) const SAMPLES: &str = "samples";
 
-/// A bound signal.
-pub(crate) enum BoundSignal {
-    /// An expression of signals.
-    Value(Node),
-    /// The same samples for all elements.
-    Samples(Arc<Samples>),
-}
-
-impl<'a> Elaborator<'a> {
-    pub(crate) fn bind_signal(&mut self, signal: &'a Signal, declared: &'a Declared) -> Option<BoundSignal> {
-        match signal {
-            Signal::Value(value) => self.bind_element(value, declared, Reads::Signals).map(BoundSignal::Value),
-            Signal::Samples { path, column, interpolation } => {
-                self.samples(path, column, interpolation).map(|samples| BoundSignal::Samples(Arc::new(samples)))
-            }
-        }
-    }
-
+impl<'a> Resolver<'_, 'a> {
     /// The signal in a column of a data file, over its first column, the times.
-    fn samples(&mut self, path: &'a Name, column: &Name, interpolation: &Name) -> Option<Samples> {
-        let interpolation = match interpolation.text.as_str() {
-            "linear" => Interpolation::Linear,
-            "hold" => Interpolation::Hold,
-            other => {
-                let message = format!("unknown interpolation `{other}`");
-                let help =
-                    "between two samples the signal is a straight line with `linear`, the earlier one with `hold`";
-                self.report
-                    .push(Diagnostic::error(codes::UNKNOWN_FUNCTION, interpolation.span, message).with_help(help));
-                return None;
-            }
-        };
-        let table = self.table(path)?;
-        let number = self.table_column(table, column)?;
-        let scale = self.time_scale(table)?;
-        let times = self.numbers(table, 0)?;
-        let values = self.numbers(table, number)?;
+    pub(crate) fn samples(&mut self, path: &'a Name, column: &Name, interpolation: &Name) -> Option<Samples> {
+        let interpolation = between(interpolation).map_err(|error| self.report.push(error)).ok()?;
+        let table = self.spec.table(path)?;
+        let number = find_column(table, column, self.report)?;
+        let unit = &table.columns[0].unit;
+        let unit = unit.as_ref().map(|unit| Name { text: unit.clone(), span: table.columns[0].place });
+        let scale = unit_scale(unit.as_ref(), &TIMES, "times in the first column");
+        let scale = scale.map_err(|error| self.report.push(error)).ok()?;
+        let times = numbers(table, 0, self.report)?;
+        let values = numbers(table, number, self.report)?;
         if times.is_empty() {
             let place = table.columns[number].place;
             self.report.push(Diagnostic::error(codes::BAD_TABLE, place, "the file holds no samples"));
@@ -122,18 +96,17 @@ impl<'a> Elaborator<'a> {
         }
         Samples::new(times, values, interpolation)
     }
+}
 
-    /// Seconds in a unit of the column of times.
-    fn time_scale(&mut self, table: &Table) -> Option<f64> {
-        let column = &table.columns[0];
-        let unit = column.unit.as_ref().map(|unit| Name { text: unit.clone(), span: column.place });
-        unit_scale(unit.as_ref(), &TIMES, "times in the first column").map_err(|error| self.report.push(error)).ok()
-    }
-
-    pub(crate) fn waveform(&mut self, signal: &BoundSignal) -> Result<Waveform, Fault> {
-        match signal {
-            BoundSignal::Samples(samples) => Ok(Waveform::Samples(Arc::clone(samples))),
-            BoundSignal::Value(node) => self.evaluator.formula(&self.names, node),
+/// What a signal is between two samples.
+pub(crate) fn between(word: &Name) -> Result<Interpolation, Diagnostic> {
+    match word.text.as_str() {
+        "linear" => Ok(Interpolation::Linear),
+        "hold" => Ok(Interpolation::Hold),
+        other => {
+            let message = format!("unknown interpolation `{other}`");
+            let help = "between two samples a signal is a straight line with `linear`, the earlier one with `hold`";
+            Err(Diagnostic::error(codes::UNKNOWN_FUNCTION, word.span, message).with_help(help))
         }
     }
 }

@@ -132,8 +132,13 @@ impl Builder<'_> {
             }
             Rule::input_statement => {
                 let declared = self.declared(&mut parts)?;
-                let signal = self.signal(parts.take(Rule::signal)?)?;
-                StatementKind::Input { declared, signal, within: self.within(&mut parts)? }
+                let signal = self.expr(parts.take(Rule::expr)?)?;
+                let within = self.within(&mut parts)?;
+                let between = match parts.take(Rule::between) {
+                    Some(between) => Some(self.name(Parts::of(between).take(Rule::name)?)),
+                    None => None,
+                };
+                StatementKind::Input { declared, signal, between, within }
             }
             Rule::state_statement => {
                 let declared = self.declared(&mut parts)?;
@@ -250,16 +255,6 @@ impl Builder<'_> {
         }
     }
 
-    fn signal(&mut self, pair: Node) -> Option<Signal> {
-        let mut parts = Parts::of(pair);
-        if let Some(samples) = parts.take(Rule::samples) {
-            let mut parts = Parts::of(samples);
-            let (path, column) = self.file_column(&mut parts)?;
-            return Some(Signal::Samples { path, column, interpolation: self.name(parts.take(Rule::name)?) });
-        }
-        Some(Signal::Value(self.expr(parts.take(Rule::expr)?)?))
-    }
-
     /// A text with the place of its quotes.
     fn text(&mut self, parts: &mut Parts) -> Option<Name> {
         let text = parts.take(Rule::text)?;
@@ -333,6 +328,11 @@ impl Builder<'_> {
             Rule::data => {
                 let (path, column) = self.file_column(&mut Parts::of(pair))?;
                 ExprKind::Data { path, column }
+            }
+            Rule::samples => {
+                let mut parts = Parts::of(pair);
+                let (path, column) = self.file_column(&mut parts)?;
+                ExprKind::Samples { path, column, interpolation: self.name(parts.take(Rule::name)?) }
             }
             Rule::matrix => {
                 let mut rows = Vec::new();
@@ -513,6 +513,7 @@ mod tests {
                 format!("[{}]", rows.iter().map(|row| list(row, ",")).collect::<Vec<_>>().join(";"))
             }
             ExprKind::Data { path, column } => format!("data({},{})", path.text, column.text),
+            ExprKind::Samples { path, column, .. } => format!("samples({},{})", path.text, column.text),
             ExprKind::Compare(operator, left, right) => format!("({} {operator:?} {})", show(left), show(right)),
             ExprKind::Logical(connective, operands) => {
                 format!("({})", list(operands, &format!(" {connective:?} ")))

@@ -74,7 +74,6 @@ fn in_words(rule: Rule) -> &'static str {
         | Rule::conditional
         | Rule::sum
         | Rule::measure
-        | Rule::signal
         | Rule::range => "an expression",
         Rule::add
         | Rule::subtract

@@ -147,6 +147,22 @@ pub(crate) fn kinks(body: &Expr) -> Vec<f64> {
     found
 }
 
+/// A place and the distance of an even grid that all of several places, ascending, are on.
+pub(crate) fn even_grid(places: &[f64]) -> Option<(f64, f64)> {
+    const DIVISIONS: u32 = 64;
+    const OFF: f64 = 1e-5;
+    let shortest = places.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
+    let on = |spacing: &f64| {
+        places.iter().all(|place| {
+            let count = (place - places[0]) / spacing;
+            (count - libm::round(count)).abs() <= OFF
+        })
+    };
+    let first = places.first().copied()?;
+    let spacing = (1..=DIVISIONS).map(|parts| shortest / f64::from(parts)).find(on)?;
+    spacing.is_finite().then_some((first, spacing))
+}
+
 /// How high a lifted function of one variable jumps; none if it does not.
 pub fn jump(body: &Expr) -> Option<f64> {
     let sides = |kink: f64, distance: f64| {

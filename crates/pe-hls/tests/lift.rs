@@ -85,6 +85,7 @@ fn model(derivatives: Vec<Expr>, algebraics: Vec<Expr>) -> Model {
         outputs: outputs.collect(),
         algebraics,
         inputs: Vec::new(),
+        signals: Vec::new(),
         left_out: Vec::new(),
     }
 }

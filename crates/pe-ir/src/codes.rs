@@ -38,6 +38,9 @@ codes! {
     MISPLACED = "E0113", "statement belongs in the main file";
     BAD_BLOCK = "E0114", "block not well formed";
     SIGNAL_PLACE = "E0115", "signal out of place";
+    SIGNAL_TOO_LONG = "E0116", "samples that fit no table";
+    SIGNAL_IN_LIST = "E0117", "played signal with a list of steps";
+    SIGNAL_DRIFTS = "E0118", "period that drifts against the steps";
 
     UNKNOWN_NAME = "E0201", "unknown name";
     UNKNOWN_FUNCTION = "E0202", "unknown function or waveform";

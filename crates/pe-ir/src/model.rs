@@ -70,7 +70,16 @@ pub struct Algebraic {
     pub span: Span,
 }
 
-/// An external input, sampled once per step and held over it.
+/// A signal that the network plays: its states are told by their motion.
+#[derive(Clone, Debug)]
+pub struct Signal {
+    /// The signal over time.
+    pub waveform: Waveform,
+    /// Where it is defined.
+    pub span: Span,
+}
+
+/// An external input, sampled once per step.
 #[derive(Clone, Debug)]
 pub struct Input {
     /// Name with indices.
@@ -81,6 +90,9 @@ pub struct Input {
     pub waveform: Waveform,
     /// Range the user states (`in lo .. hi`).
     pub range: Option<(f64, f64)>,
+    /// What it is between two samples: the earlier one, sampled at the beginning of a step; or a straight line to the
+    /// later one, which is what it is at the end of the step that takes it.
+    pub between: Interpolation,
     /// The declaration.
     pub span: Span,
 }
@@ -122,6 +134,8 @@ pub struct Model {
     pub algebraics: Vec<Algebraic>,
     /// External inputs.
     pub inputs: Vec<Input>,
+    /// Signals that the network plays.
+    pub signals: Vec<Signal>,
     /// Outputs.
     pub outputs: Vec<Output>,
     /// Names of equations and inputs that no output depends on, in source order; they are gone from the lists above.
@@ -216,6 +230,7 @@ impl Model {
             unit: None,
             waveform: Waveform::Samples(Arc::new(samples)),
             range: None,
+            between: Interpolation::Hold,
             span: Span::default(),
         });
     }
@@ -241,7 +256,8 @@ impl Model {
         self.hold_inputs(time, time)
     }
 
-    /// The inputs of a step that begins at `time` and takes the inputs as they were at the time `sampled`.
+    /// The inputs of a step that begins at `time` and takes the inputs as they were in the step at the time `sampled`;
+    /// interpolated ones as they are at its end.
     pub fn hold_inputs(&self, sampled: f64, time: f64) -> Vec<f64> {
         let inputs = self.inputs.iter().map(|input| self.sample_input(input, sampled));
         let step = libm::round(time / self.step) as u64;
@@ -249,9 +265,20 @@ impl Model {
         inputs.chain(ticks).collect()
     }
 
-    /// One input as a step that begins at `time` samples it.
+    /// One input as a step that begins at `time` samples it; an interpolated one as it is at the end of the step.
     pub fn sample_input(&self, input: &Input, time: f64) -> f64 {
+        let time = match input.between {
+            Interpolation::Hold => time,
+            Interpolation::Linear => self.end_of_step(time),
+        };
         input.waveform.piece(time + TIME_SLACK * self.step, time)
+    }
+
+    /// The end of the step that begins at a time.
+    fn end_of_step(&self, time: f64) -> f64 {
+        let slack = TIME_SLACK * self.tick();
+        let phase = self.phases.iter().find(|phase| time + slack < phase.until);
+        time + self.step / phase.map_or(1.0, |phase| phase.ratio)
     }
 
     /// Number of states that change all the time.
@@ -318,7 +345,14 @@ impl Model {
         for (rate, _) in self.ticks() {
             let name = self.free_name(format!("tick_{}", rate + 1));
             let span = self.rates[rate as usize].span;
-            model.inputs.push(Input { name, unit: None, waveform: Waveform::Constant(1.0), range: None, span });
+            model.inputs.push(Input {
+                name,
+                unit: None,
+                waveform: Waveform::Constant(1.0),
+                range: None,
+                between: Interpolation::Hold,
+                span,
+            });
         }
         model
     }
@@ -364,6 +398,7 @@ impl Model {
                 unit: held.unit,
                 waveform: Waveform::Constant(held.initial),
                 range: held.range,
+                between: Interpolation::Hold,
                 span: held.span,
             });
         }
@@ -392,6 +427,7 @@ mod tests {
             rates: Vec::new(),
             algebraics: Vec::new(),
             inputs: Vec::new(),
+            signals: Vec::new(),
             outputs: Vec::new(),
             left_out: Vec::new(),
         };
@@ -411,7 +447,14 @@ mod tests {
 
     #[test]
     fn a_jump_on_the_beginning_of_a_step_has_happened_however_times_are_rounded() {
-        let input = |waveform| Input { name: "u".to_owned(), unit: None, waveform, range: None, span: Span::default() };
+        let input = |waveform| Input {
+            name: "u".to_owned(),
+            unit: None,
+            waveform,
+            range: None,
+            between: Interpolation::Hold,
+            span: Span::default(),
+        };
         let model = Model {
             name: "m".to_owned(),
             title: String::new(),
@@ -426,6 +469,7 @@ mod tests {
                 input(Waveform::Pulse { height: 1.0, start: 2.5, width: 0.15, offset: 0.0, period: f64::INFINITY }),
                 input(Waveform::Square { amplitude: 1.0, frequency: 0.25, offset: 0.0, duty: 0.4 }),
             ],
+            signals: Vec::new(),
             outputs: Vec::new(),
             left_out: Vec::new(),
         };

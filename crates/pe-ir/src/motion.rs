@@ -1,6 +1,6 @@
 //! States that stand for signals of the model: they move exactly, whatever the method, and depend on nothing.
 
-use crate::model::{Expr, Model, Phase, Variable};
+use crate::model::{Expr, Input, Interpolation, Model, Phase, State, Variable, Waveform};
 
 /// How a state moves that no method approximates. Within a step methods may treat it by its derivative; what it is at the
 /// end of a step is exact but for rounding.
@@ -12,6 +12,55 @@ pub enum Motion {
     Sine(f64),
     /// The cosine of an angle that grows by so many radians per second; the state before is the sine.
     Cosine(f64),
+    /// The sine of an angle whose speed in radians per second is a line, the state of this number; the next state is the
+    /// cosine.
+    SweptSine(u32),
+    /// The cosine; the state before is the sine.
+    SweptCosine(u32),
+    /// A signal that jumps, constant over a step: what it is shortly before the middle of the step ([`MIDDLE`]).
+    Held(Source),
+    /// A signal along a straight line over a step, from what it is at its beginning to what it is at its end. The next
+    /// state is [`Motion::Before`].
+    Line(Source),
+    /// What a signal is at the beginning of a step, over the whole step.
+    Before(Source),
+    /// What a signal is at the end of a step, over the whole step.
+    After(Source),
+}
+
+/// Where a signal comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// An input, sampled for the end of each step.
+    Input(u32),
+    /// One of [`Model::signals`], computed in the network.
+    Signal(u32),
+}
+
+/// Part of a step at which a signal that jumps is looked at: a jump in the first half counts from the beginning of the step,
+/// one in the second half from its end. Not the middle itself, which jumps may fall on and rounding would decide.
+pub const MIDDLE: f64 = 31.0 / 64.0;
+
+impl Motion {
+    /// The signal that it follows, if it is no function of the time that equations tell.
+    pub fn source(self) -> Option<Source> {
+        match self {
+            Motion::Held(source) | Motion::Line(source) | Motion::Before(source) | Motion::After(source) => {
+                Some(source)
+            }
+            Motion::Clock | Motion::Sine(_) | Motion::Cosine(_) | Motion::SweptSine(_) | Motion::SweptCosine(_) => None,
+        }
+    }
+
+    /// Whether it is a sine or cosine whose frequency changes.
+    pub fn is_swept(self) -> bool {
+        matches!(self, Motion::SweptSine(_) | Motion::SweptCosine(_))
+    }
+
+    /// Whether the state is the same all over a step.
+    pub fn rests(self) -> bool {
+        matches!(self, Motion::Held(_) | Motion::Before(_) | Motion::After(_))
+    }
 }
 
 impl Model {
@@ -24,6 +73,7 @@ impl Model {
     /// Takes another step; with a list of steps the others keep their ratio to it.
     pub fn set_step(&mut self, step: f64) {
         self.step = step;
+        self.retime();
         let tick = self.tick();
         let Some(clock) = self.states.iter().position(|state| state.motion == Some(Motion::Clock)) else { return };
         self.states[clock].derivative = Expr::Constant(1.0 / tick);
@@ -46,6 +96,115 @@ impl Model {
         self.phases = early.iter().map(|(step, until)| Phase { until: *until, ratio: self.step / step }).collect();
         self.add_step_ratio();
         self.set_step(self.step);
+    }
+
+    /// Makes the states of played signals and of lines those of the present step.
+    pub fn retime(&mut self) {
+        let first = self.time(0, 1.0);
+        for index in 0..self.states.len() {
+            let Some(motion) = self.states[index].motion else { continue };
+            let at = |model: &Model, source, within: f64, time: f64| model.waveform(source).piece(within, time);
+            let slack = 1e-6 * first;
+            let initial = match motion {
+                Motion::Held(source) => at(self, source, MIDDLE * first, MIDDLE * first),
+                Motion::Line(source) | Motion::Before(source) => at(self, source, slack, 0.0),
+                Motion::After(source) => at(self, source, first + slack, first),
+                _ => continue,
+            };
+            self.states[index].initial = initial;
+            if let Motion::Line(source) = motion {
+                let before = Variable::State(index as u32 + 1);
+                let after = match source {
+                    Source::Input(input) => Variable::Input(input),
+                    Source::Signal(_) => Variable::State(index as u32 + 2),
+                };
+                let difference = Expr::sum(vec![Expr::Variable(after), Expr::scaled(-1.0, Expr::Variable(before))]);
+                let slope = Expr::scaled(1.0 / self.step, difference);
+                self.states[index].derivative = match self.step_ratio() {
+                    Some(ratio) => Expr::product(vec![Expr::Variable(ratio), slope]),
+                    None => slope,
+                };
+            }
+        }
+    }
+
+    /// The waveform of a signal.
+    pub fn waveform(&self, source: Source) -> &Waveform {
+        match source {
+            Source::Input(input) => &self.inputs[input as usize].waveform,
+            Source::Signal(signal) => &self.signals[signal as usize].waveform,
+        }
+    }
+
+    /// The signals that inputs and states follow.
+    pub fn waveforms(&self) -> impl Iterator<Item = &Waveform> {
+        self.inputs.iter().map(|input| &input.waveform).chain(self.signals.iter().map(|signal| &signal.waveform))
+    }
+
+    /// Puts interpolated inputs where their lines are after a part of a step that is divided.
+    pub fn draw_lines(&self, step: u64, part: f64, inputs: &mut [f64]) {
+        let begin = self.time(step, 0.0);
+        for (input, number) in self.inputs.iter().zip(inputs) {
+            if input.between == Interpolation::Linear {
+                let before = input.waveform.piece(begin + 1e-6 * self.tick(), begin);
+                *number = before + part * (self.sample_input(input, begin) - before);
+            }
+        }
+    }
+
+    /// The model with an input, held over the step, for each signal that it plays, and with its own inputs held.
+    pub fn with_signals_as_inputs(&self) -> Model {
+        let inputs = self.inputs.len() as u32;
+        let mut model = self.clone();
+        for (index, signal) in self.signals.iter().enumerate() {
+            let follows = |state: &&State| {
+                let source = Source::Signal(index as u32);
+                state.motion == Some(Motion::Held(source)) || state.motion == Some(Motion::Line(source))
+            };
+            let name = self.states.iter().find(follows).map_or(String::new(), |state| state.name.clone());
+            model.inputs.push(Input {
+                name: format!("{name}.input"),
+                unit: None,
+                waveform: signal.waveform.clone(),
+                range: None,
+                between: Interpolation::Hold,
+                span: signal.span,
+            });
+        }
+        model.signals.clear();
+        let read = |variable: Variable| match variable {
+            Variable::State(state) => match self.states[state as usize].motion {
+                Some(Motion::Held(source) | Motion::Line(source)) => Variable::Input(match source {
+                    Source::Input(input) => input,
+                    Source::Signal(signal) => inputs + signal,
+                }),
+                _ => variable,
+            },
+            _ => variable,
+        };
+        model.inputs.iter_mut().for_each(|input| input.between = Interpolation::Hold);
+        for state in &mut model.states {
+            state.derivative = match state.motion.is_some_and(|motion| motion.source().is_some()) {
+                true => Expr::Constant(0.0),
+                false => state.derivative.renamed(&read),
+            };
+            state.motion = state.motion.filter(|motion| motion.source().is_none());
+        }
+        model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr = algebraic.expr.renamed(&read));
+        model.outputs.iter_mut().for_each(|output| output.variable = read(output.variable));
+        model
+    }
+
+    /// Whether any state stands for a played signal or for a line.
+    pub fn has_played(&self) -> bool {
+        self.states.iter().any(|state| state.motion.is_some_and(|motion| motion.source().is_some()))
+    }
+
+    /// What a state that stands for a signal is in the equations at `time`, on the smooth piece that holds at `within`; none
+    /// if these tell themselves.
+    pub fn signal_at(&self, state: usize, within: f64, time: f64) -> Option<f64> {
+        let source = self.states[state].motion?.source()?;
+        Some(self.waveform(source).piece(within, time))
     }
 
     /// Number of states that change all the time by equations of the spec.

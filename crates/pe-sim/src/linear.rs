@@ -189,6 +189,7 @@ mod tests {
             algebraics: vec![shared],
             inputs: Vec::new(),
             outputs: Vec::new(),
+            signals: Vec::new(),
             left_out: Vec::new(),
         }
     }

@@ -30,7 +30,14 @@ fn model(states: Vec<(f64, Expr)>, inputs: Vec<Waveform>, algebraics: Vec<Expr>,
         motion: None,
         span: SPAN,
     });
-    let input = |(index, waveform)| Input { name: format!("u{index}"), unit: None, waveform, range: None, span: SPAN };
+    let input = |(index, waveform)| Input {
+        name: format!("u{index}"),
+        unit: None,
+        waveform,
+        range: None,
+        between: pe_ir::model::Interpolation::Hold,
+        span: SPAN,
+    };
     let algebraic = |(index, expr)| Algebraic { name: format!("a{index}"), unit: None, range: None, expr, span: SPAN };
     Model {
         name: "test".into(),
@@ -44,6 +51,7 @@ fn model(states: Vec<(f64, Expr)>, inputs: Vec<Waveform>, algebraics: Vec<Expr>,
         algebraics: algebraics.into_iter().enumerate().map(algebraic).collect(),
         inputs: inputs.into_iter().enumerate().map(input).collect(),
         outputs: vec![Output { name: "x0".into(), variable: Variable::State(0), span: SPAN }],
+        signals: Vec::new(),
         left_out: Vec::new(),
     }
 }

@@ -32,6 +32,10 @@ pub struct ModelOptions {
     /// Outputs in place of the spec's: scalars, elements, whole arrays; may be repeated
     #[arg(long, value_name = "NAME[,NAME...]", help_heading = "Model")]
     pub observe: Vec<String>,
+    /// What inputs are between two samples if the spec does not say: hold or linear
+    #[arg(long, value_name = "MODE", value_parser = between)]
+    pub inputs: Option<pe_ir::model::Interpolation>,
+
     /// How strictly units are checked, in place of the spec's: strict, warn or off
     #[arg(long, value_name = "MODE", value_parser = units)]
     pub units: Option<pe_frontend::Units>,
@@ -196,8 +200,12 @@ impl ModelOptions {
     pub fn read(&self) -> Result<LoadedModel, Failure> {
         let mut sources = files::main_file(&self.spec)?;
         let loader = ModelFolder::of(&self.spec);
-        let overrides =
-            pe_frontend::Overrides { set: self.set.clone(), observe: self.observe.clone(), units: self.units };
+        let overrides = pe_frontend::Overrides {
+            set: self.set.clone(),
+            observe: self.observe.clone(),
+            units: self.units,
+            inputs: self.inputs,
+        };
         let (mut model, warnings) = match pe_frontend::compile(&mut sources, &loader, &overrides) {
             Ok(result) => result,
             Err(findings) => return Err(Failure::Spec(findings, sources)),
@@ -297,6 +305,15 @@ pub const MOST_STORAGE: u32 = 48;
 /// Parses bits of a stored word.
 pub fn storage() -> impl TypedValueParser<Value = u32> {
     clap::value_parser!(u32).range(12..=i64::from(MOST_STORAGE))
+}
+
+/// Parses what inputs are between two samples.
+fn between(text: &str) -> Result<pe_ir::model::Interpolation, String> {
+    match text {
+        "hold" => Ok(pe_ir::model::Interpolation::Hold),
+        "linear" => Ok(pe_ir::model::Interpolation::Linear),
+        _ => Err("expected hold or linear".to_owned()),
+    }
 }
 
 /// Parses a way to check units.

@@ -107,6 +107,35 @@ fn the_stated_error_of_inputs_is_never_far_below_the_true_one() {
 }
 
 #[test]
+fn the_stated_error_of_lines_and_played_signals_is_never_far_below_the_true_one() {
+    let folder = Folder::new("stated_lines");
+    let mut random = ChaCha8Rng::seed_from_u64(15);
+    for case in 0..20 {
+        let (first, second) = (part(&mut random), part(&mut random));
+        let signal = match case % 4 {
+            0 => format!("pulse(1, {} ms, {} ms)", 20.0 * first, 1.0 + 20.0 * second),
+            1 => format!("square(1, {} Hz, 0, {})", 5.0 + 60.0 * first, 0.1 + 0.8 * second),
+            2 => format!("sine(1, {} Hz, 0, {})", 5.0 + 200.0 * first, 6.0 * second),
+            _ => format!("pwm(-1, 1, {} Hz, 0.5 + 0.3*sine(1, 20 Hz))", 10.0 + 60.0 * first),
+        };
+        let solver = ["rk4", "heun", "rodas3", "ab3"][case / 4 % 4];
+        let mut spec = lag(solver, "0.01", &signal);
+        let played = case % 4 != 2 && case % 8 < 4;
+        spec = match played {
+            true => spec.replace("input u = ", "u = "),
+            false => spec.replace(&signal, &format!("{signal}, linear")),
+        };
+        let answer = compile(&folder.0, &spec, &[]);
+        let number =
+            |key: &str| answer.error[key].as_f64().unwrap_or_else(|| panic!("{spec}: {key}: {:?}", answer.codes));
+        let stated = number("input_hold") + number("method");
+        println!("{solver}, {signal}, played {played}: {stated:.1e}, truth {:.1e}", number("double"));
+        assert!(stated > 0.4 * number("double") - 1e-6, "{solver}, {signal}: {stated:e} is not {:e}", number("double"));
+        assert_eq!(answer.exit, Some(0), "{signal}");
+    }
+}
+
+#[test]
 fn signals_add_scale_and_modulate() {
     let folder = Folder::new("made");
     let inputs = [

@@ -4,7 +4,7 @@
 //! takes that of its definition.
 
 use super::{Dimension, Units, parse, place, shown_factor};
-use crate::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Name, Range, Reference, Signal, StatementKind};
+use crate::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Name, Range, Reference, StatementKind};
 use crate::elaborate::Elaborator;
 use crate::functions;
 use crate::inline::MOST_NESTED_CALLS;
@@ -201,9 +201,10 @@ impl<'a> Checker<'_, 'a> {
                     self.same(own, initial, TOLD);
                     self.range(own, within.as_ref());
                 }
-                StatementKind::Input { declared, signal, within } => {
+                StatementKind::Input { declared, signal, within, .. } => {
                     let own = self.own(&declared.name);
-                    self.signal(own, signal);
+                    let signal = self.unit(signal, TOLD);
+                    self.same(own, signal, TOLD);
                     self.range(own, within.as_ref());
                 }
                 StatementKind::Equation(equation) => self.equation(equation),
@@ -232,19 +233,6 @@ impl<'a> Checker<'_, 'a> {
         for bound in within.into_iter().flat_map(|range| [&range.low, &range.high]) {
             let bound = self.unit(bound, TOLD);
             self.same(own, bound, TOLD);
-        }
-    }
-
-    fn signal(&mut self, own: Side, signal: &'a Signal) {
-        match signal {
-            Signal::Value(value) => {
-                let value = self.unit(value, TOLD);
-                self.same(own, value, TOLD);
-            }
-            Signal::Samples { path, column, .. } => {
-                let value = self.data(path, column);
-                self.same(own, value, TOLD);
-            }
         }
     }
 
@@ -303,7 +291,7 @@ impl<'a> Checker<'_, 'a> {
             }
             ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), span, scope),
             ExprKind::Matrix(rows) => self.all_same(rows.iter().flatten(), scope),
-            ExprKind::Data { path, column } => self.data(path, column).0,
+            ExprKind::Data { path, column } | ExprKind::Samples { path, column, .. } => self.data(path, column).0,
             ExprKind::Compare(_, left, right) => {
                 self.all_same([&**left, right], scope);
                 Number
@@ -500,6 +488,7 @@ fn each_name<'a>(expr: &'a Expr, action: &mut impl FnMut(&'a Name)) {
     match &expr.kind {
         ExprKind::Number(_)
         | ExprKind::Data { .. }
+        | ExprKind::Samples { .. }
         | ExprKind::Compare(..)
         | ExprKind::Logical(..)
         | ExprKind::Not(_) => {}

@@ -6,7 +6,7 @@ use pe_ir::functions::ScalarFunction;
 use pe_ir::word::WordFormat;
 
 use super::places::{self, Singular};
-use crate::lift::{edges, kinks};
+use crate::lift::{edges, even_grid, kinks};
 
 /// Factor by which a table covers more than the run needed.
 const MARGIN: f64 = 1.2;
@@ -19,6 +19,9 @@ const GROWTH: f64 = 2.0;
 
 /// Part of a power of two from which on a reach is rounded up to it.
 const NEARLY_WHOLE: f64 = 0.75;
+
+/// Intervals between kinks on either side of zero for which the fewest segments are enough.
+const FEWEST_INTERVALS: f64 = 4.0;
 
 /// Part of the range that is left free at both ends, so that rounding does not leave it.
 const SLACK: f64 = 1.0 / 1024.0;
@@ -168,6 +171,9 @@ impl<'a> Domain<'a> {
     /// The map for equal segments, its scale a power of two if `whole` says so and that wastes little: a kink falls on
     /// zero, with the value of the function there on the positive side.
     pub fn uniform(&self, whole: bool) -> Map {
+        if let Some(map) = self.knotted() {
+            return map;
+        }
         let inside = |kink: &f64| (self.low..=self.high).contains(kink);
         let kink = kinks(&self.function.body).into_iter().find(inside);
         let centre = kink.unwrap_or(0.5 * (self.low + self.high));
@@ -182,6 +188,19 @@ impl<'a> Domain<'a> {
         };
         let slope = sign * self.scale(reach, whole);
         Map { slope, offset: -centre * slope }
+    }
+
+    /// The map for a function with several kinks: all of them fall between two segments.
+    fn knotted(&self) -> Option<Map> {
+        let kinks = kinks(&self.function.body);
+        if kinks.len() < 2 {
+            return None;
+        }
+        let (first, spacing) = even_grid(&kinks)?;
+        let centre = first + spacing * libm::round((0.5 * (self.low + self.high) - first) / spacing);
+        let reach = (self.high - centre).max(centre - self.low) / spacing;
+        let slope = 1.0 / (spacing * libm::exp2(libm::ceil(libm::log2(reach.max(FEWEST_INTERVALS)))));
+        Some(Map { slope, offset: -centre * slope })
     }
 
     /// The map for octaves of distances from where the function is steep, or from zero, if all arguments are on one

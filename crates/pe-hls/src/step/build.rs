@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use pe_ir::functions::{Functions, ScalarFunction};
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::model::{Expr, Model, Output, Solver, Variable};
+use pe_ir::motion::Motion;
 use pe_ir::source::Diagnostic;
 
 use super::forms::{self, StepOptions};
@@ -12,7 +13,7 @@ use super::polynomial::{Nested, NestedFactor};
 use super::prune::prune;
 use super::rows::Rows;
 use super::sharing::{self, Expanded};
-use super::{method, motion, planned, sampled};
+use super::{method, motion, planned, played, sampled};
 use crate::pairs;
 
 /// One stage of a solver: where its chains read, how they are scaled, and what they write.
@@ -124,6 +125,12 @@ const TABLE_PRODUCTS: u32 = 7;
 /// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have, `E0806`
 /// for a solver that does not suit it.
 pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
+    let mut played = None;
+    if model.has_played() {
+        played::check(model)?;
+        played.insert(model.clone()).retime();
+    }
+    let model = played.as_ref().unwrap_or(model);
     if !model.rates.is_empty() {
         return sampled::build(model, options);
     }
@@ -171,10 +178,13 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     let mut current: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
     let parts = if form.cost.form == StageForm::Increments { motion::abscissae(model.solver) } else { &[] };
     let moved = motion::chains(&mut builder, model, parts);
+    let rests = |index: usize| model.states[index].motion.is_some_and(Motion::rests);
+    let swept = |index: usize| model.states[index].motion.is_some_and(Motion::is_swept);
     for (number, rows) in (1..).zip(&form.stages) {
         let last = number == form.stages.len() as u8;
         let row = |index: usize| match moved.get(&(1f64.to_bits(), index)).filter(|_| last) {
             Some(end) => *end,
+            None if rests(index) => current[index],
             None => builder.row(index, (number, last), rows, &current),
         };
         current = (0..rows.len()).map(row).collect();
@@ -187,6 +197,12 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
         }
         let next: Vec<ValueId> = (0..derivatives.len())
             .map(|index| {
+                if !stage.last && rests(index) {
+                    return current[index];
+                }
+                if !stage.last && swept(index) {
+                    return builder.derivative(index, &stage, &derivatives[index], &operands);
+                }
                 let part = if stage.last { Some(&1.0) } else { parts.get(stage.number as usize - 1) };
                 match part.and_then(|part| moved.get(&(part.to_bits(), index))) {
                     Some(value) => *value,

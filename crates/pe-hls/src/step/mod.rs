@@ -6,10 +6,12 @@ mod method;
 mod motion;
 mod plan;
 mod planned;
+mod played;
 mod polynomial;
 mod prune;
 mod rows;
 mod sampled;
+mod score;
 mod sharing;
 mod ticked;
 

@@ -9,9 +9,10 @@ use std::collections::BTreeMap;
 
 use pe_ir::graph::{Factor, Role, Term, ValueId, Write};
 use pe_ir::model::{Expr, Model, Solver};
-use pe_ir::motion::Motion;
+use pe_ir::motion::{Motion, Source};
 
 use super::build::{Builder, push};
+use super::played;
 
 /// The shears of a rotation by an angle: of the cosine, of the sine.
 fn shears(angle: f64) -> (f64, f64) {
@@ -69,6 +70,9 @@ pub(super) type Moved = BTreeMap<(u64, usize), ValueId>;
 /// Chains of what all states that stand for signals are at the end of the step, and at some parts of it.
 pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Moved {
     let mut moved = Moved::new();
+    if model.has_played() {
+        played::play(builder, model);
+    }
     for (index, state) in model.states.iter().enumerate() {
         let Some(motion) = state.motion else { continue };
         match (motion, &state.derivative) {
@@ -83,7 +87,14 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
     }
     for (number, part) in (2u8..).zip(parts) {
         for (index, state) in model.states.iter().enumerate() {
+            if state.motion.is_some_and(Motion::is_swept) {
+                continue;
+            }
             let (Some(motion), false) = (state.motion, moved.contains_key(&(part.to_bits(), index))) else { continue };
+            if motion.rests() {
+                moved.insert((part.to_bits(), index), builder.graph.states[index].0);
+                continue;
+            }
             builder.graph.names.auxiliaries.push(format!("{}.stage{number}", state.name));
             let role = Role::Auxiliary(builder.graph.names.auxiliaries.len() as u32 - 1);
             let value = push(&mut builder.graph, role, index as u32, false);
@@ -91,6 +102,7 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
                 (Motion::Clock, Expr::Constant(rate)) => clock(builder, index, part * rate * model.step, value),
                 (Motion::Sine(rate), _) => turned(builder, index, index + 1, part * rate * model.step, value),
                 (Motion::Cosine(rate), _) => turned(builder, index, index - 1, -part * rate * model.step, value),
+                (Motion::Line(source), _) => line(builder, index, source, *part, value),
                 _ => unreachable!("the derivative of a clock is a number"),
             }
             moved.insert((part.to_bits(), index), value);
@@ -105,6 +117,17 @@ fn clock(builder: &mut Builder, index: usize, count: f64, value: ValueId) {
     let terms = vec![Term::new(one, Factor::Coefficient(count))];
     let base = Some(builder.graph.states[index].0);
     builder.chain(index as u32, terms, Write { value, base, weight: 0 }, None);
+}
+
+/// `value := state + part (after - before)`.
+fn line(builder: &mut Builder, index: usize, source: Source, part: f64, value: ValueId) {
+    let (start, before) = (builder.graph.states[index].0, builder.graph.states[index + 1].0);
+    let after = match source {
+        Source::Input(input) => builder.graph.inputs[input as usize],
+        Source::Signal(_) => builder.graph.states[index + 2].0,
+    };
+    let terms = vec![Term::new(after, Factor::Coefficient(part)), Term::new(before, Factor::Coefficient(-part))];
+    builder.chain(index as u32, terms, Write { value, base: Some(start), weight: 0 }, None);
 }
 
 /// `value := state + (cos(angle) - 1) state + sin(angle) other`.

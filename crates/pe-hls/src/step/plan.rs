@@ -11,6 +11,7 @@ use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::motion::Motion;
 
 use super::motion;
+use super::played::{self, Score};
 
 /// `variable := base + sum`.
 #[derive(Clone, Debug)]
@@ -136,6 +137,9 @@ impl<'m> Plan<'m> {
 
     /// A state in an intermediate stage.
     pub fn stage(&mut self, state: u32, number: u8, base: Variable, sum: Expr) -> Variable {
+        if self.model.states[state as usize].motion.is_some_and(Motion::rests) {
+            return Variable::State(state);
+        }
         let role = Role::Stage(state, number);
         self.add(Planned { role, owner: Some(state), base: Some(base), sum, same_sum: None, keep: true })
     }
@@ -187,6 +191,10 @@ impl<'m> Plan<'m> {
             return end;
         }
         let model = self.model;
+        if motion.source().is_some() || motion.is_swept() {
+            played::play(self, model);
+            return self.ends[state as usize].expect("it was played");
+        }
         let (sine, rate) = match motion {
             Motion::Clock => {
                 let slope = model.states[state as usize].derivative.as_constant().unwrap_or(0.0);
@@ -194,6 +202,7 @@ impl<'m> Plan<'m> {
             }
             Motion::Sine(rate) => (state, rate),
             Motion::Cosine(rate) => (state - 1, rate),
+            _ => unreachable!("all others have a source"),
         };
         let cosine = sine + 1;
         let (of_cosine, of_sine) = motion::shears_of_step(model, rate);
@@ -232,6 +241,12 @@ impl<'m> Plan<'m> {
         found
     }
 
+    /// The sum of what a score tells.
+    fn scored(terms: &[(f64, Variable)], constant: f64) -> Expr {
+        let terms = terms.iter().map(|(factor, variable)| times(*factor, *variable));
+        Expr::sum(terms.chain(Some(Expr::Constant(constant)).filter(|_| constant != 0.0)).collect())
+    }
+
     fn auxiliary_role(&mut self, name: String) -> Role {
         self.auxiliaries.push(name);
         Role::Auxiliary(self.auxiliaries.len() as u32 - 1)
@@ -240,6 +255,35 @@ impl<'m> Plan<'m> {
     fn add(&mut self, equation: Planned) -> Variable {
         self.equations.push(equation);
         Variable::Algebraic(self.equations.len() as u32 - 1)
+    }
+}
+
+impl Score for Plan<'_> {
+    type Value = Variable;
+
+    fn memory(&mut self, owner: u32, name: String, initial: f64) -> Variable {
+        Plan::memory(self, owner, name, initial)
+    }
+
+    fn keep(&mut self, _: u32, memory: Variable, terms: &[(f64, Variable)], constant: f64) {
+        let Variable::State(number) = memory else { unreachable!("memories are states") };
+        self.ending(number, Some(memory), Plan::scored(terms, constant));
+    }
+
+    fn sum(&mut self, owner: u32, name: String, terms: &[(f64, Variable)], constant: f64) -> Variable {
+        self.auxiliary(owner, name, Plan::scored(terms, constant), true)
+    }
+
+    fn function(&mut self, owner: u32, name: String, argument: Variable, body: Expr) -> Variable {
+        self.auxiliary(owner, name, body.substituted(&|_| of(argument)), true)
+    }
+
+    fn end(&mut self, state: u32, terms: &[(f64, Variable)], constant: f64) {
+        self.ending(state, None, Plan::scored(terms, constant));
+    }
+
+    fn start(&mut self, variable: Variable) -> Variable {
+        variable
     }
 }
 

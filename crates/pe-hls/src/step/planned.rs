@@ -131,6 +131,7 @@ fn flat(plan: &Plan) -> Model {
         rates: Vec::new(),
         algebraics: plan.equations.iter().map(algebraic).collect(),
         inputs: plan.model.inputs.clone(),
+        signals: Vec::new(),
         outputs: Vec::new(),
         left_out: Vec::new(),
         ..*plan.model

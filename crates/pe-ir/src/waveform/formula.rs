@@ -52,19 +52,20 @@ pub struct Pwm {
 }
 
 impl Pwm {
-    fn duty(&self, cycle: f64) -> f64 {
+    /// Part of the period of this number that its pulse takes.
+    pub fn duty_of(&self, cycle: f64) -> f64 {
         self.duty.at(cycle / self.frequency).clamp(0.0, 1.0)
     }
 
     pub(super) fn at(&self, time: f64) -> f64 {
         let cycles = self.frequency * time;
         let cycle = libm::floor(cycles);
-        if cycles - cycle < self.duty(cycle) { self.high } else { self.low }
+        if cycles - cycle < self.duty_of(cycle) { self.high } else { self.low }
     }
 
     /// Edges of a period, which begins with the first; none if it stays low or high.
     pub(super) fn edges(&self, cycle: f64) -> impl Iterator<Item = f64> + use<> {
-        let duty = self.duty(cycle);
+        let duty = self.duty_of(cycle);
         let edges = if duty > 0.0 && duty < 1.0 { [cycle, cycle + duty] } else { [cycle, cycle] };
         let frequency = self.frequency;
         edges.into_iter().map(move |edge| edge / frequency)

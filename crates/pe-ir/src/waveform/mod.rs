@@ -111,6 +111,11 @@ impl Samples {
         &self.values
     }
 
+    /// What the signal does between two samples.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
+    }
+
     /// Value at `time` on the piece that holds at `within`.
     fn value(&self, within: f64, time: f64) -> f64 {
         // Samples at or before `within`.

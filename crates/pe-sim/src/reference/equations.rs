@@ -31,6 +31,8 @@ pub(super) struct Equations<'a> {
     states: u32,
     /// Number of states that are not sampled.
     continuous: usize,
+    /// States that follow signals.
+    played: Vec<usize>,
     sums: Vec<Sum>,
     terms: Vec<Term>,
     factors: Vec<u32>,
@@ -58,12 +60,20 @@ impl<'a> Equations<'a> {
         let slots = RefCell::new(vec![0.0; builder.next as usize]);
         let Builder { sums, terms, factors, .. } = builder;
         let continuous = model.continuous_states();
-        Equations { model, inputs: &model.inputs, states, continuous, sums, terms, factors, derivatives, slots }
+        let inputs = &model.inputs;
+        let follows = |state: &usize| model.states[*state].motion.is_some_and(|motion| motion.source().is_some());
+        let played = (0..model.states.len()).filter(follows).collect();
+        Equations { model, inputs, states, continuous, played, sums, terms, factors, derivatives, slots }
     }
 
-    fn evaluate(&self, states: &[f64], input: impl Fn(&Input) -> f64, derivatives: &mut [f64]) {
+    /// The derivatives at `time` on the pieces that signals follow at `within`.
+    fn evaluate(&self, states: &[f64], (within, time): (f64, f64), derivatives: &mut [f64]) {
+        let input = |input: &Input| input.waveform.piece(within, time);
         let slots = &mut *self.slots.borrow_mut();
         slots[..states.len()].copy_from_slice(states);
+        for state in &self.played {
+            slots[*state] = self.model.signal_at(*state, within, time).unwrap_or_default();
+        }
         for (slot, declared) in slots[states.len()..].iter_mut().zip(self.inputs) {
             *slot = input(declared);
         }
@@ -84,6 +94,7 @@ impl<'a> Equations<'a> {
         for (derivative, slot) in derivatives.iter_mut().zip(&self.derivatives) {
             *derivative = slots[*slot as usize];
         }
+        self.played.iter().for_each(|state| derivatives[*state] = 0.0);
     }
 }
 
@@ -181,14 +192,23 @@ impl Piece<'_> {
             return;
         }
         let mut next = states.0.clone();
-        let input = |input: &Input| input.waveform.piece(0.5 * (self.from + self.to), self.from);
-        self.equations.evaluate(&states.0, input, &mut next);
+        self.equations.evaluate(&states.0, (self.middle(), self.from), &mut next);
         let sampled = model.states.iter().zip(next).zip(&mut states.0).skip(self.equations.continuous);
         for ((state, next), number) in sampled {
             if state.rate.is_some_and(|rate| due[rate as usize]) {
                 *number = next;
             }
         }
+    }
+
+    fn middle(&self) -> f64 {
+        0.5 * (self.from + self.to)
+    }
+
+    /// A state at a time of the piece: as it was integrated, or what the signal is that it follows.
+    pub fn state(&self, state: usize, time: f64, states: &States) -> f64 {
+        let followed = self.equations.model.signal_at(state, self.middle(), time);
+        followed.unwrap_or(states.0[state])
     }
 
     /// Whether all derivatives are finite.
@@ -201,16 +221,15 @@ impl Piece<'_> {
 
 impl ODE<f64, States> for Piece<'_> {
     fn diff(&self, time: f64, states: &States, derivatives: &mut States) {
-        let input = |input: &Input| input.waveform.piece(0.5 * (self.from + self.to), time);
-        self.equations.evaluate(&states.0, input, &mut derivatives.0);
+        self.equations.evaluate(&states.0, (self.middle(), time), &mut derivatives.0);
         derivatives.0[self.equations.continuous..].fill(0.0);
     }
 
     fn jacobian(&self, time: f64, states: &States, jacobian: &mut Matrix<f64>) {
         let model = self.equations.model;
-        let middle = 0.5 * (self.from + self.to);
-        let inputs: Vec<f64> = model.inputs.iter().map(|input| input.waveform.piece(middle, time)).collect();
-        let columns = Linearised::with_signals(model, &states.0, &inputs).dense();
+        let inputs: Vec<f64> = model.inputs.iter().map(|input| input.waveform.piece(self.middle(), time)).collect();
+        let at: Vec<f64> = (0..states.0.len()).map(|state| self.state(state, time, states)).collect();
+        let columns = Linearised::with_signals(model, &at, &inputs).dense();
         let count = states.0.len();
         for (index, number) in columns.into_iter().enumerate() {
             jacobian[(index % count, index / count)] = number;

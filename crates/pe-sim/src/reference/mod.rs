@@ -19,7 +19,7 @@ use differential_equations::methods::{
 use differential_equations::ode::{ODE, OrdinaryNumericalMethod};
 use differential_equations::status::Status;
 use differential_equations::traits::State;
-use pe_ir::model::{Input, Model};
+use pe_ir::model::{Model, Waveform};
 
 use self::equations::{Equations, Piece};
 use self::states::States;
@@ -258,7 +258,7 @@ impl Scales {
         let piece = Piece { from: 0.0, to: model.step, equations };
         let mut derivatives = initial.zeros_like();
         piece.diff(0.0, &initial, &mut derivatives);
-        let bounds = model.inputs.iter().flat_map(|input| [input.waveform.bounds().0, input.waveform.bounds().1]);
+        let bounds = model.waveforms().flat_map(|signal| [signal.bounds().0, signal.bounds().1]);
         let moved = derivatives.0.iter().map(|derivative| derivative * model.step);
         let largest = initial.0.iter().copied().chain(bounds).chain(moved).fold(0.0f64, |most, n| most.max(n.abs()));
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
@@ -317,7 +317,7 @@ impl Integration<'_> {
             let mut method: M = self.start(&piece, piece.from, &states, self.model.step)?;
             for time in in_piece {
                 self.advance(&mut method, &piece, *time, progress)?;
-                samples.push(|state| method.y().0[state]);
+                samples.push(|state| piece.state(state, *time, method.y()));
             }
             self.advance(&mut method, &piece, piece.to, progress)?;
             states = method.y().clone();
@@ -400,8 +400,8 @@ fn after(time: f64, other: f64) -> bool {
 /// Zero, the breakpoints of the signals and the samples before `end`, and `end`, ascending. Every piece takes a step, so
 /// that more breakpoints of a signal than `steps` are never reached.
 fn pieces(model: &Model, end: f64, steps: u64) -> Vec<f64> {
-    let of_input = |input: &Input| input.waveform.breakpoints(end).take(steps as usize).collect::<Vec<f64>>();
-    let mut breakpoints: Vec<f64> = model.inputs.iter().flat_map(of_input).collect();
+    let of_signal = |signal: &Waveform| signal.breakpoints(end).take(steps as usize).collect::<Vec<f64>>();
+    let mut breakpoints: Vec<f64> = model.waveforms().flat_map(of_signal).collect();
     for rate in &model.rates {
         let samples = (1..=steps).map(|number| number as f64 * rate.period);
         breakpoints.extend(samples.take_while(|time| after(end, *time)));

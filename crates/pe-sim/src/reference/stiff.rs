@@ -68,7 +68,7 @@ impl<'a> Stiff<'a> {
             for target in in_piece {
                 states = self.advance(&piece, (time, *target), states, &mut step, progress)?;
                 time = *target;
-                samples.push(|state| states.0[state]);
+                samples.push(|state| piece.state(state, *target, &states));
             }
             states = self.advance(&piece, (time, piece.to), states, &mut step, progress)?;
         }

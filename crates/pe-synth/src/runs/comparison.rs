@@ -198,8 +198,12 @@ struct Graphs {
     functions: Option<StepGraph>,
     half: StepGraph,
     quarter: StepGraph,
+    /// The step of the model with its signals as inputs, if it has any.
+    seen: Option<StepGraph>,
     /// Half the step with a method that keeps nothing from step to step, for inputs that others only cover if smooth.
     one_step: Option<StepGraph>,
+    /// The model with its signals as inputs.
+    model: Model,
 }
 
 impl Graphs {
@@ -208,10 +212,14 @@ impl Graphs {
         let divided =
             |count: f64| pe_hls::step::build_with(&Model { step: model.step / count, ..model.clone() }, &options);
         let functions = exact.tables.then(|| divided(1.0)).transpose()?;
-        let jumps = model.solver.covers_inputs() && inputs::cause(model).is_some();
-        let one_step = Model { solver: Solver::Rk4, step: model.step / 2.0, ..model.clone() };
+        let signals = model.with_signals_as_inputs();
+        let covered = model.solver.covers_inputs();
+        let jumps = covered && inputs::cause(&signals).is_some();
+        let seen = model.has_played() && !covered && varying_inputs(model);
+        let seen = seen.then(|| pe_hls::step::build_with(&signals, &StepOptions::default())).transpose()?;
+        let one_step = Model { solver: Solver::Rk4, step: model.step / 2.0, ..signals.clone() };
         let one_step = jumps.then(|| pe_hls::step::build_with(&one_step, &StepOptions::default())).transpose()?;
-        Ok(Graphs { functions, half: divided(2.0)?, quarter: divided(4.0)?, one_step })
+        Ok(Graphs { functions, half: divided(2.0)?, quarter: divided(4.0)?, seen, one_step, model: signals })
     }
 }
 
@@ -219,8 +227,8 @@ impl Graphs {
 struct Others<'a> {
     functions: Option<(Pass<'a>, Compared)>,
     half: (Pass<'a>, Compared),
-    /// With the means of inputs.
-    seeing: Option<(Pass<'a>, Compared)>,
+    /// With the means of inputs; and with what the hardware makes of them, if that is not the step's own run.
+    seeing: Option<(Pass<'a>, Option<Pass<'a>>, Compared)>,
     /// Quarters of the step; none once they are done.
     quarter: Option<Quarters<'a>>,
     /// Largest difference to half the step among the first steps, and what it is with a quarter of it.
@@ -252,12 +260,18 @@ impl<'a> Others<'a> {
             plan.progress.inc_length(4 * plan.steps);
         }
         // A mean does in a step what the signal itself does, to second order.
+        let taken =
+            graphs.seen.as_ref().map(|graph| Pass::of_model(&graphs.model, DoubleRun::new(graph), 1, Sight::Taken));
+        let own = graphs.seen.as_ref().unwrap_or(own);
         let means = (varying_inputs(model) && !covered).then_some((own, 1));
         let means = means.or(graphs.one_step.as_ref().map(|graph| (graph, 2)));
         Others {
             functions: graphs.functions.as_ref().map(|graph| (pass(graph, 1, Sight::Held), exact.compared())),
             half: (pass(&graphs.half, 2, sight), exact.compared()),
-            seeing: means.map(|(graph, count)| (pass(graph, count, Sight::Mean), exact.compared())),
+            seeing: means.map(|(graph, count)| {
+                let means = Pass::of_model(&graphs.model, DoubleRun::new(graph), count, Sight::Mean);
+                (means, taken, exact.compared())
+            }),
             quarter: Some(Quarters {
                 pass: pass(&graphs.quarter, 4, sight),
                 rest: exact.compared(),
@@ -281,7 +295,11 @@ impl<'a> Others<'a> {
         }
         let halves = half.0.block(plan, block)?;
         plan.compare(block, &mut half.1, run, halves);
-        if let Some((pass, compared)) = seeing {
+        if let Some((pass, taken, compared)) = seeing {
+            let own = match taken {
+                Some(taken) => taken.block(plan, block)?,
+                None => own,
+            };
             plan.compare(block, compared, pass.block(plan, block)?, own);
         }
         let Some(Quarters { pass, rest, first: steps, run: bent }) = quarter else {
@@ -324,7 +342,7 @@ impl<'a> Others<'a> {
         let within_steps = self.half.0.largest(&self.graphs.half);
         let overshoot = self.magnitudes.overshoot(&quantities, &exact.scales, &within_steps);
         // Of what the step does not see the run has no magnitude.
-        let unseen_inputs = self.seeing.map(|(_, compared)| compared.in_scale(&quantities));
+        let unseen_inputs = self.seeing.map(|(.., compared)| compared.in_scale(&quantities));
         Comparison {
             function: self.functions.map(|(_, compared)| compared),
             halved: self.half.1,

@@ -1,8 +1,8 @@
 //! Inputs: what a step sees of their signals, and signals that leave the range that the spec states for them.
 
 use pe_ir::codes;
-use pe_ir::model::{Expr, Input, Model, State, Unseen, Variable};
-use pe_ir::motion::Motion;
+use pe_ir::model::{Expr, Input, Interpolation, Model, State, Unseen, Variable};
+use pe_ir::motion::{MIDDLE, Motion, Source};
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::Compared;
 
@@ -15,6 +15,8 @@ pub(super) enum Sight {
     Held,
     /// Its value at the beginning of the substep.
     Sampled,
+    /// Its value as [`taken`] for the step.
+    Taken,
     /// Its mean over the substep. What samples read is read at the beginning of the substep.
     Mean,
 }
@@ -25,6 +27,32 @@ pub(super) fn means(finer: &Model, continuous: &[bool], (begin, end): (f64, f64)
     for ((number, input), mean) in inputs.iter_mut().zip(&finer.inputs).zip(continuous) {
         if *mean {
             *number = input.waveform.mean(begin, end);
+        }
+    }
+    inputs
+}
+
+/// The inputs of a model [with signals as inputs](Model::with_signals_as_inputs), in the mean of what the hardware makes
+/// of them in a step; those that not only the continuous part reads as they are at its beginning.
+pub(super) fn taken(model: &Model, seen: &Model, continuous: &[bool], step: u64) -> Vec<f64> {
+    let (begin, end) = (model.time(step, 0.0), model.time(step, 1.0));
+    let mut inputs = seen.sample_inputs(begin);
+    let slack = 1e-6 * model.tick();
+    for state in &model.states {
+        let (source, line) = match state.motion {
+            Some(Motion::Held(source)) => (source, false),
+            Some(Motion::Line(source)) => (source, true),
+            _ => continue,
+        };
+        let (input, signal) = match source {
+            Source::Input(input) => (input as usize, model.waveform(source)),
+            Source::Signal(signal) => (model.inputs.len() + signal as usize, model.waveform(source)),
+        };
+        if continuous[input] {
+            inputs[input] = match line {
+                true => f64::midpoint(signal.piece(begin + slack, begin), signal.piece(end + slack, end)),
+                false => signal.at(model.time(step, MIDDLE)),
+            };
         }
     }
     inputs
@@ -59,7 +87,7 @@ pub(super) struct Cause {
     time: f64,
 }
 
-/// The gravest thing that steps do not see of inputs.
+/// The gravest thing that steps do not see of inputs and of signals that the network plays; the model has these as inputs.
 pub(super) fn cause(model: &Model) -> Option<Cause> {
     const GRAVEST: [Unseen; 3] = [Unseen::Aliased, Unseen::Missed, Unseen::Jump];
     let rank = |unseen: Unseen| GRAVEST.iter().position(|other| *other == unseen);
@@ -105,14 +133,19 @@ impl Blindness {
         let refused = self.error > INPUT_ERROR_REFUSED;
         let moved =
             format!("moves `{}` by up to {:.1e} of its largest magnitude", model.states[self.state].name, self.error);
-        let cause = cause(model);
+        let seen = model.with_signals_as_inputs();
+        let cause = cause(&seen);
+        let played = |input: usize| input >= model.inputs.len();
+        let held = model.inputs.iter().any(|input| input.between == Interpolation::Hold);
         let (error, warning, message) = match cause {
             None => {
-                let message = format!("holding inputs over steps of {:e} s {moved}", model.step);
+                let doing = if held { "holding inputs" } else { "straight lines in place of signals" };
+                let message = format!("{doing} over steps of {:e} s {moved}", model.step);
                 (codes::INPUT_UNSEEN, codes::INPUT_HELD, message)
             }
             Some(Cause { input, unseen, time }) => {
-                let name = &model.inputs[input].name;
+                let name = &seen.inputs[input].name;
+                let name = name.strip_suffix(".input").filter(|_| played(input)).unwrap_or(name);
                 let step = format!("the step of {:e} s at t = {time:.6e} s", model.step);
                 match unseen {
                     Unseen::Aliased => {
@@ -126,21 +159,23 @@ impl Blindness {
                         (codes::PULSE_MISSED, codes::SHORT_PULSE_MISSED, message)
                     }
                     Unseen::Jump => {
-                        let message = format!("`{name}` jumps within {step}, which sees it at its end: that {moved}");
+                        let seen = if played(input) { "at its beginning or its end" } else { "at its end" };
+                        let message = format!("`{name}` jumps within {step}, which sees it {seen}: that {moved}");
                         (codes::INPUT_UNSEEN, codes::INPUT_JUMPS, message)
                     }
                 }
             }
         };
         let help = match cause.map(|cause| cause.unseen) {
-            None => "take a smaller `--step`, with which the error falls linearly; or, if the model itself knows the signal, define it without `input`: the network computes it within the step".to_owned(),
+            None if !held => "take a smaller `--step`, with which the error falls with the square".to_owned(),
+            None => "take a smaller `--step`, with which the error falls linearly, or `--inputs linear`; or, if the model itself knows the signal, define it without `input`: the network computes it within the step".to_owned(),
             Some(Unseen::Aliased) => "take a step of a tenth of its period, or a slower signal".to_owned(),
             Some(Unseen::Missed) => "take a step that its beginning and its length are multiples of".to_owned(),
             Some(Unseen::Jump) => {
                 "take a step that the times of its jumps are multiples of, or a smaller one".to_owned()
             }
         };
-        let span = cause.map_or(model.states[self.state].span, |cause| model.inputs[cause.input].span);
+        let span = cause.map_or(model.states[self.state].span, |cause| seen.inputs[cause.input].span);
         let finding = Diagnostic::error(if refused { error } else { warning }, span, message).with_help(help);
         Some(if refused { finding } else { finding.into_warning() })
     }
@@ -154,6 +189,10 @@ const FASTEST: f64 = 0.4;
 pub(super) fn too_fast(model: &Model) -> Option<Diagnostic> {
     let frequency = |state: &State| match state.motion {
         Some(Motion::Sine(rate)) => Some(rate.abs() / (2.0 * core::f64::consts::PI)),
+        Some(Motion::SweptSine(speed)) => {
+            let source = model.states[speed as usize].motion.and_then(Motion::source)?;
+            Some(model.waveform(source).bounds().1 / (2.0 * core::f64::consts::PI))
+        }
         _ => None,
     };
     let state = model.states.iter().find(|state| frequency(state).is_some_and(|f| f * model.step > FASTEST))?;

@@ -125,9 +125,14 @@ impl<'a> Pass<'a> {
 
     /// A run that divides each step into so many, without outputs.
     pub fn divided(plan: &Plan, run: DoubleRun<'a>, substeps: u64, sight: Sight) -> Pass<'a> {
-        let finer = Model { step: plan.model.step / substeps as f64, ..plan.model.clone() };
-        let continuous = inputs::read_by_continuous_alone(&plan.model);
-        let rows = Rows::new(plan.model.states.len());
+        Pass::of_model(&plan.model, run, substeps, sight)
+    }
+
+    /// The same of a model that has other inputs than the plan's, but its states.
+    pub fn of_model(model: &Model, run: DoubleRun<'a>, substeps: u64, sight: Sight) -> Pass<'a> {
+        let finer = Model { step: model.step / substeps as f64, ..model.clone() };
+        let continuous = inputs::read_by_continuous_alone(model);
+        let rows = Rows::new(model.states.len());
         Pass { run, finer, substeps, sight, continuous, outputs: 0, rows }
     }
 
@@ -154,7 +159,12 @@ impl<'a> Pass<'a> {
             for substep in 0..*substeps {
                 let time = plan.model.time(step, substep as f64 / *substeps as f64);
                 let seen = match sight {
-                    Sight::Held => finer.hold_inputs(plan.model.time(step, 0.0), time),
+                    Sight::Held => {
+                        let mut seen = finer.hold_inputs(plan.model.time(step, 0.0), time);
+                        plan.model.draw_lines(step, (substep + 1) as f64 / *substeps as f64, &mut seen);
+                        seen
+                    }
+                    Sight::Taken => inputs::taken(&plan.model, finer, continuous, step),
                     Sight::Sampled => finer.sample_inputs(time),
                     Sight::Mean => {
                         let end = plan.model.time(step, (substep + 1) as f64 / *substeps as f64);

@@ -37,7 +37,7 @@ pub(super) fn steps(model: &Model, apart: u64) -> Vec<u64> {
 
 /// The first steps that begin at or after a jump, ascending.
 fn jumps(model: &Model) -> Vec<u64> {
-    let breakpoints = model.inputs.iter().flat_map(|input| input.waveform.breakpoints(model.span).take(BREAKPOINTS));
+    let breakpoints = model.waveforms().flat_map(|signal| signal.breakpoints(model.span).take(BREAKPOINTS));
     let phases = model.phases.iter().map(|phase| phase.until);
     let at = breakpoints.chain(phases).map(|time| step_at(model, time));
     let samples = model.ticks().flat_map(|(_, steps)| (1..).map(move |sample| sample * steps).take(BREAKPOINTS));

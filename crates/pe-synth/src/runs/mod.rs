@@ -448,7 +448,7 @@ impl Exact {
 
 /// Whether any input changes over time.
 pub fn varying_inputs(model: &Model) -> bool {
-    model.inputs.iter().any(|input| !matches!(input.waveform, Waveform::Constant(_)))
+    model.waveforms().any(|signal| !matches!(signal, Waveform::Constant(_)))
 }
 
 /// What the first run in double precision finds.

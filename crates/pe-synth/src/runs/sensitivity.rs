@@ -78,7 +78,11 @@ impl Sensitivity {
             for run in &mut pair {
                 run.step(&inputs).ok()?;
             }
-            let halves = [time, model.time(done - 1, 0.5)].map(|at| half.hold_inputs(time, at));
+            let halves = [0.5, 1.0].map(|part| {
+                let mut inputs = half.hold_inputs(time, model.time(done - 1, part - 0.5));
+                model.draw_lines(done - 1, part, &mut inputs);
+                inputs
+            });
             let finite = fine.iter_mut().all(|run| halves.iter().all(|inputs| run.step(inputs).is_ok()));
             if !finite || done % stride == 0 || done == model.steps() {
                 let now = model.time(done, 0.0);

@@ -82,9 +82,11 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
             unit: None,
             waveform: Waveform::Sine { amplitude: 1.0, frequency: 3.0, offset: 0.2, phase: 0.4 },
             range: None,
+            between: pe_ir::model::Interpolation::Hold,
             span: Span::default(),
         }],
         outputs: Vec::new(),
+        signals: Vec::new(),
         left_out: Vec::new(),
     };
     if family == Family::Shared {

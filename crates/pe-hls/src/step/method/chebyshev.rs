@@ -7,14 +7,14 @@
 use pe_ir::coefficients::chebyshev;
 use pe_ir::model::{Expr, Model, Variable};
 
-use crate::step::plan::{Plan, Point, of, times};
+use crate::step::plan::{Plan, Point, of};
 
 /// The step of a model.
 pub fn plan(model: &Model) -> Plan<'_> {
     let states: Vec<u32> = (0..model.states.len() as u32).collect();
     let mut plan = Plan::new(model);
     let mut point = plan.start();
-    let mut first: Vec<Variable> = Vec::new();
+    let mut first: Vec<Expr> = Vec::new();
     // Increments of the last stage but one and of the last.
     let mut before: Vec<Vec<Expr>> = Vec::new();
     let stages = chebyshev(model.solver.stages() as usize);
@@ -28,12 +28,15 @@ pub fn plan(model: &Model) -> Plan<'_> {
             let mut terms = Vec::new();
             if number == 2 {
                 // The first slope is read by all stages.
-                let slope = plan.auxiliary(*state, format!("{name}.slope"), Expr::scaled(model.step, slope), true);
+                let slope = match Expr::scaled(model.step, slope) {
+                    Expr::Constant(0.0) => Expr::Constant(0.0),
+                    slope => of(plan.auxiliary(*state, format!("{name}.slope"), slope, true)),
+                };
+                terms.push(Expr::scaled(stage.slope, slope.clone()));
                 first.push(slope);
-                terms.push(times(stage.slope, slope));
             } else {
                 terms.push(Expr::scaled(model.step * stage.slope, slope));
-                terms.push(times(stage.first_slope, first[index]));
+                terms.push(Expr::scaled(stage.first_slope, first[index].clone()));
             }
             for (increments, factor) in before.iter().rev().zip([stage.mu, stage.nu]) {
                 terms.push(Expr::scaled(factor, increments[index].clone()));
@@ -46,7 +49,8 @@ pub fn plan(model: &Model) -> Plan<'_> {
             let value = plan.stage(*state, number, base, sum);
             // The first increment is a multiple of the first slope.
             increments.push(match number {
-                2 => times(stage.slope, first[index]),
+                _ if value == base => Expr::Constant(0.0),
+                2 => Expr::scaled(stage.slope, first[index].clone()),
                 _ => of(plan.increment_of(value, *state, format!("{name}.increment{number}"))),
             });
             next.push(value);

@@ -30,7 +30,11 @@ fn states(model: &Model) -> Vec<u32> {
 fn kept(plan: &mut Plan, slopes: Vec<Expr>) -> Vec<Expr> {
     let model = plan.model;
     let name = |state: u32| format!("{}.slope", model.states[state as usize].name);
-    (0..).zip(slopes).map(|(state, slope)| of(plan.auxiliary(state, name(state), slope, true))).collect()
+    let mut keep = |(state, slope): (u32, Expr)| match slope {
+        Expr::Constant(0.0) => slope,
+        slope => of(plan.auxiliary(state, name(state), slope, true)),
+    };
+    (0..).zip(slopes).map(&mut keep).collect()
 }
 
 /// The matrix at a point whose slopes have been asked for.

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::model::{Expr, Variable};
+use pe_ir::motion::Motion;
 
 use crate::step::plan::{Plan, Point, of};
 
@@ -41,6 +42,7 @@ fn named(plan: &mut Plan, name: &str, row: Row) -> Row {
 
 /// Total derivatives of an expression of the model by the states.
 fn gradient(plan: &mut Plan, point: &Point, expr: &Expr, algebraics: &[Row]) -> Row {
+    let model = plan.model;
     let mut terms: BTreeMap<u32, Vec<Expr>> = BTreeMap::new();
     let members = match expr {
         Expr::Sum(members) => members.as_slice(),
@@ -55,6 +57,8 @@ fn gradient(plan: &mut Plan, point: &Point, expr: &Expr, algebraics: &[Row]) -> 
             let partial = member.derivative(variable).renamed(&|variable| point.variable(variable));
             match (variable, partial) {
                 (_, Expr::Constant(0.0)) | (Variable::Input(_), _) => {}
+                // What rests over the step moves nothing.
+                (Variable::State(state), _) if model.states[state as usize].motion.is_some_and(Motion::rests) => {}
                 (Variable::State(state), partial) => {
                     let partial = of_function(plan, state, partial);
                     terms.entry(state).or_default().push(partial);
