@@ -247,7 +247,7 @@ fn all_engines_compute_the_same_words() {
             run(&folder, &[&["compile", "m.spec", "-o", name, "--pes", "2", "--no-pictures"], form].concat());
         assert_eq!(exit, Some(0), "{name}: {messages}");
         // A program to build takes longer than all else.
-        let sure = ["sine_rk4", "list", "square", "lines"].contains(&name);
+        let sure = ["list", "square"].contains(&name);
         let (exit, said, messages) =
             run(&folder, &["verify", name, "--steps", "30", "--engines", if sure { "reference,ghdl" } else { "ghdl" }]);
         assert_eq!(exit, Some(0), "{name}: {said}{messages}");
