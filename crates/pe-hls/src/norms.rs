@@ -17,22 +17,60 @@ const ENTRIES: usize = 1 << 25;
 /// Rounds of the iteration for the weights of the largest magnitude.
 const ROUNDS: usize = 100;
 
+/// Products that a look at how states decay may take, and the part of them that is little.
+const FORGETTING: u64 = 20_000_000;
+const FORGOTTEN: f64 = 0.5;
+
 /// The smallest weight relative to the largest.
 const SMALLEST: f64 = 1e-6;
 
-/// Norms for so many steps, those that cost least first; none if the step is not affine.
-pub fn norms(graph: &StepGraph, fixed: &FixedPoint, steps: u64) -> Vec<Norm> {
-    let Some(matrix) = matrix(graph, fixed) else { return Vec::new() };
-    if matrix.is_empty() {
-        return Vec::new();
+/// Norms of the states of a step.
+pub struct Norms {
+    matrix: Matrix,
+    /// Weights in units that all states share.
+    alike: Vec<f64>,
+    steps: u64,
+}
+
+impl Norms {
+    /// Norms for so many steps; none if the step is not affine.
+    pub fn of(graph: &StepGraph, fixed: &FixedPoint, steps: u64) -> Option<Norms> {
+        let matrix = matrix(graph, fixed).filter(|matrix| !matrix.is_empty())?;
+        let exponent = |(start, _): &(ValueId, ValueId)| fixed.exponents[start.index()];
+        let coarsest = graph.states.iter().map(exponent).max().unwrap_or(0);
+        let alike = graph.states.iter().map(|state| libm::scalbn(1.0, coarsest - exponent(state))).collect();
+        Some(Norms { matrix, alike, steps })
     }
-    // In units that all states share, what flows and mixes keeps between its least and its largest.
-    let exponent = |(start, _): &(ValueId, ValueId)| fixed.exponents[start.index()];
-    let coarsest = graph.states.iter().map(exponent).max().unwrap_or(0);
-    let alike: Vec<f64> = graph.states.iter().map(|state| libm::scalbn(1.0, coarsest - exponent(state))).collect();
-    let mut norms = vec![Norm::Largest(largest(&matrix, &alike)), Norm::Energy(energy(&matrix)), Norm::Largest(alike)];
-    norms.extend((matrix.len() <= DENSE).then(|| basis(&matrix, steps)).flatten());
-    norms
+
+    /// Those that weigh states one by one, which cost little.
+    pub fn weighted(&self) -> impl Iterator<Item = Norm> {
+        // In units that all states share, what flows and mixes keeps between its least and its largest.
+        let makers: [fn(&Norms) -> Norm; 3] = [
+            |norms| Norm::Largest(largest(&norms.matrix, &norms.alike)),
+            |norms| Norm::Energy(energy(&norms.matrix)),
+            |norms| Norm::Largest(norms.alike.clone()),
+        ];
+        makers.into_iter().map(|make| make(self))
+    }
+
+    /// That of the model as a whole; none of a large one.
+    pub fn whole(&self) -> Option<Norm> {
+        if self.matrix.len() > DENSE { None } else { basis(&self.matrix, self.steps) }
+    }
+
+    /// Whether states forget where they were over the steps, as far as a run from one place shows.
+    pub fn forgets(&self) -> bool {
+        let size =
+            |states: &[f64]| states.iter().zip(&self.alike).map(|(number, weight)| (number / weight).abs()).sum();
+        let sign = |index: usize| if (index * index / 2).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let mut states: Vec<f64> = self.alike.iter().enumerate().map(|(index, weight)| sign(index) * weight).collect();
+        let start: f64 = size(&states);
+        for _ in 0..self.steps.min(FORGETTING / self.matrix.iter().map(Vec::len).sum::<usize>().max(1) as u64) {
+            let of_row = |row: &Vec<(u32, f64)>| row.iter().map(|(of, number)| number * states[*of as usize]).sum();
+            states = self.matrix.iter().map(of_row).collect();
+        }
+        size(&states) < FORGOTTEN * start
+    }
 }
 
 type Matrix = Vec<Vec<(u32, f64)>>;

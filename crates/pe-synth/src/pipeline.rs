@@ -237,13 +237,26 @@ impl Stopwatch {
 
     /// Times a stage that shows its progress itself.
     pub fn timed<T>(&mut self, name: &'static str, work: impl FnOnce() -> T, figure: impl FnOnce(&T) -> String) -> T {
+        let result = self.part(name, work);
+        if !self.quiet {
+            let seconds = self.stages.iter().find(|time| time.stage == name).map_or(0.0, |time| time.seconds);
+            crate::console::err(&format!("{name:>10}  {}  ({seconds:.2} s)\n", figure(&result)));
+        }
+        result
+    }
+
+    /// Times a part of a stage that goes on after another one; nothing is reported yet.
+    fn part<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let (clock, processor) = (Instant::now(), processor_seconds());
         let result = work();
         let seconds = clock.elapsed().as_secs_f64();
         let processor_seconds = processor_seconds().zip(processor).map(|(after, before)| after - before);
-        self.stages.push(StageTime { stage: name, seconds, processor_seconds });
-        if !self.quiet {
-            crate::console::err(&format!("{name:>10}  {}  ({seconds:.2} s)\n", figure(&result)));
+        match self.stages.iter_mut().find(|time| time.stage == name) {
+            Some(time) => {
+                time.seconds += seconds;
+                time.processor_seconds = time.processor_seconds.zip(processor_seconds).map(|(all, more)| all + more);
+            }
+            None => self.stages.push(StageTime { stage: name, seconds, processor_seconds }),
         }
         result
     }
@@ -301,14 +314,23 @@ pub fn design(
     };
     let graph = Arc::new(graph);
     let progress = watch.progress_bar("runs");
+    let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
+    let exact = watch.part("runs", || runs::Exact::run(&loaded.model, &graph, progress)).map_err(refused)?;
+    let proposal = match options.proof {
+        ProofMode::Off => None,
+        ProofMode::Ranges => watch.stage(
+            "ranges",
+            || exact.propose(&loaded.model, &graph, format, options),
+            |proposal| proposal.as_ref().map_or("no formats".to_owned(), |proposal| proposal.figure(&graph)),
+        ),
+    };
     let judged = watch
         .timed(
             "runs",
-            || runs::judge_open(&loaded.model, &graph, format, options, progress),
-            |open| runs_figure(open.as_ref().map(|(judged, ..)| judged)),
+            || exact.judge(&loaded.model, &graph, format, options, proposal.as_ref()),
+            |judged| runs_figure(judged.as_ref()),
         )
-        .map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
-    let judged = prove(loaded, &graph, judged, options, watch)?;
+        .map_err(refused)?;
     print_findings(&judged.warnings, &loaded.sources, options.message_format);
     let network = Network { pes, seed: options.seed, given };
     implement(loaded, &graph, &Arc::new(judged), network, mapping_options, watch)
@@ -501,26 +523,6 @@ fn two_slots(
     );
     let refined = refined.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
     Ok(refined.map_or(graph, |(split, _)| split))
-}
-
-/// Proves ranges, if that is asked for; formats may become wider for it.
-fn prove(
-    loaded: &LoadedModel,
-    graph: &StepGraph,
-    (judged, exact, comparison): (Judged, runs::Exact, runs::Comparison),
-    options: &ModelOptions,
-    watch: &mut Stopwatch,
-) -> Result<Judged, Failure> {
-    if options.proof == ProofMode::Off {
-        return Ok(judged);
-    }
-    let figure = |judged: &Result<Judged, Vec<Diagnostic>>| match judged.as_ref().map(|judged| &judged.proof) {
-        Ok(Some(proof)) => proof.figure(graph),
-        _ => "refused".to_owned(),
-    };
-    let work = || runs::prove(judged, (&exact, &comparison), &loaded.model, graph, options);
-    let proven = watch.stage("ranges", work, figure);
-    proven.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))
 }
 
 fn runs_figure(judged: Result<&Judged, &Vec<Diagnostic>>) -> String {

@@ -1,11 +1,11 @@
 //! Proof of ranges: which values can never leave their words, and what the report says of it.
 
 use pe_hls::formats::RANGE_MARGIN;
-use pe_hls::norms;
+use pe_hls::norms::Norms;
 use pe_ir::graph::{Chain, FixedPoint, Role, StepGraph, Term, ValueId};
 use pe_ir::mapping::Mapping;
 use pe_ir::program::Program;
-use pe_ir::verify::ranges::{Drift, Enclosure, Norm, Step};
+use pe_ir::verify::ranges::{Drift, Enclosure, Measured, Norm, Step};
 use serde_json::{Value, json};
 
 use crate::runs::Judged;
@@ -20,8 +20,8 @@ pub struct Proof {
     pub enclosed: Option<Enclosed>,
     /// Bits by which formats were widened for it, at most.
     pub widened: i32,
-    /// Word-length error with the formats as they were before.
-    pub word_length: f64,
+    /// Word-length error with the formats as they were before; none if nobody asked, as wider ones have next to none.
+    pub word_length: Option<f64>,
 }
 
 /// Bounds of all values.
@@ -63,19 +63,33 @@ impl Certainty {
 /// Bounds for so many steps, in the norm that proves most.
 pub fn enclose(graph: &StepGraph, fixed: &FixedPoint, steps: u64) -> Option<Enclosed> {
     let step = Step::of(graph, fixed)?;
-    let mut best: Option<(Drift, Norm)> = None;
-    for norm in norms::norms(graph, fixed, steps) {
-        let Some(drift) = step.drift(&norm, Some(steps)) else { continue };
-        if best.as_ref().is_none_or(|(known, _)| drift.largest < known.largest) {
-            best = Some((drift, norm));
+    let norms = Norms::of(graph, fixed, steps)?;
+    let mut best: Option<(Drift, Measured)> = None;
+    let mut consider = |norm: Norm| {
+        if let Some(measured) = step.measure(norm)
+            && let Some(drift) = step.drift(&measured, Some(steps))
+            && best.as_ref().is_none_or(|(known, _)| drift.largest < known.largest)
+        {
+            best = Some((drift, measured));
         }
-        if drift.largest < SMALL && drift.growth < 1.0 {
+        let (is_small, for_ever) =
+            best.as_ref().map_or((false, false), |(drift, _)| (drift.largest < SMALL, drift.growth < 1.0));
+        (is_small, is_small && for_ever)
+    };
+    let (mut is_small, mut done) = (false, false);
+    for norm in norms.weighted() {
+        (is_small, done) = consider(norm);
+        if done {
             break;
         }
     }
-    let (drift, norm) = best?;
-    let enclosure = step.enclose(&norm, steps)?;
-    let norm = match norm {
+    // What does not decay has no bounds for ever in any norm.
+    if !done && (!is_small || norms.forgets()) {
+        norms.whole().map(consider);
+    }
+    let (drift, measured) = best?;
+    let enclosure = step.enclose(&measured, steps);
+    let norm = match measured.norm {
         Norm::Largest(_) => "largest",
         Norm::Energy(_) => "energy",
         Norm::Basis(..) => "basis",
@@ -156,13 +170,6 @@ impl Proof {
             }
         }
         report
-    }
-
-    /// What was proven about the values of a step, in a few words.
-    pub fn figure(&self, graph: &StepGraph) -> String {
-        let written = || graph.chains.iter().flat_map(Chain::writes).map(|write| write.value);
-        let proven = written().filter(|value| self.fits(*value)).count();
-        format!("{proven} of {} values proven to stay in range", written().count())
     }
 
     /// The most bits by which a format is too narrow for its bound.

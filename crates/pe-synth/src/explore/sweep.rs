@@ -29,10 +29,10 @@ use crate::check::sampled;
 use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::failure::Failure;
-use crate::options::{DesignPoint, LoadedModel, ModelOptions, ProofMode};
+use crate::options::{DesignPoint, LoadedModel, ModelOptions};
 use crate::pipeline::{self, MappingOptions, Network, Stopwatch};
 use crate::report::{self, Silicon};
-use crate::runs::{self, Comparison, Exact, Judged};
+use crate::runs::{Comparison, Exact, Judged};
 use crate::slots;
 use crate::total::{Reference, TotalError};
 use crate::variables::variables;
@@ -301,13 +301,12 @@ impl Sweep {
     /// Formats and errors of a graph, which is that of the family or a split of it.
     fn judged(&self, base: &Base, graph: &StepGraph, exact: &Exact, point: &DesignPoint) -> Result<Judged, Failure> {
         let model = &base.loaded.model;
-        let settled = exact.settle(model, graph, point.format(model)?);
+        let format = point.format(model)?;
+        let proposal = exact.propose(model, graph, format, &self.options);
+        let settled = exact.settle_proven(model, graph, format, proposal.as_ref());
         let refused = |findings| Failure::Spec(findings, base.loaded.sources.clone());
         let judged = exact.conclude(model, graph, settled, base.comparison.clone(), &self.options);
         let mut judged = judged.map_err(refused)?;
-        if let (ProofMode::Ranges, Ok(comparison)) = (self.options.proof, &base.comparison) {
-            judged = runs::prove(judged, (exact, comparison), model, graph, &self.options).map_err(refused)?;
-        }
         let findings = sampled::findings(model, graph, &judged).into_iter();
         let (refusals, warnings): (Vec<_>, Vec<_>) = findings.partition(|finding| finding.severity == Severity::Error);
         judged.warnings.extend(warnings);

@@ -5,9 +5,10 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
 
+use indicatif::ProgressBar;
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
-use pe_ir::graph::StepGraph;
+use pe_ir::graph::{StageForm, StepGraph};
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::{Compared, Rows};
@@ -165,8 +166,9 @@ impl Exact {
         mut listener: Option<SyncSender<Arc<Rows>>>,
     ) -> Result<Comparison, Vec<Diagnostic>> {
         let plan = &self.plan;
-        let graphs = Graphs::of(self, model);
-        let mut others = graphs.as_ref().map(|graphs| Others::new(self, graph, graphs)).map_err(Clone::clone);
+        let frame = self.frame();
+        let graphs = Graphs::of(&frame, model);
+        let mut others = graphs.as_ref().map(|graphs| Others::new(&frame, graph, graphs)).map_err(Clone::clone);
         let mut own = self.own(graph);
         for block in plan.blocks() {
             own.block(plan, &block).expect("it was finite before");
@@ -186,10 +188,36 @@ impl Exact {
         others.map(|runs| runs.conclude(self))
     }
 
+    fn frame(&self) -> Frame<'_> {
+        Frame { plan: &self.plan, form: self.form, tables: self.tables, scales: &self.scales }
+    }
+
+    /// A comparison of states with those of this run.
+    pub(super) fn compared(&self) -> Compared {
+        self.frame().compared()
+    }
+
     /// The run of the step itself.
     pub(super) fn own<'a>(&self, graph: &'a StepGraph) -> Pass<'a> {
         Pass::new(&self.plan, DoubleRun::new(graph), super::curve_count(graph))
     }
+}
+
+/// The method error of a step with exact functions, whose states have such magnitudes: a run of it beside smaller steps.
+///
+/// # Errors
+/// `E0901` non-finite.
+pub fn method_error(model: &Model, graph: &StepGraph, scales: &[f64]) -> Result<f64, Vec<Diagnostic>> {
+    let plan = Plan::of(model, ProgressBar::hidden());
+    let frame = Frame { plan: &plan, form: graph.form, tables: false, scales };
+    let graphs = Graphs::of(&frame, model)?;
+    let mut others = Others { seeing: None, ..Others::new(&frame, graph, &graphs) };
+    let mut own = Pass::new(&plan, DoubleRun::new(graph), 0);
+    for block in plan.blocks() {
+        let rows = own.block(&plan, &block)?;
+        others.block(&plan, &block, rows)?;
+    }
+    Ok(others.conclude(model).method())
 }
 
 /// Step graphs of the runs that the step is compared with.
@@ -206,8 +234,25 @@ struct Graphs {
     model: Model,
 }
 
+/// What runs are compared in.
+struct Frame<'a> {
+    plan: &'a Plan,
+    form: StageForm,
+    /// Whether tables stand for functions.
+    tables: bool,
+    /// Magnitudes of the states.
+    scales: &'a [f64],
+}
+
+impl Frame<'_> {
+    fn compared(&self) -> Compared {
+        let start: Vec<f64> = self.plan.model.states.iter().map(|state| state.initial).collect();
+        Compared::new(0, self.scales, &start)
+    }
+}
+
 impl Graphs {
-    fn of(exact: &Exact, model: &Model) -> Result<Graphs, Vec<Diagnostic>> {
+    fn of(exact: &Frame, model: &Model) -> Result<Graphs, Vec<Diagnostic>> {
         let options = StepOptions { form: Some(exact.form), ..StepOptions::default() };
         let divided =
             |count: f64| pe_hls::step::build_with(&Model { step: model.step / count, ..model.clone() }, &options);
@@ -249,8 +294,8 @@ struct Quarters<'a> {
 }
 
 impl<'a> Others<'a> {
-    fn new(exact: &Exact, own: &'a StepGraph, graphs: &'a Graphs) -> Others<'a> {
-        let (plan, model) = (&exact.plan, &exact.plan.model);
+    fn new(exact: &Frame, own: &'a StepGraph, graphs: &'a Graphs) -> Others<'a> {
+        let (plan, model) = (exact.plan, &exact.plan.model);
         // Otherwise the method's own history of slopes would see inputs that move at every other of its steps.
         let covered = model.solver.covers_inputs();
         let sight = if covered { Sight::Sampled } else { Sight::Held };

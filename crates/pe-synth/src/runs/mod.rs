@@ -45,10 +45,10 @@ use crate::proof::Proof;
 
 use self::lockstep::Plan;
 
-pub use self::comparison::Comparison;
+pub use self::comparison::{Comparison, method_error};
 pub use self::inputs::outside;
-pub use self::proven::prove;
-pub use self::sensitivity::{APART, Sensitivity};
+pub use self::proven::Proposal;
+pub use self::sensitivity::{APART, SENSITIVE, Sensitivity};
 use self::settled::Measured;
 pub use self::settled::Settled;
 
@@ -216,30 +216,7 @@ pub fn judge(
     options: &ModelOptions,
     progress: ProgressBar,
 ) -> Result<Judged, Vec<Diagnostic>> {
-    judge_open(model, graph, format, options, progress).map(|(judged, ..)| judged)
-}
-
-/// The same with what other formats can be judged from.
-///
-/// # Errors
-/// Those of [`judge`].
-pub fn judge_open(
-    model: &Model,
-    graph: &StepGraph,
-    format: WordFormat,
-    options: &ModelOptions,
-    progress: ProgressBar,
-) -> Result<(Judged, Exact, Comparison), Vec<Diagnostic>> {
-    let exact = Exact::run(model, graph, progress)?;
-    // The runs that follow depend on the reference run alone, so they share the machine's cores; each is deterministic.
-    let (settled, comparison) = std::thread::scope(|scope| {
-        let (sender, blocks) = sync_channel(BLOCKS_AHEAD);
-        let comparison = scope.spawn(|| exact.compare_telling(model, graph, Some(sender)));
-        let settled = exact.settle_listening(model, graph, format, Some(blocks));
-        (settled, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    });
-    let judged = exact.conclude(model, graph, settled, comparison.clone(), options)?;
-    Ok((judged, exact, comparison?))
+    Exact::run(model, graph, progress)?.judge(model, graph, format, options, None)
 }
 
 /// Blocks that one run in double precision may be ahead of those that listen to it.
@@ -314,10 +291,26 @@ impl Exact {
         (&self.reference, &self.looks)
     }
 
-    /// A comparison of states with those of this run.
-    fn compared(&self) -> Compared {
-        let start: Vec<f64> = self.plan.model.states.iter().map(|state| state.initial).collect();
-        Compared::new(0, &self.scales, &start)
+    /// The other runs, in the formats that are proposed if there are such.
+    ///
+    /// # Errors
+    /// Those of [`judge`].
+    pub fn judge(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        format: WordFormat,
+        options: &ModelOptions,
+        proposal: Option<&Proposal>,
+    ) -> Result<Judged, Vec<Diagnostic>> {
+        // They depend on this run alone, so they share the machine's cores; each is deterministic.
+        let (settled, comparison) = std::thread::scope(|scope| {
+            let (sender, blocks) = sync_channel(BLOCKS_AHEAD);
+            let comparison = scope.spawn(|| self.compare_telling(model, graph, Some(sender)));
+            let settled = self.settle_listening(model, graph, format, proposal, Some(blocks));
+            (settled, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        });
+        self.conclude(model, graph, settled, comparison, options)
     }
 
     /// Puts together what the runs found.
@@ -334,7 +327,7 @@ impl Exact {
     ) -> Result<Judged, Vec<Diagnostic>> {
         let settled = settled?;
         let comparison = comparison?;
-        let Settled { fixed, aim, widenings, measured } = settled;
+        let Settled { fixed, aim, widenings, measured, proof } = settled;
         let Measured { word, outputs, quantised, hardware, looks, curves, checkpoint, seconds } = measured;
         let (worst_state, word_length) = word.worst();
         let (method, input_hold) = (comparison.method(), comparison.input_hold());
@@ -359,7 +352,8 @@ impl Exact {
         let mut warnings = Vec::new();
         let finding = comparison.finding(model);
         if comparison.lasting(model) > METHOD_ERROR_REFUSED {
-            match reasons::chaotic(model, graph, &fixed, &self.scales, (&*self.reference, &hardware)) {
+            let rate = Sensitivity::of(model, graph, &self.scales).and_then(|sensitivity| sensitivity.rate);
+            match rate.and_then(|rate| self.chaotic(model, graph, &fixed, rate, &hardware)) {
                 Some(chaotic) => warnings.push(chaotic),
                 None => warnings.extend(options.permit(vec![finding])?),
             }
@@ -373,7 +367,7 @@ impl Exact {
         }
         // Of a chaotic model that has been told all that there is to say.
         let chaotic = warnings.iter().any(|warning| warning.code == codes::CHAOTIC);
-        let word_short = if chaotic { None } else { self.word_short(model, graph, &word, errors) };
+        let word_short = if chaotic { None } else { self.word_short(model, graph, &word, errors, (&fixed, &hardware)) };
         if let Some(finding) = word_short {
             let refused = finding.severity == Severity::Error;
             warnings.extend(if refused { options.permit(vec![finding])? } else { vec![finding] });
@@ -399,8 +393,20 @@ impl Exact {
             state_errors: word.relative().collect(),
             output_errors: outputs.relative().collect(),
             smallest_pivot: self.smallest_pivot.clone(),
-            proof: None,
+            proof,
         })
+    }
+
+    /// The warning about a chaotic model that multiplies differences at such a rate.
+    fn chaotic(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        fixed: &FixedPoint,
+        rate: f64,
+        hardware: &Trajectory,
+    ) -> Option<Diagnostic> {
+        reasons::chaotic(model, graph, fixed, (&self.scales, rate), (&self.reference, hardware))
     }
 
     /// The finding about a word-length error that is no longer small.
@@ -408,7 +414,14 @@ impl Exact {
     /// Of a chaotic model any word gives another trajectory sooner or later, which is no reason to refuse this one. Of
     /// others the word is too short where the run has little in common with the model, or where the model multiplies
     /// differences so much that the last bits decide where it goes, and not the step.
-    fn word_short(&self, model: &Model, graph: &StepGraph, word: &Compared, errors: Errors) -> Option<Diagnostic> {
+    fn word_short(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        word: &Compared,
+        errors: Errors,
+        (fixed, hardware): (&FixedPoint, &Trajectory),
+    ) -> Option<Diagnostic> {
         if errors.word_length <= WORD_ERROR_WARNED {
             return None;
         }
@@ -424,10 +437,14 @@ impl Exact {
             .with_help("take a wider multiplier or more `--storage` bits, or narrow the stated ranges")
             .into_warning();
         let sensitivity = Sensitivity::of(model, graph, &self.scales);
-        let chaotic = sensitivity.is_some_and(|sensitivity| sensitivity.rate.is_some());
+        if let Some(rate) = sensitivity.and_then(|sensitivity| sensitivity.rate)
+            && let Some(chaotic) = self.chaotic(model, graph, fixed, rate, hardware)
+        {
+            return Some(chaotic);
+        }
         let growth = sensitivity.map_or(0.0, |sensitivity| sensitivity.growth);
         let decided = growth > sensitivity::SENSITIVE && errors.method <= METHOD_ERROR_WARNED;
-        if chaotic || !(decided || errors.word_length > WORD_ERROR_REFUSED) {
+        if !(decided || errors.word_length > WORD_ERROR_REFUSED) {
             return Some(warning);
         }
         let time = model.time(word.since(WORD_ERROR_WARNED), 0.0);

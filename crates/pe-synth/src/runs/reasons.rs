@@ -6,7 +6,7 @@ use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::error::Trajectory;
 
-use super::{APART, Sensitivity};
+use super::APART;
 
 /// Part of a standard deviation by which two means may differ, and part by which two deviations may, for statistics to
 /// agree: what is left is the chance of a finite run.
@@ -23,16 +23,15 @@ pub fn statistics(run: &Trajectory, state: usize) -> (f64, f64) {
     (mean, libm::sqrt(numbers().map(|number| (number - mean) * (number - mean)).sum::<f64>() / count))
 }
 
-/// The warning about a chaotic model, whose trajectory says nothing after a while, in place of a refusal; none if it is not
-/// chaotic. `scales` are the magnitudes of the states.
+/// The warning about a chaotic model, whose trajectory says nothing after a while, in place of a refusal. `scales` are the
+/// magnitudes of the states, `rate` is that at which differences grow.
 pub(super) fn chaotic(
     model: &Model,
     graph: &StepGraph,
     fixed: &FixedPoint,
-    scales: &[f64],
+    (scales, rate): (&[f64], f64),
     (double, hardware): (&Trajectory, &Trajectory),
 ) -> Option<Diagnostic> {
-    let rate = Sensitivity::of(model, graph, scales)?.rate?;
     let lsb = |index: usize| libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()]) / scales[index];
     let largest = (0..scales.len()).map(lsb).fold(f64::MIN_POSITIVE, f64::max);
     let divergence = libm::log(APART / largest) / rate;

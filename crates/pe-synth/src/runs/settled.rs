@@ -15,8 +15,10 @@ use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
 
 use crate::pipeline::thread_seconds;
+use crate::proof::Proof;
 
 use super::lockstep::Pass;
+use super::proven::{self, Proposal};
 use super::saturated::{Ended, Saturated};
 use super::{Checkpoint, Exact, curve_count, port_words};
 
@@ -36,6 +38,8 @@ pub struct Settled {
     pub(super) aim: Aim,
     pub(super) widenings: usize,
     pub(super) measured: Measured,
+    /// What is proven of them; none if no proof was asked for.
+    pub(super) proof: Option<Proof>,
 }
 
 impl Settled {
@@ -87,7 +91,21 @@ impl Exact {
     /// # Errors
     /// `E0902` saturates however wide, `E080x` no format.
     pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
-        self.settle_listening(model, graph, format, None)
+        self.unless_paired(model, graph, format, &self.ranges, None)
+    }
+
+    /// The same, in the formats that are proposed if there are such and they cost little accuracy.
+    ///
+    /// # Errors
+    /// Those of [`Exact::settle`].
+    pub fn settle_proven(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        format: WordFormat,
+        proposal: Option<&Proposal>,
+    ) -> Result<Settled, Vec<Diagnostic>> {
+        self.settle_listening(model, graph, format, proposal, None)
     }
 
     /// The same, where the first run can listen to one in double precision.
@@ -96,19 +114,66 @@ impl Exact {
         model: &Model,
         graph: &StepGraph,
         format: WordFormat,
+        proposal: Option<&Proposal>,
+        mut shared: Option<Receiver<Arc<Rows>>>,
+    ) -> Result<Settled, Vec<Diagnostic>> {
+        let mut wide = None;
+        if let Some(proposal) = proposal.filter(|proposal| proposal.widened() > 0) {
+            let settled = self.unless_paired(model, graph, format, proposal.ranges(), shared.take());
+            let proven = settled.ok().and_then(|settled| proposal.proven(model, graph, settled));
+            match proven {
+                Some(settled) if settled.word_length() <= proven::HARMLESS => return Ok(settled),
+                settled => wide = settled,
+            }
+        }
+        let narrow = self.unless_paired(model, graph, format, &self.ranges, shared)?;
+        match wide {
+            Some(wide) if wide.word_length() <= proven::ERROR_GROWTH * narrow.word_length() => {
+                Ok(wide.with_error_before(narrow.word_length()))
+            }
+            _ => Ok(match proposal {
+                Some(proposal) => proposal.as_found(model, graph, narrow),
+                None => narrow,
+            }),
+        }
+    }
+
+    /// Formats with pairs of operands if the graph has such and they cost little accuracy.
+    fn unless_paired(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        format: WordFormat,
+        ranges: &Ranges,
         shared: Option<Receiver<Arc<Rows>>>,
     ) -> Result<Settled, Vec<Diagnostic>> {
-        let settled = self.widened(model, graph, format, self.ranges.clone(), shared)?;
+        let settled = self.widened(model, graph, format, ranges.clone(), shared)?;
         if !graph.pre_adder || settled.word_length() <= PAIR_ERROR {
             return Ok(settled);
         }
         let alone = StepGraph { pre_adder: false, ..graph.clone() };
-        let alone = self.widened(model, &alone, format, self.ranges.clone(), None)?;
+        let alone = self.widened(model, &alone, format, ranges.clone(), None)?;
         Ok(if alone.word_length() < settled.word_length() { alone } else { settled })
     }
 
+    /// Formats for such ranges.
+    ///
+    /// # Errors
+    /// `E080x` no format.
+    pub(super) fn formats(
+        &self,
+        graph: &StepGraph,
+        ranges: &Ranges,
+        format: WordFormat,
+        aim: Aim,
+    ) -> Result<FixedPoint, Vec<Diagnostic>> {
+        let mut fixed = formats::choose(graph, ranges, format).map_err(|error| vec![error])?;
+        rounding::improve(graph, &mut fixed, &self.moments, aim);
+        Ok(fixed)
+    }
+
     /// Chooses formats and widens them until the fixed-point run does not saturate.
-    pub(super) fn widened(
+    fn widened(
         &self,
         model: &Model,
         graph: &StepGraph,
@@ -125,7 +190,7 @@ impl Exact {
             let source = shared.take().map_or_else(|| self.source(graph), Source::Shared);
             match self.measure(model, graph, &fixed, source) {
                 Ok(measured) => {
-                    let settled = Settled { fixed, aim, widenings, measured };
+                    let settled = Settled { fixed, aim, widenings, measured, proof: None };
                     return self.balanced(model, graph, chosen, settled);
                 }
                 Err(Ended::Diverged(findings)) => return Err(findings),
@@ -222,8 +287,11 @@ impl Exact {
         self.plan.progress.inc_length(3 * self.plan.steps);
         // Formats that were wide enough for the other roundings are kept with those.
         let Ok(measured) = self.measure(model, graph, &fixed, self.source(graph)) else { return Ok(settled) };
-        let balanced = Settled { fixed, aim, measured, widenings: settled.widenings };
-        Ok(if balanced.coefficient() < settled.coefficient() { balanced } else { settled })
+        Ok(if measured.quantised.worst().1 < settled.coefficient() {
+            Settled { fixed, aim, measured, ..settled }
+        } else {
+            settled
+        })
     }
 }
 

@@ -21,15 +21,19 @@ use crate::graph::{FixedPoint, StepGraph, Term};
 use crate::program::Program;
 use crate::value::ValueId;
 
-pub use norm::Norm;
+pub use norm::{Measured, Norm};
 
-use norm::Measured;
 use runs::Responses;
-use system::{System, UNIT, up};
+use system::{Row, System, UNIT, up};
+
+/// Entries of the matrix of a step, stages included, at most.
+const ENTRIES: usize = 1 << 25;
 
 /// An affine step whose ranges can be proven.
 pub struct Step {
     system: System,
+    /// The states at the end as sums over those at the start, and the most roundings on the way to one.
+    rows: (Vec<Row>, usize),
     full: f64,
     rooms: Vec<f64>,
 }
@@ -54,36 +58,45 @@ pub struct Enclosure {
     pub lasts: bool,
     /// For each value the largest number whose word is in range: half of full scale where operands may meet.
     rooms: Vec<f64>,
+    /// For each value whether it comes from nothing, in this step or an earlier one, that may be out of range: what is
+    /// clamped or wraps is no longer affine, and the bounds of what follows from it are none.
+    linear: Vec<bool>,
 }
 
 impl Enclosure {
     /// Whether no word of a value is out of range.
     pub fn fits(&self, value: ValueId) -> bool {
-        self.largest[value.index()] < self.rooms[value.index()]
+        self.linear[value.index()] && self.missing(value) == 0
     }
 
     /// Bits by which the format of a value is too narrow.
     pub fn missing(&self, value: ValueId) -> i32 {
-        let ratio = self.largest[value.index()] / self.rooms[value.index()];
-        if ratio < 1.0 { 0 } else { libm::frexp(ratio.min(1e300)).1.max(1) }
+        let (largest, room) = (self.largest[value.index()], self.rooms[value.index()]);
+        let ratio = largest / room;
+        if largest < room { 0 } else { libm::frexp(ratio.min(1e300)).1.max(1) }
     }
 }
 
 impl Step {
-    /// `None` if the step is not affine in states and inputs.
+    /// `None` if the step is not affine in states and inputs, or its matrix has too many entries.
     pub fn of(graph: &StepGraph, fixed: &FixedPoint) -> Option<Step> {
         let system = System::of(graph, fixed)?;
         let full = system.input;
         let offset = fixed.format.data_offset() as f64;
         let room =
             |headroom: &bool| (if *headroom { full / 2.0 } else { full } - 2.0 * offset - 1.0) * (1.0 - 4.0 * UNIT);
-        Some(Step { full, rooms: fixed.headroom.iter().map(room).collect(), system })
+        let rows = system.rows(ENTRIES)?;
+        Some(Step { full, rooms: fixed.headroom.iter().map(room).collect(), rows, system })
+    }
+
+    /// What is proven of a norm; none if nothing is.
+    pub fn measure(&self, norm: Norm) -> Option<Measured> {
+        Measured::of(&self.rows, norm)
     }
 
     /// What rounding can do to the states over so many steps, or for ever; `None` if the norm proves nothing.
-    pub fn drift(&self, norm: &Norm, steps: Option<u64>) -> Option<Drift> {
-        let measured = Measured::of(&self.system, norm)?;
-        let drift = self.drift_norm(&measured) * measured.sum_of_growth(steps);
+    pub fn drift(&self, measured: &Measured, steps: Option<u64>) -> Option<Drift> {
+        let drift = self.drift_norm(measured) * measured.sum_of_growth(steps);
         let largest = measured.reach.iter().fold(0.0, |most: f64, reach| most.max(reach * drift)) / self.full;
         largest.is_finite().then_some(Drift { growth: measured.growth, largest })
     }
@@ -94,15 +107,14 @@ impl Step {
         measured.of_magnitudes(&self.system.at_end(&errors))
     }
 
-    /// Bounds of all values over so many steps. `None` if the norm proves nothing.
-    pub fn enclose(&self, norm: &Norm, steps: u64) -> Option<Enclosure> {
-        let measured = Measured::of(&self.system, norm)?;
-        let responses = Responses::run(&self.system, &measured, steps);
-        let over_span = self.enclosure(&measured, &responses, Some(steps));
-        let for_ever = self.enclosure(&measured, &responses, None);
+    /// Bounds of all values over so many steps.
+    pub fn enclose(&self, measured: &Measured, steps: u64) -> Enclosure {
+        let responses = Responses::run(&self.system, measured, steps);
+        let over_span = self.enclosure(measured, &responses, Some(steps));
+        let for_ever = self.enclosure(measured, &responses, None);
         let mut values = (0..self.system.values as u32).map(ValueId);
         let lasts = values.all(|value| for_ever.fits(value) || !over_span.fits(value));
-        Some(Enclosure { lasts, ..over_span })
+        Enclosure { lasts, ..over_span }
     }
 
     fn enclosure(&self, measured: &Measured, responses: &Responses, steps: Option<u64>) -> Enclosure {
@@ -134,7 +146,10 @@ impl Step {
                 up(responses.peaks[value] + moved, responses.steps as usize + 16)
             })
             .collect();
-        Enclosure { largest, rounding, lasts: false, rooms: self.rooms.clone() }
+        let rooms = self.rooms.clone();
+        let mut enclosure = Enclosure { largest, rounding, lasts: false, rooms, linear: Vec::new() };
+        enclosure.linear = system.untouched(|value| enclosure.missing(value) > 0);
+        enclosure
     }
 }
 

@@ -1,10 +1,7 @@
 //! Norms in which the step of a model grows slowly, if at all.
 
 use super::cholesky::{Sparse, largest_singular_value, largest_sum};
-use super::system::{System, UNIT, up};
-
-/// Entries of the matrix of a step, stages included, at most.
-const ENTRIES: usize = 1 << 25;
+use super::system::{Row, UNIT, up};
 
 /// A norm of the states; their numbers count in LSB. Any will do, the better ones prove more.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,24 +15,26 @@ pub enum Norm {
 }
 
 /// What is proven about a norm.
-pub(super) struct Measured<'a> {
-    norm: &'a Norm,
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// The norm.
+    pub norm: Norm,
     /// Most by which a step multiplies it.
-    pub growth: f64,
+    pub(super) growth: f64,
     /// Most by which the inverse of a basis differs from the given one, relatively.
     slack: f64,
     /// For each state its largest magnitude where the norm is one.
-    pub reach: Vec<f64>,
+    pub(super) reach: Vec<f64>,
 }
 
-impl<'a> Measured<'a> {
-    /// `None` if nothing is proven.
-    pub fn of(system: &System, norm: &'a Norm) -> Option<Measured<'a>> {
-        let (rows, roundings) = system.rows(ENTRIES)?;
+impl Measured {
+    /// `None` if nothing is proven. `rows` are the states at the end of a step as sums over those at its start, with the
+    /// most roundings on the way to one.
+    pub(super) fn of((rows, roundings): &(Vec<Row>, usize), norm: Norm) -> Option<Measured> {
         let n = rows.len();
         // What rounding did to an entry, relative to its magnitude without cancellation.
-        let doubt = 2.0 * (roundings as f64 + 2.0) * UNIT;
-        let (growth, slack, reach) = match norm {
+        let doubt = 2.0 * (*roundings as f64 + 2.0) * UNIT;
+        let (growth, slack, reach) = match &norm {
             Norm::Largest(weights) => {
                 if weights.len() != n || weights.iter().any(|weight| !(weight.is_finite() && *weight > 0.0)) {
                     return None;
@@ -54,7 +53,7 @@ impl<'a> Measured<'a> {
                     return None;
                 }
                 let scaled = |of: &dyn Fn(f64, f64) -> f64| -> Sparse {
-                    let row = |(row, weight): (&super::system::Row, &f64)| {
+                    let row = |(row, weight): (&Row, &f64)| {
                         let entry = |(state, number, magnitude): &(u32, f64, f64)| {
                             (*state, of(*number, *magnitude) * weights[*state as usize] / weight)
                         };
@@ -73,8 +72,8 @@ impl<'a> Measured<'a> {
                     return None;
                 }
                 // The inverse is `(YX)^-1 Y`, so the step in the basis is `(YX)^-1 YAX`.
-                let a = dense(&rows, |number, _| number);
-                let magnitudes = dense(&rows, |_, magnitude| magnitude);
+                let a = dense(rows, |number, _| number);
+                let magnitudes = dense(rows, |_, magnitude| magnitude);
                 let [basis_sizes, inverse_sizes] = [basis, inverse].map(|of| map(of, f64::abs));
                 let mut off = product(inverse, basis);
                 off.iter_mut().enumerate().for_each(|(index, row)| row[index] -= 1.0);
@@ -96,8 +95,8 @@ impl<'a> Measured<'a> {
     }
 
     /// An upper bound of the norm of whatever has at most these magnitudes.
-    pub fn of_magnitudes(&self, magnitudes: &[f64]) -> f64 {
-        match self.norm {
+    pub(super) fn of_magnitudes(&self, magnitudes: &[f64]) -> f64 {
+        match &self.norm {
             Norm::Largest(weights) => {
                 let largest = magnitudes.iter().zip(weights).map(|(size, weight)| size / weight).fold(0.0, f64::max);
                 up(largest, 1)
@@ -115,10 +114,10 @@ impl<'a> Measured<'a> {
     }
 
     /// An upper bound of the sum of the norms of steps, if these are the sums of the magnitudes over the steps.
-    pub fn of_sums(&self, magnitudes: &[f64]) -> f64 {
+    pub(super) fn of_sums(&self, magnitudes: &[f64]) -> f64 {
         let mut alone = vec![0.0; magnitudes.len()];
         let mut total = 0.0;
-        match self.norm {
+        match &self.norm {
             Norm::Largest(weights) | Norm::Energy(weights) => {
                 total = magnitudes.iter().zip(weights).map(|(size, weight)| size / weight).sum();
             }
@@ -134,14 +133,14 @@ impl<'a> Measured<'a> {
     }
 
     /// `1 + g + g^2 + ..` over so many steps, without end if there is no number of steps.
-    pub fn sum_of_growth(&self, steps: Option<u64>) -> f64 {
+    pub(super) fn sum_of_growth(&self, steps: Option<u64>) -> f64 {
         let endless = if self.growth < 1.0 { up(1.0 / (1.0 - self.growth), 4) } else { f64::INFINITY };
         let over = steps.map_or(f64::INFINITY, |steps| up(steps as f64 * self.power(steps), 2));
         endless.min(over)
     }
 
     /// The most by which so many steps multiply the norm, at least one.
-    pub fn power(&self, steps: u64) -> f64 {
+    pub(super) fn power(&self, steps: u64) -> f64 {
         if self.growth <= 1.0 {
             return 1.0;
         }
@@ -163,8 +162,8 @@ fn two_norm(matrix: &Sparse) -> f64 {
     up(libm::sqrt(largest_sum(matrix) * largest_sum(&columns)), 4)
 }
 
-fn dense(rows: &[super::system::Row], of: impl Fn(f64, f64) -> f64) -> Vec<Vec<f64>> {
-    let row = |row: &super::system::Row| {
+fn dense(rows: &[Row], of: impl Fn(f64, f64) -> f64) -> Vec<Vec<f64>> {
+    let row = |row: &Row| {
         let mut numbers = vec![0.0; rows.len()];
         row.iter().for_each(|(state, number, magnitude)| numbers[*state as usize] = of(*number, *magnitude));
         numbers

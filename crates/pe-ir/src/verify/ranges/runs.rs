@@ -41,17 +41,15 @@ impl Responses {
             last: vec![0.0; system.states.len()],
             cut: 0.0,
         };
-        // The first lane of the first run has the initial states; those of others are at rest.
+        // One lane of the first run has the initial states; those of others are at rest.
         let mut inputs: &[u32] = &system.inputs;
         let mut first = true;
         while first || !inputs.is_empty() {
             let (these, others) = inputs.split_at(inputs.len().min(if first { LANES - 1 } else { LANES }));
-            let run = if these.is_empty() {
-                Run::<1>::new(system, these, first).over(measured, steps)
-            } else if these.len() == 1 && first {
-                Run::<2>::new(system, these, first).over(measured, steps)
-            } else {
-                Run::<LANES>::new(system, these, first).over(measured, steps)
+            let run = match these.len() + usize::from(first) {
+                1 => Run::<1>::new(system, these, first).over(measured, steps),
+                2 => Run::<2>::new(system, these, first).over(measured, steps),
+                _ => Run::<LANES>::new(system, these, first).over(measured, steps),
             };
             all.steps = all.steps.min(run.steps);
             all.cut += run.cut;
@@ -70,8 +68,8 @@ struct Run<'a, const L: usize> {
     system: &'a System,
     /// Numbers of all values.
     numbers: Vec<[f64; L]>,
-    /// Sums of magnitudes of all values.
-    sums: Vec<[f64; L]>,
+    /// Sums of magnitudes of all values, over steps and inputs.
+    sums: Vec<f64>,
     peaks: Vec<f64>,
     inputs: &'a [u32],
     first: bool,
@@ -91,7 +89,7 @@ impl<'a, const L: usize> Run<'a, L> {
         for (lane, input) in inputs.iter().enumerate() {
             numbers[*input as usize][lane] = system.input;
         }
-        let sums = vec![[0.0; L]; system.values];
+        let sums = vec![0.0; system.values];
         let peaks = numbers.iter().map(|lanes| lanes[L - 1].abs()).collect();
         Run { system, numbers, sums, peaks, inputs, first }
     }
@@ -102,7 +100,11 @@ impl<'a, const L: usize> Run<'a, L> {
         let reach = measured.reach.iter().fold(0.0, |most: f64, reach| most.max(*reach));
         while done < steps {
             let looks = (done + 1) % STRIDE == 0 || done + 1 == steps;
-            self.step(done == 0);
+            // The widest vectors that this processor has: they round like single numbers, so nothing depends on it.
+            pulp::Arch::new().dispatch(Stepping(&mut self));
+            if done == 0 {
+                self.rest();
+            }
             done += 1;
             self.finish(&mut changes, looks);
             if looks && done < steps {
@@ -112,8 +114,7 @@ impl<'a, const L: usize> Run<'a, L> {
                 }
             }
         }
-        let summed = |lanes: &[f64; L]| lanes.iter().sum::<f64>();
-        let mut sums: Vec<f64> = self.sums.iter().map(summed).collect();
+        let mut sums = self.sums;
         for input in &self.system.inputs {
             sums[*input as usize] = 0.0;
         }
@@ -125,11 +126,13 @@ impl<'a, const L: usize> Run<'a, L> {
             sums[*start as usize] = sums[*end as usize];
             self.peaks[*start as usize] = self.peaks[*start as usize].max(self.peaks[*end as usize]);
         }
-        Responses { peaks: self.peaks, sums, steps: done, last: changes, cut: CUT * (done * L as u64) as f64 }
+        let cut = CUT * (done * L as u64) as f64;
+        Responses { peaks: self.peaks, sums, steps: done, last: changes, cut }
     }
 
-    /// One step; the inputs are at rest from the second one on.
-    fn step(&mut self, impulse: bool) {
+    /// One step.
+    #[inline(always)]
+    fn step(&mut self) {
         let system = self.system;
         for sum in &system.sums {
             let mut total = [0.0; L];
@@ -145,27 +148,23 @@ impl<'a, const L: usize> Run<'a, L> {
                     word = self.numbers[store.base as usize];
                 }
                 let target = store.target as usize;
-                let sums = &mut self.sums[target];
-                let mut reached = 0.0;
                 for lane in 0..L {
                     word[lane] += store.scale * total[lane];
-                    sums[lane] += word[lane].abs();
-                    reached += sums[lane];
                 }
-                if self.first {
-                    // The response to the initial states counts where it is, not in a sum.
-                    let free = word[L - 1].abs();
-                    reached += free - sums[L - 1];
-                    sums[L - 1] = 0.0;
-                }
-                self.peaks[target] = self.peaks[target].max(reached);
+                let driven = if self.first { L - 1 } else { L };
+                // The response to the initial states counts where it is, not in a sum.
+                let free = if self.first { word[L - 1].abs() } else { 0.0 };
+                self.sums[target] += word[..driven].iter().map(|number| number.abs()).sum::<f64>();
+                self.peaks[target] = self.peaks[target].max(self.sums[target] + free);
                 self.numbers[target] = word;
             }
         }
-        if impulse {
-            for (lane, input) in self.inputs.iter().enumerate() {
-                self.numbers[*input as usize][lane] = 0.0;
-            }
+    }
+
+    /// The impulses are over.
+    fn rest(&mut self) {
+        for (lane, input) in self.inputs.iter().enumerate() {
+            self.numbers[*input as usize][lane] = 0.0;
         }
     }
 
@@ -186,5 +185,17 @@ impl<'a, const L: usize> Run<'a, L> {
             }
             self.numbers[*start as usize] = next;
         }
+    }
+}
+
+/// [`Run::step`] as something to dispatch.
+struct Stepping<'r, 'a, const L: usize>(&'r mut Run<'a, L>);
+
+impl<const L: usize> pulp::NullaryFnOnce for Stepping<'_, '_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.0.step();
     }
 }

@@ -148,6 +148,38 @@ impl System {
         errors
     }
 
+    /// For each value whether it comes from no write of a value for which `leaves` is true, in this step or an earlier one.
+    pub fn untouched(&self, leaves: impl Fn(ValueId) -> bool) -> Vec<bool> {
+        let mut stays = vec![true; self.values];
+        for store in &self.stores {
+            stays[store.target as usize] &= !leaves(ValueId(store.target));
+        }
+        // Values that leave their words touch what reads them, and not themselves.
+        let mut untouched = vec![true; self.values];
+        loop {
+            let mut settled = true;
+            let mut set = |untouched: &mut Vec<bool>, value: u32, now: bool| {
+                settled &= now == untouched[value as usize];
+                untouched[value as usize] = now;
+            };
+            for sum in &self.sums {
+                let passes = |untouched: &[bool], value: u32| untouched[value as usize] && stays[value as usize];
+                let terms = self.terms[sum.terms.clone()].iter().all(|(operand, _)| passes(&untouched, *operand));
+                for store in &self.stores[sum.stores.clone()] {
+                    let now = terms && (store.base == NONE || passes(&untouched, store.base));
+                    set(&mut untouched, store.target, now);
+                }
+            }
+            for (start, end) in &self.states {
+                let now = untouched[*end as usize] && stays[*end as usize];
+                set(&mut untouched, *start, now);
+            }
+            if settled {
+                return untouched;
+            }
+        }
+    }
+
     /// What the errors of a step are for the states at its end.
     pub fn at_end(&self, of_values: &[f64]) -> Vec<f64> {
         self.states.iter().map(|(_, end)| of_values[*end as usize]).collect()
