@@ -268,6 +268,8 @@ pub struct StepGraph {
     pub outputs: Vec<ValueId>,
     /// Functions of one variable.
     pub functions: Functions,
+    /// The pivot of least magnitude among those that are numbers, of implicit methods: its state and the magnitude.
+    pub constant_pivot: Option<(u32, f64)>,
     /// Names: states, inputs, algebraic variables, outputs. States that the method keeps from step to step, such as
     /// slopes, come after those of the model.
     pub names: Names,
@@ -329,6 +331,7 @@ impl StepGraph {
             inputs: self.inputs.clone(),
             outputs: self.outputs.clone(),
             functions: self.functions.clone(),
+            constant_pivot: self.constant_pivot,
             names: self.names.clone(),
         }
     }

@@ -12,6 +12,8 @@ use pe_sim::double::DoubleRun;
 /// Smallest magnitude of a pivot that is accepted, beside the 1 of the identity.
 const SMALLEST: f64 = 1.0 / (1u64 << 20) as f64;
 
+const HELP: &str = "try half of the `--step`; where the model grows, its rate times the step must stay below 1";
+
 /// The smallest magnitude that the pivot of a state had.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SmallestPivot {
@@ -21,7 +23,8 @@ pub struct SmallestPivot {
     pub magnitude: f64,
 }
 
-/// The smallest pivot of a run of at most so many steps, its state and its time in seconds; none if no pivot varies.
+/// The smallest pivot of a run of at most so many steps, its state and its time in seconds, those that are numbers among
+/// them; none if there is no pivot.
 pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(SmallestPivot, f64)> {
     let pivots: Vec<(u32, ValueId)> = (0..graph.values.len() as u32)
         .filter_map(|index| match graph.value(ValueId(index)).role {
@@ -30,7 +33,7 @@ pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(Smalles
         })
         .collect();
     let mut run = DoubleRun::new(graph);
-    let mut smallest: Option<(u32, f64, f64)> = None;
+    let mut smallest: Option<(u32, f64, f64)> = graph.constant_pivot.map(|(state, magnitude)| (state, magnitude, 0.0));
     for step in 0..if pivots.is_empty() { 0 } else { model.steps().min(steps) } {
         let time = model.time(step, 0.0);
         let finite = run.step(&model.sample_inputs(time)).is_ok();
@@ -48,11 +51,19 @@ pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(Smalles
     Some((SmallestPivot { state: graph.names.states[state as usize].clone(), magnitude }, time))
 }
 
-/// The smallest pivot, from the largest magnitude of each value of the graph; none if no pivot varies.
+/// The smallest pivot that varies, from the largest magnitude of each value of the graph; none if there is none.
 ///
 /// # Errors
-/// `E0905` if it is below 2^-20.
+/// `E0905` if it, or one that is a number, is below 2^-20.
 pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Option<SmallestPivot>, Vec<Diagnostic>> {
+    if let Some((state, magnitude)) = graph.constant_pivot.filter(|(_, magnitude)| *magnitude < SMALLEST) {
+        let state = &model.states[state as usize];
+        let message = format!(
+            "the pivot of `{}` is {magnitude:.1e} in every step: the matrix of the step is nearly singular",
+            state.name
+        );
+        return Err(vec![Diagnostic::error(codes::SMALL_PIVOT, state.span, message).with_help(HELP)]);
+    }
     let reciprocals = graph.values.iter().zip(largest).filter_map(|(value, largest)| match value.role {
         Role::Pivot(state, _) => Some((state, value.equation, 1.0 / largest)),
         _ => None,
@@ -67,7 +78,5 @@ pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Opt
         "the pivot of `{state}` falls to {magnitude:.1e} at t = {time:.6e} s: the matrix of the step is nearly singular"
     );
     let finding = Diagnostic::error(codes::SMALL_PIVOT, graph.equations[equation as usize].span, message);
-    Err(vec![
-        finding.with_help("try half of the `--step`; where the model grows, its rate times the step must stay below 1"),
-    ])
+    Err(vec![finding.with_help(HELP)])
 }

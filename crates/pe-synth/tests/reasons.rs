@@ -75,7 +75,7 @@ fn refusals_and_warnings_name_what_is_the_matter() {
     let at_rest = "state y = 1\ny' = -1000*(y - 1)\noutput y\n";
     let nearly = "state y = 0.3\ny' = -1000*(y - 0.3)\noutput y\n";
     let growing = "state x = 0.1\nx' = 0.5*x^2\noutput x\n";
-    let cases: [Named; 19] = [
+    let cases: [Named; 20] = [
         (
             "solver rk4\nstep 1 ms\nspan 1 s",
             "state t = 0\nt' = 1\nstate y = 0\ny' = 1/(t - 0.3)\noutput y\n",
@@ -154,6 +154,13 @@ fn refusals_and_warnings_name_what_is_the_matter() {
         ),
         ("solver rk4\nstep 3 ms\nspan 3 s", nearly, 1, &["E0903", "unstable", "`y`"], &["E0907", "E0902", "chaotic"]),
         ("solver implicit_euler\nstep 1 s\nspan 18 s", growing, 1, &["E0905", "`x`", "t = "], &["E0904"]),
+        (
+            "solver implicit_euler\nstep 9.99 ms\nspan 99.9 ms",
+            "state x = 1\nx' = 100*x\noutput x\n",
+            1,
+            &["E0905", "`x`", "in every step"],
+            &["E0903", "E0904"],
+        ),
         ("solver implicit_euler\nstep 1 s\nspan 30 s", growing, 1, &["E0906", "`x`", "t = 2.0"], &["E0904", "chaotic"]),
     ];
     let mut failures = Vec::new();

@@ -214,6 +214,7 @@ mod tests {
             inputs: Vec::new(),
             outputs: Vec::new(),
             functions: pe_ir::functions::Functions::default(),
+            constant_pivot: None,
             names: Names::default(),
         }
     }

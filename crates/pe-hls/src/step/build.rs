@@ -312,6 +312,7 @@ impl Builder {
             inputs: Vec::new(),
             outputs: Vec::new(),
             functions: Functions::default(),
+            constant_pivot: None,
             names: Names::of(model),
         };
         for (index, state) in model.states.iter().enumerate() {

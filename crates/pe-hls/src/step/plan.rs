@@ -53,6 +53,8 @@ pub struct Plan<'m> {
     pub memories: Vec<Memory>,
     /// For each state and memory its value at the end of the step.
     pub ends: Vec<Option<Variable>>,
+    /// The pivot of least magnitude among those that are numbers: its state and the magnitude.
+    pub constant_pivot: Option<(u32, f64)>,
 }
 
 /// States at some point of a step, and the algebraic variables there.
@@ -89,7 +91,7 @@ impl<'m> Plan<'m> {
     /// A plan without equations.
     pub fn new(model: &'m Model) -> Plan<'m> {
         let ends = vec![None; model.states.len()];
-        Plan { model, equations: Vec::new(), auxiliaries: Vec::new(), memories: Vec::new(), ends }
+        Plan { model, equations: Vec::new(), auxiliaries: Vec::new(), memories: Vec::new(), ends, constant_pivot: None }
     }
 
     /// The start of the step.
@@ -162,6 +164,13 @@ impl<'m> Plan<'m> {
         let role = self.auxiliary_role(name);
         let sum = Expr::Constant(0.0);
         self.add(Planned { role, owner: Some(owner), base: None, sum, same_sum: Some(number), keep: true })
+    }
+
+    /// Takes note of a pivot that is a number.
+    pub fn note_pivot(&mut self, state: u32, number: f64) {
+        if self.constant_pivot.is_none_or(|(_, least)| number.abs() < least) {
+            self.constant_pivot = Some((state, number.abs()));
+        }
     }
 
     /// The reciprocal of a pivot in the row of a state of a matrix.

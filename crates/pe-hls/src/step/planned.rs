@@ -76,6 +76,7 @@ pub(super) fn chains(plan: &Plan) -> Result<(Builder, HashMap<u32, ValueId>), Ve
     let mut builder = Builder::new(model, cost);
     memories(&mut builder, plan);
     builder.graph.names.auxiliaries = plan.auxiliaries.clone();
+    builder.graph.constant_pivot = plan.constant_pivot;
     let states: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
     let mut operands = Operands { states: &states, algebraics: HashMap::new() };
     let mut riders: Vec<Option<usize>> = vec![None; plan.equations.len()];

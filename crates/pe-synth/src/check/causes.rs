@@ -81,9 +81,13 @@ pub(super) fn near_singular(model: &Model, graph: &StepGraph, refusal: &Diagnost
         return None;
     }
     let index = model.states.iter().position(|own| own.name == state)?;
+    let place = match graph.constant_pivot {
+        Some((_, constant)) if constant <= magnitude => format!("is {magnitude:.1e} in every step"),
+        _ => format!("falls to {magnitude:.1e} at t = {time:.6e} s"),
+    };
     let message = format!(
-        "the pivot of `{state}` falls to {magnitude:.1e} at t = {time:.6e} s: the matrix of the step is nearly singular there, \
-         and the result is wrong by more than half"
+        "the pivot of `{state}` {place}: the matrix of the step is nearly singular there, and the result is wrong by more \
+         than half"
     );
     let help = "where the model grows, its rate times the step must stay well below 1: try half of the `--step`";
     Some(Diagnostic::error(codes::SMALL_PIVOT, model.states[index].span, message).with_help(help))

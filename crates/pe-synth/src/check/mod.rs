@@ -31,7 +31,7 @@ use crate::runs::{self, Judged};
 use self::observed::{Chaos, DeadBand, StepGrowth};
 use self::prediction::Prediction;
 use self::rest::Rest;
-use self::trials::{Found, Trials};
+use self::trials::{Accuracy, Found, Trials};
 use self::trusted::Trusted;
 
 pub use self::show::{json, report, summary, text};
@@ -110,7 +110,7 @@ pub struct Check {
     /// The end of the stable steps by trial.
     found: Option<Found>,
     /// Step for the accuracy asked for, and its method error.
-    accuracy: Option<(f64, f64)>,
+    accuracy: Option<Accuracy>,
     /// How many times the stable step accuracy would allow.
     stiffness_ratio: Option<f64>,
     /// Growth of one step, with exact and rounded coefficients.
@@ -136,15 +136,15 @@ impl Check {
         let trusted = Trusted::of(model, Some((question.graph, judged)));
         let trials = Trials::new(model, &trusted);
         let mut check = Check::explain(question, &trusted, &trials);
-        check.accuracy = question
-            .goal
-            .and_then(|goal| trials.accuracy_step(judged.errors.method, goal, check.found.map(|found| found.stable)));
+        let stable = check.found.map(|found| found.stable);
+        check.accuracy =
+            question.goal.and_then(|goal| trials.accuracy_step(question.graph, judged.errors.method, goal, stable));
         check.stiffness_ratio = check.ratio(model, question.goal);
         check.growth = observed::step_growth(model, question.graph, &judged.fixed, &trusted);
         check.pivot = judged.smallest_pivot.clone();
         check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
         check.rest = rest::rest(model, question.graph, judged);
-        if question.goal.is_some() {
+        if question.goal.is_some() && observed::may_be_sensitive(question.graph, judged, &trusted) {
             check.chaos = observed::sensitivity(model, question.graph, &trusted)
                 .and_then(|found| observed::chaos(question.graph, Some(&judged.fixed), &trusted, found));
         }
@@ -206,7 +206,8 @@ impl Check {
             Some(found) => found.stable,
             None => predicted?,
         };
-        Some(stiffness::ratio(stable, self.accuracy?, goal?, model.solver))
+        let Accuracy { step, error, .. } = self.accuracy?;
+        Some(stiffness::ratio(stable, (step, error), goal?, model.solver))
     }
 
     fn explain(question: &Question, trusted: &Trusted, trials: &Trials) -> Check {

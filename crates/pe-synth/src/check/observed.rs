@@ -9,7 +9,7 @@ use pe_sim::linear::{Linearised, is_affine};
 use pe_sim::spectrum::{eigenvalues, outer_eigenvalues};
 
 use super::trusted::Trusted;
-use crate::runs::{APART, Sensitivity};
+use crate::runs::{APART, Judged, SENSITIVE, Sensitivity};
 
 /// Points at which increments are looked at, fewer in models of very many states, but some.
 const POINTS: usize = 150;
@@ -26,6 +26,9 @@ const COLUMNS: usize = 120;
 
 /// A pole as close as this to the unit circle is on it, as that of an integrator is.
 const INTEGRATOR: f64 = 1e-9;
+
+/// Part of the growth of a sensitive model that rounding errors show in any case, which are no single difference.
+const MULTIPLIED: f64 = 0.1;
 
 /// Vectors of Arnoldi's method for larger ones.
 const VECTORS: usize = 40;
@@ -205,6 +208,17 @@ pub struct Chaos {
     pub rate: f64,
     /// Time at which a difference of one LSB has grown to a tenth of a state, in seconds.
     pub divergence: f64,
+}
+
+/// Whether a model may multiply differences as chaotic ones do. The run in fixed point is one that is disturbed: rounding
+/// moves each state by about an LSB in every step. If it stays near the one in double precision, nothing is multiplied.
+pub fn may_be_sensitive(graph: &StepGraph, judged: &Judged, trusted: &Trusted) -> bool {
+    let scales = scales(trusted);
+    let lsb = |(index, scale): (usize, &f64)| {
+        libm::scalbn(1.0, judged.fixed.exponents[graph.states[index].0.index()]) / scale
+    };
+    let coarsest = scales.iter().enumerate().map(lsb).fold(0.0, f64::max);
+    judged.errors.word_length >= MULTIPLIED * SENSITIVE * coarsest
 }
 
 /// How a model multiplies differences; none if it is affine, or that would take too long to find out.

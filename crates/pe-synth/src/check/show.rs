@@ -8,6 +8,7 @@ use super::findings::{eigenvalue, factor};
 use super::remedies::SAFE;
 use super::rest::{Rest, Ringing};
 use super::stiffness::STIFF;
+use super::trials::Accuracy;
 use super::{Check, TRIED_STATES};
 use crate::render;
 use crate::runs::Judged;
@@ -74,9 +75,10 @@ pub fn report(model: &Model, check: &Check) -> Value {
         }).collect::<Vec<_>>(),
         "chaos": check.chaos.map(|chaos| json!({"rate": few(chaos.rate), "divergence_s": few(chaos.divergence)})),
     });
-    if let Some((step, error)) = check.accuracy {
+    if let Some(Accuracy { step, error, tried }) = check.accuracy {
         value["accuracy_step_s"] = few(step);
         value["accuracy_error"] = few(error);
+        value["accuracy_tried"] = json!(tried);
         value["stiffness_ratio"] = check.stiffness_ratio.map_or(Value::Null, few);
     }
     if prediction.limit.is_none() {
@@ -181,8 +183,9 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
         }
         None => row("found by trial", not_found(model).to_owned()),
     }
-    if let Some((step, error)) = check.accuracy {
-        row("accuracy step", format!("{step:.3e} s has a method error of {error:.1e}"));
+    if let Some(Accuracy { step, error, tried }) = check.accuracy {
+        let how = if tried { "" } else { ", by the order of the method" };
+        row("accuracy step", format!("{step:.3e} s has a method error of {error:.1e}{how}"));
     }
     let ratio = check.stiffness_ratio;
     let stiff = match ratio {

@@ -1,13 +1,12 @@
 //! Cheap runs in double precision with other steps and methods.
 
-use indicatif::ProgressBar;
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_sim::double::DoubleRun;
 
 use super::trusted::Trusted;
-use crate::runs::Exact;
+use crate::runs::method_error;
 
 /// Products that a trial may take; what takes more runs over the first part of the span only. A step costs as much as
 /// some products more.
@@ -27,8 +26,14 @@ const CLOSE: f64 = 1.02;
 /// Trials in search of a limit to either side.
 const STRIDES: usize = 14;
 
-/// Trials in search of the step for an accuracy.
+/// Trials in search of the step for an accuracy, and the products that they may take: so many, and this part of those of
+/// the span with the model's own step. What takes more is left to the order of the method.
 const ACCURACY_TRIALS: usize = 6;
+const ACCURACY_PRODUCTS: f64 = 1e7;
+const ACCURACY_PART: f64 = 0.02;
+
+/// Steps that a method error takes for each step: the step itself, and halves of it.
+const METHOD_STEPS: f64 = 3.0;
 
 /// How a trial ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +57,17 @@ pub struct Found {
     pub span: f64,
 }
 
+/// A step for an accuracy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accuracy {
+    /// The step in seconds.
+    pub step: f64,
+    /// Its method error.
+    pub error: f64,
+    /// Whether it was tried; else the order of the method says so.
+    pub tried: bool,
+}
+
 /// Steps of a trial.
 pub fn affordable(graph: &StepGraph) -> u64 {
     PRODUCTS / (graph.macs() + PRODUCTS_PER_STEP)
@@ -63,6 +79,8 @@ pub struct Trials<'a> {
     /// Where states may be.
     low: Vec<f64>,
     high: Vec<f64>,
+    /// Magnitudes to which errors of states are relative.
+    scales: Vec<f64>,
     /// Time up to which the solution is known.
     end: f64,
 }
@@ -98,7 +116,9 @@ impl<'a> Trials<'a> {
             let width = if width > 0.0 { width } else { f64::INFINITY };
             (*low, *high) = (*low - width, *high + width);
         }
-        Trials { model, low, high, end: trusted.times[trusted.count() - 1] }
+        let of: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
+        let scales = model.own_scales(trusted.states.scales(&of));
+        Trials { model, low, high, scales, end: trusted.times[trusted.count() - 1] }
     }
 
     /// The model with another method and step, and its step graph; none if the method does not suit it.
@@ -205,13 +225,12 @@ impl<'a> Trials<'a> {
         if model.steps() > affordable(&graph) || model.span < step {
             return None;
         }
-        let exact = Exact::run(&model, &graph, ProgressBar::hidden()).ok()?;
-        Some(exact.compare(&model, &graph).ok()?.method())
+        method_error(&model, &graph, &self.scales).ok()
     }
 
     /// The step at which the method error meets a goal, and the error there. `known` is the error of the model's step.
     /// None if that cannot be found by a few runs.
-    pub fn accuracy_step(&self, known: f64, goal: f64, limit: Option<f64>) -> Option<(f64, f64)> {
+    pub fn accuracy_step(&self, graph: &StepGraph, known: f64, goal: f64, limit: Option<f64>) -> Option<Accuracy> {
         let order = f64::from(self.model.solver.order());
         let next = |step: f64, error: f64| {
             let ratio = libm::pow(goal / error.max(1e-300), 1.0 / order);
@@ -221,31 +240,39 @@ impl<'a> Trials<'a> {
         if known <= 0.0 || !known.is_finite() {
             return None;
         }
-        let mut best = (known <= goal).then_some((self.model.step, known));
-        let mut tried = (self.model.step, known);
+        let all = self.model.steps() as f64 * (graph.macs() + PRODUCTS_PER_STEP) as f64;
+        let cost = |step: f64| METHOD_STEPS * all * self.model.step / step;
+        let mut left = ACCURACY_PRODUCTS + ACCURACY_PART * all;
+        let own = Accuracy { step: self.model.step, error: known, tried: true };
+        let mut best = (known <= goal).then_some(own);
+        let mut latest = own;
         for _ in 0..ACCURACY_TRIALS {
-            let step = next(tried.0, tried.1);
-            if best.is_some_and(|(best, _)| step <= 1.05 * best) {
+            let step = next(latest.step, latest.error);
+            if best.is_some_and(|best| step <= 1.05 * best.step) {
                 break;
+            }
+            left -= cost(step);
+            if left < 0.0 {
+                let error = latest.error * libm::pow(step / latest.step, order);
+                return Some(Accuracy { step, error, tried: false });
             }
             match self.method_error(self.model.solver, step) {
                 // Beyond the range in which the order means anything: half way back, in ratio.
                 None => {
-                    let (inside, _) = best?;
-                    let between = libm::sqrt(inside * step);
-                    tried = (self.model.suitable_step(between).unwrap_or(between), goal);
-                    if let Some(error) = self.method_error(self.model.solver, tried.0) {
-                        tried.1 = error;
-                        if error <= goal {
-                            best = Some(tried);
-                        }
+                    let between = libm::sqrt(best?.step * step);
+                    let between = self.model.suitable_step(between).unwrap_or(between);
+                    if left >= cost(between)
+                        && let Some(error) = self.method_error(self.model.solver, between)
+                        && error <= goal
+                    {
+                        best = Some(Accuracy { step: between, error, tried: true });
                     }
                     break;
                 }
                 Some(error) => {
-                    tried = (step, error);
-                    if error <= goal && best.is_none_or(|(best, _)| step > best) {
-                        best = Some(tried);
+                    latest = Accuracy { step, error, tried: true };
+                    if error <= goal && best.is_none_or(|best| step > best.step) {
+                        best = Some(latest);
                     }
                 }
             }

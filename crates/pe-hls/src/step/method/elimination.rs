@@ -73,7 +73,10 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
                 let reason = format!("the matrix of its step is singular at `{name}`");
                 return Err(unsuitable(model, &reason, "try another `--step`"));
             }
-            Expr::Constant(number) => Expr::Constant(1.0 / number),
+            Expr::Constant(number) => {
+                plan.note_pivot(state, number);
+                Expr::Constant(1.0 / number)
+            }
             expr => {
                 let divisor = plan.auxiliary(state, format!("{name}.divisor"), expr, true);
                 of(plan.pivot(state, matrix, Expr::Apply(Function::Reciprocal, Box::new(of(divisor)))))
