@@ -9,6 +9,7 @@
 //! for stiff models backward differentiation of up to fifth order, a multistep method (decision 0032).
 
 mod equations;
+mod features;
 mod states;
 mod stiff;
 
@@ -36,6 +37,10 @@ const ROUGH_TOLERANCE: f64 = 1e-6;
 /// method of eighth order needs fewer steps than the model's own wherever that one is stable and of use.
 const STEP_FLOOR: u64 = 100_000;
 const STEP_RATIO: u64 = 20;
+
+/// Steps of the model that a step of an explicit method may span where functions of time may be narrow. The widest gap
+/// between its stages is about a quarter of that.
+const LONGEST: f64 = 4.0;
 
 /// Times closer than this, relative to their magnitude, are the same time.
 const TIME_RESOLUTION: f64 = 1e-14;
@@ -181,10 +186,11 @@ fn integrate<M: Driven>(
     States::expect(model.states.len());
     let equations = &Equations::new(model);
     let scales = Scales::growing(model, equations);
-    let mut rough = Integration { model, equations, tolerance: ROUGH_TOLERANCE, scales, steps };
+    let longest = if features::of_time(model) { LONGEST * model.step } else { f64::INFINITY };
+    let mut rough = Integration { model, equations, tolerance: ROUGH_TOLERANCE, scales, steps, longest };
     rough.run::<M>(times, progress)?;
     let scales = rough.scales.into_known();
-    Integration { model, equations, tolerance, scales, steps }.run::<M>(times, progress)
+    Integration { model, equations, tolerance, scales, steps, longest }.run::<M>(times, progress)
 }
 
 /// The methods with their types.
@@ -201,6 +207,10 @@ trait Driven: OrdinaryNumericalMethod<f64, States> + Sized {
     /// Goes on with a step that was proposed before another one was cut short, which says nothing about the next.
     fn resume(&mut self, proposed: f64) {
         self.set_h(self.h().max(proposed));
+    }
+    /// Takes a shorter step than the method would.
+    fn shorten(&mut self, longest: f64) {
+        self.set_h(longest);
     }
 }
 
@@ -235,6 +245,8 @@ impl Driven for Bdf {
 
     // Its past steps are scaled with the step: it must grow again by itself.
     fn resume(&mut self, _: f64) {}
+
+    fn shorten(&mut self, _: f64) {}
 }
 
 /// Magnitudes of the states, which absolute errors are measured by.
@@ -299,6 +311,8 @@ struct Integration<'a> {
     scales: Scales,
     /// Steps that may still be tried.
     steps: u64,
+    /// The longest step in seconds.
+    longest: f64,
 }
 
 impl Integration<'_> {
@@ -351,6 +365,9 @@ impl Integration<'_> {
         while after(target, method.t()) {
             let time = method.t();
             let fail = |obstacle| Err(ReferenceError { time, obstacle });
+            if method.h() > self.longest {
+                method.shorten(self.longest);
+            }
             let (proposed, remaining) = (method.h(), target - time);
             // Nearly there is there: the step after would be of the order of rounding.
             let last = 1.01 * proposed >= remaining;
