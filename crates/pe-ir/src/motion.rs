@@ -154,6 +154,24 @@ impl Model {
 
     /// The model with an input, held over the step, for each signal that it plays, and with its own inputs held.
     pub fn with_signals_as_inputs(&self) -> Model {
+        let mut model = self.with_as_inputs(true);
+        model.signals.clear();
+        model.inputs.iter_mut().for_each(|input| input.between = Interpolation::Hold);
+        model
+    }
+
+    /// The model with inputs behind its own for all signals that it plays, in place of those that jump; itself if none does.
+    pub fn with_jumps_as_inputs(&self) -> Model {
+        let jumps = self.states.iter().any(|state| matches!(state.motion, Some(Motion::Held(_))));
+        if jumps { self.with_as_inputs(false) } else { self.clone() }
+    }
+
+    fn with_as_inputs(&self, lines: bool) -> Model {
+        let source_of = |motion: Option<Motion>| match motion {
+            Some(Motion::Held(source)) => Some(source),
+            Some(Motion::Line(source)) if lines => Some(source),
+            _ => None,
+        };
         let inputs = self.inputs.len() as u32;
         let mut model = self.clone();
         for (index, signal) in self.signals.iter().enumerate() {
@@ -171,24 +189,21 @@ impl Model {
                 span: signal.span,
             });
         }
-        model.signals.clear();
         let read = |variable: Variable| match variable {
-            Variable::State(state) => match self.states[state as usize].motion {
-                Some(Motion::Held(source) | Motion::Line(source)) => Variable::Input(match source {
-                    Source::Input(input) => input,
-                    Source::Signal(signal) => inputs + signal,
-                }),
-                _ => variable,
+            Variable::State(state) => match source_of(self.states[state as usize].motion) {
+                Some(Source::Input(input)) => Variable::Input(input),
+                Some(Source::Signal(signal)) => Variable::Input(inputs + signal),
+                None => variable,
             },
             _ => variable,
         };
-        model.inputs.iter_mut().for_each(|input| input.between = Interpolation::Hold);
         for state in &mut model.states {
-            state.derivative = match state.motion.is_some_and(|motion| motion.source().is_some()) {
-                true => Expr::Constant(0.0),
-                false => state.derivative.renamed(&read),
+            let rests = match lines {
+                true => state.motion.is_some_and(|motion| motion.source().is_some()),
+                false => source_of(state.motion).is_some(),
             };
-            state.motion = state.motion.filter(|motion| motion.source().is_none());
+            state.derivative = if rests { Expr::Constant(0.0) } else { state.derivative.renamed(&read) };
+            state.motion = state.motion.filter(|_| !rests);
         }
         model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr = algebraic.expr.renamed(&read));
         model.outputs.iter_mut().for_each(|output| output.variable = read(output.variable));

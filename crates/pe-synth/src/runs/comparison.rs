@@ -232,6 +232,8 @@ struct Graphs {
     one_step: Option<StepGraph>,
     /// The model with its signals as inputs.
     model: Model,
+    /// The model of the runs with parts of the step.
+    divided: Model,
 }
 
 /// What runs are compared in.
@@ -254,17 +256,24 @@ impl Frame<'_> {
 impl Graphs {
     fn of(exact: &Frame, model: &Model) -> Result<Graphs, Vec<Diagnostic>> {
         let options = StepOptions { form: Some(exact.form), ..StepOptions::default() };
+        let covered = model.solver.covers_inputs();
+        // What steps do not see of jumps is no error of the method.
+        let apart = model.has_played() && !covered;
+        let jumping = Some(model.with_jumps_as_inputs()).filter(|_| apart);
+        // A step that is affine with them as inputs may lack the form: then the method error counts them, too.
+        let jumping = jumping.filter(|jumping| pe_hls::step::build_with(jumping, &options).is_ok());
+        let jumping = jumping.unwrap_or_else(|| model.clone());
         let divided =
-            |count: f64| pe_hls::step::build_with(&Model { step: model.step / count, ..model.clone() }, &options);
+            |count: f64| pe_hls::step::build_with(&Model { step: model.step / count, ..jumping.clone() }, &options);
         let functions = exact.tables.then(|| divided(1.0)).transpose()?;
         let signals = model.with_signals_as_inputs();
-        let covered = model.solver.covers_inputs();
         let jumps = covered && inputs::cause(&signals).is_some();
         let seen = model.has_played() && !covered && varying_inputs(model);
         let seen = seen.then(|| pe_hls::step::build_with(&signals, &StepOptions::default())).transpose()?;
         let one_step = Model { solver: Solver::Rk4, step: model.step / 2.0, ..signals.clone() };
         let one_step = jumps.then(|| pe_hls::step::build_with(&one_step, &StepOptions::default())).transpose()?;
-        Ok(Graphs { functions, half: divided(2.0)?, quarter: divided(4.0)?, seen, one_step, model: signals })
+        let (half, quarter) = (divided(2.0)?, divided(4.0)?);
+        Ok(Graphs { functions, half, quarter, seen, one_step, model: signals, divided: jumping })
     }
 }
 
@@ -299,7 +308,7 @@ impl<'a> Others<'a> {
         // Otherwise the method's own history of slopes would see inputs that move at every other of its steps.
         let covered = model.solver.covers_inputs();
         let sight = if covered { Sight::Sampled } else { Sight::Held };
-        let pass = |graph, count, sight| Pass::divided(plan, DoubleRun::new(graph), count, sight);
+        let pass = |graph, count, sight| Pass::of_model(&graphs.divided, DoubleRun::new(graph), count, sight);
         let bent = model.has_bends();
         if bent {
             plan.progress.inc_length(4 * plan.steps);

@@ -6,6 +6,7 @@ use indicatif::ProgressBar;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
+use pe_ir::motion::MIDDLE;
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::{Compared, Rows};
 use pe_sim::double::DoubleRun;
@@ -162,6 +163,13 @@ impl<'a> Pass<'a> {
                     Sight::Held => {
                         let mut seen = finer.hold_inputs(plan.model.time(step, 0.0), time);
                         plan.model.draw_lines(step, (substep + 1) as f64 / *substeps as f64, &mut seen);
+                        // Jumps are where the whole step sees them.
+                        let own = plan.model.inputs.len();
+                        if finer.inputs.len() > own {
+                            let middle = plan.model.time(step, MIDDLE);
+                            let signals = seen[own..].iter_mut().zip(&plan.model.signals);
+                            signals.for_each(|(number, signal)| *number = signal.waveform.at(middle));
+                        }
                         seen
                     }
                     Sight::Taken => inputs::taken(&plan.model, finer, continuous, step),
