@@ -213,9 +213,10 @@ pub struct Chaos {
 /// Whether a model may multiply differences as chaotic ones do. The run in fixed point is one that is disturbed: rounding
 /// moves each state by about an LSB in every step. If it stays near the one in double precision, nothing is multiplied.
 pub fn may_be_sensitive(graph: &StepGraph, judged: &Judged, trusted: &Trusted) -> bool {
-    let scales = scales(trusted);
+    let (scales, fixed) = (scales(trusted), &judged.fixed);
+    // The lowest bit that a data port sees: below it words are rounded whenever they are read.
     let lsb = |(index, scale): (usize, &f64)| {
-        libm::scalbn(1.0, judged.fixed.exponents[graph.states[index].0.index()]) / scale
+        libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()] + fixed.format.data_drop() as i32) / scale
     };
     let coarsest = scales.iter().enumerate().map(lsb).fold(0.0, f64::max);
     judged.errors.word_length >= MULTIPLIED * SENSITIVE * coarsest

@@ -185,7 +185,7 @@ impl Exact {
                 break;
             }
         }
-        others.map(|runs| runs.conclude(self))
+        others.map(|runs| runs.conclude(&frame))
     }
 
     fn frame(&self) -> Frame<'_> {
@@ -217,7 +217,7 @@ pub fn method_error(model: &Model, graph: &StepGraph, scales: &[f64]) -> Result<
         let rows = own.block(&plan, &block)?;
         others.block(&plan, &block, rows)?;
     }
-    Ok(others.conclude(model).method())
+    Ok(others.conclude(&frame).method())
 }
 
 /// Step graphs of the runs that the step is compared with.
@@ -381,7 +381,7 @@ impl<'a> Others<'a> {
         Ok(())
     }
 
-    fn conclude(self, exact: &Exact) -> Comparison {
+    fn conclude(self, exact: &Frame) -> Comparison {
         let model = &exact.plan.model;
         let left = 1.0 / f64::from(1u32 << model.solver.order());
         let (_, largest) = self.half.1.worst();
@@ -394,7 +394,7 @@ impl<'a> Others<'a> {
         });
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let within_steps = self.half.0.largest(&self.graphs.half);
-        let overshoot = self.magnitudes.overshoot(&quantities, &exact.scales, &within_steps);
+        let overshoot = self.magnitudes.overshoot(&quantities, exact.scales, &within_steps);
         // Of what the step does not see the run has no magnitude.
         let unseen_inputs = self.seeing.map(|(.., compared)| compared.in_scale(&quantities));
         Comparison {
