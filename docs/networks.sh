@@ -58,7 +58,7 @@ table() {
   sed '/^<!-- networks -->$/q' docs/silicon.md
   echo
   (table "$designs")
-  printf '\nDesigns that were not looked at before:\n\n'
+  printf '\nDesigns by which the model may be mended:\n\n'
   (table "$others")
   echo
   printf 'Options: %s.\n\n' "$(awk 'NF > 2 { name = $1; $1 = $2 = ""; sub(/^ */, ""); printf "%s%s `%s`", sep, name, $0; sep = ", " }' <<< "$designs$others")"

@@ -131,3 +131,68 @@ fn links_in_the_documents_lead_somewhere() {
         }
     }
 }
+
+/// Cells of a network of the page on silicon, estimated and measured: tables, multipliers, blocks.
+struct Row {
+    design: String,
+    lut: [f64; 2],
+    dsp: [f64; 2],
+    bram: [f64; 2],
+}
+
+/// The rows of a table of networks, with the family of each.
+fn networks(table: &str) -> Vec<(String, Row)> {
+    let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let rows = table.lines().filter(|line| line.starts_with('|')).map(cells).filter(|cells| cells.len() == 14);
+    let row = |cells: Vec<String>| {
+        let number = |at: usize| cells[at].parse::<f64>().ok();
+        let pair = |at: usize, to: usize| Some([number(at)?, number(to)?]);
+        let row = Row { design: cells[1].clone(), lut: pair(3, 4)?, dsp: pair(9, 10)?, bram: pair(11, 12)? };
+        let told: f64 = cells[5].trim_end_matches(" %").parse().ok()?;
+        let is = 100.0 * (row.lut[0] / row.lut[1] - 1.0);
+        assert!((told - is).abs() < 0.2, "{cells:?}: {is:.1} %");
+        Some((cells[2].clone(), row))
+    };
+    rows.filter_map(row).collect()
+}
+
+#[test]
+fn estimates_of_whole_networks_are_near_their_synthesis() {
+    let page = fs::read_to_string(root().join("docs/silicon.md")).unwrap();
+    let script = fs::read_to_string(root().join("docs/networks.sh")).unwrap();
+    let tables = page.split("<!-- networks -->").nth(1).and_then(|rest| rest.split("<!-- end of networks -->").next());
+    let (judged, others) = tables.and_then(|text| text.split_once("Designs by which")).expect("two tables");
+    for (table, list, most) in [(judged, "designs='", 0.2), (others, "others='", 0.25)] {
+        let listed = script.split(list).nth(1).and_then(|rest| rest.split('\'').next()).expect("a list");
+        let rows = networks(table);
+        for design in listed.lines().filter_map(|line| line.split(' ').next()).filter(|name| !name.is_empty()) {
+            for family in ["xc6v", "ecp5", "gowin"] {
+                let row = rows.iter().find(|(of, row)| of == family && row.design == design);
+                let (_, row) = row.unwrap_or_else(|| panic!("no row of {design} on {family}"));
+                let off = row.lut[0] / row.lut[1] - 1.0;
+                assert!(off.abs() <= most, "{design} on {family}: {:.1} % of the tables", 100.0 * off);
+                assert_eq!(row.dsp[0], row.dsp[1], "{design} on {family}: multipliers");
+                assert!((row.bram[0] - row.bram[1]).abs() <= 1.0, "{design} on {family}: block RAM");
+            }
+        }
+    }
+}
+
+#[test]
+fn networks_on_the_page_are_as_estimated_today() {
+    let page = fs::read_to_string(root().join("docs/silicon.md")).unwrap();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("tidy_networks");
+    let spec = root().join("models/lorenz/lorenz.spec");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    command.arg("compile").arg(spec).args(["--multiplier", "25x35", "-q", "--no-pictures", "-o"]).arg(&folder);
+    assert!(command.status().expect("pe-synth starts").success());
+    let report = fs::read_to_string(folder.join("report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    for family in report["area"]["families"].as_array().expect("families") {
+        let name = family["family"].as_str().expect("a name");
+        let rows = networks(&page);
+        let (_, row) = rows.iter().find(|(of, row)| of == name && row.design == "lorenz").expect("a row");
+        let lut = family["lut"].as_f64().expect("a number");
+        assert!((row.lut[0] - lut).abs() <= 1.0, "{name}: {lut}, the page says {}: run docs/networks.sh", row.lut[0]);
+    }
+}
