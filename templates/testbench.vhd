@@ -152,6 +152,15 @@ begin
 
         garbage(i) <= random(i mod 16) xor random(i / 16 mod 16);
 
+        -- The largest word, which is clamped where operands have fewer bits.
+        if ((and random(2 downto 0)) = '1') then
+          garbage(i) <= '1';
+
+          if (i mod STORAGE_BITS = STORAGE_BITS - 1) then
+            garbage(i) <= '0';
+          end if;
+        end if;
+
       end loop;
 
     end procedure next_control;

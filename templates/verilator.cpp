@@ -81,11 +81,14 @@ int main(int argc, char** argv) {
     const char digit = control.empty() ? '7' : control[clocks];
     const bool valid = digit & 4;
     garbage = garbage * 0x5851f42d4c957f2d + 0x14057b7ef767814f;
+    // Now and then the largest word, which is clamped where operands have fewer bits.
+    const uint64_t largest = ~uint64_t{0} >> (65 - kStorageBits);
+    const bool clamped = garbage >> 61 == 7;
     top->clk_i = 0;
     top->ce_i = digit & 1;
     top->step_i = digit >> 1 & 1;
 {%- for slice in inputs %}
-    top->{{ slice.port }} = (valid ? inputs[{{ slice.index }}] : garbage >> {{ slice.index % 16 }}) & (~uint64_t{0} >> (64 - kStorageBits));
+    top->{{ slice.port }} = (valid ? inputs[{{ slice.index }}] : clamped ? largest : garbage >> {{ slice.index % 16 }}) & (~uint64_t{0} >> (64 - kStorageBits));
 {%- endfor %}
     top->eval();
     ++clocks;

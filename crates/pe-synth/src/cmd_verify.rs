@@ -92,7 +92,10 @@ impl Verify {
         let findings = campaign.run(&self.folder)?;
         console::out(&match self.message_format {
             MessageFormat::Human => show::table(&findings),
-            MessageFormat::Json => format!("{}\n", show::as_json(&findings, self.seed)),
+            MessageFormat::Json => {
+                let design = crate::verify::folder::DesignFolder::open(&self.folder)?.design;
+                format!("{}\n", show::as_json(&findings, &design, self.seed))
+            }
         });
         match show::missed(&findings) {
             0 => Ok(()),

@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::datasheet::{Design, shifts};
-use super::library::REPLACEMENTS;
+use super::library::{REPLACEMENTS, RULED};
 use super::vhdl::{Association, Bits, Instance, Network, Package, line_of};
 
 /// A kind of damage.
@@ -250,6 +250,12 @@ impl Sources {
         }
         let offset = |text: &String| text.lines().find(|line| line.contains(OFFSET)).map(|line| line.trim().to_owned());
         design.offset = self.texts.get("hdl/pe_scale.vhd").and_then(offset).unwrap_or_default();
+        for (file, before, after, rule) in RULED {
+            let text = self.texts.get(&format!("hdl/{file}"));
+            if text.is_some_and(|text| text.contains(after) && !text.contains(before)) {
+                rule(&mut design.rules);
+            }
+        }
         Ok((package, network, design))
     }
 
@@ -370,7 +376,8 @@ fn library(sources: &Sources, design: &Design) -> Vec<Damage> {
         if let Some(at) = text.find(before) {
             let edit = Edit { range: at..at + before.len(), text: (*after).to_owned() };
             let damage = Damage::new(*class, &path, text, "hand-written VHDL".into(), vec![edit]);
-            let is_read = *class == Class::ImageIndex || damage.before.contains(OFFSET);
+            let ruled = RULED.iter().any(|(at, from, to, _)| [at, from, to] == [file, before, after]);
+            let is_read = ruled || *class == Class::ImageIndex || damage.before.contains(OFFSET);
             damages.push(Damage { is_read, ..damage });
         }
     }
@@ -378,7 +385,17 @@ fn library(sources: &Sources, design: &Design) -> Vec<Damage> {
 }
 
 /// How damages of the network file begin that the datasheet reads there: wiring of ports, and these generics.
-const READ: [&str; 8] = ["ports of", "a port of", "position", "CAPTURE_WORD", "STEPS", "DONE", "ONE_BIT", "BASE_LAST"];
+const READ: [&str; 9] = [
+    "ports of",
+    "a port of",
+    "sample_i of u_input",
+    "position",
+    "CAPTURE_WORD",
+    "STEPS",
+    "DONE",
+    "ONE_BIT",
+    "BASE_LAST",
+];
 
 /// Damages of the network file.
 struct NetworkDamages<'a> {
@@ -531,6 +548,8 @@ impl NetworkDamages<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::inject::datasheet::Rules;
+    use crate::inject::library::Replacement;
 
     #[test]
     fn every_text_of_the_library_that_is_damaged_stands_there_once() {
@@ -539,6 +558,19 @@ mod tests {
             let count = text.unwrap_or_else(|| panic!("no file {file}")).matches(before).count();
             assert_eq!(count, 1, "{}: `{before}` stands {count} times in {file}", class.name());
             assert_ne!(before, after, "{}: {file}", class.name());
+        }
+    }
+
+    #[test]
+    fn rules_are_those_of_damages_and_another_one_each() {
+        let mut rules = vec![Rules::default()];
+        for (file, before, after, rule) in RULED {
+            let listed = |damage: &Replacement| [damage.2, damage.3, damage.4] == [*file, *before, *after];
+            assert_eq!(REPLACEMENTS.iter().filter(|damage| listed(damage)).count(), 1, "{file}: `{before}`");
+            let mut other = Rules::default();
+            rule(&mut other);
+            assert!(!rules.contains(&other), "{file}: `{before}`");
+            rules.push(other);
         }
     }
 

@@ -148,8 +148,9 @@ impl Fields {
 pub enum Source {
     /// The link register of a PE.
     Link(usize),
-    /// An input or a tick, by what it is made of.
-    Input(String),
+    /// An input or a tick, by what it is made of, and whether it takes what is at its port in every word, and not just when a
+    /// step begins.
+    Input(String, bool),
 }
 
 /// Initial words of a memory.
@@ -174,6 +175,39 @@ pub struct Pe {
     pub outputs: Vec<(u32, String)>,
 }
 
+/// What the hand-written files make of the control words, as far as a damage of them is one of the words' meaning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rules {
+    /// Words by which the first pass ends before the pause word.
+    pub settled_early: u32,
+    /// Whether in the first pass own, base, coefficient, imported and index memories are not written.
+    pub waits: [bool; 5],
+    /// Whether words that are written to own, base, coefficient and index memory, or sent, set the sticky flag.
+    pub flagged: [bool; 5],
+    /// Whether sums of two operands do.
+    pub sums_flagged: bool,
+    /// Whether bases are written in the last round only, where a PE is told so.
+    pub last_round: bool,
+    /// Whether a base is added only in words that enable it.
+    pub bases_enabled: bool,
+    /// Whether a link takes its word with the clock that executes the control word, and not before.
+    pub links_wait: bool,
+}
+
+impl Default for Rules {
+    fn default() -> Rules {
+        Rules {
+            settled_early: 0,
+            waits: [true; 5],
+            flagged: [true; 5],
+            sums_flagged: true,
+            last_round: true,
+            bases_enabled: true,
+            links_wait: true,
+        }
+    }
+}
+
 /// A network with its programs.
 #[derive(Clone, Debug, Default)]
 pub struct Design {
@@ -193,6 +227,8 @@ pub struct Design {
     pub index_image: u128,
     /// What makes the base of words without one.
     pub offset: String,
+    /// What is done with all of that.
+    pub rules: Rules,
 }
 
 impl Design {
@@ -214,8 +250,10 @@ impl Design {
             widths,
             index_image: 0,
             offset: String::new(),
+            rules: Rules::default(),
         };
-        let inputs = inputs(network);
+        // A word that nobody takes would set the flag of an input that is clamped.
+        let inputs = inputs(network, design.deep || widths[1] < scalar("STORAGE_BITS")?);
         for instance in network.of("pe") {
             let index = design.pes.len();
             design.pes.push(design.pe(index, instance, package, network, &inputs)?);
@@ -235,7 +273,7 @@ impl Design {
         instance: &Instance,
         package: &Package,
         network: &Network,
-        inputs: &BTreeMap<String, String>,
+        inputs: &BTreeMap<String, (String, bool)>,
     ) -> Result<Pe, String> {
         let number = |name| value(instance, name);
         let optional = |name: &str| instance.generics.get(name).map_or(Ok(0), |_| value(instance, name));
@@ -341,18 +379,23 @@ pub fn shifts(instance: &Instance) -> Result<Vec<u32>, String> {
     list.ok_or_else(|| format!("{}: SHIFTS is `{text}`", instance.label))
 }
 
-/// What each operand of an input or a tick is made of, by its signal.
-fn inputs(network: &Network) -> BTreeMap<String, String> {
+/// What each operand of an input or a tick is made of, by its signal, and whether it is made in every word. That is told only
+/// of inputs that are not `late`: clamped, or with a second register.
+fn inputs(network: &Network, late: bool) -> BTreeMap<String, (String, bool)> {
     let of = |instance: &Instance| {
+        let sample = instance.ports.get("sample_i").map(|port| port.value.as_str());
+        let always = sample == Some("fetch") && instance.entity == "pe_input" && !late;
+        let told = always || sample == Some("sample");
         let all = instance.generics.iter().chain(&instance.ports);
-        let made: Vec<String> = all.filter(|(name, _)| !name.ends_with("_o")).map(|(_, v)| v.value.clone()).collect();
-        Some((instance.ports.get("operand_o")?.value.clone(), made.join(" ")))
+        let all = all.filter(|(name, _)| !name.ends_with("_o") && !(told && *name == "sample_i"));
+        let made: Vec<String> = all.map(|(_, v)| v.value.clone()).collect();
+        Some((instance.ports.get("operand_o")?.value.clone(), (made.join(" "), always)))
     };
     network.of("pe_input").chain(network.of("pe_tick")).filter_map(of).collect()
 }
 
-fn source(name: &str, inputs: &BTreeMap<String, String>) -> Result<Source, String> {
+fn source(name: &str, inputs: &BTreeMap<String, (String, bool)>) -> Result<Source, String> {
     let link = name.strip_prefix("link_").and_then(|pe| pe.parse().ok()).map(Source::Link);
-    let input = || inputs.get(name).map(|made| Source::Input(made.clone()));
+    let input = || inputs.get(name).map(|(made, always)| Source::Input(made.clone(), *always));
     link.or_else(input).ok_or_else(|| format!("a port of `{name}`"))
 }

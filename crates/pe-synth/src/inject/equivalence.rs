@@ -1,46 +1,15 @@
-//! Proof that a damaged network is the same logic: GHDL synthesises both, and yosys takes away what has no effect. If they
-//! are the same up to names then ([`bisimulation`]), that is the proof. If not, each module that differs is shown to be
-//! equivalent by yosys' solver, registers matched by the names of their signals.
-//!
-//! `equiv_simple` and `equiv_induct` suppose that matched signals agree at the beginning. So initial values of signals with
-//! the same name are compared before, in the netlists' text.
+//! Proof that a damaged network is the same logic: GHDL synthesises both, yosys flattens them and takes away what has no
+//! effect, and the rest is compared up to names and the form of logic ([`bisimulation`]).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
 use super::bisimulation;
 use crate::failure::Failure;
-
-/// Longest time for the proof of a module.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// How yosys prepares a module, and how it compares two.
-const SCRIPT: &str = "\
-read_verilog SIDE.v
-hierarchy -top MODULE
-proc
-flatten
-opt_clean
-memory_map
-opt -full
-rename MODULE SIDE
-design -stash SIDE
-";
-const COMPARISON: &str = "\
-design -copy-from gold -as gold gold
-design -copy-from gate -as gate gate
-equiv_make gold gate equiv
-hierarchy -top equiv
-equiv_struct
-equiv_simple -undef
-equiv_induct -undef
-equiv_status -assert
-";
 
 /// How yosys prepares the whole network for a comparison up to names.
 const FLAT: &str = "\
@@ -48,7 +17,7 @@ read_verilog network.v
 hierarchy -top TOP
 proc
 flatten
-opt
+opt -full -nodffe -nosdff
 memory_collect
 opt_clean -purge
 write_json flat.json
@@ -85,45 +54,12 @@ impl Netlist {
                 name = None;
             }
         }
-        Netlist { modules: modules.into_iter().map(|(name, text)| (name, renumbered(&text, "n"))).collect() }
-    }
-
-    /// The modules that are not the same text in another netlist.
-    fn differing<'a>(&'a self, other: &'a Netlist) -> Vec<&'a str> {
-        let names: BTreeSet<&String> = self.modules.keys().chain(other.modules.keys()).collect();
-        names
-            .into_iter()
-            .filter(|name| self.modules.get(*name) != other.modules.get(*name))
-            .map(String::as_str)
-            .collect()
-    }
-
-    /// Initial values of all signals below a module, by their paths.
-    fn initial(&self, module: &str, path: &str, values: &mut BTreeMap<String, String>) {
-        let Some(text) = self.modules.get(module) else { return };
-        values.extend(initial(text).into_iter().map(|(name, value)| (format!("{path}{name}"), value.to_owned())));
-        for line in text.lines() {
-            let mut words = line.split_ascii_whitespace();
-            if let (Some(child), Some(instance), Some("(")) = (words.next(), words.next(), words.next()) {
-                self.initial(child, &format!("{path}{instance}."), values);
-            }
-        }
-    }
-
-    /// A module with those below it, numbered wires called after the side, so that they are matched with none.
-    fn below(&self, module: &str, side: &str) -> String {
-        let (mut text, mut left, mut taken) = (String::new(), vec![module.to_owned()], BTreeSet::new());
-        while let Some(name) = left.pop() {
-            let Some(body) = self.modules.get(&name).filter(|_| taken.insert(name.clone())) else { continue };
-            text += &renumbered(body, side);
-            left.extend(self.modules.keys().filter(|other| body.contains(&format!("  {other} "))).cloned());
-        }
-        text
+        Netlist { modules: modules.into_iter().map(|(name, text)| (name, renumbered(&text))).collect() }
     }
 }
 
-/// Numbers the wires without names, `n12_o`, in the order in which they appear, and puts a word in front of them.
-fn renumbered(text: &str, word: &str) -> String {
+/// Numbers the wires without names, `n12_o`, in the order in which they appear.
+fn renumbered(text: &str) -> String {
     let (mut result, mut numbers) = (String::with_capacity(text.len()), BTreeMap::new());
     let mut token = String::new();
     let mut flush = |token: &mut String, result: &mut String| {
@@ -131,7 +67,7 @@ fn renumbered(text: &str, word: &str) -> String {
             Some((number, kind)) => {
                 let next = numbers.len();
                 let number = *numbers.entry((number.to_owned(), kind.to_owned())).or_insert(next);
-                result.push_str(&format!("{word}{number}_{kind}"));
+                result.push_str(&format!("n{number}_{kind}"));
             }
             None => result.push_str(token),
         }
@@ -157,17 +93,41 @@ fn wire(token: &str) -> Option<(&str, &str)> {
     digits.then_some((number, kind))
 }
 
-/// The initial values of named signals and memory words of a module: what stands behind `initial`.
-fn initial(text: &str) -> Vec<(&str, &str)> {
-    let lines: Vec<&str> = text.lines().map(str::trim).collect();
-    let signals = lines.windows(2).filter(|pair| pair[0] == "initial").filter_map(|pair| pair[1].split_once("<="));
-    // Contents of memories are assigned word by word.
-    let words = lines.iter().filter(|line| !line.starts_with("assign")).filter_map(|line| line.split_once(" = "));
-    let named = signals.filter(|(name, _)| wire(name.trim()).is_none());
-    named
-        .chain(words.filter(|(name, _)| name.ends_with(']')))
-        .map(|(name, value)| (name.trim(), value.trim()))
-        .collect()
+/// An undamaged network that damaged ones are compared with.
+pub struct Equivalence {
+    yosys: Yosys,
+    netlist: Netlist,
+    top: String,
+    /// Flattened, and without what has no effect.
+    flat: Option<Value>,
+}
+
+impl Equivalence {
+    /// Prepares the undamaged side.
+    ///
+    /// # Errors
+    /// [`Failure::File`] if a file cannot be written.
+    pub fn of(yosys: Yosys, netlist: Netlist, work: &Path) -> Result<Equivalence, Failure> {
+        let top = top(&netlist).unwrap_or_default().to_owned();
+        let flat = yosys.flat(&netlist, &top, work)?;
+        Ok(Equivalence { yosys, netlist, top, flat })
+    }
+
+    /// Whether a damaged netlist is equivalent; what was compared.
+    ///
+    /// # Errors
+    /// [`Failure::File`] if a file cannot be written, otherwise why there is no proof, in the inner result.
+    pub fn holds(&self, damaged: &Netlist, work: &Path) -> Result<Result<String, String>, Failure> {
+        let design = &self.netlist;
+        if design.modules == damaged.modules {
+            return Ok(Ok("the synthesised netlists are the same text".into()));
+        }
+        let same = match (&self.flat, &self.yosys.flat(damaged, &self.top, work)?) {
+            (Some(gold), Some(gate)) => bisimulation::same(gold, gate, &self.top),
+            _ => Err("yosys does not read the netlists".into()),
+        };
+        Ok(same.map(|()| "the flattened netlists are the same logic".into()))
+    }
 }
 
 /// The module that no other one instantiates.
@@ -201,43 +161,6 @@ impl Yosys {
         })
     }
 
-    /// Whether a damaged netlist is equivalent; which modules were compared.
-    ///
-    /// # Errors
-    /// [`Failure::File`] if a file cannot be written, otherwise why there is no proof, in the inner result.
-    pub fn equivalent(
-        &self,
-        design: &Netlist,
-        damaged: &Netlist,
-        work: &Path,
-    ) -> Result<Result<String, String>, Failure> {
-        let differing = design.differing(damaged);
-        if differing.is_empty() {
-            return Ok(Ok("the synthesised netlists are the same text".into()));
-        }
-        let top = top(design).unwrap_or_default();
-        let same = match (self.flat(design, top, work)?, self.flat(damaged, top, work)?) {
-            (Some(gold), Some(gate)) => bisimulation::same(&gold, &gate, top),
-            _ => Err("yosys does not read the netlists".into()),
-        };
-        let Err(mut reason) = same else { return Ok(Ok("the flattened netlists are the same logic".into())) };
-        for module in &differing {
-            if !design.modules.contains_key(*module) || !damaged.modules.contains_key(*module) {
-                return Ok(Err(format!("{reason}; `{module}` is in one netlist only")));
-            }
-            if *module == top {
-                return Ok(Err(reason));
-            }
-        }
-        for module in &differing {
-            if let Err(other) = self.proves(design, damaged, module, work)? {
-                reason = format!("{reason}; {other}");
-                return Ok(Err(reason));
-            }
-        }
-        Ok(Ok(format!("equivalent modules: {}", differing.join(", "))))
-    }
-
     /// The whole network, flattened and without what has no effect, as JSON.
     fn flat(&self, netlist: &Netlist, top: &str, work: &Path) -> Result<Option<Value>, Failure> {
         let write = |file: &str, text: &str| {
@@ -255,55 +178,12 @@ impl Yosys {
         Ok(serde_json::from_str(&text).ok())
     }
 
-    /// Whether one module is equivalent, with all below it.
-    fn proves(
-        &self,
-        design: &Netlist,
-        damaged: &Netlist,
-        module: &str,
-        work: &Path,
-    ) -> Result<Result<(), String>, Failure> {
-        let sides = [("gold", design.below(module, "gold")), ("gate", damaged.below(module, "gate"))];
-        let values = [design, damaged].map(|netlist| {
-            let mut values = BTreeMap::new();
-            netlist.initial(module, "", &mut values);
-            values
-        });
-        if let Some((name, _)) =
-            values[0].iter().find(|(name, value)| values[1].get(*name).is_some_and(|other| other != *value))
-        {
-            return Ok(Err(format!("`{name}` in `{module}` begins with another value")));
-        }
-        let mut script = String::new();
-        for (side, text) in &sides {
-            let file = work.join(format!("{side}.v"));
-            fs::write(&file, text).map_err(|error| Failure::file("write", &file, error))?;
-            script += &SCRIPT.replace("SIDE", side).replace("MODULE", module);
-        }
-        let file = work.join("equivalence.ys");
-        fs::write(&file, script + COMPARISON).map_err(|error| Failure::file("write", &file, error))?;
-        let proven = self.succeeds("equivalence.ys", work)?;
-        Ok(if proven { Ok(()) } else { Err(format!("yosys does not prove `{module}`")) })
-    }
-
-    /// Whether a script ends well, and in time.
+    /// Whether a script ends well.
     fn succeeds(&self, script: &str, work: &Path) -> Result<bool, Failure> {
         let mut command = Command::new(&self.program);
         command.args(["-q", script]).current_dir(work).stdin(Stdio::null());
         command.stdout(Stdio::null()).stderr(Stdio::null());
         let missing = |error| Failure::MissingTool(format!("cannot run {}: {error}", self.program.display()));
-        let mut child = command.spawn().map_err(missing)?;
-        let start = Instant::now();
-        loop {
-            match child.try_wait() {
-                Ok(Some(status)) => return Ok(status.success()),
-                Ok(None) if start.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(20)),
-                _ => {
-                    let _ = child.kill();
-                    let _ = child.wait();
-                    return Ok(false);
-                }
-            }
-        }
+        Ok(command.status().map_err(missing)?.success())
     }
 }

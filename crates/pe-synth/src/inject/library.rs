@@ -1,7 +1,7 @@
 //! Damages of the hand-written VHDL: texts that stand once in a file of `hdl/`, and what takes their place.
 
 use super::classes::Class;
-use super::datasheet::Design;
+use super::datasheet::{Design, Rules};
 
 /// Designs in which a text has a meaning at all; elsewhere it is in a branch that is not generated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +42,60 @@ pub type Replacement = (Class, When, &'static str, &'static str, &'static str);
 
 use Class::*;
 use When::*;
+
+/// A damage that is another rule of the datasheet: file, text, what takes its place, and the rule.
+pub type Ruled = (&'static str, &'static str, &'static str, fn(&mut Rules));
+
+/// Those of [`REPLACEMENTS`] that are.
+pub const RULED: &[Ruled] = &[
+    ("pe_sequencer.vhd", "settle_o  <= settles(3);", "settle_o  <= settles(2);", |rules| rules.settled_early = 1),
+    (
+        "pe.vhd",
+        "write_own    <= flag(control_i, LAYOUT.write_own) and not settle;",
+        "write_own    <= flag(control_i, LAYOUT.write_own);",
+        |rules| rules.waits[0] = false,
+    ),
+    (
+        "pe.vhd",
+        "write_base   <= flag(control_i, LAYOUT.write_base) and not settle and base_round;",
+        "write_base   <= flag(control_i, LAYOUT.write_base) and base_round;",
+        |rules| rules.waits[1] = false,
+    ),
+    (
+        "pe.vhd",
+        "flag(control_i, LAYOUT.write_factor) and not settle;",
+        "flag(control_i, LAYOUT.write_factor);",
+        |rules| rules.waits[2] = false,
+    ),
+    (
+        "pe.vhd",
+        "flag(control_i, LAYOUT.receive.enable) and not settle;",
+        "flag(control_i, LAYOUT.receive.enable);",
+        |rules| rules.waits[3] = false,
+    ),
+    (
+        "pe.vhd",
+        "flag(control_i, LAYOUT.write_index) and not settle when",
+        "flag(control_i, LAYOUT.write_index) when",
+        |rules| rules.waits[4] = false,
+    ),
+    ("pe.vhd", "and (write_own = '1' or write_base = '1'", "and (write_own = '1'", |rules| rules.flagged[1] = false),
+    ("pe.vhd", "if (FLAGGED and too_large = '1' and settle = '0') then", "if (false) then", |rules| {
+        rules.sums_flagged = false
+    }),
+    ("pe.vhd", "base_round <= last when BASE_LAST else", "base_round <= '1' when BASE_LAST else", |rules| {
+        rules.last_round = false
+    }),
+    ("pe_scale.vhd", "read_enable_i   => flag(control_i, LAYOUT.base.enable),", "read_enable_i   => '1',", |rules| {
+        rules.bases_enabled = false
+    }),
+    (
+        "pe.vhd",
+        "if (advance = '1') then\n          if (flag(control_i, LAYOUT.send)",
+        "if (true) then\n          if (flag(control_i, LAYOUT.send)",
+        |rules| rules.links_wait = false,
+    ),
+];
 
 /// The damages.
 pub const REPLACEMENTS: &[Replacement] = &[
@@ -417,7 +471,9 @@ pub const REPLACEMENTS: &[Replacement] = &[
     (Done, Always, "pe_sequencer.vhd", "done_o   <= done;", "done_o   <= publish;"),
     (Busy, Always, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= '1';"),
     (Busy, Always, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= waiting;"),
-    (Busy, Always, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= not waiting and not done;"),
+    // The short pipeline is at the pause point as long as done_o is 1.
+    (Busy, Short, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= not waiting or done;"),
+    (Busy, Deep, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= not waiting and not done;"),
     (Latency, Deep, "pe_sequencer.vhd", "advance_o <= advances(3);", "advance_o <= advances(2);"),
     (Latency, Deep, "pe_sequencer.vhd", "settle_o  <= settles(3);", "settle_o  <= settles(2);"),
     (Latency, Deep, "pe_sequencer.vhd", "publish_o <= publishes(3);", "publish_o <= publishes(2);"),

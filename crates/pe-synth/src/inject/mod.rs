@@ -10,6 +10,7 @@
 pub mod bisimulation;
 pub mod classes;
 pub mod datasheet;
+pub mod diagram;
 pub mod equivalence;
 pub mod library;
 pub mod show;
@@ -30,10 +31,10 @@ use rayon::prelude::*;
 use crate::cmd_verify::Scratch;
 use crate::engines::Engine;
 use crate::failure::Failure;
-use crate::verify::{self, Options};
+use crate::verify::{self, Options, Plan};
 use classes::{Damage, Places, Sources};
 use datasheet::Design;
-use equivalence::{Netlist, Yosys};
+use equivalence::{Equivalence, Netlist, Yosys};
 
 /// Damages that are judged at a time: GHDL is one thread, and memory is small.
 const AT_A_TIME: usize = 2;
@@ -45,6 +46,8 @@ pub enum Fate {
     Caught {
         /// Runs that passed before.
         passed: usize,
+        /// Where the run starts that fails.
+        start: String,
         /// What `verify` says.
         message: String,
     },
@@ -107,9 +110,9 @@ struct Subject<'a> {
     sources: Sources,
     /// As the datasheet reads it.
     read: Design,
-    options: Options,
-    /// Synthesised when the first proof needs it.
-    netlist: OnceLock<Result<Netlist, String>>,
+    plan: Plan,
+    /// Made when the first proof needs it.
+    proofs: OnceLock<Result<Equivalence, String>>,
     yosys: Yosys,
 }
 
@@ -124,6 +127,7 @@ impl Campaign {
         let options = Options { engines: vec![Engine::Ghdl], steps: self.steps };
         // A damage in a folder that fails anyway would count as caught.
         verify::judge(folder, &options, &mut |_| {})?;
+        let plan = Plan::of(folder, &options)?;
         let sources = sources(folder)?;
         let unread = |what: String| Failure::file("read", folder, format!("its VHDL is not understood: {what}"));
         let places = Places::of(&sources).map_err(unread)?;
@@ -134,8 +138,8 @@ impl Campaign {
             design: sources.network_file.trim_end_matches(".vhd").to_owned(),
             sources,
             read,
-            options,
-            netlist: OnceLock::new(),
+            plan,
+            proofs: OnceLock::new(),
             yosys,
         };
         Scratch::remove_when_interrupted();
@@ -185,18 +189,11 @@ impl Subject<'_> {
         let scratch = Scratch::new()?;
         let copy = scratch.folder("copy")?;
         self.copy(damage, &copy)?;
-        let mut passed = 0;
-        let judged =
-            verify::judge(&copy, &self.options, &mut |line| passed += usize::from(line.contains("GHDL = simulator")));
-        let judged = match judged {
-            Ok(_) => Ok(()),
-            Err(Failure::Mismatch(message)) => {
-                self.can_be_analysed(damage, &copy, &scratch)?;
-                Err(message)
-            }
-            Err(failure) => return Err(failure),
-        };
-        let caught = |message| Fate::Caught { passed, message };
+        let judged = self.plan.judge(&copy, &scratch.folder("bench")?)?;
+        if judged.is_err() {
+            self.can_be_analysed(damage, &copy, &scratch)?;
+        }
+        let caught = |(passed, start, message)| Fate::Caught { passed, start, message };
         fate(damage, judged.map_err(caught), self.datasheet(damage), || self.equivalence(&copy, &scratch))
     }
 
@@ -245,16 +242,17 @@ impl Subject<'_> {
 
     /// Whether yosys proves that the damaged network is the same logic.
     fn equivalence(&self, copy: &Path, scratch: &Scratch) -> Result<Result<String, String>, Failure> {
-        let netlist = self.netlist.get_or_init(|| match scratch.folder("undamaged") {
-            Ok(work) => synthesised(self.folder, &self.design, &work),
-            Err(failure) => Err(format!("{failure:?}")),
+        let proofs = self.proofs.get_or_init(|| {
+            let told = |failure: Failure| format!("{failure:?}");
+            let work = scratch.folder("undamaged").map_err(told)?;
+            let netlist = synthesised(self.folder, &self.design, &work)?;
+            Equivalence::of(self.yosys.clone(), netlist, &work).map_err(told)
         });
-        let netlist = netlist.as_ref().map_err(|message| Failure::Mismatch(message.clone()))?;
-        let damaged = match synthesised(copy, &self.design, &scratch.folder("synthesis")?) {
-            Ok(damaged) => damaged,
-            Err(message) => return Ok(Err(message)),
-        };
-        self.yosys.equivalent(netlist, &damaged, &scratch.folder("equivalence")?)
+        let proofs = proofs.as_ref().map_err(|message| Failure::Mismatch(message.clone()))?;
+        match synthesised(copy, &self.design, &scratch.folder("synthesis")?) {
+            Ok(damaged) => proofs.holds(&damaged, &scratch.folder("equivalence")?),
+            Err(message) => Ok(Err(message)),
+        }
     }
 }
 
@@ -305,10 +303,8 @@ fn analyse(folder: &Path, design: &str, work: &Path) -> Result<Result<(), String
 fn synthesised(folder: &Path, design: &str, work: &Path) -> Result<Netlist, String> {
     analyse(folder, design, work).map_err(|failure| format!("{failure:?}"))??;
     let mut command = Command::new("ghdl");
-    // Assertions would be tasks that yosys does not know.
-    command
-        .args(["--synth", "--no-formal", "--std=08", "--out=verilog", "-gTRACE=true"])
-        .arg(format!("--workdir={}", work.display()));
+    // Assertions would be tasks that yosys does not know. Without the trace: what a device would have.
+    command.args(["--synth", "--no-formal", "--std=08", "--out=verilog"]).arg(format!("--workdir={}", work.display()));
     command.arg(format!("-P{}", work.display())).arg(design);
     let output = command.output().map_err(|error| error.to_string())?;
     if output.status.success() {
@@ -342,7 +338,7 @@ mod tests {
 
     #[test]
     fn a_proof_that_simulation_contradicts_is_an_internal_error() {
-        let caught = || Err(Fate::Caught { passed: 0, message: "another word".into() });
+        let caught = || Err(Fate::Caught { passed: 0, start: "step 3".into(), message: "another word".into() });
         let failure = fate(&damage(), caught(), Ok(()), missed).expect_err("both cannot hold");
         assert!(matches!(failure, Failure::Internal(text) if text.contains("m.vhd") && text.contains("another word")));
         assert_eq!(fate(&damage(), caught(), Err("why".into()), missed).ok(), caught().err());
@@ -369,7 +365,7 @@ mod tests {
         let numbers: Vec<&str> = row.split_ascii_whitespace().skip(1).collect();
         assert_eq!(numbers, ["4", "0", "1", "1", "2"], "{table}");
         assert!(table.contains("missed: links in m.vhd, line 3: a port"), "{table}");
-        let json = show::as_json(&findings, 7);
+        let json = show::as_json(&findings, "m", 7);
         assert_eq!((json["seed"].as_u64(), json["all"]["missed"].as_u64()), (Some(7), Some(2)));
         assert_eq!(json["damages"][1]["proof"], "equivalence");
     }

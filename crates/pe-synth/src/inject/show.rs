@@ -89,23 +89,24 @@ pub fn table(findings: &[Finding]) -> String {
 }
 
 /// Counts by class, and every damage with its fate.
-pub fn as_json(findings: &[Finding], seed: u64) -> Value {
+pub fn as_json(findings: &[Finding], design: &str, seed: u64) -> Value {
     let (classes, all) = counts(findings);
     let classes: serde_json::Map<String, Value> =
         classes.iter().map(|(class, count)| (class.name().to_owned(), count.as_json())).collect();
     let damage = |finding: &Finding| {
         let damage = &finding.damage;
-        let (fate, proof, passed, text) = match &finding.fate {
-            Fate::Caught { passed, message } => ("caught", None, Some(passed), message),
+        let (fate, proof, caught, text) = match &finding.fate {
+            Fate::Caught { passed, start, message } => ("caught", None, Some((passed, start)), message),
             Fate::WithoutEffect { proof, reason } => ("without-effect", Some(proof.name()), None, reason),
             Fate::Missed(reason) => ("missed", None, None, reason),
         };
+        let (passed, start) = caught.unzip();
         json!({
             "class": damage.class.name(), "file": damage.file, "line": damage.line, "before": damage.before,
             "after": damage.after, "what": damage.what, "fate": fate, "proof": proof, "runs_passed": passed,
-            "message": text,
+            "caught_from": start, "message": text,
         })
     };
     let damages: Vec<Value> = findings.iter().map(damage).collect();
-    json!({"seed": seed, "all": all.as_json(), "classes": classes, "damages": damages})
+    json!({"design": design, "seed": seed, "all": all.as_json(), "classes": classes, "damages": damages})
 }

@@ -23,7 +23,7 @@ enum Node {
     Offset(String),
     /// What was stored there before the step: place, and which network if they differ.
     Stored(u32, u8),
-    /// An input or tick in a step.
+    /// An input or tick, and the word in which it was taken.
     Input(String, u32),
     /// The operand that the data port, or the coefficient port, sees of a word.
     Data(Id),
@@ -63,11 +63,18 @@ enum Seen {
         value: Id,
     },
     /// A word that sets the sticky flag if it saturated, or operands that do if they are too large for their sum.
-    MaySaturate(Id),
-    MayBeTooLarge(Id),
+    MaySaturate(usize, Id),
+    MayBeTooLarge(usize, Id),
 }
 
 const ZERO: Id = 0;
+
+/// Places of [`Rules::waits`](super::datasheet::Rules::waits).
+const OWN: usize = 0;
+const BASE: usize = 1;
+const FACTOR: usize = 2;
+const IMPORTED: usize = 3;
+const INDEX: usize = 4;
 
 /// All symbols, each once.
 struct Symbols {
@@ -205,21 +212,28 @@ impl Run<'_> {
     fn word(&mut self, symbols: &mut Symbols, count: u32) {
         let Design { period, rounds, .. } = *self.design;
         let (pause, length) = (self.design.pause(), period / rounds);
-        let settle = count < pause;
+        let settle = count < pause - self.design.rules.settled_early;
         let parity = count / length % 2 == 1;
-        let last = !settle && (count - pause) / length % rounds == rounds - 1;
+        let last = count >= pause && (count - pause) / length % rounds == rounds - 1;
         let place = Place { count, word: count % period, settle, parity, last };
-        let links: Vec<Id> = self.state.pes.iter().map(|pe| pe.link).collect();
+        let link = |(pe, state): (&Pe, &PeState)| {
+            // A clock in which nothing is executed comes before the word or does not.
+            let sends = pe.fields.send.set(bits_of(pe, &place));
+            let early = sends && !self.design.rules.links_wait;
+            if early { symbols.of(Node::Data(state.words[0])) } else { state.link }
+        };
+        let links: Vec<Id> = self.design.pes.iter().zip(&self.state.pes).map(link).collect();
         for index in 0..self.design.pes.len() {
             self.pe(symbols, index, &place, &links);
         }
         // The step begins with the word at which the network waits, and so do its inputs.
-        if !settle && (count - pause).is_multiple_of(period) {
-            for (pe, operands) in self.design.pes.iter().zip(&mut self.state.inputs) {
-                for (source, operand) in pe.ports.iter().zip(operands) {
-                    if let Source::Input(made) = source {
-                        *operand = symbols.of(Node::Input(made.clone(), count / period));
-                    }
+        let begins = count >= pause && (count - pause).is_multiple_of(period);
+        for (pe, operands) in self.design.pes.iter().zip(&mut self.state.inputs) {
+            for (source, operand) in pe.ports.iter().zip(operands) {
+                match source {
+                    Source::Input(made, _) if begins => *operand = symbols.of(Node::Input(made.clone(), count)),
+                    Source::Input(made, true) => *operand = symbols.of(Node::Input(made.clone(), count)),
+                    _ => {}
                 }
             }
         }
@@ -227,8 +241,8 @@ impl Run<'_> {
 
     fn pe(&mut self, symbols: &mut Symbols, index: usize, place: &Place, links: &[Id]) {
         let pe = &self.design.pes[index];
-        let (f, features) = (&pe.fields, &pe.features);
-        let bits = if place.count == 0 { pe.first } else { pe.words[place.word as usize] };
+        let (f, features, rules) = (&pe.fields, &pe.features, self.design.rules);
+        let bits = bits_of(pe, place);
         let state = &mut self.state.pes[index];
         let top = |words: u32| 1u64 << log2(words) >> 1;
         let steered = |address: u64, swap: bool, words: u32| {
@@ -253,14 +267,14 @@ impl Run<'_> {
         let operand = match (own, imported) {
             (Some(own), Some(imported)) => {
                 let both = symbols.of(Node::Both(own, imported, features.pre_adder));
-                if !place.settle {
-                    self.seen.insert(Seen::MayBeTooLarge(both));
+                if !place.settle && rules.sums_flagged {
+                    self.seen.insert(Seen::MayBeTooLarge(index, both));
                 }
                 both
             }
             (one, other) => one.or(other).unwrap_or(ZERO),
         };
-        let base = f.base_enable.set(bits).then(|| {
+        let base = (f.base_enable.set(bits) || !rules.bases_enabled).then(|| {
             let address = f.base_address.of(bits);
             if state.fetched == ZERO {
                 return read(&state.base, address);
@@ -272,7 +286,7 @@ impl Run<'_> {
         let written = state.words[0];
         let received = f.receive_enable.set(bits).then(|| match pe.ports.get(f.port.of(bits) as usize) {
             Some(Source::Link(link)) => links.get(*link).copied().unwrap_or(ZERO),
-            Some(Source::Input(_)) => self.state.inputs[index][f.port.of(bits) as usize],
+            Some(Source::Input(..)) => self.state.inputs[index][f.port.of(bits) as usize],
             None => symbols.of(Node::NoPort),
         });
 
@@ -297,15 +311,12 @@ impl Run<'_> {
                 self.seen.insert(Seen::Output { port: port.clone(), step: place.count, value: written });
             }
         }
-        if place.settle {
-            // Sending is not disabled.
-            if f.send.set(bits) {
-                state.link = symbols.of(Node::Data(written));
-            }
-            return;
-        }
-        let takes_base = f.write_base.set(bits) && (place.last || !features.base_last);
-        let (takes_own, takes_factor) = (f.write_own.set(bits), f.write_factor.set(bits));
+        // In the first pass nothing is written; sending is not disabled.
+        let writes = |memory: usize| !(place.settle && rules.waits[memory]);
+        let in_round = place.last || !features.base_last || !rules.last_round;
+        let takes_base = f.write_base.set(bits) && in_round && writes(BASE);
+        let (takes_own, takes_factor) =
+            (f.write_own.set(bits) && writes(OWN), f.write_factor.set(bits) && writes(FACTOR));
         let address = steered(f.write_address.of(bits), f.write_swap.set(bits), features.own_words);
         if takes_own || takes_base || takes_factor {
             self.seen.insert(Seen::Write { word: place.count, pe: index, address, value: written });
@@ -324,7 +335,7 @@ impl Run<'_> {
             let at = at(&state.coefficient);
             state.coefficient[at] = symbols.of(Node::Factor(written));
         }
-        let takes_index = f.write_index.set(bits);
+        let takes_index = f.write_index.set(bits) && writes(INDEX);
         if takes_index {
             let at = f.write_index_address.of(bits) as usize;
             state.index[at] = symbols.of(Node::Segment(written, f.write_octave.set(bits)));
@@ -332,18 +343,25 @@ impl Run<'_> {
         if f.send.set(bits) {
             state.link = data;
         }
-        let flagged = takes_own || takes_base || takes_factor || takes_index || f.send.set(bits);
+        let sends = f.send.set(bits) && !place.settle;
+        let flagging = [takes_own, takes_base, takes_factor, takes_index, sends];
+        let flagged = flagging.into_iter().zip(rules.flagged).any(|(takes, flagged)| takes && flagged);
         // A word without a sum is a word that is stored already, or the offset.
         if flagged && matches!(symbols.nodes[written as usize], Node::Word(..)) {
-            self.seen.insert(Seen::MaySaturate(written));
+            self.seen.insert(Seen::MaySaturate(index, written));
         }
-        if let Some(received) = received {
+        if let Some(received) = received.filter(|_| writes(IMPORTED)) {
             let address = steered(f.receive_address.of(bits), f.receive_swap.set(bits), features.imported_words);
             self.seen.insert(Seen::Receive { word: place.count, pe: index, address, value: received });
             let at = address as usize & (state.imported.len() - 1);
             state.imported[at] = received;
         }
     }
+}
+
+/// The control word that a PE executes.
+fn bits_of(pe: &Pe, place: &Place) -> u128 {
+    if place.count == 0 { pe.first } else { pe.words[place.word as usize] }
 }
 
 /// What a shift index means; indices without a position of their own are told apart.
@@ -398,6 +416,9 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
     for run in &mut runs {
         run.execute(symbols, 0, pause);
     }
+    if let Some(seen) = difference(&runs) {
+        return Err(described(seen, design));
+    }
     let [own, other] = [0, 1].map(|side| runs[side].state.symbols());
     let mut supposed: Vec<Supposed> = own
         .iter()
@@ -443,8 +464,12 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
             break;
         }
     }
-    let different = runs[0].seen.symmetric_difference(&runs[1].seen).next();
-    different.map_or(Ok(()), |seen| Err(described(seen, design)))
+    difference(&runs).map_or(Ok(()), |seen| Err(described(seen, design)))
+}
+
+/// What only one of two networks shows.
+fn difference<'a>(runs: &'a [Run; 2]) -> Option<&'a Seen> {
+    runs[0].seen.symmetric_difference(&runs[1].seen).next()
 }
 
 fn described(seen: &Seen, design: &Design) -> String {
@@ -456,7 +481,7 @@ fn described(seen: &Seen, design: &Design) -> String {
             format!("PE {pe} may receive another operand to {address:x} in word {}", word % design.period)
         }
         Seen::Output { port, .. } => format!("`{port}` may be another word"),
-        Seen::MaySaturate(_) => "another word may set a sticky flag".into(),
-        Seen::MayBeTooLarge(_) => "other operands may be too large for their sum".into(),
+        Seen::MaySaturate(..) => "another word may set a sticky flag".into(),
+        Seen::MayBeTooLarge(..) => "other operands may be too large for their sum".into(),
     }
 }

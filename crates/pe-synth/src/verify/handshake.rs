@@ -15,7 +15,7 @@ use crate::engines::Event;
 enum Manner {
     /// Both stay 1: steps follow each other without a pause.
     Free,
-    /// The clock enable has random gaps.
+    /// The clock enable has random gaps; there is one as the word at the pause point is fetched, and one behind the sample.
     Gaps,
     /// `step_i` is 1 for a single clock, some clocks after the pause point was reached.
     Pulse,
@@ -105,7 +105,7 @@ pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, held: Option<
     let (mut fetched, mut waiting, mut done) = (0u64, false, false);
     let (mut flag, mut overflowed) = (false, false);
     let (mut told, mut shown) = (false, 4u8);
-    let (mut waited, mut target, mut step_before) = (0u64, 0u64, true);
+    let (mut waited, mut target, mut step_before, mut ce_before) = (0u64, 0u64, true, true);
     let (mut begun, mut finished, mut latest, mut clock) = (0u64, 0u64, 0u64, 0u64);
     loop {
         clock += 1;
@@ -114,6 +114,11 @@ pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, held: Option<
             Some(random) => choose(manner, random, (waiting, waited, target), pause_is_near(fetched, period, pause)),
             None => (true, true),
         };
+        // What must happen once in a step and happens in each clock of a gap shows at these places only.
+        let place = (fetched + period - pause) % period;
+        let gap = manner == Manner::Gaps && held.is_some() && ce_before && !waiting && matches!(place, 0 | 2);
+        let ce = ce && !gap;
+        ce_before = ce;
         // What is seen before the edge.
         let seen = u8::from(!waiting) << 2 | u8::from(done) << 1 | u8::from(overflowed);
         if seen != shown {

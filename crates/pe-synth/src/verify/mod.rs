@@ -71,17 +71,25 @@ struct Start {
     held: bool,
 }
 
-/// Runs so far and what they showed.
-struct Session<'a> {
-    options: &'a Options,
-    bench: Bench,
+/// A start and what every engine must show from it.
+struct Expected {
+    start: Start,
+    observed: Observed,
+    handshake: Handshake,
+    /// Memory writes, counted from the control words.
+    writes: u64,
+}
+
+/// Makes starts, each with what those before had at work in mind.
+struct Starts {
     seen: Coverage,
     met: Met,
     /// Number of starts so far.
     started: u64,
-    runs: Vec<Value>,
-    say: &'a mut dyn FnMut(&str),
 }
+
+/// Takes a start as soon as it is made.
+type Take<'a> = &'a mut dyn FnMut(Expected) -> Result<(), Failure>;
 
 /// Control words of all PEs that the run in motion takes, if that makes it longer than [`SHORT`] steps.
 const LONG: u64 = 8_000;
@@ -89,6 +97,9 @@ const LONG: u64 = 8_000;
 /// Steps of the run in motion: at least, and at most.
 const SHORT: u64 = 12;
 const LONGEST: u64 = 256;
+
+/// Control words of all PEs that the run in motion may take to see every tick twice.
+const TICKING: u64 = 5 * LONG;
 
 /// Steps of a run that saturates: what saturates soon stays there.
 const SATURATING: u64 = 5;
@@ -108,7 +119,71 @@ pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Resul
     for change in &changes {
         say(&format!("{:>14}   {change}\n", "changed"));
     }
-    let mut beginning = Start {
+    let (beginning, line) = beginning(&folder, options)?;
+    say(&line);
+    let mut bench = Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?;
+    let mut runs = Vec::new();
+    let Starts { seen, met, .. } = Starts::make(&folder, options, beginning, &mut |expected| {
+        for engine in &options.engines {
+            let run = expected.compare(&mut bench, *engine)?;
+            say(&expected.line(*engine, &run));
+            runs.push(expected.json(*engine, &run));
+        }
+        say(&format!("{:>14}   {:.1} % of the words are not zero and changing\n", "", 100.0 * expected.live()));
+        Ok(())
+    })?;
+    let coverage = Table::new(&folder.program, &seen, met);
+    say(&coverage.text());
+    match &coverage::resting(&folder.program, &seen)[..] {
+        [] => Ok(Verdict { changes, runs, coverage, seen }),
+        resting => Err(Failure::Mismatch(format!("nothing was shown of a part that rests: {}", resting.join("; ")))),
+    }
+}
+
+/// All starts of a folder, the cheapest first: what damaged copies of its VHDL are judged by again and again.
+pub struct Plan {
+    design: String,
+    runs: Vec<Expected>,
+}
+
+impl Plan {
+    /// Makes the starts of a folder.
+    ///
+    /// # Errors
+    /// As [`judge`].
+    pub fn of(path: &Path, options: &Options) -> Result<Plan, Failure> {
+        let folder = DesignFolder::open(path)?;
+        let (beginning, _) = beginning(&folder, options)?;
+        let mut runs = Vec::new();
+        Starts::make(&folder, options, beginning, &mut |expected| {
+            runs.push(expected);
+            Ok(())
+        })?;
+        runs.sort_by_key(|run| run.handshake.control.len());
+        Ok(Plan { design: folder.design, runs })
+    }
+
+    /// Judges the VHDL of a copy of the folder in GHDL, as [`judge`] does, up to the first run that fails: number of the
+    /// runs before it, where it starts, and what is wrong.
+    ///
+    /// # Errors
+    /// If the copy cannot be judged.
+    pub fn judge(&self, copy: &Path, scratch: &Path) -> Result<Result<(), (usize, String, String)>, Failure> {
+        let mut bench = Bench::new(copy, &self.design, scratch)?;
+        for (passed, run) in self.runs.iter().enumerate() {
+            match run.compare(&mut bench, Engine::Ghdl) {
+                Ok(_) => {}
+                Err(Failure::Mismatch(message)) => return Ok(Err((passed, run.start.name.clone(), message))),
+                Err(failure) => return Err(failure),
+            }
+        }
+        Ok(Ok(()))
+    }
+}
+
+/// The start with the design's own words, and the line that tells of its reference trace.
+fn beginning(folder: &DesignFolder, options: &Options) -> Result<(Start, String), Failure> {
+    let mut start = Start {
         name: "the beginning".into(),
         steps: 0,
         program: folder.program.clone(),
@@ -117,56 +192,50 @@ pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Resul
         lines: None,
         held: false,
     };
-    beginning.steps = recorded(&folder, &beginning, say)?;
-    beginning.steps = options.steps.unwrap_or(beginning.steps);
-    let middle = middle(&folder, beginning.steps)?;
-    let program = &folder.program;
-    let mut session = Session {
-        options,
-        bench: Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?,
-        seen: Coverage::none(program),
-        met: Met::default(),
-        started: 0,
-        runs: Vec::new(),
-        say,
-    };
-    session.run(&beginning)?;
-    session.run(&middle)?;
-    let work = (program.pes.len() as u64 * u64::from(program.period)).max(1);
-    let most = options.steps.unwrap_or(u64::MAX);
-    session.made(program, Purpose::Motion, (LONG / work).clamp(SHORT, LONGEST).min(most))?;
-    for _ in 0..(LONG / work).clamp(1, SATURATIONS) {
-        session.made(program, Purpose::Saturation, SATURATING.min(most))?;
-    }
-    let Session { seen, met, runs, say, .. } = session;
-    let coverage = Table::new(program, &seen, met);
-    say(&coverage.text());
-    match &coverage::resting(program, &seen)[..] {
-        [] => Ok(Verdict { changes, runs, coverage, seen }),
-        resting => Err(Failure::Mismatch(format!("nothing was shown of a part that rests: {}", resting.join("; ")))),
-    }
+    let (steps, line) = recorded(folder, &start)?;
+    start.steps = options.steps.unwrap_or(steps);
+    Ok((start, line))
 }
 
-/// Compares the design's reference trace with the simulator; returns the number of its steps.
-fn recorded(folder: &DesignFolder, start: &Start, say: &mut dyn FnMut(&str)) -> Result<u64, Failure> {
+/// Compares the design's reference trace with the simulator; returns the number of its steps, and a line that tells it.
+fn recorded(folder: &DesignFolder, start: &Start) -> Result<(u64, String), Failure> {
     let recorded = engines::recorded(&folder.read("trace.txt")?, &folder.read("outputs.txt")?)
         .ok_or_else(|| folder.damaged("trace.txt", "it is damaged"))?;
     let steps = recorded.trace.len() as u64 / start.program.writes_per_step().max(1);
     engines::compare_recorded(&start.program, &recorded, steps, &start.stimulus).map_err(Failure::Mismatch)?;
     let writes = recorded.trace.len();
-    say(&format!("reference trace = simulator: {writes} memory writes equal, {steps} steps\n"));
-    Ok(steps)
+    Ok((steps, format!("reference trace = simulator: {writes} memory writes equal, {steps} steps\n")))
 }
 
-impl Session<'_> {
+impl Starts {
+    /// Makes them all, the design's own first.
+    fn make(folder: &DesignFolder, options: &Options, beginning: Start, take: Take) -> Result<Starts, Failure> {
+        let program = &folder.program;
+        let middle = middle(folder, beginning.steps)?;
+        let mut starts = Starts { seen: Coverage::none(program), met: Met::default(), started: 0 };
+        starts.expect(beginning, take)?;
+        starts.expect(middle, take)?;
+        let work = (program.pes.len() as u64 * u64::from(program.period)).max(1);
+        let most = options.steps.unwrap_or(u64::MAX);
+        // A tick that is due once in a run might never be due again.
+        let tick = program.ticks().map(|(_, tick, _)| u64::from(tick.steps) + 2).max().unwrap_or(0);
+        let steps = (LONG / work).clamp(SHORT, LONGEST);
+        let steps = if tick * work <= TICKING { steps.max(tick) } else { steps };
+        starts.made(program, Purpose::Motion, steps.min(most), take)?;
+        for _ in 0..(LONG / work).clamp(1, SATURATIONS) {
+            starts.made(program, Purpose::Saturation, SATURATING.min(most), take)?;
+        }
+        Ok(starts)
+    }
+
     /// A run that is made for the hardware, unless none would show more.
-    fn made(&mut self, program: &Program, purpose: Purpose, steps: u64) -> Result<(), Failure> {
+    fn made(&mut self, program: &Program, purpose: Purpose, steps: u64, take: Take) -> Result<(), Failure> {
         let Some(candidate) = stimuli::choose(program, purpose, steps, &self.seen) else { return Ok(()) };
         let name = match purpose {
             Purpose::Motion => "random words",
             Purpose::Saturation => "words at the limits",
         };
-        self.run(&Start {
+        let start = Start {
             name: name.into(),
             steps,
             words: package::differences(program, &candidate.program),
@@ -174,52 +243,68 @@ impl Session<'_> {
             program: candidate.program,
             stimulus: candidate.stimulus,
             held: true,
-        })
+        };
+        self.expect(start, take)
     }
 
-    /// Compares the engines from one start.
-    fn run(&mut self, start: &Start) -> Result<(), Failure> {
-        let Start { name, steps, program, stimulus, .. } = start;
+    /// What a start must show.
+    fn expect(&mut self, start: Start, take: Take) -> Result<(), Failure> {
+        let Start { name, steps, program, stimulus, .. } = &start;
         let writes = program.writes_per_step() * steps;
         let observed = stimuli::observe(program, stimulus, *steps);
         if observed.escaped {
             let what = format!("from {name}: a word of a PE without saturation is out of range");
             return Err(Failure::Mismatch(what));
         }
-        agree(start, &observed, writes)?;
+        agree(&start, &observed, writes)?;
         let held = start.held.then_some(self.started);
         let handshake = handshake::drive(program, *steps, observed.overflow_cycle, held);
         self.started += 1;
+        self.seen.add(&observed.coverage);
+        self.met.add(&handshake.met);
+        take(Expected { start, observed, handshake, writes })
+    }
+}
+
+impl Expected {
+    /// Runs an engine and compares what it shows.
+    fn compare(&self, bench: &mut Bench, engine: Engine) -> Result<engines::Run, Failure> {
+        let Expected { start, observed, handshake, writes } = self;
         let job = Job {
-            steps: *steps,
+            steps: start.steps,
             words: &start.words,
             stimulus: start.lines.as_deref(),
             control: Some(&handshake.control),
         };
-        let live = 100.0 * liveliness(&observed.run);
-        for engine in &self.options.engines {
-            let run = self.bench.run_until_difference(*engine, &job, Some(&observed.run.trace))?;
-            let has_handshake = *engine != Engine::Reference;
-            let clocks = if has_handshake { handshake.clocks } else { observed.run.clocks };
-            let expected = engines::Run { clocks, ..observed.run.clone() };
-            compare(program, engine.name(), &run, &expected, writes).map_err(Failure::Mismatch)?;
-            if has_handshake && let Some(what) = handshake::difference(&run.events, &handshake.events) {
-                return Err(Failure::Mismatch(format!("{}: {what}", engine.name())));
-            }
-            (self.say)(&format!(
-                "{:>14} = simulator from {name}: {} memory writes and {} outputs equal, {}\n",
-                engine.name(),
-                run.trace.len(),
-                run.outputs.len(),
-                duration(start, &handshake, has_handshake),
-            ));
-            self.runs.push(json!({"start": name, "engine": engine.name(), "steps": steps, "writes": run.trace.len(),
-                                  "outputs": run.outputs.len(), "live": live / 100.0}));
+        let run = bench.run_until_difference(engine, &job, Some(&observed.run.trace))?;
+        let has_handshake = engine != Engine::Reference;
+        let clocks = if has_handshake { handshake.clocks } else { observed.run.clocks };
+        let expected = engines::Run { clocks, ..observed.run.clone() };
+        compare(&start.program, engine.name(), &run, &expected, *writes).map_err(Failure::Mismatch)?;
+        if has_handshake && let Some(what) = handshake::difference(&run.events, &handshake.events) {
+            return Err(Failure::Mismatch(format!("{}: {what}", engine.name())));
         }
-        (self.say)(&format!("{:>14}   {live:.1} % of the words are not zero and changing\n", ""));
-        self.seen.add(&observed.coverage);
-        self.met.add(&handshake.met);
-        Ok(())
+        Ok(run)
+    }
+
+    fn live(&self) -> f64 {
+        liveliness(&self.observed.run)
+    }
+
+    fn line(&self, engine: Engine, run: &engines::Run) -> String {
+        format!(
+            "{:>14} = simulator from {}: {} memory writes and {} outputs equal, {}\n",
+            engine.name(),
+            self.start.name,
+            run.trace.len(),
+            run.outputs.len(),
+            duration(&self.start, &self.handshake, engine != Engine::Reference),
+        )
+    }
+
+    fn json(&self, engine: Engine, run: &engines::Run) -> Value {
+        json!({"start": self.start.name, "engine": engine.name(), "steps": self.start.steps, "writes": run.trace.len(),
+               "outputs": run.outputs.len(), "live": self.live()})
     }
 }
 
