@@ -74,20 +74,26 @@ struct Finer<'a> {
     model: Model,
     run: DoubleRun<'a>,
     parts: u64,
+    /// Largest magnitude of each state, within steps of the design, too.
+    largest: Vec<f64>,
 }
 
 impl<'a> Finer<'a> {
     fn new(model: &Model, graph: &'a StepGraph, halvings: i32) -> Finer<'a> {
         let mut model = model.clone();
         model.set_step(libm::scalbn(model.step, -halvings));
-        Finer { run: DoubleRun::new(graph), model, parts: 1 << halvings }
+        let largest = model.states.iter().map(|state| state.initial.abs()).collect();
+        Finer { run: DoubleRun::new(graph), model, parts: 1 << halvings, largest }
     }
 
     /// Goes on by a step of the design; none if it diverges.
     fn step(&mut self, step: u64) -> Option<&[f64]> {
         for part in 0..self.parts {
-            let time = self.model.time(step * self.parts + part, 0.0);
-            self.run.step(&self.model.sample_inputs(time)).ok()?;
+            // Inputs as they are in the middle, which is right to second order.
+            let [begin, middle] = [0.0, 0.5].map(|at| self.model.time(step * self.parts + part, at));
+            self.run.step(&self.model.hold_inputs(middle, begin)).ok()?;
+            let states = self.largest.iter_mut().zip(self.run.states());
+            states.for_each(|(largest, state)| *largest = largest.max(state.abs()));
         }
         Some(self.run.states())
     }
@@ -109,19 +115,18 @@ fn held_against(design: &pipeline::Design, model: &Model, solver: Solver, halvin
     let (mut coarse, mut fine) = (Finer::new(model, &graphs.0, halvings), Finer::new(model, &graphs.1, halvings + 1));
     let mut run = FixedRun::new(&design.graph, &design.judged.fixed);
     let states = model.states.len();
-    let mut largest: Vec<f64> = model.states.iter().map(|state| state.initial.abs()).collect();
     let mut apart = vec![(0.0f64, 0.0f64); states];
     for step in 0..model.steps() {
         let words = port_words(model, &run, step);
         run.step(&words);
         let (coarse, fine) = (coarse.step(step)?, fine.step(step)?);
-        for state in 0..states {
-            largest[state] = largest[state].max(fine[state].abs());
-            let (error, difference) = &mut apart[state];
-            *error = error.max((run.state(state) - fine[state]).abs());
-            *difference = difference.max((coarse[state] - fine[state]).abs());
+        let compared = apart.iter_mut().zip(coarse).zip(fine).enumerate();
+        for (state, (((error, difference), coarse), fine)) in compared {
+            *error = error.max((run.state(state) - fine).abs());
+            *difference = difference.max((coarse - fine).abs());
         }
     }
+    let largest = fine.largest;
     let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
     let scales = model.own_scales(Trajectory { largest, ..Trajectory::new(states) }.scales(&quantities));
     let relative = |apart: f64, scale: f64| if apart == 0.0 { 0.0 } else { apart / scale };

@@ -9,6 +9,7 @@ use pe_sim::reference::TOLERANCE;
 
 use super::early::{self, Method};
 use super::lists::{Lists, Plan, WORD, Word};
+use crate::check::stiffness;
 use crate::early::Early;
 use crate::explore::axes::with_forms;
 use crate::explore::row::{Figures, Outcome, Row};
@@ -49,9 +50,14 @@ const CLOSE_TIME: f64 = 1.5;
 const SHORT_OF_BITS: usize = 4;
 
 /// Solvers that are tried with lists of steps, how much longer than the shortest the run time with the first step for all
-/// of the span may be, and rounds of them.
+/// of the span may be, of stiff models and of others, and rounds of them.
 const LISTED_SOLVERS: usize = 2;
+const LISTED_STIFF: f64 = 64.0;
 const LISTED: f64 = 4.0;
+
+/// Steps over the span for the sake of stability from which on a model counts as stiff: over a beginning that is not smooth
+/// accuracy may ask for as many, which says nothing of what follows.
+const MANY_STEPS: f64 = 2000.0;
 const LIST_ROUNDS: u32 = 3;
 
 /// Rounds of new steps, and of words if nothing is right enough.
@@ -349,7 +355,11 @@ impl<'a> Search<'a> {
                 Some((self.single(solver, step), largest.is_some()))
             };
             let mut short: Vec<(Method, bool)> = candidates.filter_map(short).collect();
-            short.retain(|(method, _)| self.cycles(*method) <= LISTED * least);
+            let stiff = || stiffness::steps(model).is_some_and(|steps| steps > MANY_STEPS);
+            let listed = |factor: f64| move |(method, _): &(Method, bool)| self.cycles(*method) <= factor * least;
+            if !short.iter().all(listed(LISTED)) {
+                short.retain(listed(if stiff() { LISTED_STIFF } else { LISTED }));
+            }
             short.sort_by(|a, b| self.cycles(a.0).total_cmp(&self.cycles(b.0)));
             for (method, fits) in short.into_iter().take(LISTED_SOLVERS) {
                 lists.extend(early::single(method, model.span, if fits { 1.0 } else { 4.0 }, long));

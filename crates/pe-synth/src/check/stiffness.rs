@@ -18,6 +18,15 @@ pub fn ratio(stable: f64, (step, error): (f64, f64), goal: f64, solver: Solver) 
     step / stable * reserve
 }
 
+/// Steps over the span that stability asks of RK4, at least, whatever the model's own method; none where [`explicit`] has
+/// none.
+pub fn steps(model: &Model) -> Option<f64> {
+    let model = Model { solver: Solver::Rk4, phases: Vec::new(), ..model.clone() };
+    let small = model.states.len() <= MATRIX_STATES;
+    let limit = small.then(|| Prediction::of(&model, &Trusted::of(&model, None)).limit).flatten()?;
+    Some(model.span / limit.step)
+}
+
 /// The ratio for RK4, whatever the model's own method; none if no mode limits its step, and for models that are too
 /// large for methods with a matrix.
 pub fn explicit(model: &Model) -> Option<f64> {
