@@ -387,7 +387,7 @@ fn inputs(network: &Network, late: bool) -> BTreeMap<String, (String, bool)> {
         let always = sample == Some("fetch") && instance.entity == "pe_input" && !late;
         let told = always || sample == Some("sample");
         let all = instance.generics.iter().chain(&instance.ports);
-        let all = all.filter(|(name, _)| !name.ends_with("_o") && !(told && *name == "sample_i"));
+        let all = all.filter(|(name, _)| !(name.ends_with("_o") || told && *name == "sample_i"));
         let made: Vec<String> = all.map(|(_, v)| v.value.clone()).collect();
         Some((instance.ports.get("operand_o")?.value.clone(), (made.join(" "), always)))
     };
