@@ -84,8 +84,8 @@ impl Purpose {
 pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) -> Option<Candidate> {
     let cost = (program.pes.len() as u64 * u64::from(program.period) * steps).max(1);
     let mut best = (purpose.score(seen), None);
-    let most = CANDIDATES.max(2 * program.pes.len() as u64 + 2);
-    for number in 0..(BUDGET / cost).clamp(2, most) {
+    let most = CANDIDATES.max(2 * program.pes.len() as u64 + 2 + OWN_WORDS);
+    for number in 0..(BUDGET / cost).clamp(2 + OWN_WORDS, most) {
         let candidate = candidate(program, purpose, steps, number);
         let observed = observe(&candidate.program, &candidate.stimulus, steps);
         if observed.escaped {
@@ -104,20 +104,28 @@ pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) 
 /// Scales of random words as shifts. Products of large ones saturate, small ones get lost.
 const SCALES: [u32; 8] = [2, 1, 4, 3, 8, 6, 12, 0];
 
+/// Candidates of a saturation that begin with the design's own words: where ranges are proven, all others may leave them.
+const OWN_WORDS: u64 = 2;
+
 fn candidate(program: &Program, purpose: Purpose, steps: u64, number: u64) -> Candidate {
-    let mut random = ChaCha8Rng::seed_from_u64(number << 1 | u64::from(purpose == Purpose::Saturation));
+    let saturation = purpose == Purpose::Saturation;
+    let mut random = ChaCha8Rng::seed_from_u64(number << 1 | u64::from(saturation));
     let format = program.format;
     let mut program = program.clone();
     let pes = program.pes.len() as u64;
-    // All states at their limits, or, so that one PE's flag rises alone, those of a PE; inputs there in every other one.
-    let (at_limits, inputs_too) = ((number / 2).checked_sub(1).map(|pe| (pe % pes) as u32), number.is_multiple_of(2));
-    for state in program.states.clone() {
-        let limited = purpose == Purpose::Saturation && at_limits.is_none_or(|pe| pe == state.own.0);
-        let scale = if purpose == Purpose::Motion { SCALES[number as usize % SCALES.len()] } else { 6 };
-        state.set(&mut program.pes, &format, word(limited, format.word_bits(), scale, &mut random));
+    let made = if saturation { number.checked_sub(OWN_WORDS) } else { Some(number) };
+    if let Some(number) = made {
+        // All states at their limits, or, so that one PE's flag rises alone, those of a PE.
+        let at_limits = (number / 2).checked_sub(1).map(|pe| (pe % pes) as u32);
+        for state in program.states.clone() {
+            let limited = saturation && at_limits.is_none_or(|pe| pe == state.own.0);
+            let scale = if saturation { 6 } else { SCALES[number as usize % SCALES.len()] };
+            state.set(&mut program.pes, &format, word(limited, format.word_bits(), scale, &mut random));
+        }
     }
+    // Inputs are at their limits in every other one of those.
+    let limited = saturation && made.is_none_or(|number| number.is_multiple_of(2));
     let ports = program.ports().count();
-    let limited = purpose == Purpose::Saturation && inputs_too;
     let line = |random: &mut ChaCha8Rng| (0..ports).map(|_| word(limited, format.storage_bits, 1, random)).collect();
     Candidate { program, stimulus: (0..steps).map(|_| line(&mut random)).collect() }
 }
