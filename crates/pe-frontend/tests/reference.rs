@@ -6,9 +6,10 @@ use pe_frontend::{Limits, NoFiles, Overrides, elaborate_within, parse};
 use pe_ir::codes::CODES;
 use std::collections::BTreeMap;
 
-/// Codes whose examples need other files, a command line, or more text than a page holds.
-const ELSEWHERE: [&str; 13] = [
-    "E0104", "E0105", "E0108", "E0109", "E0110", "E0111", "E0112", "E0113", "E0209", "E0508", "E0509", "W0005", "E0601",
+/// Codes whose examples need other files, a command line, the step graph, or more text than a page holds.
+const ELSEWHERE: [&str; 16] = [
+    "E0104", "E0105", "E0108", "E0109", "E0110", "E0111", "E0112", "E0113", "E0116", "E0117", "E0118", "E0209",
+    "E0508", "E0509", "W0005", "E0601",
 ];
 
 /// The lines of a code's example that are not marked as right, without their comments.
