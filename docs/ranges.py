@@ -42,8 +42,11 @@ def main(folder, *models):
         lasts = "yes" if ranges.get("for_ever") else "no"
         named = " ".join([model, *(o for o in options if o == "25x18")])
         bits = f"{ranges['widened_bits']}" if not ranges.get("missing_bits") else f"({ranges['missing_bits']} missing)"
+        before = ranges["word_length_before"]
+        # Without it, nothing ran in the narrow formats.
+        before = "-" if before is None else f"{before:.1e}"
         print(f"| {named} | {states['proven']} of {sum(states.values())} | {lasts} | {bits} "
-              f"| {ranges['word_length_before']:.1e}, {error:.1e} | {ranges['pes_without_saturation']} of {report['pes']} |",
+              f"| {before}, {error:.1e} | {ranges['pes_without_saturation']} of {report['pes']} |",
               flush=True)
 
 
