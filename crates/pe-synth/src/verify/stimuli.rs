@@ -61,6 +61,9 @@ const BUDGET: u64 = 6_000_000;
 /// Candidates, at most, unless there are so many PEs that each has its own.
 const CANDIDATES: u64 = 32;
 
+/// Further candidates of a saturation, with the design's own words: where ranges are proven, all others may leave them.
+const OWN_WORDS: u64 = 2;
+
 /// What a start is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
@@ -84,9 +87,11 @@ impl Purpose {
 pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) -> Option<Candidate> {
     let cost = (program.pes.len() as u64 * u64::from(program.period) * steps).max(1);
     let mut best = (purpose.score(seen), None);
-    let most = CANDIDATES.max(2 * program.pes.len() as u64 + 2 + OWN_WORDS);
-    for number in 0..(BUDGET / cost).clamp(2 + OWN_WORDS, most) {
-        let candidate = candidate(program, purpose, steps, number);
+    let most = CANDIDATES.max(2 * program.pes.len() as u64 + 2);
+    let made = (BUDGET / cost).clamp(2, most);
+    let own_words = if purpose == Purpose::Saturation { OWN_WORDS } else { 0 };
+    for number in 0..made + own_words {
+        let candidate = candidate(program, purpose, steps, number, number >= made);
         let observed = observe(&candidate.program, &candidate.stimulus, steps);
         if observed.escaped {
             // No run of the design gets there, so PEs that do not saturate need not stand it.
@@ -104,17 +109,13 @@ pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) 
 /// Scales of random words as shifts. Products of large ones saturate, small ones get lost.
 const SCALES: [u32; 8] = [2, 1, 4, 3, 8, 6, 12, 0];
 
-/// Candidates of a saturation that begin with the design's own words: where ranges are proven, all others may leave them.
-const OWN_WORDS: u64 = 2;
-
-fn candidate(program: &Program, purpose: Purpose, steps: u64, number: u64) -> Candidate {
+fn candidate(program: &Program, purpose: Purpose, steps: u64, number: u64, own_words: bool) -> Candidate {
     let saturation = purpose == Purpose::Saturation;
     let mut random = ChaCha8Rng::seed_from_u64(number << 1 | u64::from(saturation));
     let format = program.format;
     let mut program = program.clone();
     let pes = program.pes.len() as u64;
-    let made = if saturation { number.checked_sub(OWN_WORDS) } else { Some(number) };
-    if let Some(number) = made {
+    if !own_words {
         // All states at their limits, or, so that one PE's flag rises alone, those of a PE.
         let at_limits = (number / 2).checked_sub(1).map(|pe| (pe % pes) as u32);
         for state in program.states.clone() {
@@ -124,7 +125,7 @@ fn candidate(program: &Program, purpose: Purpose, steps: u64, number: u64) -> Ca
         }
     }
     // Inputs are at their limits in every other one of those.
-    let limited = saturation && made.is_none_or(|number| number.is_multiple_of(2));
+    let limited = saturation && (own_words || number.is_multiple_of(2));
     let ports = program.ports().count();
     let line = |random: &mut ChaCha8Rng| (0..ports).map(|_| word(limited, format.storage_bits, 1, random)).collect();
     Candidate { program, stimulus: (0..steps).map(|_| line(&mut random)).collect() }
