@@ -100,8 +100,7 @@ impl<'a, const L: usize> Run<'a, L> {
         let reach = measured.reach.iter().fold(0.0, |most: f64, reach| most.max(*reach));
         while done < steps {
             let looks = (done + 1) % STRIDE == 0 || done + 1 == steps;
-            // The widest vectors that this processor has: they round like single numbers, so nothing depends on it.
-            pulp::Arch::new().dispatch(Stepping(&mut self));
+            self.step();
             if done == 0 {
                 self.rest();
             }
@@ -131,7 +130,6 @@ impl<'a, const L: usize> Run<'a, L> {
     }
 
     /// One step.
-    #[inline(always)]
     fn step(&mut self) {
         let system = self.system;
         for sum in &system.sums {
@@ -185,17 +183,5 @@ impl<'a, const L: usize> Run<'a, L> {
             }
             self.numbers[*start as usize] = next;
         }
-    }
-}
-
-/// [`Run::step`] as something to dispatch.
-struct Stepping<'r, 'a, const L: usize>(&'r mut Run<'a, L>);
-
-impl<const L: usize> pulp::NullaryFnOnce for Stepping<'_, '_, L> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        self.0.step();
     }
 }
