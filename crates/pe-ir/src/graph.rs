@@ -477,31 +477,3 @@ impl FixedPoint {
         libm::scalbn(self.coefficients[term] as f64, self.products[chain] - operand_exponent)
     }
 }
-
-impl fmt::Display for StepGraph {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "step graph: {:?}, {} equations, {} products", self.form, self.equations.len(), self.macs())?;
-        for chain in &self.chains {
-            let terms: Vec<String> = self
-                .chain_terms(chain)
-                .iter()
-                .map(|term| match (term.factor, term.partner) {
-                    (Factor::Coefficient(c), Some(partner)) => {
-                        format!("{c:e}*({} + {})", self.value_name(term.operand), self.value_name(partner))
-                    }
-                    (Factor::Coefficient(c), None) => format!("{c:e}*{}", self.value_name(term.operand)),
-                    (Factor::Value(v), _) => format!("{}*{}", self.value_name(v), self.value_name(term.operand)),
-                })
-                .collect();
-            for write in chain.writes() {
-                let base = write.base.map_or(String::new(), |base| format!("{} + ", self.value_name(base)));
-                let function = chain
-                    .function
-                    .map_or(String::new(), |index| format!("{} of ", self.functions.exact[index as usize].name));
-                let weight = if write.weight == 0 { String::new() } else { format!("2^{} * ", write.weight) };
-                writeln!(f, "  {} = {function}{base}{weight}({})", self.value_name(write.value), terms.join(" + "))?;
-            }
-        }
-        Ok(())
-    }
-}

@@ -1,7 +1,7 @@
 //! The data that the stages of pe-synth exchange, and the rules that belong to the data alone.
 //!
 //! Modules in pipeline order; each uses only those before it: [`source`], [`codes`], [`model`], [`coefficients`],
-//! [`place`], [`functions`], [`word`], [`graph`], [`mapping`], [`schedule`], [`memory`], [`program`], [`verify`].
+//! [`place`], [`functions`], [`word`], [`graph`], [`mapping`], [`schedule`], [`memory`], [`program`], [`verify`], [`text`].
 
 pub mod codes;
 pub mod coefficients;
@@ -21,6 +21,7 @@ pub mod schedule;
 mod solver;
 pub mod source;
 mod stability;
+pub mod text;
 mod value;
 pub mod verify;
 mod waveform;

@@ -60,7 +60,7 @@ impl Dump {
     fn text(&self) -> Result<String, Failure> {
         let loaded = self.model.load(&self.point)?;
         if self.stage == Stage::Model {
-            return Ok(format!("{:#?}\n", loaded.model));
+            return Ok(loaded.model.to_string());
         }
         let mut watch = Stopwatch::new(true);
         let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;

@@ -7,7 +7,7 @@ mod text;
 
 pub use fold::{Fold, closed_up};
 pub use layout::{Field, FieldName, Layout, index_bits};
-pub use text::ParseError;
+pub use text::read;
 
 use crate::functions::Segments;
 use crate::word::{Latency, WordFormat};

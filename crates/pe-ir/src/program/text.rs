@@ -1,63 +1,42 @@
 //! Text form of a program: for dumps, for files, and to read back.
 //!
 //! One line per item, one line per control word. After `#` a control-word line names the values it handles; the
-//! names are read back as notes. Numbers are decimal, memory words hexadecimal in two's complement.
+//! names are read back as notes, and numbered as they come. Numbers are decimal, memory words hexadecimal in two's
+//! complement. A name ends at a blank, and stands in quotes if it has some.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::{self, Display};
+use std::str::FromStr;
 
 use super::{
     Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
     StateRegister, Target, Tick,
 };
-use crate::word::{Pipeline, WordFormat};
-
-const HEADER: &str = "pe-synth program 1";
-
-/// A line that is not part of a program.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ParseError {
-    /// 1-based line.
-    pub line: usize,
-    /// What was expected there.
-    pub expected: String,
-}
-
-impl Display for ParseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: expected {}", self.line, self.expected)
-    }
-}
-
-impl std::error::Error for ParseError {}
+use crate::text::{Line, Section, Stage, TextError, fixed, quoted, single};
+use crate::word::WordFormat;
 
 impl Display for Program {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits, pipeline } = self.format;
-        let pipeline = match pipeline {
-            Pipeline::Short => String::new(),
-            Pipeline::Deep => format!(" pipeline {}", pipeline.name()),
-        };
-        writeln!(f, "{HEADER}\nmodel {}\nperiod {} rounds {}", self.model, self.period, self.rounds)?;
-        writeln!(
-            f,
-            "format storage {storage_bits} guard {guard_bits} data {data_bits} coefficient {coefficient_bits}{pipeline}"
-        )?;
-        let unit = |unit: &Option<String>| unit.as_ref().map_or(String::new(), |unit| format!(" unit {unit}"));
+        let Program { model, period, rounds, .. } = self;
+        writeln!(f, "{}\nmodel {}\nperiod {period} rounds {rounds}", Stage::Program.header(), name(model))?;
+        writeln!(f, "{}", fixed::print_format(&self.format))?;
+        let unit = |unit: &Option<String>| unit.as_ref().map_or(String::new(), |unit| format!(" unit {}", rest(unit)));
         for input in &self.inputs {
             match input.tick {
-                None => writeln!(f, "input {} exponent {}{}", input.name, input.exponent, unit(&input.unit))?,
+                None => writeln!(f, "input {} exponent {}{}", name(&input.name), input.exponent, unit(&input.unit))?,
                 Some(Tick { steps, done }) => {
-                    writeln!(f, "tick {} exponent {} steps {steps} done {done}", input.name, input.exponent)?;
+                    let (name, exponent) = (name(&input.name), input.exponent);
+                    writeln!(f, "tick {name} exponent {exponent} steps {steps} done {done}")?;
                 }
             }
         }
         for output in &self.outputs {
-            let OutputPort { name, pe, word, exponent, .. } = output;
-            writeln!(f, "output {name} pe {pe} word {word} exponent {exponent}{}", unit(&output.unit))?;
+            let OutputPort { pe, word, exponent, .. } = output;
+            writeln!(f, "output {} pe {pe} word {word} exponent {exponent}{}", name(&output.name), unit(&output.unit))?;
         }
         for state in &self.states {
-            write!(f, "state {} exponent {} own {}:{}", state.name, state.exponent, state.own.0, state.own.1)?;
+            write!(f, "state {} exponent {} own {}:{}", name(&state.name), state.exponent, state.own.0, state.own.1)?;
             state.imported.iter().try_for_each(|(pe, word)| write!(f, " imported {pe}:{word}"))?;
             writeln!(f)?;
         }
@@ -101,7 +80,7 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
         }
     }
     for equation in &pe.equations {
-        writeln!(f, "equation {equation}")?;
+        writeln!(f, "equation {}", name(equation))?;
     }
     let images = [
         ("own", &pe.own_image),
@@ -118,14 +97,12 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
         write!(f, "word {number}")?;
         write_word(f, word)?;
         if *note != Note::default() {
-            let name = |value| match program.name(value) {
-                "" => "-",
-                name => name,
-            };
             f.write_str(" #")?;
             for value in [note.operand, note.chain, note.write, note.receive] {
-                f.write_str(" ")?;
-                f.write_str(name(value))?;
+                match program.name(value) {
+                    "" => f.write_str(" -")?,
+                    named => write!(f, " {}", name(named))?,
+                }
             }
         }
         writeln!(f)?;
@@ -180,20 +157,42 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
     Ok(())
 }
 
-impl std::str::FromStr for Program {
-    type Err = ParseError;
+/// A name as a field: in quotes where it would not read back.
+fn name(name: &str) -> Cow<'_, str> {
+    let fits = !name.contains(|letter: char| letter.is_whitespace() || letter.is_control());
+    let is_plain = fits && !name.is_empty() && name != "-" && !name.starts_with(['"', '#']);
+    if is_plain { Cow::Borrowed(name) } else { Cow::Owned(quoted(name)) }
+}
 
-    fn from_str(text: &str) -> Result<Program, ParseError> {
-        let mut parser = Parser { line: 0, names: HashMap::new(), program: Program::empty() };
-        for (index, line) in text.lines().enumerate() {
-            parser.line = index + 1;
-            parser.line(line)?;
-        }
-        let complete = parser.program.pes.iter().all(|pe| pe.words.len() == parser.program.period as usize);
-        if !complete || parser.program.period == 0 {
-            return Err(parser.error("as many control words in each PE as the period says"));
-        }
-        Ok(parser.program)
+/// A text that takes the rest of a line: in quotes where it would not read back.
+fn rest(text: &str) -> Cow<'_, str> {
+    let fits = text.trim() == text && !text.is_empty() && !text.starts_with('"');
+    if fits && !text.contains(char::is_control) { Cow::Borrowed(text) } else { Cow::Owned(quoted(text)) }
+}
+
+fn read_name(line: &mut Line) -> Result<String, TextError> {
+    if line.rest().starts_with('"') {
+        return line.quoted();
+    }
+    match line.field() {
+        Some(name) => Ok(name.to_owned()),
+        None => Err(line.expected("a name")),
+    }
+}
+
+fn read_unit(line: &mut Line) -> Result<Option<String>, TextError> {
+    if !line.take_word("unit") {
+        line.done()?;
+        return Ok(None);
+    }
+    if line.rest().starts_with('"') {
+        let unit = line.quoted()?;
+        line.done()?;
+        return Ok(Some(unit));
+    }
+    match line.take_rest() {
+        "" => Err(line.expected("a unit")),
+        unit => Ok(Some(unit.to_owned())),
     }
 }
 
@@ -249,217 +248,234 @@ fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) -> bool {
         && (features.swap || swapping.iter().flatten().all(|address| !address.swap))
 }
 
+/// Control words of a program, and PEs, at most: what no device has, and what keeps a damaged text from taking all memory.
+const MOST_WORDS: u32 = 1 << 24;
+
+impl FromStr for Program {
+    type Err = TextError;
+
+    fn from_str(text: &str) -> Result<Program, TextError> {
+        read(&single(text, Stage::Program)?)
+    }
+}
+
+/// Reads the section of a program.
+///
+/// # Errors
+/// An item is not one of a program, or what it refers to is not there.
+pub fn read(section: &Section) -> Result<Program, TextError> {
+    let mut parser = Parser { names: HashMap::new(), program: Program::empty() };
+    for mut line in section.lines() {
+        parser.line(&mut line)?;
+    }
+    let program = parser.program;
+    let complete = program.pes.iter().all(|pe| pe.words.len() == program.period as usize);
+    if program.period == 0 {
+        return Err(section.error("there is no item `period`"));
+    }
+    if !complete || program.pes.is_empty() {
+        return Err(section.error("expected as many control words in each PE as the period says"));
+    }
+    let pe = |pe: u32| program.pes.get(pe as usize);
+    let outputs = program.outputs.iter().all(|output| pe(output.pe).is_some() && output.word < program.period);
+    let states = program.states.iter().all(|state| {
+        let holds = |at: &(u32, u16)| pe(at.0).is_some_and(|pe| u32::from(at.1) < pe.features.imported_words);
+        let own = pe(state.own.0).is_some_and(|pe| u32::from(state.own.1) < pe.features.own_words);
+        own && state.imported.iter().all(holds)
+    });
+    let ports = program.pes.iter().flat_map(|pe| &pe.ports).all(|port| match port {
+        LinkSource::Pe(pe) => (*pe as usize) < program.pes.len(),
+        LinkSource::Input(input) => (*input as usize) < program.inputs.len(),
+    });
+    match outputs && states && ports {
+        true => Ok(program),
+        false => Err(section.error("an output, a state or a port refers to a PE, word or input that is not there")),
+    }
+}
+
 struct Parser {
-    line: usize,
     names: HashMap<String, u32>,
     program: Program,
 }
 
-/// Fields of a line, read one after another.
-struct Fields<'a>(&'a str);
+const ITEMS: [&str; 15] = [
+    "model",
+    "period",
+    "format",
+    "input",
+    "tick",
+    "output",
+    "state",
+    "pe",
+    "port",
+    "equation",
+    "own",
+    "base",
+    "coefficient",
+    "imported",
+    "word",
+];
 
-impl<'a> Fields<'a> {
-    fn next(&mut self) -> Option<&'a str> {
-        let text = self.0.trim_start();
-        let end = text.find(' ').unwrap_or(text.len());
-        self.0 = &text[end..];
-        (end > 0).then(|| &text[..end])
-    }
-}
+const OPERATIONS: [&str; 18] = [
+    "times",
+    "stored",
+    "own",
+    "imported",
+    "close",
+    "base",
+    "index",
+    "to-index",
+    "to-octave",
+    "shift",
+    "write",
+    "to-own",
+    "to-base",
+    "to-factor",
+    "send",
+    "port",
+    "receive",
+    "#",
+];
 
 impl Parser {
-    fn error(&self, expected: &str) -> ParseError {
-        ParseError { line: self.line, expected: expected.to_owned() }
+    fn pe(&mut self, line: &Line) -> Result<&mut PeProgram, TextError> {
+        self.program.pes.last_mut().ok_or_else(|| line.error("expected an item `pe` before it"))
     }
 
-    fn number<T: std::str::FromStr>(&self, field: Option<&str>) -> Result<T, ParseError> {
-        field.and_then(|field| field.parse().ok()).ok_or_else(|| self.error("a number"))
-    }
-
-    /// The keyword, then a number.
-    fn keyed<T: std::str::FromStr>(&self, fields: &mut Fields<'_>, keyword: &str) -> Result<T, ParseError> {
-        if fields.next() != Some(keyword) {
-            return Err(self.error(keyword));
-        }
-        self.number(fields.next())
-    }
-
-    fn pair<T: std::str::FromStr>(&self, field: Option<&str>) -> Result<(u32, T), ParseError> {
-        let (first, second) = field.and_then(|f| f.split_once(':')).ok_or_else(|| self.error("`pe:word`"))?;
-        Ok((self.number(Some(first))?, self.number(Some(second))?))
-    }
-
-    /// The pipeline; without one it is the short one.
-    fn pipeline(&self, fields: &mut Fields<'_>) -> Result<Pipeline, ParseError> {
-        match fields.next() {
-            None => Ok(Pipeline::Short),
-            Some("pipeline") => {
-                let name = fields.next();
-                let named = Pipeline::ALL.into_iter().find(|pipeline| Some(pipeline.name()) == name);
-                named.ok_or_else(|| self.error("the name of a pipeline"))
-            }
-            Some(_) => Err(self.error("pipeline")),
-        }
-    }
-
-    fn unit(&self, fields: &mut Fields<'_>) -> Option<String> {
-        fields.0.strip_prefix(" unit ").map(str::to_owned)
-    }
-
-    fn pe(&mut self) -> Result<&mut PeProgram, ParseError> {
-        let error = self.error("a `pe` line before it");
-        self.program.pes.last_mut().ok_or(error)
-    }
-
-    fn line(&mut self, line: &str) -> Result<(), ParseError> {
-        if self.line == 1 {
-            return if line == HEADER { Ok(()) } else { Err(self.error(HEADER)) };
-        }
-        let mut fields = Fields(line);
-        match fields.next() {
-            Some("model") => self.program.model = fields.next().ok_or_else(|| self.error("a name"))?.to_owned(),
-            Some("period") => {
-                self.program.period = self.number(fields.next())?;
-                self.program.rounds = self.keyed(&mut fields, "rounds")?;
+    fn line(&mut self, line: &mut Line) -> Result<(), TextError> {
+        match ITEMS[line.one_of(&ITEMS)?] {
+            "model" => self.program.model = read_name(line)?,
+            "period" => {
+                self.program.period = line.integer()?;
+                if !(1..=MOST_WORDS).contains(&self.program.period) {
+                    return Err(line.error(format!("expected a period of 1 to {MOST_WORDS} control words")));
+                }
+                self.program.rounds = line.keyed("rounds")?;
                 if self.program.rounds == 0 || !self.program.period.is_multiple_of(self.program.rounds) {
-                    return Err(self.error("a number of rounds that divides the period"));
+                    return Err(line.error("expected a number of rounds that divides the period"));
                 }
             }
-            Some("format") => {
-                self.program.format = WordFormat {
-                    storage_bits: self.keyed(&mut fields, "storage")?,
-                    guard_bits: self.keyed(&mut fields, "guard")?,
-                    data_bits: self.keyed(&mut fields, "data")?,
-                    coefficient_bits: self.keyed(&mut fields, "coefficient")?,
-                    pipeline: self.pipeline(&mut fields)?,
-                };
+            "format" => self.program.format = fixed::read_format(line)?,
+            "input" => {
+                let (name, exponent) = (read_name(line)?, line.keyed("exponent")?);
+                self.program.inputs.push(InputPort { name, exponent, unit: read_unit(line)?, tick: None });
             }
-            Some("input") => {
-                let name = fields.next().unwrap_or_default().to_owned();
-                let exponent = self.keyed(&mut fields, "exponent")?;
-                self.program.inputs.push(InputPort { name, exponent, unit: self.unit(&mut fields), tick: None });
-            }
-            Some("tick") => {
-                let name = fields.next().unwrap_or_default().to_owned();
-                let exponent = self.keyed(&mut fields, "exponent")?;
-                let tick = Tick { steps: self.keyed(&mut fields, "steps")?, done: self.keyed(&mut fields, "done")? };
+            "tick" => {
+                let (name, exponent) = (read_name(line)?, line.keyed("exponent")?);
+                let tick = Tick { steps: line.keyed("steps")?, done: line.keyed("done")? };
                 if tick.steps == 0 || tick.done >= tick.steps || !(-62..=0).contains(&exponent) {
-                    return Err(self.error("fewer steps done than there are, and a number that holds 1"));
+                    return Err(line.error("expected fewer steps done than there are, and a number that holds 1"));
                 }
                 self.program.inputs.push(InputPort { name, exponent, unit: None, tick: Some(tick) });
             }
-            Some("output") => {
-                let name = fields.next().unwrap_or_default().to_owned();
-                let pe = self.keyed(&mut fields, "pe")?;
-                let word = self.keyed(&mut fields, "word")?;
-                let exponent = self.keyed(&mut fields, "exponent")?;
-                self.program.outputs.push(OutputPort { name, pe, word, exponent, unit: self.unit(&mut fields) });
+            "output" => {
+                let name = read_name(line)?;
+                let (pe, word, exponent) = (line.keyed("pe")?, line.keyed("word")?, line.keyed("exponent")?);
+                self.program.outputs.push(OutputPort { name, pe, word, exponent, unit: read_unit(line)? });
             }
-            Some("state") => self.state(&mut fields)?,
-            Some("pe") => self.features(&mut fields)?,
-            Some("port") => {
-                let source = match fields.next() {
-                    Some("pe") => LinkSource::Pe(self.number(fields.next())?),
-                    Some("input") => LinkSource::Input(self.number(fields.next())?),
-                    _ => return Err(self.error("`pe` or `input`")),
+            "state" => self.state(line)?,
+            "pe" => self.features(line)?,
+            "port" => {
+                let source = match line.one_of(&["pe", "input"])? {
+                    0 => LinkSource::Pe(line.integer()?),
+                    _ => LinkSource::Input(line.integer()?),
                 };
-                self.pe()?.ports.push(source);
+                let pe = self.pe(line)?;
+                if !pe.words.is_empty() || pe.ports.len() > usize::from(u8::MAX) {
+                    return Err(line.error("expected at most 256 ports, in front of the control words"));
+                }
+                pe.ports.push(source);
             }
-            Some("equation") => {
-                let name = fields.next().unwrap_or_default().to_owned();
-                self.pe()?.equations.push(name);
+            "equation" => {
+                let name = read_name(line)?;
+                self.pe(line)?.equations.push(name);
             }
-            Some(memory @ ("own" | "base" | "coefficient" | "imported")) => {
-                let word: usize = self.number(fields.next())?;
-                let value = fields.next().and_then(|field| u64::from_str_radix(field, 16).ok());
-                let value = value.ok_or_else(|| self.error("a hexadecimal word"))? as i64;
-                let error = self.error("a word within the memory");
-                let pe = self.pe()?;
+            "word" => self.word(line)?,
+            memory => {
+                let word: usize = line.integer()?;
+                let place = line.last();
+                let value = line.field().and_then(|field| u64::from_str_radix(field, 16).ok());
+                let value = value.ok_or_else(|| line.error("expected a hexadecimal word"))? as i64;
+                let pe = self.pe(line)?;
                 let image = match memory {
                     "own" => &mut pe.own_image,
                     "base" => &mut pe.base_image,
                     "coefficient" => &mut pe.coefficient_image,
                     _ => &mut pe.imported_image,
                 };
-                *image.get_mut(word).ok_or(error)? = value;
+                *image.get_mut(word).ok_or_else(|| line.error_at(place, "expected a word within the memory"))? = value;
             }
-            Some("word") => self.word(&mut fields)?,
-            _ => return Err(self.error("a program line")),
         }
-        Ok(())
+        line.done()
     }
 
-    fn state(&mut self, fields: &mut Fields<'_>) -> Result<(), ParseError> {
-        let name = fields.next().unwrap_or_default().to_owned();
-        let exponent = self.keyed(fields, "exponent")?;
-        if fields.next() != Some("own") {
-            return Err(self.error("own"));
-        }
-        let own = self.pair(fields.next())?;
+    fn state(&mut self, line: &mut Line) -> Result<(), TextError> {
+        let (name, exponent) = (read_name(line)?, line.keyed("exponent")?);
+        line.word("own")?;
+        let own = place(line)?;
         let mut imported = Vec::new();
-        while fields.next().is_some() {
-            imported.push(self.pair(fields.next())?);
+        while line.take_word("imported") {
+            imported.push(place(line)?);
         }
         self.program.states.push(StateRegister { name, exponent, own, imported });
         Ok(())
     }
 
-    fn features(&mut self, fields: &mut Fields<'_>) -> Result<(), ParseError> {
-        let index: usize = self.number(fields.next())?;
+    fn features(&mut self, line: &mut Line) -> Result<(), TextError> {
+        let index: usize = line.integer()?;
         if index != self.program.pes.len() {
-            return Err(self.error("PEs in order"));
+            return Err(line.error("expected PEs in order"));
         }
-        let own_words: u32 = self.keyed(fields, "own")?;
-        let base_words: u32 = self.keyed(fields, "base")?;
-        let coefficient_words: u32 = self.keyed(fields, "coefficients")?;
-        let imported_words: u32 = self.keyed(fields, "imported")?;
-        if fields.next() != Some("shifts") {
-            return Err(self.error("shifts"));
+        let (own_words, base_words): (u32, u32) = (line.keyed("own")?, line.keyed("base")?);
+        let (coefficient_words, imported_words): (u32, u32) = (line.keyed("coefficients")?, line.keyed("imported")?);
+        line.word("shifts")?;
+        let mut shifts = vec![line.integer()?];
+        while line.take_sign(",") {
+            shifts.push(line.integer()?);
         }
-        let list = fields.next().unwrap_or_default();
-        let shifts = list.split(',').map(|shift| self.number(Some(shift))).collect::<Result<Vec<u8>, _>>()?;
-        let accumulator_bits = self.keyed(fields, "accumulator")?;
-        let rest: Vec<&str> = std::iter::from_fn(|| fields.next()).collect();
-        let has = |name: &str| rest.contains(&name);
-        let after = |name: &str| match rest.iter().position(|field| *field == name) {
-            Some(place) => self.number(rest.get(place + 1).copied()),
-            None => Ok(0),
-        };
-        let (index_words, index_bits, octave_bits): (u32, u32, u32) =
-            (after("index")?, after("bits")?, after("octaves")?);
-        let features = PeFeatures {
+        let mut features = PeFeatures {
             own_words,
             base_words,
             coefficient_words,
             imported_words,
             ports: 0,
             shifts,
-            accumulator_bits,
-            factor: has("factor"),
-            pre_adder: has("pre_adder"),
-            swap: has("swap"),
-            base_last: has("base_last"),
-            send: has("send"),
-            proven: has("proven"),
-            index_words,
-            index_bits,
-            octave_bits,
+            accumulator_bits: line.keyed("accumulator")?,
+            factor: line.take_word("factor"),
+            pre_adder: line.take_word("pre_adder"),
+            swap: line.take_word("swap"),
+            base_last: line.take_word("base_last"),
+            send: line.take_word("send"),
+            proven: line.take_word("proven"),
+            index_words: 0,
+            index_bits: 0,
+            octave_bits: 0,
         };
         let depth = |words: u32| words.is_power_of_two() && (2..=1 << 16).contains(&words);
         let optional = |words: u32| words == 0 || depth(words);
         if !depth(own_words) || !depth(base_words) || !optional(coefficient_words) || !optional(imported_words) {
-            return Err(self.error("memory depths that are powers of two up to 65536"));
+            return Err(line.error("expected memory depths that are powers of two up to 65536"));
         }
-        let data_bits = self.program.format.data_bits;
-        let indexed = depth(index_words)
-            && (1..16).contains(&index_bits)
-            && base_words >= 1 << index_bits
-            && octave_bits < 6
-            && octave_bits <= index_bits
-            && (1u32 << octave_bits) - 1 + index_bits - octave_bits < data_bits;
-        let absent = index_words == 0 && index_bits == 0 && octave_bits == 0;
-        if !absent && !indexed {
-            return Err(self.error("an index memory whose indices are within a data operand and the base memory"));
+        if features.shifts.iter().any(|shift| *shift > 63) || !(2..=127).contains(&features.accumulator_bits) {
+            return Err(line.error("expected shifts up to 63, and an accumulator of 2 to 127 bits"));
+        }
+        if line.take_word("index") {
+            features.index_words = line.integer()?;
+            features.index_bits = line.keyed("bits")?;
+            features.octave_bits = if line.take_word("octaves") { line.integer()? } else { 0 };
+            let PeFeatures { index_words, index_bits, octave_bits, .. } = features;
+            let data_bits = self.program.format.data_bits;
+            let indexed = depth(index_words)
+                && (1..16).contains(&index_bits)
+                && base_words >= 1 << index_bits
+                && octave_bits < 6
+                && octave_bits <= index_bits
+                && (1u32 << octave_bits) - 1 + index_bits - octave_bits < data_bits;
+            if !indexed {
+                return Err(
+                    line.error("expected an index memory whose indices are within a data operand and the base memory")
+                );
+            }
         }
         self.program.pes.push(PeProgram {
             own_image: vec![0; own_words as usize],
@@ -475,57 +491,54 @@ impl Parser {
         Ok(())
     }
 
-    fn word(&mut self, fields: &mut Fields<'_>) -> Result<(), ParseError> {
-        let number: usize = self.number(fields.next())?;
+    fn word(&mut self, line: &mut Line) -> Result<(), TextError> {
+        let number: usize = line.integer()?;
+        let place = line.last();
         let mut word = ControlWord::default();
-        if self.pe()?.features.coefficient_words > 0 {
+        if self.pe(line)?.features.coefficient_words > 0 {
             word.multiplier = Multiplier::Stored(0);
         }
         let mut note = Note::default();
         let mut port = 0;
-        let mut target = None;
-        while let Some(field) = fields.next() {
-            match field {
-                "times" => word.multiplier = Multiplier::Coefficient(self.number(fields.next())?),
-                "stored" => word.multiplier = Multiplier::Stored(self.number(fields.next())?),
-                "own" => word.own = Some(self.address(fields.next())?),
-                "imported" => word.imported = Some(self.address(fields.next())?),
+        while !line.is_done() {
+            match OPERATIONS[line.one_of(&OPERATIONS)?] {
+                "times" => word.multiplier = Multiplier::Coefficient(line.integer()?),
+                "stored" => word.multiplier = Multiplier::Stored(line.integer()?),
+                "own" => word.own = Some(address(line)?),
+                "imported" => word.imported = Some(address(line)?),
                 "close" => word.close = true,
-                "base" => word.base = Some(self.number(fields.next())?),
-                "index" => word.index = Some(self.number(fields.next())?),
-                "to-index" => word.write_index = Some((self.number(fields.next())?, false)),
-                "to-octave" => word.write_index = Some((self.number(fields.next())?, true)),
-                "shift" => word.shift = self.number(fields.next())?,
-                "write" => target = Some(Target { address: self.address(fields.next())?, ..Target::default() }),
-                "to-own" | "to-base" | "to-factor" => {
-                    let error = self.error("`write` before it");
-                    let target = target.as_mut().ok_or(error)?;
-                    match field {
+                "base" => word.base = Some(line.integer()?),
+                "index" => word.index = Some(line.integer()?),
+                "to-index" => word.write_index = Some((line.integer()?, false)),
+                "to-octave" => word.write_index = Some((line.integer()?, true)),
+                "shift" => word.shift = line.integer()?,
+                "write" => word.write = Some(Target { address: address(line)?, ..Target::default() }),
+                memory @ ("to-own" | "to-base" | "to-factor") => {
+                    let target = word.write.as_mut().ok_or_else(|| line.error("expected `write` before it"))?;
+                    match memory {
                         "to-own" => target.own = true,
                         "to-base" => target.base = true,
                         _ => target.factor = true,
                     }
                 }
                 "send" => word.send = true,
-                "port" => port = self.number(fields.next())?,
-                "receive" => word.receive = Some((port, self.address(fields.next())?)),
-                "#" => {
+                "port" => port = line.integer()?,
+                "receive" => word.receive = Some((port, address(line)?)),
+                _ => {
                     for slot in [&mut note.operand, &mut note.chain, &mut note.write, &mut note.receive] {
-                        *slot = self.note(fields.next());
+                        *slot = self.note(line)?;
                     }
                 }
-                _ => return Err(self.error("an operation")),
             }
         }
-        word.write = target;
-        let error = self.error("control words in order");
         let bits = self.program.format.coefficient_bits;
-        let pe = self.pe()?;
-        if number != pe.words.len() {
-            return Err(error);
+        let period = self.program.period as usize;
+        let pe = self.pe(line)?;
+        if number != pe.words.len() || number >= period {
+            return Err(line.error_at(place, "expected control words in order, as many as the period says"));
         }
         if !fits(&word, pe, bits) {
-            return Err(ParseError { expected: "coefficients and addresses within their fields".into(), ..error });
+            return Err(line.error_at(line.span(), "expected coefficients and addresses within their fields"));
         }
         pe.words.push(word);
         pe.notes.push(note);
@@ -533,19 +546,25 @@ impl Parser {
         Ok(())
     }
 
-    fn address(&self, field: Option<&str>) -> Result<Address, ParseError> {
-        let field = field.unwrap_or_default();
-        let (number, swap) = field.strip_suffix('~').map_or((field, false), |number| (number, true));
-        Ok(Address { word: self.number(Some(number))?, swap })
-    }
-
-    fn note(&mut self, name: Option<&str>) -> u32 {
-        match name {
-            None | Some("-") => Note::NONE,
-            Some(name) => *self.names.entry(name.to_owned()).or_insert_with(|| {
-                self.program.names.push(name.to_owned());
-                self.program.names.len() as u32 - 1
-            }),
+    fn note(&mut self, line: &mut Line) -> Result<u32, TextError> {
+        if line.is_done() || line.take_sign("- ") || line.rest() == "-" && line.take_sign("-") {
+            return Ok(Note::NONE);
         }
+        let name = read_name(line)?;
+        Ok(*self.names.entry(name).or_insert_with_key(|name| {
+            self.program.names.push(name.clone());
+            self.program.names.len() as u32 - 1
+        }))
     }
+}
+
+/// A PE and a word in its memory.
+fn place(line: &mut Line) -> Result<(u32, u16), TextError> {
+    let pe = line.integer()?;
+    line.sign(":")?;
+    Ok((pe, line.integer()?))
+}
+
+fn address(line: &mut Line) -> Result<Address, TextError> {
+    Ok(Address { word: line.integer()?, swap: line.take_sign("~") })
 }

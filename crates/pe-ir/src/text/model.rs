@@ -1,0 +1,404 @@
+//! The model: its settings, then an item for each variable and its equation.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::model::{
+    Algebraic, Expr, Input, Interpolation, Model, Output, Phase, Rate, Signal, Solver, State, Variable,
+};
+use crate::motion::{Motion, Source};
+use crate::verify;
+
+use super::{Line, Section, Stage, TextError, expr, labels::Labels, name, number, quoted, single, waveform};
+
+const MOTIONS: [&str; 9] = ["clock", "sine", "cosine", "swept_sine", "swept_cosine", "held", "line", "before", "after"];
+
+impl fmt::Display for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Printer::of(self).print(f)
+    }
+}
+
+impl FromStr for Model {
+    type Err = TextError;
+
+    fn from_str(text: &str) -> Result<Model, TextError> {
+        read(&single(text, Stage::Model)?)
+    }
+}
+
+struct Printer<'a> {
+    model: &'a Model,
+    states: Labels,
+    inputs: Labels,
+    algebraics: Labels,
+}
+
+impl Printer<'_> {
+    fn of(model: &Model) -> Printer<'_> {
+        Printer {
+            model,
+            states: Labels::of(model.states.iter().map(|state| state.name.clone())),
+            inputs: Labels::of(model.inputs.iter().map(|input| input.name.clone())),
+            algebraics: Labels::of(model.algebraics.iter().map(|algebraic| algebraic.name.clone())),
+        }
+    }
+
+    fn variable(&self, variable: Variable) -> String {
+        match variable {
+            Variable::State(state) => self.states.text(state).to_owned(),
+            Variable::Input(input) => self.inputs.text(input).to_owned(),
+            Variable::Algebraic(algebraic) => self.algebraics.text(algebraic).to_owned(),
+        }
+    }
+
+    fn expr(&self, expr: &Expr) -> String {
+        expr::print(expr, &|variable| self.variable(variable))
+    }
+
+    fn source(&self, source: Source) -> String {
+        match source {
+            Source::Input(input) => format!("input {}", self.inputs.text(input)),
+            Source::Signal(signal) => format!("signal {signal}"),
+        }
+    }
+
+    fn motion(&self, motion: Motion) -> String {
+        match motion {
+            Motion::Clock => "clock".to_owned(),
+            Motion::Sine(speed) => format!("sine {}", number(speed)),
+            Motion::Cosine(speed) => format!("cosine {}", number(speed)),
+            Motion::SweptSine(state) => format!("swept_sine {}", self.states.text(state)),
+            Motion::SweptCosine(state) => format!("swept_cosine {}", self.states.text(state)),
+            Motion::Held(source) => format!("held {}", self.source(source)),
+            Motion::Line(source) => format!("line {}", self.source(source)),
+            Motion::Before(source) => format!("before {}", self.source(source)),
+            Motion::After(source) => format!("after {}", self.source(source)),
+        }
+    }
+
+    fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let model = self.model;
+        writeln!(f, "{}", Stage::Model.header())?;
+        writeln!(f, "model {}", name(&model.name))?;
+        if !model.title.is_empty() {
+            writeln!(f, "title {}", quoted(&model.title))?;
+        }
+        writeln!(f, "solver {}", model.solver.name())?;
+        writeln!(f, "step {}", number(model.step))?;
+        for Phase { until, ratio } in &model.phases {
+            writeln!(f, "phase until {} ratio {}", number(*until), number(*ratio))?;
+        }
+        writeln!(f, "span {}", number(model.span))?;
+        for Rate { period, .. } in &model.rates {
+            writeln!(f, "rate {}", number(*period))?;
+        }
+        for (index, input) in model.inputs.iter().enumerate() {
+            write!(f, "input {}", self.inputs.text(index as u32))?;
+            common(f, input.range, &input.unit)?;
+            if input.between == Interpolation::Linear {
+                write!(f, " linear")?;
+            }
+            writeln!(f, " = {}", waveform::print(&input.waveform))?;
+        }
+        for signal in &model.signals {
+            writeln!(f, "signal {}", waveform::print(&signal.waveform))?;
+        }
+        for (index, algebraic) in model.algebraics.iter().enumerate() {
+            write!(f, "algebraic {}", self.algebraics.text(index as u32))?;
+            common(f, algebraic.range, &algebraic.unit)?;
+            writeln!(f, " = {}", self.expr(&algebraic.expr))?;
+        }
+        for (index, state) in model.states.iter().enumerate() {
+            let label = self.states.text(index as u32);
+            write!(f, "state {label} quantity {} initial {}", state.quantity, number(state.initial))?;
+            common(f, state.range, &state.unit)?;
+            if let Some(rate) = state.rate {
+                write!(f, " rate {rate}")?;
+            }
+            if let Some(motion) = state.motion {
+                write!(f, " motion {}", self.motion(motion))?;
+            }
+            let left = if state.rate.is_some() { format!("next {label}") } else { format!("{label}'") };
+            writeln!(f, "\n  {left} = {}", self.expr(&state.derivative))?;
+        }
+        for output in &model.outputs {
+            let variable = self.variable(output.variable);
+            write!(f, "output {}", name(&output.name))?;
+            let kind = match output.variable {
+                Variable::State(_) => "state",
+                Variable::Input(_) => "input",
+                Variable::Algebraic(_) => "algebraic",
+            };
+            match variable == name(&output.name) {
+                true => writeln!(f)?,
+                false => writeln!(f, " of {kind} {variable}")?,
+            }
+        }
+        model.left_out.iter().try_for_each(|left_out| writeln!(f, "left_out {}", name(left_out)))
+    }
+}
+
+fn common(f: &mut fmt::Formatter<'_>, range: Option<(f64, f64)>, unit: &Option<String>) -> fmt::Result {
+    if let Some((low, high)) = range {
+        write!(f, " range {} .. {}", number(low), number(high))?;
+    }
+    match unit {
+        Some(unit) => write!(f, " unit {}", quoted(unit)),
+        None => Ok(()),
+    }
+}
+
+fn read_range(line: &mut Line) -> Result<Option<(f64, f64)>, TextError> {
+    if !line.take_word("range") {
+        return Ok(None);
+    }
+    let low = line.number()?;
+    line.sign("..")?;
+    let high = line.number()?;
+    if low > high {
+        return Err(line.error("expected an upper end that is no less than the lower one"));
+    }
+    Ok(Some((low, high)))
+}
+
+fn read_unit(line: &mut Line) -> Result<Option<String>, TextError> {
+    if line.take_word("unit") { line.quoted().map(Some) } else { Ok(None) }
+}
+
+/// Reads the section of a model.
+///
+/// # Errors
+/// An item is not one of a model, or they make no valid model.
+pub fn read(section: &Section) -> Result<Model, TextError> {
+    let mut reader = Reader::default();
+    reader.declare(section)?;
+    let model = reader.items(section)?;
+    match verify::model::check(&model).first() {
+        None => Ok(model),
+        Some(problem) => Err(section.error(format!("this is no valid model: {problem}"))),
+    }
+}
+
+#[derive(Default)]
+struct Reader {
+    states: Labels,
+    inputs: Labels,
+    algebraics: Labels,
+    /// Algebraic variables before the equation that is read.
+    before: Option<u32>,
+}
+
+const ITEMS: [&str; 13] = [
+    "model",
+    "title",
+    "solver",
+    "step",
+    "phase",
+    "span",
+    "rate",
+    "input",
+    "signal",
+    "algebraic",
+    "state",
+    "output",
+    "left_out",
+];
+
+impl Reader {
+    /// Finds the names of all variables, which equations may read before they are declared.
+    fn declare(&mut self, section: &Section) -> Result<(), TextError> {
+        for mut line in section.lines() {
+            let labels = if line.take_word("input") {
+                &mut self.inputs
+            } else if line.take_word("algebraic") {
+                &mut self.algebraics
+            } else if line.take_word("state") {
+                &mut self.states
+            } else {
+                continue;
+            };
+            let label = line.name("the name of a variable")?;
+            labels.add(label.clone());
+            let count =
+                [&self.states, &self.inputs, &self.algebraics].iter().filter(|all| all.find(&label).is_some()).count();
+            let all = self.states.len() + self.inputs.len() + self.algebraics.len();
+            if count > 1 || self.known() != all {
+                return Err(line.error(format!("`{label}` is declared twice")));
+            }
+        }
+        Ok(())
+    }
+
+    fn known(&self) -> usize {
+        [&self.states, &self.inputs, &self.algebraics].iter().map(|labels| labels.distinct()).sum()
+    }
+
+    fn variable(&self, label: &str) -> Option<Variable> {
+        let state = self.states.find(label).map(Variable::State);
+        let input = || self.inputs.find(label).map(Variable::Input);
+        state.or_else(input).or_else(|| self.algebraics.find(label).map(Variable::Algebraic))
+    }
+
+    fn expr(&self, line: &mut Line) -> Result<Expr, TextError> {
+        let expr = expr::read(line, &|label| {
+            self.variable(label).filter(|variable| match variable {
+                Variable::Algebraic(algebraic) => self.before.is_none_or(|before| *algebraic < before),
+                _ => true,
+            })
+        })?;
+        line.done()?;
+        Ok(expr)
+    }
+
+    fn source(&self, line: &mut Line) -> Result<Source, TextError> {
+        match line.one_of(&["input", "signal"])? {
+            0 => self.inputs.read(line, "an input").map(Source::Input),
+            _ => line.integer().map(Source::Signal),
+        }
+    }
+
+    fn motion(&self, line: &mut Line) -> Result<Motion, TextError> {
+        Ok(match MOTIONS[line.one_of(&MOTIONS)?] {
+            "clock" => Motion::Clock,
+            "sine" => Motion::Sine(line.number()?),
+            "cosine" => Motion::Cosine(line.number()?),
+            "swept_sine" => Motion::SweptSine(self.states.read(line, "a state")?),
+            "swept_cosine" => Motion::SweptCosine(self.states.read(line, "a state")?),
+            "held" => Motion::Held(self.source(line)?),
+            "line" => Motion::Line(self.source(line)?),
+            "before" => Motion::Before(self.source(line)?),
+            _ => Motion::After(self.source(line)?),
+        })
+    }
+
+    fn items(&mut self, section: &Section) -> Result<Model, TextError> {
+        let (mut model_name, mut title, mut solver, mut step, mut span) = (None, String::new(), None, None, None);
+        let mut model = empty();
+        let mut lines = section.lines();
+        while let Some(mut line) = lines.next() {
+            let whole = line.span();
+            match ITEMS[line.one_of(&ITEMS)?] {
+                "model" => model_name = Some(line.name("the name of the model")?),
+                "title" => title = line.quoted()?,
+                "solver" => {
+                    let names = Solver::ALL.map(Solver::name);
+                    solver = Some(Solver::ALL[line.one_of(&names)?]);
+                }
+                "step" => step = Some(positive(&mut line)?),
+                "phase" => {
+                    line.word("until")?;
+                    let until = positive(&mut line)?;
+                    if model.phases.last().is_some_and(|last| last.until >= until) {
+                        return Err(line.error("expected a time after that of the phase before"));
+                    }
+                    line.word("ratio")?;
+                    let ratio = positive(&mut line)?;
+                    model.phases.push(Phase { until, ratio });
+                }
+                "span" => span = Some(positive(&mut line)?),
+                "rate" => model.rates.push(Rate { period: positive(&mut line)?, span: whole }),
+                "input" => {
+                    let label = line.name("a name")?;
+                    let (range, unit) = (read_range(&mut line)?, read_unit(&mut line)?);
+                    let is_linear = line.take_word("linear");
+                    line.sign("=")?;
+                    let waveform = waveform::read(&mut line)?;
+                    let between = if is_linear { Interpolation::Linear } else { Interpolation::Hold };
+                    model.inputs.push(Input { name: label, unit, waveform, range, between, span: whole });
+                }
+                "signal" => model.signals.push(Signal { waveform: waveform::read(&mut line)?, span: whole }),
+                "algebraic" => {
+                    let label = line.name("a name")?;
+                    let (range, unit) = (read_range(&mut line)?, read_unit(&mut line)?);
+                    line.sign("=")?;
+                    self.before = Some(model.algebraics.len() as u32);
+                    let expr = self.expr(&mut line)?;
+                    self.before = None;
+                    model.algebraics.push(Algebraic { name: label, unit, expr, range, span: whole });
+                }
+                "state" => {
+                    let mut state = self.state(&mut line)?;
+                    line.done()?;
+                    let Some(mut equation) = lines.next() else {
+                        return Err(lines.error(format!("expected the equation of `{}`", state.name)));
+                    };
+                    state.span = equation.span();
+                    state.derivative = self.equation(&mut equation, &state)?;
+                    model.states.push(state);
+                }
+                "output" => model.outputs.push(self.output(&mut line)?),
+                _ => model.left_out.push(line.name("a name")?),
+            }
+            line.done()?;
+        }
+        model.name = model_name.ok_or_else(|| section.error("there is no item `model NAME`"))?;
+        model.title = title;
+        model.solver = solver.ok_or_else(|| section.error("there is no item `solver`"))?;
+        model.step = step.ok_or_else(|| section.error("there is no item `step`"))?;
+        model.span = span.ok_or_else(|| section.error("there is no item `span`"))?;
+        Ok(model)
+    }
+
+    fn state(&self, line: &mut Line) -> Result<State, TextError> {
+        let label = line.name("a name")?;
+        let quantity = line.keyed("quantity")?;
+        let initial = line.keyed_number("initial")?;
+        let (range, unit) = (read_range(line)?, read_unit(line)?);
+        let rate = if line.take_word("rate") { Some(line.integer()?) } else { None };
+        let motion = if line.take_word("motion") { Some(self.motion(line)?) } else { None };
+        let derivative = Expr::Constant(0.0);
+        Ok(State { name: label, quantity, initial, range, unit, derivative, rate, motion, span: line.span() })
+    }
+
+    /// The line of a state's equation.
+    fn equation(&self, line: &mut Line, state: &State) -> Result<Expr, TextError> {
+        let left = name(&state.name);
+        let expected = if state.rate.is_some() { format!("next {left} =") } else { format!("{left}' =") };
+        let is_next = state.rate.is_none() || line.take_word("next");
+        let fits = is_next && line.take_sign(&left) && (state.rate.is_some() || line.take_sign("'"));
+        if !fits {
+            return Err(line.expected(format!("the equation `{expected} ...`")));
+        }
+        line.sign("=")?;
+        self.expr(line)
+    }
+
+    fn output(&self, line: &mut Line) -> Result<Output, TextError> {
+        let span = line.span();
+        let label = line.name("a name")?;
+        let variable = if line.take_word("of") {
+            match line.one_of(&["state", "input", "algebraic"])? {
+                0 => Variable::State(self.states.read(line, "a state")?),
+                1 => Variable::Input(self.inputs.read(line, "an input")?),
+                _ => Variable::Algebraic(self.algebraics.read(line, "an algebraic variable")?),
+            }
+        } else {
+            self.variable(&label).ok_or_else(|| line.error(format!("no variable is called `{label}`")))?
+        };
+        Ok(Output { name: label, variable, span })
+    }
+}
+
+fn positive(line: &mut Line) -> Result<f64, TextError> {
+    let number = line.number()?;
+    if number > 0.0 { Ok(number) } else { Err(line.error("expected a positive number")) }
+}
+
+fn empty() -> Model {
+    Model {
+        name: String::new(),
+        title: String::new(),
+        solver: Solver::Rk4,
+        step: 0.0,
+        phases: Vec::new(),
+        span: 0.0,
+        states: Vec::new(),
+        rates: Vec::new(),
+        algebraics: Vec::new(),
+        inputs: Vec::new(),
+        signals: Vec::new(),
+        outputs: Vec::new(),
+        left_out: Vec::new(),
+    }
+}

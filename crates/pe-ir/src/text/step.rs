@@ -1,0 +1,568 @@
+//! The step graph: names, equations and values, then the chains as formulas.
+//!
+//! `chain V.stage2 = V + 2^-1*(0.5*V - 2*I)` writes the sum of products times a power of two on top of a base; without `V +` the
+//! base is zero. Lines `interim` and `second` behind it are its other writes, whose `sum` is the chain's.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::functions::{Lookup, ScalarFunction, Segments, Table};
+use crate::graph::{Chain, Equation, Factor, FormCost, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use crate::model::Variable;
+use crate::verify;
+
+use super::labels::Labels;
+use super::{Line, Section, Stage, TextError, expr, name, number, single};
+
+/// What the variable of a function is called in its expression.
+const ARGUMENT: &str = "x";
+
+impl fmt::Display for StepGraph {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of = |names: &[String]| Labels::of(names.iter().cloned());
+        let printer = Printer {
+            graph: self,
+            states: of(&self.names.states),
+            inputs: of(&self.names.inputs),
+            algebraics: of(&self.names.algebraics),
+            auxiliaries: of(&self.names.auxiliaries),
+            outputs: of(&self.names.outputs),
+            equations: Labels::of(self.equations.iter().map(|equation| equation.name.clone())),
+            values: Labels::of_values(self),
+        };
+        printer.declarations(f)?;
+        printer.functions(f)?;
+        self.chains.iter().try_for_each(|chain| printer.chain(f, chain))
+    }
+}
+
+impl FromStr for StepGraph {
+    type Err = TextError;
+
+    fn from_str(text: &str) -> Result<StepGraph, TextError> {
+        read(&single(text, Stage::Step)?)
+    }
+}
+
+/// The text of a name that another item of its kind has, too: its label is not the name.
+fn called(labels: &Labels, index: usize, own: &str) -> String {
+    let own = name(own);
+    if labels.text(index as u32) == own { own } else { format!("{} called {own}", labels.text(index as u32)) }
+}
+
+struct Printer<'a> {
+    graph: &'a StepGraph,
+    states: Labels,
+    inputs: Labels,
+    algebraics: Labels,
+    auxiliaries: Labels,
+    outputs: Labels,
+    equations: Labels,
+    values: Labels,
+}
+
+impl Printer<'_> {
+    fn declarations(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let graph = self.graph;
+        writeln!(f, "{}", Stage::Step.header())?;
+        writeln!(f, "step {} form {} stages {}", number(graph.step), graph.form, graph.stages)?;
+        for FormCost { form, stages, products, largest, ports, cycles } in &graph.forms {
+            writeln!(
+                f,
+                "considered {form} stages {stages} products {products} largest {largest} ports {ports} cycles {cycles}"
+            )?;
+        }
+        if graph.pre_adder {
+            writeln!(f, "pre_adder")?;
+        }
+        if let Some((state, magnitude)) = graph.constant_pivot {
+            writeln!(f, "constant_pivot {} magnitude {}", self.states.text(state), number(magnitude))?;
+        }
+        let value = |value: ValueId| self.values.value(value);
+        for (index, ((start, end), initial)) in graph.states.iter().zip(&graph.initial).enumerate() {
+            let label = called(&self.states, index, &graph.names.states[index]);
+            writeln!(f, "state {label} initial {} start {} end {}", number(*initial), value(*start), value(*end))?;
+        }
+        for (index, input) in graph.inputs.iter().enumerate() {
+            let label = called(&self.inputs, index, &graph.names.inputs[index]);
+            writeln!(f, "input {label} value {}", value(*input))?;
+        }
+        for (index, algebraic) in graph.names.algebraics.iter().enumerate() {
+            writeln!(f, "algebraic {}", called(&self.algebraics, index, algebraic))?;
+        }
+        for (index, auxiliary) in graph.names.auxiliaries.iter().enumerate() {
+            writeln!(f, "auxiliary {}", called(&self.auxiliaries, index, auxiliary))?;
+        }
+        for (index, output) in graph.outputs.iter().enumerate() {
+            let label = called(&self.outputs, index, &graph.names.outputs[index]);
+            writeln!(f, "output {label} value {}", value(*output))?;
+        }
+        for (index, equation) in graph.equations.iter().enumerate() {
+            writeln!(f, "equation {}", called(&self.equations, index, &equation.name))?;
+        }
+        for (index, stored) in graph.values.iter().enumerate() {
+            write!(f, "value {} {}", self.values.text(index as u32), self.role(stored.role))?;
+            if stored.equation != u32::MAX {
+                write!(f, " in {}", self.equations.text(stored.equation))?;
+            }
+            writeln!(f, "{}", if stored.factor { " factor" } else { "" })?;
+        }
+        Ok(())
+    }
+
+    fn role(&self, role: Role) -> String {
+        let state = |kind: &str, state, number| format!("{kind} {} {number}", self.states.text(state));
+        match role {
+            Role::State(of) => format!("state {}", self.states.text(of)),
+            Role::Stage(of, stage) => state("stage", of, u32::from(stage)),
+            Role::Sum(of, stage) => state("sum", of, u32::from(stage)),
+            Role::Interim(of, stage) => state("interim", of, u32::from(stage)),
+            Role::Next(of) => format!("next {}", self.states.text(of)),
+            Role::Algebraic(of, stage) => format!("algebraic {} {stage}", self.algebraics.text(of)),
+            Role::Inner(of, serial) => format!("inner {} {serial}", self.equations.text(of)),
+            Role::Partial(of, serial) => format!("partial {} {serial}", self.equations.text(of)),
+            Role::Relayed(of, relay) => format!("relayed {} {relay}", self.values.value(of)),
+            Role::Input(of) => format!("input {}", self.inputs.text(of)),
+            Role::Constant(constant) => format!("constant {}", number(constant)),
+            Role::Published(of) => format!("published {}", self.outputs.text(of)),
+            Role::Auxiliary(of) => format!("auxiliary {}", self.auxiliaries.text(of)),
+            Role::Pivot(of, matrix) => state("pivot", of, u32::from(matrix)),
+            Role::Column(lookup, column) => format!("column {lookup} {column}"),
+        }
+    }
+
+    fn functions(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let functions = &self.graph.functions;
+        for function in &functions.exact {
+            let (kind, of) = match function.variable {
+                Variable::State(of) => ("state", of),
+                Variable::Input(of) => ("input", of),
+                Variable::Algebraic(of) => ("algebraic", of),
+            };
+            let body = expr::print(&function.body, &|_| ARGUMENT.to_owned());
+            writeln!(f, "function {} {kind} {of} = {body}", name(&function.name))?;
+        }
+        if functions.segments != Segments::default() {
+            let Segments { index_bits, octave_bits } = functions.segments;
+            writeln!(f, "segments index_bits {index_bits} octave_bits {octave_bits}")?;
+        }
+        for table in &functions.tables {
+            let ((low, high), error) = (table.domain, number(table.error));
+            let octaves = if table.octaves { " octaves" } else { "" };
+            writeln!(
+                f,
+                "table {}{octaves} domain {} .. {} error {error}",
+                name(&table.name),
+                number(low),
+                number(high)
+            )?;
+            for column in &table.columns {
+                let numbers: Vec<String> = column.iter().copied().map(number).collect();
+                writeln!(f, "  column {}", numbers.join(" "))?;
+            }
+        }
+        for Lookup { argument, table } in &functions.lookups {
+            writeln!(f, "lookup {} table {table}", self.values.value(*argument))?;
+        }
+        Ok(())
+    }
+
+    fn chain(&self, f: &mut fmt::Formatter<'_>, chain: &Chain) -> fmt::Result {
+        let mut sum = String::new();
+        for term in self.graph.chain_terms(chain) {
+            let term = self.term(term);
+            match (sum.is_empty(), term.strip_prefix('-')) {
+                (true, _) => sum += &term,
+                (false, Some(magnitude)) => sum += &format!(" - {magnitude}"),
+                (false, None) => sum += &format!(" + {term}"),
+            }
+        }
+        write!(f, "chain ")?;
+        if self.graph.value(chain.write.value).equation != chain.equation {
+            write!(f, "in {}: ", self.equations.text(chain.equation))?;
+        }
+        let function = chain.function.map_or_else(String::new, |function| format!("function {function} of "));
+        writeln!(f, "{}", self.write(&chain.write, &function, &format!("({sum})")))?;
+        let others = [("interim", &chain.interim), ("second", &chain.second)];
+        for (kind, write) in others.into_iter().filter_map(|(kind, write)| Some((kind, write.as_ref()?))) {
+            writeln!(f, "  {kind} {}", self.write(write, "", "sum"))?;
+        }
+        Ok(())
+    }
+
+    fn write(&self, write: &Write, function: &str, sum: &str) -> String {
+        let base = write.base.map_or_else(String::new, |base| format!("{} + ", self.values.value(base)));
+        let weight = if write.weight == 0 { String::new() } else { format!("2^{}*", write.weight) };
+        format!("{} = {function}{base}{weight}{sum}", self.values.value(write.value))
+    }
+
+    fn term(&self, term: &Term) -> String {
+        let factor = match term.factor {
+            Factor::Coefficient(coefficient) => number(coefficient),
+            Factor::Value(value) => self.values.value(value).to_owned(),
+        };
+        let operand = self.values.value(term.operand);
+        match term.partner {
+            Some(partner) => format!("{factor}*({operand} + {})", self.values.value(partner)),
+            None => format!("{factor}*{operand}"),
+        }
+    }
+}
+
+/// Reads the section of a step graph.
+///
+/// # Errors
+/// An item is not one of a step graph, or they make no valid one.
+pub fn read(section: &Section) -> Result<StepGraph, TextError> {
+    let mut reader = Reader::default();
+    reader.declare(section)?;
+    let graph = reader.items(section)?;
+    match verify::step::check(&graph).first() {
+        None => Ok(graph),
+        Some(problem) => Err(section.error(format!("this is no valid step graph: {problem}"))),
+    }
+}
+
+const ITEMS: [&str; 16] = [
+    "step",
+    "considered",
+    "pre_adder",
+    "constant_pivot",
+    "state",
+    "input",
+    "algebraic",
+    "auxiliary",
+    "output",
+    "equation",
+    "value",
+    "function",
+    "segments",
+    "table",
+    "lookup",
+    "chain",
+];
+
+const ROLES: [&str; 15] = [
+    "state",
+    "stage",
+    "sum",
+    "interim",
+    "next",
+    "algebraic",
+    "inner",
+    "partial",
+    "relayed",
+    "input",
+    "constant",
+    "published",
+    "auxiliary",
+    "pivot",
+    "column",
+];
+
+/// Reads the label of an item, and its name where that is another.
+fn read_called(line: &mut Line) -> Result<String, TextError> {
+    let label = line.name("a name")?;
+    if line.take_word("called") { line.name("a name") } else { Ok(label) }
+}
+
+#[derive(Default)]
+struct Reader {
+    states: Labels,
+    inputs: Labels,
+    algebraics: Labels,
+    auxiliaries: Labels,
+    outputs: Labels,
+    equations: Labels,
+    values: Labels,
+}
+
+impl Reader {
+    /// Finds all names, which items may have before they are declared.
+    fn declare(&mut self, section: &Section) -> Result<(), TextError> {
+        for mut line in section.lines() {
+            let lists = [
+                ("state", &mut self.states),
+                ("input", &mut self.inputs),
+                ("algebraic", &mut self.algebraics),
+                ("auxiliary", &mut self.auxiliaries),
+                ("output", &mut self.outputs),
+                ("equation", &mut self.equations),
+                ("value", &mut self.values),
+            ];
+            for (kind, labels) in lists {
+                if line.take_word(kind) {
+                    let label = line.name("a name")?;
+                    if !labels.add(label.clone()) {
+                        return Err(line.error(format!("`{label}` is declared twice")));
+                    }
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn form(line: &mut Line) -> Result<StageForm, TextError> {
+        line.word("form")?;
+        Ok(StageForm::ALL[line.one_of(&StageForm::ALL.map(StageForm::name))?])
+    }
+
+    fn items(&self, section: &Section) -> Result<StepGraph, TextError> {
+        let mut graph: Option<StepGraph> = None;
+        let mut lines = section.lines();
+        while let Some(mut line) = lines.next() {
+            let item = ITEMS[line.one_of(&ITEMS)?];
+            if item == "step" {
+                if graph.is_some() {
+                    return Err(line.error("there is an item `step` already"));
+                }
+                let step = line.number()?;
+                let form = Reader::form(&mut line)?;
+                graph = Some(empty(step, form, line.keyed("stages")?));
+                line.done()?;
+                continue;
+            }
+            let Some(graph) = &mut graph else {
+                return Err(line.error("expected the item `step` before all others"));
+            };
+            self.item(item, &mut line, graph)?;
+            line.done()?;
+            if item == "table" {
+                while let Some(mut column) = lines.next_if("column") {
+                    let mut numbers = Vec::new();
+                    while !column.is_done() {
+                        numbers.push(column.number()?);
+                    }
+                    graph.functions.tables.last_mut().expect("read above").columns.push(numbers);
+                }
+            }
+            if item == "chain" {
+                let interim = lines.next_if("interim").map(|line| self.other_write(line)).transpose()?;
+                let second = lines.next_if("second").map(|line| self.other_write(line)).transpose()?;
+                let chain = graph.chains.last_mut().expect("read above");
+                (chain.interim, chain.second) = (interim, second);
+            }
+        }
+        graph.ok_or_else(|| section.error("there is no item `step`"))
+    }
+
+    fn item(&self, item: &str, line: &mut Line, graph: &mut StepGraph) -> Result<(), TextError> {
+        match item {
+            "considered" => {
+                graph.forms.push(FormCost {
+                    form: StageForm::ALL[line.one_of(&StageForm::ALL.map(StageForm::name))?],
+                    stages: line.keyed("stages")?,
+                    products: line.keyed("products")?,
+                    largest: line.keyed("largest")?,
+                    ports: line.keyed("ports")?,
+                    cycles: line.keyed("cycles")?,
+                });
+            }
+            "pre_adder" => graph.pre_adder = true,
+            "constant_pivot" => {
+                graph.constant_pivot = Some((self.states.read(line, "a state")?, line.keyed_number("magnitude")?));
+            }
+            "state" => {
+                graph.names.states.push(read_called(line)?);
+                graph.initial.push(line.keyed_number("initial")?);
+                line.word("start")?;
+                let start = self.values.read_value(line)?;
+                line.word("end")?;
+                graph.states.push((start, self.values.read_value(line)?));
+            }
+            "input" | "output" => {
+                let label = read_called(line)?;
+                line.word("value")?;
+                let value = self.values.read_value(line)?;
+                let (names, values) = match item {
+                    "input" => (&mut graph.names.inputs, &mut graph.inputs),
+                    _ => (&mut graph.names.outputs, &mut graph.outputs),
+                };
+                names.push(label);
+                values.push(value);
+            }
+            "algebraic" => graph.names.algebraics.push(read_called(line)?),
+            "auxiliary" => graph.names.auxiliaries.push(read_called(line)?),
+            "equation" => {
+                let span = line.span();
+                graph.equations.push(Equation { name: read_called(line)?, span });
+            }
+            "value" => {
+                line.name("a name")?;
+                let value = self.value(line)?;
+                graph.values.push(value);
+            }
+            "function" => graph.functions.exact.push(Reader::function(line)?),
+            "segments" => {
+                graph.functions.segments =
+                    Segments { index_bits: line.keyed("index_bits")?, octave_bits: line.keyed("octave_bits")? };
+            }
+            "table" => {
+                let table = line.name("the name of a table")?;
+                let octaves = line.take_word("octaves");
+                line.word("domain")?;
+                let low = line.number()?;
+                line.sign("..")?;
+                let domain = (low, line.number()?);
+                let error = line.keyed_number("error")?;
+                graph.functions.tables.push(Table { name: table, octaves, columns: Vec::new(), domain, error });
+            }
+            "lookup" => {
+                let argument = self.values.read_value(line)?;
+                graph.functions.lookups.push(Lookup { argument, table: line.keyed("table")? });
+            }
+            _ => self.chain(line, graph)?,
+        }
+        Ok(())
+    }
+
+    fn value(&self, line: &mut Line) -> Result<Value, TextError> {
+        let role = match ROLES[line.one_of(&ROLES)?] {
+            "state" => Role::State(self.states.read(line, "a state")?),
+            "stage" => Role::Stage(self.states.read(line, "a state")?, line.integer()?),
+            "sum" => Role::Sum(self.states.read(line, "a state")?, line.integer()?),
+            "interim" => Role::Interim(self.states.read(line, "a state")?, line.integer()?),
+            "next" => Role::Next(self.states.read(line, "a state")?),
+            "algebraic" => Role::Algebraic(self.algebraics.read(line, "an algebraic variable")?, line.integer()?),
+            "inner" => Role::Inner(self.equations.read(line, "an equation")?, line.integer()?),
+            "partial" => Role::Partial(self.equations.read(line, "an equation")?, line.integer()?),
+            "relayed" => Role::Relayed(self.values.read_value(line)?, line.integer()?),
+            "input" => Role::Input(self.inputs.read(line, "an input")?),
+            "constant" => Role::Constant(line.number()?),
+            "published" => Role::Published(self.outputs.read(line, "an output")?),
+            "auxiliary" => Role::Auxiliary(self.auxiliaries.read(line, "an auxiliary quantity")?),
+            "pivot" => Role::Pivot(self.states.read(line, "a state")?, line.integer()?),
+            _ => Role::Column(line.integer()?, line.integer()?),
+        };
+        let equation = if line.take_word("in") { self.equations.read(line, "an equation")? } else { u32::MAX };
+        Ok(Value { role, equation, factor: line.take_word("factor") })
+    }
+
+    fn function(line: &mut Line) -> Result<ScalarFunction, TextError> {
+        let name = line.name("the name of a function")?;
+        let kind = line.one_of(&["state", "input", "algebraic"])?;
+        let of = line.integer()?;
+        let variable = [Variable::State(of), Variable::Input(of), Variable::Algebraic(of)][kind];
+        line.sign("=")?;
+        let body = expr::read(line, &|name| (name == ARGUMENT).then_some(variable))?;
+        Ok(ScalarFunction { name, body, variable })
+    }
+
+    fn chain(&self, line: &mut Line, graph: &mut StepGraph) -> Result<(), TextError> {
+        let mut ahead = line.clone();
+        let equation = if ahead.take_word("in") && !ahead.rest().starts_with('=') {
+            *line = ahead;
+            let equation = self.equations.read(line, "an equation")?;
+            line.sign(":")?;
+            Some(equation)
+        } else {
+            None
+        };
+        let value = self.values.read_value(line)?;
+        let place = line.last();
+        let written = graph.values.get(value.index()).map_or(u32::MAX, |value| value.equation);
+        let equation = equation.unwrap_or(written);
+        if equation == u32::MAX {
+            return Err(line.error_at(place, "expected a value of an equation"));
+        }
+        line.sign("=")?;
+        let mut ahead = line.clone();
+        let function = if ahead.take_word("function") && ahead.has_digits() {
+            *line = ahead;
+            let function = line.integer()?;
+            line.word("of")?;
+            Some(function)
+        } else {
+            None
+        };
+        let (base, weight) = self.base(line)?;
+        line.sign("(")?;
+        let begin = graph.terms.len() as u32;
+        self.terms(line, &mut graph.terms)?;
+        line.sign(")")?;
+        let terms = begin..graph.terms.len() as u32;
+        let write = Write { value, base, weight };
+        graph.chains.push(Chain { equation, terms, interim: None, write, second: None, function });
+        Ok(())
+    }
+
+    /// The line of a chain's other write.
+    fn other_write(&self, mut line: Line) -> Result<Write, TextError> {
+        let value = self.values.read_value(&mut line)?;
+        line.sign("=")?;
+        let (base, weight) = self.base(&mut line)?;
+        line.word("sum")?;
+        line.done()?;
+        Ok(Write { value, base, weight })
+    }
+
+    /// What a sum is added to, and its weight.
+    fn base(&self, line: &mut Line) -> Result<(Option<ValueId>, i32), TextError> {
+        let mut ahead = line.clone();
+        let has_base = ahead.has_name() && ahead.name("a value").is_ok() && ahead.take_sign("+");
+        let base = if has_base {
+            let base = self.values.read_value(line)?;
+            line.sign("+")?;
+            Some(base)
+        } else {
+            None
+        };
+        let weight = if line.take_sign("2^") {
+            let weight = line.integer()?;
+            line.sign("*")?;
+            weight
+        } else {
+            0
+        };
+        Ok((base, weight))
+    }
+
+    fn terms(&self, line: &mut Line, terms: &mut Vec<Term>) -> Result<(), TextError> {
+        let mut minus = line.take_sign("-");
+        loop {
+            let factor = if minus || line.has_digits() {
+                let magnitude = line.magnitude()?;
+                Factor::Coefficient(if minus { -magnitude } else { magnitude })
+            } else {
+                Factor::Value(self.values.read_value(line)?)
+            };
+            line.sign("*")?;
+            let (operand, partner) = if line.take_sign("(") {
+                let operand = self.values.read_value(line)?;
+                line.sign("+")?;
+                let partner = self.values.read_value(line)?;
+                line.sign(")")?;
+                (operand, Some(partner))
+            } else {
+                (self.values.read_value(line)?, None)
+            };
+            terms.push(Term { operand, partner, factor });
+            minus = line.take_sign("-");
+            if !minus && !line.take_sign("+") {
+                return Ok(());
+            }
+        }
+    }
+}
+
+fn empty(step: f64, form: StageForm, stages: u32) -> StepGraph {
+    StepGraph {
+        form,
+        stages,
+        forms: Vec::new(),
+        step,
+        pre_adder: false,
+        equations: Vec::new(),
+        values: Vec::new(),
+        chains: Vec::new(),
+        terms: Vec::new(),
+        states: Vec::new(),
+        initial: Vec::new(),
+        inputs: Vec::new(),
+        outputs: Vec::new(),
+        functions: Default::default(),
+        constant_pivot: None,
+        names: Default::default(),
+    }
+}

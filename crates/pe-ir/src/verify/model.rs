@@ -1,0 +1,154 @@
+//! Checks a model.
+//!
+//! Invariants:
+//!
+//! 1. There is at least one state and one output; no two variables have the same name.
+//! 2. Numbers are finite, and the step, the span and periods positive.
+//! 3. Expressions read variables that exist, and algebraic equations only those before them.
+//! 4. States with a rate come last, and their rates exist.
+//! 5. Motions name states, inputs and signals that exist; what has a partner behind or before it has it.
+//! 6. With phases the last input is the step ratio.
+
+use std::collections::BTreeSet;
+
+use crate::model::{Expr, Function, Model, Variable, Waveform, step_count_problem};
+use crate::motion::{Motion, Source};
+
+/// Returns what is wrong with a model; empty if nothing is.
+pub fn check(model: &Model) -> Vec<String> {
+    let mut checker = Checker { model, violations: Vec::new() };
+    checker.names();
+    checker.settings();
+    checker.equations();
+    checker.states();
+    checker.violations
+}
+
+struct Checker<'a> {
+    model: &'a Model,
+    violations: Vec<String>,
+}
+
+impl Checker<'_> {
+    fn require(&mut self, holds: bool, violation: impl FnOnce() -> String) {
+        if !holds {
+            self.violations.push(violation());
+        }
+    }
+
+    fn names(&mut self) {
+        let model = self.model;
+        self.require(!model.states.is_empty(), || "it has no state".to_owned());
+        self.require(!model.outputs.is_empty(), || "it has no output".to_owned());
+        let states = model.states.iter().map(|state| &state.name);
+        let others = model.inputs.iter().map(|input| &input.name);
+        let mut known = BTreeSet::new();
+        for name in states.chain(others).chain(model.algebraics.iter().map(|algebraic| &algebraic.name)) {
+            self.require(known.insert(name), || format!("two variables are called `{name}`"));
+        }
+    }
+
+    fn settings(&mut self) {
+        let model = self.model;
+        for (what, number) in [("step", model.step), ("span", model.span)] {
+            self.require(number.is_finite() && number > 0.0, || format!("its {what} is not positive"));
+        }
+        if let Some(problem) = step_count_problem(model.step, model.span) {
+            self.violations.push(problem);
+        }
+        for rate in &model.rates {
+            self.require(rate.period.is_finite() && rate.period > 0.0, || "a period is not positive".to_owned());
+        }
+        let mut before = 0.0;
+        for phase in &model.phases {
+            self.require(phase.until > before && phase.ratio > 0.0, || "phases do not ascend".to_owned());
+            before = phase.until;
+        }
+        let has_ratio = matches!(model.inputs.last().map(|input| &input.waveform), Some(Waveform::Samples(_)));
+        self.require(model.phases.is_empty() || has_ratio, || "it has phases and no step ratio".to_owned());
+        for (low, high) in model.inputs.iter().filter_map(|input| input.range) {
+            self.require(low.is_finite() && high.is_finite(), || "a range is not finite".to_owned());
+        }
+    }
+
+    fn equations(&mut self) {
+        let model = self.model;
+        for (index, algebraic) in model.algebraics.iter().enumerate() {
+            self.expr(&algebraic.expr, &algebraic.name, index);
+        }
+        for state in &model.states {
+            self.expr(&state.derivative, &state.name, model.algebraics.len());
+        }
+        for output in &model.outputs {
+            let exists = self.exists(output.variable, model.algebraics.len());
+            self.require(exists, || format!("output `{}` is no variable", output.name));
+        }
+    }
+
+    fn exists(&self, variable: Variable, algebraics: usize) -> bool {
+        match variable {
+            Variable::State(state) => (state as usize) < self.model.states.len(),
+            Variable::Input(input) => (input as usize) < self.model.inputs.len(),
+            Variable::Algebraic(algebraic) => (algebraic as usize) < algebraics,
+        }
+    }
+
+    fn expr(&mut self, expr: &Expr, name: &str, algebraics: usize) {
+        let mut unknown = false;
+        expr.each_variable(&mut |variable| unknown |= !self.exists(variable, algebraics));
+        self.require(!unknown, || format!("the equation of `{name}` reads what is not known before it"));
+        self.require(is_finite(expr), || format!("the equation of `{name}` has a number that is not finite"));
+    }
+
+    fn states(&mut self) {
+        let model = self.model;
+        let continuous = model.states.iter().take_while(|state| state.rate.is_none()).count();
+        for (index, state) in model.states.iter().enumerate() {
+            let name = &state.name;
+            self.require(state.initial.is_finite(), || format!("`{name}` does not begin with a finite number"));
+            self.require(index < continuous || state.rate.is_some(), || {
+                format!("`{name}` comes behind sampled states")
+            });
+            let has_rate = state.rate.is_none_or(|rate| (rate as usize) < model.rates.len());
+            self.require(has_rate, || format!("`{name}` has a rate that is not there"));
+            if let Some(motion) = state.motion {
+                let fits = self.motion(index, motion);
+                self.require(fits, || format!("the motion of `{name}` names what is not there"));
+            }
+        }
+    }
+
+    fn motion(&self, index: usize, motion: Motion) -> bool {
+        let model = self.model;
+        let at = |index: Option<usize>| index.and_then(|index| model.states.get(index)).and_then(|state| state.motion);
+        let source = |source: Source| match source {
+            Source::Input(input) => (input as usize) < model.inputs.len(),
+            Source::Signal(signal) => (signal as usize) < model.signals.len(),
+        };
+        let (next, before) = (at(Some(index + 1)), at(index.checked_sub(1)));
+        match motion {
+            Motion::Clock => matches!(model.states[index].derivative, Expr::Constant(_)),
+            Motion::Sine(speed) => speed.is_finite() && next == Some(Motion::Cosine(speed)),
+            Motion::Cosine(speed) => before == Some(Motion::Sine(speed)),
+            Motion::SweptSine(line) => (line as usize) < model.states.len() && next == Some(Motion::SweptCosine(line)),
+            Motion::SweptCosine(line) => before == Some(Motion::SweptSine(line)),
+            Motion::Held(of) | Motion::After(of) => source(of),
+            Motion::Line(of) => source(of) && next == Some(Motion::Before(of)),
+            Motion::Before(of) => source(of) && before == Some(Motion::Line(of)),
+        }
+    }
+}
+
+fn is_finite(expr: &Expr) -> bool {
+    match expr {
+        Expr::Constant(number) => number.is_finite(),
+        Expr::Variable(_) => true,
+        Expr::Sum(members) | Expr::Product(members) => members.iter().all(is_finite),
+        Expr::Power(base, exponent) => *exponent >= 2 && is_finite(base),
+        Expr::Apply(function, argument) => {
+            let own = if let Function::RealPower(exponent) = function { exponent.is_finite() } else { true };
+            own && is_finite(argument)
+        }
+        Expr::Select(select) => [&select.condition, &select.yes, &select.no].into_iter().all(is_finite),
+    }
+}
