@@ -2,13 +2,18 @@
 //!
 //! Binding happens once per statement, evaluation once per element, so evaluation looks up no names.
 
-use crate::ast::{Comparison, Connective, Factor, Sign};
-use crate::functions::Function;
-use crate::inline::Body;
+use crate::language::functions::Function;
+use crate::syntax::ast::{Comparison, Connective, Factor, Sign};
 use pe_ir::model::Samples;
 use pe_ir::source::Span;
 use std::rc::Rc;
 use std::sync::Arc;
+
+/// Functions that call one another, one inside the other.
+pub(crate) const MOST_NESTED_CALLS: usize = 16;
+
+/// Deepest body, those of called functions put in; every later pass may recurse this deep.
+pub(crate) const DEEPEST_BODY: usize = 500;
 
 /// A bound expression and its place.
 #[derive(Debug)]
@@ -17,7 +22,7 @@ pub(crate) struct Node {
     pub(crate) span: Span,
 }
 
-/// The kinds of bound expressions; the counterpart of [`crate::ast::ExprKind`].
+/// The kinds of bound expressions; the counterpart of [`crate::syntax::ast::ExprKind`].
 #[derive(Debug)]
 pub(crate) enum NodeKind {
     Number(f64),
@@ -34,7 +39,7 @@ pub(crate) enum NodeKind {
     Call(Function, Vec<Node>),
     /// The time.
     Time,
-    /// A signal: its number in [`crate::signals::WAVEFORMS`], arguments and the scales of their units.
+    /// A signal: its number in [`crate::language::waveforms::WAVEFORMS`], arguments and the scales of their units.
     Signal(usize, Vec<(Node, f64)>),
     /// Argument of the innermost function.
     Argument(usize),
@@ -71,4 +76,49 @@ pub(crate) enum Condition {
     Compare(Comparison, Node, Node),
     Logical(Connective, Vec<Condition>),
     Not(Box<Condition>),
+}
+
+/// The bound body of a function.
+#[derive(Debug)]
+pub(crate) struct Body {
+    pub(crate) node: Node,
+    pub(crate) depth: usize,
+}
+
+/// Depth of a bound expression with the bodies of functions put in.
+pub(crate) fn depth(node: &Node) -> usize {
+    let most = |nodes: &mut dyn Iterator<Item = &Node>| nodes.map(depth).max().unwrap_or(0);
+    1 + match &node.kind {
+        NodeKind::Number(_)
+        | NodeKind::Time
+        | NodeKind::Index(_)
+        | NodeKind::Argument(_)
+        | NodeKind::Data(..)
+        | NodeKind::Samples(_) => 0,
+        NodeKind::Signal(_, members) => most(&mut members.iter().map(|(member, _)| member)),
+        NodeKind::Element(_, members) | NodeKind::Call(_, members) | NodeKind::Matrix(_, members) => {
+            most(&mut members.iter())
+        }
+        NodeKind::Sum(terms) => most(&mut terms.iter().map(|(_, term)| term)),
+        NodeKind::Product(first, rest) => depth(first).max(most(&mut rest.iter().map(|(_, operand)| operand))),
+        NodeKind::Power(base, exponent) => depth(base).max(depth(exponent)),
+        NodeKind::Negate(operand) => depth(operand),
+        NodeKind::If(condition, yes, no) => condition_depth(condition).max(depth(yes)).max(depth(no)),
+        NodeKind::SumOver(sum) => {
+            let range = match &sum.range {
+                BoundRange::Index(_) => 0,
+                BoundRange::Own(low, high) => depth(low).max(depth(high)),
+            };
+            range.max(sum.condition.as_ref().map_or(0, condition_depth)).max(depth(&sum.body))
+        }
+        NodeKind::Inline(arguments, body) => body.depth.max(most(&mut arguments.iter())),
+    }
+}
+
+fn condition_depth(condition: &Condition) -> usize {
+    1 + match condition {
+        Condition::Compare(_, left, right) => depth(left).max(depth(right)),
+        Condition::Logical(_, operands) => operands.iter().map(condition_depth).max().unwrap_or(0),
+        Condition::Not(operand) => condition_depth(operand),
+    }
 }

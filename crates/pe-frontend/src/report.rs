@@ -1,5 +1,6 @@
 //! Collects diagnostics, with a cap so that a binary file does not yield a million of them.
 
+use crate::fault::Fault;
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Severity, Span};
 
@@ -12,6 +13,8 @@ pub(crate) struct Report {
     findings: Vec<Diagnostic>,
     errors: usize,
     warnings: usize,
+    /// Whether the work limit has been reported; it concerns every later expression.
+    out_of_work: bool,
 }
 
 impl Report {
@@ -25,6 +28,31 @@ impl Report {
         if *count <= MOST {
             self.findings.push(finding);
         }
+    }
+
+    /// The value of a result; its fault is reported after `dress` has told more about its place.
+    pub(crate) fn settle<T>(
+        &mut self,
+        result: Result<T, Fault>,
+        dress: impl FnOnce(Diagnostic) -> Diagnostic,
+    ) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(Fault::Report(diagnostic)) => {
+                let about_work = diagnostic.code == codes::TOO_MUCH_WORK;
+                if !(about_work && std::mem::replace(&mut self.out_of_work, about_work)) {
+                    self.push(dress(*diagnostic));
+                }
+                None
+            }
+            // Only constants wait for one another, and what has no value by now has been reported.
+            Err(Fault::Silent | Fault::Missing(..)) => None,
+        }
+    }
+
+    /// Whether the work limit has been met, after which evaluating on is pointless.
+    pub(crate) fn is_exhausted(&self) -> bool {
+        self.out_of_work
     }
 
     /// Number of findings so far.

@@ -1,7 +1,8 @@
 //! The data that the stages of pe-synth exchange, and the rules that belong to the data alone.
 //!
-//! Modules in pipeline order; each uses only those before it: [`source`], [`codes`], [`model`], [`coefficients`],
-//! [`place`], [`functions`], [`word`], [`graph`], [`mapping`], [`schedule`], [`memory`], [`program`], [`verify`], [`text`].
+//! Modules in pipeline order; each uses only those before it: [`index`], [`source`], [`codes`], [`model`],
+//! [`coefficients`], [`place`], [`functions`], [`word`], [`graph`], [`mapping`], [`schedule`], [`memory`], [`program`],
+//! [`verify`], [`text`].
 
 pub mod codes;
 pub mod coefficients;
@@ -10,6 +11,7 @@ mod expr;
 pub mod functions;
 mod gradient;
 pub mod graph;
+pub mod index;
 pub mod mapping;
 pub mod memory;
 pub mod model;

@@ -1,6 +1,8 @@
 //! Source text, positions in it, and diagnostics.
 
+use crate::index::{at, number};
 use std::fmt;
+use std::ops::Range;
 
 /// All files of a spec in one space of byte offsets: the main file first, then included files and data files in the
 /// order in which they were read.
@@ -81,12 +83,12 @@ impl Sources {
     /// File, line and column of an offset; found by bisection.
     pub fn position(&self, offset: u32) -> Position<'_> {
         let file = self.file_at(offset);
-        let mut end = offset.min(file.span.end) as usize;
+        let mut end = at(offset.min(file.span.end));
         while !self.text.is_char_boundary(end) {
             end -= 1;
         }
-        let line = file.lines.partition_point(|start| *start as usize <= end).max(1);
-        let start = file.lines[line - 1] as usize;
+        let line = file.lines.partition_point(|start| at(*start) <= end).max(1);
+        let start = at(file.lines[line - 1]);
         Position { file: &file.name, line, column: self.text[start..end].chars().count() + 1 }
     }
 
@@ -119,6 +121,23 @@ pub struct Span {
     pub start: u32,
     /// One past the last byte.
     pub end: u32,
+}
+
+impl Span {
+    /// From the first byte to one past the last one, which lie in the text of [`Sources`].
+    pub fn of(start: usize, end: usize) -> Span {
+        Span { start: number(start), end: number(end) }
+    }
+
+    /// The bytes as a range of [`Sources::text`].
+    pub fn range(self) -> Range<usize> {
+        at(self.start)..at(self.end)
+    }
+
+    /// Number of bytes; zero for a span that ends before it begins.
+    pub fn length(self) -> usize {
+        self.range().len()
+    }
 }
 
 /// How serious a diagnostic is.

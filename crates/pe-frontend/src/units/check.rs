@@ -3,13 +3,15 @@
 //! A number written out has whatever unit its place asks for in a sum, and none in a product. A quantity without a unit
 //! takes that of its definition.
 
-use super::{Dimension, Units, parse, place, shown_factor};
-use crate::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Name, Range, Reference, StatementKind};
-use crate::elaborate::Elaborator;
-use crate::functions;
-use crate::inline::MOST_NESTED_CALLS;
-use crate::names::{Kind, Symbol, TIME};
-use crate::signals::{Argument, WAVEFORMS};
+use crate::bound::MOST_NESTED_CALLS;
+use crate::language::functions;
+use crate::language::waveforms::{Argument, WAVEFORMS};
+use crate::language::words::TIME;
+use crate::names::table::{Kind, Names, Symbol};
+use crate::report::Report;
+use crate::syntax::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Name, Range, Reference, Spec, StatementKind};
+use crate::units::dimension::{Dimension, Units, shown_factor};
+use crate::units::parse::{parse, place};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
@@ -51,7 +53,9 @@ struct Scope<'s> {
 const TOLD: Scope = Scope { parameters: &[], told: true, depth: 0 };
 
 struct Checker<'c, 'a> {
-    elaborator: &'c mut Elaborator<'a>,
+    spec: &'a Spec,
+    names: &'c mut Names<'a>,
+    report: &'c mut Report,
     strict: bool,
     /// Unit of each quantity; `None` until known.
     units: Vec<Option<Unit>>,
@@ -61,41 +65,39 @@ struct Checker<'c, 'a> {
     calls: usize,
 }
 
-impl<'a> Elaborator<'a> {
-    /// Checks all units.
-    pub(crate) fn check_units(&mut self, mode: Units) {
-        if mode == Units::Off {
-            return;
-        }
-        let units = vec![None; self.names.quantities.len()];
-        let strict = mode == Units::Strict;
-        let mut checker = Checker { elaborator: self, strict, units, named: Vec::new(), calls: MOST_CALLS };
-        checker.declared();
-        // A spec without any unit is a system of numbers, its time is one, too.
-        if checker.named.is_empty() {
-            return;
-        }
-        checker.infer();
-        checker.statements();
+/// Checks all units. An algebraic quantity takes the first unit that is written at one of its equations.
+pub(crate) fn check<'a>(spec: &'a Spec, names: &mut Names<'a>, report: &mut Report, mode: Units) {
+    if mode == Units::Off {
+        return;
     }
+    let units = vec![None; names.quantities.len()];
+    let strict = mode == Units::Strict;
+    let mut checker = Checker { spec, names, report, strict, units, named: Vec::new(), calls: MOST_CALLS };
+    checker.declared();
+    // A spec without any unit is a system of numbers, its time is one, too.
+    if checker.named.is_empty() {
+        return;
+    }
+    checker.infer();
+    checker.statements();
 }
 
 impl<'a> Checker<'_, 'a> {
     /// Reads the units that are written.
     fn declared(&mut self) {
         for number in 0..self.units.len() {
-            let Some(unit) = self.elaborator.names.quantities[number].unit else { continue };
+            let Some(unit) = self.names.quantities[number].unit else { continue };
             self.units[number] = Some(self.read(unit));
         }
         // An algebraic quantity may have its unit at several of its equations.
-        for statement in &self.elaborator.spec.statements {
+        for statement in &self.spec.statements {
             let StatementKind::Equation(Equation { target, unit: Some(unit), .. }) = &statement.kind else { continue };
-            let Some(Symbol::Quantity(number)) = self.elaborator.names.find(&target.name.text) else { continue };
-            let first = self.elaborator.names.quantities[number].unit;
+            let Some(number) = self.names.quantity(&target.name.text) else { continue };
+            let first = self.names.quantities[number].unit;
             match (self.units[number], first) {
                 (None, _) => {
                     self.units[number] = Some(self.read(unit));
-                    self.elaborator.names.quantities[number].unit = Some(unit);
+                    self.names.quantities[number].unit = Some(unit);
                 }
                 (Some(known), Some(first)) if first.span != unit.span => {
                     let again = self.read(unit);
@@ -122,7 +124,7 @@ impl<'a> Checker<'_, 'a> {
             Err(error) => {
                 let (code, span) = (
                     if self.strict { codes::UNKNOWN_UNIT } else { codes::UNREAD_UNIT },
-                    if (at.end - at.start) as usize == text.len() { place(&error, at) } else { at },
+                    if at.length() == text.len() { place(&error, at) } else { at },
                 );
                 let finding = Diagnostic { help: error.help, ..Diagnostic::error(code, span, error.message) };
                 self.tell(finding);
@@ -132,14 +134,13 @@ impl<'a> Checker<'_, 'a> {
     }
 
     fn tell(&mut self, finding: Diagnostic) {
-        self.elaborator.report.push(if self.strict { finding } else { finding.into_warning() });
+        self.report.push(if self.strict { finding } else { finding.into_warning() });
     }
 
     /// Gives quantities without a unit that of their definition, in the order in which they read one another.
     fn infer(&mut self) {
-        let spec = self.elaborator.spec;
         let mut definitions: Vec<Option<&'a Expr>> = vec![None; self.units.len()];
-        for statement in &spec.statements {
+        for statement in &self.spec.statements {
             let (name, value) = match &statement.kind {
                 StatementKind::Const { name, value } => (name, value),
                 StatementKind::Param { declared, value } => (&declared.name, value),
@@ -148,8 +149,8 @@ impl<'a> Checker<'_, 'a> {
                 }
                 _ => continue,
             };
-            if let Some(Symbol::Quantity(number)) = self.elaborator.names.find(&name.text) {
-                let kind = self.elaborator.names.quantities[number].kind;
+            if let Some(number) = self.names.quantity(&name.text) {
+                let kind = self.names.quantities[number].kind;
                 let defines = matches!(kind, Kind::Const | Kind::Param | Kind::Algebraic);
                 definitions[number] = definitions[number].or(defines.then_some(value));
             }
@@ -164,7 +165,7 @@ impl<'a> Checker<'_, 'a> {
                 } else if !std::mem::replace(&mut begun[number], true) {
                     // Quantities that wait for each other, as in a recursion over indices, stay open.
                     let mut read = |name: &Name| {
-                        if let Some(Symbol::Quantity(other)) = self.elaborator.names.find(&name.text)
+                        if let Some(other) = self.names.quantity(&name.text)
                             && !begun[other]
                         {
                             waiting.push(other);
@@ -173,7 +174,7 @@ impl<'a> Checker<'_, 'a> {
                     definition.into_iter().for_each(|value| each_name(value, &mut read));
                 } else {
                     let unit = definition.map_or(Number, |value| self.unit(value, Scope { told: false, ..TOLD }).0);
-                    let constant = matches!(self.elaborator.names.quantities[number].kind, Kind::Const | Kind::Param);
+                    let constant = matches!(self.names.quantities[number].kind, Kind::Const | Kind::Param);
                     let open = match (self.strict, constant) {
                         (true, true) => Number,
                         (true, false) => Known(Dimension::ONE),
@@ -187,7 +188,7 @@ impl<'a> Checker<'_, 'a> {
     }
 
     fn statements(&mut self) {
-        for statement in &self.elaborator.spec.statements {
+        for statement in &self.spec.statements {
             match &statement.kind {
                 StatementKind::Const { value, .. } => _ = self.unit(value, TOLD),
                 StatementKind::Param { declared, value } => {
@@ -254,10 +255,10 @@ impl<'a> Checker<'_, 'a> {
 
     /// The unit of a quantity, and the place where it is written, or the quantity defined.
     fn own(&self, name: &Name) -> Side {
-        let Some(Symbol::Quantity(number)) = self.elaborator.names.find(&name.text) else {
+        let Some(number) = self.names.quantity(&name.text) else {
             return (Unknown, name.span);
         };
-        let quantity = &self.elaborator.names.quantities[number];
+        let quantity = &self.names.quantities[number];
         (self.units[number].unwrap_or(Unknown), quantity.unit.map_or(quantity.name.span, |unit| unit.span))
     }
 
@@ -313,11 +314,11 @@ impl<'a> Checker<'_, 'a> {
         if let Some((_, unit)) = scope.parameters.iter().find(|(parameter, _)| *parameter == name) {
             return *unit;
         }
-        match self.elaborator.names.find(name) {
+        match self.names.find(name) {
             Some(Symbol::Quantity(number)) => self.units[number].unwrap_or(Unknown),
             None if name == TIME => Known(Dimension::SECOND),
             // Indices and what is predefined are numbers.
-            Some(Symbol::Index(_)) | None => Number,
+            Some(Symbol::Index(_) | Symbol::Predefined(_)) | None => Number,
         }
     }
 
@@ -349,7 +350,7 @@ impl<'a> Checker<'_, 'a> {
         if let Some((_, kinds, _)) = WAVEFORMS.iter().find(|(word, ..)| *word == name) {
             return self.waveform(kinds, (arguments, units), scope);
         }
-        if let Some(defined) = self.elaborator.names.function(name) {
+        if let Some(defined) = self.names.function(name) {
             let (parameters, body) = (defined.parameters, defined.body);
             let units: Vec<(&str, Unit)> = parameters
                 .iter()
@@ -360,9 +361,9 @@ impl<'a> Checker<'_, 'a> {
                 return Unknown;
             };
             self.calls = left;
-            let before = self.elaborator.report.count();
+            let before = self.report.count();
             let unit = self.unit(body, Scope { parameters: &units, told: scope.told, depth: scope.depth + 1 }).0;
-            self.elaborator.report.label_from(before, span, "called from here");
+            self.report.label_from(before, span, "called from here");
             return unit;
         }
         if SAME.contains(&name) {
@@ -383,7 +384,7 @@ impl<'a> Checker<'_, 'a> {
 
     /// The unit in the header of a column.
     fn data(&mut self, path: &'a Name, column: &Name) -> Side {
-        let Some(table) = self.elaborator.spec.table(path) else { return (Unknown, path.span) };
+        let Some(table) = self.spec.table(path) else { return (Unknown, path.span) };
         let Some(number) = table.find(&column.text) else { return (Unknown, path.span) };
         let column = &table.columns[number];
         let Some(text) = column.unit.as_deref() else { return (Number, path.span) };

@@ -1,7 +1,7 @@
 //! The units that have names, and their prefixes.
 
-use super::{Dimension, WHOLE};
 use crate::nearest::suggestion;
+use crate::units::dimension::{Dimension, WHOLE};
 
 /// A named unit: its name, factor, powers of m kg s A K mol cd, and whether prefixes go before it.
 type Named = (&'static str, f64, [i32; 7], bool);

@@ -1,0 +1,6 @@
+//! Binds the names of an expression, once per statement, so that evaluation looks up none.
+
+mod data;
+mod matrix;
+pub(crate) mod resolver;
+mod samples;

@@ -1,0 +1,6 @@
+//! Evaluates bound expressions for given index values.
+
+mod elementary;
+pub(crate) mod evaluator;
+mod fold;
+pub(crate) mod signals;

@@ -1,0 +1,304 @@
+//! Signals that are part of the model: `time`, and what is computed from it in the network.
+//!
+//! Time is a count of steps, sines are rotations: states of their own that move exactly ([`Motion`]). While equations are
+//! written out they have numbers from [`SIGNALS`] on; the last pass gives them their places behind the declared states.
+
+use crate::evaluate::fold::{ProductBuilder, SumBuilder};
+use pe_ir::index::{at, number};
+use pe_ir::model::{Algebraic, Expr, Function, Interpolation, Samples, Signal, State, Variable, Waveform};
+use pe_ir::motion::{Motion, Source};
+use pe_ir::source::Span;
+use std::sync::Arc;
+
+/// Number of the first variable that stands for a signal; no model has as many of its own.
+pub(crate) const SIGNALS: u32 = 1 << 30;
+
+/// What rounding leaves of a sine or cosine of a phase that ought to be zero.
+const RESIDUE: f64 = 1e-15;
+
+/// The time, an algebraic quantity.
+pub(crate) const TIME: Variable = Variable::Algebraic(SIGNALS);
+
+/// The count of steps.
+const CLOCK: Variable = Variable::State(SIGNALS);
+
+/// A state that stands for a signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Slot {
+    /// The sine of a frequency in hertz; the cosine is behind it.
+    Sine(f64),
+    Cosine(f64),
+    /// The sine of an angle whose speed is the state of this number; the cosine is behind it.
+    SweptSine(u32),
+    SweptCosine(u32),
+    /// A played signal or an input, in a role.
+    Played(Motion),
+}
+
+/// Signals of the model found so far.
+#[derive(Debug)]
+pub(crate) struct Signals {
+    /// Span of the model in seconds.
+    pub(crate) span: f64,
+    /// Where time is read first.
+    time_read: Option<Span>,
+    /// States behind the clock, each with the place where it occurs first.
+    slots: Vec<(Slot, Span)>,
+    /// What the network plays, each once, with its name.
+    pub(crate) played: Vec<(Signal, String)>,
+}
+
+impl Default for Signals {
+    fn default() -> Self {
+        Signals { span: 1.0, time_read: None, slots: Vec::new(), played: Vec::new() }
+    }
+}
+
+impl Signals {
+    /// Number of states that stand for signals: the clock, which may be unused, and all others.
+    pub(crate) fn states(&self) -> usize {
+        1 + self.slots.len()
+    }
+
+    /// The state of the latest slots that are added, the first of them.
+    fn add(&mut self, slots: &[Slot], span: Span) -> Variable {
+        let first = SIGNALS + 1 + number(self.slots.len());
+        self.slots.extend(slots.iter().map(|slot| (*slot, span)));
+        Variable::State(first)
+    }
+
+    /// The first state of a slot, if there is one.
+    fn find(&self, slot: Slot) -> Option<Variable> {
+        let place = self.slots.iter().position(|(other, _)| *other == slot)?;
+        Some(Variable::State(SIGNALS + 1 + number(place)))
+    }
+
+    /// The state that an interpolated input is.
+    pub(crate) fn line(&mut self, input: u32, span: Span) -> Variable {
+        let source = Source::Input(input);
+        self.add(&[Slot::Played(Motion::Line(source)), Slot::Played(Motion::Before(source))], span)
+    }
+
+    /// The state that a played signal is.
+    fn play(&mut self, waveform: Waveform, smooth: bool, name: &str, span: Span) -> Variable {
+        let known = self.played.iter().position(|(signal, _)| signal.waveform == waveform);
+        let source = Source::Signal(number(known.unwrap_or(self.played.len())));
+        let states = match smooth {
+            true => &[Motion::Line(source), Motion::Before(source), Motion::After(source)][..],
+            false => &[Motion::Held(source)],
+        };
+        let slots: Vec<Slot> = states.iter().map(|motion| Slot::Played(*motion)).collect();
+        if let Some(state) = self.find(slots[0]) {
+            return state;
+        }
+        let name = format!("{name}.{}", self.played.len() + 1);
+        self.played.push((Signal { waveform, span }, name));
+        self.add(&slots, span)
+    }
+
+    /// What a signal reads, by its variable: the states that move with it, the clock, an input.
+    pub(crate) fn reads(&self, variable: Variable) -> Vec<Variable> {
+        let Variable::State(state) = variable else {
+            return if variable == TIME { vec![CLOCK] } else { Vec::new() };
+        };
+        let Some((slot, _)) = (state - SIGNALS).checked_sub(1).map(|slot| self.slots[at(slot)]) else {
+            return Vec::new();
+        };
+        let next = |places: u32| Variable::State(state + places);
+        match slot {
+            Slot::Sine(_) => vec![next(1)],
+            Slot::Cosine(_) => vec![Variable::State(state - 1)],
+            Slot::SweptSine(speed) => vec![next(1), Variable::State(speed)],
+            Slot::SweptCosine(speed) => vec![Variable::State(state - 1), Variable::State(speed)],
+            Slot::Played(Motion::Line(Source::Input(input))) => vec![next(1), Variable::Input(input)],
+            Slot::Played(Motion::Line(Source::Signal(_))) => vec![next(1), next(2)],
+            Slot::Played(_) => Vec::new(),
+        }
+    }
+
+    /// The state at a place behind [`SIGNALS`], with the final numbers of itself, of inputs and of played signals.
+    pub(crate) fn state(
+        &self,
+        place: usize,
+        own: u32,
+        quantity: u32,
+        (inputs, names): (&[u32], &[String]),
+        (played, states): (&[u32], &[u32]),
+    ) -> State {
+        let of = |name: String, initial: f64, derivative: Expr, motion: Motion, span: Span| State {
+            name,
+            quantity,
+            initial,
+            range: None,
+            unit: None,
+            derivative,
+            rate: None,
+            motion: Some(motion),
+            span,
+        };
+        let Some(slot) = place.checked_sub(1) else {
+            // The model's step is put in when it is known.
+            return of(
+                "time.steps".to_owned(),
+                0.0,
+                Expr::Constant(1.0),
+                Motion::Clock,
+                self.time_read.unwrap_or_default(),
+            );
+        };
+        let (slot, span) = self.slots[slot];
+        let name = |function: &str, frequency: f64| format!("{function}(2*pi*{frequency}*time)");
+        let of_state = |state: u32| Expr::Variable(Variable::State(state));
+        let rate = |frequency: f64| 2.0 * std::f64::consts::PI * frequency;
+        match slot {
+            Slot::Sine(frequency) => {
+                let (rate, cosine) = (rate(frequency), Expr::Variable(Variable::State(own + 1)));
+                of(name("sin", frequency), 0.0, Expr::scaled(rate, cosine), Motion::Sine(rate), span)
+            }
+            Slot::Cosine(frequency) => {
+                let (rate, sine) = (rate(frequency), Expr::Variable(Variable::State(own - 1)));
+                of(name("cos", frequency), 1.0, Expr::scaled(-rate, sine), Motion::Cosine(rate), span)
+            }
+            Slot::SweptSine(speed) => {
+                let speed = states[at(speed - SIGNALS)];
+                let moved = Expr::product(vec![of_state(speed), of_state(own + 1)]);
+                of(format!("sine.{own}"), 0.0, moved, Motion::SweptSine(speed), span)
+            }
+            Slot::SweptCosine(speed) => {
+                let speed = states[at(speed - SIGNALS)];
+                let moved = Expr::product(vec![Expr::Constant(-1.0), of_state(speed), of_state(own - 1)]);
+                of(format!("cosine.{own}"), 1.0, moved, Motion::SweptCosine(speed), span)
+            }
+            Slot::Played(motion) => {
+                let final_of = |source: Source| match source {
+                    Source::Input(input) => (Source::Input(inputs[at(input)]), names[at(inputs[at(input)])].clone()),
+                    Source::Signal(signal) => (Source::Signal(played[at(signal)]), self.played[at(signal)].1.clone()),
+                };
+                let (motion, name) = match motion {
+                    Motion::Line(source) => {
+                        let line = if matches!(source, Source::Input(_)) { ".line" } else { "" };
+                        (Motion::Line(final_of(source).0), format!("{}{line}", final_of(source).1))
+                    }
+                    Motion::Before(source) => {
+                        (Motion::Before(final_of(source).0), format!("{}.before", final_of(source).1))
+                    }
+                    Motion::After(source) => {
+                        (Motion::After(final_of(source).0), format!("{}.after", final_of(source).1))
+                    }
+                    Motion::Held(source) => (Motion::Held(final_of(source).0), final_of(source).1),
+                    other => (other, String::new()),
+                };
+                // What the step tells is put in when it is known.
+                of(name, 0.0, Expr::Constant(0.0), motion, span)
+            }
+        }
+    }
+
+    /// The played signals of which a state is needed, and their final numbers; `needed` tells of slots.
+    pub(crate) fn played(&self, needed: impl Fn(usize) -> bool) -> (Vec<Signal>, Vec<u32>) {
+        let mut kept = vec![false; self.played.len()];
+        for (place, (slot, _)) in (1..).zip(&self.slots) {
+            if let Slot::Played(motion) = slot
+                && let Some(Source::Signal(signal)) = motion.source()
+            {
+                kept[at(signal)] |= needed(place);
+            }
+        }
+        let earlier = |place: usize| number(kept[..place].iter().filter(|kept| **kept).count());
+        let numbers = (0..kept.len()).map(earlier).collect();
+        let signals = self.played.iter().zip(kept).filter(|(_, kept)| *kept).map(|((signal, _), _)| signal.clone());
+        (signals.collect(), numbers)
+    }
+
+    /// The algebraic equation of the time, which reads the clock.
+    pub(crate) fn time_equation(&self, clock: u32, name: &str) -> Algebraic {
+        Algebraic {
+            name: name.to_owned(),
+            unit: Some("s".to_owned()),
+            expr: Expr::Variable(Variable::State(clock)),
+            range: None,
+            span: self.time_read.unwrap_or_default(),
+        }
+    }
+
+    /// The time.
+    pub(crate) fn time(&mut self, span: Span) -> Expr {
+        self.time_read.get_or_insert(span);
+        Expr::Variable(TIME)
+    }
+
+    /// A signal computed in the network.
+    pub(crate) fn defined(&mut self, name: &str, waveform: Waveform, span: Span) -> Expr {
+        match waveform {
+            Waveform::Constant(value) => Expr::Constant(value),
+            Waveform::Sine { amplitude, frequency, offset, phase } => {
+                if frequency == 0.0 {
+                    return Expr::Constant(offset + amplitude * libm::sin(phase));
+                }
+                let known = self.find(Slot::Sine(frequency));
+                let pair = [Slot::Sine(frequency), Slot::Cosine(frequency)];
+                let sine = known.unwrap_or_else(|| self.add(&pair, span));
+                self.turned(sine, amplitude, phase, offset)
+            }
+            Waveform::Ramp { from, to, start, duration } => {
+                let slope = (to - from) / duration;
+                let since = |corner: f64, time: Expr| sum([time, Expr::Constant(-corner)]);
+                let mut part = |corner: f64, sign: f64| {
+                    let since = since(corner, self.time(span));
+                    // Before time zero there is nothing to tell apart.
+                    let distance = if corner <= 0.0 { since } else { Expr::Apply(Function::Abs, Box::new(since)) };
+                    scaled(sign * slope / 2.0, distance)
+                };
+                sum([part(start, 1.0), part(start + duration, -1.0), Expr::Constant(f64::midpoint(from, to))])
+            }
+            Waveform::Samples(samples) => {
+                let smooth = samples.interpolation() == Interpolation::Linear;
+                Expr::Variable(self.play(Waveform::Samples(samples), smooth, name, span))
+            }
+            jumping @ (Waveform::Square { .. } | Waveform::Pulse { .. }) => self.jumping(name, jumping, span),
+            jumping @ Waveform::Pwm(_) => self.jumping(name, jumping, span),
+            Waveform::Chirp(chirp) => {
+                let speeds = [chirp.from, chirp.to].map(|frequency| 2.0 * std::f64::consts::PI * frequency);
+                let samples = Samples::new(vec![0.0, chirp.duration], speeds.to_vec(), Interpolation::Linear);
+                let samples = Waveform::Samples(Arc::new(samples.expect("a positive duration")));
+                let Variable::State(speed) = self.play(samples, true, name, span) else {
+                    unreachable!("what is played is a state")
+                };
+                let known = self.find(Slot::SweptSine(speed));
+                let pair = [Slot::SweptSine(speed), Slot::SweptCosine(speed)];
+                let sine = known.unwrap_or_else(|| self.add(&pair, span));
+                self.turned(sine, chirp.amplitude, chirp.phase, chirp.offset)
+            }
+            Waveform::Time { .. } | Waveform::Formula(_) => unreachable!("`{name}` is no signal of its own"),
+        }
+    }
+
+    /// A sine with a phase, of the states that have none.
+    fn turned(&self, sine: Variable, amplitude: f64, phase: f64, offset: f64) -> Expr {
+        let parts = [libm::cos(phase), libm::sin(phase)];
+        let parts = parts.map(|part| if part.abs() < RESIDUE { 0.0 } else { amplitude * part });
+        let Variable::State(number) = sine else { unreachable!("slots are states") };
+        let cosine = Expr::Variable(Variable::State(number + 1));
+        sum([scaled(parts[0], Expr::Variable(sine)), scaled(parts[1], cosine), Expr::Constant(offset)])
+    }
+
+    /// A signal that jumps; one that never does is a number.
+    fn jumping(&mut self, name: &str, waveform: Waveform, span: Span) -> Expr {
+        if waveform.breakpoints(self.span).next().is_none() {
+            return Expr::Constant(waveform.at(0.0));
+        }
+        Expr::Variable(self.play(waveform, false, name, span))
+    }
+}
+
+fn sum(members: impl IntoIterator<Item = Expr>) -> Expr {
+    let mut sum = SumBuilder::default();
+    members.into_iter().for_each(|member| sum.add(member, false));
+    sum.finish()
+}
+
+fn scaled(factor: f64, expr: Expr) -> Expr {
+    let mut product = ProductBuilder::new(Expr::Constant(factor));
+    product.multiply(expr);
+    product.finish()
+}

@@ -1,0 +1,87 @@
+//! Why an expression has no value, and how much work is left.
+
+use pe_ir::codes;
+use pe_ir::source::{Diagnostic, Span};
+
+/// Why an expression has no value.
+#[derive(Debug)]
+pub(crate) enum Fault {
+    /// The reason has been reported elsewhere.
+    Silent,
+    /// A constant is needed whose value is not computed yet: quantity and offset.
+    Missing(usize, usize),
+    /// To be reported.
+    Report(Box<Diagnostic>),
+}
+
+/// What a constant is needed for.
+#[derive(Clone, Copy)]
+pub(crate) enum Purpose {
+    Condition,
+    Argument(&'static str),
+    Integer,
+    /// Values before time zero, bounds, waveform arguments.
+    Constant,
+}
+
+/// What may still be done.
+#[derive(Debug)]
+pub(crate) struct Budget {
+    /// Expressions that may still be evaluated.
+    pub(crate) work: u64,
+    /// Variables that may still be read; bounds the memory of the result.
+    pub(crate) reads: u64,
+}
+
+impl Budget {
+    /// Evaluates one expression.
+    pub(crate) fn spend(&mut self, span: Span) -> Result<(), Fault> {
+        self.work = self.work.checked_sub(1).ok_or_else(|| fault(too_large(span)))?;
+        Ok(())
+    }
+
+    /// Reads variables.
+    pub(crate) fn read(&mut self, count: u64, span: Span) -> Result<(), Fault> {
+        self.reads = self.reads.checked_sub(count).ok_or_else(|| fault(too_large(span)))?;
+        Ok(())
+    }
+}
+
+pub(crate) fn fault(diagnostic: Diagnostic) -> Fault {
+    Fault::Report(Box::new(diagnostic))
+}
+
+pub(crate) fn not_finite(span: Span, reason: &str) -> Diagnostic {
+    Diagnostic::error(codes::NOT_FINITE, span, reason)
+}
+
+pub(crate) fn too_large(span: Span) -> Diagnostic {
+    Diagnostic::error(codes::TOO_MUCH_WORK, span, "the model takes too much work to write out; the limit is met here")
+        .with_help("look for a sum or an index range that is larger than intended")
+}
+
+pub(crate) fn not_constant(span: Span, purpose: Purpose) -> Diagnostic {
+    let (code, message, help) = match purpose {
+        Purpose::Condition => (
+            codes::VARIABLE_CONDITION,
+            "the condition depends on a variable".to_owned(),
+            "`where` chooses between equations when the model is built; it can read indices and constants only. `if` can read variables",
+        ),
+        Purpose::Argument(function) => (
+            codes::VARIABLE_ARGUMENT,
+            format!("`{function}` of a variable cannot be computed"),
+            "add up its steps: where 0 <= x < 10, `sum(k in 1..9: if x >= k then 1 else 0)` is `floor(x)`",
+        ),
+        Purpose::Integer => (
+            codes::NOT_CONSTANT,
+            "an integer is needed here, this depends on a variable".to_owned(),
+            "subscripts, ranges, `div` and `mod` can read indices and constants only",
+        ),
+        Purpose::Constant => (
+            codes::NOT_CONSTANT,
+            "a constant is needed here, this depends on a variable".to_owned(),
+            "a value fixed before time zero can only read constants and parameters",
+        ),
+    };
+    Diagnostic::error(code, span, message).with_help(help)
+}

@@ -1,0 +1,18 @@
+//! Names that have a meaning in every spec.
+
+/// Numbers with a name.
+pub(crate) const PREDEFINED: [(&str, f64); 1] = [("pi", std::f64::consts::PI)];
+
+/// The time in seconds, unless the spec gives this name to something else.
+pub(crate) const TIME: &str = "time";
+
+/// The scalar product of two vectors.
+pub(crate) const DOT: &str = "dot";
+
+/// A matrix with rows and columns exchanged.
+pub(crate) const TRANSPOSE: &str = "transpose";
+
+/// The value of a predefined number.
+pub(crate) fn predefined(name: &str) -> Option<f64> {
+    PREDEFINED.iter().find(|(word, _)| *word == name).map(|(_, value)| *value)
+}

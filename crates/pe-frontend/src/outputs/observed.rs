@@ -1,0 +1,81 @@
+//! Outputs named on the command line, in place of the spec's.
+
+use crate::fault::Fault;
+use crate::names::table::{Names, Symbol};
+use crate::nearest::suggestion;
+use crate::outputs::item::{Item, existing, extents, parse, split};
+use crate::report::Report;
+use crate::syntax::ast::Spec;
+use pe_ir::codes;
+use pe_ir::model::Output;
+use pe_ir::source::Diagnostic;
+use std::collections::HashSet;
+
+/// The elements that the lists name, in order of mention; an element counts once.
+pub(crate) fn observed(lists: &[String], spec: &Spec, names: &Names, report: &mut Report) -> Vec<Output> {
+    let mut outputs = Vec::new();
+    let mut taken = HashSet::new();
+    for text in lists.iter().flat_map(|list| split(list)) {
+        let found = parse(text).ok_or_else(|| {
+            Diagnostic::global(codes::OVERRIDE, format!("`{text}` names nothing that can be observed"))
+                .with_help("name scalars, elements or whole arrays: `--observe 'p,V[3],w[1,2]'`")
+        });
+        match found.and_then(|item| elements(&item, names)) {
+            Ok((number, offsets)) => {
+                for offset in offsets {
+                    let quantity = &names.quantities[number];
+                    let (variable, name) = (quantity.variable(offset), quantity.name_at(offset));
+                    if taken.insert(variable) {
+                        outputs.push(Output { name, variable, span: quantity.name.span });
+                    }
+                }
+            }
+            Err(problem) => report.push(problem),
+        }
+    }
+    if outputs.is_empty() && !report.failed() && spec.broken.is_empty() {
+        report.push(Diagnostic::global(codes::NO_OUTPUT, "`--observe` names no element"));
+    }
+    outputs
+}
+
+/// Number of the quantity and offsets of its elements; none for what a reported error keeps from being known.
+fn elements(item: &Item, names: &Names) -> Result<(usize, Vec<usize>), Diagnostic> {
+    let Item { name, subscripts } = item;
+    let number = match names.find(name) {
+        _ if names.is_poisoned(name) => return Ok((0, Vec::new())),
+        Some(Symbol::Quantity(number)) => number,
+        None => {
+            let known = names.quantities.iter().filter(|quantity| quantity.kind.varies());
+            let error = Diagnostic::global(codes::UNKNOWN_NAME, format!("unknown name `{name}` to observe"));
+            return Err(Diagnostic { help: suggestion(name, known.map(|q| q.name.text.as_str())), ..error });
+        }
+        Some(Symbol::Index(_) | Symbol::Predefined(_)) => {
+            let message = format!("`{name}` does not change over time and cannot be observed");
+            return Err(Diagnostic::global(codes::WRONG_KIND, message));
+        }
+    };
+    let quantity = &names.quantities[number];
+    if !quantity.kind.varies() {
+        let message = format!("`{name}` is {} and cannot be observed", quantity.kind.describe());
+        return Err(Diagnostic::error(codes::WRONG_KIND, quantity.name.span, message)
+            .with_help("states, inputs and algebraic quantities can be observed"));
+    }
+    if quantity.broken {
+        return Ok((number, Vec::new()));
+    }
+    let Some(subscripts) = subscripts else {
+        let exists = |offset: &usize| quantity.exists(*offset);
+        return Ok((number, (0..quantity.length).filter(exists).collect()));
+    };
+    if subscripts.len() != quantity.rank {
+        let message = format!("`{name}` has {} subscripts, not {}", quantity.rank, subscripts.len());
+        return Err(Diagnostic::error(codes::SUBSCRIPT_COUNT, quantity.name.span, message));
+    }
+    match existing(quantity, subscripts, quantity.name.span) {
+        Ok(offset) => Ok((number, vec![offset])),
+        // The finding's place is the definition; a label there would say it twice.
+        Err(Fault::Report(problem)) => Err(Diagnostic { labels: Vec::new(), help: extents(quantity), ..*problem }),
+        Err(_) => Ok((number, Vec::new())),
+    }
+}

@@ -1,0 +1,106 @@
+//! The passes, in the order in which they run. Each is one function of one module and reads only what those before it
+//! have found.
+//!
+//! A quantity whose definition has an error is marked broken; whoever reads it stays silent, so that each mistake is
+//! reported once.
+
+use crate::arrays::write::{self as arrays, Written};
+use crate::context::Context;
+use crate::declare::settings::Settings;
+use crate::declare::{constants, initial, overrides as set, sizes, times};
+use crate::equations::{order, sampled, write as equations};
+use crate::limits::Limits;
+use crate::model::assemble::{self, Parts};
+use crate::model::unused;
+use crate::names::collect;
+use crate::names::table::Kind;
+use crate::outputs::spec as outputs;
+use crate::report::Report;
+use crate::syntax::ast::Spec;
+use crate::units::check as units;
+use crate::units::dimension::Units;
+use pe_ir::model::{Interpolation, Model};
+use pe_ir::source::Diagnostic;
+
+/// What the command line says in place of the spec.
+#[derive(Clone, Debug, Default)]
+pub struct Overrides {
+    /// Values of constants, parameters and states at time zero: of `R` all elements, of `R[3]` one. The last counts.
+    pub set: Vec<(String, f64)>,
+    /// Lists of scalars, elements and whole arrays (`V[3], p`) that are the outputs; the spec's if there is none.
+    pub observe: Vec<String>,
+    /// How strictly units are checked; what the spec says, if this is not given.
+    pub units: Option<Units>,
+    /// What inputs are between two samples if the spec does not say; the earlier one, if this is not given.
+    pub inputs: Option<Interpolation>,
+}
+
+/// Builds the flat model of a spec.
+///
+/// The model is there exactly if neither the syntax tree nor the elaboration has an error.
+pub fn elaborate(spec: &Spec, overrides: &Overrides) -> (Option<Model>, Vec<Diagnostic>) {
+    elaborate_within(spec, overrides, &Limits::default())
+}
+
+/// [`elaborate`] with limits of the caller's.
+pub fn elaborate_within(spec: &Spec, overrides: &Overrides, limits: &Limits) -> (Option<Model>, Vec<Diagnostic>) {
+    let mut report = Report::default();
+    let written = arrays::write_out(spec, &overrides.set, limits, &mut report);
+    let (model, mut report) = run(written.as_ref().map_or(spec, |written| &written.spec), overrides, limits, report);
+    if model.is_none() && !report.failed() && spec.broken.is_empty() {
+        let unexplained = written.as_ref().and_then(Written::unexplained);
+        unexplained.into_iter().for_each(|error| report.push(error));
+    }
+    (model, report.finish())
+}
+
+/// All passes over a spec without whole arrays.
+fn run(spec: &Spec, overrides: &Overrides, limits: &Limits, mut report: Report) -> (Option<Model>, Report) {
+    let names = collect::collect(spec, &mut report);
+    let settings = Settings::collect(spec, &mut report);
+    let mut context = Context::new(spec, names, limits, report);
+    let set = set::check(&context.names, &overrides.set, &mut context.report);
+
+    // Constants first: index ranges read them, and with these the sizes of arrays are known.
+    constants::compute(&mut context, Kind::Const, &set);
+    sizes::index_ranges(&mut context);
+    sizes::extents(&mut context);
+    constants::compute(&mut context, Kind::Param, &set);
+
+    // What is fixed before time zero.
+    let times = times::times(&mut context, &settings);
+    context.evaluator.signals.span = times.as_ref().map_or(1.0, |times| times.span);
+    let initials = initial::states(&mut context, &set);
+    let inputs = initial::inputs(&mut context, overrides.inputs);
+    let rates = times::rates(&mut context);
+
+    let mut flat = equations::write_out(&mut context);
+    let mut outputs = outputs::outputs(&mut context, &overrides.observe);
+    let holders = sampled::hold(&mut flat, &mut outputs, spec, &context.names);
+    let order = order::dependency_order(&flat, &context.names, &mut context.report);
+    equations::check_unused_functions(&mut context);
+    let mode = overrides.units.or(settings.units).unwrap_or_default();
+    units::check(spec, &mut context.names, &mut context.report, mode);
+
+    let Context { names, mut report, evaluator, .. } = context;
+    let parts = (|| {
+        if report.failed() || !spec.broken.is_empty() {
+            return None;
+        }
+        unused::warn(&names, &mut report);
+        Some(Parts {
+            header: settings.header()?,
+            times: times?,
+            flat,
+            holders,
+            rates: rates?,
+            order: order?,
+            initials,
+            inputs,
+            outputs,
+            observed: !overrides.observe.is_empty(),
+        })
+    })();
+    let model = parts.and_then(|parts| assemble::assemble(parts, &names, evaluator.signals, &mut report));
+    (model, report)
+}

@@ -1,0 +1,379 @@
+//! The syntax tree: what the spec says, statement by statement, before any name is looked up.
+//!
+//! Chains of one operator are lists, not nested pairs: a sum of a hundred thousand terms is as deep as one of two, so
+//! every later pass may recurse. The depth that remains is bounded by the nesting limit of the splitter.
+
+use crate::syntax::tables::Table;
+use pe_ir::source::Span;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A spec, included files among it.
+#[derive(Debug, Default)]
+pub struct Spec {
+    /// Statements without syntax errors, in source order.
+    pub statements: Vec<Statement>,
+    /// Statements with syntax errors, as far as they could be made out.
+    pub broken: Vec<Broken>,
+    /// The sampled blocks, in source order.
+    pub blocks: Vec<Block>,
+    /// Whether a file could not be read, so that any name may be defined in it.
+    pub names_missing: bool,
+    /// The data files.
+    pub(crate) tables: Vec<Arc<Table>>,
+    /// Number of the table that a path stands for, by the place of the path; none for a file that could not be read.
+    pub(crate) table_at: BTreeMap<Span, usize>,
+}
+
+impl Spec {
+    /// The data file that a path names, `None` if it could not be read.
+    pub(crate) fn table(&self, path: &Name) -> Option<&Table> {
+        self.table_at.get(&path.span).map(|number| &*self.tables[*number])
+    }
+}
+
+/// What is known of a statement that could not be parsed, or whose data file could not be read; keeps one mistake from being reported many times.
+#[derive(Clone, Debug, Default)]
+pub struct Broken {
+    /// The keyword it begins with, empty for an equation.
+    pub section: String,
+    /// Names that it may define.
+    pub names: Vec<String>,
+}
+
+/// A name and its place.
+#[derive(Clone, Debug)]
+pub struct Name {
+    /// The identifier.
+    pub text: String,
+    /// Its place.
+    pub span: Span,
+}
+
+/// A block `every PERIOD { ... }`.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Time from one sample to the next; none after an error there.
+    pub period: Option<Measure>,
+    /// `every PERIOD {`.
+    pub span: Span,
+}
+
+/// A statement and its place, comments excluded at both ends.
+#[derive(Clone, Debug)]
+pub struct Statement {
+    /// What it says.
+    pub kind: StatementKind,
+    /// The sampled block that it stands in, in [`Spec::blocks`].
+    pub block: Option<usize>,
+    /// First to last character.
+    pub span: Span,
+    /// Paths of the data files that it names, each with the place of its quotes.
+    pub files: Vec<Name>,
+}
+
+/// The kinds of statements.
+#[derive(Clone, Debug)]
+pub enum StatementKind {
+    /// `model NAME "title"`.
+    Model {
+        /// Identifier of the model.
+        name: Name,
+        /// Free text, empty if not given.
+        title: String,
+    },
+    /// `solver NAME`.
+    Solver(Name),
+    /// `step 100 us`, with steps for the beginning of the run, each with the time until which it is taken, in front.
+    Step(Measure, Vec<(Measure, Measure)>),
+    /// `span 2 s`.
+    Span(Measure),
+    /// `const NAME = expr`.
+    Const {
+        /// The constant.
+        name: Name,
+        /// Its value.
+        value: Expr,
+    },
+    /// `index i in 1..80, j in 1..80`; every binder has a range.
+    Index(Vec<Binder>),
+    /// `param R[b] [unit] = expr`.
+    Param {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// Value of an element.
+        value: Expr,
+    },
+    /// `input u [unit] = signal in lo .. hi`.
+    Input {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// The signal over time.
+        signal: Expr,
+        /// What it is between two samples, `hold` or `linear`.
+        between: Option<Name>,
+        /// Stated range.
+        within: Option<Range>,
+    },
+    /// `state V[b] [unit] = expr in lo .. hi`.
+    State {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// Value at time zero.
+        initial: Expr,
+        /// Stated range.
+        within: Option<Range>,
+    },
+    /// `V[b]' = expr where condition`.
+    Equation(Equation),
+    /// `output V[1], w`.
+    Output(Vec<OutputItem>),
+    /// `function f(x, y) = expr`.
+    Function {
+        /// Its name.
+        name: Name,
+        /// Names of its arguments.
+        parameters: Vec<Name>,
+        /// Its value.
+        body: Expr,
+    },
+    /// `units strict`.
+    Units(Name),
+    /// `every 1 ms {`.
+    Every(Measure),
+    /// `}`.
+    End,
+    /// `include "lib/gates.spec"`: the path as written, with the place of its quotes.
+    Include(Name),
+}
+
+/// A declared name with its dimensions and unit.
+#[derive(Clone, Debug)]
+pub struct Declared {
+    /// The name.
+    pub name: Name,
+    /// One index per dimension, with a range of its own or that of the `index` statement.
+    pub dimensions: Vec<Binder>,
+    /// Text in the unit bracket.
+    pub unit: Option<Name>,
+}
+
+/// An index and, where it is given on the spot, its range.
+#[derive(Clone, Debug)]
+pub struct Binder {
+    /// The index.
+    pub name: Name,
+    /// Its range, `None` for the default range.
+    pub range: Option<Range>,
+}
+
+/// `low..high`, both ends included.
+#[derive(Clone, Debug)]
+pub struct Range {
+    /// First value.
+    pub low: Expr,
+    /// Last value.
+    pub high: Expr,
+    /// The place of both.
+    pub span: Span,
+}
+
+/// A number with an optional unit of time or frequency.
+#[derive(Clone, Debug)]
+pub struct Measure {
+    /// The number.
+    pub value: Expr,
+    /// The unit as written.
+    pub unit: Option<Name>,
+}
+
+/// What the left-hand side of an equation stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeftSide {
+    /// `V' = ...`: the derivative of a state.
+    Derivative,
+    /// `next m = ...`: the value that a sampled state takes.
+    Next,
+    /// `P = ...`: an algebraic quantity.
+    Algebraic,
+}
+
+/// An equation.
+#[derive(Clone, Debug)]
+pub struct Equation {
+    /// The left-hand side without the prime.
+    pub target: Reference,
+    /// What the left-hand side stands for.
+    pub side: LeftSide,
+    /// Unit of an algebraic quantity.
+    pub unit: Option<Name>,
+    /// The right-hand side.
+    pub value: Expr,
+    /// Stated range of an algebraic quantity.
+    pub within: Option<Range>,
+    /// Ranges given with `for`.
+    pub ranges: Vec<Binder>,
+    /// Condition given with `where`.
+    pub condition: Option<Expr>,
+}
+
+/// One item of an `output` statement.
+#[derive(Clone, Debug)]
+pub struct OutputItem {
+    /// Element, elements, or whole array.
+    pub target: Reference,
+    /// Ranges given with `for`.
+    pub ranges: Vec<Binder>,
+    /// Condition given with `where`.
+    pub condition: Option<Expr>,
+}
+
+/// A name with subscripts.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// The name.
+    pub name: Name,
+    /// Subscripts, empty for a scalar or a whole array.
+    pub subscripts: Vec<Expr>,
+    /// Name and subscripts.
+    pub span: Span,
+}
+
+/// An expression and its place.
+#[derive(Clone, Debug)]
+pub struct Expr {
+    /// What it is.
+    pub kind: ExprKind,
+    /// First to last character, enclosing parentheses excluded.
+    pub span: Span,
+}
+
+/// The kinds of expressions.
+#[derive(Clone, Debug)]
+pub enum ExprKind {
+    /// A literal.
+    Number(f64),
+    /// A name with or without subscripts.
+    Reference(Reference),
+    /// Terms with their signs, at least two.
+    Sum(Vec<(Sign, Expr)>),
+    /// First factor, then operators and operands from left to right.
+    Product(Box<Expr>, Vec<(Factor, Expr)>),
+    /// `base ^ exponent`.
+    Power(Box<Expr>, Box<Expr>),
+    /// `-operand`.
+    Negate(Box<Expr>),
+    /// `if condition then yes else no`.
+    If {
+        /// Decides.
+        condition: Box<Expr>,
+        /// Value where the condition holds.
+        yes: Box<Expr>,
+        /// Value elsewhere.
+        no: Box<Expr>,
+    },
+    /// `sum(k in a..b where condition: body)`.
+    SumOver {
+        /// The index.
+        binder: Box<Binder>,
+        /// Restricts the index values.
+        condition: Option<Box<Expr>>,
+        /// Summed up.
+        body: Box<Expr>,
+    },
+    /// `function(arguments)`.
+    Call {
+        /// The function.
+        function: Name,
+        /// Arguments in order.
+        arguments: Vec<Expr>,
+        /// Units behind arguments, by the numbers of these; signals alone may have them.
+        units: Vec<(usize, Name)>,
+    },
+    /// `data("airways.csv", "R")`.
+    Data {
+        /// Path of the data file.
+        path: Name,
+        /// Name of the column.
+        column: Name,
+    },
+    /// `samples("breath.csv", "p", linear)`.
+    Samples {
+        /// Path of the data file.
+        path: Name,
+        /// Name of the column.
+        column: Name,
+        /// `linear` or `hold`.
+        interpolation: Name,
+    },
+    /// `[1, 2; 3, 4]`, row by row.
+    Matrix(Vec<Vec<Expr>>),
+    /// `left < right` and its like.
+    Compare(Comparison, Box<Expr>, Box<Expr>),
+    /// Conditions joined by one operator, at least two.
+    Logical(Connective, Vec<Expr>),
+    /// `not operand`.
+    Not(Box<Expr>),
+}
+
+/// The sign of a term.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Added.
+    Plus,
+    /// Subtracted.
+    Minus,
+}
+
+/// An operator of multiplication rank.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Factor {
+    /// `*`.
+    Multiply,
+    /// `/`.
+    Divide,
+    /// `div`, integer quotient rounded down.
+    IntegerDivide,
+    /// `mod`, remainder of `div`.
+    Modulo,
+}
+
+/// A comparison operator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Comparison {
+    /// `==`.
+    Equal,
+    /// `!=`.
+    NotEqual,
+    /// `<`.
+    Less,
+    /// `<=`.
+    LessEqual,
+    /// `>`.
+    Greater,
+    /// `>=`.
+    GreaterEqual,
+}
+
+impl Comparison {
+    /// Whether it holds between two numbers.
+    pub fn holds(self, left: f64, right: f64) -> bool {
+        match self {
+            Comparison::Equal => left == right,
+            Comparison::NotEqual => left != right,
+            Comparison::Less => left < right,
+            Comparison::LessEqual => left <= right,
+            Comparison::Greater => left > right,
+            Comparison::GreaterEqual => left >= right,
+        }
+    }
+}
+
+/// A logical operator that joins conditions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Connective {
+    /// `and`.
+    And,
+    /// `or`.
+    Or,
+}

@@ -1,0 +1,270 @@
+//! Reads a spec: its main file and, where they stand, the files that it includes.
+
+use crate::report::Report;
+use crate::syntax::ast::{Block, Broken, Measure, Name, Spec, Statement, StatementKind};
+use crate::syntax::files::{LARGEST_FILE, Loader, folder, load, resolve};
+use crate::syntax::lexer::{SECTIONS, tokenize};
+use crate::syntax::tables::Table;
+use crate::syntax::{parser, statements};
+use pe_ir::codes;
+use pe_ir::source::{Diagnostic, Sources, Span};
+use std::sync::Arc;
+
+/// Files that include one another one inside the other.
+const DEEPEST_INCLUDE: usize = 32;
+
+/// Sections that describe the whole model.
+const MAIN_ONLY: [&str; 5] = ["model", "solver", "step", "span", "units"];
+
+/// Parses all files of a spec; `sources` holds the main one and takes up the others.
+pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Report) -> Spec {
+    let spec = Spec::default();
+    let mut reader =
+        Reader { sources, loader, report, spec, open: Vec::new(), block: None, done: Vec::new(), data: Vec::new() };
+    let main = reader.sources.main().span();
+    let size = main.length();
+    if size > LARGEST_FILE {
+        let message = format!("the file has {size} bytes; the most allowed is {LARGEST_FILE}");
+        reader.report.push(
+            Diagnostic::global(codes::FILE_TOO_LARGE, message)
+                .with_help("describe repeated equations with indices instead of writing them out"),
+        );
+        reader.give_up();
+    } else {
+        reader.file(main, "");
+    }
+    reader.spec
+}
+
+/// An included file and the place that includes it.
+struct Included {
+    path: String,
+    named: Span,
+}
+
+/// The block whose statements are being read.
+#[derive(Clone, Copy)]
+struct OpenBlock {
+    number: usize,
+    empty: bool,
+}
+
+struct Reader<'a> {
+    sources: &'a mut Sources,
+    loader: &'a dyn Loader,
+    report: &'a mut Report,
+    spec: Spec,
+    /// Files whose statements are being read, the innermost last; the main file is not among them.
+    open: Vec<Included>,
+    block: Option<OpenBlock>,
+    /// Files that were included so far.
+    done: Vec<Included>,
+    /// Data files that were read so far, with the numbers of their tables.
+    data: Vec<(String, Option<usize>)>,
+}
+
+impl Reader<'_> {
+    /// Reads the statements of a file.
+    fn file(&mut self, file: Span, own_folder: &str) {
+        let text = &self.sources.text()[..file.range().end];
+        let tokens = tokenize(text, file.start, self.report);
+        let mut parsed = Vec::new();
+        for statement in statements::split(text, &tokens) {
+            let tree = statements::check(text, &statement, self.report)
+                .then(|| parser::parse_statement(text, &statement, self.report))
+                .flatten();
+            let span = statement.first().map_or(file, |first| first.span);
+            parsed.push(tree.ok_or_else(|| (statements::salvage(text, &statement), span)));
+        }
+        for statement in parsed {
+            match statement {
+                Ok(statement) if self.blocks(&statement) => {}
+                Ok(mut statement) => match &statement.kind {
+                    StatementKind::Include(path) => self.include(path, own_folder),
+                    kind => {
+                        let section = section(kind).filter(|_| !self.open.is_empty());
+                        match section {
+                            Some(section) => self.misplaced(section, statement.span),
+                            None => {
+                                statement.files.iter().for_each(|path| self.data_file(path, own_folder));
+                                statement.block = self.block.map(|block| block.number);
+                                self.spec.statements.push(statement);
+                            }
+                        }
+                    }
+                },
+                Err((broken, span)) => {
+                    match broken.section.as_str() {
+                        "include" => self.give_up(),
+                        // What follows is taken for its content.
+                        "every" => self.open_block(None, span),
+                        _ => {}
+                    }
+                    self.fill_block();
+                    self.spec.broken.push(broken);
+                }
+            }
+        }
+        if let Some(block) = self.block.take() {
+            let message = "the block is not closed at the end of the file";
+            let help = "close it with `}` on a line of its own";
+            let span = self.spec.blocks[block.number].span;
+            self.refuse(Diagnostic::error(codes::BAD_BLOCK, span, message).with_help(help));
+        }
+    }
+
+    /// Reports a mistake after which the spec is no model, whatever else it says.
+    fn refuse(&mut self, error: Diagnostic) {
+        self.report.push(error);
+        self.spec.broken.push(Broken::default());
+    }
+
+    /// Takes the statements that begin or end a block, and those that cannot stand in one.
+    fn blocks(&mut self, statement: &Statement) -> bool {
+        let wrong =
+            |message: String, help: &str| Diagnostic::error(codes::BAD_BLOCK, statement.span, message).with_help(help);
+        match (&statement.kind, self.block) {
+            (StatementKind::Every(period), None) => self.open_block(Some(period.clone()), statement.span),
+            (StatementKind::Every(_), Some(outer)) => {
+                let outer = self.spec.blocks[outer.number].span;
+                let error = wrong("a block in a block".to_owned(), "close the first block with `}` before this one");
+                self.refuse(error.with_label(outer, "the first block begins here"));
+                self.block = None;
+                self.open_block(None, statement.span);
+            }
+            (StatementKind::End, None) => {
+                self.refuse(wrong("`}` closes no block".to_owned(), "a block begins with `every 1 ms {`"));
+            }
+            (StatementKind::End, Some(block)) => {
+                if block.empty {
+                    let span = self.spec.blocks[block.number].span;
+                    let help = "put equations between the braces, for example `u = 2*x`, or remove the block";
+                    let error = Diagnostic::error(codes::BAD_BLOCK, span, "the block is empty");
+                    self.refuse(error.with_help(help));
+                }
+                self.block = None;
+            }
+            (StatementKind::State { .. } | StatementKind::Equation(_), _) => {
+                self.fill_block();
+                return false;
+            }
+            (_, None) => return false,
+            (_, Some(_)) => {
+                self.fill_block();
+                let help = "a block holds `state` statements and equations; write this one outside of it";
+                self.refuse(wrong("this statement cannot stand in a block".to_owned(), help));
+                if let StatementKind::Include(_) = statement.kind {
+                    self.give_up();
+                    return true;
+                }
+                return false;
+            }
+        }
+        true
+    }
+
+    fn open_block(&mut self, period: Option<Measure>, span: Span) {
+        self.block = Some(OpenBlock { number: self.spec.blocks.len(), empty: true });
+        self.spec.blocks.push(Block { period, span });
+    }
+
+    /// Notes that the open block, if there is one, holds a statement.
+    fn fill_block(&mut self) {
+        if let Some(block) = &mut self.block {
+            block.empty = false;
+        }
+    }
+
+    /// Reads a data file, unless it has been read.
+    fn data_file(&mut self, path: &Name, own_folder: &str) {
+        let read = resolve(own_folder, path).map_err(Box::new).and_then(|resolved| {
+            if let Some((_, table)) = self.data.iter().find(|(known, _)| *known == resolved) {
+                return Ok(*table);
+            }
+            let file = load(self.sources, self.loader, &resolved, path.span)?;
+            let table = Table::read(&self.sources.text()[..file.range().end], file, self.report);
+            let number = table.is_some().then_some(self.spec.tables.len());
+            self.spec.tables.extend(table.map(Arc::new));
+            self.data.push((resolved, number));
+            Ok(number)
+        });
+        match read {
+            Ok(Some(number)) => _ = self.spec.table_at.insert(path.span, number),
+            Ok(None) => self.spec.broken.push(Broken::default()),
+            Err(problem) => {
+                self.report.push(*problem);
+                self.spec.broken.push(Broken::default());
+            }
+        }
+    }
+
+    fn include(&mut self, path: &Name, own_folder: &str) {
+        let result = resolve(own_folder, path).map_err(Box::new).and_then(|resolved| {
+            if self.repeated(&resolved, path.span)? {
+                return Ok(());
+            }
+            let file = load(self.sources, self.loader, &resolved, path.span)?;
+            self.open.push(Included { path: resolved.clone(), named: path.span });
+            self.file(file, folder(&resolved));
+            self.done.extend(self.open.pop());
+            Ok(())
+        });
+        if let Err(problem) = result {
+            self.report.push(*problem);
+            self.give_up();
+        }
+    }
+
+    /// Whether a file has been included already; it joins the model once.
+    fn repeated(&mut self, path: &str, named: Span) -> Result<bool, Box<Diagnostic>> {
+        if let Some(first) = self.open.iter().position(|open| open.path == path) {
+            let mut names: Vec<&str> = self.open[first..].iter().map(|open| open.path.as_str()).collect();
+            names.push(path);
+            let message = format!("`{}`", names.join("` includes `"));
+            let error = Diagnostic::error(codes::INCLUDE_CYCLE, named, message);
+            return Err(Box::new(error.with_label(self.open[first].named, "included first from here")));
+        }
+        if self.open.len() >= DEEPEST_INCLUDE {
+            let message = format!("files include one another more than {DEEPEST_INCLUDE} levels deep");
+            return Err(Box::new(Diagnostic::error(codes::TOO_DEEP, named, message)));
+        }
+        let Some(first) = self.done.iter().find(|done| done.path == path) else { return Ok(false) };
+        // Two files may well need the same third one; twice in one file is a slip.
+        if self.sources.file_at(first.named.start).span() == self.sources.file_at(named.start).span() {
+            let message = format!("`{path}` is included twice; it counts once");
+            let warning = Diagnostic::error(codes::REPEATED_INCLUDE, named, message);
+            self.report.push(warning.with_label(first.named, "included first from here").into_warning());
+        }
+        Ok(true)
+    }
+
+    fn misplaced(&mut self, section: &str, span: Span) {
+        let message = format!("`{section}` belongs in the main file");
+        let error = Diagnostic::error(codes::MISPLACED, span, message);
+        let included = self.open.last().map(|open| open.named);
+        self.report.push(match included {
+            Some(named) => error.with_label(named, "this file is included from here"),
+            None => error,
+        });
+    }
+
+    /// Notes that statements are missing which may have been anything, so that nothing is concluded from their
+    /// absence.
+    fn give_up(&mut self) {
+        let broken = SECTIONS.map(|section| Broken { section: section.to_owned(), names: Vec::new() });
+        self.spec.broken.extend(broken);
+        self.spec.names_missing = true;
+    }
+}
+
+/// The keyword of a statement that describes the whole model.
+fn section(kind: &StatementKind) -> Option<&'static str> {
+    Some(match kind {
+        StatementKind::Model { .. } => MAIN_ONLY[0],
+        StatementKind::Solver(_) => MAIN_ONLY[1],
+        StatementKind::Step(..) => MAIN_ONLY[2],
+        StatementKind::Span(_) => MAIN_ONLY[3],
+        StatementKind::Units(_) => MAIN_ONLY[4],
+        _ => return None,
+    })
+}
