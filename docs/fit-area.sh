@@ -4,7 +4,7 @@
 #   docs/fit-area.sh [DESIGN_FOLDER...]
 #
 # Measures the single PEs that docs/single_pes.py writes, in out/pes-SET, and the PEs of each design folder, for each family, half
-# a minute each. Needs what hdl/measure-area.sh needs. Rewrites measured.txt and fitted.rs in crates/pe-synth/src/area and
+# a minute each. Needs what hdl/measure-area.sh needs. Rewrites measured.txt and fitted.rs in crates/pe-target/src/area and
 # docs/area-model.md.
 set -euo pipefail
 

@@ -121,7 +121,7 @@ def introduction():
             "**Area.** Ours is *measured* where a table says so: GHDL `--synth` and yosys `synth_xilinx -family xc6v` of "
             "single PEs with their program memories, constrained to block RAM. yosys does not put two small functions into "
             "one LUT6, which ISE does, so its counts are on the high side. Elsewhere it is *estimated* by the formula of "
-            "`crates/pe-synth/src/area/mod.rs`, input and output registers included. The sequencer and the wiring are in none of "
+            "`crates/pe-target/src/area/mod.rs`, input and output registers included. The sequencer and the wiring are in none of "
             "ours; the paper's are whole networks.",
             "**Models.** The paper prints the wave equation and a few lines of the lung. The other right-hand sides and all "
             "parameter values are [reconstructions](../models/README.md) with the paper's number of states, topology, solver "

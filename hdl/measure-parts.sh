@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Measures what a network has beside its PEs, each part alone: sequencers, inputs, ticks and outputs of several sizes.
 #
-#   hdl/measure-parts.sh [FAMILY...] > crates/pe-synth/src/area/parts.txt
+#   hdl/measure-parts.sh [FAMILY...] > crates/pe-target/src/area/parts.txt
 #
 # FAMILY is xc6v, ecp5 or gowin, by default all three. Prints a line per part and family, which the tests of the area
 # model read. Needs what hdl/measure-network.sh needs.

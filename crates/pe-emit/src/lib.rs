@@ -12,7 +12,6 @@ pub mod page;
 mod program_pkg;
 mod reference;
 
-pub use drivers::shape;
 pub use names::{comment_text, vhdl_identifier};
 
 use names::Names;
@@ -104,6 +103,6 @@ pub fn emit(program: &Program, options: &EmitOptions) -> Vec<Artefact> {
     push("_reference.rs", reference::render(program, &folds, &header, options));
     push("_verilator.cpp", drivers::verilator(program, &names, &header, options));
     push("_stimulus.txt", drivers::stimulus(program, options));
-    push("_shapes.txt", drivers::shapes(program, &folds));
+    push("_shapes.txt", pe_ir::program::shapes(program, &folds));
     artefacts
 }

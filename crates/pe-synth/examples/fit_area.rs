@@ -2,7 +2,7 @@
 //!
 //!     cargo run -p pe-synth --example fit_area [-- FILE...]
 //!
-//! Reads `crates/pe-synth/src/area/measured.txt` and the lines of each FILE, all written by `hdl/measure-area.sh`; of
+//! Reads `crates/pe-target/src/area/measured.txt` and the lines of each FILE, all written by `hdl/measure-area.sh`; of
 //! two lines for the same shape the later one counts. Writes `measured.txt` again, `fitted.rs` beside it and
 //! `docs/area-model.md`. `docs/fit-area.sh` measures and fits. Residuals are weighted by the measured size, so that small PEs count as much as large ones.
 //! Terms that the measured PEs do not tell apart stay near what a count of the circuit says, a table or flip-flop per
@@ -15,7 +15,7 @@ use std::path::Path;
 
 use nalgebra::{SMatrix, SVector};
 use pe_ir::word::Pipeline;
-use pe_synth::area::{self, ENOUGH, FF_TERMS, Family, LUT_TERMS, MeasuredShape, RARE_ERROR, TRAITS};
+use pe_target::area::{self, ENOUGH, FF_TERMS, Family, LUT_TERMS, MeasuredShape, RARE_ERROR, TRAITS};
 
 /// Weight of a coefficient's squared distance from its count, against squared relative residuals.
 const PULL: f64 = 5e-2;

@@ -24,7 +24,6 @@ use pe_ir::model::{Model, Solver};
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
-use pe_synth::clock::ClockSource;
 use pe_synth::explore::axes::with_forms;
 use pe_synth::explore::estimate::Estimate;
 use pe_synth::explore::steps::suitable;
@@ -33,6 +32,7 @@ use pe_synth::failure::Failure;
 use pe_synth::options::{DesignPoint, ModelOptions, ProofMode};
 use pe_synth::pipeline::{self, MappingOptions, Stopwatch};
 use pe_synth::runs::port_words;
+use pe_target::clock::ClockSource;
 
 /// Part of the goal to which two runs with smaller steps have to agree.
 const AGREEMENT: f64 = 0.05;

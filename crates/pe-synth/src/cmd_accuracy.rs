@@ -8,10 +8,8 @@ use serde_json::{Map, Value, json};
 use crate::accuracy::goal::Search;
 use crate::accuracy::lists::{Lists, Plan};
 use crate::accuracy::view::{self, View};
-use crate::clock::ClockSource;
 use crate::cmd_compile::positive;
 use crate::console;
-use crate::devices::{self, Device};
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::estimate::Estimate;
 use crate::explore::given::{Given, Sweeping};
@@ -22,6 +20,8 @@ use crate::failure::{Failure, MessageFormat};
 use crate::options::{ConservedOptions, DesignPoint, ModelOptions};
 use crate::output::OutputFolder;
 use crate::pipeline::MappingOptions;
+use pe_target::clock::ClockSource;
+use pe_target::devices::Device;
 
 /// Shows what accuracy costs in run time: solvers, steps and word lengths of a model against a library's solution
 ///
@@ -49,7 +49,7 @@ pub struct Accuracy {
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
     /// Estimates the clock for a device where networks on its like were measured
-    #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
+    #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
     /// Picks the cheapest point with at most this total error, and tries more steps and words for it; of those that miss
     /// it only the error is shown

@@ -11,7 +11,6 @@ use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use serde_json::{Value, json};
 
-use crate::clock::{Clock, ClockSource};
 use crate::cmd_compile::positive;
 use crate::cmd_verify::Scratch;
 use crate::console;
@@ -20,6 +19,7 @@ use crate::native::{self, Measured, Measurement, Other, REPETITIONS};
 use crate::options::{DesignPoint, ModelOptions};
 use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
 use crate::report;
+use pe_target::clock::{Clock, ClockSource};
 
 /// Products of a repetition, at least: long beside the resolution of any clock.
 const PRODUCTS: u64 = 50_000_000;
@@ -187,7 +187,7 @@ fn figures(design: &Design, model: &Model, clock: Clock, steps: u64, measurement
             "pes": design.program.pes.len(),
             "multiplier": pipeline::multiplier_name(&design.program.format),
             "cycles_per_step": design.program.period,
-            "clock": clock.report(),
+            "clock": crate::report::clock_value(&clock),
             "us_per_step": hardware * 1e6,
             "ms_per_simulated_second": hardware * 1e3 / model.mean_step(),
             "word_length_error": design.judged.errors.word_length,

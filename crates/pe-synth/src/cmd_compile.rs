@@ -11,13 +11,10 @@ use pe_sim::reference::ReferenceError;
 use serde_json::{Value, json};
 
 use crate::accuracy::choice::{Choice, Fixed, Question};
-use crate::area::{self, Measured};
 use crate::check::{self, Check};
-use crate::clock::ClockSource;
 use crate::command::shown_path;
 use crate::conserved::Conserved;
 use crate::console;
-use crate::devices::{self, Device, Fit};
 use crate::failure::{Failure, MessageFormat, print_findings};
 use crate::options::{ConservedOptions, DesignPoint, LoadedModel, ModelOptions, duration};
 use crate::output::OutputFolder;
@@ -25,6 +22,9 @@ use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
 use crate::report::{self, Silicon};
 use crate::total::{Reference, TotalError};
 use crate::variables::{self, variables};
+use pe_target::area::{self, Measured};
+use pe_target::clock::ClockSource;
+use pe_target::devices::{Device, Fit};
 
 /// Lines of the reference trace that is written with a design, roughly.
 const TRACE_LINES: u64 = 120_000;
@@ -55,7 +55,7 @@ pub struct Compile {
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
     /// Holds the size against a device, and estimates the clock where networks on its like were measured
-    #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
+    #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
     /// Takes measured sizes of PEs in place of estimates, from a file that `hdl/measure-area.sh` wrote
     #[arg(long, value_name = "FILE", help_heading = "Output")]
@@ -149,7 +149,7 @@ impl Compile {
             report["stability_reason"] = json!(unjudged());
         }
         if let Some(fit) = &fit {
-            report["device"] = fit.report();
+            report["device"] = report::fit_value(&fit);
             let warning = fit.complaint().map(|text| Diagnostic::global(codes::DOES_NOT_FIT, text));
             let help = format!("there is room for {} such PEs", fit.fitting_pes);
             let warning = warning.map(|warning| warning.with_help(help).into_warning());

@@ -7,10 +7,8 @@ use indicatif::HumanDuration;
 use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
 
-use crate::clock::ClockSource;
 use crate::cmd_compile::positive;
 use crate::console;
-use crate::devices::{self, Device};
 use crate::explore::axes::{Axes, Completed};
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::estimate::Estimate;
@@ -24,6 +22,8 @@ use crate::failure::{Failure, MessageFormat};
 use crate::options::ModelOptions;
 use crate::output::OutputFolder;
 use crate::pipeline::MappingOptions;
+use pe_target::clock::ClockSource;
+use pe_target::devices::Device;
 
 /// Compiles many design points of a model and shows what size, speed and accuracy cost each other
 ///
@@ -52,7 +52,7 @@ pub struct Explore {
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
     /// Estimates the clock for a device where networks on its like were measured
-    #[arg(long, value_name = "NAME", value_parser = devices::parser(), ignore_case = true, help_heading = "Output")]
+    #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
     /// Largest total error of points that compete in size and speed [default: any]
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]

@@ -3,10 +3,8 @@
 //! A library so that tests and other tools can run single stages; `main.rs` only parses arguments.
 
 pub mod accuracy;
-pub mod area;
 pub mod bottleneck;
 pub mod check;
-pub mod clock;
 pub mod cmd_accuracy;
 pub mod cmd_bench;
 pub mod cmd_check;
@@ -23,7 +21,6 @@ pub mod command;
 pub mod conserved;
 pub mod console;
 pub mod contest;
-pub mod devices;
 pub mod early;
 pub mod engines;
 pub mod entrants;

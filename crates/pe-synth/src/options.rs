@@ -10,6 +10,7 @@ use pe_ir::graph::StageForm;
 use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::word::{Pipeline, WordFormat};
+use pe_target::devices::{self, DEVICES, Device};
 
 use crate::conserved::Conserved;
 use crate::early::{self, Early};
@@ -297,6 +298,12 @@ pub fn pipeline() -> impl TypedValueParser<Value = Pipeline> {
     let values = Pipeline::ALL.map(|pipeline| PossibleValue::new(pipeline.name()));
     let known = |name: String| Pipeline::ALL.into_iter().find(|pipeline| pipeline.name() == name);
     PossibleValuesParser::new(values).map(move |name| known(name).expect("a possible value"))
+}
+
+/// Parses the name of a device.
+pub fn device() -> impl TypedValueParser<Value = &'static Device> {
+    let values = DEVICES.iter().map(|device| PossibleValue::new(device.name).help(device.vendor));
+    PossibleValuesParser::new(values).map(|name| devices::named(&name).expect("a possible value"))
 }
 
 /// Bits of a stored word, at most.

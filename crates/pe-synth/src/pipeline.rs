@@ -20,7 +20,6 @@ use pe_ir::source::Diagnostic;
 use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
-use crate::area::{self, Family};
 use crate::contest;
 use crate::entrants::{self, Entrants};
 use crate::failure::{Failure, print_findings};
@@ -30,6 +29,7 @@ use crate::proof;
 use crate::runs::{self, Judged};
 use crate::slots;
 use crate::tables;
+use pe_target::area::{self, Family};
 
 /// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
 const DEFAULT_SLOTS_PER_PE: u64 = 200;

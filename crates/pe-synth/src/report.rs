@@ -12,15 +12,16 @@ use pe_ir::word::Pipeline;
 use pe_sim::reference::{ReferenceError, TOLERANCE};
 use serde_json::{Value, json};
 
-use crate::area::{self, Area, Family};
 use crate::bottleneck::Bottleneck;
-use crate::clock::Clock;
 use crate::conserved::Drift;
 use crate::pipeline::{Design, StageTime, StartResult, Stopwatch, multiplier_name};
 use crate::runs::ToDate;
 use crate::total::TotalError;
 use crate::variables::{self, Variable};
 use crate::{features, scene, tables};
+use pe_target::area::{self, Area, Family};
+use pe_target::clock::{Basis, Clock};
+use pe_target::devices::Fit;
 
 /// Size and clock of a design.
 #[derive(Clone, Copy, Debug)]
@@ -140,7 +141,7 @@ pub fn report(
         "instruction_words_max": sizes.instruction_words,
         "data_words_max": sizes.data_words,
         "area": size(program, &area),
-        "clock": clock.report(),
+        "clock": clock_value(&clock),
         "time_per_simulated_second_ms": per_step_us * 1e-3 / model.mean_step(),
         "error": error(model, design, total),
         "smallest_pivot": design.judged.smallest_pivot.as_ref().map(|pivot| json!({"state": pivot.state, "magnitude": pivot.magnitude})),
@@ -483,6 +484,34 @@ fn size(program: &Program, area: &Area) -> Value {
     });
     size["families"] = Family::MEASURED.iter().map(|family| cells(&area::estimate(program, *family))).collect();
     size
+}
+
+/// The key `clock`.
+pub fn clock_value(clock: &Clock) -> Value {
+    let mut value = json!({"mhz": clock.mhz, "basis": clock.basis.name()});
+    if clock.basis == Basis::Estimated {
+        value["error_mhz"] = json!(clock.error_mhz);
+    }
+    value
+}
+
+/// The key `device`.
+pub fn fit_value(fit: &Fit) -> Value {
+    let mut value = json!({
+        "name": fit.device.name,
+        "vendor": fit.device.vendor,
+        "source": fit.device.source,
+        "fits": fit.fits(),
+        "exceeded": fit.exceeded().map(|of| of.resource).collect::<Vec<_>>(),
+        "fitting_pes": fit.fitting_pes,
+        "family": fit.device.family.name(),
+        "lut_inputs": fit.device.family.lut_inputs(),
+        "lut_inputs_counted": fit.device.family.lut_inputs(),
+    });
+    for of in &fit.uses {
+        value[of.resource] = json!({"used": of.used, "available": of.available, "share": of.share()});
+    }
+    value
 }
 
 /// A row of the summary table.

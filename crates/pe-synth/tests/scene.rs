@@ -3,10 +3,10 @@
 
 mod support;
 
-use pe_synth::area;
 use pe_synth::features;
 use pe_synth::pipeline::Design;
 use pe_synth::scene;
+use pe_target::area;
 use support::models::{Compiled, compile};
 
 /// Models that compile in a moment, and spans in which nothing diverges. Their outputs are coupled but for those of

@@ -3,10 +3,12 @@
 
 mod fold;
 mod layout;
+mod shape;
 mod text;
 
 pub use fold::{Fold, closed_up};
 pub use layout::{Field, FieldName, Layout, index_bits};
+pub use shape::{shape, shapes};
 pub use text::read;
 
 use crate::functions::Segments;

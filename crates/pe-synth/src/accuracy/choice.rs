@@ -9,7 +9,6 @@ use serde_json::{Value, json};
 
 use super::goal::{MOST_PRODUCTS, Search, cheapest, errors};
 use super::lists::Lists;
-use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::explore::estimate::Estimate;
 use crate::explore::row::{Outcome, Row};
@@ -19,6 +18,7 @@ use crate::explore::sweep::{self, Event, Job, Sweep};
 use crate::failure::Failure;
 use crate::options::{Coefficients, DesignPoint, LoadedModel, ModelOptions, ProofMode};
 use crate::pipeline::MappingOptions;
+use pe_target::clock::ClockSource;
 
 /// Which axes of the design space the user fixed: those whose options were given.
 #[derive(Clone, Copy, Debug, Default)]

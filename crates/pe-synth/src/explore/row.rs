@@ -5,9 +5,9 @@ use pe_ir::model::Solver;
 use pe_ir::source::Severity;
 use serde_json::{Map, Value, json};
 
-use crate::area::DSP_LUTS;
 use crate::failure::Failure;
 use crate::options::DesignPoint;
+use pe_target::area::DSP_LUTS;
 
 /// Keys of `report.json` that a row takes over; the others are the same for all points or belong to one design.
 const KEPT: [&str; 18] = [

@@ -24,9 +24,7 @@ use rayon::Scope;
 
 use super::estimate::Estimate;
 use super::row::{Figures, Outcome, Reason};
-use crate::area;
 use crate::check::sampled;
-use crate::clock::ClockSource;
 use crate::conserved::Conserved;
 use crate::failure::Failure;
 use crate::options::{DesignPoint, LoadedModel, ModelOptions};
@@ -36,6 +34,8 @@ use crate::runs::{Comparison, Exact, Judged};
 use crate::slots;
 use crate::total::{Reference, TotalError};
 use crate::variables::variables;
+use pe_target::area;
+use pe_target::clock::ClockSource;
 
 /// What all points have in common.
 pub struct Sweep {

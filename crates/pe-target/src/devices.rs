@@ -2,9 +2,6 @@
 //!
 //! A new device is a row of [`DEVICES`] and a row of the table in `docs/guide.md`.
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use serde_json::{Value, json};
-
 use crate::area::{Area, Family};
 
 /// What a device offers.
@@ -89,13 +86,9 @@ pub const DEVICES: &[Device] = &[
     },
 ];
 
-/// Parses the name of a device.
-pub fn parser() -> impl TypedValueParser<Value = &'static Device> {
-    let values = DEVICES.iter().map(|device| PossibleValue::new(device.name).help(device.vendor));
-    PossibleValuesParser::new(values).map(|name| {
-        let named = |device: &&Device| device.name.eq_ignore_ascii_case(&name);
-        DEVICES.iter().find(named).expect("the parser knows these names only")
-    })
+/// The device of a name, whatever its case.
+pub fn named(name: &str) -> Option<&'static Device> {
+    DEVICES.iter().find(|device| device.name.eq_ignore_ascii_case(name))
 }
 
 /// One resource of a device and what a design needs of it.
@@ -150,25 +143,6 @@ impl Fit {
     /// Whether the device has enough of everything.
     pub fn fits(&self) -> bool {
         self.exceeded().next().is_none()
-    }
-
-    /// The key `device` of the report.
-    pub fn report(&self) -> Value {
-        let mut value = json!({
-            "name": self.device.name,
-            "vendor": self.device.vendor,
-            "source": self.device.source,
-            "fits": self.fits(),
-            "exceeded": self.exceeded().map(|of| of.resource).collect::<Vec<_>>(),
-            "fitting_pes": self.fitting_pes,
-            "family": self.device.family.name(),
-            "lut_inputs": self.device.family.lut_inputs(),
-            "lut_inputs_counted": self.device.family.lut_inputs(),
-        });
-        for of in &self.uses {
-            value[of.resource] = json!({"used": of.used, "available": of.available, "share": of.share()});
-        }
-        value
     }
 
     /// In a line of the summary.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::memory::MemoryCells;
-use pe_ir::program::{Fold, PeFeatures, Program, index_bits};
+use pe_ir::program::{self, Fold, PeFeatures, Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
 
 use super::{Family, content, followers};
@@ -59,7 +59,7 @@ impl Measured {
         }
         let shape = |index: usize| {
             let fold = Fold::of(program, &program.pes[index]);
-            let line = pe_emit::shape(program, index, &fold);
+            let line = program::shape(program, index, &fold);
             let line = if family.wide_tables() { line } else { format!("{line} family={}", family.name()) };
             self.0.get(&key(&line))
         };

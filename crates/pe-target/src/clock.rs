@@ -4,7 +4,6 @@
 use pe_ir::multiplier::MULT18X18D;
 use pe_ir::word::Pipeline::{self, Deep, Short};
 use pe_ir::word::WordFormat;
-use serde_json::{Value, json};
 
 use crate::area::Family;
 use crate::devices::Device;
@@ -35,15 +34,6 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// The key `clock` of the report.
-    pub fn report(&self) -> Value {
-        let mut value = json!({"mhz": self.mhz, "basis": self.basis.name()});
-        if self.basis == Basis::Estimated {
-            value["error_mhz"] = json!(self.error_mhz);
-        }
-        value
-    }
-
     /// In words.
     pub fn words(&self) -> String {
         let error = if self.basis == Basis::Estimated { format!(" ± {:.0}", self.error_mhz) } else { String::new() };
@@ -52,7 +42,8 @@ impl Clock {
 }
 
 impl Basis {
-    fn name(self) -> &'static str {
+    /// As the report names it.
+    pub fn name(self) -> &'static str {
         match self {
             Basis::Given => "given",
             Basis::Estimated => "estimated",
