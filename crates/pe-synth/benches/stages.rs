@@ -8,15 +8,17 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use indicatif::ProgressBar;
+use pe_flow::pipeline::{self, Design};
+use pe_flow::spec::LoadedModel;
+use pe_flow::watch::Stopwatch;
 use pe_hls::mapping::{self, MapOptions, Problem};
 use pe_ir::word::Latency;
+use pe_judge::progress::silent;
+use pe_judge::runs;
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::Machine;
-use pe_synth::options::{DesignPoint, LoadedModel, ModelOptions};
-use pe_synth::pipeline::{self, Design, MappingOptions, Stopwatch};
-use pe_synth::runs;
+use pe_synth::options::{MappingArgs, ModelArgs, PointArgs};
 
 /// Models, and the PEs of the smaller of the paper's two networks of each.
 const MODELS: [(&str, &str); 2] = [("weibel11", "64"), ("atrial15", "63")];
@@ -27,11 +29,11 @@ const STEPS: u64 = 20;
 #[derive(Parser)]
 struct Options {
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
 }
 
 impl Options {
@@ -44,12 +46,13 @@ impl Options {
     }
 
     fn load(&self) -> LoadedModel {
-        self.model.load(&self.point).expect("the model is read")
+        self.model.load(&self.point.point()).expect("the model is read")
     }
 
     fn design(&self, loaded: &LoadedModel) -> Design {
-        let watch = &mut Stopwatch::new(true);
-        pipeline::design(loaded, &self.model, &self.point, &self.mapping, watch).expect("the model compiles")
+        let watch = &mut Stopwatch::silent();
+        pipeline::design(loaded, &self.model.settings(&self.mapping), &self.point.point(), watch)
+            .expect("the model compiles")
     }
 }
 
@@ -69,7 +72,7 @@ fn stages(criterion: &mut Criterion) {
         let equations = Throughput::Elements(graph.equations.len() as u64);
         let products = |steps: u64| Throughput::Elements(graph.macs() * steps);
         bench("parse", equations.clone(), &mut || drop(options.load()));
-        let step_options = options.point.step_options(&options.mapping);
+        let step_options = pipeline::step_options(&options.point.point(), &options.mapping.options());
         bench("step", equations.clone(), &mut || {
             drop(pe_hls::step::build_with(&loaded.model, &step_options).expect("built before"));
         });
@@ -114,7 +117,7 @@ fn stages(criterion: &mut Criterion) {
             stimulus.iter().for_each(|words| machine.step(words, &mut |_| {}));
         });
         bench("runs", products(loaded.model.steps()), &mut || {
-            let judged = runs::judge(&loaded.model, graph, fixed.format, &options.model, ProgressBar::hidden());
+            let judged = runs::judge(&loaded.model, graph, fixed.format, &options.model.criteria(), silent());
             assert!(judged.is_ok(), "judged before");
         });
         bench("end to end", equations, &mut || drop(options.design(&options.load())));

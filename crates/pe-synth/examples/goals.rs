@@ -18,20 +18,22 @@ use std::process::ExitCode;
 use std::sync::mpsc::channel;
 
 use clap::{Args, Parser};
+use pe_flow::explore::axes::with_forms;
+use pe_flow::explore::estimate::Estimate;
+use pe_flow::explore::steps::suitable;
+use pe_flow::explore::sweep::{self, Event, Job, Sweep};
+use pe_flow::failure::Failure;
+use pe_flow::pipeline;
+use pe_flow::watch::Stopwatch;
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
+use pe_judge::runs::port_words;
+use pe_judge::{DesignPoint, ProofMode};
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
-use pe_synth::explore::axes::with_forms;
-use pe_synth::explore::estimate::Estimate;
-use pe_synth::explore::steps::suitable;
-use pe_synth::explore::sweep::{self, Event, Job, Sweep};
-use pe_synth::failure::Failure;
-use pe_synth::options::{DesignPoint, ModelOptions, ProofMode};
-use pe_synth::pipeline::{self, MappingOptions, Stopwatch};
-use pe_synth::runs::port_words;
+use pe_synth::options::{MappingArgs, ModelArgs, PointArgs};
 use pe_target::clock::ClockSource;
 
 /// Part of the goal to which two runs with smaller steps have to agree.
@@ -61,12 +63,12 @@ enum Command {
 #[derive(Args)]
 struct Question {
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
     goal: f64,
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
 }
 
 /// A run with a smaller step.
@@ -136,8 +138,9 @@ fn held_against(design: &pipeline::Design, model: &Model, solver: Solver, halvin
 
 fn truth(question: &Question) -> Result<String, Failure> {
     let Question { model: options, point, mapping, goal } = question;
-    let loaded = options.load(point)?;
-    let design = pipeline::design(&loaded, options, point, mapping, &mut Stopwatch::new(true))?;
+    let point = point.point();
+    let loaded = options.load(&point)?;
+    let design = pipeline::design(&loaded, &options.settings(mapping), &point, &mut Stopwatch::silent())?;
     let solvers = if loaded.model.phases.is_empty() { vec![Solver::Rk4, Solver::Rodas3] } else { vec![Solver::Rodas3] };
     let tries = solvers.into_iter().flat_map(|solver| HALVINGS.map(|halvings| (solver, halvings)));
     let mut tries = tries.filter_map(|(solver, halvings)| {
@@ -150,6 +153,8 @@ fn truth(question: &Question) -> Result<String, Failure> {
 fn grid(question: &Question) -> Result<String, Failure> {
     let Question { model: options, mapping, goal, .. } = question;
     let loaded = options.read()?;
+    let mut settings = options.settings(mapping);
+    settings.criteria.proof = ProofMode::Off;
     let model = &loaded.model;
     let graph = |solver: Solver| Some((solver, pe_hls::step::build(&Model { solver, ..model.clone() }).ok()?));
     let graphs: Vec<(Solver, StepGraph)> = Solver::ALL.into_iter().filter_map(graph).collect();
@@ -159,12 +164,11 @@ fn grid(question: &Question) -> Result<String, Failure> {
     let (mut run, mut left_out, mut met) = (0, 0, None);
     let sweep = Sweep {
         loaded: loaded.clone(),
-        options: ModelOptions { proof: ProofMode::Off, ..options.clone() },
-        mapping: mapping.clone(),
+        settings: settings.clone(),
         conserved: Vec::new(),
         within: Some(CANCELLED * goal),
         clock: ClockSource { given: None, device: None },
-        estimate: Estimate::of(model, &graphs, mapping),
+        estimate: Estimate::of(model, &graphs, &settings.mapping),
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.map_err(|error| Failure::File(error.to_string()))?;
@@ -177,9 +181,9 @@ fn grid(question: &Question) -> Result<String, Failure> {
                 step: Some(step),
                 storage,
                 multiplier: Some(multiplier),
-                ..question.point
+                ..question.point.point()
             });
-            let points = with_forms(points.collect(), model, mapping);
+            let points = with_forms(points.collect(), model, &settings.mapping);
             if products > GRID_PRODUCTS {
                 left_out += points.len();
                 continue;
@@ -190,7 +194,7 @@ fn grid(question: &Question) -> Result<String, Failure> {
             sweep::run(&sweep, points.iter().enumerate().map(job).collect(), &pool, &sender);
             drop(sender);
             for event in events {
-                if let Event::Point(index, pe_synth::explore::row::Outcome::Compiled(figures)) = event
+                if let Event::Point(index, pe_flow::explore::row::Outcome::Compiled(figures)) = event
                     && let Some(error) = figures.total_error().filter(|error| error <= goal)
                 {
                     let DesignPoint { storage, multiplier, .. } = points[index];

@@ -25,8 +25,8 @@ const FORMAT: WordFormat = WordFormat::new(32, 25, 18);
 
 /// The step graph of a model for a number of PEs, as `compile` takes it.
 fn graph(spec: &str, pes: u32) -> Result<StepGraph, String> {
-    let mut sources = pe_synth::files::main_file(&PathBuf::from(spec)).map_err(|failure| format!("{failure:?}"))?;
-    let loader = pe_synth::files::ModelFolder::of(&PathBuf::from(spec));
+    let mut sources = pe_flow::spec::main_file(&PathBuf::from(spec)).map_err(|failure| format!("{failure:?}"))?;
+    let loader = pe_flow::spec::ModelFolder::of(&PathBuf::from(spec));
     let compiled = pe_frontend::compile(&mut sources, &loader, &pe_frontend::Overrides::default());
     let (model, _) = compiled.map_err(|findings| format!("{findings:?}"))?;
     let options = StepOptions { pes: Some(pes), ..StepOptions::default() };

@@ -1,25 +1,27 @@
 //! `pe-synth accuracy`: error against run time for solvers, steps and word lengths.
 
+use pe_judge::DesignPoint;
 use std::path::PathBuf;
 
 use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
 
-use crate::accuracy::goal::Search;
-use crate::accuracy::lists::{Lists, Plan};
+use crate::accuracy::options::ListArgs;
 use crate::accuracy::view::{self, View};
 use crate::cmd_compile::positive;
 use crate::console;
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
-use crate::explore::estimate::Estimate;
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::record::{Kind, Record};
-use crate::explore::steps::hit;
-use crate::explore::sweep::{self, Sweep};
-use crate::failure::{Failure, MessageFormat};
-use crate::options::{ConservedOptions, DesignPoint, ModelOptions};
+use crate::messages::MessageFormat;
+use crate::options::{ConservedArgs, MappingArgs, ModelArgs};
 use crate::output::OutputFolder;
-use crate::pipeline::MappingOptions;
+use pe_flow::accuracy::goal::Search;
+use pe_flow::accuracy::lists::Plan;
+use pe_flow::explore::estimate::Estimate;
+use pe_flow::explore::steps::hit;
+use pe_flow::explore::sweep::{self, Sweep};
+use pe_flow::failure::Failure;
 use pe_target::clock::ClockSource;
 use pe_target::devices::Device;
 
@@ -39,9 +41,9 @@ pub struct Accuracy {
     #[command(flatten)]
     given: Given<Accuracy>,
     #[command(flatten)]
-    lists: Lists,
+    lists: ListArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
     /// Output folder; replaced if it is one of ours [default: out/MODEL_accuracy]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -56,12 +58,12 @@ pub struct Accuracy {
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Points")]
     max_error: Option<f64>,
     #[command(flatten)]
-    conserved: ConservedOptions,
+    conserved: ConservedArgs,
     /// Points compiled at the same time; the result does not depend on it [default: one per core]
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Points")]
     jobs: Option<u16>,
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
@@ -80,15 +82,16 @@ impl Accuracy {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        self.mapping.of_many()?;
+        let (lists, settings) = (self.lists.lists(), self.model.settings(&self.mapping));
+        settings.mapping.of_many()?;
         let loaded = self.model.read()?;
         let model = &loaded.model;
         let folder = || PathBuf::from("out").join(format!("{}_accuracy", model.name));
         let target = self.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
         let conserved = self.conserved.of(model)?;
-        hit(&self.lists.step, self.lists.sample)?;
-        let plan = self.lists.plan(model, &self.mapping);
+        hit(&lists.step, lists.sample)?;
+        let plan = lists.plan(model, &settings.mapping);
         let clock = ClockSource { given: self.clock, device: self.device };
         let row = |point: DesignPoint| (point, self.given.command(&point), None);
         let mut record = Record {
@@ -100,11 +103,10 @@ impl Accuracy {
             rows: plan.points.iter().copied().map(row).collect(),
             target,
         };
-        let estimate = Estimate::of(model, &plan.graphs, &self.mapping);
+        let estimate = Estimate::of(model, &plan.graphs, &settings.mapping);
         let sweep = |within: Option<f64>| Sweep {
             loaded: loaded.clone(),
-            options: self.model.clone(),
-            mapping: self.mapping.clone(),
+            settings: settings.clone(),
             conserved: conserved.clone(),
             within,
             clock,
@@ -121,7 +123,7 @@ impl Accuracy {
         let driver = Driver::new(Self::NAME, threads)?;
         driver.round(&mut record, sweep(None), quiet)?;
         if let Some(limit) = self.max_error {
-            let mut search = Search::new(model, &self.mapping, &self.lists, &plan, limit);
+            let mut search = Search::new(model, &settings.mapping, &lists, &plan, limit);
             loop {
                 let more = search.next(&record.sheet().rows);
                 if more.is_empty() {

@@ -12,14 +12,16 @@ use pe_sim::error::Trajectory;
 use serde_json::{Value, json};
 
 use crate::cmd_compile::positive;
-use crate::cmd_verify::Scratch;
 use crate::console;
-use crate::failure::{Failure, MessageFormat};
-use crate::native::{self, Measured, Measurement, Other, REPETITIONS};
-use crate::options::{DesignPoint, ModelOptions};
-use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
-use crate::report;
+use crate::messages::MessageFormat;
+use crate::options::{MappingArgs, ModelArgs, PointArgs};
+use crate::progress;
+use pe_flow::failure::Failure;
+use pe_flow::pipeline::{self, Design};
+use pe_flow::report;
 use pe_target::clock::{Clock, ClockSource};
+use pe_verify::Scratch;
+use pe_verify::native::{self, Measured, Measurement, Other, REPETITIONS};
 
 /// Products of a repetition, at least: long beside the resolution of any clock.
 const PRODUCTS: u64 = 50_000_000;
@@ -33,9 +35,9 @@ Examples:
   pe-synth bench models/wave80/wave80.spec --pes 63 --against double=./wave80 --against single=./wave80f")]
 pub struct Bench {
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
     /// Writes the figures as JSON as well
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -50,7 +52,7 @@ pub struct Bench {
     #[arg(long, value_name = "PRECISION=PROGRAM", value_parser = native::other, help_heading = "Output")]
     against: Vec<Other>,
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
 }
 
 impl Bench {
@@ -62,10 +64,11 @@ impl Bench {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let quiet = self.message_format() == MessageFormat::Json;
-        let mut watch = Stopwatch::new(quiet);
-        let loaded = self.model.load(&self.point)?;
+        let point = self.point.point();
+        let mut watch = progress::stopwatch(quiet, self.message_format());
+        let loaded = self.model.load(&point)?;
         let model = &loaded.model;
-        let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
+        let design = pipeline::design(&loaded, &self.model.settings(&self.mapping), &point, &mut watch)?;
         let graph = &design.graph;
         let steps = self.steps.unwrap_or((PRODUCTS / graph.macs().max(1)).clamp(10, 1_000_000));
         let inputs: Vec<Vec<f64>> = (0..steps).map(|step| model.sample_inputs(model.time(step, 0.0))).collect();
@@ -187,7 +190,7 @@ fn figures(design: &Design, model: &Model, clock: Clock, steps: u64, measurement
             "pes": design.program.pes.len(),
             "multiplier": pipeline::multiplier_name(&design.program.format),
             "cycles_per_step": design.program.period,
-            "clock": crate::report::clock_value(&clock),
+            "clock": pe_flow::report::clock_value(&clock),
             "us_per_step": hardware * 1e6,
             "ms_per_simulated_second": hardware * 1e3 / model.mean_step(),
             "word_length_error": design.judged.errors.word_length,

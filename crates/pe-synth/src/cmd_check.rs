@@ -3,13 +3,17 @@
 use pe_ir::source::Severity;
 use serde_json::Value;
 
-use crate::check::{self, Question};
+use crate::check;
 use crate::console;
-use crate::failure::{Failure, MessageFormat, print_findings};
-use crate::options::{DesignPoint, ModelOptions};
-use crate::pipeline::{self, MappingOptions, Stopwatch};
-use crate::runs;
-use crate::variables;
+use crate::messages::{MessageFormat, print_findings};
+use crate::options::{MappingArgs, ModelArgs, PointArgs};
+use crate::progress;
+use pe_flow::failure::Failure;
+use pe_flow::pipeline;
+use pe_flow::variables;
+use pe_ir::model::Model;
+use pe_judge::check::{Check as Checked, Question};
+use pe_judge::runs;
 
 /// Products of a run over the span of a large model; a longer span is judged over its first part.
 const PRODUCTS: u64 = 500_000_000;
@@ -29,17 +33,17 @@ Examples:
   pe-synth check models/lorenz/lorenz.spec --span 5s --max-error 1e-6")]
 pub struct Check {
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
     /// Method error that the accuracy step is for
-    #[arg(long, value_name = "E", default_value_t = check::ACCURACY, value_parser = crate::cmd_compile::positive, help_heading = "Numbers")]
+    #[arg(long, value_name = "E", default_value_t = pe_judge::check::ACCURACY, value_parser = crate::cmd_compile::positive, help_heading = "Numbers")]
     max_error: f64,
     /// Shows the ranges of all variables, not only of those with the least headroom
     #[arg(long, help_heading = "Output")]
     all: bool,
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
 }
 
 impl Check {
@@ -54,25 +58,26 @@ impl Check {
     /// The findings of a refused step; those of the spec and the options.
     pub fn run(&self) -> Result<(), Failure> {
         let json = self.message_format() == MessageFormat::Json;
-        let mut watch = Stopwatch::new(true);
-        let mut loaded = self.model.load(&self.point)?;
+        let (point, mapping, criteria) = (self.point.point(), self.mapping.options(), self.model.criteria());
+        let mut watch = progress::stopwatch(true, self.message_format());
+        let mut loaded = self.model.load(&point)?;
         let asked_span = loaded.model.span;
-        let format = self.point.format(&loaded.model)?;
-        let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)
-            .map_err(|failure| check::unbuilt(failure, &loaded))?;
-        let (_, pes) = self.mapping.given(self.point.pes)?;
-        let graph = pipeline::split(&graph, pes, &self.mapping, format).unwrap_or(graph);
+        let format = point.format(&loaded.model).map_err(Failure::Usage)?;
+        let graph = pipeline::build(&loaded, &point, &mapping, &mut watch)
+            .map_err(|failure| unbuilt(failure, &loaded.model))?;
+        let (_, pes) = mapping.given(point.pes)?;
+        let graph = pipeline::split(&graph, pes, &mapping, format).unwrap_or(graph);
         if loaded.model.states.len() > LARGE {
             let steps = (PRODUCTS / graph.macs().max(1)).max(FEWEST_STEPS).min(loaded.model.steps());
             loaded.model.span = loaded.model.span.min(loaded.model.time(steps, 0.0));
         }
         let (loaded, model) = (&loaded, &loaded.model);
         let goal = Some(self.max_error);
-        let question = Question { loaded, graph: &graph, point: &self.point, options: &self.model, format, goal };
-        let bar = Stopwatch::new(json).progress_bar("runs");
-        let (check, judged) = match runs::judge(model, &graph, format, &self.model, bar) {
-            Ok(judged) => (check::Check::of_judged(&question, &judged), Some(judged)),
-            Err(refusals) => (check::Check::of_refused(&question, refusals), None),
+        let question = Question { model, graph: &graph, point: &point, criteria: &criteria, format, goal };
+        let bar = progress::bar("runs", json);
+        let (check, judged) = match runs::judge(model, &graph, format, &criteria, bar) {
+            Ok(judged) => (Checked::of_judged(&question, &judged), Some(judged)),
+            Err(refusals) => (Checked::of_refused(&question, refusals), None),
         };
         let variables = judged.as_ref().map(|judged| variables::variables(model, &graph, judged));
         console::out(&if json {
@@ -87,5 +92,13 @@ impl Check {
             check.findings.into_iter().partition(|finding| finding.severity == Severity::Error);
         print_findings(&warnings, &loaded.sources, self.message_format());
         if refusals.is_empty() { Ok(()) } else { Err(Failure::Spec(refusals, loaded.sources.clone())) }
+    }
+}
+
+/// A failure to build the step of a model, with what it really comes from.
+fn unbuilt(failure: Failure, model: &Model) -> Failure {
+    match failure {
+        Failure::Spec(refusals, sources) => Failure::Spec(Checked::of_unbuilt(model, refusals), sources),
+        failure => failure,
     }
 }

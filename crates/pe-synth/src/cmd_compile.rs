@@ -1,5 +1,6 @@
 //! `pe-synth compile`: model to hardware, reference and report.
 
+use pe_judge::DesignPoint;
 use std::path::{Path, PathBuf};
 
 use pe_emit::EmitOptions;
@@ -10,18 +11,27 @@ use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
 use serde_json::{Value, json};
 
-use crate::accuracy::choice::{Choice, Fixed, Question};
-use crate::check::{self, Check};
+use crate::accuracy::options::FixedArgs;
+use crate::check;
 use crate::command::shown_path;
-use crate::conserved::Conserved;
 use crate::console;
-use crate::failure::{Failure, MessageFormat, print_findings};
-use crate::options::{ConservedOptions, DesignPoint, LoadedModel, ModelOptions, duration};
+use crate::messages::MessageFormat;
+use crate::options::{ConservedArgs, MappingArgs, ModelArgs, PointArgs};
 use crate::output::OutputFolder;
-use crate::pipeline::{self, Design, MappingOptions, Stopwatch};
-use crate::report::{self, Silicon};
-use crate::total::{Reference, TotalError};
-use crate::variables::{self, variables};
+use crate::progress;
+use pe_flow::accuracy::choice::{Choice, Question};
+use pe_flow::failure::Failure;
+use pe_flow::pipeline::Settings;
+use pe_flow::pipeline::{self, Design};
+use pe_flow::report::{self, Silicon};
+use pe_flow::spec::LoadedModel;
+use pe_flow::stability;
+use pe_flow::variables::{self, variables};
+use pe_flow::watch::Stopwatch;
+use pe_judge::check::{self as judge, Check, EXPLAINED};
+use pe_judge::conserved::Conserved;
+use pe_judge::parse::duration;
+use pe_judge::total::{Reference, TotalError};
 use pe_target::area::{self, Measured};
 use pe_target::clock::ClockSource;
 use pe_target::devices::{Device, Fit};
@@ -43,11 +53,11 @@ Examples:
 pub struct Compile {
     // The first field, for each takes what it reads away from those that follow.
     #[command(flatten)]
-    fixed: Fixed,
+    fixed: FixedArgs,
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
     /// Output folder; replaced if it is one of ours [default: out/MODEL]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -67,7 +77,7 @@ pub struct Compile {
     #[arg(long, help_heading = "Output")]
     reference: bool,
     #[command(flatten)]
-    conserved: ConservedOptions,
+    conserved: ConservedArgs,
     /// Takes the solver, step, multiplier and storage that meet this total error at least run time; those that are
     /// given are kept
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
@@ -76,7 +86,7 @@ pub struct Compile {
     #[arg(long, value_name = "T", value_parser = duration, requires = "max_error", help_heading = "Output")]
     sample: Option<f64>,
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
@@ -99,10 +109,10 @@ impl Compile {
     /// Runs the command.
     pub fn run(&self, command: &str) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        let mut watch = Stopwatch::new(quiet);
+        let mut watch = progress::stopwatch(quiet, self.message_format());
         let mut loaded = watch.stage(
             "read",
-            || self.model.load(&self.point),
+            || self.model.load(&self.point.point()),
             |loaded| match loaded {
                 Ok(LoadedModel { model, .. }) => {
                     let title = if model.title.is_empty() { String::new() } else { format!(", {}", model.title) };
@@ -116,25 +126,25 @@ impl Compile {
         OutputFolder::permitted(&target)?;
         let conserved = self.conserved.of(&loaded.model)?;
         let measured = self.area_from.as_deref().map_or_else(|| Ok(Measured::default()), measured)?;
+        let mut settings = self.model.settings(&self.mapping);
         let choice = match self.max_error {
             Some(max_error) => {
-                self.mapping.of_many()?;
-                Some(self.choose(&loaded, &conserved, clock, max_error, &mut watch)?)
+                settings.mapping.of_many()?;
+                Some(self.choose(&loaded, &settings, &conserved, clock, max_error, &mut watch)?)
             }
             None => None,
         };
-        let point = choice.as_ref().map_or(self.point, |choice| choice.point);
-        point.apply(&mut loaded.model)?;
+        let point = choice.as_ref().map_or(self.point.point(), |choice| choice.point);
+        point.apply(&mut loaded.model).map_err(Failure::Usage)?;
         let model = &loaded.model;
         // Formats of a design that was chosen for its error stay as they are.
-        let widen = if choice.is_some() { 0 } else { self.model.widen };
-        let options = ModelOptions { widen, ..self.model.clone() };
-        let design = pipeline::design(&loaded, &options, &point, &self.mapping, &mut watch)
-            .map_err(|failure| self.explained(failure, &loaded, &point))?;
-        let check = self.check(&loaded, &design, &point, &mut watch)?;
-        let format = self.message_format();
-        let total =
-            (self.reference || choice.is_some()).then(|| total_error(&loaded, &design, &conserved, format, &mut watch));
+        if choice.is_some() {
+            settings.criteria.widen = 0;
+        }
+        let design = pipeline::design(&loaded, &settings, &point, &mut watch)
+            .map_err(|failure| explained(failure, &loaded, &settings, &point))?;
+        let check = checked(&loaded, &settings, &design, &point, &mut watch)?;
+        let total = (self.reference || choice.is_some()).then(|| total_error(&loaded, &design, &conserved, &mut watch));
         if let (Some(max_error), Some(total)) = (self.max_error, &total) {
             confirm(max_error, total)?;
         }
@@ -144,16 +154,16 @@ impl Compile {
         let silicon = Silicon { area, clock: clock.of(&design.program.format, pes) };
         let variables = variables(model, &design.graph, &design.judged);
         let mut report = report::report(model, &design, &variables, silicon, &total, self.model.seed, command);
-        report["stability"] = check.as_ref().map_or(Value::Null, |check| check::report(model, check));
+        report["stability"] = check.as_ref().map_or(Value::Null, |check| stability::report(model, check));
         if check.is_none() {
             report["stability_reason"] = json!(unjudged());
         }
         if let Some(fit) = &fit {
-            report["device"] = report::fit_value(&fit);
+            report["device"] = report::fit_value(fit);
             let warning = fit.complaint().map(|text| Diagnostic::global(codes::DOES_NOT_FIT, text));
             let help = format!("there is room for {} such PEs", fit.fitting_pes);
             let warning = warning.map(|warning| warning.with_help(help).into_warning());
-            print_findings(warning.as_slice(), &loaded.sources, self.message_format());
+            watch.warn(warning.as_slice(), &loaded.sources);
         }
         if let Some(choice) = &choice {
             report["choice"] = choice.report(model);
@@ -203,14 +213,14 @@ impl Compile {
     fn choose(
         &self,
         loaded: &LoadedModel,
+        settings: &Settings,
         conserved: &[Conserved],
         clock: ClockSource,
         max_error: f64,
         watch: &mut Stopwatch,
     ) -> Result<Choice, Failure> {
-        let (options, mapping, point, fixed) = (&self.model, &self.mapping, self.point, self.fixed);
-        let question =
-            Question { loaded, options, mapping, point, fixed, conserved, clock, max_error, sample: self.sample };
+        let (point, fixed) = (self.point.point(), self.fixed.0);
+        let question = Question { loaded, settings, point, fixed, conserved, clock, max_error, sample: self.sample };
         watch.stage(
             "choose",
             || question.answer(),
@@ -219,61 +229,54 @@ impl Compile {
     }
 }
 
-impl Compile {
-    /// Judges the step of a design, unless it is large; its warnings are printed.
-    fn check(
-        &self,
-        loaded: &LoadedModel,
-        design: &Design,
-        point: &DesignPoint,
-        watch: &mut Stopwatch,
-    ) -> Result<Option<Check>, Failure> {
-        if loaded.model.states.len() > JUDGED_STATES {
-            return Ok(None);
-        }
-        let question = self.step_question(loaded, &design.graph, point)?;
-        let check = watch.stage(
-            "stability",
-            || Check::of_judged(&question, &design.judged),
-            |check| check::summary(&loaded.model, check),
-        );
-        let (refusals, warnings): (Vec<_>, Vec<_>) =
-            check.own_findings().into_iter().partition(|finding| finding.severity == Severity::Error);
-        print_findings(&warnings, &loaded.sources, self.message_format());
-        if refusals.is_empty() { Ok(Some(check)) } else { Err(Failure::Spec(refusals, loaded.sources.clone())) }
+/// Judges the step of a design, unless it is large.
+fn checked(
+    loaded: &LoadedModel,
+    settings: &Settings,
+    design: &Design,
+    point: &DesignPoint,
+    watch: &mut Stopwatch,
+) -> Result<Option<Check>, Failure> {
+    if loaded.model.states.len() > JUDGED_STATES {
+        return Ok(None);
     }
+    let question = step_question(loaded, settings, &design.graph, point)?;
+    let check = watch.stage(
+        "stability",
+        || Check::of_judged(&question, &design.judged),
+        |check| check::summary(&loaded.model, check),
+    );
+    let (refusals, warnings): (Vec<_>, Vec<_>) =
+        check.own_findings().into_iter().partition(|finding| finding.severity == Severity::Error);
+    watch.warn(&warnings, &loaded.sources);
+    if refusals.is_empty() { Ok(Some(check)) } else { Err(Failure::Spec(refusals, loaded.sources.clone())) }
+}
 
-    /// A refusal of the runs with what explains it and what helps; other failures as they are.
-    fn explained(&self, failure: Failure, loaded: &LoadedModel, point: &DesignPoint) -> Failure {
-        let Failure::Spec(refusals, sources) = failure else { return failure };
-        let explained = refusals.iter().any(|refusal| check::EXPLAINED.contains(&refusal.code));
-        if !explained || loaded.model.states.len() > JUDGED_STATES {
-            return Failure::Spec(refusals, sources);
-        }
-        let graph = pipeline::build(loaded, point, &self.mapping, &mut Stopwatch::new(true));
-        let question = graph.as_ref().ok().and_then(|graph| self.step_question(loaded, graph, point).ok());
-        let findings = match question {
-            Some(question) => Check::of_refused(&question, refusals).findings,
-            None => Check::of_unbuilt(loaded, refusals),
-        };
-        Failure::Spec(findings, sources)
+/// A refusal of the runs with what explains it and what helps; other failures as they are.
+fn explained(failure: Failure, loaded: &LoadedModel, settings: &Settings, point: &DesignPoint) -> Failure {
+    let Failure::Spec(refusals, sources) = failure else { return failure };
+    let explained = refusals.iter().any(|refusal| EXPLAINED.contains(&refusal.code));
+    if !explained || loaded.model.states.len() > JUDGED_STATES {
+        return Failure::Spec(refusals, sources);
     }
+    let graph = pipeline::build(loaded, point, &settings.mapping, &mut Stopwatch::silent());
+    let question = graph.as_ref().ok().and_then(|graph| step_question(loaded, settings, graph, point).ok());
+    let findings = match question {
+        Some(question) => Check::of_refused(&question, refusals).findings,
+        None => Check::of_unbuilt(&loaded.model, refusals),
+    };
+    Failure::Spec(findings, sources)
+}
 
-    fn step_question<'a>(
-        &'a self,
-        loaded: &'a LoadedModel,
-        graph: &'a StepGraph,
-        point: &'a DesignPoint,
-    ) -> Result<check::Question<'a>, Failure> {
-        Ok(check::Question {
-            loaded,
-            graph,
-            point,
-            options: &self.model,
-            format: point.format(&loaded.model)?,
-            goal: None,
-        })
-    }
+fn step_question<'a>(
+    loaded: &'a LoadedModel,
+    settings: &'a Settings,
+    graph: &'a StepGraph,
+    point: &'a DesignPoint,
+) -> Result<judge::Question<'a>, Failure> {
+    let (model, criteria) = (&loaded.model, &settings.criteria);
+    let format = point.format(model).map_err(Failure::Usage)?;
+    Ok(judge::Question { model, graph, point, criteria, format, goal: None })
 }
 
 /// The design that is about to be written is held against the goal itself.
@@ -306,15 +309,14 @@ fn total_error(
     loaded: &LoadedModel,
     design: &Design,
     conserved: &[Conserved],
-    format: MessageFormat,
     watch: &mut Stopwatch,
 ) -> Result<TotalError, ReferenceError> {
     let (model, judged) = (&loaded.model, &design.judged);
-    let progress = watch.progress_bar("reference");
+    let progress = watch.progress("reference");
     let result: Result<TotalError, ReferenceError> = watch.timed(
         "reference",
         || {
-            let reference = Reference::solve(model, &judged.times, &judged.looks.times, conserved, &progress)?;
+            let reference = Reference::solve(model, &judged.times, &judged.looks.times, conserved, &*progress)?;
             Ok(reference.compare(model, judged))
         },
         |total| match total {
@@ -329,7 +331,7 @@ fn total_error(
             Some(Diagnostic::global(codes::NO_REFERENCE, error.to_string()).with_help(help).into_warning())
         }
     };
-    print_findings(warning.as_slice(), &loaded.sources, format);
+    watch.warn(warning.as_slice(), &loaded.sources);
     result
 }
 

@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use crate::console;
-use crate::failure::{Failure, MessageFormat};
 use crate::figures::{FIGURES, Figure, Record, SETUP, TRACE};
+use crate::messages::MessageFormat;
+use pe_flow::failure::Failure;
 
 /// Compares the figures of two compilations of a design
 ///

@@ -4,9 +4,11 @@ use pe_hls::mapping::Problem;
 use petgraph::dot::{Config, Dot};
 
 use crate::console;
-use crate::failure::{Failure, MessageFormat};
-use crate::options::{DesignPoint, ModelOptions};
-use crate::pipeline::{self, MappingOptions, Stopwatch};
+use crate::messages::MessageFormat;
+use crate::options::{MappingArgs, ModelArgs, PointArgs};
+use crate::progress;
+use pe_flow::failure::Failure;
+use pe_flow::pipeline;
 
 /// Prints what a stage of the compiler hands on
 #[derive(clap::Args, Debug)]
@@ -17,14 +19,14 @@ Examples:
   pe-synth dump --stage mapping --pes 4 models/weibel5/weibel5.spec > weibel5.map")]
 pub struct Dump {
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
     /// The stage
     #[arg(long, value_enum, help_heading = "Output")]
     stage: Stage,
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
 }
 
 /// Stages that can be dumped.
@@ -58,14 +60,16 @@ impl Dump {
     }
 
     fn text(&self) -> Result<String, Failure> {
-        let loaded = self.model.load(&self.point)?;
+        let (point, mapping) = (self.point.point(), self.mapping.options());
+        let loaded = self.model.load(&point)?;
         if self.stage == Stage::Model {
             return Ok(loaded.model.to_string());
         }
-        let mut watch = Stopwatch::new(true);
-        let graph = pipeline::build(&loaded, &self.point, &self.mapping, &mut watch)?;
-        let (_, pes) = self.mapping.given(self.point.pes)?;
-        let graph = pipeline::split(&graph, pes, &self.mapping, self.point.format(&loaded.model)?).unwrap_or(graph);
+        let mut watch = progress::stopwatch(true, self.message_format());
+        let graph = pipeline::build(&loaded, &point, &mapping, &mut watch)?;
+        let (_, pes) = mapping.given(point.pes)?;
+        let graph = pipeline::split(&graph, pes, &mapping, point.format(&loaded.model).map_err(Failure::Usage)?)
+            .unwrap_or(graph);
         match self.stage {
             Stage::Step => return Ok(graph.to_string()),
             Stage::OdeGraph => {
@@ -77,7 +81,7 @@ impl Dump {
             }
             _ => {}
         }
-        let design = pipeline::design(&loaded, &self.model, &self.point, &self.mapping, &mut watch)?;
+        let design = pipeline::design(&loaded, &self.model.settings(&self.mapping), &point, &mut watch)?;
         Ok(match self.stage {
             Stage::PeGraph => Dot::new(&Problem::of(&design.graph).pe_graph(&design.mapping)).to_string(),
             Stage::Mapping => {

@@ -3,7 +3,8 @@
 use pe_ir::codes::{self, CODES, Code, GROUPS};
 
 use crate::console;
-use crate::failure::{Failure, MessageFormat};
+use crate::messages::MessageFormat;
+use pe_flow::failure::Failure;
 
 /// Codes that are suggested in place of one that does not exist.
 const SUGGESTED: usize = 3;

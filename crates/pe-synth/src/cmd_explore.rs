@@ -9,19 +9,20 @@ use serde_json::{Map, Value, json};
 
 use crate::cmd_compile::positive;
 use crate::console;
-use crate::explore::axes::{Axes, Completed};
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
-use crate::explore::estimate::Estimate;
 use crate::explore::files::Sheet;
 use crate::explore::given::{Given, Sweeping};
+use crate::explore::options::AxesArgs;
 use crate::explore::record::{Kind, Record};
 use crate::explore::show;
-use crate::explore::steps::hit;
-use crate::explore::sweep::{self, Sweep};
-use crate::failure::{Failure, MessageFormat};
-use crate::options::ModelOptions;
+use crate::messages::MessageFormat;
+use crate::options::{MappingArgs, ModelArgs};
 use crate::output::OutputFolder;
-use crate::pipeline::MappingOptions;
+use pe_flow::explore::axes::{Axes, Completed};
+use pe_flow::explore::estimate::Estimate;
+use pe_flow::explore::steps::hit;
+use pe_flow::explore::sweep::{self, Sweep};
+use pe_flow::failure::Failure;
 use pe_target::clock::ClockSource;
 use pe_target::devices::Device;
 
@@ -42,9 +43,9 @@ pub struct Explore {
     #[command(flatten)]
     given: Given<Explore>,
     #[command(flatten)]
-    axes: Axes,
+    axes: AxesArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
     /// Output folder; replaced if it is one of ours [default: out/MODEL_explore]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -64,7 +65,7 @@ pub struct Explore {
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Sweep")]
     jobs: Option<u16>,
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
@@ -83,16 +84,18 @@ impl Explore {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        self.mapping.of_many()?;
+        let settings = self.model.settings(&self.mapping);
+        settings.mapping.of_many()?;
         let loaded = self.model.read()?;
         let model = &loaded.model;
         let folder = || PathBuf::from("out").join(format!("{}_explore", model.name));
         let target = self.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
-        hit(&self.axes.step, self.axes.sample)?;
-        let Completed { axes, graphs, stiffness } = self.axes.complete(model);
+        let axes = self.axes.axes();
+        hit(&axes.step, axes.sample)?;
+        let Completed { axes, graphs, stiffness } = axes.complete(model);
         let clock = ClockSource { given: self.clock, device: self.device };
-        let points = axes.formed(model, &self.mapping).into_iter();
+        let points = axes.formed(model, &settings.mapping).into_iter();
         let mut record = Record {
             head: self.head(model, &axes),
             title: format!("{} ({})", model.name, model.size()),
@@ -107,7 +110,7 @@ impl Explore {
         }
         let jobs = record.pending();
         let threads = Driver::threads(self.jobs);
-        let estimate = Estimate::of(model, &graphs, &self.mapping);
+        let estimate = Estimate::of(model, &graphs, &settings.mapping);
         let seconds = estimate.total(&sweep::families(jobs.clone(), sweep::has_functions(model)));
         if !quiet {
             console::err(&announcement(&axes, &record, jobs.len(), seconds, threads));
@@ -118,8 +121,7 @@ impl Explore {
                 ))
             });
         }
-        let (options, mapping) = (self.model.clone(), self.mapping.clone());
-        let sweep = Sweep { loaded, options, mapping, conserved: Vec::new(), within: None, clock, estimate };
+        let sweep = Sweep { loaded, settings, conserved: Vec::new(), within: None, clock, estimate };
         Driver::new(Self::NAME, threads)?.round(&mut record, sweep, quiet)?;
         let sheet = record.sheet();
         if !quiet {

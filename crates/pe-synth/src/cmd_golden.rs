@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::failure::Failure;
 use crate::figures::{Figure, Record, TRACE};
 use crate::output::OutputFolder;
+use pe_flow::failure::Failure;
 
 /// Keeps the figures and first outputs of a compiled design, to compare later ones with by `diff`
 #[derive(clap::Args, Debug)]

@@ -9,10 +9,14 @@ use pe_sim::double::DoubleRun;
 use pe_sim::machine::Machine;
 
 use crate::console;
-use crate::failure::{Failure, MessageFormat};
-use crate::options::{DesignPoint, LoadedModel, ModelOptions};
-use crate::pipeline::{self, MappingOptions, Stopwatch};
+use crate::messages::MessageFormat;
+use crate::options::{MappingArgs, ModelArgs, PointArgs};
+use crate::progress;
 use crate::waveforms;
+use pe_flow::failure::Failure;
+use pe_flow::pipeline;
+use pe_flow::spec::LoadedModel;
+use pe_flow::watch::Stopwatch;
 
 /// Simulates the outputs over the span and writes them as CSV, or as VCD for waveform viewers
 #[derive(clap::Args, Debug)]
@@ -23,9 +27,9 @@ Examples:
   pe-synth sim models/lorenz/lorenz.spec --double --span 2s | head")]
 pub struct Sim {
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
     /// File, VCD if its name ends in `.vcd`, otherwise CSV [default: CSV on standard output]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -33,7 +37,7 @@ pub struct Sim {
     #[arg(long, help_heading = "Numbers")]
     double: bool,
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
 }
 
 impl Sim {
@@ -44,7 +48,7 @@ impl Sim {
 
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
-        let loaded = self.model.load(&self.point)?;
+        let loaded = self.model.load(&self.point.point())?;
         let rows = if self.double { self.double_rows(&loaded)? } else { self.machine_rows(&loaded)? };
         let is_vcd = self.output.as_ref().and_then(|path| path.extension()).is_some_and(|end| end == "vcd");
         let trace = if is_vcd { vcd(&loaded.model, &rows)? } else { csv(&loaded.model, &rows).into_bytes() };
@@ -59,7 +63,7 @@ impl Sim {
 
     fn double_rows(&self, loaded: &LoadedModel) -> Result<Vec<Vec<f64>>, Failure> {
         let model = &loaded.model;
-        let graph = pipeline::build(loaded, &self.point, &self.mapping, &mut Stopwatch::new(true))?;
+        let graph = pipeline::build(loaded, &self.point.point(), &self.mapping.options(), &mut Stopwatch::silent())?;
         let mut run = DoubleRun::new(&graph);
         let mut rows = Vec::new();
         for step in 0..model.steps() {
@@ -77,7 +81,12 @@ impl Sim {
 
     fn machine_rows(&self, loaded: &LoadedModel) -> Result<Vec<Vec<f64>>, Failure> {
         let model = &loaded.model;
-        let design = pipeline::design(loaded, &self.model, &self.point, &self.mapping, &mut Stopwatch::new(true))?;
+        let design = pipeline::design(
+            loaded,
+            &self.model.settings(&self.mapping),
+            &self.point.point(),
+            &mut progress::stopwatch(true, self.message_format()),
+        )?;
         let mut machine = Machine::new(&design.program);
         let mut rows = Vec::new();
         for inputs in pipeline::stimulus(model, &design, 0, model.steps()) {

@@ -1,14 +1,17 @@
 //! `pe-synth verify`: every engine against the simulator, bit for bit.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::path::PathBuf;
 
 use crate::console;
-use crate::engines::Engine;
-use crate::failure::{Failure, MessageFormat};
-use crate::inject::{Campaign, show};
-use crate::verify::{Options, judge};
+use crate::messages::MessageFormat;
+use crate::options::engine;
+use crate::progress;
+use pe_flow::failure::Failure;
+use pe_verify::Scratch;
+use pe_verify::engines::Engine;
+use pe_verify::folder::DesignFolder;
+use pe_verify::inject::{Campaign, show};
+use pe_verify::judge::{Options, judge};
 
 /// Compares a compiled design in GHDL and as Rust reference with the simulator, bit for bit
 #[derive(clap::Args, Debug)]
@@ -25,7 +28,7 @@ pub struct Verify {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// Engines to compare with the simulator, in this order
-    #[arg(long, value_name = "NAME", value_enum, value_delimiter = ',', default_value = "reference,ghdl")]
+    #[arg(long, value_name = "NAME", value_parser = engine(), value_delimiter = ',', default_value = "reference,ghdl")]
     engines: Vec<Engine>,
     /// Also runs the synthesised netlist in Verilator
     #[arg(long)]
@@ -87,13 +90,17 @@ impl Verify {
 impl Verify {
     /// Damages copies of the folder.
     fn campaign(&self, count: usize) -> Result<(), Failure> {
-        let progress = self.message_format == MessageFormat::Human;
-        let campaign = Campaign { count, seed: self.seed, steps: self.steps, progress };
-        let findings = campaign.run(&self.folder)?;
+        // Where signals cannot be caught, the folders stay.
+        let _ = ctrlc::set_handler(|| {
+            Scratch::remove_all();
+            std::process::exit(i32::from(Failure::Interrupted(String::new()).code()));
+        });
+        let campaign = Campaign { count, seed: self.seed, steps: self.steps };
+        let findings = campaign.run(&self.folder, &*progress::damages(self.message_format == MessageFormat::Json))?;
         console::out(&match self.message_format {
             MessageFormat::Human => show::table(&findings),
             MessageFormat::Json => {
-                let design = crate::verify::folder::DesignFolder::open(&self.folder)?.design;
+                let design = DesignFolder::open(&self.folder)?.design;
                 format!("{}\n", show::as_json(&findings, &design, self.seed))
             }
         });
@@ -104,59 +111,5 @@ impl Verify {
                 findings.len()
             ))),
         }
-    }
-}
-
-/// A temporary folder that goes with its owner; all of a process are in one.
-pub(crate) struct Scratch {
-    path: PathBuf,
-}
-
-impl Scratch {
-    pub(crate) fn new() -> Result<Scratch, Failure> {
-        static COUNT: AtomicU32 = AtomicU32::new(0);
-        let path = Self::all().join(COUNT.fetch_add(1, Ordering::Relaxed).to_string());
-        fs::create_dir_all(&path).map_err(|error| Failure::file("create", &path, error))?;
-        Ok(Scratch { path })
-    }
-
-    fn all() -> PathBuf {
-        std::env::temp_dir().join(format!("pe-synth-{}", std::process::id()))
-    }
-
-    /// From here on an interrupt removes all temporary folders and ends the process.
-    pub(crate) fn remove_when_interrupted() {
-        // Where signals cannot be caught, the folders stay.
-        let _ = ctrlc::set_handler(|| {
-            let all = Self::all();
-            // Other threads and the programs that they run may be writing; what they begin has no place any more.
-            for _ in 0..100 {
-                let _ = fs::remove_dir_all(&all);
-                let _ = fs::write(&all, "");
-                if all.is_file() {
-                    break;
-                }
-                std::thread::sleep(std::time::Duration::from_millis(20));
-            }
-            let _ = fs::remove_file(&all);
-            std::process::exit(i32::from(Failure::Interrupted(String::new()).code()));
-        });
-    }
-
-    /// A new, empty folder in it.
-    pub(crate) fn folder(&self, name: &str) -> Result<PathBuf, Failure> {
-        let path: &Path = &self.path.join(name.replace(' ', "-").to_lowercase());
-        // What an earlier start left there would be taken for this one's.
-        let _ = fs::remove_dir_all(path);
-        fs::create_dir_all(path).map_err(|error| Failure::file("create", path, error))?;
-        Ok(path.to_owned())
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.path);
-        // Fails while there are others.
-        let _ = fs::remove_dir(Self::all());
     }
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
-use crate::failure::Failure;
+use pe_flow::failure::Failure;
 
 /// A figure of the report and the group by which its tolerance is named.
 pub struct Figure {

@@ -5,7 +5,8 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
-use pe_synth::failure::{Failure, MessageFormat, guarded, print_plain};
+use pe_flow::failure::Failure;
+use pe_synth::messages::{MessageFormat, guarded, print_failure, print_plain};
 use pe_synth::{
     cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden,
     cmd_shell, cmd_sim, cmd_verify, console,
@@ -97,7 +98,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            failure.print(format);
+            print_failure(&failure, format);
             failure.exit_code()
         }
     }

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::console;
-use crate::failure::Failure;
-use crate::verify::folder::hash;
+use pe_flow::failure::Failure;
+use pe_verify::folder::hash;
 
 /// Files that mark a folder as written by this program; only such folders are replaced.
 const MARKERS: [&str; 3] = ["report.json", "points.json", "accuracy.json"];

@@ -6,10 +6,10 @@ use pe_plot::chart::{AxisPlan, Chart, Figure, Series};
 use pe_plot::ranges;
 use pe_plot::style::Look;
 
-use crate::pipeline::{Design, multiplier_name};
-use crate::runs::Judged;
-use crate::scene::quantity_of;
-use crate::variables::Variable;
+use pe_flow::pipeline::{Design, multiplier_name};
+use pe_flow::scene::quantity_of;
+use pe_flow::variables::Variable;
+use pe_judge::runs::Judged;
 
 /// Networks with more PEs are not drawn: nobody could read it.
 const DRAWN_PES: usize = 1000;

@@ -187,7 +187,7 @@ fn compare(family: Family, solver: Solver, format: WordFormat) -> u64 {
     let mut compared = 0;
     for step in 0..20u64 {
         let before: Vec<i64> = flow.graph.states.iter().map(|(state, _)| run.word(*state)).collect();
-        let inputs = pe_synth::runs::port_words(&flow.model, &run, step);
+        let inputs = pe_judge::runs::port_words(&flow.model, &run, step);
         run.step(&inputs);
         let step = Step { graph: &flow.graph, fixed: &flow.fixed, run: &run, before: &before };
         for (index, chain) in flow.graph.chains.iter().enumerate() {

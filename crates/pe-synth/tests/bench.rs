@@ -7,7 +7,7 @@ use pe_hls::step::{self, StepOptions};
 use pe_ir::graph::StageForm;
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
-use pe_synth::native;
+use pe_verify::native;
 use serde_json::Value;
 
 /// Steps of a comparison: odd, so that states end where those of the next step began.
@@ -68,7 +68,7 @@ fn compare(name: &str, text: Option<&str>, form: Option<StageForm>) -> f64 {
     let path = models.join(format!("{name}/{name}.spec"));
     let text = text.map_or_else(|| std::fs::read_to_string(&path).unwrap(), str::to_owned);
     let (mut sources, _) = pe_frontend::main_file(name, text.as_bytes());
-    let loader = pe_synth::files::ModelFolder::of(&path);
+    let loader = pe_flow::spec::ModelFolder::of(&path);
     let overrides = pe_frontend::Overrides::default();
     let Ok((model, _)) = pe_frontend::compile(&mut sources, &loader, &overrides) else { panic!("{name}") };
     let model = pe_hls::lift::lift(model);

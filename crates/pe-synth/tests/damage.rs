@@ -6,10 +6,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use pe_synth::engines::Engine;
-use pe_synth::failure::Failure;
-use pe_synth::verify::folder::Change;
-use pe_synth::verify::{Options, Verdict, judge};
+use pe_flow::failure::Failure;
+use pe_verify::engines::Engine;
+use pe_verify::folder::Change;
+use pe_verify::judge::{Options, Verdict, judge};
 use support::bench::Folder;
 use support::models::spec;
 

@@ -11,9 +11,9 @@ use std::fmt::Write;
 
 use nalgebra::DMatrix;
 use pe_ir::model::Model;
+use pe_judge::runs;
+use pe_judge::total::Reference;
 use pe_sim::fixed::FixedRun;
-use pe_synth::runs;
-use pe_synth::total::Reference;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use support::bench::Folder;
@@ -138,7 +138,7 @@ fn errors(linear: &Linear, folder: &Folder, name: &str, (solver, step, span): (&
             to_date = to_date.max(wrong / so_far[state].max(1e-6 * scales[state]));
         }
     }
-    let reference = Reference::solve(model, &judged.times, &judged.looks.times, &[], &indicatif::ProgressBar::hidden())
+    let reference = Reference::solve(model, &judged.times, &judged.looks.times, &[], &*pe_judge::progress::silent())
         .expect("a reference");
     let total = reference.compare(model, judged);
     let parts = judged.errors.method + judged.errors.word_length + judged.errors.input_hold;
@@ -267,9 +267,9 @@ fn parts_tell_errors_at_bends_and_of_states_that_the_step_makes_large() {
             let options = ["--solver", solver, "--step", &step, "--allow", "E0903", "--pes", "1"];
             let Compiled { loaded, design } = compile_file(&folder.join(format!("{name}.spec")), &options);
             let (model, judged) = (&loaded.model, &design.judged);
-            let hidden = indicatif::ProgressBar::hidden();
+            let hidden = pe_judge::progress::silent();
             let reference =
-                Reference::solve(model, &judged.times, &judged.looks.times, &[], &hidden).expect("a solution");
+                Reference::solve(model, &judged.times, &judged.looks.times, &[], &*hidden).expect("a solution");
             let truth = reference.compare(model, judged).whole.error;
             let parts = judged.errors.method + judged.errors.word_length + judged.errors.input_hold;
             println!("{name}, {solver}, {step} s: {:.2}", parts / truth);

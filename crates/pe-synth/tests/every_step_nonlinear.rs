@@ -6,9 +6,9 @@ mod support;
 
 use std::fmt::Write;
 
+use pe_judge::runs;
+use pe_judge::total::Reference;
 use pe_sim::fixed::FixedRun;
-use pe_synth::runs;
-use pe_synth::total::Reference;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use support::bench::Folder;
@@ -122,7 +122,7 @@ fn errors(case: &Case, folder: &Folder, name: &str, (solver, step, span): (&str,
         }
     }
     let wrong = wrong.iter().zip(&scales).map(|(wrong, scale)| wrong / scale).fold(0.0, f64::max);
-    let reference = Reference::solve(model, &judged.times, &judged.looks.times, &[], &indicatif::ProgressBar::hidden())
+    let reference = Reference::solve(model, &judged.times, &judged.looks.times, &[], &*pe_judge::progress::silent())
         .expect("a reference");
     (wrong, reference.compare(model, judged).whole.error)
 }

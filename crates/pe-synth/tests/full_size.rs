@@ -5,7 +5,7 @@ mod support;
 
 use std::time::Instant;
 
-use pe_synth::engines::Engine;
+use pe_verify::engines::Engine;
 use support::bench::assert_agreement;
 use support::models::compile;
 

@@ -7,7 +7,7 @@ use pe_ir::graph::StageForm;
 use pe_ir::model::Solver;
 use pe_ir::source::Sources;
 use pe_ir::word::Pipeline;
-use pe_synth::engines::{self, Engine};
+use pe_verify::engines::{self, Engine};
 use support::bench::{Agreement, Folder, assert_agreement};
 use support::flow::{Flow, Placement, Start, format};
 use support::hubs::hub_model;

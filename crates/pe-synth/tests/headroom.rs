@@ -4,9 +4,9 @@
 
 mod support;
 
+use pe_flow::variables::{self, variables};
 use pe_ir::graph::Role;
 use pe_sim::double::DoubleRun;
-use pe_synth::variables::{self, variables};
 use support::models::{Compiled, compile};
 
 #[test]

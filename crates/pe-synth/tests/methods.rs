@@ -11,7 +11,7 @@ use pe_ir::source::{Diagnostic, Sources};
 use pe_sim::double::DoubleRun;
 use pe_sim::machine::Machine;
 use pe_sim::reference;
-use pe_synth::engines::Engine;
+use pe_verify::engines::Engine;
 use support::bench::{Agreement, Folder, assert_agreement};
 use support::flow::{Flow, Placement, Start, format};
 use support::models::compile_file;
@@ -297,7 +297,7 @@ fn a_pivot_close_to_zero_is_refused_and_others_are_reported() {
         let graph = pe_hls::step::build(&model).expect("a step");
         let mut run = DoubleRun::new(&graph);
         run.step(&[]).expect("finite numbers");
-        pe_synth::pivots::smallest(&model, &graph, &run.largest())
+        pe_judge::pivots::smallest(&model, &graph, &run.largest())
     };
     // The pivot is 1 - x/8.
     let pivot = smallest(2.0).expect("far from zero").expect("a pivot that varies");

@@ -2,9 +2,9 @@
 
 mod support;
 
+use pe_flow::variables::variables;
 use pe_plot::style::text_width;
 use pe_synth::pictures;
-use pe_synth::variables::variables;
 use support::models::{Compiled, compile};
 
 /// A text of a picture: what it says, and the box it fills.

@@ -5,18 +5,19 @@
 mod support;
 
 use clap::Parser;
-use indicatif::ProgressBar;
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{Chain, FixedPoint, StepGraph, ValueId};
 use pe_ir::model::{Model, Solver};
 use pe_ir::verify::ranges::{self, Enclosure, Norm, Step};
 use pe_ir::word::WordFormat;
+use pe_judge::Criteria;
+use pe_judge::progress::silent;
+use pe_judge::proof::Certainty;
+use pe_judge::runs::{Exact, Judged};
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::Machine;
-use pe_synth::options::{DesignPoint, ModelOptions};
-use pe_synth::proof::Certainty;
-use pe_synth::runs::{Exact, Judged};
+use pe_synth::options::{ModelArgs, PointArgs};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use support::models::{Compiled, compile, spec};
@@ -25,13 +26,13 @@ use support::{AFFINE_FAMILIES, Family, random_model};
 #[derive(Parser)]
 struct Options {
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
 }
 
-fn options(words: &[&str]) -> ModelOptions {
-    Options::parse_from(["test"].iter().chain(words)).model
+fn options(words: &[&str]) -> Criteria {
+    Options::parse_from(["test"].iter().chain(words)).model.criteria()
 }
 
 /// A model whose ranges were proven as `compile` does it.
@@ -43,12 +44,12 @@ struct Proven {
 }
 
 impl Proven {
-    fn of(label: String, model: Model, format: WordFormat, options: &ModelOptions) -> Proven {
+    fn of(label: String, model: Model, format: WordFormat, criteria: &Criteria) -> Proven {
         let graph = pe_hls::step::build_with(&model, &StepOptions::default()).expect("a step");
-        let bar = ProgressBar::hidden();
+        let bar = silent();
         let judged = Exact::run(&model, &graph, bar).and_then(|exact| {
-            let proposal = exact.propose(&model, &graph, format, options);
-            exact.judge(&model, &graph, format, options, proposal.as_ref())
+            let proposal = exact.propose(&model, &graph, format, criteria);
+            exact.judge(&model, &graph, format, criteria, proposal.as_ref())
         });
         let judged = judged.unwrap_or_else(|findings| panic!("{label}: {findings:?}"));
         Proven { label, model, graph, judged }
@@ -209,9 +210,9 @@ fn overflow_of_the_shipped_affine_models_is_impossible() {
     let small = validation.map(|name| (name, folder.join(format!("{name}.spec"))));
     for (name, path) in AFFINE.map(|name| (name, spec(name))).into_iter().chain(small) {
         let options = Options::parse_from(["test".as_ref(), path.as_os_str()]);
-        let loaded = options.model.load(&options.point).unwrap_or_else(|failure| panic!("{name}: {failure:?}"));
-        let format = options.point.format(&loaded.model).expect("a word");
-        let proven = Proven::of(name.to_owned(), loaded.model, format, &options.model);
+        let loaded = options.model.load(&options.point.point()).unwrap_or_else(|failure| panic!("{name}: {failure:?}"));
+        let format = options.point.point().format(&loaded.model).expect("a word");
+        let proven = Proven::of(name.to_owned(), loaded.model, format, &options.model.criteria());
         assert!(proven.all_fit(), "{name}: {:?}", proven.judged.proof);
         let states = proven.judged.proof.as_ref().unwrap().states(&proven.graph, &proven.judged);
         assert!(states.iter().all(|(certainty, bound)| *certainty == Certainty::Proven && bound.is_some()));

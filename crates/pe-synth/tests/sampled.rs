@@ -10,12 +10,12 @@ use pe_ir::model::{Model, Solver};
 use pe_ir::program::Program;
 use pe_ir::source::Sources;
 use pe_ir::word::WordFormat;
+use pe_judge::default_ports;
+use pe_judge::feedback::Feedback;
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_sim::reference;
-use pe_synth::engines::Engine;
-use pe_synth::feedback::Feedback;
-use pe_synth::options::default_ports;
+use pe_verify::engines::Engine;
 use support::bench::assert_lively_agreement;
 use support::flow::{Flow, Placement, format};
 

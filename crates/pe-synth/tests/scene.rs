@@ -3,9 +3,9 @@
 
 mod support;
 
-use pe_synth::features;
-use pe_synth::pipeline::Design;
-use pe_synth::scene;
+use pe_flow::features;
+use pe_flow::pipeline::Design;
+use pe_flow::scene;
 use pe_target::area;
 use support::models::{Compiled, compile};
 

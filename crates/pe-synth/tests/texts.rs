@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use pe_flow::spec::ModelFolder;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::{Sources, Span};
-use pe_synth::files::ModelFolder;
 
 fn models() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models")

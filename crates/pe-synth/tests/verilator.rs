@@ -5,7 +5,7 @@ mod support;
 use pe_ir::graph::Role;
 use pe_ir::model::Solver;
 use pe_ir::program::{LinkSource, PeProgram, Program};
-use pe_synth::engines::Engine;
+use pe_verify::engines::Engine;
 use support::Family;
 use support::bench::assert_agreement;
 use support::flow::{Flow, Placement, format};

@@ -26,6 +26,7 @@ mod wires;
 
 use std::fmt;
 
+use pe_ir::graph::StepGraph;
 use pe_ir::mapping::{Mapping, MappingCost};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -56,6 +57,15 @@ impl MapOptions {
         let equations = u64::from(equations);
         (20_000 + 1_000 * equations).min(4_000_000 + 60 * equations)
     }
+}
+
+/// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
+const DEFAULT_SLOTS_PER_PE: u64 = 200;
+
+/// The default number of PEs.
+pub fn default_pes(graph: &StepGraph) -> u32 {
+    let slots: u64 = graph.loads().iter().map(|load| u64::from(*load)).sum();
+    slots.div_ceil(DEFAULT_SLOTS_PER_PE).clamp(1, graph.equations.len() as u64) as u32
 }
 
 /// A mapping and where it comes from.

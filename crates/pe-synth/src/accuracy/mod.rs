@@ -1,19 +1,11 @@
-//! Error against run time: what `pe-synth accuracy` does, and how `--max-error` picks a design.
+//! Error against run time: what `pe-synth accuracy` does with the rows of a study.
 //!
 //! ```text
-//! lists      options -> design points: solvers, steps, word lengths
-//! goal       the cheapest point that is right enough; more points where the first ones leave the question open
-//! early      lists of steps that a search tries
+//! options    the lists on the command line, and which axes a command fixes
 //! view       rows -> front, chosen point, runners-up; accuracy.json, accuracy.csv
 //! picture    the work-precision diagram
-//! choice     the same for `compile --max-error`
 //! ```
-//!
-//! The points are compiled by the sweep of [`crate::explore`], so that a row holds what `compile --reference` reports.
 
-pub mod choice;
-pub mod early;
-pub mod goal;
-pub mod lists;
+pub mod options;
 pub mod picture;
 pub mod view;

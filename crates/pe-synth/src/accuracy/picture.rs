@@ -1,14 +1,14 @@
 //! The work-precision diagram: error against run time, a line for each solver.
 
+use pe_flow::explore::row;
 use pe_ir::model::Solver;
 use pe_plot::axis::Scale;
 use pe_plot::chart::{AxisPlan, Chart, Point, Series};
 use pe_plot::style::Look;
 
-use super::lists::Word;
 use super::view::{View, seconds};
-use crate::explore::row::{Figures, Row};
-use crate::explore::show;
+use pe_flow::accuracy::lists::Word;
+use pe_flow::explore::row::{Figures, Row};
 
 /// Size of the picture in points.
 const WIDTH: f64 = 760.0;
@@ -101,7 +101,7 @@ fn point(view: &View, row: &Row) -> Option<Point> {
     let rows = &view.sheet.rows;
     let several = several_words(rows);
     let label = view.front.iter().any(|index| std::ptr::eq(&rows[*index], row)).then(|| {
-        let step = show::step(&row.point);
+        let step = row::step(&row.point);
         if several { format!("{step}, {}", Word::of(&row.point).name()) } else { step }
     });
     Some(Point { x, y, label })

@@ -1,16 +1,16 @@
 //! The rows of a work-precision study: `accuracy.json`, `accuracy.csv`, and the table for the terminal.
 
+use pe_flow::explore::row;
 use serde_json::{Map, Value, json};
 
-use super::goal::cheapest;
-use super::lists::Word;
 use super::picture;
 use crate::explore::files::{Sheet, plain};
-use crate::explore::fronts::{front, knee, time_and_error};
 use crate::explore::record::Files;
-use crate::explore::row::{Outcome, Reason, Row};
-use crate::explore::show;
-use crate::failure::Failure;
+use pe_flow::accuracy::goal::cheapest;
+use pe_flow::accuracy::lists::Word;
+use pe_flow::explore::fronts::{front, knee, time_and_error};
+use pe_flow::explore::row::{Outcome, Reason, Row};
+use pe_flow::failure::Failure;
 
 /// Rows and what they amount to.
 pub struct View<'a> {
@@ -69,7 +69,7 @@ impl<'a> View<'a> {
         let (chosen, runners_up) = match sheet.max_error {
             Some(limit) => {
                 let ranked = cheapest(&sheet.rows, limit);
-                (ranked.first().copied(), ranked.into_iter().skip(1).take(show::RUNNERS_UP).collect())
+                (ranked.first().copied(), ranked.into_iter().skip(1).take(row::RUNNERS_UP).collect())
             }
             None => (knee(&sheet.rows, &front, time_and_error), Vec::new()),
         };
@@ -249,7 +249,7 @@ impl<'a> View<'a> {
             field("pes"),
             point.storage.to_string(),
             field("word.guard_bits"),
-            show::multiplier(point),
+            row::multiplier(point),
             field("word.coefficient_slots"),
             field("cycles_per_step"),
             field("macs_per_step"),
@@ -333,7 +333,7 @@ impl<'a> View<'a> {
             count("cycles_per_step"),
             self.operations(row).unwrap_or(f64::NAN),
             row.point.solver.map_or("", |solver| solver.name()),
-            show::step(&row.point),
+            row::step(&row.point),
             Word::of(&row.point).name(),
             row.figures().map_or(f64::NAN, |figures| figures.equivalent_lut()),
         );

@@ -8,9 +8,9 @@ use sha2::{Digest, Sha256};
 
 use super::files::Sheet;
 use super::record::Record;
-use super::row::Outcome;
-use super::sweep::{self, Event, Sweep};
-use crate::failure::Failure;
+use pe_flow::explore::row::Outcome;
+use pe_flow::explore::sweep::{self, Event, Sweep};
+use pe_flow::failure::Failure;
 
 /// First part of `generator` in all our files, and the version.
 pub const GENERATOR: &str = concat!("pe-synth ", env!("CARGO_PKG_VERSION"));

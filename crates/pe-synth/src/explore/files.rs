@@ -1,17 +1,18 @@
 //! Rows as files: `points.json`, `points.csv`, two pictures, and a page with everything.
 
 use pe_emit::page::{Page, Table, TableRow};
+use pe_flow::explore::row;
 use pe_plot::axis::Scale;
 use pe_plot::chart::{AxisPlan, Chart, Point, Series};
 use pe_plot::style::Look;
 use serde_json::{Map, Value, json};
 
-use super::fronts::{Pair, front, knee, size_and_time, time_and_error};
 use super::record::Files;
-use super::row::{Figures, Outcome, Row};
 use super::show;
-use crate::accuracy::goal::cheapest;
-use crate::failure::Failure;
+use pe_flow::accuracy::goal::cheapest;
+use pe_flow::explore::fronts::{Pair, front, knee, size_and_time, time_and_error};
+use pe_flow::explore::row::{Figures, Outcome, Row};
+use pe_flow::failure::Failure;
 
 /// Looks that can be told apart in black and white.
 const LOOKS: usize = 6;
@@ -108,7 +109,7 @@ impl Sheet {
         if let Some(limit) = self.max_error {
             let mut met = cheapest(&self.rows, limit).into_iter();
             whole.insert("chosen".into(), json!(place(met.next())));
-            let next = met.take(show::RUNNERS_UP).map(|row| json!(self.places[row]));
+            let next = met.take(row::RUNNERS_UP).map(|row| json!(self.places[row]));
             whole.insert("runners_up".into(), next.collect());
         }
         format!("{:#}\n", Value::Object(whole))
@@ -165,7 +166,7 @@ impl Sheet {
                 point.solver.map_or("", |solver| solver.name()).to_owned(),
                 point.step.map_or(String::new(), |step| format!("{step:e}")),
                 point.pes.map_or(String::new(), |pes| pes.to_string()),
-                show::multiplier(point),
+                row::multiplier(point),
                 point.storage.to_string(),
                 field("cycles_per_step"),
                 field("bound_cycles"),
@@ -260,7 +261,7 @@ impl Sheet {
                 let (x, y) = place(index)?;
                 let label = front.rows.contains(&index).then(|| {
                     let point = &self.rows[index].point;
-                    format!("{} PEs, {}", point.pes.unwrap_or(0), show::step(point))
+                    format!("{} PEs, {}", point.pes.unwrap_or(0), row::step(point))
                 });
                 Some(Point { x, y, label })
             });
@@ -273,7 +274,7 @@ impl Sheet {
     fn series_names(&self) -> Vec<String> {
         let properties: [fn(&Row) -> String; 3] = [
             |row| row.point.solver.map_or("", |solver| solver.name()).to_owned(),
-            |row| show::multiplier(&row.point),
+            |row| row::multiplier(&row.point),
             |row| format!("{} bits", row.point.storage),
         ];
         let mut names = vec![String::new(); self.rows.len()];

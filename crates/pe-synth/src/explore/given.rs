@@ -1,14 +1,16 @@
 //! What the user gave, as words of commands.
 
+use pe_flow::explore::row;
+use pe_judge::DesignPoint;
 use std::marker::PhantomData;
 
 use clap::{Args, FromArgMatches};
 use pe_ir::word::Pipeline;
 
-use super::show;
 use crate::cmd_compile::Compile;
 use crate::command;
-use crate::options::{Coefficients, DesignPoint};
+use crate::options::PointArgs;
+use pe_judge::Coefficients;
 
 /// Options that do not change a result.
 const WITHOUT_EFFECT: [&str; 5] = ["output", "jobs", "resume", "quiet", "message_format"];
@@ -38,7 +40,7 @@ impl<C: Sweeping> FromArgMatches for Given<C> {
             let known = |argument: &&clap::Arg| !without.contains(&argument.get_id().as_str());
             command::words(matches, command.get_arguments().filter(known))
         };
-        let of_point = DesignPoint::augment_args(clap::Command::new("point"));
+        let of_point = PointArgs::augment_args(clap::Command::new("point"));
         let mut without: Vec<&str> = of_point.get_arguments().map(|argument| argument.get_id().as_str()).collect();
         without.extend(WITHOUT_EFFECT.iter().chain(&OF_SWEEPS));
         let words = options(C::augment_args(clap::Command::new(C::NAME)), &WITHOUT_EFFECT);
@@ -75,7 +77,7 @@ impl<C: Sweeping> Given<C> {
         words.extend(point.step.map(|step| format!("--step {step:e}")));
         words.extend(point.early_steps.map(|early| format!("--early-steps {early}")));
         words.extend(point.form.form().map(|form| format!("--form {form}")));
-        words.push(format!("--storage {} --multiplier {}", point.storage, show::multiplier(point)));
+        words.push(format!("--storage {} --multiplier {}", point.storage, row::multiplier(point)));
         if point.coefficients != Coefficients::OneSlot {
             words.push(format!("--coefficients {}", point.coefficients.name()));
         }

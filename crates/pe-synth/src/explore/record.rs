@@ -1,5 +1,6 @@
 //! The result of a sweep as it grows, and the folder it is kept in.
 
+use pe_judge::DesignPoint;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::Receiver;
@@ -8,11 +9,10 @@ use std::time::{Duration, Instant};
 use serde_json::{Map, Value};
 
 use super::files::Sheet;
-use super::row::{Outcome, Row};
-use super::sweep::{Event, Job};
-use crate::failure::Failure;
-use crate::options::DesignPoint;
 use crate::output::OutputFolder;
+use pe_flow::explore::row::{Outcome, Row};
+use pe_flow::explore::sweep::{Event, Job};
+use pe_flow::failure::Failure;
 
 /// Time between two writings of an unfinished result.
 const SAVE_EVERY: Duration = Duration::from_secs(5);

@@ -1,12 +1,9 @@
 //! Rows as a person reads them.
 
 use super::files::Sheet;
-use super::row::{Outcome, Row};
-use crate::accuracy::goal::cheapest;
-use crate::options::DesignPoint;
-
-/// Points shown beside the chosen one.
-pub const RUNNERS_UP: usize = 4;
+use pe_flow::accuracy::goal::cheapest;
+use pe_flow::explore::row::{self, RUNNERS_UP};
+use pe_flow::explore::row::{Outcome, Row};
 
 /// Columns of [`cells`].
 pub const HEAD: [&str; 12] =
@@ -15,7 +12,7 @@ pub const HEAD: [&str; 12] =
 /// The figures of a row.
 pub fn cells(row: &Row) -> [String; 12] {
     let point = &row.point;
-    let figure = |show: &dyn Fn(&super::row::Figures) -> String| row.figures().map_or("-".to_owned(), show);
+    let figure = |show: &dyn Fn(&pe_flow::explore::row::Figures) -> String| row.figures().map_or("-".to_owned(), show);
     let count = |key: &'static str| figure(&|figures| figures.number(key).map_or("-".into(), |n| format!("{n:.0}")));
     [
         figure(&|figures| figures.total_error().map_or("-".into(), |error| format!("{error:.1e}"))),
@@ -28,30 +25,9 @@ pub fn cells(row: &Row) -> [String; 12] {
         count("cycles_per_step"),
         point.pes.map_or(String::new(), |pes| pes.to_string()),
         point.solver.map_or("", |solver| solver.name()).to_owned(),
-        step(point),
-        format!("{} bits, {}", point.storage, multiplier(point)),
+        row::step(point),
+        format!("{} bits, {}", point.storage, row::multiplier(point)),
     ]
-}
-
-/// The multiplier as on the command line.
-pub fn multiplier(point: &DesignPoint) -> String {
-    point.multiplier.map_or(String::new(), |(data, coefficient)| format!("{data}x{coefficient}"))
-}
-
-/// The step with a unit; behind it those for the beginning.
-pub fn step(point: &DesignPoint) -> String {
-    let early = point.early_steps.iter().flat_map(|early| early.list());
-    let early: Vec<String> = early.map(|(step, until)| format!("{} until {}", time(*step), time(*until))).collect();
-    let last = time(point.step.unwrap_or(f64::NAN));
-    if early.is_empty() { last } else { format!("{}, then {last}", early.join(", then ")) }
-}
-
-/// A time with a unit.
-fn time(seconds: f64) -> String {
-    let units = [(1.0, "s"), (1e-3, "ms"), (1e-6, "us")];
-    let (scale, unit) = units.into_iter().find(|(scale, _)| seconds >= *scale).unwrap_or((1e-9, "ns"));
-    let rounded: f64 = format!("{:.3e}", seconds / scale).parse().unwrap_or(seconds);
-    format!("{rounded} {unit}")
 }
 
 /// The summary for the terminal: both fronts, and the points that failed by reason.

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use pe_emit::EmitOptions;
+use pe_flow::failure::Failure;
 use pe_ir::program::Program;
-use pe_synth::engines::{self, Bench, Engine, Job, Run};
-use pe_synth::failure::Failure;
+use pe_verify::engines::{self, Bench, Engine, Job, Run};
 
 use super::flow::Start;
 

@@ -13,9 +13,9 @@ use pe_ir::program::Program;
 use pe_ir::schedule::Schedule;
 use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
+use pe_judge::runs;
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
-use pe_synth::runs;
 
 use super::{Family, random_model, tables};
 

@@ -3,19 +3,21 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use pe_synth::options::{DesignPoint, LoadedModel, ModelOptions};
-use pe_synth::pipeline::{self, Design, MappingOptions, Stopwatch};
+use pe_flow::pipeline::{self, Design};
+use pe_flow::spec::LoadedModel;
+use pe_flow::watch::Stopwatch;
+use pe_synth::options::{MappingArgs, ModelArgs, PointArgs};
 
 use super::flow::Start;
 
 #[derive(Parser)]
 struct Options {
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
 }
 
 /// A compiled model.
@@ -40,8 +42,13 @@ pub fn compile_file(spec: &Path, options: &[&str]) -> Compiled {
     let words = ["test".into(), spec.as_os_str().to_owned()].into_iter().chain(options.iter().map(Into::into));
     let options = Options::parse_from(words);
     let failed = |failure| panic!("{model}: {failure:?}");
-    let loaded = options.model.load(&options.point).unwrap_or_else(failed);
-    let design = pipeline::design(&loaded, &options.model, &options.point, &options.mapping, &mut Stopwatch::new(true));
+    let loaded = options.model.load(&options.point.point()).unwrap_or_else(failed);
+    let design = pipeline::design(
+        &loaded,
+        &options.model.settings(&options.mapping),
+        &options.point.point(),
+        &mut Stopwatch::silent(),
+    );
     let failed = |failure| panic!("{model}: {failure:?}");
     Compiled { design: design.unwrap_or_else(failed), loaded }
 }

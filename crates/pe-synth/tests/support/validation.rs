@@ -10,17 +10,18 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
-use indicatif::ProgressBar;
+use pe_flow::failure::Failure;
+use pe_flow::pipeline::{self, Design};
+use pe_flow::watch::Stopwatch;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
+use pe_judge::progress::silent;
+use pe_judge::runs::port_words;
+use pe_judge::total;
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
-use pe_synth::failure::Failure;
-use pe_synth::options::{DesignPoint, ModelOptions};
-use pe_synth::pipeline::{self, Design, MappingOptions, Stopwatch};
-use pe_synth::runs::port_words;
-use pe_synth::total;
+use pe_synth::options::{MappingArgs, ModelArgs, PointArgs};
 
 /// Times closer than this part of the last one are the same.
 const SAME_TIME: f64 = 1e-9;
@@ -132,11 +133,11 @@ impl Figures {
 #[derive(Parser)]
 struct Options {
     #[command(flatten)]
-    model: ModelOptions,
+    model: ModelArgs,
     #[command(flatten)]
-    point: DesignPoint,
+    point: PointArgs,
     #[command(flatten)]
-    mapping: MappingOptions,
+    mapping: MappingArgs,
 }
 
 /// The folder of all models.
@@ -272,13 +273,14 @@ impl Case {
         let options = Options::try_parse_from(words).unwrap_or_else(|error| panic!("{}: {error}", self.name));
         let reference = (!self.reference.is_empty()).then(|| Reference::read(&self.reference));
         let (mut method, mut seconds) = (None, None);
-        let design = options.model.load(&options.point).and_then(|loaded| {
-            let watch = &mut Stopwatch::new(true);
+        let design = options.model.load(&options.point.point()).and_then(|loaded| {
+            let watch = &mut Stopwatch::silent();
             if let Some(reference) = &reference {
-                let graph = pipeline::build(&loaded, &options.point, &options.mapping, watch)?;
+                let graph = pipeline::build(&loaded, &options.point.point(), &options.mapping.options(), watch)?;
                 method = in_double_precision(&loaded.model, &graph, reference);
             }
-            let design = pipeline::design(&loaded, &options.model, &options.point, &options.mapping, watch)?;
+            let design =
+                pipeline::design(&loaded, &options.model.settings(&options.mapping), &options.point.point(), watch)?;
             seconds = Some(clock.elapsed().as_secs_f64());
             Ok((figures(&loaded.model, &design, reference.as_ref(), everywhere), design))
         });
@@ -361,7 +363,7 @@ fn figures(model: &Model, design: &Design, reference: Option<&Reference>, everyw
 /// That it is the model's is what the reference says.
 fn whole(model: &Model, design: &Design, reference: &Reference) -> Whole {
     let judged = &design.judged;
-    let known = total::Reference::solve(model, &judged.times, &judged.looks.times, &[], &ProgressBar::hidden());
+    let known = total::Reference::solve(model, &judged.times, &judged.looks.times, &[], &*silent());
     let known = known.expect("a model with a reference has a solution");
     let times: Vec<f64> = (1..=model.steps()).map(|done| model.time(done, 0.0)).collect();
     let solution = pe_sim::reference::solve(model, &times, pe_sim::reference::TOLERANCE, &mut |_| {});

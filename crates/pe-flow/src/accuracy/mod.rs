@@ -1,0 +1,15 @@
+//! Error against run time: which points are compared, and which is the cheapest that is right enough.
+//!
+//! ```text
+//! lists      lists of values -> design points: solvers, steps, word lengths
+//! goal       the cheapest point that is right enough; more points where the first ones leave the question open
+//! early      lists of steps that a search tries
+//! choice     the same for `compile --max-error`
+//! ```
+//!
+//! The points are compiled by the sweep of [`crate::explore`], so that a row holds what `compile --reference` reports.
+
+pub mod choice;
+pub mod early;
+pub mod goal;
+pub mod lists;

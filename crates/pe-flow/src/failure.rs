@@ -1,0 +1,69 @@
+//! Why a command did not succeed, and the exit code that says so.
+
+use std::fmt::Display;
+use std::path::Path;
+use std::process::ExitCode;
+
+use pe_ir::source::{Diagnostic, Sources};
+
+/// A command's failure; every kind has an exit code of its own (see the README).
+#[derive(Debug)]
+pub enum Failure {
+    /// The spec is wrong, or its result would be: findings and the texts they refer to.
+    Spec(Vec<Diagnostic>, Sources),
+    /// Every one of several models or points is wrong, each for its own reason.
+    Fruitless(String),
+    /// The options do not go together. Exit code 2, as for options that do not exist.
+    Usage(String),
+    /// A file could not be read or written.
+    File(String),
+    /// Engines disagree, or nothing was compared.
+    Mismatch(String),
+    /// A program that the command needs is not installed.
+    MissingTool(String),
+    /// The program found its own result to be wrong.
+    Internal(String),
+    /// The user ended a command that can be continued; 128 and the number of the signal, as shells do.
+    Interrupted(String),
+}
+
+impl Failure {
+    /// Exit code of [`Failure::Internal`].
+    pub const INTERNAL: u8 = 70;
+
+    /// A file operation failed.
+    pub fn file(action: &str, path: &Path, error: impl Display) -> Failure {
+        Failure::File(format!("cannot {action} {}: {error}", path.display()))
+    }
+
+    /// The process's exit code.
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::from(self.code())
+    }
+
+    /// The number of the exit code.
+    pub fn code(&self) -> u8 {
+        match self {
+            Failure::Spec(..) | Failure::Fruitless(_) => 1,
+            Failure::Usage(_) => 2,
+            Failure::File(_) => 3,
+            Failure::Mismatch(_) => 4,
+            Failure::MissingTool(_) => 5,
+            Failure::Internal(_) => Failure::INTERNAL,
+            Failure::Interrupted(_) => 130,
+        }
+    }
+
+    /// What kind of failure it is, as tools read it.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Failure::Spec(..) | Failure::Fruitless(_) => "model",
+            Failure::Usage(_) => "usage",
+            Failure::File(_) => "file",
+            Failure::Mismatch(_) => "mismatch",
+            Failure::MissingTool(_) => "missing-tool",
+            Failure::Internal(_) => "internal",
+            Failure::Interrupted(_) => "interrupted",
+        }
+    }
+}

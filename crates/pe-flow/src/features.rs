@@ -1,0 +1,246 @@
+//! Which hardware features the PEs of a design have, how many PEs have each, and what needs it.
+//!
+//! Nothing is decided here: features follow from the program. The report shows them as `features`.
+
+use std::collections::BTreeMap;
+
+use pe_ir::graph::StepGraph;
+use pe_ir::mapping::Mapping;
+use pe_ir::program::{ControlWord, FieldName, Fold, Layout, Note, PeFeatures, PeProgram, Program};
+use serde_json::{Value, json};
+
+use pe_judge::runs::Judged;
+
+/// A feature that a PE has in some size or not at all.
+struct Feature {
+    name: &'static str,
+    size: fn(&PeFeatures) -> u32,
+    /// The size at which there is nothing to build.
+    nothing: u32,
+    /// What the PE needs it for.
+    need: fn(&Program, &PeProgram) -> String,
+}
+
+/// What PEs have that look functions up; in reports of designs with such PEs.
+const LOOKUPS: [Feature; 2] = [
+    Feature {
+        name: "index_memory",
+        size: |features| features.index_words,
+        nothing: 0,
+        need: |program, pe| {
+            let indexed = |word: &ControlWord| word.write_index.is_some();
+            format!("looks a function up at {}", first(program, pe, indexed, |note| note.write))
+        },
+    },
+    Feature {
+        name: "octaves",
+        size: |features| features.octave_bits,
+        nothing: 0,
+        need: |program, pe| {
+            let octaves = |word: &ControlWord| word.write_index.is_some_and(|(_, octaves)| octaves);
+            format!("a function of {} is steep near zero", first(program, pe, octaves, |note| note.write))
+        },
+    },
+];
+
+const FEATURES: [Feature; 12] = [
+    Feature {
+        name: "input_ports",
+        size: |features| features.ports,
+        nothing: 0,
+        need: |program, pe| format!("receives {}", first(program, pe, receives, |note| note.receive)),
+    },
+    Feature {
+        name: "imported_memory",
+        size: |features| features.imported_words,
+        nothing: 0,
+        need: |program, pe| format!("keeps {} as it received it", first(program, pe, receives, |note| note.receive)),
+    },
+    Feature {
+        name: "own_memory",
+        size: |features| features.own_words,
+        nothing: 0,
+        need: |program, pe| format!("keeps {}", first(program, pe, |word| word.write.is_some(), |note| note.write)),
+    },
+    Feature {
+        name: "base_memory",
+        size: |features| features.base_words,
+        nothing: 0,
+        need: |program, pe| {
+            let written = |word: &ControlWord| word.write.is_some_and(|target| target.base);
+            match pe.words.iter().any(written) || pe.features.index_words == 0 {
+                true => format!("increments are added to {}", first(program, pe, written, |note| note.write)),
+                false => "keeps tables of functions".to_owned(),
+            }
+        },
+    },
+    Feature {
+        name: "coefficient_memory",
+        size: |features| features.coefficient_words,
+        nothing: 0,
+        need: |_, pe| match pe.features.factor {
+            true => "keeps the values that others are multiplied by, and all coefficients".to_owned(),
+            false => "its few distinct coefficients cost less there than in every control word".to_owned(),
+        },
+    },
+    Feature {
+        name: "accumulator",
+        size: |features| features.accumulator_bits,
+        nothing: 0,
+        need: |program, pe| format!("sums the products of {}", first(program, pe, multiplies, |note| note.chain)),
+    },
+    Feature {
+        name: "shift_choice",
+        size: |features| features.shifts.len() as u32,
+        nothing: 1,
+        need: |_, pe| {
+            let positions: Vec<String> = pe.features.shifts.iter().map(u8::to_string).collect();
+            format!("the formats of its values need right shifts by {}", positions.join(", "))
+        },
+    },
+    Feature {
+        name: "factor",
+        size: |features| u32::from(features.factor),
+        nothing: 0,
+        need: |program, pe| {
+            let factor = |word: &ControlWord| word.write.is_some_and(|target| target.factor);
+            format!("multiplies by {}", first(program, pe, factor, |note| note.write))
+        },
+    },
+    Feature {
+        name: "operand_addition",
+        size: |features| u32::from(features.pre_adder),
+        nothing: 0,
+        need: |program, pe| {
+            let joins = |word: &ControlWord| word.own.is_some() && word.imported.is_some();
+            format!("{} has two products with equal coefficients", first(program, pe, joins, |note| note.chain))
+        },
+    },
+    Feature {
+        name: "swap",
+        size: |features| u32::from(features.swap),
+        nothing: 0,
+        need: |_, _| "others still read a state of the one-stage method while its successor is written".to_owned(),
+    },
+    Feature {
+        name: "base_last",
+        size: |features| u32::from(features.base_last),
+        nothing: 0,
+        need: |program, _| format!("{} rounds of a step add to the same base", program.rounds),
+    },
+    Feature {
+        name: "send",
+        size: |features| u32::from(features.send),
+        nothing: 0,
+        need: |program, pe| format!("another PE reads {}", first(program, pe, |word| word.send, |note| note.write)),
+    },
+];
+
+fn receives(word: &ControlWord) -> bool {
+    word.receive.is_some()
+}
+
+fn multiplies(word: &ControlWord) -> bool {
+    word.own.is_some() || word.imported.is_some()
+}
+
+/// Name of a value noted beside the first control word of a kind.
+fn first(program: &Program, pe: &PeProgram, kind: fn(&ControlWord) -> bool, value: fn(&Note) -> u32) -> String {
+    let note = pe.words.iter().position(kind).map_or(Note::NONE, |at| value(&pe.notes[at]));
+    format!("`{}`", program.name(note))
+}
+
+/// The features of the PEs with their reasons, and the fields of the control words.
+pub fn features(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> Value {
+    let lookups = program.pes.iter().any(|pe| pe.features.index_words > 0);
+    let features = FEATURES.iter().chain(LOOKUPS.iter().filter(|_| lookups));
+    let mut rows: Vec<Value> = features.map(|feature| row(program, feature)).collect();
+    rows.push(saturation(program, graph, judged, mapping));
+    json!({"pe": rows, "control_word": fields(program), "program": folds(program)})
+}
+
+fn row(program: &Program, feature: &Feature) -> Value {
+    let mut sizes: BTreeMap<u32, usize> = BTreeMap::new();
+    for pe in &program.pes {
+        *sizes.entry((feature.size)(&pe.features)).or_default() += 1;
+    }
+    let without = sizes.get(&feature.nothing).copied().unwrap_or(0);
+    let example = program.pes.iter().position(|pe| (feature.size)(&pe.features) > feature.nothing);
+    let because = match example {
+        Some(pe) => format!("PE {pe}: {}", (feature.need)(program, &program.pes[pe])),
+        None => "no PE needs it".to_owned(),
+    };
+    json!({
+        "feature": feature.name, "with": program.pes.len() - without, "without": without,
+        "sizes": histogram(&sizes), "because": because,
+    })
+}
+
+/// PEs that clamp words which are out of range, and those that are proven to write none.
+fn saturation(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> Value {
+    let without = program.pes.iter().filter(|pe| pe.features.proven).count();
+    let enclosed = judged.proof.as_ref().and_then(|proof| proof.enclosed.as_ref());
+    let saturating = program.pes.iter().position(|pe| !pe.features.proven);
+    let because = match (saturating, enclosed) {
+        (None, _) => "every word is proven to be in range".to_owned(),
+        (Some(_), None) if judged.proof.is_none() => "no proof of ranges was asked for".to_owned(),
+        (Some(pe), None) => format!("PE {pe}: no bound of its values was found"),
+        (Some(pe), Some(enclosed)) => {
+            let own = graph.chains.iter().filter(|chain| mapping.pe_of[chain.equation as usize] as usize == pe);
+            let mut values = own.flat_map(|chain| chain.writes()).map(|write| write.value);
+            match values.find(|value| !enclosed.enclosure.fits(*value)) {
+                Some(value) => format!("PE {pe}: nothing proves that `{}` stays in range", graph.value_name(value)),
+                None => format!("PE {pe}: nothing proves that its sums of operands fit"),
+            }
+        }
+    };
+    json!({
+        "feature": "saturation", "with": program.pes.len() - without, "without": without, "sizes": {},
+        "provable": without, "because": because,
+    })
+}
+
+/// Rounds of a step, and how many PEs keep how many bits of their control words for each word of a round (`loop_bits`),
+/// for each word of a step (`stream_bits`) or for each round of so many `variants`.
+fn folds(program: &Program) -> Value {
+    let (mut repeated, mut streamed, mut variants) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+    for pe in &program.pes {
+        let fold = Fold::of(program, pe);
+        *repeated.entry(fold.loop_bits()).or_default() += 1;
+        let stream = if fold.stream.is_empty() { 0 } else { fold.streamed_bits() };
+        *streamed.entry(stream).or_default() += 1;
+        if let Some(count) = fold.variants() {
+            *variants.entry(count).or_default() += 1;
+        }
+    }
+    let mut folds = json!({
+        "rounds": program.rounds, "round_words": program.round_words(),
+        "loop_bits": histogram(&repeated), "stream_bits": histogram(&streamed),
+    });
+    if !variants.is_empty() {
+        folds["variants"] = histogram(&variants);
+    }
+    folds
+}
+
+/// Control-word fields that some PE has: PEs with and without, and widths.
+fn fields(program: &Program) -> Value {
+    let mut fields: BTreeMap<FieldName, BTreeMap<u32, usize>> = BTreeMap::new();
+    for pe in &program.pes {
+        for field in Layout::new(&pe.features, &program.format).fields {
+            *fields.entry(field.name).or_default().entry(field.width).or_default() += 1;
+        }
+    }
+    let rows = fields.iter().map(|(name, widths)| {
+        let with: usize = widths.values().sum();
+        json!({
+            "field": name.text(), "with": with, "without": program.pes.len() - with, "bits": histogram(widths),
+        })
+    });
+    rows.collect()
+}
+
+/// Sizes and how many PEs have each.
+fn histogram(sizes: &BTreeMap<u32, usize>) -> Value {
+    sizes.iter().map(|(size, pes)| (size.to_string(), json!(pes))).collect::<serde_json::Map<String, Value>>().into()
+}

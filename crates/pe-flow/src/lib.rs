@@ -1,0 +1,28 @@
+//! The order of the stages, from the text of a spec to a program that is judged, once for all commands.
+//!
+//! ```text
+//! spec       files -> Model
+//! pipeline   Model -> Design: step graph, runs, mapping, schedule, program, checkers
+//! report     Design -> what is said of it
+//! explore    points of the design space, compiled in parallel; nothing is computed twice
+//! accuracy   the cheapest point that is right enough
+//! ```
+//!
+//! Nothing is printed here: results and failures are returned, and a [`watch::Listener`] hears of progress and warnings as they
+//! come up.
+
+pub mod accuracy;
+pub mod bottleneck;
+pub mod contest;
+pub mod entrants;
+pub mod explore;
+pub mod failure;
+pub mod features;
+pub mod mapping_file;
+pub mod pipeline;
+pub mod report;
+pub mod scene;
+pub mod spec;
+pub mod stability;
+pub mod variables;
+pub mod watch;

@@ -1,0 +1,143 @@
+//! The mapping that the user gives: a file with the PE of each equation, as `dump --stage mapping` prints it.
+//!
+//! One equation in each line, its name and the number of its PE; empty lines and lines that begin with `#` say nothing.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use pe_hls::relay::is_relay;
+use pe_ir::codes;
+use pe_ir::graph::StepGraph;
+use pe_ir::mapping::Mapping;
+use pe_ir::source::{Diagnostic, Sources, Span};
+
+use crate::failure::Failure;
+use crate::spec;
+
+/// Equations that a message names at most.
+const NAMED: usize = 5;
+
+/// What a mapping file says.
+pub struct MappingFile {
+    sources: Sources,
+    lines: Vec<Line>,
+    pes: u32,
+}
+
+/// An equation and its PE.
+struct Line {
+    equation: String,
+    /// Of the equation's name.
+    span: Span,
+    pe: u32,
+}
+
+impl MappingFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// It cannot be read, a line is none of a mapping, or a PE between the first and the last has no equation.
+    pub fn read(path: &Path) -> Result<MappingFile, Failure> {
+        let sources = spec::main_file(path)?;
+        let mut findings = Vec::new();
+        let (mut lines, mut begin) = (Vec::new(), 0);
+        for text in sources.text().split_inclusive('\n') {
+            let at = begin + (text.len() - text.trim_start().len()) as u32;
+            begin += text.len() as u32;
+            let text = text.trim();
+            if text.is_empty() || text.starts_with('#') {
+                continue;
+            }
+            let span = |from: usize, to: usize| Span { start: at + from as u32, end: at + to as u32 };
+            let words = text.rsplit_once(char::is_whitespace).map(|(name, number)| (name.trim_end(), number));
+            match words.and_then(|(name, number)| Some((name, number.parse().ok().filter(|pe| *pe < u32::MAX)?))) {
+                Some((name, pe)) => lines.push(Line { equation: name.to_owned(), span: span(0, name.len()), pe }),
+                None => findings.push(
+                    Diagnostic::error(codes::BAD_MAPPING, span(0, text.len()), "this line gives no equation a PE")
+                        .with_help("write the name of an equation, a blank, and the number of its PE, from 0 on"),
+                ),
+            }
+        }
+        if lines.is_empty() && findings.is_empty() {
+            findings.push(
+                Diagnostic::global(codes::BAD_MAPPING, "the file maps no equation")
+                    .with_help("`pe-synth dump --stage mapping` prints a mapping to begin with"),
+            );
+        }
+        findings.extend(gap(&lines));
+        let pes = lines.iter().map(|line| line.pe + 1).max().unwrap_or(0);
+        if findings.is_empty() {
+            Ok(MappingFile { sources, lines, pes })
+        } else {
+            Err(Failure::Spec(findings, sources))
+        }
+    }
+
+    /// Number of PEs.
+    pub fn pes(&self) -> u32 {
+        self.pes
+    }
+
+    /// Number of relays among its equations.
+    pub fn relays(&self) -> u32 {
+        self.lines.iter().filter(|line| is_relay(&line.equation)).count() as u32
+    }
+
+    /// The mapping of a step graph.
+    ///
+    /// # Errors
+    /// An equation is not in the graph, has two PEs, or none.
+    pub fn mapping(&self, graph: &StepGraph) -> Result<Mapping, Failure> {
+        let known: BTreeMap<&str, usize> =
+            graph.equations.iter().enumerate().map(|(index, equation)| (equation.name.as_str(), index)).collect();
+        let mut given: Vec<Option<&Line>> = vec![None; graph.equations.len()];
+        let mut findings = Vec::new();
+        for line in &self.lines {
+            let Some(index) = known.get(line.equation.as_str()) else {
+                let message = format!("the model has no equation `{}`", line.equation);
+                findings.push(Diagnostic::error(codes::BAD_MAPPING, line.span, message).with_help(
+                    "`pe-synth dump --stage mapping` with the same options prints all equations of the step",
+                ));
+                continue;
+            };
+            match given[*index] {
+                None => given[*index] = Some(line),
+                Some(first) => {
+                    let message = format!("`{}` has a PE already", line.equation);
+                    let finding = Diagnostic::error(codes::BAD_MAPPING, line.span, message)
+                        .with_label(first.span, format!("here it is on PE {}", first.pe));
+                    findings.push(finding.with_help("leave one of the two lines out"));
+                }
+            }
+        }
+        let without = graph.equations.iter().zip(&given).filter(|(_, line)| line.is_none());
+        let without: Vec<&str> = without.map(|(equation, _)| equation.name.as_str()).collect();
+        if !without.is_empty() {
+            let names: Vec<String> = without.iter().take(NAMED).map(|name| format!("`{name}`")).collect();
+            let more = without.len() - names.len();
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let message = format!("no PE is given for {}{more}", names.join(", "));
+            findings.push(
+                Diagnostic::global(codes::BAD_MAPPING, message).with_help("every equation needs a line with its PE"),
+            );
+        }
+        if !findings.is_empty() {
+            return Err(Failure::Spec(findings, self.sources.clone()));
+        }
+        Ok(Mapping { pes: self.pes, pe_of: given.iter().flatten().map(|line| line.pe).collect() })
+    }
+}
+
+/// The finding about the first PE without an equation among those below the last one.
+fn gap(lines: &[Line]) -> Option<Diagnostic> {
+    let mut used: Vec<u32> = lines.iter().map(|line| line.pe).collect();
+    used.sort_unstable();
+    used.dedup();
+    let missing = (0..).zip(&used).find(|(expected, pe)| expected != *pe)?.0;
+    let above = lines.iter().find(|line| line.pe > missing)?;
+    let message = format!("`{}` is on PE {}, and PE {missing} has no equation", above.equation, above.pe);
+    Some(
+        Diagnostic::error(codes::BAD_MAPPING, above.span, message)
+            .with_help("number the PEs from 0 on without a gap; every PE computes at least one equation"),
+    )
+}

@@ -1,0 +1,504 @@
+//! The way from model to program, stage after stage.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use pe_hls::assemble::TooLarge;
+use pe_hls::mapping::{self, MapError, MapOptions, WireLength, default_pes};
+use pe_hls::pairs::{self, Paired};
+use pe_hls::rounds::Rounds;
+use pe_hls::schedule::Bound;
+use pe_hls::step::StepOptions;
+use pe_ir::codes;
+use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::mapping::{Mapping, MappingCost};
+use pe_ir::model::Model;
+use pe_ir::program::Program;
+use pe_ir::schedule::Schedule;
+use pe_ir::source::Diagnostic;
+use pe_ir::verify;
+use pe_ir::word::{Latency, WordFormat};
+
+use crate::contest;
+use crate::entrants::{self, Entrants};
+use crate::failure::Failure;
+use crate::mapping_file::MappingFile;
+use crate::spec::LoadedModel;
+use crate::watch::Stopwatch;
+use pe_judge::progress::silent;
+use pe_judge::proof;
+use pe_judge::runs::{self, Judged};
+use pe_judge::slots;
+use pe_judge::tables;
+use pe_judge::{Coefficients, Criteria, DesignPoint, ProofMode};
+use pe_target::area::{self, Family};
+
+/// Rounds that the program checker runs: the first fills the pipeline, the second and third see both parities.
+const CHECKED_ROUNDS: u32 = 3;
+
+/// What is asked of the mapping.
+#[derive(Clone, Debug)]
+pub struct MappingOptions {
+    /// File that has the PE of each equation, as `dump --stage mapping` prints it.
+    pub mapping: Option<PathBuf>,
+    /// Annealing budget in tries; it grows with the number of equations if there is none.
+    pub tries: Option<u64>,
+    /// Most input ports a PE may have.
+    pub max_in_degree: u32,
+    /// Whether operands with equal coefficients are never added in front of the multiplier.
+    pub no_pre_adder: bool,
+    /// One round of control words for all stages of a step.
+    pub stage_loop: StageLoop,
+}
+
+impl Default for MappingOptions {
+    fn default() -> Self {
+        MappingOptions {
+            mapping: None,
+            tries: None,
+            max_in_degree: MapOptions::DEFAULT_MAX_IN_DEGREE,
+            no_pre_adder: false,
+            stage_loop: StageLoop::Auto,
+        }
+    }
+}
+
+/// What all designs of a command have in common.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// By what they are judged.
+    pub criteria: Criteria,
+    /// What is asked of their mappings.
+    pub mapping: MappingOptions,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl MappingOptions {
+    /// The mapping file and the number of PEs: those of the file, or those asked for.
+    ///
+    /// # Errors
+    /// Those of the file, and of another number of PEs beside it.
+    pub fn given(&self, pes: Option<u32>) -> Result<(Option<MappingFile>, Option<u32>), Failure> {
+        let Some(path) = &self.mapping else { return Ok((None, pes)) };
+        let file = MappingFile::read(path)?;
+        match pes.filter(|pes| *pes != file.pes()) {
+            None => {
+                let pes = Some(file.pes());
+                Ok((Some(file), pes))
+            }
+            Some(pes) => Err(Failure::Usage(format!(
+                "{} maps to {} PEs, and `--pes` asks for {pes}; leave `--pes` out",
+                path.display(),
+                file.pes()
+            ))),
+        }
+    }
+
+    /// Refuses a mapping file where designs of several kinds are made.
+    ///
+    /// # Errors
+    /// There is one.
+    pub fn of_many(&self) -> Result<(), Failure> {
+        match self.mapping {
+            None => Ok(()),
+            Some(_) => Err(Failure::Usage(
+                "each design of a sweep has a mapping of its own; give `--mapping` to a `compile` of one design"
+                    .to_owned(),
+            )),
+        }
+    }
+}
+
+/// Whether stages that are alike share their control words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StageLoop {
+    /// Where area times cycles gets smaller.
+    Auto,
+    /// Wherever the stages are alike.
+    On,
+    /// Never.
+    Off,
+}
+
+impl StageLoop {
+    /// All of them.
+    pub const ALL: [StageLoop; 3] = [StageLoop::Auto, StageLoop::On, StageLoop::Off];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            StageLoop::Auto => "auto",
+            StageLoop::On => "on",
+            StageLoop::Off => "off",
+        }
+    }
+
+    /// What it is, in a line of help.
+    pub fn title(self) -> &'static str {
+        match self {
+            StageLoop::Auto => "Where area times cycles gets smaller",
+            StageLoop::On => "Wherever the stages are alike",
+            StageLoop::Off => "Never",
+        }
+    }
+}
+
+/// What annealing made of one start.
+#[derive(Clone, Debug)]
+pub struct StartResult {
+    /// Name of the start.
+    pub start: &'static str,
+    /// Before annealing.
+    pub before: MappingCost,
+    /// After annealing.
+    pub after: MappingCost,
+    /// Cycles per step of its schedule.
+    pub period: u32,
+    /// Relays of hubs in the step that was mapped.
+    pub relays: u32,
+}
+
+/// Everything that was decided about a model.
+pub struct Design {
+    /// Step graph; designs that differ in PEs only share it.
+    pub graph: Arc<StepGraph>,
+    /// Formats, errors, checkpoint; shared likewise.
+    pub judged: Arc<Judged>,
+    /// The mapping that was taken.
+    pub mapping: Mapping,
+    /// Its cost.
+    pub cost: MappingCost,
+    /// Lengths of its connections on a square.
+    pub wires: WireLength,
+    /// The step with all pairs that some mapping could allow; the step graph if there are none.
+    pub hoped: Arc<StepGraph>,
+    /// The step with the pairs that the mapping allows, if there are any.
+    pub paired: Option<Paired>,
+    /// Its schedule.
+    pub schedule: Schedule,
+    /// Lower bounds.
+    pub bound: Bound,
+    /// The program.
+    pub program: Program,
+    /// All starts, the one that was taken first.
+    pub starts: Vec<StartResult>,
+    /// Whether the number of PEs is the default.
+    pub default_pes: bool,
+}
+
+impl Design {
+    /// The step as it is issued: a term per product.
+    pub fn issued(&self) -> &StepGraph {
+        self.paired.as_ref().map_or(&self.graph, |paired| &paired.graph)
+    }
+}
+
+/// Designs the hardware of a model.
+pub fn design(
+    loaded: &LoadedModel,
+    settings: &Settings,
+    point: &DesignPoint,
+    watch: &mut Stopwatch,
+) -> Result<Design, Failure> {
+    let Settings { criteria, mapping: mapping_options, seed } = settings;
+    let format = point.format(&loaded.model).map_err(Failure::Usage)?;
+    let (file, pes) = mapping_options.given(point.pes)?;
+    let graph = build(loaded, point, mapping_options, watch)?;
+    let graph = split(&graph, pes, mapping_options, format).unwrap_or(graph);
+    let given = file.map(|file| entrants::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
+    let graph = match point.coefficients {
+        Coefficients::OneSlot => graph,
+        _ => two_slots(loaded, graph, format, point.coefficients, watch)?,
+    };
+    let graph = Arc::new(graph);
+    let progress = watch.progress("runs");
+    let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
+    let exact = watch.part("runs", || runs::Exact::run(&loaded.model, &graph, progress)).map_err(refused)?;
+    let proposal = match criteria.proof {
+        ProofMode::Off => None,
+        ProofMode::Ranges => watch.stage(
+            "ranges",
+            || exact.propose(&loaded.model, &graph, format, criteria),
+            |proposal| proposal.as_ref().map_or("no formats".to_owned(), |proposal| proposal.figure(&graph)),
+        ),
+    };
+    let judged = watch
+        .timed(
+            "runs",
+            || exact.judge(&loaded.model, &graph, format, criteria, proposal.as_ref()),
+            |judged| runs_figure(judged.as_ref()),
+        )
+        .map_err(refused)?;
+    watch.warn(&judged.warnings, &loaded.sources);
+    let network = Network { pes, seed: *seed, given };
+    implement(loaded, &graph, &Arc::new(judged), network, mapping_options, watch)
+}
+
+/// What the PEs of a design are to be.
+#[derive(Clone, Debug)]
+pub struct Network {
+    /// Their number, unless the default is wanted.
+    pub pes: Option<u32>,
+    /// Seed of the annealer.
+    pub seed: u64,
+    /// The mapping that the user gives, and the number of relays in it.
+    pub given: Option<(Mapping, u32)>,
+}
+
+/// Designs the network for a step graph whose formats are known. The design's step may have relays beside it.
+pub fn implement(
+    loaded: &LoadedModel,
+    graph: &Arc<StepGraph>,
+    judged: &Arc<Judged>,
+    network: Network,
+    mapping_options: &MappingOptions,
+    watch: &mut Stopwatch,
+) -> Result<Design, Failure> {
+    let latency = Latency::of(&judged.fixed.format);
+    let mapped = watch.stage(
+        "map",
+        || Entrants::of(graph, &judged.fixed, &network, mapping_options),
+        |entrants| match entrants {
+            Ok(entrants) => entrants.figure(network.given.is_some()),
+            Err(_) => "impossible".to_owned(),
+        },
+    );
+    let Entrants { variants, candidates, of, plain, .. } = mapped.map_err(|error| map_failure(error, graph, loaded))?;
+    let taken_pes = candidates[0].mapping.pes;
+    let variant = |index: usize| &variants[of[index]];
+    let pairs: Vec<Option<Paired>> = (candidates.iter().zip(&of))
+        .map(|(candidate, of)| pairs::pair(&variants[*of].graph, &variants[*of].fixed, &candidate.mapping))
+        .collect();
+    let graphs: Vec<&StepGraph> = (pairs.iter().zip(&of))
+        .map(|(paired, of)| paired.as_ref().map_or(&*variants[*of].graph, |paired| &paired.graph))
+        .collect();
+    let schedules: Vec<Schedule> = watch.stage_saying(
+        "schedule",
+        |say| {
+            // Relays have no say in how well the others are scheduled.
+            let (graphs, more_graphs) = graphs.split_at(plain);
+            let (candidates, more) = candidates.split_at(plain);
+            let mut all = contest::schedules(graphs, candidates, latency, mapping_options.max_in_degree, say);
+            all.extend(contest::schedules(more_graphs, more, latency, mapping_options.max_in_degree, say));
+            all
+        },
+        |schedules: &Vec<Schedule>| {
+            format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
+        },
+    );
+    let order = contest::rank(&candidates, &schedules, mapping_options.max_in_degree, plain);
+    let starts: Vec<StartResult> = order
+        .iter()
+        .map(|index| StartResult {
+            start: candidates[*index].start,
+            before: candidates[*index].start_cost,
+            after: candidates[*index].cost,
+            period: schedules[*index].period,
+            relays: variant(*index).relays,
+        })
+        .collect();
+    let taken = order[0];
+    let variant = variant(taken);
+    let schedule = schedules.into_iter().nth(taken).expect("ranked above");
+    let candidate = candidates.into_iter().nth(taken).expect("ranked above");
+    let paired = pairs.into_iter().nth(taken).expect("ranked above");
+    let (issued, numbers) =
+        paired.as_ref().map_or((&*variant.graph, &*variant.fixed), |paired| (&paired.graph, &paired.fixed));
+    let assembled = watch.stage(
+        "assemble",
+        || assemble(&loaded.model, issued, numbers, &candidate.mapping, schedule, mapping_options.stage_loop),
+        |assembled| match assembled {
+            Ok((_, program)) => {
+                let looped = if program.rounds > 1 { format!(", {} rounds", program.rounds) } else { String::new() };
+                format!("{} PEs, {} writes per step{looped}", program.pes.len(), program.writes_per_step())
+            }
+            Err(_) => "refused".to_owned(),
+        },
+    );
+    let (schedule, mut program) = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
+    let mut judged = variant.judged(judged);
+    if let Some(proof) = judged.proof.as_ref().filter(|_| variant.relays > 0) {
+        // What relays write is proven as well.
+        let enclosed = proof::enclose(&variant.graph, &judged.fixed, loaded.model.steps());
+        judged = Arc::new(Judged { proof: Some(proof::Proof { enclosed, ..proof.clone() }), ..Judged::clone(&judged) });
+    }
+    if let Some(proof) = &judged.proof {
+        proof.leave_out(&mut program, issued, &candidate.mapping);
+    }
+    let design = Design {
+        bound: Bound::of(&variant.hoped, taken_pes, latency),
+        wires: mapping::wire_length(&variant.problem, &candidate.mapping),
+        mapping: candidate.mapping,
+        cost: candidate.cost,
+        default_pes: network.pes.is_none(),
+        graph: Arc::clone(&variant.graph),
+        hoped: Arc::clone(&variant.hoped),
+        judged,
+        paired,
+        schedule,
+        program,
+        starts,
+    };
+    let figure = |_: &_| "mapping, schedule, program".to_owned();
+    watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
+    Ok(design)
+}
+
+/// Assembles the schedule, or one of rounds that are alike, whichever takes the smaller product of area and cycles.
+fn assemble(
+    model: &Model,
+    graph: &StepGraph,
+    fixed: &FixedPoint,
+    mapping: &Mapping,
+    schedule: Schedule,
+    stage_loop: StageLoop,
+) -> Result<(Schedule, Program), TooLarge> {
+    let flat = pe_hls::assemble::assemble(model, graph, fixed, mapping, &schedule)?;
+    if stage_loop == StageLoop::Off {
+        return Ok((schedule, flat));
+    }
+    let Some(rounds) = Rounds::of(graph, fixed) else { return Ok((schedule, flat)) };
+    let round = pe_hls::schedule::schedule(&rounds.graph, mapping, Latency::of(&fixed.format));
+    let cost =
+        |program: &Program| area::estimate(program, Family::default()).equivalent_luts() * f64::from(program.period);
+    match (pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round), stage_loop) {
+        (Ok(looped), StageLoop::Auto) if cost(&looped) >= cost(&flat) => Ok((schedule, flat)),
+        (Ok(looped), _) => Ok((rounds.unroll(graph, &round), looped)),
+        (Err(_), StageLoop::Auto) => Ok((schedule, flat)),
+        (Err(limit), _) => Err(limit),
+    }
+}
+
+/// What is asked of the form of the step.
+pub fn step_options(point: &DesignPoint, mapping: &MappingOptions) -> StepOptions {
+    let MappingOptions { max_in_degree, no_pre_adder, stage_loop, .. } = *mapping;
+    StepOptions {
+        form: point.form.form(),
+        pes: point.pes,
+        max_in_degree,
+        pre_adder: !no_pre_adder,
+        sums: point.coefficients == Coefficients::OneSlot,
+        rounds: stage_loop != StageLoop::Off,
+    }
+}
+
+/// Builds the step graph; functions of variables are tables in it, for the arguments that they have over the span.
+pub fn build(
+    loaded: &LoadedModel,
+    point: &DesignPoint,
+    mapping_options: &MappingOptions,
+    watch: &mut Stopwatch,
+) -> Result<StepGraph, Failure> {
+    let options = step_options(point, mapping_options);
+    let graph = watch.stage(
+        "step",
+        || pe_hls::step::build_with(&loaded.model, &options),
+        |graph| match graph {
+            Ok(graph) => format!("{:?} form, {} products per step", graph.form, graph.macs()),
+            Err(_) => "refused".to_owned(),
+        },
+    );
+    let graph = graph.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    if graph.functions.exact.is_empty() {
+        return Ok(graph);
+    }
+    let (format, progress) = (point.format(&loaded.model).map_err(Failure::Usage)?, watch.progress("functions"));
+    let tabulated = watch.timed(
+        "functions",
+        || tables::tabulate(&loaded.model, &graph, format, &*progress),
+        |graph| graph.as_ref().map_or_else(|_| "refused".to_owned(), tables::summary),
+    );
+    tabulated.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))
+}
+
+/// Puts coefficients in two slots.
+fn two_slots(
+    loaded: &LoadedModel,
+    graph: StepGraph,
+    format: WordFormat,
+    coefficients: Coefficients,
+    watch: &mut Stopwatch,
+) -> Result<StepGraph, Failure> {
+    let products = graph.macs();
+    let refined = watch.stage(
+        "slots",
+        || {
+            let exact = runs::Exact::run(&loaded.model, &graph, silent())?;
+            slots::refine(&loaded.model, &graph, &exact, format, coefficients)
+        },
+        |refined| match refined {
+            Ok(Some((split, _))) => format!("two for coefficients, {} products per step", split.macs()),
+            Ok(None) => format!("one for coefficients, {products} products per step"),
+            Err(_) => "refused".to_owned(),
+        },
+    );
+    let refined = refined.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    Ok(refined.map_or(graph, |(split, _)| split))
+}
+
+fn runs_figure(judged: Result<&Judged, &Vec<Diagnostic>>) -> String {
+    match judged {
+        Ok(judged) => {
+            format!("word-length error {:.1e}, method error {:.1e}", judged.errors.word_length, judged.errors.method)
+        }
+        Err(_) => "refused".to_owned(),
+    }
+}
+
+/// The graph with its heavy equations split for a number of PEs, or the default number; none if it fits as it is.
+pub fn split(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
+    let pes = pes.unwrap_or_else(|| default_pes(graph));
+    pe_hls::split::split(graph, pes, options.max_in_degree, Latency::of(&format))
+}
+
+/// A mapping error as the user gets it.
+fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Failure {
+    match error {
+        MapError::Pes { .. } => Failure::Usage(error.to_string()),
+        MapError::InDegree { pe, equation, degree, limit } => {
+            let equation = &graph.equations[equation as usize];
+            let message = format!("PE {pe}, which computes `{}`, needs {degree} input ports of {limit}", equation.name);
+            let finding = Diagnostic::error(codes::IN_DEGREE, equation.span, message)
+                .with_help("use fewer PEs with `--pes`, or allow more ports with `--max-in-degree`");
+            Failure::Spec(vec![finding], loaded.sources.clone())
+        }
+    }
+}
+
+/// Proves mapping, schedule and program with the independent checkers.
+fn check(design: &Design, latency: Latency, options: &MappingOptions, say: &dyn Fn(String)) -> Result<(), Failure> {
+    let Design { graph, hoped, judged, mapping, schedule, program, cost, .. } = design;
+    say("mapping".to_owned());
+    let mut violations = verify::mapping::check(hoped, mapping, cost, options.max_in_degree);
+    say("schedule".to_owned());
+    violations.extend(verify::schedule::check(design.issued(), mapping, schedule, latency));
+    say("program".to_owned());
+    // Pairs are proved to be the products of the step graph without pairs.
+    violations.extend(verify::program::check(program, graph, &judged.fixed, CHECKED_ROUNDS));
+    let proof = judged.proof.as_ref().and_then(|proof| proof.enclosed.as_ref());
+    match proof {
+        Some(enclosed) => violations.extend(verify::ranges::check(program, design.issued(), &enclosed.enclosure)),
+        None => debug_assert!(program.pes.iter().all(|pe| !pe.features.proven)),
+    }
+    match violations.first() {
+        None => Ok(()),
+        Some(first) => Err(Failure::Internal(format!("{} violations, first: {first}", violations.len()))),
+    }
+}
+
+/// Stimulus of a run: the words of the input ports in each step.
+pub fn stimulus(model: &Model, design: &Design, from: u64, steps: u64) -> Vec<Vec<i64>> {
+    let run = pe_sim::fixed::FixedRun::new(&design.graph, &design.judged.fixed);
+    let words = |step| {
+        let mut words = runs::port_words(model, &run, step);
+        words.truncate(model.inputs.len());
+        words
+    };
+    (from..from + steps).map(words).collect()
+}
+
+/// Word widths as the report names them.
+pub fn multiplier_name(format: &WordFormat) -> String {
+    format!("{}x{}", format.data_bits, format.coefficient_bits)
+}

@@ -1,0 +1,104 @@
+//! A model and the files of the spec that it comes from.
+
+use std::fs::File;
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+use pe_frontend::{LARGEST_FILE, LoadError, Loader, Overrides};
+use pe_ir::codes;
+use pe_ir::model::Model;
+use pe_ir::source::{Diagnostic, Sources};
+
+use crate::failure::Failure;
+
+/// A model with the texts it comes from.
+#[derive(Clone)]
+pub struct LoadedModel {
+    /// The model.
+    pub model: Model,
+    /// The spec and the files it names.
+    pub sources: Sources,
+}
+
+/// Reads and elaborates a spec and writes functions of variables out; with its warnings.
+///
+/// # Errors
+/// [`Failure::File`], and the findings of the spec.
+pub fn load(spec: &Path, overrides: &Overrides) -> Result<(LoadedModel, Vec<Diagnostic>), Failure> {
+    let mut sources = main_file(spec)?;
+    match pe_frontend::compile(&mut sources, &ModelFolder::of(spec), overrides) {
+        Ok((model, warnings)) => Ok((LoadedModel { model: pe_hls::lift::lift(model), sources }, warnings)),
+        Err(findings) => Err(Failure::Spec(findings, sources)),
+    }
+}
+
+/// Reads the main file of a spec.
+pub fn main_file(path: &Path) -> Result<Sources, Failure> {
+    let name = path.display().to_string();
+    let bytes = match read(path) {
+        Ok(bytes) => bytes,
+        Err(LoadError::TooLarge(size)) => {
+            let message = format!("the file has {size} bytes; the most allowed is {LARGEST_FILE}");
+            let finding = Diagnostic::global(codes::FILE_TOO_LARGE, message)
+                .with_help("describe repeated equations with indices instead of writing them out");
+            return Err(Failure::Spec(vec![finding], Sources::new(name, "")));
+        }
+        Err(LoadError::Unreadable(reason)) => return Err(Failure::file("read", path, reason)),
+        Err(LoadError::Missing | LoadError::Outside) => {
+            return Err(Failure::file("read", path, "there is no such file"));
+        }
+    };
+    match pe_frontend::main_file(&name, &bytes) {
+        (sources, None) => Ok(sources),
+        (sources, Some(problem)) => Err(Failure::Spec(vec![problem], sources)),
+    }
+}
+
+/// The folder of a main file, from which the files are read that it names.
+pub struct ModelFolder(PathBuf);
+
+impl ModelFolder {
+    /// The folder of this main file.
+    pub fn of(spec: &Path) -> Self {
+        let folder = spec.parent().filter(|folder| !folder.as_os_str().is_empty());
+        ModelFolder(folder.unwrap_or(Path::new(".")).to_owned())
+    }
+}
+
+impl Loader for ModelFolder {
+    fn load(&self, path: &str) -> Result<Vec<u8>, LoadError> {
+        let target = self.0.join(path);
+        // Links are followed before anything is opened, and what is opened is where they led.
+        let target = target.canonicalize().map_err(load_error)?;
+        let folder = self.0.canonicalize().map_err(load_error)?;
+        if !target.starts_with(folder) {
+            return Err(LoadError::Outside);
+        }
+        match target.metadata().map_err(load_error)?.is_file() {
+            true => read(&target),
+            false => Err(LoadError::Unreadable("it is no plain file".to_owned())),
+        }
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
+    let file = File::open(path).map_err(load_error)?;
+    let data = file.metadata().map_err(load_error)?;
+    if data.len() > LARGEST_FILE as u64 {
+        return Err(LoadError::TooLarge(data.len()));
+    }
+    // Pipes and devices have no size beforehand.
+    let mut bytes = Vec::new();
+    file.take(LARGEST_FILE as u64 + 1).read_to_end(&mut bytes).map_err(load_error)?;
+    if bytes.len() > LARGEST_FILE {
+        return Err(LoadError::TooLarge(bytes.len() as u64));
+    }
+    Ok(bytes)
+}
+
+fn load_error(error: std::io::Error) -> LoadError {
+    match error.kind() {
+        ErrorKind::NotFound => LoadError::Missing,
+        _ => LoadError::Unreadable(error.to_string()),
+    }
+}

@@ -1,0 +1,224 @@
+//! `check`: is the step stable and good enough, why, and what would be cheaper or safer?
+//!
+//! The verdict comes from runs of the step graph (`runs`); the eigenvalues of the model along a trusted trajectory
+//! explain it (`prediction`), trials with other steps confirm it (`trials`), and what is proposed has been tried
+//! (`remedies`). See `docs/decisions/0027-check.md`.
+
+mod causes;
+mod course;
+mod findings;
+mod observed;
+mod prediction;
+mod remedies;
+mod rest;
+pub mod sampled;
+pub mod stiffness;
+mod trials;
+mod trusted;
+
+use pe_ir::codes;
+use pe_ir::graph::StepGraph;
+use pe_ir::model::Model;
+use pe_ir::source::Diagnostic;
+use pe_ir::word::WordFormat;
+
+use crate::criteria::Criteria;
+use crate::pivots::SmallestPivot;
+use crate::point::DesignPoint;
+use crate::runs::{self, Judged};
+
+use self::trials::Trials;
+use self::trusted::Trusted;
+
+pub use self::findings::{eigenvalue, factor};
+pub use self::observed::{Chaos, DeadBand, StepGrowth};
+pub use self::prediction::Prediction;
+pub use self::remedies::SAFE;
+pub use self::rest::{Rest, Ringing};
+pub use self::trials::{Accuracy, Found};
+
+/// Method error that the accuracy step is for unless the user gives another.
+pub const ACCURACY: f64 = 1e-3;
+
+/// States above which no trials with other steps are run.
+pub const TRIED_STATES: usize = 10_000;
+
+/// States up to which methods are tried that eliminate or fill a matrix.
+const MATRIX_STATES: usize = 200;
+
+/// Refusals that the check can explain.
+pub const EXPLAINED: [&str; 10] = [
+    codes::DIVERGED,
+    codes::SATURATED,
+    codes::STEP_TOO_LARGE,
+    codes::SMALL_PIVOT,
+    codes::WORD_TOO_SHORT,
+    codes::OUTSIDE_DOMAIN,
+    codes::NO_FORMAT,
+    codes::INPUT_UNSEEN,
+    codes::INPUT_ALIASED,
+    codes::PULSE_MISSED,
+];
+
+/// Findings of the check alone; others come from the runs.
+const OWN: [&str; 11] = [
+    codes::CHATTERING,
+    codes::LIMIT_TAKEN,
+    codes::NEAR_LIMIT,
+    codes::METHOD_GROWTH,
+    codes::DEAD_BAND,
+    codes::CHAOTIC,
+    codes::STEP_SPAN,
+    codes::STILL,
+    codes::POLE,
+    codes::POLE_MOVED,
+    codes::RINGING,
+];
+
+/// What is asked about.
+#[derive(Clone, Copy)]
+pub struct Question<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// Its step.
+    pub graph: &'a StepGraph,
+    /// How it is computed.
+    pub point: &'a DesignPoint,
+    /// What it is judged over.
+    pub criteria: &'a Criteria,
+    /// Word widths.
+    pub format: WordFormat,
+    /// Method error that the accuracy step is for; none if that is not asked.
+    pub goal: Option<f64>,
+}
+
+/// What was found about a model and its step.
+pub struct Check {
+    /// What eigenvalues say.
+    pub prediction: Prediction,
+    /// Whether the model was linearised along the run of its own step.
+    pub own_trajectory: bool,
+    /// The end of the stable steps by trial.
+    pub found: Option<Found>,
+    /// Step for the accuracy asked for, and its method error.
+    pub accuracy: Option<Accuracy>,
+    /// How many times the stable step accuracy would allow.
+    pub stiffness_ratio: Option<f64>,
+    /// Growth of one step, with exact and rounded coefficients.
+    pub growth: Option<StepGrowth>,
+    /// The smallest pivot of an implicit method.
+    pub pivot: Option<SmallestPivot>,
+    /// States that lose increments.
+    pub dead_bands: Vec<DeadBand>,
+    /// Whether sampled parts come to rest without inputs; none of models without any.
+    pub rest: Option<Rest>,
+    /// Whether the model is chaotic; only found when the accuracy is asked for.
+    pub chaos: Option<Chaos>,
+    /// Time from which on a step that was refused and half of it go different ways, in seconds.
+    pub parted: Option<f64>,
+    /// All findings, warnings and refusals, those of the runs among them.
+    pub findings: Vec<Diagnostic>,
+}
+
+impl Check {
+    /// Judges a step whose runs succeeded.
+    pub fn of_judged(question: &Question, judged: &Judged) -> Check {
+        let model = question.model;
+        let trusted = Trusted::of(model, Some((question.graph, judged)));
+        let trials = Trials::new(model, &trusted);
+        let mut check = Check::explain(question, &trusted, &trials);
+        let stable = check.found.map(|found| found.stable);
+        check.accuracy =
+            question.goal.and_then(|goal| trials.accuracy_step(question.graph, judged.errors.method, goal, stable));
+        check.stiffness_ratio = check.ratio(model, question.goal);
+        check.growth = observed::step_growth(model, question.graph, &judged.fixed, &trusted);
+        check.pivot = judged.smallest_pivot.clone();
+        check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
+        check.rest = rest::rest(model, question.graph, judged);
+        if question.goal.is_some() && observed::may_be_sensitive(question.graph, judged, &trusted) {
+            check.chaos = observed::sensitivity(model, question.graph, &trusted)
+                .and_then(|found| observed::chaos(question.graph, Some(&judged.fixed), &trusted, found));
+        }
+        check.findings = check.warnings(question, judged, &trusted, &trials);
+        check
+    }
+
+    /// Explains why the runs of a step were refused.
+    pub fn of_refused(question: &Question, refusals: Vec<Diagnostic>) -> Check {
+        let model = question.model;
+        let trusted = Trusted::of(model, None);
+        let trials = Trials::new(model, &trusted);
+        let mut check = Check::explain(question, &trusted, &trials);
+        if refusals.iter().any(|refusal| refusal.code == codes::STEP_TOO_LARGE) {
+            let sensitivity = observed::refused_sensitivity(model, question.graph, &trusted);
+            check.chaos = sensitivity.and_then(|found| observed::chaos(question.graph, None, &trusted, found));
+            check.parted = sensitivity.and_then(|sensitivity| sensitivity.parted);
+        }
+        check.findings =
+            refusals.into_iter().map(|refusal| check.explained(question, refusal, &trusted, &trials)).collect();
+        check.findings.extend(runs::outside(model));
+        check.findings.extend(findings::of_span(model));
+        check
+    }
+
+    /// Findings that the runs did not give: warnings, and refusals of a step whose runs succeeded.
+    pub fn own_findings(&self) -> Vec<Diagnostic> {
+        self.findings.iter().filter(|finding| OWN.contains(&finding.code)).cloned().collect()
+    }
+
+    /// Refusals of a model whose step has no tables, with what they really come from.
+    pub fn of_unbuilt(model: &Model, refusals: Vec<Diagnostic>) -> Vec<Diagnostic> {
+        let symptoms = [codes::DIVERGED, codes::OUTSIDE_DOMAIN, codes::SMALL_PIVOT];
+        if model.states.len() > TRIED_STATES || !refusals.iter().any(|refusal| symptoms.contains(&refusal.code)) {
+            return refusals;
+        }
+        let trusted = Trusted::of(model, None);
+        if let Some((time, state)) = causes::end_of_solution(model, &trusted, &refusals) {
+            return vec![findings::solution_ends(model, state, time)];
+        }
+        let prediction = Prediction::of(model, &trusted);
+        let found =
+            prediction.limit.as_ref().and_then(|limit| Trials::new(model, &trusted).limit(model.solver, limit.step));
+        let certain = found.is_some_and(|found| found.unstable.is_some_and(|step| step <= model.step));
+        let explained = |refusal: Diagnostic| {
+            let unstable = causes::unstable(model, &prediction, &refusal).filter(|_| certain);
+            unstable.unwrap_or(refusal)
+        };
+        refusals.into_iter().map(explained).collect()
+    }
+
+    /// The accuracy step over the stable one.
+    fn ratio(&self, model: &Model, goal: Option<f64>) -> Option<f64> {
+        let predicted = self.prediction.limit.as_ref().map(|limit| limit.step);
+        let stable = match self.found {
+            // Trials that met no end, say at the period of a sampled part, are a lower bound.
+            Some(Found { stable, unstable: None, .. }) => predicted?.max(stable),
+            Some(found) => found.stable,
+            None => predicted?,
+        };
+        let Accuracy { step, error, .. } = self.accuracy?;
+        Some(stiffness::ratio(stable, (step, error), goal?, model.solver))
+    }
+
+    fn explain(question: &Question, trusted: &Trusted, trials: &Trials) -> Check {
+        let model = question.model;
+        let prediction = Prediction::of(model, trusted);
+        let guess = prediction.limit.as_ref().map_or(model.step, |limit| limit.step);
+        let tried = model.states.len() <= TRIED_STATES;
+        let found = if tried { trials.limit(model.solver, guess) } else { None };
+        Check {
+            prediction,
+            own_trajectory: trusted.own,
+            found,
+            accuracy: None,
+            stiffness_ratio: None,
+            growth: None,
+            pivot: None,
+            dead_bands: Vec::new(),
+            rest: None,
+            chaos: None,
+            parted: None,
+            findings: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! The cheapest change that works, found by trying changes from the cheapest on.
+
+use pe_hls::formats::{self, Ranges};
+use pe_hls::mapping::default_pes;
+use pe_hls::schedule::Bound;
+use pe_ir::graph::StepGraph;
+use pe_ir::model::{Model, Solver, step_count_problem};
+use pe_ir::word::{Latency, WordFormat};
+
+use super::prediction::Prediction;
+use super::rest::{self, Rest};
+use super::trials::{Outcome, Trials};
+use super::trusted::Trusted;
+use super::{MATRIX_STATES, Question, TRIED_STATES, observed};
+use crate::point::{DesignPoint, MOST_STORAGE};
+use crate::progress::silent;
+use crate::runs::{self, Judged};
+
+/// Part of the largest stable step that is proposed.
+pub const SAFE: f64 = 0.8;
+
+/// Method error up to which a step is a remedy, and word-length error up to which a word is.
+const METHOD_ERROR: f64 = 0.02;
+const WORD_ERROR: f64 = 0.02;
+
+/// Changes that are tried, at most.
+const MOST_TRIALS: usize = 10;
+
+/// Products of the runs over the span that a wider word may take to be tried.
+const PRODUCTS: u64 = 300_000_000;
+
+/// A change that was tried and works.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Remedy {
+    /// Options to add to the command.
+    pub options: String,
+    /// Bound of the cycles per step with it, before a mapping.
+    pub cycles: u32,
+    /// Cycles per second of the model, against those of the model as it is.
+    pub cost: f64,
+    /// Time over which it was tried, if that is not the whole span, in seconds.
+    pub tried: Option<f64>,
+}
+
+impl Remedy {
+    /// In words, as a help line.
+    pub fn text(&self) -> String {
+        let Remedy { options, cycles, cost, tried } = self;
+        let tried = tried.map_or("tried".to_owned(), |span| format!("tried over the first {span:.1e} s"));
+        format!("`{options}` works ({tried}): {cycles} cycles per step at least, {cost:.3} times the cycles per second")
+    }
+}
+
+/// Lower bound of the cycles per step.
+fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
+    let pes = pes.unwrap_or_else(|| default_pes(graph));
+    Bound::of(graph, pes, Latency::of(format)).binding().0
+}
+
+/// A step with two digits, as it can be typed; never larger than asked for.
+pub fn rounded(step: f64) -> f64 {
+    let unit = libm::pow(10.0, libm::floor(libm::log10(step)) - 1.0);
+    let text = format!("{:.1e}", libm::floor(step / unit * (1.0 + 1e-9)) * unit);
+    text.parse().unwrap_or(step)
+}
+
+/// The cheapest method and step that is stable and accurate; one that is only stable unless that is not enough.
+pub fn for_step(
+    model: &Model,
+    trials: &Trials,
+    prediction: &Prediction,
+    point: &DesignPoint,
+    format: &WordFormat,
+    accurate: bool,
+) -> Option<Remedy> {
+    if model.states.len() > TRIED_STATES {
+        return None;
+    }
+    let mut candidates: Vec<(f64, u32, Solver, f64)> = Vec::new();
+    let (_, own) = trials.variant(model.solver, model.step)?;
+    let own_cost = f64::from(cycles(&own, point.pes, format)) / model.step;
+    // The methods without a limit on the negative real axis are those with a matrix.
+    let has_matrix =
+        |solver: Solver| solver.amplification(-100.0, 0.0) <= 1.0 && solver.largest_step(-1.0, 0.0).is_none();
+    for solver in Solver::ALL {
+        if solver != model.solver && model.states.len() > MATRIX_STATES && has_matrix(solver) {
+            continue;
+        }
+        let Some((_, graph)) = trials.variant(solver, model.step) else { continue };
+        let cycles = cycles(&graph, point.pes, format);
+        let mut steps = vec![model.step, model.step / 2.0, model.step / 4.0, model.step / 8.0];
+        if let Some((limit, ..)) = prediction.limit_of(solver) {
+            let safe = SAFE * limit;
+            steps.retain(|step| *step <= safe);
+            steps.extend([safe, safe / 2.0, safe / 4.0].into_iter().filter(|step| *step < model.step));
+        }
+        let runs = |step: &f64| step_count_problem(*step, model.span).is_none();
+        let other = |step: &f64| (solver, *step) != (model.solver, model.step);
+        let suitable = |step: f64| model.suitable_step(rounded(step));
+        let steps = steps.into_iter().filter_map(suitable).filter(other).filter(runs);
+        candidates.extend(steps.map(|step| (f64::from(cycles) / step, cycles, solver, step)));
+    }
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut stable_only = None;
+    for (cost, cycles, solver, step) in candidates.into_iter().take(MOST_TRIALS) {
+        if trials.run(solver, step) != Outcome::Stable {
+            continue;
+        }
+        let mut options = Vec::new();
+        if solver != model.solver {
+            options.push(format!("--solver {}", solver.name()));
+        }
+        if step != model.step {
+            options.push(format!("--step {step:e}"));
+        }
+        let remedy =
+            Remedy { options: options.join(" "), cycles, cost: cost / own_cost, tried: trials.shortened(solver, step) };
+        match trials.method_error(solver, step) {
+            Some(error) if error <= METHOD_ERROR => return Some(remedy),
+            _ if accurate => {}
+            _ => stable_only = stable_only.or(Some(remedy)),
+        }
+    }
+    stable_only
+}
+
+/// A word that is wider than that of a question.
+struct Wider {
+    format: WordFormat,
+    options: String,
+}
+
+impl Wider {
+    /// Words with the ports of the question or one of others, and so many more bits of storage, the cheapest first.
+    fn all(question: &Question, ports: &[(u32, u32)], more: &[u32]) -> Vec<Wider> {
+        let Question { point, .. } = *question;
+        let model = question.model;
+        let own = point.ports(model);
+        let mut words: Vec<(u32, u32, (u32, u32), WordFormat)> = Vec::new();
+        for multiplier in [own].into_iter().chain(ports.iter().copied()) {
+            for storage in more.iter().map(|more| (point.storage + more).min(MOST_STORAGE)) {
+                let narrower = multiplier.0 < own.0 || multiplier.1 < own.1;
+                let same = (multiplier, storage) == (own, point.storage);
+                let candidate = DesignPoint { multiplier: Some(multiplier), storage, ..*point };
+                if let (false, false, Ok(format)) = (narrower, same, candidate.format(model)) {
+                    words.push((format.dsp_per_pe(), storage, multiplier, format));
+                }
+            }
+        }
+        words.sort_by_key(|(blocks, storage, multiplier, _)| (*blocks, *storage, *multiplier));
+        words.dedup_by_key(|(_, storage, multiplier, _)| (*storage, *multiplier));
+        let wider = words.into_iter().map(|(_, storage, multiplier, format)| {
+            let ports = (multiplier != own).then(|| format!("--multiplier {}x{}", multiplier.0, multiplier.1));
+            let storage = (storage != point.storage).then(|| format!("--storage {storage}"));
+            let options: Vec<String> = ports.into_iter().chain(storage).collect();
+            Wider { format, options: options.join(" ") }
+        });
+        wider.collect()
+    }
+
+    fn remedy(self, question: &Question) -> Remedy {
+        let Question { graph, point, .. } = question;
+        let own = f64::from(cycles(graph, point.pes, &question.format));
+        let cycles = cycles(graph, point.pes, &self.format);
+        Remedy { options: self.options, cycles, cost: f64::from(cycles) / own, tried: None }
+    }
+}
+
+/// The cheapest word that is long enough.
+pub fn for_word(question: &Question) -> Option<Remedy> {
+    let Question { graph, criteria, .. } = *question;
+    let model = question.model;
+    if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
+        return None;
+    }
+    let candidates = Wider::all(question, &[(25, 18), (25, 35), (32, 32), (35, 35)], &[0, 4, 8]);
+    let works = |wider: &Wider| {
+        let judged = runs::judge(model, graph, wider.format, criteria, silent());
+        judged.is_ok_and(|judged| judged.errors.word_length <= WORD_ERROR)
+    };
+    candidates.into_iter().take(MOST_TRIALS).find(works).map(|wider| wider.remedy(question))
+}
+
+/// The cheapest multiplier that leaves all poles inside of the unit circle.
+pub fn for_poles(question: &Question, trusted: &Trusted) -> Option<Remedy> {
+    let Question { graph, criteria, .. } = *question;
+    let model = question.model;
+    if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
+        return None;
+    }
+    let candidates = Wider::all(question, &[(18, 25), (25, 18), (25, 25), (25, 35), (32, 32), (35, 35)], &[0]);
+    let works = |wider: &Wider| {
+        let judged = runs::judge(model, graph, wider.format, criteria, silent()).ok()?;
+        let growth = observed::step_growth(model, graph, &judged.fixed, trusted)?;
+        Some(growth.moved_pole().is_none_or(|(_, rounded)| rounded < 1.0))
+    };
+    candidates.into_iter().find(|wider| works(wider) == Some(true)).map(|wider| wider.remedy(question))
+}
+
+/// The cheapest word with which sampled parts come to rest.
+pub fn for_rest(question: &Question, judged: &Judged) -> Option<Remedy> {
+    let Question { graph, .. } = *question;
+    let model = question.model;
+    let ranges = Ranges { largest: judged.largest.clone(), widened: vec![0; graph.values.len()] };
+    let candidates = Wider::all(question, &[(32, 32), (35, 35)], &[0, 4, 8, 12]);
+    let works = |wider: &Wider| {
+        let fixed = formats::choose(graph, &ranges, wider.format);
+        fixed.is_ok_and(|fixed| rest::settled(model, graph, &fixed, judged) == Ok(Rest::Zero))
+    };
+    candidates.into_iter().find(works).map(|wider| wider.remedy(question))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_rounded_down_to_what_can_be_typed() {
+        assert_eq!([1.279e-3, 0.1, 4e-4, 9.99e-7, 3.0].map(rounded), [1.2e-3, 0.1, 4e-4, 9.9e-7, 3.0]);
+    }
+}

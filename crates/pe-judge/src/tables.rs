@@ -1,0 +1,171 @@
+//! Tables in place of the functions of a step: the run that finds their arguments, and what the report says of them.
+
+use pe_hls::functions::Untabled;
+use pe_ir::codes;
+use pe_ir::functions::Table;
+use pe_ir::graph::{FixedPoint, Role, StepGraph};
+use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::place::Place;
+use pe_ir::source::Diagnostic;
+use pe_ir::word::WordFormat;
+use pe_sim::double::DoubleRun;
+use serde_json::{Value, json};
+
+use crate::progress::Progress;
+use crate::runs;
+
+/// Steps between two signs of life.
+const STRIDE: u64 = 256;
+
+/// Runs the exact functions over the span, and puts tables in their place for the arguments that they had.
+///
+/// # Errors
+/// `E0901` non-finite, `E0904` a function outside its domain, `E0916` one that is too steep for a table.
+pub fn tabulate(
+    model: &Model,
+    graph: &StepGraph,
+    format: WordFormat,
+    progress: &dyn Progress,
+) -> Result<StepGraph, Vec<Diagnostic>> {
+    progress.set_length(model.steps());
+    let mut run = DoubleRun::new(graph);
+    for step in 0..model.steps() {
+        let time = model.time(step, 0.0);
+        run.step(&model.sample_inputs(time)).map_err(|diverged| vec![runs::non_finite(graph, diverged, time)])?;
+        if step.is_multiple_of(STRIDE) {
+            progress.advance(STRIDE);
+        }
+    }
+    pe_hls::functions::tabulate(graph, run.arguments(), format)
+        .map_err(|untabled| untabled.into_iter().map(|untabled| with_time(model, graph, untabled)).collect())
+}
+
+/// The finding with the time at which the arguments reach the place where the function has no bounds or no table, or pass it.
+fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic {
+    let Untabled { function, at, mut finding } = untabled;
+    if let Some(state) = pivot_of(graph, function).filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
+        finding.code = codes::SMALL_PIVOT;
+        finding.message = format!("the pivot of `{state}` passes zero: the matrix of the step is singular there");
+        let help = "try half of the `--step`; where the model grows, its rate times the step must stay below 1";
+        finding.help = Some(help.to_owned());
+    }
+    let mut run = DoubleRun::new(graph);
+    for step in 0..model.steps() {
+        let time = model.time(step, 0.0);
+        let before: Vec<f64> = (0..model.states.len()).map(|state| run.state(state)).collect();
+        let inputs = model.sample_inputs(time);
+        let finite = run.step(&inputs).is_ok();
+        let (low, high) = run.arguments()[function];
+        if low <= at && at <= high {
+            let what = if finding.code == codes::SMALL_PIVOT { "it" } else { "x" };
+            finding.message += &format!("; {what} gets there at t = {time:.6e} s");
+            let after: Vec<f64> = (0..model.states.len()).map(|state| run.state(state)).collect();
+            let named = chain_of(graph, function).and_then(|name| vanishing(model, &name, (&before, &after), &inputs));
+            if let Some(factor) = named.filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
+                finding.message += &format!(", where `{factor}`, which it is multiplied by, is zero as well: 0/0");
+                finding.code = codes::INDETERMINATE;
+                let help = "take the limit of the quotient near there, as in `if abs(w) > 1e-3 then x/w else 1`; a function of one \
+                            variable, such as `sin(x)/x`, takes its limit by itself";
+                finding.help = Some(help.to_owned());
+            }
+            break;
+        }
+        if !finite {
+            break;
+        }
+    }
+    finding
+}
+
+/// The state whose pivot a function is the reciprocal of, if it is one.
+fn pivot_of(graph: &StepGraph, function: usize) -> Option<&str> {
+    let chain = graph.chains.iter().find(|chain| chain.function == Some(function as u32))?;
+    match graph.value(chain.write.value).role {
+        Role::Pivot(state, _) => Some(&graph.names.states[state as usize]),
+        _ => None,
+    }
+}
+
+/// The name of the equation that applies a function.
+fn chain_of(graph: &StepGraph, function: usize) -> Option<String> {
+    let chain = graph.chains.iter().find(|chain| chain.function == Some(function as u32))?;
+    Some(graph.equations[chain.equation as usize].name.clone())
+}
+
+/// The variable that is zero within a step, given by the states before and after it, and that an algebraic variable is
+/// multiplied by.
+fn vanishing(model: &Model, name: &str, (before, after): (&[f64], &[f64]), inputs: &[f64]) -> Option<String> {
+    let number = model.algebraics.iter().position(|algebraic| algebraic.name == name)?;
+    let singular = Expr::Variable(Variable::Algebraic(number as u32));
+    let all = model.states.iter().map(|state| &state.derivative).chain(model.algebraics.iter().map(|own| &own.expr));
+    let mut factors = Vec::new();
+    all.for_each(|expr| beside(expr, &singular, &mut factors));
+    let (one, other) = (Place::new(model, before, inputs), Place::new(model, after, inputs));
+    let zero = |variable: &Variable| {
+        let (one, other) = (one.number(*variable), other.number(*variable));
+        // What is zero all the time does not become it.
+        one.is_finite() && one != 0.0 && (one * other <= 0.0 || one.abs().min(other.abs()) <= 2.0 * (one - other).abs())
+    };
+    let found = factors.into_iter().find(zero)?;
+    Some(match found {
+        Variable::State(index) => model.states[index as usize].name.clone(),
+        Variable::Input(index) => model.inputs[index as usize].name.clone(),
+        Variable::Algebraic(index) => model.algebraics[index as usize].name.clone(),
+    })
+}
+
+/// Variables that are factors beside another one in some product.
+fn beside(expr: &Expr, other: &Expr, found: &mut Vec<Variable>) {
+    match expr {
+        Expr::Product(members) => {
+            if members.contains(other) {
+                found.extend(members.iter().filter(|member| *member != other).filter_map(|member| match member {
+                    Expr::Variable(variable) => Some(*variable),
+                    _ => None,
+                }));
+            }
+            members.iter().for_each(|member| beside(member, other, found));
+        }
+        Expr::Sum(members) => members.iter().for_each(|member| beside(member, other, found)),
+        Expr::Power(base, _) | Expr::Apply(_, base) => beside(base, other, found),
+        Expr::Select(select) => {
+            [&select.condition, &select.yes, &select.no].into_iter().for_each(|part| beside(part, other, found));
+        }
+        Expr::Constant(_) | Expr::Variable(_) => {}
+    }
+}
+
+/// The tables of a step in a few words.
+pub fn summary(graph: &StepGraph) -> String {
+    let words: usize = graph.functions.tables.iter().flat_map(|table| &table.columns).map(Vec::len).sum();
+    format!(
+        "{} tables, {words} words, {} lookups per step",
+        graph.functions.tables.len(),
+        graph.functions.lookups.len()
+    )
+}
+
+/// The key `functions` of the report: for each table its domain, its size, and its largest error, in units of the lowest
+/// bit that a data port sees of the result.
+pub fn report(graph: &StepGraph, fixed: &FixedPoint) -> Vec<Value> {
+    let tables = &graph.functions.tables;
+    let mut uses = vec![0u64; tables.len()];
+    let mut units = vec![f64::INFINITY; tables.len()];
+    for write in graph.chains.iter().map(|chain| &chain.write) {
+        let Some(Role::Column(lookup, column)) = write.base.map(|base| graph.value(base).role) else { continue };
+        let table = graph.functions.lookups[lookup as usize].table as usize;
+        if usize::from(column) + 1 == tables[table].columns.len() {
+            let exponent = fixed.exponents[write.value.index()] + fixed.format.data_drop() as i32;
+            uses[table] += 1;
+            units[table] = units[table].min(libm::exp2(f64::from(exponent)));
+        }
+    }
+    let row = |(index, table): (usize, &Table)| {
+        json!({"name": table.name, "low": table.domain.0, "high": table.domain.1,
+               "layout": if table.octaves { "octaves" } else { "uniform" },
+               "segments": graph.functions.segments.count(), "degree": table.degree(),
+               "words": table.columns.iter().map(Vec::len).sum::<usize>(), "lookups": uses[index],
+               "bound": table.error, "bound_lsb": table.error / units[index]})
+    };
+    tables.iter().enumerate().map(row).collect()
+}

@@ -1,0 +1,354 @@
+//! Judges a compiled folder: every engine against the simulator, bit for bit, from the files as they lie there.
+//!
+//! In: a folder that `compile` wrote, or a copy that something was done to. Out: a [`Verdict`], or the first thing that
+//! is wrong. Nothing is emitted anew: other starts than the design's own replace initial words of states in a copy of
+//! the folder's package ([`package`]), and give them to the folder's reference, and nothing else.
+
+use std::path::Path;
+
+use pe_ir::program::Program;
+use pe_sim::coverage::Coverage;
+use serde_json::{Value, json};
+
+use crate::Scratch;
+use crate::coverage::{self, Table};
+use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
+use crate::folder::{Change, DesignFolder};
+use crate::handshake::{self, Handshake, Met};
+use crate::package::{self, InitialWord};
+use crate::stimuli::{self, Observed, Purpose};
+use pe_flow::failure::Failure;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Engines to compare with the simulator, in this order.
+    pub engines: Vec<Engine>,
+    /// Steps from each start, at most; none: as many as the reference trace has.
+    pub steps: Option<u64>,
+}
+
+/// What was found out about a folder whose engines agree.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// Files that are not what the report says.
+    pub changes: Vec<Change>,
+    /// The runs that were compared, as JSON.
+    pub runs: Vec<Value>,
+    /// What was at work in them, for the table.
+    pub coverage: Table,
+    /// The same for programs.
+    pub seen: Coverage,
+}
+
+impl Verdict {
+    /// The verdict for tools.
+    pub fn json(&self) -> Value {
+        let changes: Vec<String> = self.changes.iter().map(ToString::to_string).collect();
+        json!({"generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")), "changed": changes, "runs": self.runs,
+               "coverage": self.coverage.json()})
+    }
+}
+
+/// Where a compared run starts.
+struct Start {
+    name: String,
+    steps: u64,
+    /// With the images of this start.
+    program: Program,
+    /// What differs from the folder's images.
+    words: Vec<InitialWord>,
+    stimulus: Vec<Vec<i64>>,
+    /// The stimulus as a file, unless it is the design's own.
+    lines: Option<String>,
+    /// Whether clock enable and steps are held back now and then.
+    held: bool,
+}
+
+/// A start and what every engine must show from it.
+struct Expected {
+    start: Start,
+    observed: Observed,
+    handshake: Handshake,
+    /// Memory writes, counted from the control words.
+    writes: u64,
+}
+
+/// Makes starts, each with what those before had at work in mind.
+struct Starts {
+    seen: Coverage,
+    met: Met,
+    /// Number of starts so far.
+    started: u64,
+}
+
+/// Takes a start as soon as it is made.
+type Take<'a> = &'a mut dyn FnMut(Expected) -> Result<(), Failure>;
+
+/// Control words of all PEs that the run in motion takes, if that makes it longer than [`SHORT`] steps.
+const LONG: u64 = 8_000;
+
+/// Steps of the run in motion: at least, and at most.
+const SHORT: u64 = 12;
+const LONGEST: u64 = 256;
+
+/// Control words of all PEs that the run in motion may take to see every tick twice.
+const TICKING: u64 = 5 * LONG;
+
+/// Steps of a run that saturates: what saturates soon stays there.
+const SATURATING: u64 = 5;
+
+/// Runs that saturate, at most: a PE often saturates on one side only, and the first flag hides the others. Large designs
+/// get fewer.
+const SATURATIONS: u64 = 4;
+
+/// Judges a folder; every line of the result goes to `say` as it is found.
+///
+/// # Errors
+/// [`Failure::Mismatch`] if something is wrong with the design; others if it cannot be judged.
+pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Result<Verdict, Failure> {
+    let scratch = Scratch::new()?;
+    let folder = DesignFolder::open(path)?;
+    let changes = folder.changes();
+    for change in &changes {
+        say(&format!("{:>14}   {change}\n", "changed"));
+    }
+    let (beginning, line) = beginning(&folder, options)?;
+    say(&line);
+    let mut bench = Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?;
+    let mut runs = Vec::new();
+    let Starts { seen, met, .. } = Starts::make(&folder, options, beginning, &mut |expected| {
+        for engine in &options.engines {
+            let run = expected.compare(&mut bench, *engine)?;
+            say(&expected.line(*engine, &run));
+            runs.push(expected.json(*engine, &run));
+        }
+        say(&format!("{:>14}   {:.1} % of the words are not zero and changing\n", "", 100.0 * expected.live()));
+        Ok(())
+    })?;
+    let coverage = Table::new(&folder.program, &seen, met);
+    say(&coverage.text());
+    match &coverage::resting(&folder.program, &seen)[..] {
+        [] => Ok(Verdict { changes, runs, coverage, seen }),
+        resting => Err(Failure::Mismatch(format!("nothing was shown of a part that rests: {}", resting.join("; ")))),
+    }
+}
+
+/// All starts of a folder, the cheapest first: what damaged copies of its VHDL are judged by again and again.
+pub struct Plan {
+    design: String,
+    runs: Vec<Expected>,
+}
+
+impl Plan {
+    /// Makes the starts of a folder.
+    ///
+    /// # Errors
+    /// As [`judge`].
+    pub fn of(path: &Path, options: &Options) -> Result<Plan, Failure> {
+        let folder = DesignFolder::open(path)?;
+        let (beginning, _) = beginning(&folder, options)?;
+        let mut runs = Vec::new();
+        Starts::make(&folder, options, beginning, &mut |expected| {
+            runs.push(expected);
+            Ok(())
+        })?;
+        runs.sort_by_key(|run| run.handshake.control.len());
+        Ok(Plan { design: folder.design, runs })
+    }
+
+    /// Judges the VHDL of a copy of the folder in GHDL, as [`judge`] does, up to the first run that fails: number of the
+    /// runs before it, where it starts, and what is wrong.
+    ///
+    /// # Errors
+    /// If the copy cannot be judged.
+    pub fn judge(&self, copy: &Path, scratch: &Path) -> Result<Result<(), (usize, String, String)>, Failure> {
+        let mut bench = Bench::new(copy, &self.design, scratch)?;
+        for (passed, run) in self.runs.iter().enumerate() {
+            match run.compare(&mut bench, Engine::Ghdl) {
+                Ok(_) => {}
+                Err(Failure::Mismatch(message)) => return Ok(Err((passed, run.start.name.clone(), message))),
+                Err(failure) => return Err(failure),
+            }
+        }
+        Ok(Ok(()))
+    }
+}
+
+/// The start with the design's own words, and the line that tells of its reference trace.
+fn beginning(folder: &DesignFolder, options: &Options) -> Result<(Start, String), Failure> {
+    let mut start = Start {
+        name: "the beginning".into(),
+        steps: 0,
+        program: folder.program.clone(),
+        words: Vec::new(),
+        stimulus: folder.stimulus("stimulus")?,
+        lines: None,
+        held: false,
+    };
+    let (steps, line) = recorded(folder, &start)?;
+    start.steps = options.steps.unwrap_or(steps);
+    Ok((start, line))
+}
+
+/// Compares the design's reference trace with the simulator; returns the number of its steps, and a line that tells it.
+fn recorded(folder: &DesignFolder, start: &Start) -> Result<(u64, String), Failure> {
+    let recorded = engines::recorded(&folder.read("trace.txt")?, &folder.read("outputs.txt")?)
+        .ok_or_else(|| folder.damaged("trace.txt", "it is damaged"))?;
+    let steps = recorded.trace.len() as u64 / start.program.writes_per_step().max(1);
+    engines::compare_recorded(&start.program, &recorded, steps, &start.stimulus).map_err(Failure::Mismatch)?;
+    let writes = recorded.trace.len();
+    Ok((steps, format!("reference trace = simulator: {writes} memory writes equal, {steps} steps\n")))
+}
+
+impl Starts {
+    /// Makes them all, the design's own first.
+    fn make(folder: &DesignFolder, options: &Options, beginning: Start, take: Take) -> Result<Starts, Failure> {
+        let program = &folder.program;
+        let middle = middle(folder, beginning.steps)?;
+        let mut starts = Starts { seen: Coverage::none(program), met: Met::default(), started: 0 };
+        starts.expect(beginning, take)?;
+        starts.expect(middle, take)?;
+        let work = (program.pes.len() as u64 * u64::from(program.period)).max(1);
+        let most = options.steps.unwrap_or(u64::MAX);
+        // A tick that is due once in a run might never be due again.
+        let tick = program.ticks().map(|(_, tick, _)| u64::from(tick.steps) + 2).max().unwrap_or(0);
+        let steps = (LONG / work).clamp(SHORT, LONGEST);
+        let steps = if tick * work <= TICKING { steps.max(tick) } else { steps };
+        starts.made(program, Purpose::Motion, steps.min(most), take)?;
+        for _ in 0..(LONG / work).clamp(1, SATURATIONS) {
+            starts.made(program, Purpose::Saturation, SATURATING.min(most), take)?;
+        }
+        Ok(starts)
+    }
+
+    /// A run that is made for the hardware, unless none would show more.
+    fn made(&mut self, program: &Program, purpose: Purpose, steps: u64, take: Take) -> Result<(), Failure> {
+        let Some(candidate) = stimuli::choose(program, purpose, steps, &self.seen) else { return Ok(()) };
+        let name = match purpose {
+            Purpose::Motion => "random words",
+            Purpose::Saturation => "words at the limits",
+        };
+        let start = Start {
+            name: name.into(),
+            steps,
+            words: package::differences(program, &candidate.program),
+            lines: Some(lines(program, &candidate.stimulus)),
+            program: candidate.program,
+            stimulus: candidate.stimulus,
+            held: true,
+        };
+        self.expect(start, take)
+    }
+
+    /// What a start must show.
+    fn expect(&mut self, start: Start, take: Take) -> Result<(), Failure> {
+        let Start { name, steps, program, stimulus, .. } = &start;
+        let writes = program.writes_per_step() * steps;
+        let observed = stimuli::observe(program, stimulus, *steps);
+        if observed.escaped {
+            let what = format!("from {name}: a word of a PE without saturation is out of range");
+            return Err(Failure::Mismatch(what));
+        }
+        agree(&start, &observed, writes)?;
+        let held = start.held.then_some(self.started);
+        let handshake = handshake::drive(program, *steps, observed.overflow_cycle, held);
+        self.started += 1;
+        self.seen.add(&observed.coverage);
+        self.met.add(&handshake.met);
+        take(Expected { start, observed, handshake, writes })
+    }
+}
+
+impl Expected {
+    /// Runs an engine and compares what it shows.
+    fn compare(&self, bench: &mut Bench, engine: Engine) -> Result<engines::Run, Failure> {
+        let Expected { start, observed, handshake, writes } = self;
+        let job = Job {
+            steps: start.steps,
+            words: &start.words,
+            stimulus: start.lines.as_deref(),
+            control: Some(&handshake.control),
+        };
+        let run = bench.run_until_difference(engine, &job, Some(&observed.run.trace))?;
+        let has_handshake = engine != Engine::Reference;
+        let clocks = if has_handshake { handshake.clocks } else { observed.run.clocks };
+        let expected = engines::Run { clocks, ..observed.run.clone() };
+        compare(&start.program, engine.name(), &run, &expected, *writes).map_err(Failure::Mismatch)?;
+        if has_handshake && let Some(what) = handshake::difference(&run.events, &handshake.events) {
+            return Err(Failure::Mismatch(format!("{}: {what}", engine.name())));
+        }
+        Ok(run)
+    }
+
+    fn live(&self) -> f64 {
+        liveliness(&self.observed.run)
+    }
+
+    fn line(&self, engine: Engine, run: &engines::Run) -> String {
+        format!(
+            "{:>14} = simulator from {}: {} memory writes and {} outputs equal, {}\n",
+            engine.name(),
+            self.start.name,
+            run.trace.len(),
+            run.outputs.len(),
+            duration(&self.start, &self.handshake, engine != Engine::Reference),
+        )
+    }
+
+    fn json(&self, engine: Engine, run: &engines::Run) -> Value {
+        json!({"start": self.start.name, "engine": engine.name(), "steps": self.start.steps, "writes": run.trace.len(),
+               "outputs": run.outputs.len(), "live": self.live()})
+    }
+}
+
+/// Steps and clocks of a run.
+fn duration(start: &Start, handshake: &Handshake, has_handshake: bool) -> String {
+    match (start.steps, start.held && has_handshake) {
+        (steps, true) => {
+            let clocks = handshake.events.last().map_or(0, |event| event.clock);
+            format!("{steps} steps in {clocks} clocks")
+        }
+        // A single step has no other one to count clocks to.
+        (1, false) => "1 steps".to_owned(),
+        (steps, false) => format!("{steps} steps, {} clocks per step", start.program.period),
+    }
+}
+
+/// Compares the two simulators: what a step computes, and clock by clock.
+fn agree(start: &Start, observed: &Observed, writes: u64) -> Result<(), Failure> {
+    // What wrapped is known to one of them only.
+    if observed.wrapped {
+        return Ok(());
+    }
+    let simulated = simulate(&start.program, &start.stimulus, start.steps);
+    compare(&start.program, "simulator clock by clock", &observed.run, &simulated, writes).map_err(Failure::Mismatch)
+}
+
+/// The middle of the span: states and inputs as they are there.
+fn middle(folder: &DesignFolder, steps: u64) -> Result<Start, Failure> {
+    let (step, words) = folder.checkpoint()?;
+    let mut program = folder.program.clone();
+    for (state, word) in program.states.iter().zip(&words) {
+        state.set(&mut program.pes, &program.format, *word);
+    }
+    let stimulus = folder.stimulus("checkpoint_stimulus")?;
+    Ok(Start {
+        name: format!("step {step}"),
+        steps,
+        words: package::differences(&folder.program, &program),
+        lines: Some(lines(&program, &stimulus)),
+        program,
+        stimulus,
+        held: true,
+    })
+}
+
+/// Input words as a stimulus file has them: padded, for VHDL reads no others.
+fn lines(program: &Program, stimulus: &[Vec<i64>]) -> String {
+    let bits = program.format.storage_bits;
+    let digits = bits.div_ceil(4) as usize;
+    let word = |word: &i64| format!("{:0digits$x}", *word as u64 & (u64::MAX >> (64 - bits)));
+    let line = |words: &Vec<i64>| words.iter().map(word).collect::<Vec<_>>().join(" ") + "\n";
+    stimulus.iter().map(line).collect()
+}

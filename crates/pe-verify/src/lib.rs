@@ -1,0 +1,17 @@
+//! Judges a folder that `compile` wrote by running the files as they lie there, and says what that judgement is worth.
+//!
+//! [`judge`] compares every engine with the simulator, bit for bit; [`inject`] damages copies of the folder and counts what is
+//! caught; [`native`] measures the generated native program. [`engines`] builds and runs GHDL, Verilator and the Rust reference.
+
+pub mod coverage;
+pub mod engines;
+pub mod folder;
+pub mod handshake;
+pub mod inject;
+pub mod judge;
+pub mod native;
+pub mod package;
+mod scratch;
+pub mod stimuli;
+
+pub use scratch::Scratch;
