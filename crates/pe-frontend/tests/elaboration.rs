@@ -344,3 +344,16 @@ fn a_hundred_thousand_equations_take_about_a_second() {
     // Generous: the machine may be busy.
     assert!(taken < Duration::from_secs(5), "{taken:?}");
 }
+
+#[test]
+fn a_duty_is_written_out_and_not_named() {
+    let named = |duty: &str| errors(&spec(&format!("state y = 0\n{duty}\ny' = pwm(0, 1, 10 Hz, d) - y\noutput y")));
+    for duty in ["d = 0.5 + 0.3*sine(1, 1 Hz)", "input d = 0.5 + 0.3*sine(1, 1 Hz)", "state d = 0.5\nd' = -d"] {
+        let errors = named(duty);
+        let helps = errors[0].help.as_deref().is_some_and(|help| help.starts_with("write the signal itself in place"));
+        assert!(errors.len() == 1 && errors[0].code == "E0208" && helps, "{duty}: {errors:?}");
+    }
+    assert!(named("param d = 0.5").is_empty());
+    let written = spec("state y = 0\ny' = pwm(0, 1, 10 Hz, 0.5 + 0.3*sine(1, 1 Hz)) - y\noutput y");
+    assert_eq!(codes(&written), [""; 0]);
+}

@@ -406,6 +406,10 @@ impl<'a> Resolver<'_, 'a> {
         let message = format!("`{}` is {} and cannot be read here", name.text, quantity.kind.describe());
         let help = match self.reads {
             Reads::Consts => "constants and index ranges can only read constants defined with `const`",
+            Reads::Signals => {
+                "write the signal itself in place of the name, such as `0.5 + 0.4*sine(1, 50 Hz)`: only signals, `time`, \
+                 constants and parameters can be read here"
+            }
             _ => "a value fixed before time zero can only read constants and parameters",
         };
         let error = Diagnostic::error(codes::WRONG_KIND, name.span, message);
