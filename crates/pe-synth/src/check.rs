@@ -75,7 +75,7 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
         None => row("found by trial", not_found(model).to_owned()),
     }
     if let Some(Accuracy { step, error, tried }) = check.accuracy {
-        let how = if tried { "" } else { ", by the order of the method" };
+        let how = if tried { "" } else { ", by its order" };
         row("accuracy step", format!("{step:.3e} s has a method error of {error:.1e}{how}"));
     }
     let ratio = check.stiffness_ratio;

@@ -30,6 +30,10 @@ const INTEGRATOR: f64 = 1e-9;
 /// Part of the growth of a sensitive model that rounding errors show in any case, which are no single difference.
 const MULTIPLIED: f64 = 0.1;
 
+/// Growth of the distance between the two runs in the second half of the time from which on a model may be sensitive: one
+/// that multiplies differences by [`SENSITIVE`] at an even rate multiplies them by the root of that there.
+const LASTING: f64 = 20.0;
+
 /// Vectors of Arnoldi's method for larger ones.
 const VECTORS: usize = 40;
 
@@ -211,7 +215,9 @@ pub struct Chaos {
 }
 
 /// Whether a model may multiply differences as chaotic ones do. The run in fixed point is one that is disturbed: rounding
-/// moves each state by about an LSB in every step. If it stays near the one in double precision, nothing is multiplied.
+/// moves each state by about an LSB in every step. If it stays near the one in double precision, nothing is multiplied. What
+/// multiplies differences all the time does so in the second half of the time, too, up to where the two have parted; where
+/// roundings merely add up, they add up to a few times as much there.
 pub fn may_be_sensitive(graph: &StepGraph, judged: &Judged, trusted: &Trusted) -> bool {
     let (scales, fixed) = (scales(trusted), &judged.fixed);
     // The lowest bit that a data port sees: below it words are rounded whenever they are read.
@@ -219,7 +225,22 @@ pub fn may_be_sensitive(graph: &StepGraph, judged: &Judged, trusted: &Trusted) -
         libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()] + fixed.format.data_drop() as i32) / scale
     };
     let coarsest = scales.iter().enumerate().map(lsb).fold(0.0, f64::max);
-    judged.errors.word_length >= MULTIPLIED * SENSITIVE * coarsest
+    if judged.errors.word_length < MULTIPLIED * SENSITIVE * coarsest {
+        return false;
+    }
+    let (states, mut largest) = (scales.len().max(1), coarsest);
+    let samples = judged.hardware.samples.chunks_exact(states).zip(judged.double.samples.chunks_exact(states));
+    let mut course: Vec<f64> = Vec::new();
+    for (hardware, double) in samples {
+        if largest > APART {
+            break;
+        }
+        let numbers = hardware.iter().zip(double).zip(&scales);
+        largest = numbers.map(|((hardware, double), scale)| (hardware - double).abs() / scale).fold(largest, f64::max);
+        course.push(largest);
+    }
+    let middle = course.get(course.len() / 2).copied().unwrap_or(coarsest);
+    largest >= LASTING * middle
 }
 
 /// How a model multiplies differences; none if it is affine, or that would take too long to find out.

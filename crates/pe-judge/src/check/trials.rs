@@ -26,14 +26,20 @@ const CLOSE: f64 = 1.02;
 /// Trials in search of a limit to either side.
 const STRIDES: usize = 14;
 
-/// Trials in search of the step for an accuracy, and the products that they may take: so many, and this part of those of
-/// the span with the model's own step. What takes more is left to the order of the method.
+/// Trials in search of the step for an accuracy, and the products that they may take: so many, this part of those of the
+/// span with the model's own step, and so many for each product of a step, a part of what its mapping and its files cost a
+/// compilation. What takes more is left to the order of the method.
 const ACCURACY_TRIALS: usize = 6;
-const ACCURACY_PRODUCTS: f64 = 1e7;
-const ACCURACY_PART: f64 = 0.02;
+const ACCURACY_PRODUCTS: f64 = 1.5e6;
+const ACCURACY_PART: f64 = 0.005;
+const ACCURACY_MAPPING: f64 = 2e4;
 
-/// Steps that a method error takes for each step: the step itself, and halves of it.
+/// Part of the accuracy asked for that trials aim at: what aims at all of it ends just above it as often as not.
+const ACCURACY_AIM: f64 = 0.9;
+
+/// Steps that a method error takes for each step: the step itself, and halves of it; quarters where there are bends.
 const METHOD_STEPS: f64 = 3.0;
+const BENT_STEPS: f64 = 7.0;
 
 /// How a trial ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -233,7 +239,7 @@ impl<'a> Trials<'a> {
     pub fn accuracy_step(&self, graph: &StepGraph, known: f64, goal: f64, limit: Option<f64>) -> Option<Accuracy> {
         let order = f64::from(self.model.solver.order());
         let next = |step: f64, error: f64| {
-            let ratio = libm::pow(goal / error.max(1e-300), 1.0 / order);
+            let ratio = libm::pow(ACCURACY_AIM * goal / error.max(1e-300), 1.0 / order);
             let step = (step * ratio.clamp(1e-3, 1e3)).min(limit.unwrap_or(f64::INFINITY)).min(self.end / 4.0);
             self.model.suitable_step(step).unwrap_or(step)
         };
@@ -241,8 +247,9 @@ impl<'a> Trials<'a> {
             return None;
         }
         let all = self.model.steps() as f64 * (graph.macs() + PRODUCTS_PER_STEP) as f64;
-        let cost = |step: f64| METHOD_STEPS * all * self.model.step / step;
-        let mut left = ACCURACY_PRODUCTS + ACCURACY_PART * all;
+        let each = if self.model.has_bends() { BENT_STEPS } else { METHOD_STEPS };
+        let cost = |step: f64| each * all * self.model.step / step;
+        let mut left = ACCURACY_PRODUCTS + ACCURACY_PART * all + ACCURACY_MAPPING * graph.macs() as f64;
         let own = Accuracy { step: self.model.step, error: known, tried: true };
         let mut best = (known <= goal).then_some(own);
         let mut latest = own;
