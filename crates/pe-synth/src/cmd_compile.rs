@@ -110,7 +110,7 @@ impl Compile {
     pub fn run(&self, command: &str) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
         let mut watch = progress::stopwatch(quiet, self.message_format());
-        let mut loaded = watch.stage(
+        let loaded = watch.stage(
             "read",
             || self.model.load(&self.point.point()),
             |loaded| match loaded {
@@ -127,27 +127,30 @@ impl Compile {
         let conserved = self.conserved.of(&loaded.model)?;
         let measured = self.area_from.as_deref().map_or_else(|| Ok(Measured::default()), measured)?;
         let mut settings = self.model.settings(&self.mapping);
-        let choice = match self.max_error {
+        let mut choice = match self.max_error {
             Some(max_error) => {
                 settings.mapping.of_many()?;
                 Some(self.choose(&loaded, &settings, &conserved, clock, max_error, &mut watch)?)
             }
             None => None,
         };
-        let point = choice.as_ref().map_or(self.point.point(), |choice| choice.point);
-        point.apply(&mut loaded.model).map_err(Failure::Usage)?;
-        let model = &loaded.model;
         // Formats of a design that was chosen for its error stay as they are.
         if choice.is_some() {
             settings.criteria.widen = 0;
         }
-        let design = pipeline::design(&loaded, &settings, &point, &mut watch)
-            .map_err(|failure| explained(failure, &loaded, &settings, &point))?;
-        let check = checked(&loaded, &settings, &design, &point, &mut watch)?;
-        let total = (self.reference || choice.is_some()).then(|| total_error(&loaded, &design, &conserved, &mut watch));
-        if let (Some(max_error), Some(total)) = (self.max_error, &total) {
-            confirm(max_error, total)?;
+        let points = choice.as_ref().map_or_else(|| vec![self.point.point()], Choice::points);
+        let (place, built) = first_that_works(&points, |point| {
+            let built = self.build(&loaded, &settings, point, &conserved, &mut watch);
+            if let (Err(Failure::Fruitless(text)), false) = (&built, quiet) {
+                console::err(&format!("{:>10}  {text}\n", "refused"));
+            }
+            built
+        })?;
+        if let Some(choice) = &mut choice {
+            choice.pass_over(place);
         }
+        let Built { loaded, design, check, total } = built;
+        let model = &loaded.model;
         let area = area::size(&design.program, &measured, clock.family());
         let pes = design.program.pes.len() as u32;
         let fit = self.device.map(|device| Fit::of(device, &area));
@@ -229,6 +232,39 @@ impl Compile {
     }
 }
 
+/// A design with what was found out about it.
+struct Built {
+    /// The model with the design's solver and step.
+    loaded: LoadedModel,
+    design: Design,
+    check: Option<Check>,
+    total: Option<Result<TotalError, ReferenceError>>,
+}
+
+impl Compile {
+    /// Designs a point, judges its step, and confirms it if there is a goal.
+    fn build(
+        &self,
+        loaded: &LoadedModel,
+        settings: &Settings,
+        point: &DesignPoint,
+        conserved: &[Conserved],
+        watch: &mut Stopwatch,
+    ) -> Result<Built, Failure> {
+        let mut loaded = loaded.clone();
+        point.apply(&mut loaded.model).map_err(Failure::Usage)?;
+        let design = pipeline::design(&loaded, settings, point, watch)
+            .map_err(|failure| explained(failure, &loaded, settings, point))?;
+        let check = checked(&loaded, settings, &design, point, watch)?;
+        let total =
+            (self.reference || self.max_error.is_some()).then(|| total_error(&loaded, &design, conserved, watch));
+        if let (Some(max_error), Some(total)) = (self.max_error, &total) {
+            confirm(max_error, total)?;
+        }
+        Ok(Built { loaded, design, check, total })
+    }
+}
+
 /// Judges the step of a design, unless it is large.
 fn checked(
     loaded: &LoadedModel,
@@ -277,6 +313,22 @@ fn step_question<'a>(
     let (model, criteria) = (&loaded.model, &settings.criteria);
     let format = point.format(model).map_err(Failure::Usage)?;
     Ok(judge::Question { model, graph, point, criteria, format, goal: None })
+}
+
+/// The first of some candidates that works out, with its place; if the model refuses all of them, why it refused the first.
+fn first_that_works<P, T>(
+    candidates: &[P],
+    mut build: impl FnMut(&P) -> Result<T, Failure>,
+) -> Result<(usize, T), Failure> {
+    let mut refusal = None;
+    for (place, candidate) in candidates.iter().enumerate() {
+        match build(candidate) {
+            Ok(built) => return Ok((place, built)),
+            Err(failure @ (Failure::Fruitless(_) | Failure::Spec(..))) => refusal = refusal.or(Some(failure)),
+            Err(failure) => return Err(failure),
+        }
+    }
+    Err(refusal.unwrap_or_else(|| Failure::Internal("no candidate".to_owned())))
 }
 
 /// The design that is about to be written is held against the goal itself.
@@ -393,4 +445,21 @@ fn reference_trace(design: &Design, stimulus: &[Vec<i64>]) -> (String, String) {
         }
     }
     (trace, outputs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_next_best_candidate_takes_the_place_of_one_that_is_not_confirmed() {
+        let refused = |text: &str| Failure::Fruitless(text.to_owned());
+        let build =
+            |candidate: &u32| if *candidate < 2 { Err(refused(&candidate.to_string())) } else { Ok(*candidate) };
+        assert!(matches!(first_that_works(&[0, 1, 2, 3], build), Ok((2, 2))));
+        assert!(matches!(first_that_works(&[1, 0], build), Err(Failure::Fruitless(text)) if text == "1"));
+        // What is no refusal of the model ends it.
+        let broken = |candidate: &u32| if *candidate == 0 { Err(Failure::File("full".to_owned())) } else { Ok(()) };
+        assert!(matches!(first_that_works(&[0, 1], broken), Err(Failure::File(_))));
+    }
 }

@@ -50,10 +50,10 @@ pub struct Question<'a> {
 
 /// The chosen point and those after it.
 pub struct Choice {
-    /// The point.
-    pub point: DesignPoint,
     /// Rows of the chosen point and the next ones.
     rows: Vec<Row>,
+    /// Points that came before it and were not confirmed.
+    unconfirmed: usize,
     /// Points that were tried, and those that were right enough.
     tried: usize,
     met: usize,
@@ -94,10 +94,11 @@ impl Question<'_> {
             points = search.next(&rows);
         }
         let ranked = cheapest(&rows, self.max_error);
-        let Some(first) = ranked.first() else { return Err(self.refusal(&rows)) };
-        let point = rows[*first].point;
+        if ranked.is_empty() {
+            return Err(self.refusal(&rows));
+        }
         let shown = ranked.iter().take(1 + RUNNERS_UP).map(|index| rows[*index].clone()).collect();
-        Ok(Choice { point, rows: shown, tried: rows.len(), met: ranked.len(), max_error: self.max_error })
+        Ok(Choice { rows: shown, unconfirmed: 0, tried: rows.len(), met: ranked.len(), max_error: self.max_error })
     }
 
     fn compiled(&self, points: &[DesignPoint], estimate: &Estimate, pool: &rayon::ThreadPool) -> Vec<Row> {
@@ -184,6 +185,17 @@ fn described(model: &Model, row: &Row) -> String {
 }
 
 impl Choice {
+    /// The chosen point and those that may take its place, the best first.
+    pub fn points(&self) -> Vec<DesignPoint> {
+        self.rows.iter().map(|row| row.point).collect()
+    }
+
+    /// Leaves out so many of the first points, which were not confirmed.
+    pub fn pass_over(&mut self, points: usize) {
+        self.rows.drain(..points);
+        self.unconfirmed += points;
+    }
+
     /// The key `choice` of the report.
     pub fn report(&self, model: &Model) -> Value {
         let runners_up = self.rows.iter().skip(1).map(|row| {
@@ -202,7 +214,7 @@ impl Choice {
         });
         json!({
             "max_error": self.max_error, "tried": self.tried, "met": self.met,
-            "runners_up": runners_up.collect::<Vec<_>>(),
+            "unconfirmed": self.unconfirmed, "runners_up": runners_up.collect::<Vec<_>>(),
         })
     }
 

@@ -9,7 +9,7 @@ use pe_sim::reference::TOLERANCE;
 
 use super::early::{self, Method};
 use super::lists::{Lists, Plan, WORD, Word};
-use crate::explore::axes::with_forms;
+use crate::explore::axes::{once, with_forms};
 use crate::explore::row::{Figures, Outcome, Row};
 use crate::pipeline::MappingOptions;
 use pe_hls::mapping::default_pes;
@@ -134,10 +134,25 @@ impl<'a> Search<'a> {
         Search { model, mapping, lists, solvers, free_steps, words, word, limit, next: Stage::Steps(0) }
     }
 
-    /// The points that a search begins with: solvers and steps at one word.
+    /// The points that a search begins with: solvers and steps at one word. Where a run with the spec's steps takes more
+    /// products than the first round allows, steps are as much longer: which shorter ones are worth it shows then.
     pub fn begin(&self, plan: &Plan) -> Vec<DesignPoint> {
         let at_word = |point: &&DesignPoint| Word::of(point) == self.word;
-        plan.points.iter().filter(at_word).copied().collect()
+        let points = plan.points.iter().filter(at_word);
+        let mut points: Vec<DesignPoint> = points.map(|point| self.affordable(*point).unwrap_or(*point)).collect();
+        once(&mut points);
+        points
+    }
+
+    /// A point with a step that is longer by a power of two, as long as the first round asks for; none if it need not be, or
+    /// cannot be.
+    fn affordable(&self, point: DesignPoint) -> Option<DesignPoint> {
+        let (solver, step) = point.solver.zip(point.step).filter(|_| self.free_steps)?;
+        let doublings = libm::ceil(libm::log2(self.products(self.single(solver, step)) / FIRST_PRODUCTS));
+        let longer = (doublings > 0.0).then(|| libm::scalbn(step, doublings as i32))?;
+        let longer = self.lists.suitable(self.model, longer)?;
+        let suits = longer > step && longer <= self.model.span / FEWEST_STEPS;
+        suits.then_some(DesignPoint { step: Some(longer), ..point })
     }
 
     /// Points to try next; none when the search is over.
