@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! spec       files -> Model
+//! stages     the text of a stage -> all that was decided up to it
 //! pipeline   Model -> Design: step graph, runs, mapping, schedule, program, checkers
 //! report     Design -> what is said of it
 //! explore    points of the design space, compiled in parallel; nothing is computed twice
@@ -24,5 +25,6 @@ pub mod report;
 pub mod scene;
 pub mod spec;
 pub mod stability;
+pub mod stages;
 pub mod variables;
 pub mod watch;

@@ -1,6 +1,7 @@
 //! The mapping that the user gives: a file with the PE of each equation, as `dump --stage mapping` prints it.
 //!
-//! One equation in each line, its name and the number of its PE; empty lines and lines that begin with `#` say nothing.
+//! One equation in each line, its name and the number of its PE; empty lines and lines that begin with `#` say nothing. Of the
+//! text of a stage the section of the mapping counts.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,6 +11,8 @@ use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::mapping::Mapping;
 use pe_ir::source::{Diagnostic, Sources, Span};
+use pe_ir::text::mapping::Placed;
+use pe_ir::text::{self, Section, Stage, TextError};
 
 use crate::failure::Failure;
 use crate::spec;
@@ -18,6 +21,7 @@ use crate::spec;
 const NAMED: usize = 5;
 
 /// What a mapping file says.
+#[derive(Clone, Debug)]
 pub struct MappingFile {
     sources: Sources,
     lines: Vec<Line>,
@@ -25,6 +29,7 @@ pub struct MappingFile {
 }
 
 /// An equation and its PE.
+#[derive(Clone, Debug)]
 struct Line {
     equation: String,
     /// Of the equation's name.
@@ -39,6 +44,9 @@ impl MappingFile {
     /// It cannot be read, a line is none of a mapping, or a PE between the first and the last has no equation.
     pub fn read(path: &Path) -> Result<MappingFile, Failure> {
         let sources = spec::main_file(path)?;
+        if text::is_stage_text(sources.text()) {
+            return MappingFile::of_stages(&sources);
+        }
         let mut findings = Vec::new();
         let (mut lines, mut begin) = (Vec::new(), 0);
         for text in sources.text().split_inclusive('\n') {
@@ -58,6 +66,34 @@ impl MappingFile {
                 ),
             }
         }
+        MappingFile::of_lines(lines, findings, sources)
+    }
+
+    /// The mapping in the text of a stage, as `dump` prints it.
+    fn of_stages(sources: &Sources) -> Result<MappingFile, Failure> {
+        let refused = |error: TextError| Failure::Spec(vec![error.finding()], sources.clone());
+        let sections = text::sections(sources.text()).map_err(refused)?;
+        match sections.iter().find(|section| section.stage == Stage::Mapping) {
+            Some(section) => MappingFile::of_section(section, sources).map_err(refused),
+            None => MappingFile::of_lines(Vec::new(), Vec::new(), sources.clone()),
+        }
+    }
+
+    /// The mapping in a section of a text.
+    ///
+    /// # Errors
+    /// A line is none of a mapping, or a PE between the first and the last has no equation.
+    pub fn of_section(section: &Section, sources: &Sources) -> Result<MappingFile, TextError> {
+        let line = |Placed { equation, span, pe }| Line { equation, span, pe };
+        let lines: Vec<Line> = text::mapping::lines(section)?.into_iter().map(line).collect();
+        match MappingFile::of_lines(lines, Vec::new(), sources.clone()) {
+            Ok(file) => Ok(file),
+            Err(Failure::Spec(findings, _)) => Err(section.error(findings[0].message.clone())),
+            Err(other) => Err(section.error(format!("{other:?}"))),
+        }
+    }
+
+    fn of_lines(lines: Vec<Line>, mut findings: Vec<Diagnostic>, sources: Sources) -> Result<MappingFile, Failure> {
         if lines.is_empty() && findings.is_empty() {
             findings.push(
                 Diagnostic::global(codes::BAD_MAPPING, "the file maps no equation")

@@ -24,6 +24,7 @@ use crate::entrants::{self, Entrants};
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
 use crate::spec::LoadedModel;
+use crate::stages;
 use crate::watch::Stopwatch;
 use pe_judge::progress::silent;
 use pe_judge::proof;
@@ -177,6 +178,8 @@ pub struct Design {
     pub paired: Option<Paired>,
     /// Its schedule.
     pub schedule: Schedule,
+    /// The schedule before stages that are alike became rounds, where they did.
+    pub flat: Option<Schedule>,
     /// Lower bounds.
     pub bound: Bound,
     /// The program.
@@ -195,26 +198,63 @@ impl Design {
 }
 
 /// Designs the hardware of a model.
+///
+/// # Errors
+/// Those of all stages.
 pub fn design(
     loaded: &LoadedModel,
     settings: &Settings,
     point: &DesignPoint,
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
+    let Prepared { graph, judged, network } = prepare(loaded, settings, point, watch)?;
+    implement(loaded, &graph, &judged, network, &settings.mapping, watch)
+}
+
+/// A step with its formats, and what its network is to be.
+pub struct Prepared {
+    /// The step.
+    pub graph: Arc<StepGraph>,
+    /// Formats, errors, checkpoint.
+    pub judged: Arc<Judged>,
+    /// What the network is to be.
+    pub network: Network,
+}
+
+/// All that comes before the mapping: the step and its runs over the span.
+///
+/// # Errors
+/// Those of the stages up to there, and of a mapping that the user gives.
+pub fn prepare(
+    loaded: &LoadedModel,
+    settings: &Settings,
+    point: &DesignPoint,
+    watch: &mut Stopwatch,
+) -> Result<Prepared, Failure> {
     let Settings { criteria, mapping: mapping_options, seed } = settings;
     let format = point.format(&loaded.model).map_err(Failure::Usage)?;
-    let (file, pes) = mapping_options.given(point.pes)?;
-    let graph = build(loaded, point, mapping_options, watch)?;
-    let graph = split(&graph, pes, mapping_options, format).unwrap_or(graph);
+    let (file, pes) = given_mapping(loaded, mapping_options, point.pes)?;
+    let graph = step(loaded, point, mapping_options, watch)?;
     let given = file.map(|file| entrants::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
+    let fixed = loaded.stages.as_ref().and_then(|stages| stages.fixed.as_ref());
     let graph = match point.coefficients {
-        Coefficients::OneSlot => graph,
-        _ => two_slots(loaded, graph, format, point.coefficients, watch)?,
+        Coefficients::TwoSlot | Coefficients::Auto if fixed.is_none() => {
+            two_slots(loaded, graph, format, point.coefficients, watch)?
+        }
+        _ => graph,
     };
     let graph = Arc::new(graph);
+    let network = Network { pes, seed: *seed, given };
     let progress = watch.progress("runs");
     let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
     let exact = watch.part("runs", || runs::Exact::run(&loaded.model, &graph, progress)).map_err(refused)?;
+    if let Some(fixed) = fixed {
+        let figure = |judged: &Result<Judged, _>| runs_figure(judged.as_ref());
+        let judge = || exact.judge_given(&loaded.model, &graph, fixed, criteria);
+        let judged = watch.timed("runs", judge, figure).map_err(refused)?;
+        watch.warn(&judged.warnings, &loaded.sources);
+        return Ok(Prepared { graph, judged: Arc::new(judged), network });
+    }
     let proposal = match criteria.proof {
         ProofMode::Off => None,
         ProofMode::Ranges => watch.stage(
@@ -231,8 +271,23 @@ pub fn design(
         )
         .map_err(refused)?;
     watch.warn(&judged.warnings, &loaded.sources);
-    let network = Network { pes, seed: *seed, given };
-    implement(loaded, &graph, &Arc::new(judged), network, mapping_options, watch)
+    Ok(Prepared { graph, judged: Arc::new(judged), network })
+}
+
+/// The mapping of the text that the model comes from, or that of the options; and the number of PEs.
+fn given_mapping(
+    loaded: &LoadedModel,
+    options: &MappingOptions,
+    pes: Option<u32>,
+) -> Result<(Option<MappingFile>, Option<u32>), Failure> {
+    let Some(file) = loaded.stages.as_ref().and_then(|stages| stages.mapping.as_ref()) else {
+        return options.given(pes);
+    };
+    if options.mapping.is_some() || pes.is_some_and(|pes| pes != file.pes()) {
+        let message = format!("the text has a mapping to {} PEs; leave `--mapping` and `--pes` out", file.pes());
+        return Err(Failure::Usage(message));
+    }
+    Ok((Some(file.clone()), Some(file.pes())))
 }
 
 /// What the PEs of a design are to be.
@@ -273,9 +328,13 @@ pub fn implement(
     let graphs: Vec<&StepGraph> = (pairs.iter().zip(&of))
         .map(|(paired, of)| paired.as_ref().map_or(&*variants[*of].graph, |paired| &paired.graph))
         .collect();
+    let given = stages::schedule(loaded, graphs[0], &candidates[0].mapping, latency)?;
     let schedules: Vec<Schedule> = watch.stage_saying(
         "schedule",
         |say| {
+            if let Some(given) = given {
+                return vec![given];
+            }
             // Relays have no say in how well the others are scheduled.
             let (graphs, more_graphs) = graphs.split_at(plain);
             let (candidates, more) = candidates.split_at(plain);
@@ -305,9 +364,15 @@ pub fn implement(
     let paired = pairs.into_iter().nth(taken).expect("ranked above");
     let (issued, numbers) =
         paired.as_ref().map_or((&*variant.graph, &*variant.fixed), |paired| (&paired.graph, &paired.fixed));
+    let mut judged = variant.judged(judged);
+    let given = stages::program(loaded, &variant.graph, &judged.fixed, &candidate.mapping)?;
+    let flat = schedule.clone();
     let assembled = watch.stage(
         "assemble",
-        || assemble(&loaded.model, issued, numbers, &candidate.mapping, schedule, mapping_options.stage_loop),
+        || match given {
+            Some(given) => Ok((schedule, given)),
+            None => assemble(&loaded.model, issued, numbers, &candidate.mapping, schedule, mapping_options.stage_loop),
+        },
         |assembled| match assembled {
             Ok((_, program)) => {
                 let looped = if program.rounds > 1 { format!(", {} rounds", program.rounds) } else { String::new() };
@@ -317,14 +382,14 @@ pub fn implement(
         },
     );
     let (schedule, mut program) = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
-    let mut judged = variant.judged(judged);
     if let Some(proof) = judged.proof.as_ref().filter(|_| variant.relays > 0) {
         // What relays write is proven as well.
         let enclosed = proof::enclose(&variant.graph, &judged.fixed, loaded.model.steps());
         judged = Arc::new(Judged { proof: Some(proof::Proof { enclosed, ..proof.clone() }), ..Judged::clone(&judged) });
     }
-    if let Some(proof) = &judged.proof {
-        proof.leave_out(&mut program, issued, &candidate.mapping);
+    match &judged.proof {
+        Some(proof) => proof.leave_out(&mut program, issued, &candidate.mapping),
+        None => program.pes.iter_mut().for_each(|pe| pe.features.proven = false),
     }
     let design = Design {
         bound: Bound::of(&variant.hoped, taken_pes, latency),
@@ -336,6 +401,7 @@ pub fn implement(
         hoped: Arc::clone(&variant.hoped),
         judged,
         paired,
+        flat: (schedule != flat).then_some(flat),
         schedule,
         program,
         starts,
@@ -383,6 +449,25 @@ pub fn step_options(point: &DesignPoint, mapping: &MappingOptions) -> StepOption
     }
 }
 
+/// The step graph that is mapped: built, and split for the number of PEs; or that of the text that the model comes from.
+///
+/// # Errors
+/// Those of the stages.
+pub fn step(
+    loaded: &LoadedModel,
+    point: &DesignPoint,
+    mapping_options: &MappingOptions,
+    watch: &mut Stopwatch,
+) -> Result<StepGraph, Failure> {
+    let format = point.format(&loaded.model).map_err(Failure::Usage)?;
+    let (_, pes) = given_mapping(loaded, mapping_options, point.pes)?;
+    let graph = build(loaded, point, mapping_options, watch)?;
+    if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
+        return Ok(graph);
+    }
+    Ok(split(&graph, pes, mapping_options, format).unwrap_or(graph))
+}
+
 /// Builds the step graph; functions of variables are tables in it, for the arguments that they have over the span.
 pub fn build(
     loaded: &LoadedModel,
@@ -390,6 +475,9 @@ pub fn build(
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<StepGraph, Failure> {
+    if let Some(graph) = loaded.stages.as_ref().and_then(|stages| stages.graph.as_ref()) {
+        return Ok(StepGraph::clone(graph));
+    }
     let options = step_options(point, mapping_options);
     let graph = watch.stage(
         "step",

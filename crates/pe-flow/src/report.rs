@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use pe_hls::mapping::RANDOM;
+use pe_hls::rounding::Aim;
 use pe_hls::two_slots;
 use pe_ir::graph::{FormCost, Role};
 use pe_ir::mapping::MappingCost;
@@ -188,7 +189,7 @@ fn word(design: &Design) -> Value {
         "mul_b_bits": format.coefficient_bits,
         "dsp_per_pe": format.dsp_per_pe(),
         "coefficient_slots": 1 + u32::from(two_slots::used(&design.graph)),
-        "rounding": design.judged.aim.name(),
+        "rounding": design.judged.aim.map_or("given", Aim::name),
         "pipeline": format.pipeline.name(),
     })
 }

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use pe_frontend::{LARGEST_FILE, LoadError, Loader, Overrides};
 use pe_ir::codes;
@@ -10,14 +11,17 @@ use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Sources};
 
 use crate::failure::Failure;
+use crate::stages::Stages;
 
 /// A model with the texts it comes from.
 #[derive(Clone)]
 pub struct LoadedModel {
     /// The model.
     pub model: Model,
-    /// The spec and the files it names.
+    /// The spec and the files it names, or the text of a stage.
     pub sources: Sources,
+    /// What is decided already, if it comes from the text of a stage.
+    pub stages: Option<Arc<Stages>>,
 }
 
 /// Reads and elaborates a spec and writes functions of variables out; with its warnings.
@@ -27,7 +31,9 @@ pub struct LoadedModel {
 pub fn load(spec: &Path, overrides: &Overrides) -> Result<(LoadedModel, Vec<Diagnostic>), Failure> {
     let mut sources = main_file(spec)?;
     match pe_frontend::compile(&mut sources, &ModelFolder::of(spec), overrides) {
-        Ok((model, warnings)) => Ok((LoadedModel { model: pe_hls::lift::lift(model), sources }, warnings)),
+        Ok((model, warnings)) => {
+            Ok((LoadedModel { model: pe_hls::lift::lift(model), sources, stages: None }, warnings))
+        }
         Err(findings) => Err(Failure::Spec(findings, sources)),
     }
 }

@@ -17,7 +17,7 @@ use pe_hls::{assemble, even, functions, lift, pairs, relay, schedule, split, ste
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
-use pe_ir::program::Fold;
+use pe_ir::program::{Fold, Program};
 use pe_ir::schedule::Schedule;
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::text::labels::Labels;
@@ -130,9 +130,27 @@ fn check(pass: &str, run: impl Fn(&Case) -> String) {
     }
 }
 
+/// The text of a step, which is valid and read as it was printed.
 fn valid_step(graph: &StepGraph) -> String {
     assert_eq!(verify::step::check(graph), Vec::<String>::new());
-    graph.to_string()
+    let text = graph.to_string();
+    let mut read: StepGraph = text.parse().unwrap_or_else(|error| panic!("{error}\n{text}"));
+    for (read, equation) in read.equations.iter_mut().zip(&graph.equations) {
+        read.span = equation.span;
+    }
+    assert_eq!(format!("{read:?}"), format!("{graph:?}"));
+    text
+}
+
+/// The only section of a text that was printed.
+fn reread<T>(text: &str, stage: Stage, read: impl FnOnce(&Section) -> Result<T, TextError>) -> T {
+    text::single(text, stage).and_then(|section| read(&section)).unwrap_or_else(|error| panic!("{error}\n{text}"))
+}
+
+fn valid_mapping(graph: &StepGraph, mapping: &Mapping) -> String {
+    let text = text::mapping::print(graph, mapping);
+    assert_eq!(&reread(&text, Stage::Mapping, |section| text::mapping::read(section, graph)), mapping);
+    text
 }
 
 fn step_or_unchanged(graph: Option<&StepGraph>) -> String {
@@ -141,7 +159,9 @@ fn step_or_unchanged(graph: Option<&StepGraph>) -> String {
 
 fn valid_fixed(graph: &StepGraph, fixed: &FixedPoint) -> String {
     assert_eq!(verify::fixed::check(graph, fixed), Vec::<String>::new());
-    text::fixed::print(graph, fixed)
+    let text = text::fixed::print(graph, fixed);
+    assert_eq!(&reread(&text, Stage::Fixed, |section| text::fixed::read(section, graph)), fixed);
+    text
 }
 
 #[test]
@@ -280,7 +300,7 @@ fn mapping_gives_equations_to_pes() {
                     let (load, connections, ports) = (cost.max_load, cost.connections, cost.max_in_degree);
                     _ = writeln!(text, "# {}: load {load}, {connections} connections, {ports} ports", candidate.start);
                 }
-                text + &text::mapping::print(&graph, &candidates[0].mapping)
+                text + &valid_mapping(&graph, &candidates[0].mapping)
             }
             Err(error) => format!("{error}\n"),
         }
@@ -292,7 +312,7 @@ fn even_moves_equations_under_the_pairs_that_a_mapping_allows() {
     check("even", |case| {
         let graph = case.graph();
         let mapping = case.mapping(&graph);
-        text::mapping::print(&graph, &even::even(&graph, &case.fixed(&graph), &mapping))
+        valid_mapping(&graph, &even::even(&graph, &case.fixed(&graph), &mapping))
     });
 }
 
@@ -318,8 +338,11 @@ fn schedule_gives_chains_and_transfers_their_words() {
         let (mapping, latency) = (case.mapping(&graph), Latency::of(&case.format()));
         let schedule = schedule::schedule(&graph, &mapping, latency);
         assert_eq!(verify::schedule::check(&graph, &mapping, &schedule, latency), Vec::<String>::new());
+        let text = text::schedule::print(&graph, &schedule);
+        let read = |section: &Section| text::schedule::read(section, &graph, mapping.pes);
+        assert_eq!(reread(&text, Stage::Schedule, read), schedule);
         let bound = schedule::Bound::of(&graph, mapping.pes, latency).binding();
-        format!("# no shorter than {} by {}\n", bound.0, bound.1) + &text::schedule::print(&graph, &schedule)
+        format!("# no shorter than {} by {}\n", bound.0, bound.1) + &text
     });
 }
 
@@ -345,7 +368,11 @@ fn assemble_writes_control_words_and_images() {
         match assemble::assemble(&model, &graph, &fixed, &mapping, &schedule) {
             Ok(program) => {
                 assert_eq!(verify::program::check(&program, &graph, &fixed, 3), Vec::<String>::new());
-                program.to_string()
+                let text = program.to_string();
+                let read: Program = text.parse().unwrap_or_else(|error| panic!("{error}\n{text}"));
+                // Names are numbered anew; the text has them all.
+                assert_eq!(read.to_string(), text);
+                text
             }
             Err(limit) => format!("{limit}\n"),
         }

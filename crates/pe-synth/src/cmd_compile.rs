@@ -49,7 +49,8 @@ Examples:
   pe-synth compile models/weibel5/weibel5.spec
   pe-synth compile models/weibel5/weibel5.spec --pes 8 --multiplier 25x18 -o out/small
   pe-synth compile models/weibel5/weibel5.spec --span 20ms --set generations=4
-  pe-synth compile models/van_der_pol/van_der_pol.spec --max-error 1e-4")]
+  pe-synth compile models/van_der_pol/van_der_pol.spec --max-error 1e-4
+  pe-synth compile --from step.txt")]
 pub struct Compile {
     // The first field, for each takes what it reads away from those that follow.
     #[command(flatten)]
@@ -112,7 +113,7 @@ impl Compile {
         let mut watch = progress::stopwatch(quiet, self.message_format());
         let loaded = watch.stage(
             "read",
-            || self.model.load(&self.point.point()),
+            || self.model.load_stages(&self.point.point()),
             |loaded| match loaded {
                 Ok(LoadedModel { model, .. }) => {
                     let title = if model.title.is_empty() { String::new() } else { format!(", {}", model.title) };
@@ -130,6 +131,11 @@ impl Compile {
         let mut choice = match self.max_error {
             Some(max_error) => {
                 settings.mapping.of_many()?;
+                if self.model.from.is_some() && loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
+                    let message =
+                        "`--max-error` chooses solver and step, which the text has decided; begin with a model";
+                    return Err(Failure::Usage(message.to_owned()));
+                }
                 Some(self.choose(&loaded, &settings, &conserved, clock, max_error, &mut watch)?)
             }
             None => None,

@@ -8,13 +8,15 @@ use crate::messages::MessageFormat;
 use crate::options::{MappingArgs, ModelArgs, PointArgs};
 use crate::progress;
 use pe_flow::failure::Failure;
-use pe_flow::pipeline;
+use pe_flow::pipeline::{self, Prepared};
+use pe_flow::stages;
+use pe_ir::text;
 
 /// Prints what a stage of the compiler hands on
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
-  pe-synth dump --stage step models/lorenz/lorenz.spec
+  pe-synth dump --stage step models/lorenz/lorenz.spec > step.txt && pe-synth compile --from step.txt
   pe-synth dump --stage ode-graph models/weibel5/weibel5.spec | dot -Tsvg > weibel5.svg
   pe-synth dump --stage mapping --pes 4 models/weibel5/weibel5.spec > weibel5.map")]
 pub struct Dump {
@@ -25,23 +27,30 @@ pub struct Dump {
     /// The stage
     #[arg(long, value_enum, help_heading = "Output")]
     stage: Stage,
+    /// Leaves out the stages before, which `compile --from` needs
+    #[arg(long, help_heading = "Output")]
+    only: bool,
     #[command(flatten)]
     model: ModelArgs,
 }
 
 /// Stages that can be dumped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 enum Stage {
     /// Flat equations with folded constants
     Model,
     /// Chains of one solver step
     Step,
+    /// Number formats
+    Fixed,
     /// ODE-dependency graph, in DOT
     OdeGraph,
     /// PE-dependency graph, in DOT
     PeGraph,
     /// PE of each equation
     Mapping,
+    /// Time of each chain and transfer
+    Schedule,
     /// Control words, memory images and links
     Program,
 }
@@ -61,34 +70,51 @@ impl Dump {
 
     fn text(&self) -> Result<String, Failure> {
         let (point, mapping) = (self.point.point(), self.mapping.options());
-        let loaded = self.model.load(&point)?;
-        if self.stage == Stage::Model {
-            return Ok(loaded.model.to_string());
-        }
+        let loaded = self.model.load_stages(&point)?;
         let mut watch = progress::stopwatch(true, self.message_format());
-        let graph = pipeline::build(&loaded, &point, &mapping, &mut watch)?;
-        let (_, pes) = mapping.given(point.pes)?;
-        let graph = pipeline::split(&graph, pes, &mapping, point.format(&loaded.model).map_err(Failure::Usage)?)
-            .unwrap_or(graph);
-        match self.stage {
-            Stage::Step => return Ok(graph.to_string()),
-            Stage::OdeGraph => {
+        let mut sections = vec![loaded.model.to_string()];
+        if self.stage == Stage::Model {
+            return Ok(self.of(sections));
+        }
+        if matches!(self.stage, Stage::Step | Stage::OdeGraph) {
+            let graph = pipeline::step(&loaded, &point, &mapping, &mut watch)?;
+            if self.stage == Stage::OdeGraph {
                 let named = Problem::of(&graph).ode_graph().map_owned(
                     |index, load| format!("{} ({load} slots)", graph.equations[index.index()].name),
                     |_, ()| "",
                 );
                 return Ok(Dot::with_config(&named, &[Config::EdgeNoLabel]).to_string());
             }
-            _ => {}
+            sections.push(graph.to_string());
+            return Ok(self.of(sections));
         }
-        let design = pipeline::design(&loaded, &self.model.settings(&self.mapping), &point, &mut watch)?;
-        Ok(match self.stage {
-            Stage::PeGraph => Dot::new(&Problem::of(&design.graph).pe_graph(&design.mapping)).to_string(),
-            Stage::Mapping => {
-                let line = |(equation, pe): (&pe_ir::graph::Equation, &u32)| format!("{} {pe}\n", equation.name);
-                design.graph.equations.iter().zip(&design.mapping.pe_of).map(line).collect()
-            }
-            _ => design.program.to_string(),
-        })
+        let settings = self.model.settings(&self.mapping);
+        let Prepared { graph, judged, network } = pipeline::prepare(&loaded, &settings, &point, &mut watch)?;
+        sections.extend([graph.to_string(), text::fixed::print(&graph, &judged.fixed)]);
+        if self.stage == Stage::Fixed {
+            return Ok(self.of(sections));
+        }
+        let design = pipeline::implement(&loaded, &graph, &judged, network, &mapping, &mut watch)?;
+        if self.stage == Stage::PeGraph {
+            return Ok(Dot::new(&Problem::of(&design.graph).pe_graph(&design.mapping)).to_string());
+        }
+        sections.push(text::mapping::print(&design.graph, &design.mapping));
+        if self.stage >= Stage::Schedule {
+            // A program of rounds is that of their schedule; a schedule goes on to rounds again.
+            let flat = design.flat.as_ref().filter(|_| self.stage == Stage::Schedule);
+            sections.push(text::schedule::print(design.issued(), flat.unwrap_or(&design.schedule)));
+        }
+        if self.stage == Stage::Program {
+            sections.push(stages::with_labels(&design.program, design.issued()).to_string());
+        }
+        Ok(self.of(sections))
+    }
+
+    /// All sections, or the last one.
+    fn of(&self, mut sections: Vec<String>) -> String {
+        match self.only {
+            true => sections.pop().unwrap_or_default(),
+            false => sections.concat(),
+        }
     }
 }

@@ -1,15 +1,17 @@
 //! Options that mean the same in every command.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use pe_flow::failure::Failure;
 use pe_flow::pipeline::{MappingOptions, Settings, StageLoop};
 use pe_flow::spec::{self, LoadedModel};
+use pe_flow::stages;
 use pe_hls::mapping::MapOptions;
 use pe_ir::codes;
 use pe_ir::model::{Interpolation, Model, Solver};
+use pe_ir::text::Stage;
 use pe_ir::word::Pipeline;
 use pe_judge::conserved::Conserved;
 use pe_judge::early::{self, Early};
@@ -24,7 +26,12 @@ use crate::messages::{MessageFormat, print_findings};
 #[derive(Args, Clone, Debug)]
 pub struct ModelArgs {
     /// Model specification
-    pub spec: PathBuf,
+    #[arg(required_unless_present = "from", conflicts_with = "from")]
+    pub spec: Option<PathBuf>,
+    /// Goes on from the text of a stage that `dump` printed, in place of a spec: `compile` and `dump` from any stage, other
+    /// commands from a model
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["set", "observe", "inputs", "units"], help_heading = "Model")]
+    pub from: Option<PathBuf>,
     /// Time over which ranges and errors are judged, in place of the spec's
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
     pub span: Option<f64>,
@@ -142,6 +149,21 @@ impl ModelArgs {
         Ok(loaded)
     }
 
+    /// The same, or what the text of any stage has decided.
+    ///
+    /// # Errors
+    /// Those of the text, and options that come too late.
+    pub fn load_stages(&self, point: &DesignPoint) -> Result<LoadedModel, Failure> {
+        let Some(path) = &self.from else { return self.load(point) };
+        let mut loaded = stages::load(path)?;
+        if let Some(conflict) = loaded.stages.as_ref().and_then(|stages| stages.conflict(point)) {
+            return Err(Failure::Usage(conflict));
+        }
+        loaded.model.span = self.span.unwrap_or(loaded.model.span);
+        point.apply(&mut loaded.model).map_err(Failure::Usage)?;
+        Ok(loaded)
+    }
+
     /// Reads and elaborates the spec; prints its warnings. Solver and step are the spec's.
     ///
     /// # Errors
@@ -153,7 +175,11 @@ impl ModelArgs {
             units: self.units,
             inputs: self.inputs,
         };
-        let (mut loaded, warnings) = spec::load(&self.spec, &overrides)?;
+        let (mut loaded, warnings) = match (&self.from, &self.spec) {
+            (Some(path), _) => (model_of(path)?, Vec::new()),
+            (None, Some(spec)) => spec::load(spec, &overrides)?,
+            (None, None) => return Err(Failure::Usage("give a spec, or `--from FILE`".to_owned())),
+        };
         print_findings(&warnings, &loaded.sources, self.message_format);
         loaded.model.span = self.span.unwrap_or(loaded.model.span);
         Ok(loaded)
@@ -167,6 +193,19 @@ impl ModelArgs {
     /// What all its designs have in common.
     pub fn settings(&self, mapping: &MappingArgs) -> Settings {
         Settings { criteria: self.criteria(), mapping: mapping.options(), seed: self.seed }
+    }
+}
+
+/// The model of a text that goes on to nothing else.
+fn model_of(path: &Path) -> Result<LoadedModel, Failure> {
+    let loaded = stages::load(path)?;
+    match loaded.stages.as_ref().map(|stages| stages.last) {
+        Some(Stage::Model) | None => Ok(LoadedModel { stages: None, ..loaded }),
+        Some(last) => Err(Failure::Usage(format!(
+            "{} goes on to `{}`; only `compile` and `dump` go on from there, and other commands from a model",
+            path.display(),
+            last.name()
+        ))),
     }
 }
 

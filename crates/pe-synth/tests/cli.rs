@@ -360,7 +360,7 @@ fn a_killed_compilation_leaves_no_folder() {
 
 #[test]
 fn every_stage_can_be_dumped() {
-    for stage in ["model", "step", "ode-graph", "pe-graph", "mapping", "program"] {
+    for stage in ["model", "step", "fixed", "ode-graph", "pe-graph", "mapping", "schedule", "program"] {
         let output =
             pe_synth().args(["dump", "--stage", stage, "--span", "1s"]).arg(model("lotka_volterra")).output().unwrap();
         assert!(output.status.success() && !output.stdout.is_empty(), "{stage}: {}", stderr(&output));

@@ -146,8 +146,8 @@ fn curve_count(graph: &StepGraph) -> usize {
 pub struct Judged {
     /// Number formats under which the span runs without saturation.
     pub fixed: FixedPoint,
-    /// What the roundings of its coefficients cancel in.
-    pub aim: Aim,
+    /// What the roundings of its coefficients cancel in; none if they were given.
+    pub aim: Option<Aim>,
     /// Errors.
     pub errors: Errors,
     /// Number of times formats were widened.
@@ -308,6 +308,25 @@ impl Exact {
             let (sender, blocks) = sync_channel(BLOCKS_AHEAD);
             let comparison = scope.spawn(|| self.compare_telling(model, graph, Some(sender)));
             let settled = self.settle_listening(model, graph, format, proposal, Some(blocks));
+            (settled, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        });
+        self.conclude(model, graph, settled, comparison, criteria)
+    }
+
+    /// The other runs, in formats that are given.
+    ///
+    /// # Errors
+    /// Those of [`judge`]; `E0902` for formats that are too narrow.
+    pub fn judge_given(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        fixed: &FixedPoint,
+        criteria: &Criteria,
+    ) -> Result<Judged, Vec<Diagnostic>> {
+        let (settled, comparison) = std::thread::scope(|scope| {
+            let comparison = scope.spawn(|| self.compare_telling(model, graph, None));
+            let settled = self.settle_given(model, graph, fixed, criteria.proof);
             (settled, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
         });
         self.conclude(model, graph, settled, comparison, criteria)

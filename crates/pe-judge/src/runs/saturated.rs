@@ -33,6 +33,16 @@ pub struct Saturated {
     pub step: u64,
 }
 
+/// The finding for a format that is given and too narrow.
+pub(super) fn too_narrow(graph: &StepGraph, value: ValueId, what: &str) -> Diagnostic {
+    let message = format!("`{}` {what} in the formats that are given", graph.value_name(value));
+    let finding = match graph.equations.get(graph.value(value).equation as usize) {
+        Some(equation) => Diagnostic::error(codes::SATURATED, equation.span, message),
+        None => Diagnostic::global(codes::SATURATED, message),
+    };
+    finding.with_help("raise the exponent of its format, or leave the section `fixed` to the compiler")
+}
+
 impl Saturated {
     /// The lookup whose argument saturated before all else, if one did: no wider format would help.
     pub fn argument<'a>(&self, graph: &'a StepGraph) -> Option<&'a Lookup> {

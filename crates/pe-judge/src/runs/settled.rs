@@ -14,12 +14,13 @@ use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
 
-use crate::proof::Proof;
+use crate::criteria::ProofMode;
+use crate::proof::{self, Proof};
 use crate::times::thread_seconds;
 
 use super::lockstep::Pass;
 use super::proven::{self, Proposal};
-use super::saturated::{Ended, Saturated};
+use super::saturated::{self, Ended, Saturated};
 use super::{Checkpoint, Exact, curve_count, port_words};
 
 /// Fixed-point runs before a saturating model is refused.
@@ -34,8 +35,8 @@ const BALANCED_ERROR: f64 = 1e-7;
 /// Formats under which the span runs without saturation, and what they cost in accuracy.
 pub struct Settled {
     pub(super) fixed: FixedPoint,
-    /// What its roundings cancel in.
-    pub(super) aim: Aim,
+    /// What its roundings cancel in; none if they were given.
+    pub(super) aim: Option<Aim>,
     pub(super) widenings: usize,
     pub(super) measured: Measured,
     /// What is proven of them; none if no proof was asked for.
@@ -190,7 +191,7 @@ impl Exact {
             let source = shared.take().map_or_else(|| self.source(graph), Source::Shared);
             match self.measure(model, graph, &fixed, source) {
                 Ok(measured) => {
-                    let settled = Settled { fixed, aim, widenings, measured, proof: None };
+                    let settled = Settled { fixed, aim: Some(aim), widenings, measured, proof: None };
                     return self.balanced(model, graph, chosen, settled);
                 }
                 Err(Ended::Diverged(findings)) => return Err(findings),
@@ -206,6 +207,42 @@ impl Exact {
                 Err(Ended::Saturated(saturated)) => return Err(vec![saturated.refusal(model, graph)]),
             }
         }
+    }
+
+    /// Runs in formats that are given, which have to be wide enough as they are.
+    ///
+    /// # Errors
+    /// `E0902` for what leaves its word, or uses head room that pairs of operands count on.
+    pub(super) fn settle_given(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        fixed: &FixedPoint,
+        proof: ProofMode,
+    ) -> Result<Settled, Vec<Diagnostic>> {
+        let half = libm::scalbn(1.0, fixed.format.word_bits() as i32 - 2);
+        let cramped = (0..graph.values.len()).find(|value| {
+            fixed.headroom[*value] && libm::scalbn(self.largest[*value], -fixed.exponents[*value]) > half
+        });
+        if let Some(value) = cramped {
+            return Err(vec![saturated::too_narrow(graph, ValueId(value as u32), "uses more than half of its range")]);
+        }
+        let measured = match self.measure(model, graph, fixed, self.source(graph)) {
+            Ok(measured) => measured,
+            Err(Ended::Diverged(findings)) => return Err(findings),
+            Err(Ended::Saturated(saturated)) => {
+                let what = format!("saturates at t = {:.6e} s", model.time(saturated.step, 0.0));
+                return Err(vec![saturated::too_narrow(graph, saturated.values[0], &what)]);
+            }
+        };
+        let proof = match proof {
+            ProofMode::Off => None,
+            ProofMode::Ranges => {
+                let enclosed = proof::enclose(graph, fixed, model.steps());
+                Some(Proof { enclosed, widened: 0, word_length: None })
+            }
+        };
+        Ok(Settled { fixed: fixed.clone(), aim: None, widenings: 0, measured, proof })
     }
 
     fn source<'a>(&self, graph: &'a StepGraph) -> Source<'a> {
@@ -288,7 +325,7 @@ impl Exact {
         // Formats that were wide enough for the other roundings are kept with those.
         let Ok(measured) = self.measure(model, graph, &fixed, self.source(graph)) else { return Ok(settled) };
         Ok(if measured.quantised.worst().1 < settled.coefficient() {
-            Settled { fixed, aim, measured, ..settled }
+            Settled { fixed, aim: Some(aim), measured, ..settled }
         } else {
             settled
         })

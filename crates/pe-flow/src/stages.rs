@@ -1,0 +1,218 @@
+//! Designs that go on from the text of a stage, as `dump` prints it, in place of a spec.
+//!
+//! A text has the model and each stage up to the last one. What it holds is taken as it is, and proved like what the
+//! compiler makes; the runs over the span take place all the same, for they say how wrong the result is.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use pe_ir::codes;
+use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
+use pe_ir::mapping::Mapping;
+use pe_ir::model::Model;
+use pe_ir::program::{self, Note, Program};
+use pe_ir::schedule::Schedule;
+use pe_ir::source::{Diagnostic, Sources};
+use pe_ir::text::labels::{Labels, distinct};
+use pe_ir::text::{self, Section, Stage, TextError};
+use pe_ir::verify;
+use pe_ir::word::Latency;
+use pe_judge::{DesignPoint, FormChoice};
+
+use crate::failure::Failure;
+use crate::mapping_file::MappingFile;
+use crate::spec::{self, LoadedModel};
+
+/// Rounds that the program checker runs, as those of a program that was assembled.
+const CHECKED_ROUNDS: u32 = 3;
+
+/// What a text says beside the model.
+#[derive(Debug)]
+pub struct Stages {
+    /// Its last stage.
+    pub last: Stage,
+    /// The step, split for a number of PEs.
+    pub graph: Option<Arc<StepGraph>>,
+    /// Number formats of the step.
+    pub fixed: Option<FixedPoint>,
+    /// The mapping.
+    pub mapping: Option<MappingFile>,
+    /// The program.
+    program: Option<Program>,
+}
+
+/// Reads the text of a stage, with all stages before it.
+///
+/// # Errors
+/// [`Failure::File`], and the first place that cannot be read, or stage that is not valid.
+pub fn load(path: &Path) -> Result<LoadedModel, Failure> {
+    let sources = spec::main_file(path)?;
+    match Stages::read(&sources) {
+        Ok((model, stages)) => Ok(LoadedModel { model, sources, stages: Some(Arc::new(stages)) }),
+        Err(error) => Err(Failure::Spec(vec![error.finding()], sources)),
+    }
+}
+
+impl Stages {
+    fn read(sources: &Sources) -> Result<(Model, Stages), TextError> {
+        let sections = text::sections(sources.text())?;
+        for (section, expected) in sections.iter().zip(Stage::ALL) {
+            if section.stage != expected {
+                let message = format!("the section `{}` is missing before this one", expected.header());
+                return Err(section.error(message + ": later stages need it"));
+            }
+        }
+        let section = |stage: Stage| sections.iter().find(|section| section.stage == stage);
+        let model = text::model::read(&sections[0])?;
+        let graph = section(Stage::Step).map(text::step::read).transpose()?;
+        if let (Some(graph), Some(section)) = (&graph, section(Stage::Step))
+            && let Some(difference) = difference(&model, graph)
+        {
+            return Err(section.error(format!("this is no step of the model above: {difference}")));
+        }
+        let fixed = section(Stage::Fixed).zip(graph.as_ref()).map(|(section, graph)| text::fixed::read(section, graph));
+        let mapping = section(Stage::Mapping).map(|section| MappingFile::of_section(section, sources)).transpose()?;
+        let program = section(Stage::Program).map(program::read).transpose()?;
+        let last = sections.last().expect("one at least").stage;
+        let stages = Stages { last, graph: graph.map(Arc::new), fixed: fixed.transpose()?, mapping, program };
+        Ok((model, stages))
+    }
+
+    /// An option that asks for what the text has decided already, in words.
+    pub fn conflict(&self, point: &DesignPoint) -> Option<String> {
+        let decided = |option: &str, stage: Stage| {
+            Some(format!("`{option}` comes too late: the text goes on to `{}`, which has decided it", stage.name()))
+        };
+        if self.graph.is_some() {
+            let asked = [
+                (point.solver.is_some(), "--solver"),
+                (point.step.is_some(), "--step"),
+                (point.early_steps.is_some(), "--early-steps"),
+                (point.form != FormChoice::Auto, "--form"),
+            ];
+            if let Some((_, option)) = asked.into_iter().find(|(asked, _)| *asked) {
+                return decided(option, Stage::Step);
+            }
+        }
+        let fixed = self.fixed.as_ref()?;
+        let (format, default) = (&fixed.format, DesignPoint::default());
+        let ports = (format.data_bits, format.coefficient_bits);
+        let asked = [
+            (point.storage != default.storage && point.storage != format.storage_bits, "--storage"),
+            (point.multiplier.is_some_and(|asked| asked != ports), "--multiplier"),
+            (point.pipeline != default.pipeline && point.pipeline != format.pipeline, "--pipeline"),
+        ];
+        asked.into_iter().find(|(asked, _)| *asked).and_then(|(_, option)| decided(option, Stage::Fixed))
+    }
+}
+
+/// In what a step is none of a model, in words.
+fn difference(model: &Model, graph: &StepGraph) -> Option<String> {
+    let with_ticks = model.with_ticks();
+    let states = model.states.iter().map(|state| &state.name);
+    let inputs = with_ticks.inputs.iter().map(|input| &input.name);
+    let outputs = model.outputs.iter().map(|output| &output.name);
+    if graph.step.to_bits() != model.step.to_bits() {
+        return Some(format!("its step is {} s, and the model's {} s", graph.step, model.step));
+    }
+    if graph.states.len() < model.states.len() || !states.eq(&graph.names.states[..model.states.len()]) {
+        return Some("it does not begin with the model's states".to_owned());
+    }
+    if !inputs.eq(&graph.names.inputs) {
+        return Some("it has other inputs".to_owned());
+    }
+    if graph.names.algebraics.len() < model.algebraics.len() {
+        return Some("it has fewer algebraic variables".to_owned());
+    }
+    (!outputs.eq(&graph.names.outputs)).then(|| "it has other outputs".to_owned())
+}
+
+/// The section of a stage.
+fn section(loaded: &LoadedModel, stage: Stage) -> Option<Section<'_>> {
+    loaded.stages.as_ref()?;
+    let sections = text::sections(loaded.sources.text()).ok()?;
+    sections.into_iter().find(|section| section.stage == stage)
+}
+
+fn refused(loaded: &LoadedModel, section: &Section, violation: &str) -> Failure {
+    let message = format!("this {} is wrong: {violation}", section.stage.name());
+    let finding = Diagnostic::error(codes::BAD_STAGE_TEXT, section.span(), message)
+        .with_help("the checker of this stage refuses it; `pe-synth dump` prints one that it accepts");
+    Failure::Spec(vec![finding], loaded.sources.clone())
+}
+
+/// The schedule of the text, proved; none if it has none. `issued` is the step as it is issued.
+///
+/// # Errors
+/// It cannot be read, or is wrong.
+pub fn schedule(
+    loaded: &LoadedModel,
+    issued: &StepGraph,
+    mapping: &Mapping,
+    latency: Latency,
+) -> Result<Option<Schedule>, Failure> {
+    let Some(section) = section(loaded, Stage::Schedule) else { return Ok(None) };
+    let schedule = text::schedule::read(&section, issued, mapping.pes)
+        .map_err(|error| Failure::Spec(vec![error.finding()], loaded.sources.clone()))?;
+    match verify::schedule::check(issued, mapping, &schedule, latency).first() {
+        None => Ok(Some(schedule)),
+        Some(violation) => Err(refused(loaded, &section, violation)),
+    }
+}
+
+/// A program whose notes tell apart values that have one name: as it is printed to be read back.
+pub fn with_labels(program: &Program, graph: &StepGraph) -> Program {
+    Program { names: distinct(value_names(graph)), ..program.clone() }
+}
+
+fn value_names(graph: &StepGraph) -> impl Iterator<Item = String> {
+    (0..graph.values.len() as u32).map(|value| graph.value_name(ValueId(value)))
+}
+
+/// Gives notes the numbers of the values that they name.
+///
+/// # Errors
+/// A name that no value has.
+fn renumbered(program: &mut Program, graph: &StepGraph) -> Result<(), String> {
+    let labels = Labels::of_values(graph);
+    let number = |name: &String| labels.find(name).ok_or_else(|| name.clone());
+    let numbers: Vec<u32> = program.names.iter().map(number).collect::<Result<_, _>>()?;
+    for note in program.pes.iter_mut().flat_map(|pe| &mut pe.notes) {
+        for slot in [&mut note.operand, &mut note.chain, &mut note.write, &mut note.receive] {
+            *slot = numbers.get(*slot as usize).copied().unwrap_or(Note::NONE);
+        }
+    }
+    program.names = value_names(graph).collect();
+    Ok(())
+}
+
+/// The program of the text, proved; none if it has none.
+///
+/// # Errors
+/// It is not that of the step.
+pub fn program(
+    loaded: &LoadedModel,
+    graph: &StepGraph,
+    fixed: &FixedPoint,
+    mapping: &Mapping,
+) -> Result<Option<Program>, Failure> {
+    let program = loaded.stages.as_ref().and_then(|stages| stages.program.clone());
+    let (Some(mut program), Some(section)) = (program, section(loaded, Stage::Program)) else { return Ok(None) };
+    let known = renumbered(&mut program, graph);
+    let states = program.states.iter().map(|state| &state.name).eq(&graph.names.states);
+    let inputs = program.inputs.iter().map(|input| &input.name).eq(&graph.names.inputs);
+    let outputs = program.outputs.iter().map(|output| &output.name).eq(&graph.names.outputs);
+    let violation = if let Err(name) = known {
+        Some(format!("it has a note of `{name}`, which is no value of the step"))
+    } else if program.format != fixed.format || program.pes.len() != mapping.pes as usize {
+        Some("it has other words, or another number of PEs".to_owned())
+    } else if !states || !inputs || !outputs {
+        Some("its states, inputs and outputs are not those of the step".to_owned())
+    } else {
+        verify::program::check(&program, graph, fixed, CHECKED_ROUNDS).into_iter().next()
+    };
+    match violation {
+        None => Ok(Some(program)),
+        Some(violation) => Err(refused(loaded, &section, &violation)),
+    }
+}
