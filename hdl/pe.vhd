@@ -8,9 +8,13 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_write_pkg.all;
 
--- One processing element. Each group of the control word acts in the clock in which the word is in the control
--- register; docs/hardware.md, "Timing", tells the distances between the groups of one operation. With DEEP all that the
--- sequencer tells comes a clock before the word.
+-- Purpose:  One processing element: multiplies a stored word by a coefficient, sums products, scales the sum, stores it and
+--           sends it to other PEs, as its control words say.
+-- Generics: Memories have a power of two of words, or none where 0 is allowed; their images as many. The features (FACTOR
+--           to SEND, SHIFTS, INDEX_WORDS) decide which fields the control word has, and so CONTROL_BITS.
+-- Timing:   Each group of the control word acts in the clock in which the word is in the control register;
+--           docs/hardware.md, "Timing", tells the distances between the groups of one operation. Nothing moves in clocks
+--           without advance_i. With DEEP all that the sequencer tells comes a clock before the word.
 
 entity pe is
   generic (
@@ -57,6 +61,26 @@ entity pe is
 end entity pe;
 
 architecture rtl of pe is
+
+  -- An address and a value in their fields of the trace.
+
+  function traced (
+    address : unsigned
+  ) return std_ulogic_vector is
+  begin
+
+    return std_ulogic_vector(resize(address, TRACE_ADDRESS_BITS));
+
+  end function traced;
+
+  function traced (
+    value : signed
+  ) return std_ulogic_vector is
+  begin
+
+    return std_ulogic_vector(resize(value, TRACE_VALUE_BITS));
+
+  end function traced;
 
   constant LAYOUT : layout_t := control_layout(OWN_WORDS, BASE_WORDS, COEFF_WORDS, IMPORTED_WORDS, PORT_COUNT,
                                                SHIFTS'length, COEFFICIENT_BITS, FACTOR, SWAP, SEND, INDEX_WORDS,
@@ -107,6 +131,18 @@ begin
   assert LAYOUT.bits = CONTROL_BITS
     report "pe: control words have " & integer'image(CONTROL_BITS) & " bits, the features need "
            & integer'image(LAYOUT.bits)
+    severity failure;
+
+  assert DATA_BITS <= WORD_BITS and COEFFICIENT_BITS <= WORD_BITS
+    report "pe: the ports of the multiplier take no more than the WORD_BITS of a word"
+    severity failure;
+
+  assert (COEFF_WORDS > 0 or not FACTOR) and (IMPORTED_WORDS > 0 or not PRE_ADDER)
+    report "pe: FACTOR needs a coefficient memory, PRE_ADDER an imported one"
+    severity failure;
+
+  assert IMPORTED_WORDS = 0 or PORT_COUNT > 0
+    report "pe: an imported memory needs a port"
     severity failure;
 
   -- Sequencer -----------------------------------------------------------------------------------------------------
@@ -504,9 +540,9 @@ begin
 
     g_trace_imported : if TRACE generate
 
-      trace_o(80)           <= receive_enable;
-      trace_o(79 downto 64) <= std_ulogic_vector(resize(unsigned(receive_address), 16));
-      trace_o(63 downto 0)  <= std_ulogic_vector(resize(signed(received), 64));
+      trace_o(TRACE_IMPORTED_WRITE)                                   <= receive_enable;
+      trace_o(TRACE_IMPORTED_WRITE - 1 downto TRACE_IMPORTED_ADDRESS) <= traced(unsigned(receive_address));
+      trace_o(TRACE_IMPORTED_ADDRESS - 1 downto TRACE_IMPORTED_VALUE) <= traced(signed(received));
 
     end generate g_trace_imported;
 
@@ -514,8 +550,8 @@ begin
 
   g_alone : if IMPORTED_WORDS = 0 generate
 
-    imported_operand     <= (others => '0');
-    trace_o(80 downto 0) <= (others => '0');
+    imported_operand                      <= (others => '0');
+    trace_o(TRACE_OWN_VALUE - 1 downto 0) <= (others => '0');
 
   end generate g_alone;
 
@@ -523,20 +559,20 @@ begin
 
   g_trace : if TRACE generate
 
-    trace_o(162)            <= overflow;
-    trace_o(161)            <= write_own or write_base or write_factor;
-    trace_o(160 downto 145) <= std_ulogic_vector(resize(unsigned(write_address), 16));
-    trace_o(144 downto 81)  <= std_ulogic_vector(resize(signed(word), 64));
+    trace_o(TRACE_OVERFLOW)                               <= overflow;
+    trace_o(TRACE_OWN_WRITE)                              <= write_own or write_base or write_factor;
+    trace_o(TRACE_OWN_WRITE - 1 downto TRACE_OWN_ADDRESS) <= traced(unsigned(write_address));
+    trace_o(TRACE_OWN_ADDRESS - 1 downto TRACE_OWN_VALUE) <= traced(signed(word));
 
   end generate g_trace;
 
   g_silent : if not TRACE generate
 
-    trace_o(162 downto 81) <= (others => '0');
+    trace_o(TRACE_BITS - 1 downto TRACE_OWN_VALUE) <= (others => '0');
 
     g_silent_imported : if IMPORTED_WORDS > 0 generate
 
-      trace_o(80 downto 0) <= (others => '0');
+      trace_o(TRACE_OWN_VALUE - 1 downto 0) <= (others => '0');
 
     end generate g_silent_imported;
 

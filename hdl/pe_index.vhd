@@ -7,8 +7,10 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_write_pkg.all;
 
--- Index memory of a PE with tables: it takes the segment of a written word, and gives the index that the base address
--- of the next control word takes, 0 if none is asked for.
+-- Purpose:  Index memory of a PE with tables: it takes the segment of a written word, and gives the index that the base
+--           address of the next control word takes, 0 if none is asked for.
+-- Generics: WORDS is a power of two; an index has at most the WORD_BITS of a word, and more bits than count octaves.
+-- Timing:   That of pe_ram: an index is there a clock after its address; all stops without ce_i.
 
 entity pe_index is
   generic (
@@ -37,6 +39,10 @@ architecture rtl of pe_index is
   signal segment : std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
 
 begin
+
+  assert INDEX_WIDTH <= WORD_BITS and OCTAVE_WIDTH < INDEX_WIDTH
+    report "pe_index: an index has at most the bits of a word, and more than count octaves"
+    severity failure;
 
   g_octaves : if OCTAVE_WIDTH > 0 generate
 

@@ -6,8 +6,11 @@ library ieee;
 
 library pe_lib;
 
--- Samples an external input when a step begins and rounds it to a data operand; with DEEP some clocks later, when the PEs
--- begin the step.
+-- Purpose:  Samples an external input when a step begins, and rounds it to a data operand.
+-- Generics: STORAGE_BITS and DATA_BITS are at most WORD_BITS.
+-- Timing:   The operand is there a clock after sample_i; with DEEP two clocks after arrive_i, when the PEs begin the step.
+--           The input must be defined in the clock of sample_i, in which simulation stops otherwise; it may be anything in
+--           all others.
 
 entity pe_input is
   generic (
@@ -28,7 +31,7 @@ end entity pe_input;
 
 architecture rtl of pe_input is
 
-  constant GUARD_BITS : natural := WORD_BITS - STORAGE_BITS;
+  constant GUARD_BITS : integer := WORD_BITS - STORAGE_BITS;
   constant DROPPED    : integer := WORD_BITS - DATA_BITS;
 
   -- Half an LSB of the operand; bit by bit, because GHDL 2.0 writes wide constants as character strings into Verilog.
@@ -41,6 +44,24 @@ architecture rtl of pe_input is
   signal overflow : std_ulogic                                := '0';
 
 begin
+
+  assert STORAGE_BITS <= WORD_BITS and DATA_BITS <= WORD_BITS
+    report "pe_input: input and operand have at most the WORD_BITS of a word"
+    severity failure;
+
+  -- synthesis translate_off
+  p_handshake : process (clk_i) is
+  begin
+
+    if rising_edge(clk_i) then
+      assert sample_i /= '1' or not is_x(value_i)
+        report "pe_input: the input is undefined when it is sampled"
+        severity failure;
+    end if;
+
+  end process p_handshake;
+
+  -- synthesis translate_on
 
   g_half : for i in 0 to WORD_BITS generate
 

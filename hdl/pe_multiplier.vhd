@@ -7,11 +7,13 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_style_pkg.all;
 
--- Signed product of a data operand and a coefficient, both registered by the memories. The data operand arrives as
--- two words that the pre-adder of a multiplier block adds. Where at most one is not 0 this saves a multiplexer;
--- PRE_ADDER allows both, as long as their sum fits the operand. The product register is loaded LATENCY clocks after the
--- operands, with DEEP one later: their sum and the coefficient have a register of their own then, and parts have at
--- most 18 bits. May be replaced by a vendor's multiplier of the same behaviour.
+-- Purpose:  Signed product of a data operand and a coefficient, both registered by the memories. The data operand arrives
+--           as two words that the pre-adder of a multiplier block adds. Where at most one is not 0 this saves a
+--           multiplexer; PRE_ADDER allows both, as long as their sum fits the operand. May be replaced by a vendor's
+--           multiplier of the same behaviour.
+-- Generics: Operands have 2 bits or more; LATENCY is 1, one multiplier block, or 3, four blocks and two additions.
+-- Timing:   The product register is loaded LATENCY clocks after the operands, with DEEP one later: their sum and the
+--           coefficient have a register of their own then, and parts have at most 18 bits. All stops without ce_i.
 
 entity pe_multiplier is
   generic (
@@ -74,6 +76,10 @@ begin
 
   assert LATENCY = 1 or LATENCY = 3
     report "pe_multiplier: LATENCY must be 1 or 3"
+    severity failure;
+
+  assert DATA_BITS > 1 and COEFFICIENT_BITS > 1
+    report "pe_multiplier: operands are signed and have 2 bits or more"
     severity failure;
 
   g_direct : if not DEEP generate

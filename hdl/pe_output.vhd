@@ -6,8 +6,10 @@ library ieee;
 
 library pe_lib;
 
--- Captures a word of a PE's write group and publishes it, rounded, when the step is done. With DEEP both a clock after
--- they are told to.
+-- Purpose:  Captures a word of a PE's write group and publishes it, rounded, when the step is done.
+-- Generics: STORAGE_BITS and DATA_BITS are at most WORD_BITS; CAPTURE_WORD has at most INDEX_BITS.
+-- Timing:   Captures in the clock in which CAPTURE_WORD is executed, and value_o changes a clock after publish_i; with DEEP
+--           both are a clock later.
 
 entity pe_output is
   generic (
@@ -60,6 +62,10 @@ architecture rtl of pe_output is
   signal publish : std_ulogic;
 
 begin
+
+  assert CAPTURE_WORD < 2 ** INDEX_BITS
+    report "pe_output: CAPTURE_WORD has at most INDEX_BITS"
+    severity failure;
 
   g_direct : if not DEEP generate
 

@@ -154,10 +154,19 @@ package pe_pkg is
 
   -- Trace ---------------------------------------------------------------------------------------------------------
 
-  -- One PE: bit 162 sticky overflow; bit 161 own write, 160..145 address, 144..81 value (sign extended); bit 80
-  -- imported write, 79..64 address (without the own depth), 63..0 value (sign extended). PE p starts at bit
-  -- p * TRACE_BITS; the topmost bit of the network's trace is 1 in the clocks in which a word is executed.
-  constant TRACE_BITS : positive := 163;
+  -- Fields of one PE by their lowest bits: value (sign extended), address and enable of the write to the imported memory
+  -- (its address without the own depth), the same of the own write, sticky overflow. PE p starts at bit p * TRACE_BITS;
+  -- the topmost bit of the network's trace is 1 in the clocks in which a word is executed.
+  constant TRACE_VALUE_BITS       : positive := 64;
+  constant TRACE_ADDRESS_BITS     : positive := 16;
+  constant TRACE_IMPORTED_VALUE   : natural  := 0;
+  constant TRACE_IMPORTED_ADDRESS : natural  := TRACE_IMPORTED_VALUE + TRACE_VALUE_BITS;
+  constant TRACE_IMPORTED_WRITE   : natural  := TRACE_IMPORTED_ADDRESS + TRACE_ADDRESS_BITS;
+  constant TRACE_OWN_VALUE        : natural  := TRACE_IMPORTED_WRITE + 1;
+  constant TRACE_OWN_ADDRESS      : natural  := TRACE_OWN_VALUE + TRACE_VALUE_BITS;
+  constant TRACE_OWN_WRITE        : natural  := TRACE_OWN_ADDRESS + TRACE_ADDRESS_BITS;
+  constant TRACE_OVERFLOW         : natural  := TRACE_OWN_WRITE + 1;
+  constant TRACE_BITS             : positive := TRACE_OVERFLOW + 1;
 
   -- Width of the trace port of a network: one bit unless tracing.
 

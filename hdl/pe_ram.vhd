@@ -8,10 +8,12 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_style_pkg.all;
 
--- Memory with one write port and one registered read port. A disabled read loads `default_i` instead; where that is
--- a constant, the read register's synchronous set and reset do it. A word that is read and written in the same clock
--- reads as before the write. With DEEP a second register follows. May be replaced by a
--- vendor's memory of the same behaviour.
+-- Purpose:  Memory with one write port and one registered read port. May be replaced by a vendor's memory of the same
+--           behaviour.
+-- Generics: WORDS is a power of two, IMAGE has WORDS elements of WORD_BITS.
+-- Timing:   A word is read a clock after its address, two with DEEP; all stops without ce_i. A disabled read loads
+--           `default_i` instead; where that is a constant, the read register's synchronous set and reset do it. A word
+--           that is read and written in the same clock reads as before the write.
 
 entity pe_ram is
   generic (
@@ -72,6 +74,10 @@ architecture rtl of pe_ram is
   signal read_data : std_ulogic_vector(WORD_BITS - 1 downto 0) := (others => '0');
 
 begin
+
+  assert 2 ** index_bits(WORDS) = WORDS and IMAGE'length = WORDS
+    report "pe_ram: WORDS is a power of two, and IMAGE has as many elements"
+    severity failure;
 
   -- The memory is a variable: as a signal it would cost a simulator far more time and space.
   p_memory : process (clk_i) is

@@ -3,9 +3,11 @@
 library ieee;
   use ieee.std_logic_1164.all;
 
--- A register of its own for one of many that are told the same, so that what tells them drives a register of each and
--- not all that they do with it. Synthesis must not make one of those that are alike: the attribute tells Vivado so,
--- `hdl/measure-clock.sh` tells yosys.
+-- Purpose:  A register of its own for one of many that are told the same, so that what tells them drives a register of each
+--           and not all that they do with it. Synthesis must not make one of those that are alike: the attribute tells
+--           Vivado so, `hdl/measure-clock.sh` tells yosys.
+-- Generics: Any WIDTH.
+-- Timing:   A clock late, and it never stops.
 
 entity pe_replica is
   generic (

@@ -8,9 +8,12 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_style_pkg.all;
 
--- A memory that nothing writes: the program of one PE, whose registered output is the control register, or its
--- coefficients. With DEEP there are more registers: a replica of the address, and behind the memory one that block RAM
--- has at its output, and one that synthesis may place beside the PE. They never stop.
+-- Purpose:  A memory that nothing writes: the program of one PE, whose registered output is the control register, or its
+--           coefficients.
+-- Generics: CONTENT has PERIOD elements of CONTROL_BITS; any number of words is allowed.
+-- Timing:   A word is at control_o a clock after its address, and stays there without fetch_i. With DEEP it comes four
+--           clocks after the address: there are a replica of the address, and behind the memory a register that block RAM
+--           has at its output, and one that synthesis may place beside the PE. They never stop.
 
 entity pe_rom is
   generic (
@@ -69,6 +72,10 @@ architecture rtl of pe_rom is
   attribute syn_romstyle of fetched : signal is style(IN_BLOCKS, "block_rom", "logic");
 
 begin
+
+  assert CONTENT'length = PERIOD
+    report "pe_rom: CONTENT has PERIOD elements"
+    severity failure;
 
   p_fetch : process (clk_i) is
   begin

@@ -8,7 +8,10 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_write_pkg.all;
 
--- The write side of a PE up to the word that the write group stores: base word and shift, addition, saturation.
+-- Purpose:  The write side of a PE up to the word that the write group stores: base word and shift, addition, saturation.
+-- Generics: SHIFTS rise. Memories have a power of two of words, INDEX_WORDS may be 0.
+-- Timing:   docs/hardware.md, "Timing", scale group: word_o is loaded two clocks after the control word that tells base and
+--           shift, with DEEP three. Nothing moves in clocks without advance_i.
 
 entity pe_scale is
   generic (

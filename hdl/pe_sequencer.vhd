@@ -7,8 +7,13 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_pkg.all;
 
--- Broadcasts the word index to all PEs and runs the step handshake. The first pass over the words before the pause
--- word only fills the pipelines (settle). A step has one or more rounds of equal length.
+-- Purpose:  Broadcasts the word index to all PEs and runs the step handshake. A step has one or more rounds of equal
+--           length.
+-- Generics: PERIOD is a multiple of ROUNDS, and a round has more than PAUSE_WORD control words.
+-- Timing:   A step begins, and takes the inputs, with an enabled clock in which busy_o = 0 and step_i = 1; done_o is 1 for
+--           one enabled clock when its outputs are there. The first pass over the words before the pause word only fills
+--           the pipelines (settle). ce_i must be 0 or 1 at every edge, step_i at every enabled one in which the network
+--           waits; simulation stops otherwise.
 
 entity pe_sequencer is
   generic (
@@ -61,6 +66,23 @@ begin
   assert ROUND_WORDS > PAUSE_WORD and ROUND_WORDS * ROUNDS = PERIOD
     report "pe_sequencer: a round needs more than PAUSE_WORD control words, and all rounds as many"
     severity failure;
+
+  -- synthesis translate_off
+  p_handshake : process (clk_i) is
+  begin
+
+    if rising_edge(clk_i) then
+      assert not is_x(ce_i)
+        report "pe_sequencer: ce_i is undefined"
+        severity failure;
+      assert ce_i = '0' or waiting = '0' or not is_x(step_i)
+        report "pe_sequencer: step_i is undefined while the network waits for it"
+        severity failure;
+    end if;
+
+  end process p_handshake;
+
+  -- synthesis translate_on
 
   fetch <= ce_i and (step_i or not waiting);
 

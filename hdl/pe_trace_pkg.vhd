@@ -92,6 +92,19 @@ package body pe_trace_pkg is
 
   end procedure print;
 
+  -- The bits of a field from its lowest one on.
+
+  function field (
+    trace : std_ulogic_vector;
+    lsb   : natural;
+    width : positive
+  ) return std_ulogic_vector is
+  begin
+
+    return trace(lsb + width - 1 downto lsb);
+
+  end function field;
+
   procedure print_trace (
     trace     : in    std_ulogic_vector;
     cycle     : in    natural;
@@ -114,17 +127,20 @@ package body pe_trace_pkg is
 
       first := pe * TRACE_BITS;
 
-      if (trace(first + 161) = '1') then
-        print("t " & integer'image(cycle) & " " & integer'image(pe) & " " & hex(trace(first + 160 downto first + 145))
-              & " " & hex(trace(first + 80 + word_bits downto first + 81)));
-        checks := checks + 1;
-      end if;
-
-      if (trace(first + 80) = '1') then
-        address := own_words(pe) + to_integer(unsigned(trace(first + 79 downto first + 64)));
+      if (trace(first + TRACE_OWN_WRITE) = '1') then
+        address := to_integer(unsigned(field(trace, first + TRACE_OWN_ADDRESS, TRACE_ADDRESS_BITS)));
         print("t " & integer'image(cycle) & " " & integer'image(pe) & " "
               & hex(std_ulogic_vector(to_unsigned(address, 17))) & " "
-              & hex(trace(first + data_bits - 1 downto first)));
+              & hex(field(trace, first + TRACE_OWN_VALUE, word_bits)));
+        checks  := checks + 1;
+      end if;
+
+      if (trace(first + TRACE_IMPORTED_WRITE) = '1') then
+        address := own_words(pe)
+                   + to_integer(unsigned(field(trace, first + TRACE_IMPORTED_ADDRESS, TRACE_ADDRESS_BITS)));
+        print("t " & integer'image(cycle) & " " & integer'image(pe) & " "
+              & hex(std_ulogic_vector(to_unsigned(address, 17))) & " "
+              & hex(field(trace, first + TRACE_IMPORTED_VALUE, data_bits)));
         checks  := checks + 1;
       end if;
 
@@ -142,7 +158,7 @@ package body pe_trace_pkg is
 
       for pe in 0 to pes - 1 loop
 
-        if (trace(pe * TRACE_BITS + 162) = '1') then
+        if (trace(pe * TRACE_BITS + TRACE_OVERFLOW) = '1') then
           print("v " & integer'image(pe));
         end if;
 

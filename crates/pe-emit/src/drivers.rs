@@ -3,8 +3,9 @@
 use askama::Template;
 use pe_ir::program::Program;
 
+use crate::library;
 use crate::names::Names;
-use crate::{EmitOptions, Header, library};
+use crate::options::{EmitOptions, Header};
 
 /// An instance port and its slice of the drivers' vectors.
 struct Slice {
@@ -98,7 +99,7 @@ struct FileList<'a> {
 
 /// The text of `<model>.f`: library and file of every VHDL unit of a design, in compile order.
 pub fn file_list(program: &Program, names: &Names) -> String {
-    let list = FileList { model: &names.model, library: library(program).map(|(file, _)| file).collect() };
+    let list = FileList { model: &names.model, library: library::needed(program).map(|(file, _)| file).collect() };
     list.render().expect("templates render into strings")
 }
 

@@ -4,8 +4,8 @@ use askama::Template;
 use pe_ir::program::{Fold, Layout, LinkSource, Program, index_bits};
 use pe_ir::word::Pipeline;
 
-use crate::Header;
 use crate::names::{Names, comment_text};
+use crate::options::Header;
 
 #[derive(Template)]
 #[template(path = "network.vhd")]

@@ -1,5 +1,6 @@
 //! The program package: control words and memory images of every PE, one line per word, with provenance.
 
+use std::collections::BTreeMap;
 use std::fmt::{Display, Write};
 
 use askama::Template;
@@ -8,8 +9,8 @@ use pe_ir::program::{
 };
 use pe_ir::word::WordFormat;
 
-use crate::Header;
 use crate::names::{Names, comment_text};
+use crate::options::{Header, Provenance};
 
 /// Longest name in a comment of a control word.
 const LONGEST_NAME: usize = 40;
@@ -30,6 +31,7 @@ struct ProgramPackage<'a> {
     /// Names of values as comments show them.
     shown: Vec<String>,
     states: StateWords,
+    provenance: &'a Provenance,
 }
 
 impl ProgramPackage<'_> {
@@ -43,6 +45,8 @@ impl ProgramPackage<'_> {
 struct Pe {
     index: usize,
     equations: String,
+    /// What the spec says of them, a line each.
+    statements: Vec<String>,
     control_bits: u32,
     /// The memories of the program.
     parts: Vec<Part>,
@@ -73,7 +77,7 @@ struct Image {
 }
 
 /// The text of `<model>_program_pkg.vhd`.
-pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header) -> String {
+pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header, provenance: &Provenance) -> String {
     let format = &program.format;
     let package = ProgramPackage {
         header,
@@ -88,6 +92,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
         folds,
         shown: program.names.iter().map(|name| short(name)).collect(),
         states: StateWords::of(program),
+        provenance,
     };
     package.render().expect("templates render into strings")
 }
@@ -118,12 +123,14 @@ impl StateWords {
 }
 
 fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
-    let &ProgramPackage { program, folds, ref shown, ref states, .. } = package;
+    let &ProgramPackage { program, folds, ref shown, ref states, provenance, .. } = package;
     let fold = &folds[index];
+    let numbers = provenance.coefficients.get(index).map_or(&[][..], Vec::as_slice);
+    let exact = |k: usize| numbers.get(k).copied().flatten();
     let layout = Layout::new(&pe.features, &program.format);
     let comment = |text: &mut String, k: usize| {
         let note = pe.notes.get(k).copied().unwrap_or_default();
-        word_comment(text, program, shown, pe, &pe.words[k], &note);
+        word_comment(text, program, shown, pe, (&pe.words[k], exact(k)), &note);
     };
     let part = |name, layout: Layout, words: Vec<u128>, commented: bool| {
         let last = words.len().max(1) - 1;
@@ -165,6 +172,17 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
     };
     let own_comment = |text: &mut String, word| state_comment(text, &states.own, word, "state");
     let imported_comment = |text: &mut String, word| state_comment(text, &states.imported, word, "copy of state");
+    let stored: BTreeMap<usize, f64> = (pe.words.iter().enumerate().rev())
+        .filter_map(|(k, word)| match word.multiplier {
+            Multiplier::Stored(place) => Some((usize::from(place), exact(k)?)),
+            Multiplier::Coefficient(_) => None,
+        })
+        .collect();
+    let coefficient_comment = |text: &mut String, word: usize| {
+        if let Some(number) = stored.get(&word) {
+            text.push_str(&rounded(*number));
+        }
+    };
     let image = |name, image: &[i64], bits, comment: &dyn Fn(&mut String, usize)| {
         let words = lines(image.len(), |text, k| push_binary(text, image[k] as u64, bits), comment);
         Image { name, last: image.len().max(1) - 1, bits, words }
@@ -173,16 +191,26 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
     Pe {
         index,
         equations: comment_text(&list(&pe.equations)),
+        statements: provenance.statements.get(index).into_iter().flatten().map(|text| comment_text(text)).collect(),
         control_bits: layout.bits,
         parts: [loops, stream].into_iter().filter(|part| part.bits > 0).collect(),
         mask,
         images: vec![
             image("OWN", &pe.own_image, data_bits, &own_comment),
             image("BASE", &pe.base_image, word_bits, &own_comment),
-            image("COEFFICIENT", &pe.coefficient_image, coefficient_bits, &|_, _| {}),
+            image("COEFFICIENT", &pe.coefficient_image, coefficient_bits, &coefficient_comment),
             image("IMPORTED", &pe.imported_image, data_bits, &imported_comment),
         ],
         shifts: pe.features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
+    }
+}
+
+/// A number with six digits.
+fn rounded(number: f64) -> String {
+    let short: f64 = format!("{number:.5e}").parse().unwrap_or(number);
+    match short.abs() {
+        0.0 | 1e-3..1e6 => short.to_string(),
+        _ => format!("{short:e}"),
     }
 }
 
@@ -283,7 +311,7 @@ fn word_comment(
     program: &Program,
     shown: &[String],
     pe: &PeProgram,
-    word: &ControlWord,
+    (word, exact): (&ControlWord, Option<f64>),
     note: &Note,
 ) {
     let start = text.len();
@@ -314,6 +342,9 @@ fn word_comment(
             },
         };
         written.expect("memory takes the comment");
+        if let Some(number) = exact {
+            text.extend([" (", &rounded(number), ")"]);
+        }
         if !shown(note.chain).is_empty() {
             text.push_str(" -> ");
             text.push_str(shown(note.chain));

@@ -7,7 +7,7 @@ use pe_ir::program::{Fold, LinkSource, PeProgram, Program, closed_up};
 use pe_ir::word::Pipeline;
 
 use crate::names::vhdl_identifier;
-use crate::{EmitOptions, Header};
+use crate::options::{EmitOptions, Header};
 
 #[derive(Template)]
 #[template(path = "reference.rs")]

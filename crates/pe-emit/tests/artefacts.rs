@@ -26,6 +26,11 @@ fn design(model: &'static str) -> Vec<Artefact> {
         version: "0".to_owned(),
         stimulus: vec![vec![-1], vec![5]],
         default_steps: 2,
+        files: vec![("x\n.ode".to_owned(), "00ff".to_owned())],
+        provenance: pe_emit::Provenance {
+            statements: vec![vec!["x.ode:1: a' = \\\n -a */".to_owned()]],
+            coefficients: vec![vec![Some(-0.1); 3]],
+        },
     };
     emit(&random_program(&case), &options)
 }
@@ -67,6 +72,7 @@ fn nothing_is_escaped() {
     for path in ["m.vhd", "m_tb.vhd", "m_program_pkg.vhd", "m_reference.rs", "m_verilator.cpp"] {
         let text = text(&design, path);
         assert!(text.contains("Regenerate: pe-synth build <= 'a b' */ /\n"), "{path}");
+        assert!(text.contains("Read: x .ode, SHA-256 00ff\n"), "{path}");
         assert!(!text.contains("&#"), "{path}");
         assert!(text.ends_with('\n') && !text.ends_with("\n\n"), "{path}");
         assert!(!text.contains('\t'), "{path}");
@@ -87,4 +93,15 @@ fn names_stay_in_their_comments() {
 #[test]
 fn the_same_program_gives_the_same_bytes() {
     assert_eq!(design("m"), design("m"));
+}
+
+#[test]
+fn control_words_tell_where_they_come_from() {
+    let design = design("m");
+    let package = text(&design, "m_program_pkg.vhd");
+    assert!(package.contains("\n  --   x.ode:1: a' = /  -a */\n"), "{package}");
+    // The first three control words of one PE were given numbers, which stand behind their coefficients.
+    let numbers = package.lines().filter(|line| line.contains(" * ") && line.contains(" (-0.1)")).count();
+    assert_eq!(package.matches(" (-0.1)").count(), numbers, "{package}");
+    assert!((1..=3).contains(&numbers), "{package}");
 }

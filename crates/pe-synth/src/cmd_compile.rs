@@ -17,6 +17,7 @@ use crate::command::shown_path;
 use crate::console;
 use crate::messages::MessageFormat;
 use crate::options::{ConservedArgs, MappingArgs, ModelArgs, PointArgs};
+use crate::origin;
 use crate::output::OutputFolder;
 use crate::progress;
 use pe_flow::accuracy::choice::{Choice, Question};
@@ -178,11 +179,8 @@ impl Compile {
             report["choice"] = choice.report(model);
         }
         let folder = OutputFolder::create_until_interrupted(&target)?;
-        let written = watch.stage(
-            "write",
-            || write_design(&folder, shown_path(loaded.sources.main().name()), model, &design, command),
-            |_| target.display().to_string(),
-        );
+        let written =
+            watch.stage("write", || write_design(&folder, &loaded, &design, command), |_| target.display().to_string());
         written?;
         let name = pe_emit::design_name(&design.program);
         folder.write(&format!("{name}_variables.csv"), &variables::table(&variables))?;
@@ -397,18 +395,15 @@ fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
 }
 
-fn write_design(
-    folder: &OutputFolder,
-    spec: &str,
-    model: &pe_ir::model::Model,
-    design: &Design,
-    command: &str,
-) -> Result<(), Failure> {
+fn write_design(folder: &OutputFolder, loaded: &LoadedModel, design: &Design, command: &str) -> Result<(), Failure> {
+    let LoadedModel { model, sources, .. } = loaded;
     let steps = trace_steps(&design.program, model.steps());
     let stimulus = pipeline::stimulus(model, design, 0, steps);
     let options = EmitOptions {
         command: command.to_owned(),
-        spec: spec.to_owned(),
+        spec: shown_path(sources.main().name()).to_owned(),
+        files: origin::files(sources),
+        provenance: origin::provenance(design, loaded),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         stimulus: stimulus.clone(),
         default_steps: steps as u32,

@@ -22,6 +22,7 @@ pub mod explore;
 pub mod figures;
 pub mod messages;
 pub mod options;
+pub mod origin;
 pub mod output;
 pub mod pictures;
 pub mod progress;

@@ -140,8 +140,8 @@ fn files(folder: &Path) -> Vec<(PathBuf, String)> {
                 waiting.push(path);
             } else if !name.starts_with("report") {
                 let text = fs::read_to_string(&path).unwrap();
-                let kept =
-                    text.lines().filter(|line| !["pe-synth", "generated"].iter().any(|word| line.contains(word)));
+                let origin = ["pe-synth", "generated", "SHA-256", ".spec:"];
+                let kept = text.lines().filter(|line| !origin.iter().any(|word| line.contains(word)));
                 found.push((path.strip_prefix(folder).unwrap().to_owned(), kept.collect::<Vec<_>>().join("\n")));
             }
         }

@@ -239,6 +239,7 @@ impl Design {
             version: "0".to_owned(),
             stimulus: stimulus(program, steps, 7),
             default_steps: steps,
+            ..EmitOptions::default()
         };
         for artefact in emit(program, &options) {
             let path = directory.join(&artefact.path);

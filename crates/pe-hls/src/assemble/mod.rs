@@ -2,6 +2,7 @@
 
 mod limits;
 mod memory;
+mod provenance;
 mod registers;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,6 +21,7 @@ use pe_ir::word::Latency;
 
 pub use limits::TooLarge;
 use memory::Memories;
+pub use provenance::coefficients;
 
 use crate::rounds::Rounds;
 

@@ -72,6 +72,7 @@ pub fn emit(program: &Program, stimulus: &[Vec<i64>], folder: &Path) {
         version: "0".into(),
         stimulus: stimulus.to_vec(),
         default_steps: stimulus.len() as u32,
+        ..EmitOptions::default()
     };
     for artefact in pe_emit::emit(program, &options) {
         let path = folder.join(&artefact.path);

@@ -1,0 +1,52 @@
+//! What the files of a design tell beside its program.
+
+use crate::names::comment_text;
+
+/// What the files tell about their origin, and what the test benches run.
+#[derive(Clone, Debug, Default)]
+pub struct EmitOptions {
+    /// Command for the `Regenerate:` line of the headers.
+    pub command: String,
+    /// Name of the spec.
+    pub spec: String,
+    /// Version of the tool.
+    pub version: String,
+    /// Files that the spec was read from, each with the SHA-256 of its content in hex.
+    pub files: Vec<(String, String)>,
+    /// What the words of the program come from.
+    pub provenance: Provenance,
+    /// Words of each input port in each step; runs that last longer repeat the last step's.
+    pub stimulus: Vec<Vec<i64>>,
+    /// Steps that the test benches run unless told otherwise.
+    pub default_steps: u32,
+}
+
+/// What the words of a program come from, by PE; comments show it and nothing else does. What is missing is not shown.
+#[derive(Clone, Debug, Default)]
+pub struct Provenance {
+    /// The statements of the spec that the equations of each PE come from, with their places.
+    pub statements: Vec<Vec<String>>,
+    /// The coefficient of each control word before it was rounded to a word.
+    pub coefficients: Vec<Vec<Option<f64>>>,
+}
+
+/// Lines that open every generated file.
+pub(crate) struct Header {
+    pub(crate) version: String,
+    pub(crate) spec: String,
+    pub(crate) command: String,
+    /// Name and hash of each file that was read.
+    pub(crate) files: Vec<String>,
+}
+
+impl Header {
+    pub(crate) fn of(options: &EmitOptions) -> Header {
+        let file = |(name, hash): &(String, String)| format!("{}, SHA-256 {hash}", comment_text(name));
+        Header {
+            version: comment_text(&options.version),
+            spec: comment_text(&options.spec),
+            command: comment_text(&options.command),
+            files: options.files.iter().map(file).collect(),
+        }
+    }
+}

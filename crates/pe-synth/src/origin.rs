@@ -1,0 +1,67 @@
+//! What generated files tell about the spec that they come from: files, their hashes, statements.
+
+use std::collections::BTreeSet;
+
+use pe_emit::Provenance;
+use pe_flow::pipeline::Design;
+use pe_flow::spec::LoadedModel;
+use pe_hls::assemble::coefficients;
+use pe_ir::index::at;
+use pe_ir::source::{Sources, Span};
+use pe_verify::folder::hash;
+
+use crate::command::shown_path;
+
+/// Longest text of a statement in a comment.
+const LONGEST_STATEMENT: usize = 160;
+
+/// The files that the spec was read from, each with its SHA-256 in hex.
+pub fn files(sources: &Sources) -> Vec<(String, String)> {
+    let one = |file: &pe_ir::source::SourceFile| {
+        let content = &sources.text()[file.span().range()];
+        (shown_path(file.name()).to_owned(), hash(content.as_bytes()))
+    };
+    sources.files().iter().map(one).collect()
+}
+
+/// What the words of a design's program come from; the text of a stage has no statements of a spec.
+pub fn provenance(design: &Design, loaded: &LoadedModel) -> Provenance {
+    let graph = design.paired.as_ref().map_or(&*design.graph, |paired| &paired.graph);
+    let mut spans = vec![BTreeSet::new(); at(design.mapping.pes)];
+    for (equation, pe) in graph.equations.iter().zip(&design.mapping.pe_of) {
+        spans[at(*pe)].insert(equation.span);
+    }
+    let of_pe = |spans: BTreeSet<Span>| {
+        let stated = |span: &Span| span.length() > 0 && loaded.stages.is_none();
+        spans.into_iter().filter(stated).map(|span| statement(&loaded.sources, span)).collect()
+    };
+    Provenance {
+        statements: spans.into_iter().map(of_pe).collect(),
+        coefficients: coefficients(graph, &design.mapping, &design.schedule),
+    }
+}
+
+/// Place and text of a statement in one line, without remarks.
+fn statement(sources: &Sources, span: Span) -> String {
+    let position = sources.position(span.start);
+    let lines = sources.text().get(span.range()).unwrap_or("").lines();
+    let words = lines.flat_map(|line| line.split("//").next().unwrap_or("").split_whitespace());
+    let mut text = words.collect::<Vec<_>>().join(" ");
+    if text.chars().count() > LONGEST_STATEMENT {
+        text = text.chars().take(LONGEST_STATEMENT).collect::<String>() + " ..";
+    }
+    format!("{}:{}: {text}", shown_path(position.file), position.line)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statements_have_a_place_and_one_line() {
+        let sources = Sources::new("a/b.spec", "state x = 1\nx' = -2*x // falls\n   + 1\n");
+        assert_eq!(statement(&sources, Span { start: 12, end: 37 }), "a/b.spec:2: x' = -2*x + 1");
+        let hashes = files(&sources);
+        assert_eq!((hashes.len(), hashes[0].0.as_str(), hashes[0].1.len()), (1, "a/b.spec", 64));
+    }
+}
