@@ -6,6 +6,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use pe_hls::two_slots;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
@@ -21,7 +22,8 @@ use pe_judge::{DesignPoint, FormChoice};
 
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
-use crate::spec::{self, LoadedModel};
+use crate::pipeline::{MappingOptions, StageLoop};
+use crate::spec::LoadedModel;
 
 /// Rounds that the program checker runs, as those of a program that was assembled.
 const CHECKED_ROUNDS: u32 = 3;
@@ -46,11 +48,26 @@ pub struct Stages {
 /// # Errors
 /// [`Failure::File`], and the first place that cannot be read, or stage that is not valid.
 pub fn load(path: &Path) -> Result<LoadedModel, Failure> {
-    let sources = spec::main_file(path)?;
+    let sources = sources(path)?;
     match Stages::read(&sources) {
         Ok((model, stages)) => Ok(LoadedModel { model, sources, stages: Some(Arc::new(stages)) }),
         Err(error) => Err(Failure::Spec(vec![error.finding()], sources)),
     }
+}
+
+/// Bytes of a text, at most: many times what the largest models take, and far less than places can count.
+const LARGEST_TEXT: u64 = 512 << 20;
+
+/// The text of a file.
+fn sources(path: &Path) -> Result<Sources, Failure> {
+    let unreadable = |error| Failure::file("read", path, error);
+    let size = std::fs::metadata(path).map_err(unreadable)?.len();
+    if size > LARGEST_TEXT {
+        let message = format!("it has {size} bytes; the most allowed is {LARGEST_TEXT}");
+        return Err(Failure::file("read", path, message));
+    }
+    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    Ok(Sources::new(path.display().to_string(), &text))
 }
 
 impl Stages {
@@ -78,13 +95,17 @@ impl Stages {
         Ok((model, stages))
     }
 
-    /// An option that asks for what the text has decided already, in words.
-    pub fn conflict(&self, point: &DesignPoint) -> Option<String> {
+    /// An option that asks for what the text has decided already, in words. `span` says whether a longer span is asked for
+    /// than the model of the text has.
+    pub fn conflict(&self, point: &DesignPoint, mapping: &MappingOptions, span: bool) -> Option<String> {
         let decided = |option: &str, stage: Stage| {
             Some(format!("`{option}` comes too late: the text goes on to `{}`, which has decided it", stage.name()))
         };
-        if self.graph.is_some() {
+        if let Some(graph) = &self.graph {
             let asked = [
+                // Tables are those of the arguments and signals over the span.
+                (span, "--span"),
+                (mapping.no_pre_adder && graph.pre_adder, "--no-pre-adder"),
                 (point.solver.is_some(), "--solver"),
                 (point.step.is_some(), "--step"),
                 (point.early_steps.is_some(), "--early-steps"),
@@ -97,7 +118,13 @@ impl Stages {
         let fixed = self.fixed.as_ref()?;
         let (format, default) = (&fixed.format, DesignPoint::default());
         let ports = (format.data_bits, format.coefficient_bits);
+        let one_slot = self.graph.as_ref().is_some_and(|graph| !two_slots::used(graph));
+        let has_rounds = self.program.as_ref().is_some_and(|program| program.rounds > 1);
+        if has_rounds && mapping.stage_loop == StageLoop::Off {
+            return decided("--loop", Stage::Program);
+        }
         let asked = [
+            (point.coefficients != default.coefficients && one_slot, "--coefficients"),
             (point.storage != default.storage && point.storage != format.storage_bits, "--storage"),
             (point.multiplier.is_some_and(|asked| asked != ports), "--multiplier"),
             (point.pipeline != default.pipeline && point.pipeline != format.pipeline, "--pipeline"),

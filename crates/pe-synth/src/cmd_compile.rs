@@ -114,7 +114,7 @@ impl Compile {
         let mut watch = progress::stopwatch(quiet, self.message_format());
         let loaded = watch.stage(
             "read",
-            || self.model.load_stages(&self.point.point()),
+            || self.model.load_stages(&self.point.point(), &self.mapping.options()),
             |loaded| match loaded {
                 Ok(LoadedModel { model, .. }) => {
                     let title = if model.title.is_empty() { String::new() } else { format!(", {}", model.title) };

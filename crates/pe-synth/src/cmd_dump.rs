@@ -70,7 +70,7 @@ impl Dump {
 
     fn text(&self) -> Result<String, Failure> {
         let (point, mapping) = (self.point.point(), self.mapping.options());
-        let loaded = self.model.load_stages(&point)?;
+        let loaded = self.model.load_stages(&point, &mapping)?;
         let mut watch = progress::stopwatch(true, self.message_format());
         let mut sections = vec![loaded.model.to_string()];
         if self.stage == Stage::Model {

@@ -153,10 +153,12 @@ impl ModelArgs {
     ///
     /// # Errors
     /// Those of the text, and options that come too late.
-    pub fn load_stages(&self, point: &DesignPoint) -> Result<LoadedModel, Failure> {
+    pub fn load_stages(&self, point: &DesignPoint, mapping: &MappingOptions) -> Result<LoadedModel, Failure> {
         let Some(path) = &self.from else { return self.load(point) };
         let mut loaded = stages::load(path)?;
-        if let Some(conflict) = loaded.stages.as_ref().and_then(|stages| stages.conflict(point)) {
+        let longer = self.span.is_some_and(|span| span > loaded.model.span);
+        let conflict = loaded.stages.as_ref().and_then(|stages| stages.conflict(point, mapping, longer));
+        if let Some(conflict) = conflict {
             return Err(Failure::Usage(conflict));
         }
         loaded.model.span = self.span.unwrap_or(loaded.model.span);

@@ -245,8 +245,21 @@ fn what_is_wrong_in_a_text_is_told_with_its_place() {
         assert!(complaint.contains("error[E0809]") || complaint.contains("error[E0808]"), "{test}: {complaint}");
         assert!(complaint.contains(place) && complaint.contains(message), "{test}: {complaint}");
     }
-    for options in [["--solver", "euler"], ["--storage", "24"], ["--pes", "1"], ["--set", "mu=2"]] {
-        let (code, complaint) = complaint("options", &text, &options);
+    for options in [
+        &["--solver", "euler"][..],
+        &["--step", "1ms"],
+        &["--form", "horner"],
+        &["--span", "2s"],
+        &["--storage", "24"],
+        &["--multiplier", "25x18"],
+        &["--pipeline", "deep"],
+        &["--coefficients", "two-slot"],
+        &["--pes", "1"],
+        &["--mapping", "x.map"],
+        &["--set", "mu=2"],
+        &["--observe", "x"],
+    ] {
+        let (code, complaint) = complaint("options", &text, options);
         assert_eq!(code, Some(2), "{options:?}: {complaint}");
     }
     let file = folder("others").join("step.txt");
