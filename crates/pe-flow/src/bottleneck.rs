@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use pe_ir::program::{LinkSource, PeProgram, Program};
-use serde_json::{Value, json};
 
 use crate::pipeline::Design;
+use crate::report::types::{Limiting, MainSource};
 
 /// Equations that are named in the report.
 const NAMED: usize = 5;
@@ -54,33 +54,21 @@ impl Bottleneck {
         if self.idle * 20 <= self.busy { "its products fill the step" } else { "it waits for results" }
     }
 
-    /// The key `bottleneck` of the report.
-    pub fn report(&self, program: &Program) -> Value {
+    /// As the report has it.
+    pub fn report(&self, program: &Program) -> Limiting {
         let equations = &program.pes[self.pe].equations;
-        let mut value = json!({
-            "pe": self.pe,
-            "equations": equations.len(),
-            "first_equations": equations.iter().take(NAMED).collect::<Vec<_>>(),
-            "busy_cycles": self.busy,
-            "idle_cycles": self.idle,
-            "reason": self.reason(),
-            "ports": program.pes[self.pe].ports.len(),
-            "arrivals": self.arrivals,
-        });
-        if let Some((source, words)) = self.main_source {
-            value["main_source"] = json!({"from": name(program, source), "words": words});
+        let main_source = self.main_source.map(|(source, words)| MainSource { from: name(program, source), words });
+        Limiting {
+            pe: self.pe,
+            equations: equations.len(),
+            first_equations: equations.iter().take(NAMED).cloned().collect(),
+            busy_cycles: self.busy,
+            idle_cycles: self.idle,
+            reason: self.reason().to_owned(),
+            ports: program.pes[self.pe].ports.len(),
+            arrivals: self.arrivals,
+            main_source,
         }
-        value
-    }
-
-    /// In a line of the summary.
-    pub fn summary(&self, program: &Program) -> String {
-        let equations = program.pes[self.pe].equations.len();
-        let from = self.main_source.map_or(String::new(), |(source, words)| {
-            format!(", {words} of {} arrivals from {}", self.arrivals, name(program, source))
-        });
-        let share = 100 * self.busy / program.period;
-        format!("PE {}: {equations} equations, busy {share} % of the step, {}{from}", self.pe, self.reason())
     }
 }
 

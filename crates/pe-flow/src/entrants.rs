@@ -14,11 +14,22 @@ use pe_ir::mapping::Mapping;
 
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
-use crate::pipeline::{MappingOptions, Network, StageLoop};
+use crate::settings::{MappingOptions, StageLoop};
 use pe_judge::runs::Judged;
 
 /// Numbers of relays that are tried: one gathers most, more are closer to their readers.
 const RELAYS: [u32; 4] = [1, 2, 4, 8];
+
+/// What the PEs of a design are to be.
+#[derive(Clone, Debug)]
+pub struct Network {
+    /// Their number, unless the default is wanted.
+    pub pes: Option<u32>,
+    /// Seed of the annealer.
+    pub seed: u64,
+    /// The mapping that the user gives, and the number of relays in it.
+    pub given: Option<(Mapping, u32)>,
+}
 
 /// A step graph to map.
 pub struct Variant<'a> {

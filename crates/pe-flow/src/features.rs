@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 use pe_ir::graph::StepGraph;
 use pe_ir::mapping::Mapping;
 use pe_ir::program::{ControlWord, FieldName, Fold, Layout, Note, PeFeatures, PeProgram, Program};
-use serde_json::{Value, json};
 
 use pe_judge::runs::Judged;
+
+use crate::report::types::{Feature as FeatureRow, Features, Field, Folds, Histogram};
 
 /// A feature that a PE has in some size or not at all.
 struct Feature {
@@ -151,16 +152,16 @@ fn first(program: &Program, pe: &PeProgram, kind: fn(&ControlWord) -> bool, valu
 }
 
 /// The features of the PEs with their reasons, and the fields of the control words.
-pub fn features(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> Value {
+pub fn features(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> Features {
     let lookups = program.pes.iter().any(|pe| pe.features.index_words > 0);
     let features = FEATURES.iter().chain(LOOKUPS.iter().filter(|_| lookups));
-    let mut rows: Vec<Value> = features.map(|feature| row(program, feature)).collect();
+    let mut rows: Vec<FeatureRow> = features.map(|feature| row(program, feature)).collect();
     rows.push(saturation(program, graph, judged, mapping));
-    json!({"pe": rows, "control_word": fields(program), "program": folds(program)})
+    Features { pe: rows, control_word: fields(program), program: folds(program) }
 }
 
-fn row(program: &Program, feature: &Feature) -> Value {
-    let mut sizes: BTreeMap<u32, usize> = BTreeMap::new();
+fn row(program: &Program, feature: &Feature) -> FeatureRow {
+    let mut sizes = Histogram::new();
     for pe in &program.pes {
         *sizes.entry((feature.size)(&pe.features)).or_default() += 1;
     }
@@ -170,14 +171,12 @@ fn row(program: &Program, feature: &Feature) -> Value {
         Some(pe) => format!("PE {pe}: {}", (feature.need)(program, &program.pes[pe])),
         None => "no PE needs it".to_owned(),
     };
-    json!({
-        "feature": feature.name, "with": program.pes.len() - without, "without": without,
-        "sizes": histogram(&sizes), "because": because,
-    })
+    let with = program.pes.len() - without;
+    FeatureRow { feature: feature.name.to_owned(), with, without, sizes, because, provable: None }
 }
 
 /// PEs that clamp words which are out of range, and those that are proven to write none.
-fn saturation(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> Value {
+fn saturation(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> FeatureRow {
     let without = program.pes.iter().filter(|pe| pe.features.proven).count();
     let enclosed = judged.proof.as_ref().and_then(|proof| proof.enclosed.as_ref());
     let saturating = program.pes.iter().position(|pe| !pe.features.proven);
@@ -194,53 +193,44 @@ fn saturation(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &M
             }
         }
     };
-    json!({
-        "feature": "saturation", "with": program.pes.len() - without, "without": without, "sizes": {},
-        "provable": without, "because": because,
-    })
+    FeatureRow {
+        feature: "saturation".to_owned(),
+        with: program.pes.len() - without,
+        without,
+        sizes: Histogram::new(),
+        because,
+        provable: Some(without),
+    }
 }
 
 /// Rounds of a step, and how many PEs keep how many bits of their control words for each word of a round (`loop_bits`),
 /// for each word of a step (`stream_bits`) or for each round of so many `variants`.
-fn folds(program: &Program) -> Value {
-    let (mut repeated, mut streamed, mut variants) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+fn folds(program: &Program) -> Folds {
+    let (mut loop_bits, mut stream_bits, mut variants) = (Histogram::new(), Histogram::new(), Histogram::new());
     for pe in &program.pes {
         let fold = Fold::of(program, pe);
-        *repeated.entry(fold.loop_bits()).or_default() += 1;
+        *loop_bits.entry(fold.loop_bits()).or_default() += 1;
         let stream = if fold.stream.is_empty() { 0 } else { fold.streamed_bits() };
-        *streamed.entry(stream).or_default() += 1;
+        *stream_bits.entry(stream).or_default() += 1;
         if let Some(count) = fold.variants() {
             *variants.entry(count).or_default() += 1;
         }
     }
-    let mut folds = json!({
-        "rounds": program.rounds, "round_words": program.round_words(),
-        "loop_bits": histogram(&repeated), "stream_bits": histogram(&streamed),
-    });
-    if !variants.is_empty() {
-        folds["variants"] = histogram(&variants);
-    }
-    folds
+    let variants = (!variants.is_empty()).then_some(variants);
+    Folds { rounds: program.rounds, round_words: program.round_words(), loop_bits, stream_bits, variants }
 }
 
 /// Control-word fields that some PE has: PEs with and without, and widths.
-fn fields(program: &Program) -> Value {
-    let mut fields: BTreeMap<FieldName, BTreeMap<u32, usize>> = BTreeMap::new();
+fn fields(program: &Program) -> Vec<Field> {
+    let mut fields: BTreeMap<FieldName, Histogram> = BTreeMap::new();
     for pe in &program.pes {
         for field in Layout::new(&pe.features, &program.format).fields {
             *fields.entry(field.name).or_default().entry(field.width).or_default() += 1;
         }
     }
-    let rows = fields.iter().map(|(name, widths)| {
-        let with: usize = widths.values().sum();
-        json!({
-            "field": name.text(), "with": with, "without": program.pes.len() - with, "bits": histogram(widths),
-        })
-    });
-    rows.collect()
-}
-
-/// Sizes and how many PEs have each.
-fn histogram(sizes: &BTreeMap<u32, usize>) -> Value {
-    sizes.iter().map(|(size, pes)| (size.to_string(), json!(pes))).collect::<serde_json::Map<String, Value>>().into()
+    let row = |(name, bits): (FieldName, Histogram)| {
+        let with: usize = bits.values().sum();
+        Field { field: name.text().to_owned(), with, without: program.pes.len() - with, bits }
+    };
+    fields.into_iter().map(row).collect()
 }

@@ -6,7 +6,8 @@ use std::collections::{HashMap, VecDeque};
 
 use pe_ir::graph::{Role, StepGraph};
 use pe_ir::model::{Model, Variable};
-use serde_json::{Value, json};
+
+use crate::report::types::Kept;
 
 /// Names of a chain of reasons that are shown; of longer ones the middle is left out.
 const SHOWN_OF_CHAIN: usize = 8;
@@ -16,7 +17,7 @@ const SHOWN_OF_CHAIN: usize = 8;
 ///
 /// `because` tells why the first kept element is there. `chain` leads from the element that is farthest from every
 /// output to the output that needs it: each name is read by the next one.
-pub fn kept(model: &Model, graph: &StepGraph) -> Value {
+pub fn kept(model: &Model, graph: &StepGraph) -> Vec<Kept> {
     let mut computed = vec![false; model.algebraics.len()];
     for value in &graph.values {
         if let Role::Algebraic(index, _) = value.role {
@@ -66,17 +67,17 @@ struct Quantity<'a> {
 }
 
 impl Quantity<'_> {
-    fn entry(&self, scene: &Scene) -> Value {
+    fn entry(&self, scene: &Scene) -> Kept {
         let farthest = self.kept.iter().copied().max_by_key(|at| (scene.distance[*at], usize::MAX - at));
-        json!({
-            "name": self.name,
-            "kind": self.kind,
-            "kept": self.kept.len(),
-            "put_in_place": self.put_in_place,
-            "left_out": self.left_out,
-            "because": self.kept.first().map_or("no output depends on it".to_owned(), |at| scene.because(*at)),
-            "chain": farthest.map_or(Vec::new(), |at| scene.chain(at)),
-        })
+        Kept {
+            name: self.name.to_owned(),
+            kind: self.kind.to_owned(),
+            kept: self.kept.len(),
+            put_in_place: self.put_in_place,
+            left_out: self.left_out,
+            because: self.kept.first().map_or("no output depends on it".to_owned(), |at| scene.because(*at)),
+            chain: farthest.map_or(Vec::new(), |at| scene.chain(at).into_iter().map(str::to_owned).collect()),
+        }
     }
 }
 

@@ -22,7 +22,7 @@ use pe_judge::{DesignPoint, FormChoice};
 
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
-use crate::pipeline::{MappingOptions, StageLoop};
+use crate::settings::{MappingOptions, StageLoop};
 use crate::spec::LoadedModel;
 
 /// Rounds that the program checker runs, as those of a program that was assembled.

@@ -7,6 +7,8 @@ use serde_json::{Value, json};
 use pe_judge::proof::Certainty;
 use pe_judge::runs::Judged;
 
+use crate::report::types::Headroom;
+
 /// Variables that reports list: those with the least headroom.
 const LISTED: usize = 10;
 
@@ -106,25 +108,19 @@ fn by_headroom(variables: &[Variable]) -> Vec<usize> {
     order
 }
 
-/// The key `headroom` of the report.
-pub fn report(variables: &[Variable]) -> Vec<Value> {
+/// The variables with the least headroom, as the report has them.
+pub fn report(variables: &[Variable]) -> Vec<Headroom> {
     let row = |index: usize| {
         let variable = &variables[index];
-        json!({"name": variable.name, "kind": variable.kind, "bits": variable.headroom(),
-               "largest": variable.largest, "limit": variable.limit})
+        Headroom {
+            name: variable.name.clone(),
+            kind: variable.kind.to_owned(),
+            bits: variable.headroom(),
+            largest: variable.largest,
+            limit: variable.limit,
+        }
     };
     by_headroom(variables).into_iter().take(LISTED).map(row).collect()
-}
-
-/// The least headroom in words.
-pub fn summary(variables: &[Variable]) -> String {
-    match by_headroom(variables).first() {
-        None => "no variable".to_owned(),
-        Some(index) => {
-            let Variable { name, largest, limit, .. } = &variables[*index];
-            format!("{:.2} bits at least: `{name}` reaches {largest:.3e} of {limit:.3e}", variables[*index].headroom())
-        }
-    }
 }
 
 /// Every variable as JSON, in the spec's order.

@@ -6,7 +6,6 @@ use pe_ir::graph::{Chain, FixedPoint, Role, StepGraph, Term, ValueId};
 use pe_ir::mapping::Mapping;
 use pe_ir::program::Program;
 use pe_ir::verify::ranges::{Drift, Enclosure, Measured, Norm, Step};
-use serde_json::{Value, json};
 
 use crate::runs::Judged;
 
@@ -144,61 +143,10 @@ impl Proof {
         states
     }
 
-    /// The key `ranges` of the report.
-    pub fn report(&self, program: &Program, graph: &StepGraph, judged: &Judged) -> Value {
-        let states = self.states(graph, judged);
-        let count = |of: Certainty| states.iter().filter(|(certainty, _)| *certainty == of).count();
-        let without = program.pes.iter().filter(|pe| pe.features.proven).count();
-        let mut report = json!({
-            "states": {"proven": count(Certainty::Proven), "probable": count(Certainty::Probable),
-                       "unknown": count(Certainty::Unknown)},
-            "pes_without_saturation": without,
-            "widened_bits": self.widened,
-            "word_length_before": self.word_length,
-        });
-        match &self.enclosed {
-            None => report["reason"] = json!("the step is not affine, or grows in every norm that was tried"),
-            Some(Enclosed { enclosure, drift, norm }) => {
-                let written = graph.chains.iter().flat_map(Chain::writes).map(|write| write.value);
-                let scale = judged.fixed.format.max_word() as f64;
-                let rounding = written.map(|value| enclosure.rounding[value.index()] / scale).fold(0.0, f64::max);
-                report["for_ever"] = json!(enclosure.lasts);
-                report["norm"] = json!(norm);
-                report["growth"] = json!(drift.growth);
-                report["rounding"] = json!(rounding);
-                report["missing_bits"] = json!(self.missing(graph));
-            }
-        }
-        report
-    }
-
     /// The most bits by which a format is too narrow for its bound.
-    fn missing(&self, graph: &StepGraph) -> i32 {
+    pub fn missing(&self, graph: &StepGraph) -> i32 {
         let Some(enclosed) = &self.enclosed else { return 0 };
         let written = graph.chains.iter().flat_map(Chain::writes).map(|write| write.value);
         written.map(|value| enclosed.enclosure.missing(value)).max().unwrap_or(0)
-    }
-
-    /// The proof in a line of the summary.
-    pub fn summary(&self, program: &Program, graph: &StepGraph, judged: &Judged) -> String {
-        let states = self.states(graph, judged);
-        let count = |of: Certainty| states.iter().filter(|(certainty, _)| *certainty == of).count();
-        let counts = Certainty::ALL.into_iter().filter(|of| count(*of) > 0);
-        let counts: Vec<String> = counts.map(|of| format!("{} {}", count(of), of.name())).collect();
-        let without = program.pes.iter().filter(|pe| pe.features.proven).count();
-        let for_ever = self.enclosed.as_ref().is_some_and(|enclosed| enclosed.enclosure.lasts);
-        let horizon = if for_ever { "for ever" } else { "over the span" };
-        let widened = match (self.widened, self.missing(graph)) {
-            (0, 0) => String::new(),
-            (0, missing) => format!("; {missing} more bits would prove all"),
-            (bits, _) => format!("; formats up to {bits} bits wider"),
-        };
-        let counts = counts.join(", ");
-        match self.enclosed {
-            None => format!("{counts}: no bound for this step"),
-            Some(_) => {
-                format!("{counts}, {horizon}; {without} of {} PEs without saturation{widened}", program.pes.len())
-            }
-        }
     }
 }

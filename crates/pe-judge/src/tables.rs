@@ -2,14 +2,12 @@
 
 use pe_hls::functions::Untabled;
 use pe_ir::codes;
-use pe_ir::functions::Table;
-use pe_ir::graph::{FixedPoint, Role, StepGraph};
+use pe_ir::graph::{Role, StepGraph};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::place::Place;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
-use serde_json::{Value, json};
 
 use crate::progress::Progress;
 use crate::runs;
@@ -143,29 +141,4 @@ pub fn summary(graph: &StepGraph) -> String {
         graph.functions.tables.len(),
         graph.functions.lookups.len()
     )
-}
-
-/// The key `functions` of the report: for each table its domain, its size, and its largest error, in units of the lowest
-/// bit that a data port sees of the result.
-pub fn report(graph: &StepGraph, fixed: &FixedPoint) -> Vec<Value> {
-    let tables = &graph.functions.tables;
-    let mut uses = vec![0u64; tables.len()];
-    let mut units = vec![f64::INFINITY; tables.len()];
-    for write in graph.chains.iter().map(|chain| &chain.write) {
-        let Some(Role::Column(lookup, column)) = write.base.map(|base| graph.value(base).role) else { continue };
-        let table = graph.functions.lookups[lookup as usize].table as usize;
-        if usize::from(column) + 1 == tables[table].columns.len() {
-            let exponent = fixed.exponents[write.value.index()] + fixed.format.data_drop() as i32;
-            uses[table] += 1;
-            units[table] = units[table].min(libm::exp2(f64::from(exponent)));
-        }
-    }
-    let row = |(index, table): (usize, &Table)| {
-        json!({"name": table.name, "low": table.domain.0, "high": table.domain.1,
-               "layout": if table.octaves { "octaves" } else { "uniform" },
-               "segments": graph.functions.segments.count(), "degree": table.degree(),
-               "words": table.columns.iter().map(Vec::len).sum::<usize>(), "lookups": uses[index],
-               "bound": table.error, "bound_lsb": table.error / units[index]})
-    };
-    tables.iter().enumerate().map(row).collect()
 }

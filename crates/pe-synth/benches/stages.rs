@@ -72,7 +72,7 @@ fn stages(criterion: &mut Criterion) {
         let equations = Throughput::Elements(graph.equations.len() as u64);
         let products = |steps: u64| Throughput::Elements(graph.macs() * steps);
         bench("parse", equations.clone(), &mut || drop(options.load()));
-        let step_options = pipeline::step_options(&options.point.point(), &options.mapping.options());
+        let step_options = pe_flow::settings::step_options(&options.point.point(), &options.mapping.options());
         bench("step", equations.clone(), &mut || {
             drop(pe_hls::step::build_with(&loaded.model, &step_options).expect("built before"));
         });

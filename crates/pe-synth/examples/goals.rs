@@ -20,8 +20,9 @@ use std::sync::mpsc::channel;
 use clap::{Args, Parser};
 use pe_flow::explore::axes::with_forms;
 use pe_flow::explore::estimate::Estimate;
+use pe_flow::explore::family::Job;
 use pe_flow::explore::steps::suitable;
-use pe_flow::explore::sweep::{self, Event, Job, Sweep};
+use pe_flow::explore::sweep::{self, Event, Sweep};
 use pe_flow::failure::Failure;
 use pe_flow::pipeline;
 use pe_flow::watch::Stopwatch;
@@ -194,8 +195,8 @@ fn grid(question: &Question) -> Result<String, Failure> {
             sweep::run(&sweep, points.iter().enumerate().map(job).collect(), &pool, &sender);
             drop(sender);
             for event in events {
-                if let Event::Point(index, pe_flow::explore::row::Outcome::Compiled(figures)) = event
-                    && let Some(error) = figures.total_error().filter(|error| error <= goal)
+                if let Event::Point(index, pe_flow::explore::row::Outcome::Compiled(compiled)) = event
+                    && let Some(error) = compiled.figures.total_error().filter(|error| error <= goal)
                 {
                     let DesignPoint { storage, multiplier, .. } = points[index];
                     let (a, b) = multiplier.expect("points of the grid have one");

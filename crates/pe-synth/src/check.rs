@@ -1,6 +1,6 @@
 //! The check in words and as JSON.
 
-use pe_flow::stability::{not_found, report, verdict};
+use pe_flow::report::{Stability, not_found, verdict};
 use pe_ir::model::Model;
 use pe_ir::source::Sources;
 use pe_judge::check::stiffness::STIFF;
@@ -21,7 +21,7 @@ pub fn json(model: &Model, check: &Check, judged: Option<&Judged>, asked_span: f
         "span_s": asked_span,
         "judged_span_s": model.span,
         "verdict": verdict(&check.findings),
-        "stability": report(model, check),
+        "stability": Stability::of(model, check),
         "error": judged.map(|judged| {
             json!({"worst_state": model.states[judged.errors.worst_state].name, "word_length": judged.errors.word_length,
                    "coefficient": judged.errors.coefficient, "method": judged.errors.method,

@@ -19,8 +19,9 @@ use crate::output::OutputFolder;
 use pe_flow::accuracy::goal::Search;
 use pe_flow::accuracy::lists::Plan;
 use pe_flow::explore::estimate::Estimate;
+use pe_flow::explore::family;
 use pe_flow::explore::steps::hit;
-use pe_flow::explore::sweep::{self, Sweep};
+use pe_flow::explore::sweep::Sweep;
 use pe_flow::failure::Failure;
 use pe_target::clock::ClockSource;
 use pe_target::devices::Device;
@@ -115,7 +116,7 @@ impl Accuracy {
         let threads = Driver::threads(self.jobs);
         if !quiet {
             let seconds =
-                estimate.total(&sweep::families(record.pending(), sweep::has_functions(model))) / threads as f64;
+                estimate.total(&family::families(record.pending(), family::has_functions(model))) / threads as f64;
             let (points, title) = (record.rows.len(), &record.title);
             let time = indicatif::HumanDuration(std::time::Duration::from_secs_f64(seconds.max(1.0)));
             console::err(&format!("  accuracy  {title}: {points} points, about {time}\n"));

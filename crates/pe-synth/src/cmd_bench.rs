@@ -190,7 +190,7 @@ fn figures(design: &Design, model: &Model, clock: Clock, steps: u64, measurement
             "pes": design.program.pes.len(),
             "multiplier": pipeline::multiplier_name(&design.program.format),
             "cycles_per_step": design.program.period,
-            "clock": pe_flow::report::clock_value(&clock),
+            "clock": pe_flow::report::Clock::of(&clock),
             "us_per_step": hardware * 1e6,
             "ms_per_simulated_second": hardware * 1e3 / model.mean_step(),
             "word_length_error": design.judged.errors.word_length,
@@ -227,16 +227,18 @@ fn table(design: &Design, model: &Model, clock: Clock, steps: u64, measurement: 
                  the {bytes:.0} GB per s that a core does at most",
                 limits.vector
             );
-            text += &report::row(&format!("{}, {}", run.precision, run.cores), &limits);
+            text += &report::table::row(&format!("{}, {}", run.precision, run.cores), &limits);
         }
         if let Some(own) = rival(&measurement.runs, run) {
             let takes = own.seconds_per_step / run.seconds_per_step;
-            text += &report::row(&name(run), &format!("the generated program takes {takes:.2} of its time"));
+            text += &report::table::row(&name(run), &format!("the generated program takes {takes:.2} of its time"));
         }
     }
-    text +=
-        &report::row("computer", &format!("{}; fastest of {REPETITIONS} runs of {steps} steps", measurement.kernel));
+    text += &report::table::row(
+        "computer",
+        &format!("{}; fastest of {REPETITIONS} runs of {steps} steps", measurement.kernel),
+    );
     let name = pipeline::multiplier_name(&design.program.format);
     let cycles = design.program.period;
-    text + &report::row("hardware", &format!("{cycles} cycles per step at {}, {name}", clock.words()))
+    text + &report::table::row("hardware", &format!("{cycles} cycles per step at {}, {name}", clock.words()))
 }

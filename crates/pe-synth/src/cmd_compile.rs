@@ -9,7 +9,6 @@ use pe_ir::graph::StepGraph;
 use pe_ir::source::{Diagnostic, Severity};
 use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
-use serde_json::{Value, json};
 
 use crate::accuracy::options::FixedArgs;
 use crate::check;
@@ -22,11 +21,11 @@ use crate::output::OutputFolder;
 use crate::progress;
 use pe_flow::accuracy::choice::{Choice, Question};
 use pe_flow::failure::Failure;
-use pe_flow::pipeline::Settings;
 use pe_flow::pipeline::{self, Design};
-use pe_flow::report::{self, Silicon};
+use pe_flow::report::table::row;
+use pe_flow::report::{DeviceFit, Report, Silicon, Stability, Told, timing};
+use pe_flow::settings::Settings;
 use pe_flow::spec::LoadedModel;
-use pe_flow::stability;
 use pe_flow::variables::{self, variables};
 use pe_flow::watch::Stopwatch;
 use pe_judge::check::{self as judge, Check, EXPLAINED};
@@ -163,21 +162,18 @@ impl Compile {
         let fit = self.device.map(|device| Fit::of(device, &area));
         let silicon = Silicon { area, clock: clock.of(&design.program.format, pes) };
         let variables = variables(model, &design.graph, &design.judged);
-        let mut report = report::report(model, &design, &variables, silicon, &total, self.model.seed, command);
-        report["stability"] = check.as_ref().map_or(Value::Null, |check| stability::report(model, check));
-        if check.is_none() {
-            report["stability_reason"] = json!(unjudged());
-        }
+        let told = Told { variables: &variables, silicon, total: &total, seed: self.model.seed, command };
+        let mut report = Report::of(model, &design, &told);
+        report.stability = check.as_ref().map(|check| Stability::of(model, check));
+        report.stability_reason = check.is_none().then(unjudged);
         if let Some(fit) = &fit {
-            report["device"] = report::fit_value(fit);
+            report.device = Some(DeviceFit::of(fit));
             let warning = fit.complaint().map(|text| Diagnostic::global(codes::DOES_NOT_FIT, text));
             let help = format!("there is room for {} such PEs", fit.fitting_pes);
             let warning = warning.map(|warning| warning.with_help(help).into_warning());
             watch.warn(warning.as_slice(), &loaded.sources);
         }
-        if let Some(choice) = &choice {
-            report["choice"] = choice.report(model);
-        }
+        report.choice = choice.as_ref().map(|choice| choice.report(model));
         let folder = OutputFolder::create_until_interrupted(&target)?;
         let written =
             watch.stage("write", || write_design(&folder, &loaded, &design, command), |_| target.display().to_string());
@@ -194,24 +190,18 @@ impl Compile {
                 folder.write(path, text)?;
             }
         }
-        report["files"] = json!(folder.hashes());
-        folder.write("report.json", &pretty(&report))?;
-        folder.write("report-timing.json", &pretty(&report::timing(&watch, &design)))?;
+        report.files = folder.hashes();
+        folder.write("report.json", &report.text())?;
+        folder.write("report-timing.json", &format!("{:#}\n", timing(&watch, &design)))?;
         folder.finish()?;
         if !quiet {
             let chosen = choice.map_or(Vec::new(), |choice| choice.table(model));
-            let chosen: String = chosen.iter().map(|(name, text)| report::row(name, text)).collect();
-            let device = fit.map_or(String::new(), |fit| report::row("device", &fit.summary()));
-            let files = report::row("files", &format!("{}; all figures in report.json", target.display()));
+            let chosen: String = chosen.iter().map(|(name, text)| row(name, text)).collect();
+            let device = fit.map_or(String::new(), |fit| row("device", &fit.summary()));
+            let files = row("files", &format!("{}; all figures in report.json", target.display()));
             let stability = check.as_ref().map_or_else(unjudged, |check| check::summary(model, check));
-            let stability = report::row("stability", &stability);
-            console::out(
-                &(report::table(model, &design, &variables, silicon, &total, self.model.seed)
-                    + &stability
-                    + &chosen
-                    + &device
-                    + &files),
-            );
+            let stability = row("stability", &stability);
+            console::out(&(report.table(&model.size().to_string()) + &stability + &chosen + &device + &files));
         }
         Ok(())
     }
@@ -389,10 +379,6 @@ fn total_error(
     };
     watch.warn(warning.as_slice(), &loaded.sources);
     result
-}
-
-fn pretty(value: &Value) -> String {
-    format!("{value:#}\n")
 }
 
 fn write_design(folder: &OutputFolder, loaded: &LoadedModel, design: &Design, command: &str) -> Result<(), Failure> {

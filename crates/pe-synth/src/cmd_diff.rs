@@ -147,7 +147,7 @@ fn parse_tolerance(text: &str) -> Option<Tolerance> {
 
 /// Compares a figure; `None` if neither side has it.
 fn compare(figure: &Figure, old: &Record, new: &Record, tolerance: Tolerance) -> Option<Row> {
-    let (old, new) = (old.figure(figure).cloned(), new.figure(figure).cloned());
+    let (old, new) = (old.figure(figure), new.figure(figure));
     let verdict = match (&old, &new) {
         (None, None) => return None,
         _ if tolerance == Tolerance::Any => Verdict::NotJudged,
@@ -179,7 +179,7 @@ fn compare_outputs(old: &Record, new: &Record, tolerance: Tolerance) -> Option<R
     let name_of = |line: &str| {
         let mut fields = line.split_ascii_whitespace();
         let (step, index) = (fields.next()?, fields.next()?.parse::<usize>().ok()?);
-        let name = old.report["outputs"].get(index).and_then(Value::as_str).unwrap_or("?");
+        let name = old.report.outputs.as_ref().and_then(|names| names.get(index)).map_or("?", String::as_str);
         Some(json!(format!("`{name}` = {} in step {step}", fields.next()?)))
     };
     let (mut left, mut right) = (before.lines(), after.lines());

@@ -20,8 +20,9 @@ use crate::options::{MappingArgs, ModelArgs};
 use crate::output::OutputFolder;
 use pe_flow::explore::axes::{Axes, Completed};
 use pe_flow::explore::estimate::Estimate;
+use pe_flow::explore::family;
 use pe_flow::explore::steps::hit;
-use pe_flow::explore::sweep::{self, Sweep};
+use pe_flow::explore::sweep::Sweep;
 use pe_flow::failure::Failure;
 use pe_target::clock::ClockSource;
 use pe_target::devices::Device;
@@ -111,7 +112,7 @@ impl Explore {
         let jobs = record.pending();
         let threads = Driver::threads(self.jobs);
         let estimate = Estimate::of(model, &graphs, &settings.mapping);
-        let seconds = estimate.total(&sweep::families(jobs.clone(), sweep::has_functions(model)));
+        let seconds = estimate.total(&family::families(jobs.clone(), family::has_functions(model)));
         if !quiet {
             console::err(&announcement(&axes, &record, jobs.len(), seconds, threads));
             let ratio = stiffness.into_iter();

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::figures::{Figure, Record, TRACE};
+use crate::figures::Record;
 use crate::output::OutputFolder;
 use pe_flow::failure::Failure;
 
@@ -23,13 +23,12 @@ impl Golden {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let record = Record::read(&self.folder)?;
-        let trace = Figure { name: "trace", key: "/trace", group: TRACE };
-        let (Some(outputs), true) = (&record.outputs, record.figure(&trace).is_some()) else {
+        let (Some(outputs), true) = (&record.outputs, record.report.trace.is_some()) else {
             return Err(Failure::file("read", &self.folder, "it holds no trace; give the folder that `compile` wrote"));
         };
         let folder = OutputFolder::create(&self.output)?;
         folder.write("report.json", &format!("{:#}\n", record.reduced()))?;
-        let design = record.report["model"].as_str().unwrap_or_default();
+        let design = record.report.model.as_deref().unwrap_or_default();
         folder.write(&format!("{design}_outputs.txt"), outputs)?;
         folder.finish()
     }

@@ -3,12 +3,13 @@
 //!
 //! Only the figures named here count. Other keys of a report are ignored, so that a newer version may add some.
 
-use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use serde_json::{Map, Value};
-use sha2::{Digest, Sha256};
+use pe_flow::report::compared::{Compared, Parts, Trace, Word};
+use pe_verify::folder::hash;
+use serde::Serialize;
+use serde_json::{Number, Value, json};
 
 use pe_flow::failure::Failure;
 
@@ -16,14 +17,26 @@ use pe_flow::failure::Failure;
 pub struct Figure {
     /// Name for people.
     pub name: &'static str,
-    /// JSON pointer into the report.
-    pub key: &'static str,
     /// Name of the tolerance.
     pub group: &'static str,
+    /// Its value, if the report has it.
+    pub value: fn(&Compared) -> Option<Value>,
 }
 
-const fn figure(name: &'static str, key: &'static str, group: &'static str) -> Figure {
-    Figure { name, key, group }
+const fn figure(name: &'static str, group: &'static str, value: fn(&Compared) -> Option<Value>) -> Figure {
+    Figure { name, group, value }
+}
+
+fn some<T: Serialize>(field: &Option<T>) -> Option<Value> {
+    field.as_ref().map(|field| json!(field)).filter(|value| !value.is_null())
+}
+
+fn word(report: &Compared, field: fn(&Word) -> &Option<Number>) -> Option<Value> {
+    report.word.as_ref().and_then(|word| some(field(word)))
+}
+
+fn part(report: &Compared, field: fn(&Parts) -> &Option<f64>) -> Option<Value> {
+    report.error.as_ref().and_then(|error| some(field(error)))
 }
 
 /// Group of the figures that tell which design it is: where one differs, the others compare different things.
@@ -34,43 +47,43 @@ pub const TRACE: &str = "trace";
 
 /// All figures in the order in which they are shown.
 pub const FIGURES: &[Figure] = &[
-    figure("model", "/model", SETUP),
-    figure("solver", "/solver", SETUP),
-    figure("stage form", "/stage_form", SETUP),
-    figure("step in s", "/step_s", SETUP),
-    figure("span in s", "/span_s", SETUP),
-    figure("PEs", "/pes", SETUP),
-    figure("storage bits", "/word/storage_bits", SETUP),
-    figure("guard bits", "/word/guard_bits", SETUP),
-    figure("data port bits", "/word/mul_a_bits", SETUP),
-    figure("coefficient port bits", "/word/mul_b_bits", SETUP),
-    figure("seed", "/seed", SETUP),
-    figure("outputs", "/outputs", SETUP),
-    figure("ODEs", "/odes", "odes"),
-    figure("cycles per step", "/cycles_per_step", "cycles"),
-    figure("products per step", "/macs_per_step", "products"),
-    figure("memory writes per step", "/writes_per_step", "writes"),
-    figure("transfers per step", "/transfers_per_step", "transfers"),
-    figure("connections", "/connections", "connections"),
-    figure("ports of a PE", "/max_in_degree", "ports"),
-    figure("data words of a PE", "/data_words_max", "words"),
-    figure("LUT", "/area/lut", "lut"),
-    figure("flip-flops", "/area/ff", "ff"),
-    figure("DSP", "/area/dsp", "dsp"),
-    figure("BRAM18", "/area/bram18", "bram18"),
-    figure("word-length error", "/error/word_length", "error"),
-    figure("coefficient error", "/error/coefficient", "error"),
-    figure("method error", "/error/method", "error"),
-    figure("input-hold error", "/error/input_hold", "error"),
-    figure("total error", "/error/total", "error"),
-    figure("trace lines", "/trace/lines", TRACE),
-    figure("trace SHA-256", "/trace/sha256", TRACE),
+    figure("model", SETUP, |report| some(&report.model)),
+    figure("solver", SETUP, |report| some(&report.solver)),
+    figure("stage form", SETUP, |report| some(&report.stage_form)),
+    figure("step in s", SETUP, |report| some(&report.step_s)),
+    figure("span in s", SETUP, |report| some(&report.span_s)),
+    figure("PEs", SETUP, |report| some(&report.pes)),
+    figure("storage bits", SETUP, |report| word(report, |word| &word.storage_bits)),
+    figure("guard bits", SETUP, |report| word(report, |word| &word.guard_bits)),
+    figure("data port bits", SETUP, |report| word(report, |word| &word.mul_a_bits)),
+    figure("coefficient port bits", SETUP, |report| word(report, |word| &word.mul_b_bits)),
+    figure("seed", SETUP, |report| some(&report.seed)),
+    figure("outputs", SETUP, |report| some(&report.outputs)),
+    figure("ODEs", "odes", |report| some(&report.odes)),
+    figure("cycles per step", "cycles", |report| some(&report.cycles_per_step)),
+    figure("products per step", "products", |report| some(&report.macs_per_step)),
+    figure("memory writes per step", "writes", |report| some(&report.writes_per_step)),
+    figure("transfers per step", "transfers", |report| some(&report.transfers_per_step)),
+    figure("connections", "connections", |report| some(&report.connections)),
+    figure("ports of a PE", "ports", |report| some(&report.max_in_degree)),
+    figure("data words of a PE", "words", |report| some(&report.data_words_max)),
+    figure("LUT", "lut", |report| report.area.as_ref().and_then(|area| some(&area.lut))),
+    figure("flip-flops", "ff", |report| report.area.as_ref().and_then(|area| some(&area.ff))),
+    figure("DSP", "dsp", |report| report.area.as_ref().and_then(|area| some(&area.dsp))),
+    figure("BRAM18", "bram18", |report| report.area.as_ref().and_then(|area| some(&area.bram18))),
+    figure("word-length error", "error", |report| part(report, |error| &error.word_length)),
+    figure("coefficient error", "error", |report| part(report, |error| &error.coefficient)),
+    figure("method error", "error", |report| part(report, |error| &error.method)),
+    figure("input-hold error", "error", |report| part(report, |error| &error.input_hold)),
+    figure("total error", "error", |report| part(report, |error| &error.total)),
+    figure("trace lines", TRACE, |report| report.trace.as_ref().map(|trace| json!(trace.lines))),
+    figure("trace SHA-256", TRACE, |report| report.trace.as_ref().map(|trace| json!(trace.sha256))),
 ];
 
 /// What is known of a design.
 pub struct Record {
-    /// The report; with `trace` if there is one.
-    pub report: Value,
+    /// The report; with a trace if there is one.
+    pub report: Compared,
     /// Output words of the first steps, `step output word` per line.
     pub outputs: Option<String>,
 }
@@ -84,19 +97,15 @@ impl Record {
         let is_folder = path.is_dir();
         let file = if is_folder { path.join("report.json") } else { path.to_owned() };
         let text = fs::read_to_string(&file).map_err(|error| Failure::file("read", &file, error))?;
-        let mut report: Value = serde_json::from_str(&text).map_err(|error| Failure::file("read", &file, error))?;
-        if !report["generator"].as_str().is_some_and(|generator| generator.starts_with("pe-synth ")) {
+        let mut report: Compared = serde_json::from_str(&text).map_err(|error| Failure::file("read", &file, error))?;
+        if !report.generator.starts_with("pe-synth ") {
             return Err(Failure::file("read", &file, "it is no report of pe-synth"));
         }
         let mut outputs = None;
         if is_folder {
             let of_kind = |kind: &str| file_of_kind(path, kind);
             if let Some(trace) = of_kind("_trace.txt")? {
-                let mut digest = String::new();
-                for byte in Sha256::digest(trace.as_bytes()) {
-                    let _ = write!(digest, "{byte:02x}");
-                }
-                report["trace"] = serde_json::json!({"lines": trace.lines().count(), "sha256": digest});
+                report.trace = Some(Trace { lines: trace.lines().count() as u64, sha256: hash(trace.as_bytes()) });
             }
             outputs = of_kind("_outputs.txt")?;
         }
@@ -104,31 +113,13 @@ impl Record {
     }
 
     /// A figure, if the report has it.
-    pub fn figure(&self, figure: &Figure) -> Option<&Value> {
-        self.report.pointer(figure.key).filter(|value| !value.is_null())
+    pub fn figure(&self, figure: &Figure) -> Option<Value> {
+        (figure.value)(&self.report)
     }
 
     /// The report without what is not compared; with the command, so that it can be given again.
     pub fn reduced(&self) -> Value {
-        let mut reduced = Map::new();
-        for key in ["generator", "command"] {
-            reduced.insert(key.to_owned(), self.report[key].clone());
-        }
-        for figure in FIGURES {
-            let Some(value) = self.figure(figure) else { continue };
-            let mut keys = figure.key.split('/').skip(1);
-            match (keys.next(), keys.next()) {
-                (Some(outer), Some(inner)) => {
-                    let object = reduced.entry(outer).or_insert_with(|| Value::Object(Map::new()));
-                    object[inner] = value.clone();
-                }
-                (Some(key), None) => {
-                    reduced.insert(key.to_owned(), value.clone());
-                }
-                (None, _) => {}
-            }
-        }
-        Value::Object(reduced)
+        json!(self.report)
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use pe_flow::failure::Failure;
-use pe_flow::pipeline::{MappingOptions, Settings, StageLoop};
+use pe_flow::settings::{MappingOptions, Settings, StageLoop};
 use pe_flow::spec::{self, LoadedModel};
 use pe_flow::stages;
 use pe_hls::mapping::MapOptions;

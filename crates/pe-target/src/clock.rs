@@ -36,9 +36,14 @@ pub struct Clock {
 impl Clock {
     /// In words.
     pub fn words(&self) -> String {
-        let error = if self.basis == Basis::Estimated { format!(" ± {:.0}", self.error_mhz) } else { String::new() };
-        format!("{}{error} MHz ({})", self.mhz, self.basis.name())
+        words(self.mhz, (self.basis == Basis::Estimated).then_some(self.error_mhz), self.basis.name())
     }
+}
+
+/// A frequency in MHz with what it may be off by, and where it comes from, in words.
+pub fn words(mhz: f64, error_mhz: Option<f64>, basis: &str) -> String {
+    let error = error_mhz.map_or(String::new(), |error| format!(" ± {error:.0}"));
+    format!("{mhz}{error} MHz ({basis})")
 }
 
 impl Basis {

@@ -4,16 +4,17 @@ use std::sync::mpsc::channel;
 
 use pe_ir::model::Model;
 use pe_sim::reference::TOLERANCE;
-use serde_json::{Value, json};
 
 use super::goal::{MOST_PRODUCTS, Search, cheapest, errors};
 use super::lists::Lists;
 use crate::explore::estimate::Estimate;
+use crate::explore::family::Job;
 use crate::explore::row::{self, Outcome, RUNNERS_UP, Row};
 use crate::explore::steps::hit;
-use crate::explore::sweep::{self, Event, Job, Sweep};
+use crate::explore::sweep::{self, Event, Sweep};
 use crate::failure::Failure;
-use crate::pipeline::Settings;
+use crate::report::{Chosen, Figures, RunnerUp};
+use crate::settings::Settings;
 use crate::spec::LoadedModel;
 use pe_judge::conserved::Conserved;
 use pe_judge::{Coefficients, Criteria, DesignPoint, ProofMode};
@@ -146,9 +147,7 @@ impl Question<'_> {
             None => {
                 let reasons = rows.iter().find_map(|row| match &row.outcome {
                     Outcome::Failed(reason) => Some(reason.message.clone()),
-                    Outcome::Compiled(figures) => {
-                        figures.value("error.total_reason").and_then(Value::as_str).map(str::to_owned)
-                    }
+                    Outcome::Compiled(compiled) => compiled.figures.error.total_reason.clone(),
                 });
                 let first = reasons.unwrap_or_else(|| "no solver applies".to_owned());
                 format!("no design has a known total error; the first of {} says: {first}", rows.len())
@@ -196,26 +195,24 @@ impl Choice {
         self.unconfirmed += points;
     }
 
-    /// The key `choice` of the report.
-    pub fn report(&self, model: &Model) -> Value {
+    /// As the report has it.
+    pub fn report(&self, model: &Model) -> Chosen {
         let runners_up = self.rows.iter().skip(1).map(|row| {
             let figures = row.figures();
-            json!({
-                "solver": row.point.solver.map(|solver| solver.name()),
-                "step_s": row.point.step,
-                "early_steps": row.point.early_steps.map(|early| early.to_string()),
-                "storage_bits": row.point.storage,
-                "multiplier": row::multiplier(&row.point),
-                "coefficients": row.point.coefficients.name(),
-                "total_error": figures.and_then(|figures| figures.total_error()),
-                "seconds": figures.map(|figures| figures.time_ms() * 1e-3 * model.span),
-                "equivalent_lut": figures.map(|figures| figures.equivalent_lut()),
-            })
+            RunnerUp {
+                solver: row.point.solver.map(|solver| solver.name().to_owned()),
+                step_s: row.point.step,
+                early_steps: row.point.early_steps.map(|early| early.to_string()),
+                storage_bits: row.point.storage,
+                multiplier: row::multiplier(&row.point),
+                coefficients: row.point.coefficients.name().to_owned(),
+                total_error: figures.and_then(Figures::total_error),
+                seconds: figures.map(|figures| figures.time_ms() * 1e-3 * model.span),
+                equivalent_lut: figures.map(Figures::equivalent_lut),
+            }
         });
-        json!({
-            "max_error": self.max_error, "tried": self.tried, "met": self.met,
-            "unconfirmed": self.unconfirmed, "runners_up": runners_up.collect::<Vec<_>>(),
-        })
+        let Choice { max_error, tried, met, unconfirmed, .. } = *self;
+        Chosen { max_error, tried, met, unconfirmed, runners_up: runners_up.collect() }
     }
 
     /// In a few words.

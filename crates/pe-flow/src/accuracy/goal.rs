@@ -10,8 +10,9 @@ use pe_sim::reference::TOLERANCE;
 use super::early::{self, Method};
 use super::lists::{Lists, Plan, WORD, Word};
 use crate::explore::axes::{once, with_forms};
-use crate::explore::row::{Figures, Outcome, Row};
-use crate::pipeline::MappingOptions;
+use crate::explore::row::{Outcome, Row};
+use crate::report::Figures;
+use crate::settings::MappingOptions;
 use pe_hls::mapping::default_pes;
 use pe_judge::DesignPoint;
 use pe_judge::check::stiffness;
@@ -413,21 +414,20 @@ fn short_of_bits(row: &Row) -> bool {
 /// Total error of a row and that of its run in double precision, if both are known.
 pub fn errors(row: &Row) -> Option<(f64, f64)> {
     match &row.outcome {
-        Outcome::Compiled(figures) => Some((figures.total_error()?, figures.number("error.double")?)),
+        Outcome::Compiled(compiled) => {
+            let error = &compiled.figures.error;
+            Some((error.total?, error.of_total.as_ref()?.double))
+        }
         Outcome::Failed(reason) => reason.beyond,
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::*;
 
     fn row(time: f64, lut: f64, error: f64) -> Row {
-        let area = json!({"lut": lut, "dsp": 0, "bram18": 0});
-        let report = json!({"time_per_simulated_second_ms": time, "area": area, "error": {"total": error}});
-        Row::compiled(&report)
+        Row::compiled(lut, time, Some(error))
     }
 
     #[test]

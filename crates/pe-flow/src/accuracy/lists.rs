@@ -6,7 +6,7 @@ use pe_ir::word::Pipeline;
 
 use crate::explore::axes::{once, with_forms};
 use crate::explore::steps;
-use crate::pipeline::MappingOptions;
+use crate::settings::MappingOptions;
 use pe_judge::early::Early;
 use pe_judge::{Coefficients, DesignPoint, FormChoice};
 

@@ -6,7 +6,7 @@ use pe_ir::model::{Model, Solver};
 use pe_ir::word::{Latency, Pipeline};
 
 use super::steps::suitable;
-use crate::pipeline::{MappingOptions, step_options};
+use crate::settings::{MappingOptions, step_options};
 use pe_judge::check::stiffness;
 use pe_judge::{Coefficients, DesignPoint, FormChoice, default_ports};
 

@@ -7,8 +7,8 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_sim::double::DoubleRun;
 
-use super::sweep::{Family, Job};
-use crate::pipeline::MappingOptions;
+use super::family::{Family, Job};
+use crate::settings::MappingOptions;
 use pe_judge::DesignPoint;
 
 /// Seconds that work takes on the machine on which this was measured, in release mode: a product in double precision

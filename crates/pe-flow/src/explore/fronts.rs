@@ -1,6 +1,7 @@
 //! Points that no other point beats.
 
-use super::row::{Figures, Row};
+use super::row::Row;
+use crate::report::Figures;
 
 /// Two figures of a point, both the better the smaller.
 pub type Pair = fn(&Figures) -> Option<(f64, f64)>;
@@ -49,16 +50,11 @@ pub fn knee(rows: &[Row], front: &[usize], pair: Pair) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::*;
 
     /// Rows with these run times and total errors.
     fn rows(figures: &[(f64, Option<f64>)]) -> Vec<Row> {
-        let row = |(time, total): &(f64, Option<f64>)| {
-            let report = json!({"time_per_simulated_second_ms": time, "error": {"total": total}});
-            Row::compiled(&report)
-        };
+        let row = |(time, total): &(f64, Option<f64>)| Row::compiled(0.0, *time, *total);
         figures.iter().map(row).collect()
     }
 

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! axes       lists of values -> design points
+//! family     points sorted by what they share
 //! steps      steps that suit the model and the time between two outputs
 //! sweep      design points -> rows, in parallel; shares what points have in common
 //! row        what became of a point, and how it is stored
@@ -14,6 +15,7 @@
 
 pub mod axes;
 pub mod estimate;
+pub mod family;
 pub mod fronts;
 pub mod row;
 pub mod steps;

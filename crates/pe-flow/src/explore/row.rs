@@ -3,33 +3,13 @@
 use pe_ir::memory::BLOCK_LUTS;
 use pe_ir::model::Solver;
 use pe_ir::source::Severity;
+use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use crate::failure::Failure;
+use crate::report::Figures;
 use pe_judge::DesignPoint;
 use pe_target::area::DSP_LUTS;
-
-/// Keys of `report.json` that a row takes over; the others are the same for all points or belong to one design.
-const KEPT: [&str; 18] = [
-    "pes",
-    "solver",
-    "stage_form",
-    "step_s",
-    "span_s",
-    "cycles_per_step",
-    "macs_per_step",
-    "bound_cycles",
-    "bound_binds",
-    "connections",
-    "max_in_degree",
-    "transfers_per_step",
-    "word",
-    "area",
-    "clock",
-    "time_per_simulated_second_ms",
-    "error",
-    "widenings",
-];
 
 /// Points shown beside the chosen one.
 pub const RUNNERS_UP: usize = 4;
@@ -48,17 +28,17 @@ pub struct Row {
 /// What became of a point.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    /// Its figures, under the keys of `report.json`, and the codes of its warnings.
-    Compiled(Figures),
+    /// Its figures and the codes of its warnings.
+    Compiled(Box<Compiled>),
     /// Why there is no design.
     Failed(Reason),
 }
 
-/// Figures of a compiled point.
+/// A compiled point.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Figures {
-    /// Keys of `report.json` and their values.
-    pub report: Map<String, Value>,
+pub struct Compiled {
+    /// What `report.json` says of it, and differs from point to point.
+    pub figures: Figures,
     /// Codes of the warnings.
     pub warnings: Vec<String>,
 }
@@ -105,54 +85,37 @@ impl Reason {
 }
 
 impl Figures {
-    /// The part of a report that differs from point to point.
-    pub fn of(report: &Value, warnings: Vec<String>) -> Figures {
-        let kept = KEPT.iter().filter_map(|key| Some(((*key).to_owned(), report.get(*key)?.clone())));
-        Figures { report: kept.collect(), warnings }
-    }
-
-    /// A number, addressed as `area.lut`.
-    pub fn number(&self, path: &str) -> Option<f64> {
-        self.value(path)?.as_f64()
-    }
-
-    /// A value, addressed as `area.lut`; none if it is null.
-    pub fn value(&self, path: &str) -> Option<&Value> {
-        let mut keys = path.split('.');
-        let first = self.report.get(keys.next()?)?;
-        keys.try_fold(first, |value, key| value.get(key)).filter(|value| !value.is_null())
+    /// Size in LUTs, DSP blocks and block RAM counted as LUTs.
+    pub fn equivalent_lut(&self) -> f64 {
+        let cells = &self.area.cells;
+        cells.lut + DSP_LUTS * f64::from(cells.dsp) + BLOCK_LUTS * f64::from(cells.bram18)
     }
 
     /// Milliseconds of run time per simulated second.
     pub fn time_ms(&self) -> f64 {
-        self.number("time_per_simulated_second_ms").unwrap_or(f64::NAN)
-    }
-
-    /// Size in LUTs, DSP blocks and block RAM counted as LUTs.
-    pub fn equivalent_lut(&self) -> f64 {
-        let count = |key| self.number(key).unwrap_or(f64::NAN);
-        count("area.lut") + DSP_LUTS * count("area.dsp") + BLOCK_LUTS * count("area.bram18")
+        self.time_per_simulated_second_ms
     }
 
     /// Error against the library reference.
     pub fn total_error(&self) -> Option<f64> {
-        self.number("error.total")
+        self.error.total
     }
 }
 
 impl Row {
-    /// A row of tests: some point with these keys of a report.
+    /// A row of tests: some point with such a size, time and error.
     #[cfg(test)]
-    pub(crate) fn compiled(report: &Value) -> Row {
-        let point = DesignPoint::default();
-        let report = report.as_object().expect("an object").clone();
-        Row { point, command: String::new(), outcome: Outcome::Compiled(Figures { report, warnings: Vec::new() }) }
+    pub(crate) fn compiled(lut: f64, time_ms: f64, total: Option<f64>) -> Row {
+        let mut figures = Figures { time_per_simulated_second_ms: time_ms, ..Figures::default() };
+        (figures.area.cells.lut, figures.error.total) = (lut, total);
+        let compiled = Compiled { figures, warnings: Vec::new() };
+        Row { point: DesignPoint::default(), command: String::new(), outcome: Outcome::Compiled(Box::new(compiled)) }
     }
 
     /// The figures of a compiled point.
     pub fn figures(&self) -> Option<&Figures> {
         match &self.outcome {
-            Outcome::Compiled(figures) => Some(figures),
+            Outcome::Compiled(compiled) => Some(&compiled.figures),
             Outcome::Failed(_) => None,
         }
     }
@@ -162,10 +125,12 @@ impl Row {
         let mut map = Map::new();
         map.insert("command".into(), json!(self.command));
         match &self.outcome {
-            Outcome::Compiled(figures) => {
-                map.extend(figures.report.clone());
+            Outcome::Compiled(compiled) => {
+                let Compiled { figures, warnings } = &**compiled;
+                let Ok(Value::Object(keys)) = serde_json::to_value(figures) else { unreachable!("a structure") };
+                map.extend(keys);
                 map.insert("status".into(), json!("compiled"));
-                map.insert("warnings".into(), json!(figures.warnings));
+                map.insert("warnings".into(), json!(warnings));
                 map.insert("equivalent_lut".into(), json!(figures.equivalent_lut()));
             }
             Outcome::Failed(reason) => {
@@ -191,8 +156,8 @@ impl Row {
             "compiled" => {
                 let warnings = row.get("warnings")?.as_array()?.iter();
                 let warnings = warnings.map(|code| code.as_str().map(str::to_owned)).collect::<Option<_>>()?;
-                let figures = Figures::of(row, warnings);
-                (figures.report.len() == KEPT.len()).then_some(Outcome::Compiled(figures))
+                let figures = Figures::deserialize(row).ok()?;
+                Some(Outcome::Compiled(Box::new(Compiled { figures, warnings })))
             }
             "failed" => {
                 let exit_code = u8::try_from(row.get("exit_code")?.as_u64()?).ok()?;

@@ -22,10 +22,13 @@ use pe_sim::reference::ReferenceError;
 use rayon::Scope;
 
 use super::estimate::Estimate;
-use super::row::{Figures, Outcome, Reason};
+use super::family::{Family, Job, families, has_functions};
+use super::row::{Compiled, Outcome, Reason};
+use crate::entrants::Network;
 use crate::failure::Failure;
-use crate::pipeline::{self, Network, Settings};
-use crate::report::{self, Silicon};
+use crate::pipeline;
+use crate::report::{Figures, Silicon, Told};
+use crate::settings::Settings;
 use crate::spec::LoadedModel;
 use crate::variables::variables;
 use crate::watch::Stopwatch;
@@ -55,17 +58,6 @@ pub struct Sweep {
     pub estimate: Estimate,
 }
 
-/// A point to be compiled.
-#[derive(Clone, Debug)]
-pub struct Job {
-    /// Its place in the sweep.
-    pub index: usize,
-    /// The point.
-    pub point: DesignPoint,
-    /// The command that compiles it alone.
-    pub command: String,
-}
-
 /// Something that got done.
 pub enum Event {
     /// Work that was estimated to take so many seconds.
@@ -76,14 +68,6 @@ pub enum Event {
     Finished,
     /// Not by the sweep: the user wants it to end.
     Interrupted,
-}
-
-/// Points with the same step graph.
-pub struct Family {
-    /// The solution that its points are compared with; families with the same step share it.
-    reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
-    /// Points with the same formats; none of the lists is empty.
-    pub formats: Vec<Vec<Job>>,
 }
 
 /// What the points of a family share.
@@ -113,39 +97,6 @@ pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sen
             scope.spawn(move |scope| sweep.family(family, scope, sender));
         }
     });
-}
-
-/// Whether a model has functions of variables.
-pub fn has_functions(model: &Model) -> bool {
-    model.algebraics.iter().any(|algebraic| !algebraic.expr.is_polynomial())
-}
-
-/// Sorts jobs by what they share; with functions, whose tables depend on the multiplier's ports, these as well.
-pub fn families(jobs: Vec<Job>, functions: bool) -> Vec<Family> {
-    let mut families: Vec<Family> = Vec::new();
-    let same_tables = |a: &DesignPoint, b: &DesignPoint| !functions || a.multiplier == b.multiplier;
-    let same_times = |a: &DesignPoint, b: &DesignPoint| a.step == b.step && a.early_steps == b.early_steps;
-    let same_step = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && same_times(a, b) && a.form == b.form;
-    let same_graph = |a: &DesignPoint, b: &DesignPoint| same_step(a, b) && same_tables(a, b);
-    let same_format = |a: &DesignPoint, b: &DesignPoint| {
-        (a.multiplier, a.storage, a.coefficients) == (b.multiplier, b.storage, b.coefficients)
-    };
-    for job in jobs {
-        let family = match families.iter().position(|family| same_graph(&family.formats[0][0].point, &job.point)) {
-            Some(index) => &mut families[index],
-            None => {
-                let alike = families.iter().find(|family| same_times(&family.formats[0][0].point, &job.point));
-                let reference = alike.map_or_else(Arc::default, |family| Arc::clone(&family.reference));
-                families.push(Family { reference, formats: vec![vec![job]] });
-                continue;
-            }
-        };
-        match family.formats.iter().position(|format| same_format(&format[0].point, &job.point)) {
-            Some(index) => family.formats[index].push(job),
-            None => family.formats.push(vec![job]),
-        }
-    }
-    families
 }
 
 impl Sweep {
@@ -237,8 +188,9 @@ impl Sweep {
                 for job in jobs.into_iter().rev() {
                     let format = Arc::clone(&format);
                     scope.spawn(move |_| {
-                        let figures = guarded(|| self.network(&format, &job, sender));
-                        let outcome = figures.map_or_else(Outcome::Failed, Outcome::Compiled);
+                        let compiled = guarded(|| self.network(&format, &job, sender));
+                        let outcome =
+                            compiled.map_or_else(Outcome::Failed, |compiled| Outcome::Compiled(Box::new(compiled)));
                         let _ = sender.send(Event::Work(self.estimate.network(&job.point)));
                         let _ = sender.send(Event::Point(job.index, outcome));
                     });
@@ -320,7 +272,7 @@ impl Sweep {
     }
 
     /// Designs the network of a point and reports on it as `compile` does.
-    fn network(&self, format: &Format, job: &Job, sender: &Sender<Event>) -> Result<Figures, Failure> {
+    fn network(&self, format: &Format, job: &Job, sender: &Sender<Event>) -> Result<Compiled, Failure> {
         let Format { base, graph, judged, total } = format;
         let (loaded, point) = (&base.loaded, &job.point);
         let (mut graph, mut judged, mut total) = (Arc::clone(graph), Arc::clone(judged), total.clone());
@@ -347,22 +299,16 @@ impl Sweep {
             area: area::estimate(&design.program, self.clock.family()),
             clock: self.clock.of(&design.program.format, design.program.pes.len() as u32),
         };
-        let report = report::report(
-            model,
-            &design,
-            &variables(model, &design.graph, &design.judged),
-            silicon,
-            &total,
-            seed,
-            &job.command,
-        );
+        let variables = variables(model, &design.graph, &design.judged);
+        let told = Told { variables: &variables, silicon, total: &total, seed, command: &job.command };
+        let figures = Figures::of(model, &design, &told);
         let of_reference = match &total {
             Some(Ok(total)) => total.doubt().map(|doubt| doubt.code),
             Some(Err(_)) => Some(codes::NO_REFERENCE),
             None => None,
         };
         let warnings = judged.warnings.iter().map(|warning| warning.code).chain(of_reference);
-        Ok(Figures::of(&report, warnings.map(str::to_owned).collect()))
+        Ok(Compiled { figures, warnings: warnings.map(str::to_owned).collect() })
     }
 }
 

@@ -8,7 +8,8 @@ use pe_plot::style::Look;
 
 use super::view::{View, seconds};
 use pe_flow::accuracy::lists::Word;
-use pe_flow::explore::row::{Figures, Row};
+use pe_flow::explore::row::Row;
+use pe_flow::report::Figures;
 
 /// Size of the picture in points.
 const WIDTH: f64 = 760.0;

@@ -4,13 +4,16 @@ use pe_flow::explore::row;
 use serde_json::{Map, Value, json};
 
 use super::picture;
-use crate::explore::files::{Sheet, plain};
+use crate::explore::files::{Sheet, cell, plain};
 use crate::explore::record::Files;
 use pe_flow::accuracy::goal::cheapest;
 use pe_flow::accuracy::lists::Word;
 use pe_flow::explore::fronts::{front, knee, time_and_error};
 use pe_flow::explore::row::{Outcome, Reason, Row};
 use pe_flow::failure::Failure;
+use pe_flow::report::Figures;
+use pe_flow::report::errors::{Drift, OfTotal};
+use pe_flow::report::values::Unbounded;
 
 /// Rows and what they amount to.
 pub struct View<'a> {
@@ -49,8 +52,13 @@ pub fn seconds(sheet: &Sheet, row: &Row) -> Option<f64> {
 /// Steps in the span: of a model with a list of steps there are more than the last one gives.
 fn steps(sheet: &Sheet, row: &Row) -> Option<f64> {
     let figures = row.figures()?;
-    let clocks = seconds(sheet, row)? * figures.number("clock.mhz")? * 1e6;
-    Some(libm::round(clocks / figures.number("cycles_per_step")?))
+    let clocks = seconds(sheet, row)? * figures.clock.mhz * 1e6;
+    Some(libm::round(clocks / f64::from(figures.cycles_per_step)))
+}
+
+/// Something that comes with a total error; null without one.
+fn of_total(figures: &Figures, of: fn(&OfTotal) -> Value) -> Value {
+    figures.error.of_total.as_deref().map_or(Value::Null, of)
 }
 
 /// Errors of a point that has no figures: what is known of one that misses the goal, else infinite.
@@ -105,13 +113,14 @@ impl<'a> View<'a> {
 
     /// Products over the span.
     fn operations(&self, row: &Row) -> Option<f64> {
-        Some(row.figures()?.number("macs_per_step")? * steps(self.sheet, row)?)
+        Some(row.figures()?.macs_per_step as f64 * steps(self.sheet, row)?)
     }
 
     /// Largest difference of the two reference methods; none if the second found no solution.
     fn agreement(&self) -> Option<f64> {
         let figures = || self.sheet.rows.iter().filter_map(Row::figures).filter(|row| row.total_error().is_some());
-        let all: Option<Vec<f64>> = figures().map(|row| row.number("error.reference_agreement")).collect();
+        let all: Option<Vec<f64>> =
+            figures().map(|row: &Figures| row.error.of_total.as_ref()?.reference_agreement).collect();
         all.filter(|all| !all.is_empty()).map(|all| all.into_iter().fold(0.0, f64::max))
     }
 
@@ -130,15 +139,15 @@ impl<'a> View<'a> {
     pub fn reference(&self) -> String {
         let figures = || self.sheet.rows.iter().filter_map(Row::figures);
         if figures().all(|row| row.total_error().is_none()) {
-            let reason = figures().find_map(|row| row.value("error.total_reason").and_then(Value::as_str));
+            let reason = figures().find_map(|row| row.error.total_reason.as_deref());
             return format!("no reference: {}", reason.unwrap_or("no point was compiled"));
         }
         let Some(difference) = self.agreement() else {
-            let reason =
-                figures().find_map(|row| row.value("error.reference_agreement_reason").and_then(Value::as_str));
+            let reason = figures().find_map(|row| row.error.of_total.as_ref()?.reference_agreement_reason.as_deref());
             return format!("reference not checked by a second method: {}", reason.unwrap_or("it gave no solution"));
         };
-        let apart = figures().filter_map(|row| row.number("error.reference_apart_s")).reduce(f64::min);
+        let apart =
+            figures().filter_map(|row| row.error.of_total.as_ref()?.reference_apart_s.flatten()).reduce(f64::min);
         let smallest = self.smallest();
         match apart {
             Some(time) => format!(
@@ -220,21 +229,24 @@ impl<'a> View<'a> {
 
     fn fields(&self, index: usize, row: &Row, place: usize) -> [String; 50] {
         let point = &row.point;
-        let field = |path: &str| row.figures().and_then(|figures| figures.value(path)).map(plain).unwrap_or_default();
+        let field = |of: fn(&Figures) -> Value| cell(row.figures().map(of));
         // Of a point without a result every error is infinite.
-        let missed = missed(row);
-        let error = |path: &str| match row.figures() {
-            Some(_) => field(path),
-            None => missed.get(path.trim_start_matches("error.")).map_or_else(|| "inf".to_owned(), plain),
+        let error = |of: fn(&Figures) -> Value| match row.figures() {
+            Some(_) => field(of),
+            None => "inf".to_owned(),
+        };
+        // What is known of a point that misses the goal.
+        let missed = |known: fn((f64, f64)) -> f64, of: fn(&Figures) -> Value| match &row.outcome {
+            Outcome::Failed(Reason { beyond: Some(errors), .. }) => plain(&json!(known(*errors))),
+            _ => error(of),
         };
         let number = |number: Option<f64>| number.map_or(String::new(), |number| number.to_string());
-        let drift = |key: &str| {
-            let all = row.figures().and_then(|figures| figures.value("error.conserved")?.as_array());
-            let texts = all.into_iter().flatten().map(|entry| plain(&entry[key]));
-            texts.collect::<Vec<_>>().join("; ")
+        let drift = |of: fn(&Drift) -> Value| {
+            let all = row.figures().and_then(|figures| figures.error.of_total.as_ref()).map(|total| &total.conserved);
+            all.into_iter().flatten().map(|drift| plain(&of(drift))).collect::<Vec<_>>().join("; ")
         };
         let (status, warnings, code, message) = match &row.outcome {
-            Outcome::Compiled(figures) => ("compiled", figures.warnings.join(" "), String::new(), String::new()),
+            Outcome::Compiled(compiled) => ("compiled", compiled.warnings.join(" "), String::new(), String::new()),
             Outcome::Failed(reason) => {
                 ("failed", String::new(), reason.code.clone().unwrap_or_default(), reason.message.clone())
             }
@@ -245,45 +257,51 @@ impl<'a> View<'a> {
             point.solver.map_or("", |solver| solver.name()).to_owned(),
             point.step.map_or(String::new(), |step| format!("{step:e}")),
             number(steps(self.sheet, row)),
-            field("stage_form"),
-            field("pes"),
+            field(|of| json!(of.stage_form)),
+            field(|of| json!(of.pes)),
             point.storage.to_string(),
-            field("word.guard_bits"),
+            field(|of| json!(of.word.guard_bits)),
             row::multiplier(point),
-            field("word.coefficient_slots"),
-            field("cycles_per_step"),
-            field("macs_per_step"),
+            field(|of| json!(of.word.coefficient_slots)),
+            field(|of| json!(of.cycles_per_step)),
+            field(|of| json!(of.macs_per_step)),
             number(self.operations(row)),
-            field("clock.mhz"),
+            field(|of| json!(of.clock.mhz)),
             number(seconds(self.sheet, row)),
             number(row.figures().map(|figures| 1e3 / figures.time_ms())),
-            field("area.lut"),
-            field("area.ff"),
-            field("area.dsp"),
-            field("area.bram18"),
+            field(|of| json!(of.area.cells.lut)),
+            field(|of| json!(of.area.cells.ff)),
+            field(|of| json!(of.area.cells.dsp)),
+            field(|of| json!(of.area.cells.bram18)),
             number(row.figures().map(|figures| figures.equivalent_lut())),
-            error("error.total"),
-            field("error.total_worst_state"),
-            error("error.total_at_end"),
-            error("error.total_l2"),
-            field("error.digits_at_end"),
-            error("error.double"),
-            error("error.double_at_end"),
-            error("error.method"),
-            error("error.word_length"),
-            error("error.word_length_at_end"),
-            error("error.coefficient"),
-            error("error.coefficient_at_end"),
-            error("error.function"),
-            error("error.input_hold"),
-            field("error.diverged_s"),
-            field("error.period.state"),
-            field("error.period.seconds"),
-            field("error.period.error"),
-            drift("name"),
-            drift("drift"),
-            field("error.reference_uncertainty"),
-            field("error.reference_agreement"),
+            missed(|errors| errors.0, |of| json!(of.error.total)),
+            field(|of| of_total(of, |total| json!(total.total_worst_state))),
+            error(|of| of_total(of, |total| json!(total.total_at_end))),
+            error(|of| of_total(of, |total| json!(total.total_l2))),
+            field(|of| of_total(of, |total| json!(total.digits_at_end))),
+            missed(|errors| errors.1, |of| of_total(of, |total| json!(total.double))),
+            error(|of| of_total(of, |total| json!(total.double_at_end))),
+            error(|of| json!(of.error.method)),
+            error(|of| json!(of.error.word_length)),
+            error(|of| json!(of.error.word_length_at_end)),
+            error(|of| json!(of.error.coefficient)),
+            error(|of| json!(of.error.coefficient_at_end)),
+            error(|of| json!(of.error.function)),
+            error(|of| json!(of.error.input_hold)),
+            field(|of| of_total(of, |total| json!(total.diverged_s))),
+            field(|of| {
+                json!(of.error.of_total.as_ref().and_then(|total| total.period.as_ref()).map(|period| &period.state))
+            }),
+            field(|of| {
+                json!(of.error.of_total.as_ref().and_then(|total| total.period.as_ref()).map(|period| &period.seconds))
+            }),
+            field(|of| {
+                json!(of.error.of_total.as_ref().and_then(|total| total.period.as_ref()).map(|period| &period.error))
+            }),
+            drift(|drift| json!(drift.name)),
+            drift(|drift| json!(drift.drift)),
+            field(|of| of_total(of, |total| json!(total.reference_uncertainty))),
+            field(|of| of_total(of, |total| json!(total.reference_agreement))),
             u8::from(self.front.contains(&index)).to_string(),
             u8::from(self.chosen == Some(index)).to_string(),
             warnings,
@@ -325,12 +343,11 @@ impl<'a> View<'a> {
 
     fn line(&self, index: usize, mark: &str) -> String {
         let row = &self.sheet.rows[index];
-        let count = |key: &str| row.figures().and_then(|figures| figures.number(key)).unwrap_or(f64::NAN);
         let error = row.figures().and_then(|figures| figures.total_error()).unwrap_or(f64::INFINITY);
         let seconds = seconds(self.sheet, row).unwrap_or(f64::NAN);
         let line = format!(
             "  {error:<7.1e} {seconds:>9.2e} {:>6.0} {:>7.1e} {:<16} {:>8} {:<10}{:>7.0} {mark}",
-            count("cycles_per_step"),
+            row.figures().map_or(f64::NAN, |figures| f64::from(figures.cycles_per_step)),
             self.operations(row).unwrap_or(f64::NAN),
             row.point.solver.map_or("", |solver| solver.name()),
             row::step(&row.point),
@@ -343,28 +360,32 @@ impl<'a> View<'a> {
     /// The parts of a point's error, and what else is known of it.
     fn parts(&self, index: usize) -> String {
         let Some(figures) = self.sheet.rows[index].figures() else { return String::new() };
-        let part = |name: &str, key: &str| {
-            figures.number(key).map_or_else(String::new, |number| format!("{name} {number:.1e}, "))
+        let part =
+            |name: &str, error: Option<f64>| error.map_or_else(String::new, |error| format!("{name} {error:.1e}, "));
+        let shown = |number: &Unbounded| match number {
+            Unbounded::Number(number) => format!("{number:.1e}"),
+            Unbounded::Word(word) => word.clone(),
         };
-        let mut text = part("method", "error.method")
-            + &part("word length", "error.word_length")
-            + &part("of it coefficients", "error.coefficient")
-            + &part("functions", "error.function")
-            + &part("input hold", "error.input_hold")
-            + &part("at the end", "error.total_at_end")
-            + &part("L2", "error.total_l2");
-        text += &figures.number("error.digits_at_end").map_or(String::new(), |n| format!("{n:.1} digits, "));
-        if let Some(period) = figures.value("error.period") {
-            let seconds = period["seconds"].as_f64().unwrap_or(f64::NAN);
-            let error = period["error"].as_f64().map_or("inf".to_owned(), |error| format!("{error:.1e}"));
-            text += &format!("period {seconds:.4} s wrong by {error}, ");
-        }
-        for conserved in figures.value("error.conserved").and_then(Value::as_array).into_iter().flatten() {
-            let drift = conserved["drift"].as_f64().map_or("inf".to_owned(), |drift| format!("{drift:.1e}"));
-            text += &format!("drift of {} {drift}, ", plain(&conserved["name"]));
-        }
-        if let Some(time) = figures.number("error.diverged_s") {
-            text += &format!("wrong by a tenth from t = {time:.4} s on, ");
+        let error = &figures.error;
+        let total = error.of_total.as_deref();
+        let mut text = part("method", Some(error.method))
+            + &part("word length", Some(error.word_length))
+            + &part("of it coefficients", Some(error.coefficient))
+            + &part("functions", error.function)
+            + &part("input hold", Some(error.input_hold))
+            + &part("at the end", total.map(|total| total.total_at_end))
+            + &part("L2", total.map(|total| total.total_l2));
+        if let Some(total) = total {
+            text += &format!("{:.1} digits, ", total.digits_at_end);
+            if let Some(period) = &total.period {
+                text += &format!("period {:.4} s wrong by {}, ", period.seconds, shown(&period.error));
+            }
+            for conserved in &total.conserved {
+                text += &format!("drift of {} {}, ", conserved.name, shown(&conserved.drift));
+            }
+            if let Some(time) = total.diverged_s {
+                text += &format!("wrong by a tenth from t = {time:.4} s on, ");
+            }
         }
         wrapped(text.trim_end_matches(", "))
     }

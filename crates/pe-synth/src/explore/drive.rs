@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::files::Sheet;
 use super::record::Record;
+use pe_flow::explore::family;
 use pe_flow::explore::row::Outcome;
 use pe_flow::explore::sweep::{self, Event, Sweep};
 use pe_flow::failure::Failure;
@@ -52,7 +53,7 @@ impl Driver {
     /// As of [`Record::follow`].
     pub fn round(&self, record: &mut Record, sweep: Sweep, quiet: bool) -> Result<(), Failure> {
         let jobs = record.pending();
-        let seconds = sweep.estimate.total(&sweep::families(jobs.clone(), sweep::has_functions(&sweep.loaded.model)));
+        let seconds = sweep.estimate.total(&family::families(jobs.clone(), family::has_functions(&sweep.loaded.model)));
         let bar = if quiet { ProgressBar::hidden() } else { progress_bar(self.name, seconds) };
         let (pool, sender) = (std::sync::Arc::clone(&self.pool), self.sender.clone());
         std::thread::spawn(move || {

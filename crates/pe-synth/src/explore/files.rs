@@ -11,8 +11,9 @@ use super::record::Files;
 use super::show;
 use pe_flow::accuracy::goal::cheapest;
 use pe_flow::explore::fronts::{Pair, front, knee, size_and_time, time_and_error};
-use pe_flow::explore::row::{Figures, Outcome, Row};
+use pe_flow::explore::row::{Outcome, Row};
 use pe_flow::failure::Failure;
+use pe_flow::report::Figures;
 
 /// Looks that can be told apart in black and white.
 const LOOKS: usize = 6;
@@ -151,11 +152,10 @@ impl Sheet {
         record(&HEAD.map(str::to_owned));
         for (index, (row, place)) in self.rows.iter().zip(&self.places).enumerate() {
             let point = &row.point;
-            let field =
-                |path: &str| row.figures().and_then(|figures| figures.value(path)).map(plain).unwrap_or_default();
+            let field = |of: fn(&Figures) -> Value| cell(row.figures().map(of));
             let on = |front: &Front| (front.rows.contains(&index) as u8).to_string();
             let (status, warnings, code, message) = match &row.outcome {
-                Outcome::Compiled(figures) => ("compiled", figures.warnings.join(" "), String::new(), String::new()),
+                Outcome::Compiled(compiled) => ("compiled", compiled.warnings.join(" "), String::new(), String::new()),
                 Outcome::Failed(reason) => {
                     ("failed", String::new(), reason.code.clone().unwrap_or_default(), reason.message.clone())
                 }
@@ -168,21 +168,21 @@ impl Sheet {
                 point.pes.map_or(String::new(), |pes| pes.to_string()),
                 row::multiplier(point),
                 point.storage.to_string(),
-                field("cycles_per_step"),
-                field("bound_cycles"),
-                field("time_per_simulated_second_ms"),
-                field("area.lut"),
-                field("area.ff"),
-                field("area.dsp"),
-                field("area.bram18"),
+                field(|of| json!(of.cycles_per_step)),
+                field(|of| json!(of.bound_cycles)),
+                field(|of| json!(of.time_per_simulated_second_ms)),
+                field(|of| json!(of.area.cells.lut)),
+                field(|of| json!(of.area.cells.ff)),
+                field(|of| json!(of.area.cells.dsp)),
+                field(|of| json!(of.area.cells.bram18)),
                 row.figures().map(|figures| figures.equivalent_lut().to_string()).unwrap_or_default(),
-                field("connections"),
-                field("error.total"),
-                field("error.method"),
-                field("error.word_length"),
-                field("error.coefficient"),
-                field("error.input_hold"),
-                field("error.worst_state"),
+                field(|of| json!(of.connections)),
+                field(|of| json!(of.error.total)),
+                field(|of| json!(of.error.method)),
+                field(|of| json!(of.error.word_length)),
+                field(|of| json!(of.error.coefficient)),
+                field(|of| json!(of.error.input_hold)),
+                field(|of| json!(of.error.worst_state)),
                 on(&fronts[0]),
                 on(&fronts[1]),
                 warnings,
@@ -313,7 +313,7 @@ impl Sheet {
         let all = self.rows.iter().map(|row| {
             let mut cells = show::cells(row).to_vec();
             cells.push(match &row.outcome {
-                Outcome::Compiled(figures) => figures.warnings.join(" "),
+                Outcome::Compiled(compiled) => compiled.warnings.join(" "),
                 Outcome::Failed(reason) => format!("{} {}", reason.code.as_deref().unwrap_or(""), reason.message),
             });
             cells.push(row.command.clone());
@@ -335,6 +335,11 @@ impl Sheet {
         };
         page.render()
     }
+}
+
+/// A value as a cell of a table: nothing where there is none.
+pub fn cell(value: Option<Value>) -> String {
+    value.filter(|value| !value.is_null()).as_ref().map(plain).unwrap_or_default()
 }
 
 /// A value without quotes.

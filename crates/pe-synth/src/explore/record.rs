@@ -10,8 +10,9 @@ use serde_json::{Map, Value};
 
 use super::files::Sheet;
 use crate::output::OutputFolder;
+use pe_flow::explore::family::Job;
 use pe_flow::explore::row::{Outcome, Row};
-use pe_flow::explore::sweep::{Event, Job};
+use pe_flow::explore::sweep::Event;
 use pe_flow::failure::Failure;
 
 /// Time between two writings of an unfinished result.

@@ -4,6 +4,7 @@ use super::files::Sheet;
 use pe_flow::accuracy::goal::cheapest;
 use pe_flow::explore::row::{self, RUNNERS_UP};
 use pe_flow::explore::row::{Outcome, Row};
+use pe_flow::report::Figures;
 
 /// Columns of [`cells`].
 pub const HEAD: [&str; 12] =
@@ -12,17 +13,17 @@ pub const HEAD: [&str; 12] =
 /// The figures of a row.
 pub fn cells(row: &Row) -> [String; 12] {
     let point = &row.point;
-    let figure = |show: &dyn Fn(&pe_flow::explore::row::Figures) -> String| row.figures().map_or("-".to_owned(), show);
-    let count = |key: &'static str| figure(&|figures| figures.number(key).map_or("-".into(), |n| format!("{n:.0}")));
+    let figure = |show: &dyn Fn(&Figures) -> String| row.figures().map_or("-".to_owned(), show);
+    let count = |of: fn(&Figures) -> f64| figure(&|figures| format!("{:.0}", of(figures)));
     [
         figure(&|figures| figures.total_error().map_or("-".into(), |error| format!("{error:.1e}"))),
         figure(&|figures| format!("{:.3}", figures.time_ms())),
         figure(&|figures| format!("{:.1}", 1e3 / figures.time_ms())),
         figure(&|figures| format!("{:.0}", figures.equivalent_lut())),
-        count("area.lut"),
-        count("area.dsp"),
-        count("area.bram18"),
-        count("cycles_per_step"),
+        count(|of| of.area.cells.lut),
+        count(|of| of.area.cells.dsp.into()),
+        count(|of| of.area.cells.bram18.into()),
+        count(|of| of.cycles_per_step.into()),
         point.pes.map_or(String::new(), |pes| pes.to_string()),
         point.solver.map_or("", |solver| solver.name()).to_owned(),
         row::step(point),

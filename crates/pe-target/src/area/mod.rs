@@ -14,8 +14,10 @@ mod measured;
 mod network;
 mod terms;
 
+use std::collections::BTreeSet;
+
 use pe_ir::memory::{self, MemoryCells};
-use pe_ir::program::{Fold, PeProgram, Program, index_bits};
+use pe_ir::program::{Fold, PeFeatures, PeProgram, Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
 
 pub use family::Family;
@@ -52,12 +54,16 @@ pub struct Area {
 pub struct Split {
     /// PEs with their data memories and tables of functions, and with measured ones their programs, too.
     pub pes: (f64, u32),
+    /// Of these the tables of functions and their indices: what the PEs would be smaller without them.
+    pub function_tables: (f64, u32),
     /// Memories of control words and of coefficients that nothing writes.
     pub programs: (f64, u32),
-    /// Inputs, ticks and outputs.
-    pub ports: f64,
-    /// The sequencer and what joins the sticky flags.
-    pub sequencer: f64,
+    /// Inputs and ticks: look-up tables and flip-flops.
+    pub inputs: (f64, f64),
+    /// Outputs: look-up tables and flip-flops.
+    pub outputs: (f64, f64),
+    /// The sequencer and what joins the sticky flags: look-up tables and flip-flops.
+    pub sequencer: (f64, f64),
 }
 
 /// Look-up tables that a multiplier block is worth, as Huang, Vahid and Givargis count in section 6.2.2.
@@ -92,12 +98,13 @@ pub fn estimate(program: &Program, family: Family) -> Area {
 /// The same with measured PEs where there are any of their shape.
 pub fn size(program: &Program, measured: &Measured, family: Family) -> Area {
     let shapes = measured.shapes(program, family);
-    let (sequencer, ports) = (network::sequencer(program, family), network::ports(program, family));
+    let sequencer = network::sequencer(program, family);
+    let (inputs, outputs) = (network::inputs(program, family), network::outputs(program, family));
     let mut area = Area {
         family,
-        lut: sequencer.0 + ports.0,
-        ff: sequencer.1 + ports.1,
-        split: Split { ports: ports.0, sequencer: sequencer.0, ..Split::default() },
+        lut: sequencer.0 + (inputs.0 + outputs.0),
+        ff: sequencer.1 + (inputs.1 + outputs.1),
+        split: Split { inputs, outputs, sequencer, ..Split::default() },
         ..Area::default()
     };
     let mut half_blocks = 0;
@@ -125,10 +132,30 @@ pub fn size(program: &Program, measured: &Measured, family: Family) -> Area {
         area.ff += ff + programs.ff;
         area.bram18 += data.bram18 + programs.bram18;
         area.split.pes = (area.split.pes.0 + lut, area.split.pes.1 + data.bram18);
+        let tables = function_tables(program, pe, family);
+        area.split.function_tables.0 += tables.0;
+        area.split.function_tables.1 += tables.1;
         area.split.programs = (area.split.programs.0 + programs.lut, area.split.programs.1 + programs.bram18);
     }
     area.dsp = half_blocks.div_ceil(2);
     area
+}
+
+/// What a PE would be smaller without its tables of functions: look-up tables and block RAMs of 18 kbit.
+fn function_tables(program: &Program, pe: &PeProgram, family: Family) -> (f64, u32) {
+    let (features, format) = (&pe.features, &program.format);
+    if features.index_words == 0 {
+        return (0.0, 0);
+    }
+    // A base that an index is added to is the first word of a column.
+    let pairs = pe.words.windows(2).filter(|pair| pair[0].index.is_some());
+    let columns: BTreeSet<u16> = pairs.filter_map(|pair| pair[1].base).collect();
+    let others = features.base_words.saturating_sub((columns.len() * program.segments().count()) as u32);
+    let base_words = others.max(2).next_power_of_two().min(features.base_words);
+    let plain = PeFeatures { base_words, index_words: 0, index_bits: 0, octave_bits: 0, ..features.clone() };
+    let blocks = |features| terms::memories(features, format, family).0.bram18;
+    let saved = self::pe(features, format, family).0 - self::pe(&plain, format, family).0;
+    (saved.max(0.0), blocks(features).saturating_sub(blocks(&plain)))
 }
 
 /// The memories of a PE that nothing writes: its control words and coefficients.

@@ -27,20 +27,22 @@ pub(super) fn sequencer_alone(period: u32, rounds: u32, deep: bool, family: Fami
     (12.0 + 1.2 * bits + f64::from(2 * u8::from(rounds > 1)) + if deep { late } else { 0.0 }, ff)
 }
 
-/// Look-up tables and flip-flops of inputs, ticks and outputs.
-pub fn ports(program: &Program, family: Family) -> (f64, f64) {
-    let format = &program.format;
-    let inputs = (program.ports().count() as f64, input(format, family));
-    let outputs = (program.outputs.len() as f64, output(format, index_bits(program.period), family));
-    let mut sum = (0.0, 0.0);
-    for (count, (lut, ff)) in [inputs, outputs] {
-        sum = (sum.0 + count * lut, sum.1 + count * ff);
-    }
+/// Look-up tables and flip-flops of inputs and ticks.
+pub fn inputs(program: &Program, family: Family) -> (f64, f64) {
+    let (count, (lut, ff)) = (program.ports().count() as f64, input(&program.format, family));
+    let mut sum = (count * lut, count * ff);
     for (_, steps, _) in program.ticks() {
         let (lut, ff) = tick(steps.steps, family);
         sum = (sum.0 + lut, sum.1 + ff);
     }
     sum
+}
+
+/// Look-up tables and flip-flops of outputs.
+pub fn outputs(program: &Program, family: Family) -> (f64, f64) {
+    let count = program.outputs.len() as f64;
+    let (lut, ff) = output(&program.format, index_bits(program.period), family);
+    (count * lut, count * ff)
 }
 
 /// An input: where operands have fewer bits than the port the sum that rounds, and what clamps it.

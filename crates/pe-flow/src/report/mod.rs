@@ -1,0 +1,35 @@
+//! The report: `report.json` as a type, how it is made of a design, and how a terminal shows it.
+//!
+//! ```text
+//! types, errors   what the file holds
+//! compared        what of it is compared over time
+//! build           Design -> Report
+//! stability       the check of the step -> its key
+//! table           Report -> summary
+//! timing          report-timing.json
+//! ```
+//!
+//! The same command gives the same bytes, `report-timing.json` excepted.
+
+mod build;
+pub mod compared;
+pub mod errors;
+mod stability;
+pub mod table;
+mod timing;
+pub mod types;
+pub mod values;
+
+pub use build::{Silicon, Told, Total};
+pub use errors::{Chosen, DeviceFit, Errors, RunnerUp, Stability};
+pub use stability::{not_found, verdict};
+pub use timing::timing;
+pub use types::{Clock, Figures, Report};
+
+impl Report {
+    /// The text of `report.json`: keys in alphabetical order.
+    pub fn text(&self) -> String {
+        let value = serde_json::to_value(self).expect("a report has text keys and plain values");
+        format!("{value:#}\n")
+    }
+}

@@ -1,0 +1,535 @@
+//! The report as a type: what `report.json` holds, key by key.
+//!
+//! Fields are named as keys; `docs/report.md` says what they mean, and the schema in `docs/report.schema.json` is made of these
+//! types. A field that is `None` and marked so is missing in the file; others are null.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::errors::{Chosen, DeviceFit, Errors, Stability};
+use super::values::nullable;
+
+/// `report.json`.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Report {
+    /// `pe-synth` and its version.
+    pub generator: String,
+    /// Name of the model.
+    pub model: String,
+    /// Differential equations.
+    pub odes: usize,
+    /// What differs from point to point of a sweep.
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// Whether the number of PEs was chosen by the compiler.
+    pub pes_default: bool,
+    /// Forms of the step that were compared.
+    pub forms: Vec<Form>,
+    /// Steps for the beginning of the run.
+    pub early_steps: Vec<EarlyStep>,
+    /// Products that add operands in front of the multiplier.
+    pub pairs: Pairs,
+    /// The PE that limits the step.
+    pub bottleneck: Limiting,
+    /// Lengths of the connections.
+    pub wire_length: WireLength,
+    /// Memory writes of all PEs in a step.
+    pub writes_per_step: u64,
+    /// Programs that differ when coefficients are left aside.
+    pub distinct_programs: usize,
+    /// Mappings that were scheduled, the one that was taken first.
+    pub starts: Vec<Start>,
+    /// Relays in the step that was taken; only where relays were tried.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relays: Option<u32>,
+    /// Control words of a PE.
+    pub instruction_words_max: usize,
+    /// Own and imported words of the PE that has most.
+    pub data_words_max: u32,
+    /// The smallest pivot of an implicit method.
+    pub smallest_pivot: Option<Pivot>,
+    /// The variables that come closest to the limits of their formats.
+    pub headroom: Vec<Headroom>,
+    /// Names of the outputs.
+    pub outputs: Vec<String>,
+    /// Quantities that no output needs.
+    pub left_out: Vec<String>,
+    /// What is kept of the model, and why.
+    pub kept: Vec<Kept>,
+    /// Which hardware the PEs have, and why.
+    pub features: Features,
+    /// Rates of sampled blocks; only of models with some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rates: Option<Vec<SampleRate>>,
+    /// What is proven of ranges; missing where no proof was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ranges: Option<Ranges>,
+    /// Tables of functions.
+    pub functions: Vec<FunctionTable>,
+    /// The check of the step; null for large models.
+    pub stability: Option<Stability>,
+    /// Why there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stability_reason: Option<String>,
+    /// The size beside a device; only with one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device: Option<DeviceFit>,
+    /// How the design was chosen; only where it was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub choice: Option<Chosen>,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// The command that makes this report.
+    pub command: String,
+    /// SHA-256 of every file beside the report.
+    #[serde(default)]
+    pub files: BTreeMap<String, String>,
+}
+
+/// Figures of a design that differ from point to point of a sweep.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Figures {
+    /// Size of the network.
+    pub pes: usize,
+    /// Numerical method.
+    pub solver: String,
+    /// Form of the step.
+    pub stage_form: String,
+    /// Step in seconds.
+    pub step_s: f64,
+    /// Time over which ranges and errors were judged, in seconds.
+    pub span_s: f64,
+    /// Clocks between two `done_o` in free run.
+    pub cycles_per_step: u32,
+    /// Products per step.
+    pub macs_per_step: u64,
+    /// The largest lower bound of the cycles per step.
+    pub bound_cycles: u32,
+    /// Which bound that is.
+    pub bound_binds: String,
+    /// Pairs of PEs joined by a link.
+    pub connections: usize,
+    /// Largest number of input ports of a PE.
+    pub max_in_degree: usize,
+    /// Words that arrive at another PE in a step.
+    pub transfers_per_step: usize,
+    /// Word widths.
+    pub word: Word,
+    /// Size of the network.
+    pub area: Area,
+    /// The clock.
+    pub clock: Clock,
+    /// Milliseconds that the network takes for a second of the model.
+    #[serde(with = "nullable")]
+    #[schemars(with = "Option<f64>")]
+    pub time_per_simulated_second_ms: f64,
+    /// How wrong the design is.
+    pub error: Errors,
+    /// Fixed-point runs that saturated and were repeated with wider ranges.
+    pub widenings: usize,
+}
+
+/// A form of the step, and what it would cost.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Form {
+    /// Its name.
+    pub form: String,
+    /// Stages.
+    pub stages: u32,
+    /// Products per step.
+    pub products: u64,
+    /// Products of its largest equation.
+    pub largest: u32,
+    /// Input ports of a PE.
+    pub ports: u32,
+    /// Estimated cycles per step.
+    pub cycles: u64,
+}
+
+/// Steps for the beginning of a run.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct EarlyStep {
+    /// Time until which the step is taken, in seconds.
+    pub until_s: f64,
+    /// The step in seconds.
+    pub step_s: f64,
+}
+
+/// Products that add two operands with equal coefficients in front of the multiplier.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Pairs {
+    /// In a step.
+    pub per_step: u64,
+    /// Values that a PE sends to itself for them.
+    pub sent_home: u64,
+    /// Products that another mapping could save.
+    pub missed: u64,
+    /// Why there are none.
+    pub left_out: Option<String>,
+}
+
+/// The PE with most issue slots in use.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Limiting {
+    /// Its index.
+    pub pe: usize,
+    /// Equations that are mapped to it.
+    pub equations: usize,
+    /// Names of the first ones.
+    pub first_equations: Vec<String>,
+    /// Clocks of its step with an operand.
+    pub busy_cycles: u32,
+    /// Clocks without one.
+    pub idle_cycles: u32,
+    /// What limits it.
+    pub reason: String,
+    /// Its input ports.
+    pub ports: usize,
+    /// Words that arrive at them in a step.
+    pub arrivals: u32,
+    /// Where most of them come from; missing if none arrive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub main_source: Option<MainSource>,
+}
+
+/// Where most words of a PE come from.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct MainSource {
+    /// A PE or an input.
+    pub from: String,
+    /// Words in a step.
+    pub words: u32,
+}
+
+/// Lengths of the connections with the PEs on a square, in grid steps.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct WireLength {
+    /// Of all.
+    pub total: u64,
+    /// Of the longest.
+    pub longest: u32,
+}
+
+/// A mapping that was scheduled.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Start {
+    /// Where annealing began.
+    pub start: String,
+    /// Cost before annealing.
+    pub before: MappingCost,
+    /// Cost after annealing.
+    pub after: MappingCost,
+    /// Clocks of its schedule.
+    pub cycles_per_step: u32,
+    /// Relays in the step that was mapped; only where relays were tried.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relays: Option<u32>,
+}
+
+/// The cost of a mapping.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct MappingCost {
+    /// Issue slots of the most loaded PE.
+    pub max_load: u32,
+    /// Pairs of PEs that exchange words.
+    pub connections: u32,
+    /// Input ports of the PE that has most.
+    pub max_in_degree: u32,
+}
+
+/// Word widths.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Word {
+    /// Stored word without guard bits.
+    pub storage_bits: u32,
+    /// Low bits that only additions see.
+    pub guard_bits: u32,
+    /// Data port of the multiplier.
+    pub mul_a_bits: u32,
+    /// Coefficient port of the multiplier.
+    pub mul_b_bits: u32,
+    /// Multiplier blocks of 25 x 18 bits that one product takes.
+    pub dsp_per_pe: u32,
+    /// Products of a coefficient.
+    pub coefficient_slots: u32,
+    /// What the roundings of coefficients cancel in.
+    pub rounding: String,
+    /// Registers that an operation passes.
+    pub pipeline: String,
+}
+
+/// Cells of the network for a family of devices.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Cells {
+    /// The family.
+    pub family: String,
+    /// Look-up tables.
+    #[serde(with = "nullable")]
+    #[schemars(with = "Option<f64>")]
+    pub lut: f64,
+    /// What they may be off by.
+    pub lut_error: f64,
+    /// Flip-flops.
+    #[serde(with = "nullable")]
+    #[schemars(with = "Option<f64>")]
+    pub ff: f64,
+    /// What they may be off by.
+    pub ff_error: f64,
+    /// Multiplier blocks.
+    pub dsp: u32,
+    /// Block RAMs of 18 kbit.
+    pub bram18: u32,
+}
+
+/// Size of a network.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Area {
+    /// For its family.
+    #[serde(flatten)]
+    pub cells: Cells,
+    /// `measured` or `estimated`.
+    pub basis: String,
+    /// PEs with a measured shape.
+    pub measured_pes: u32,
+    /// Where the cells are.
+    pub split: AreaSplit,
+    /// For each family that networks were measured on.
+    pub families: Vec<Cells>,
+}
+
+/// What a network is made of.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct AreaSplit {
+    /// PEs with their data memories and tables of functions; measured ones with their programs.
+    pub pes: AreaPart,
+    /// Of these the tables of functions.
+    pub function_tables: AreaPart,
+    /// Memories of control words and of coefficients that nothing writes.
+    pub programs: AreaPart,
+    /// Inputs, ticks and outputs.
+    pub inputs_outputs: LogicPart,
+    /// Of these the inputs and ticks.
+    pub inputs: LogicPart,
+    /// Of these the outputs.
+    pub outputs: LogicPart,
+    /// The sequencer and what joins the sticky flags.
+    pub sequencer: LogicPart,
+}
+
+/// Look-up tables and block RAMs of a part.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct AreaPart {
+    /// Look-up tables.
+    pub lut: f64,
+    /// Block RAMs of 18 kbit.
+    pub bram18: u32,
+}
+
+/// Look-up tables and flip-flops of a part without memories.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct LogicPart {
+    /// Look-up tables.
+    pub lut: f64,
+    /// Flip-flops.
+    pub ff: f64,
+}
+
+/// The clock of a design.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Clock {
+    /// Frequency.
+    pub mhz: f64,
+    /// `given`, `estimated` or `assumed`.
+    pub basis: String,
+    /// What an estimate may be off by; only of one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_mhz: Option<f64>,
+}
+
+/// A magnitude of a state.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Pivot {
+    /// The state.
+    pub state: String,
+    /// The pivot's magnitude beside the 1 of the identity.
+    pub magnitude: f64,
+}
+
+/// A variable that comes close to the limit of its format.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Headroom {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub kind: String,
+    /// Bits between its largest magnitude and the limit.
+    #[serde(with = "nullable")]
+    #[schemars(with = "Option<f64>")]
+    pub bits: f64,
+    /// Its largest magnitude.
+    pub largest: f64,
+    /// The limit of its format.
+    pub limit: f64,
+}
+
+/// What is kept of a quantity of the model.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Kept {
+    /// Its name.
+    pub name: String,
+    /// `state`, `signal`, `algebraic`, `input` or `left out`.
+    pub kind: String,
+    /// Elements that are kept.
+    pub kept: usize,
+    /// Of these, algebraic ones that are computed within each equation that reads them.
+    pub put_in_place: usize,
+    /// Elements that are left out.
+    pub left_out: usize,
+    /// Why.
+    pub because: String,
+    /// The names from an element to its output.
+    pub chain: Vec<String>,
+}
+
+/// Which hardware there is, and why.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Features {
+    /// Of the PEs.
+    pub pe: Vec<Feature>,
+    /// Fields of the control words.
+    pub control_word: Vec<Field>,
+    /// How programs are kept.
+    pub program: Folds,
+}
+
+/// Sizes, and how many PEs have each.
+pub type Histogram = BTreeMap<u32, usize>;
+
+/// A feature of PEs.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Feature {
+    /// Its name.
+    pub feature: String,
+    /// PEs with it.
+    pub with: usize,
+    /// PEs without.
+    pub without: usize,
+    /// Its sizes.
+    pub sizes: Histogram,
+    /// What needs it.
+    pub because: String,
+    /// PEs of which it is proven that they do without; only of saturation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub provable: Option<usize>,
+}
+
+/// A field of control words.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Field {
+    /// Its name.
+    pub field: String,
+    /// PEs with it.
+    pub with: usize,
+    /// PEs without.
+    pub without: usize,
+    /// Its widths.
+    pub bits: Histogram,
+}
+
+/// How programs are kept.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Folds {
+    /// Rounds of a step.
+    pub rounds: u32,
+    /// Control words of a round.
+    pub round_words: u32,
+    /// Bits that PEs keep for each word of a round.
+    pub loop_bits: Histogram,
+    /// Bits that they keep for each word of a step.
+    pub stream_bits: Histogram,
+    /// Variants of rounds in place of those; only if there are some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub variants: Option<Histogram>,
+}
+
+/// A rate of sampled blocks.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct SampleRate {
+    /// Seconds between samples.
+    pub period_s: f64,
+    /// Steps between samples.
+    pub steps: u64,
+    /// States of this rate.
+    pub states: usize,
+}
+
+/// What is proven of ranges.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Ranges {
+    /// States by how sure their ranges are.
+    pub states: Certainties,
+    /// PEs that write proven words only.
+    pub pes_without_saturation: usize,
+    /// Bits by which formats became wider for the proof.
+    pub widened_bits: i32,
+    /// The word-length error without that, where it was measured.
+    pub word_length_before: Option<f64>,
+    /// Why there is no bound at all; the keys below are missing then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// Whether what is proven holds after the span.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub for_ever: Option<bool>,
+    /// The norm that bounds what rounding does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub norm: Option<String>,
+    /// What a step multiplies it by at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub growth: Option<f64>,
+    /// Most by which rounding moves a value, relative to the largest word.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rounding: Option<f64>,
+    /// Bits by which formats would have to be wider still.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub missing_bits: Option<i32>,
+}
+
+/// States by how sure it is that they stay in range.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct Certainties {
+    /// Proven.
+    pub proven: usize,
+    /// Measured, with the head room of formats.
+    pub probable: usize,
+    /// Measured, with less.
+    pub unknown: usize,
+}
+
+/// A table of a function.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct FunctionTable {
+    /// The function, with `x` for its argument.
+    pub name: String,
+    /// Least argument.
+    pub low: f64,
+    /// Largest argument.
+    pub high: f64,
+    /// `uniform` or `octaves`.
+    pub layout: String,
+    /// Segments.
+    pub segments: usize,
+    /// Degree of the polynomials.
+    pub degree: usize,
+    /// Words of all columns.
+    pub words: usize,
+    /// Lookups per step.
+    pub lookups: u64,
+    /// Largest error of approximation.
+    pub bound: f64,
+    /// The same in units of the lowest bit that a data port sees of the result.
+    #[serde(with = "nullable")]
+    #[schemars(with = "Option<f64>")]
+    pub bound_lsb: f64,
+}

@@ -1,0 +1,49 @@
+//! Numbers that JSON has no word for, and keys that may be there and null.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// A number that is null in the file where it is not finite.
+pub mod nullable {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    /// Writes the number or null.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub fn serialize<S: Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_f64(*number)
+    }
+
+    /// Reads the number, or NaN for null.
+    ///
+    /// # Errors
+    /// Those of the deserializer.
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
+    }
+}
+
+/// Reads a key that is there, be it null.
+///
+/// # Errors
+/// Those of the deserializer.
+pub fn present<'de, T: Deserialize<'de>, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Option<T>>, D::Error> {
+    Option::deserialize(deserializer).map(Some)
+}
+
+/// A number, or the word `inf`.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Unbounded {
+    /// Finite.
+    Number(f64),
+    /// `inf`.
+    Word(String),
+}
+
+impl From<f64> for Unbounded {
+    fn from(number: f64) -> Self {
+        if number.is_finite() { Unbounded::Number(number) } else { Unbounded::Word("inf".to_owned()) }
+    }
+}

@@ -1,0 +1,18 @@
+//! The command line as its users meet it, and rules about the source tree.
+
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod accuracy;
+mod bench;
+mod cli;
+mod damage;
+mod explore;
+mod golden;
+mod inject;
+mod interruption;
+mod mapping_file;
+mod report;
+mod tidy;

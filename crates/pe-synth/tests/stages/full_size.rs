@@ -1,0 +1,56 @@
+//! The full-size models on hundreds of PEs: two steps from the middle of a shortened span, in GHDL and as Rust
+//! reference, bit for bit against the simulator.
+
+use std::time::Instant;
+
+use crate::support::bench::assert_agreement;
+use crate::support::models::compile;
+use pe_verify::engines::Engine;
+
+/// Steps of every comparison: the second one starts with what the first one left in all registers.
+const STEPS: u64 = 2;
+
+/// The annealer's budget: the mappings that it starts from are good enough here.
+const TRIES: &str = "50000";
+
+fn agree(model: &str, pes: &str, span: &str) {
+    let clock = Instant::now();
+    let compiled = compile(model, &["--pes", pes, "--multiplier", "25x18", "--span", span, "--tries", TRIES]);
+    assert_eq!(compiled.design.program.pes.len().to_string(), pes);
+    let seconds = clock.elapsed().as_secs_f64();
+    let sum = assert_agreement(model, &compiled.middle(STEPS), &[Engine::Reference, Engine::Ghdl]);
+    println!(
+        "{model}: {pes} PEs, {} words per step, {} memory writes and {} outputs equal in {} runs; \
+         compiled in {seconds:.1} s, engines {:.1} s",
+        compiled.design.program.period, sum.writes, sum.outputs, sum.runs, sum.seconds
+    );
+}
+
+#[test]
+fn weibel11_on_396_pes_agrees() {
+    agree("weibel11", "396", "100 ms");
+}
+
+#[test]
+fn lutchen4000_on_397_pes_agrees() {
+    agree("lutchen4000", "397", "50 ms");
+}
+
+#[test]
+fn wave80_on_380_pes_agrees() {
+    agree("wave80", "380", "10 ms");
+}
+
+#[test]
+fn atrial15_on_309_pes_agrees() {
+    agree("atrial15", "309", "10 ms");
+}
+
+#[test]
+fn a_step_of_thousands_of_control_words_agrees() {
+    let options = ["--set", "n=1000", "--pes", "3", "--multiplier", "25x18", "--form", "horner", "--span", "10ms"];
+    let compiled = compile("lutchen4000", &options);
+    // Their images are beyond what GHDL puts on the stack by default.
+    assert!(compiled.design.program.period > 2800, "only {} words", compiled.design.program.period);
+    assert_agreement("long", &compiled.middle(1), &[Engine::Reference, Engine::Ghdl]);
+}

@@ -1,0 +1,155 @@
+//! Functions of variables through the whole compiler: accuracy, domains, sizes.
+
+use std::process::Command;
+
+use crate::support::bench::Folder;
+use pe_frontend::{NoFiles, Overrides};
+use pe_ir::source::Sources;
+use serde_json::Value;
+
+/// Compiles statements after the usual head; gives exit code, messages and the report.
+fn compile(folder: &Folder, statements: &str, options: &[&str]) -> (Option<i32>, String, Value) {
+    let (file, target) = (folder.0.join("m.spec"), folder.0.join("out"));
+    let _ = std::fs::remove_dir_all(&target);
+    let text = format!("model m\nsolver rk4\nstep 1 ms\nspan 300 ms\n{statements}");
+    std::fs::write(&file, text).expect("the spec can be written");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    command.arg("compile").arg(&file).arg("-o").arg(&target).args(["--no-pictures", "--tries", "50"]).args(options);
+    let output = command.output().expect("pe-synth starts");
+    let report = std::fs::read_to_string(target.join("report.json")).unwrap_or_else(|_| "null".to_owned());
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), errors, serde_json::from_str(&report).expect("JSON"))
+}
+
+#[test]
+fn every_function_is_tabulated_to_half_a_bit() {
+    let folder = Folder::new("functions_accurate");
+    // A state for each, driven through a range of arguments by the clock `t`; jumps lie between steps, for on a step
+    // rounding decides.
+    let terms = [
+        "1/(0.2 + t)",
+        "sqrt(0.1 + t)",
+        "exp(-3*t)",
+        "log(0.05 + t)",
+        "log10(1 + t)*log2(2 + t)",
+        "sin(9*t)",
+        "cos(9*t)",
+        "tan(3*t)",
+        "asin(3*t - 0.45)",
+        "acos(3*t - 0.45)",
+        "atan(20*t - 3)",
+        "sinh(5*t)",
+        "cosh(5*t)",
+        "tanh(10*t - 1)",
+        "abs(t - 0.15)",
+        "sign(t - 0.1501)",
+        "min(t, 0.1)",
+        "max(t, 0.1, 0.2)",
+        "(0.3 + t)^-1.5",
+        "(1 + t)^t",
+        "2^(5*t)",
+        "if t > 0.2003 then log(t - 0.1) else 3*t",
+        "if t > 0.1003 and x1 > 0 then log(t + 0.1)/x1 else 0",
+        "(t - 0.15)/(1 - exp(-(t - 0.15)/0.1))",
+    ];
+    let mut spec = "state t = 0\nt' = 1\n".to_owned();
+    for (number, term) in terms.iter().enumerate() {
+        spec += &format!("state x{number} = 0\nx{number}' = 5*({term}) - x{number}\n");
+    }
+    spec += &format!("output {}\n", (0..terms.len()).map(|number| format!("x{number}")).collect::<Vec<_>>().join(", "));
+    let (exit, errors, report) = compile(&folder, &spec, &["--pes", "8", "--allow", "E0903"]);
+    assert_eq!(exit, Some(0), "{errors}");
+    let functions = report["functions"].as_array().expect("functions");
+    assert!(functions.len() > terms.len() - 4, "{functions:#?}");
+    for function in functions {
+        let bound = function["bound_lsb"].as_f64().expect("a bound");
+        assert!(bound <= 0.5, "{function}");
+    }
+    let error = |key: &str| report["error"][key].as_f64().unwrap_or_else(|| panic!("{key} in {}", report["error"]));
+    assert!(error("function") < 1e-8 && error("word_length") < 2e-6, "{}", report["error"]);
+}
+
+/// Outputs of the hardware over time, by column, without the names and the times.
+fn outputs(folder: &Folder, text: &str) -> Vec<Vec<f64>> {
+    let (file, table) = (folder.0.join("s.spec"), folder.0.join("s.csv"));
+    std::fs::write(&file, text).expect("the spec can be written");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    let output = command.arg("sim").arg(&file).arg("-o").arg(&table).args(["--pes", "1"]).output();
+    assert!(output.expect("pe-synth starts").status.success(), "{text}");
+    let rows = std::fs::read_to_string(&table).expect("a table");
+    let numbers = |row: &str| row.split(',').skip(1).map(|cell| cell.parse().expect("a number")).collect();
+    rows.lines().skip(1).map(numbers).collect()
+}
+
+#[test]
+fn functions_on_reduced_ranges_are_right_to_two_units_in_2_to_the_30() {
+    let folder = Folder::new("functions_units");
+    for (name, library, low, high) in [
+        ("exp(t)", libm::exp as fn(f64) -> f64, -0.35, 0.35),
+        ("1/t", |t| 1.0 / t, 1.0, 2.0),
+        ("sin(t)", libm::sin, -1.57, 1.57),
+        ("cos(t)", libm::cos, -1.57, 1.57),
+    ] {
+        let slope = high - low;
+        let head = "model s\nsolver euler\nstep 1 ms\nspan 1 s\n";
+        let text = format!("{head}state t = {low}\nt' = {slope}\nf = {name}\noutput f, t\n");
+        let rows = outputs(&folder, &text);
+        assert_eq!(rows.len(), 1000);
+        let largest = rows.iter().map(|row| row[0].abs()).fold(0.0, f64::max);
+        // Against the function of the argument that the hardware had.
+        let error = rows.iter().map(|row| (row[0] - library(row[1])).abs()).fold(0.0, f64::max);
+        let units = error / largest * libm::exp2(30.0);
+        println!("{name}: {units:.2}");
+        assert!(units <= 2.0, "{name}: {units}");
+    }
+}
+
+#[test]
+fn functions_outside_their_domain_are_named_with_argument_and_time() {
+    let folder = Folder::new("functions_domain");
+    for (statements, part) in [
+        ("state x = 0.1\nx' = -1 - sqrt(x)\noutput x\n", "sqrt(x)"),
+        ("state x = 0.1\nx' = -1 - 0.01*log(x)\noutput x\n", "log(x)"),
+        ("state x = 0\nstate y = 0\nx' = 9\ny' = asin(x)\noutput y\n", "asin(x)"),
+        ("state x = 0\nstate y = 0\nx' = 1\ny' = 1/x\noutput y\n", "1/x"),
+        // No step falls on zero, and yet the values on both sides of it cannot be held.
+        ("state x = -0.10037\nstate y = 0\nx' = 1\ny' = 1/x\noutput y\n", "1/x"),
+        ("state x = 1.4\nstate y = 0\nx' = 1\ny' = tan(x)\noutput y\n", "tan(x)"),
+        ("state x = 0.1\nstate y = 1\nx' = -1\ny' = if y > 0 then log(x) else y\noutput y\n", "log("),
+    ] {
+        let (exit, errors, report) = compile(&folder, statements, &[]);
+        let named = errors.contains("error[E0904]") && errors.contains(part) && errors.contains("m.spec:");
+        assert!(exit == Some(1) && named && report.is_null(), "{statements}{errors}");
+    }
+}
+
+#[test]
+fn a_branch_that_is_not_taken_may_be_undefined() {
+    let folder = Folder::new("functions_branches");
+    for statements in [
+        "state x = 0.1\nx' = if x > 0.05 then -log(x) - 3 else 1\noutput x\n",
+        "state x = 0.1\nstate y = 0.2\nx' = -1\ny' = if x > 0 then sqrt(x) + y else -y\noutput x, y\n",
+        "state x = 0.1\nstate y = 0\nx' = -1\ny' = if y < 5 and x > 0.02 then y + log(x) else y - x\noutput x, y\n",
+        "state x = 0.1\nstate y = 0.2\nx' = -1\ny' = if x > y - 0.2 then log(x - y + 0.2) else 0\noutput x, y\n",
+    ] {
+        let (exit, errors, report) = compile(&folder, statements, &["--allow", "E0903"]);
+        assert!(exit == Some(0) && !report.is_null(), "{statements}{errors}");
+    }
+}
+
+#[test]
+fn equations_of_one_form_share_a_function_however_many_there_are() {
+    let count = 20_000;
+    let text = format!(
+        "model m\nsolver rk4\nstep 1 ms\nspan 1 s\nindex i in 1..{count}\nstate x[i] = i/{count}\n\
+         x[i]' = -tanh(x[i]) + 0.1*(if i > 1 then exp(-x[max(i - 1, 1)]) else 0)\noutput x[1]\noutput x[{count}]\n"
+    );
+    let mut sources = Sources::new("m.spec", &text);
+    let (model, _) = pe_frontend::compile(&mut sources, &NoFiles, &Overrides::default()).expect("a model");
+    let model = pe_hls::lift::lift(model);
+    assert_eq!(model.algebraics.len(), 2 * count - 1);
+    let graph = pe_hls::step::build(&model).expect("a step");
+    assert_eq!(graph.functions.exact.len(), 2);
+    let applied = graph.chains.iter().filter(|chain| chain.function.is_some()).count();
+    assert_eq!(applied, 4 * (2 * count - 1));
+}

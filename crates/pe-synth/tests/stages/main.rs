@@ -1,0 +1,41 @@
+//! The stages of the compiler through the library: random models, checkers, errors, formats, engines.
+
+#![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
+
+#[path = "../support/mod.rs"]
+mod support;
+#[path = "../support/validation.rs"]
+mod validation_set;
+
+mod arithmetic;
+mod check;
+mod check_limits;
+mod checkers;
+mod every_step;
+mod every_step_nonlinear;
+mod extremes;
+mod faults;
+mod full_size;
+mod functions;
+mod ghdl;
+mod goals;
+mod headroom;
+mod inputs;
+mod methods;
+mod pictures;
+mod random_models;
+mod ranges;
+mod reasons;
+mod relay;
+mod sampled;
+mod scene;
+mod signals;
+mod slots;
+mod solvers;
+mod split;
+mod step_error;
+mod tables;
+mod texts;
+mod total_error;
+mod validation;
+mod verilator;
