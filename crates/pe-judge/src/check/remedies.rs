@@ -77,8 +77,8 @@ pub fn for_step(
         return None;
     }
     let mut candidates: Vec<(f64, u32, Solver, f64)> = Vec::new();
-    let (_, own) = trials.variant(model.solver, model.step)?;
-    let own_cost = f64::from(cycles(&own, point.pes, format)) / model.step;
+    let own = trials.variant(model.solver, model.step)?;
+    let own_cost = f64::from(cycles(&own.graph, point.pes, format)) / model.step;
     // The methods without a limit on the negative real axis are those with a matrix.
     let has_matrix =
         |solver: Solver| solver.amplification(-100.0, 0.0) <= 1.0 && solver.largest_step(-1.0, 0.0).is_none();
@@ -86,8 +86,8 @@ pub fn for_step(
         if solver != model.solver && model.states.len() > MATRIX_STATES && has_matrix(solver) {
             continue;
         }
-        let Some((_, graph)) = trials.variant(solver, model.step) else { continue };
-        let cycles = cycles(&graph, point.pes, format);
+        let Some(variant) = trials.variant(solver, model.step) else { continue };
+        let cycles = cycles(&variant.graph, point.pes, format);
         let mut steps = vec![model.step, model.step / 2.0, model.step / 4.0, model.step / 8.0];
         if let Some((limit, ..)) = prediction.limit_of(solver) {
             let safe = SAFE * limit;

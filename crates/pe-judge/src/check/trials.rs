@@ -1,5 +1,8 @@
 //! Cheap runs in double precision with other steps and methods.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
@@ -89,6 +92,15 @@ pub struct Trials<'a> {
     scales: Vec<f64>,
     /// Time up to which the solution is known.
     end: f64,
+    /// The latest variant: several things are asked of one after another.
+    latest: RefCell<Option<Rc<Variant>>>,
+}
+
+/// The model with another method and step, and its step graph.
+pub struct Variant {
+    model: Model,
+    /// The step graph.
+    pub graph: StepGraph,
 }
 
 impl<'a> Trials<'a> {
@@ -124,20 +136,26 @@ impl<'a> Trials<'a> {
         }
         let of: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = model.own_scales(trusted.states.scales(&of));
-        Trials { model, low, high, scales, end: trusted.times[trusted.count() - 1] }
+        Trials { model, low, high, scales, end: trusted.times[trusted.count() - 1], latest: RefCell::default() }
     }
 
-    /// The model with another method and step, and its step graph; none if the method does not suit it.
-    pub fn variant(&self, solver: Solver, step: f64) -> Option<(Model, StepGraph)> {
+    /// The model with another method and step; none if the method does not suit it.
+    pub fn variant(&self, solver: Solver, step: f64) -> Option<Rc<Variant>> {
+        let same = |variant: &&Rc<Variant>| (variant.model.solver, variant.model.step) == (solver, step);
+        if let Some(latest) = self.latest.borrow().as_ref().filter(same) {
+            return Some(Rc::clone(latest));
+        }
         let model = Model { solver, step, ..self.model.clone() };
         let graph = build_with(&model, &StepOptions::default()).ok()?;
-        Some((model, graph))
+        let variant = Rc::new(Variant { model, graph });
+        self.latest.replace(Some(Rc::clone(&variant)));
+        Some(variant)
     }
 
     /// Time over which a trial of a step runs, if it is not the whole span.
     pub fn shortened(&self, solver: Solver, step: f64) -> Option<f64> {
-        let (_, graph) = self.variant(solver, step)?;
-        let span = step * affordable(&graph) as f64;
+        let graph = &self.variant(solver, step)?.graph;
+        let span = step * affordable(graph) as f64;
         (span < self.end).then_some(span)
     }
 
@@ -151,13 +169,14 @@ impl<'a> Trials<'a> {
 
     /// Runs a step; with a list of steps the last of them, the others in their ratios to it.
     pub fn run(&self, solver: Solver, step: f64) -> Outcome {
-        let Some((model, graph)) = self.variant(solver, step) else { return Outcome::Impossible };
-        let whole = self.steps(&model);
-        let steps = whole.min(affordable(&graph));
+        let Some(variant) = self.variant(solver, step) else { return Outcome::Impossible };
+        let Variant { model, graph } = &*variant;
+        let whole = self.steps(model);
+        let steps = whole.min(affordable(graph));
         if steps < FEWEST_STEPS.min(whole).max(1) {
             return Outcome::Impossible;
         }
-        let mut run = DoubleRun::new(&graph);
+        let mut run = DoubleRun::new(graph);
         let stride = steps.div_ceil(LOOKS);
         for done in 1..=steps {
             let time = model.time(done - 1, 0.0);
@@ -202,7 +221,7 @@ impl<'a> Trials<'a> {
             }
             (stable, unstable) = (Some(inside), Some(outside));
         }
-        let steps = affordable(&self.variant(solver, guess)?.1);
+        let steps = affordable(&self.variant(solver, guess)?.graph);
         let span = stable.map_or(0.0, |step: f64| step * steps as f64).min(self.end);
         Some(Found { stable: stable?, unstable, span })
     }
@@ -215,7 +234,7 @@ impl<'a> Trials<'a> {
             match self.run(solver, step) {
                 Outcome::Impossible => break,
                 Outcome::Stable => {
-                    let steps = affordable(&self.variant(solver, step)?.1);
+                    let steps = affordable(&self.variant(solver, step)?.graph);
                     return Some(Found { stable: step, unstable, span: (step * steps as f64).min(self.end) });
                 }
                 Outcome::Unstable(_) => unstable = Some(step),
@@ -227,11 +246,12 @@ impl<'a> Trials<'a> {
 
     /// Method error of a step: what half of it changes, extrapolated; none if it cannot be run.
     pub fn method_error(&self, solver: Solver, step: f64) -> Option<f64> {
-        let (model, graph) = self.variant(solver, step)?;
-        if model.steps() > affordable(&graph) || model.span < step {
+        let variant = self.variant(solver, step)?;
+        let Variant { model, graph } = &*variant;
+        if model.steps() > affordable(graph) || model.span < step {
             return None;
         }
-        method_error(&model, &graph, &self.scales).ok()
+        method_error(model, graph, &self.scales).ok()
     }
 
     /// The step at which the method error meets a goal, and the error there. `known` is the error of the model's step.
