@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
 
+use crate::accuracy::files;
 use crate::accuracy::options::ListArgs;
-use crate::accuracy::view::{self, View};
+use crate::accuracy::view::View;
 use crate::cmd_compile::positive;
 use crate::console;
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
@@ -96,7 +97,7 @@ impl Accuracy {
         let clock = ClockSource { given: self.clock, device: self.device };
         let row = |point: DesignPoint| (point, self.given.command(&point), None);
         let mut record = Record {
-            kind: Kind { store: "accuracy.json", files: view::files },
+            kind: Kind { store: "accuracy.json", files: files::files },
             head: self.head(model, &plan),
             title: format!("{} ({})", model.name, model.size()),
             max_error: self.max_error,

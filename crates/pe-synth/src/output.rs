@@ -18,6 +18,9 @@ use pe_verify::folder::hash;
 /// Files that mark a folder as written by this program; only such folders are replaced.
 const MARKERS: [&str; 3] = ["report.json", "points.json", "accuracy.json"];
 
+/// Files of a result: path and content.
+pub type Files = Vec<(&'static str, Vec<u8>)>;
+
 /// Writes files into a new folder beside the target and puts it in place at the end.
 pub struct OutputFolder {
     target: PathBuf,

@@ -4,8 +4,10 @@
 //! options    the lists on the command line, and which axes a command fixes
 //! view       rows -> front, chosen point, runners-up; accuracy.json, accuracy.csv
 //! picture    the work-precision diagram
+//! files      all of them
 //! ```
 
+pub mod files;
 pub mod options;
 pub mod picture;
 pub mod view;

@@ -3,14 +3,12 @@
 use pe_flow::explore::row;
 use serde_json::{Map, Value, json};
 
-use super::picture;
-use crate::explore::files::{Sheet, cell, plain};
-use crate::explore::record::Files;
+use crate::explore::files::{cell, plain};
+use crate::explore::sheet::Sheet;
 use pe_flow::accuracy::goal::cheapest;
 use pe_flow::accuracy::lists::Word;
 use pe_flow::explore::fronts::{front, knee, time_and_error};
 use pe_flow::explore::row::{Outcome, Reason, Row};
-use pe_flow::failure::Failure;
 use pe_flow::report::Figures;
 use pe_flow::report::errors::{Drift, OfTotal};
 use pe_flow::report::values::Unbounded;
@@ -25,22 +23,6 @@ pub struct View<'a> {
     pub chosen: Option<usize>,
     /// The next points that are right enough.
     pub runners_up: Vec<usize>,
-}
-
-/// All files of a study.
-///
-/// # Errors
-/// If the picture cannot be rasterised.
-pub fn files(sheet: &Sheet) -> Result<Files, Failure> {
-    let view = View::new(sheet);
-    let svg = picture::work_precision(&view);
-    let png = pe_plot::raster::png(&svg).map_err(|error| Failure::Internal(format!("work-precision.png: {error}")))?;
-    Ok(vec![
-        ("accuracy.json", view.json().into_bytes()),
-        ("accuracy.csv", view.csv().into_bytes()),
-        ("work-precision.svg", svg.into_bytes()),
-        ("work-precision.png", png),
-    ])
 }
 
 /// Seconds that the network takes for the span, at its clock.
@@ -84,7 +66,8 @@ impl<'a> View<'a> {
         View { sheet, front, chosen, runners_up }
     }
 
-    fn json(&self) -> String {
+    /// `accuracy.json`.
+    pub fn json(&self) -> String {
         let sheet = self.sheet;
         let rows = sheet.rows.iter().zip(&sheet.places).enumerate().map(|(index, (row, place))| {
             let mut stored = row.to_json();
@@ -164,7 +147,8 @@ impl<'a> View<'a> {
         }
     }
 
-    fn csv(&self) -> String {
+    /// `accuracy.csv`.
+    pub fn csv(&self) -> String {
         const HEAD: [&str; 50] = [
             "point",
             "status",

@@ -6,8 +6,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use pe_ir::model::Model;
 use sha2::{Digest, Sha256};
 
-use super::files::Sheet;
 use super::record::Record;
+use super::sheet::Sheet;
 use pe_flow::explore::family;
 use pe_flow::explore::row::Outcome;
 use pe_flow::explore::sweep::{self, Event, Sweep};

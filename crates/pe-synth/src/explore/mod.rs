@@ -4,6 +4,7 @@
 //! options    the axes on the command line
 //! given      what the user gave, as words of commands
 //! drive      threads, progress and end of a sweep
+//! sheet      the rows that are there, and the fronts among them
 //! record     the rows as they come, the folder they are kept in, taking up an earlier result
 //! show       rows as a person reads them
 //! files      rows -> points.json, points.csv, pictures, page
@@ -14,4 +15,5 @@ pub mod files;
 pub mod given;
 pub mod options;
 pub mod record;
+pub mod sheet;
 pub mod show;

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value};
 
-use super::files::Sheet;
-use crate::output::OutputFolder;
+use super::sheet::Sheet;
+use crate::output::{Files, OutputFolder};
 use pe_flow::explore::family::Job;
 use pe_flow::explore::row::{Outcome, Row};
 use pe_flow::explore::sweep::Event;
@@ -17,9 +17,6 @@ use pe_flow::failure::Failure;
 
 /// Time between two writings of an unfinished result.
 const SAVE_EVERY: Duration = Duration::from_secs(5);
-
-/// Files of a sweep: path and content.
-pub type Files = Vec<(&'static str, Vec<u8>)>;
 
 /// Which files a sweep leaves.
 #[derive(Clone, Copy)]

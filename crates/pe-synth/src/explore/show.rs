@@ -1,6 +1,6 @@
 //! Rows as a person reads them.
 
-use super::files::Sheet;
+use super::sheet::Sheet;
 use pe_flow::accuracy::goal::cheapest;
 use pe_flow::explore::row::{self, RUNNERS_UP};
 use pe_flow::explore::row::{Outcome, Row};

@@ -11,6 +11,7 @@ mod content;
 mod family;
 pub mod fitted;
 mod measured;
+mod names;
 mod network;
 mod terms;
 
@@ -22,7 +23,8 @@ use pe_ir::word::{Pipeline, WordFormat};
 
 pub use family::Family;
 pub use measured::{Measured, MeasuredShape, read};
-pub use terms::{ENOUGH, FF_TERMS, LUT_TERMS, RARE_ERROR, TRAITS, deeper, ff_terms, lut_terms, pe, traits};
+pub use names::{FF_TERMS, LUT_TERMS, TRAITS};
+pub use terms::{ENOUGH, RARE_ERROR, deeper, ff_terms, lut_terms, pe, traits};
 
 /// Cells of a network.
 #[derive(Clone, Copy, Debug, Default)]

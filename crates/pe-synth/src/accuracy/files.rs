@@ -1,0 +1,24 @@
+//! The files of a study.
+
+use pe_flow::failure::Failure;
+
+use super::picture;
+use super::view::View;
+use crate::explore::sheet::Sheet;
+use crate::output::Files;
+
+/// All files of a study.
+///
+/// # Errors
+/// If the picture cannot be rasterised.
+pub fn files(sheet: &Sheet) -> Result<Files, Failure> {
+    let view = View::new(sheet);
+    let svg = picture::work_precision(&view);
+    let png = pe_plot::raster::png(&svg).map_err(|error| Failure::Internal(format!("work-precision.png: {error}")))?;
+    Ok(vec![
+        ("accuracy.json", view.json().into_bytes()),
+        ("accuracy.csv", view.csv().into_bytes()),
+        ("work-precision.svg", svg.into_bytes()),
+        ("work-precision.png", png),
+    ])
+}
