@@ -4,7 +4,6 @@
 //! text of a stage the section of the mapping counts.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use pe_hls::relay::is_relay;
 use pe_ir::codes;
@@ -15,7 +14,6 @@ use pe_ir::text::mapping::Placed;
 use pe_ir::text::{self, Section, Stage, TextError};
 
 use crate::failure::Failure;
-use crate::spec;
 
 /// Equations that a message names at most.
 const NAMED: usize = 5;
@@ -38,12 +36,11 @@ struct Line {
 }
 
 impl MappingFile {
-    /// Reads a file.
+    /// Reads the text of a file.
     ///
     /// # Errors
-    /// It cannot be read, a line is none of a mapping, or a PE between the first and the last has no equation.
-    pub fn read(path: &Path) -> Result<MappingFile, Failure> {
-        let sources = spec::main_file(path)?;
+    /// A line is none of a mapping, or a PE between the first and the last has no equation.
+    pub fn read(sources: Sources) -> Result<MappingFile, Failure> {
         if text::is_stage_text(sources.text()) {
             return MappingFile::of_stages(&sources);
         }

@@ -208,7 +208,8 @@ pub fn implement(
     let graphs: Vec<&StepGraph> = (pairs.iter().zip(&of))
         .map(|(paired, of)| paired.as_ref().map_or(&*variants[*of].graph, |paired| &paired.graph))
         .collect();
-    let given = stages::schedule(loaded, graphs[0], &candidates[0].mapping, latency)?;
+    let texts = loaded.stages.as_deref().map(|stages| (stages, &loaded.sources));
+    let given = stages::schedule(texts, graphs[0], &candidates[0].mapping, latency)?;
     let schedules: Vec<Schedule> = watch.stage_saying(
         "schedule",
         |say| {
@@ -245,7 +246,7 @@ pub fn implement(
     let (issued, numbers) =
         paired.as_ref().map_or((&*variant.graph, &*variant.fixed), |paired| (&paired.graph, &paired.fixed));
     let mut judged = variant.judged(judged);
-    let given = stages::program(loaded, &variant.graph, &judged.fixed, &candidate.mapping)?;
+    let given = stages::program(texts, &variant.graph, &judged.fixed, &candidate.mapping)?;
     let flat = schedule.clone();
     let assembled = watch.stage(
         "assemble",

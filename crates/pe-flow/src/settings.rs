@@ -8,6 +8,7 @@ use pe_judge::{Coefficients, Criteria, DesignPoint};
 
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
+use crate::spec;
 
 /// What is asked of the mapping.
 #[derive(Clone, Debug)]
@@ -54,7 +55,7 @@ impl MappingOptions {
     /// Those of the file, and of another number of PEs beside it.
     pub fn given(&self, pes: Option<u32>) -> Result<(Option<MappingFile>, Option<u32>), Failure> {
         let Some(path) = &self.mapping else { return Ok((None, pes)) };
-        let file = MappingFile::read(path)?;
+        let file = MappingFile::read(spec::main_file(path)?)?;
         match pes.filter(|pes| *pes != file.pes()) {
             None => {
                 let pes = Some(file.pes());

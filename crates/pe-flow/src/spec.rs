@@ -11,7 +11,7 @@ use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Sources};
 
 use crate::failure::Failure;
-use crate::stages::Stages;
+use crate::stages::{self, Stages};
 
 /// A model with the texts it comes from.
 #[derive(Clone)]
@@ -36,6 +36,15 @@ pub fn load(spec: &Path, overrides: &Overrides) -> Result<(LoadedModel, Vec<Diag
         }
         Err(findings) => Err(Failure::Spec(findings, sources)),
     }
+}
+
+/// Reads the text of a stage, with all stages before it.
+///
+/// # Errors
+/// [`Failure::File`], and the first place that cannot be read, or stage that is not valid.
+pub fn load_stages(path: &Path) -> Result<LoadedModel, Failure> {
+    let (model, sources, stages) = stages::load(path)?;
+    Ok(LoadedModel { model, sources, stages: Some(Arc::new(stages)) })
 }
 
 /// Reads the main file of a spec.

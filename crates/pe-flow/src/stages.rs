@@ -6,7 +6,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use pe_hls::two_slots;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
@@ -18,12 +17,9 @@ use pe_ir::text::labels::{Labels, distinct};
 use pe_ir::text::{self, Section, Stage, TextError};
 use pe_ir::verify;
 use pe_ir::word::Latency;
-use pe_judge::{DesignPoint, FormChoice};
 
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
-use crate::settings::{MappingOptions, StageLoop};
-use crate::spec::LoadedModel;
 
 /// Rounds that the program checker runs, as those of a program that was assembled.
 const CHECKED_ROUNDS: u32 = 3;
@@ -39,18 +35,18 @@ pub struct Stages {
     pub fixed: Option<FixedPoint>,
     /// The mapping.
     pub mapping: Option<MappingFile>,
-    /// The program.
-    program: Option<Program>,
+    /// The program; its notes have numbers of their own.
+    pub program: Option<Program>,
 }
 
 /// Reads the text of a stage, with all stages before it.
 ///
 /// # Errors
 /// [`Failure::File`], and the first place that cannot be read, or stage that is not valid.
-pub fn load(path: &Path) -> Result<LoadedModel, Failure> {
+pub fn load(path: &Path) -> Result<(Model, Sources, Stages), Failure> {
     let sources = sources(path)?;
     match Stages::read(&sources) {
-        Ok((model, stages)) => Ok(LoadedModel { model, sources, stages: Some(Arc::new(stages)) }),
+        Ok((model, stages)) => Ok((model, sources, stages)),
         Err(error) => Err(Failure::Spec(vec![error.finding()], sources)),
     }
 }
@@ -94,43 +90,6 @@ impl Stages {
         let stages = Stages { last, graph: graph.map(Arc::new), fixed: fixed.transpose()?, mapping, program };
         Ok((model, stages))
     }
-
-    /// An option that asks for what the text has decided already, in words. `span` says whether a longer span is asked for
-    /// than the model of the text has.
-    pub fn conflict(&self, point: &DesignPoint, mapping: &MappingOptions, span: bool) -> Option<String> {
-        let decided = |option: &str, stage: Stage| {
-            Some(format!("`{option}` comes too late: the text goes on to `{}`, which has decided it", stage.name()))
-        };
-        if let Some(graph) = &self.graph {
-            let asked = [
-                // Tables are those of the arguments and signals over the span.
-                (span, "--span"),
-                (mapping.no_pre_adder && graph.pre_adder, "--no-pre-adder"),
-                (point.solver.is_some(), "--solver"),
-                (point.step.is_some(), "--step"),
-                (point.early_steps.is_some(), "--early-steps"),
-                (point.form != FormChoice::Auto, "--form"),
-            ];
-            if let Some((_, option)) = asked.into_iter().find(|(asked, _)| *asked) {
-                return decided(option, Stage::Step);
-            }
-        }
-        let fixed = self.fixed.as_ref()?;
-        let (format, default) = (&fixed.format, DesignPoint::default());
-        let ports = (format.data_bits, format.coefficient_bits);
-        let one_slot = self.graph.as_ref().is_some_and(|graph| !two_slots::used(graph));
-        let has_rounds = self.program.as_ref().is_some_and(|program| program.rounds > 1);
-        if has_rounds && mapping.stage_loop == StageLoop::Off {
-            return decided("--loop", Stage::Program);
-        }
-        let asked = [
-            (point.coefficients != default.coefficients && one_slot, "--coefficients"),
-            (point.storage != default.storage && point.storage != format.storage_bits, "--storage"),
-            (point.multiplier.is_some_and(|asked| asked != ports), "--multiplier"),
-            (point.pipeline != default.pipeline && point.pipeline != format.pipeline, "--pipeline"),
-        ];
-        asked.into_iter().find(|(asked, _)| *asked).and_then(|(_, option)| decided(option, Stage::Fixed))
-    }
 }
 
 /// In what a step is none of a model, in words.
@@ -155,17 +114,16 @@ fn difference(model: &Model, graph: &StepGraph) -> Option<String> {
 }
 
 /// The section of a stage.
-fn section(loaded: &LoadedModel, stage: Stage) -> Option<Section<'_>> {
-    loaded.stages.as_ref()?;
-    let sections = text::sections(loaded.sources.text()).ok()?;
+fn section(sources: &Sources, stage: Stage) -> Option<Section<'_>> {
+    let sections = text::sections(sources.text()).ok()?;
     sections.into_iter().find(|section| section.stage == stage)
 }
 
-fn refused(loaded: &LoadedModel, section: &Section, violation: &str) -> Failure {
+fn refused(sources: &Sources, section: &Section, violation: &str) -> Failure {
     let message = format!("this {} is wrong: {violation}", section.stage.name());
     let finding = Diagnostic::error(codes::BAD_STAGE_TEXT, section.span(), message)
         .with_help("the checker of this stage refuses it; `pe-synth dump` prints one that it accepts");
-    Failure::Spec(vec![finding], loaded.sources.clone())
+    Failure::Spec(vec![finding], sources.clone())
 }
 
 /// The schedule of the text, proved; none if it has none. `issued` is the step as it is issued.
@@ -173,17 +131,18 @@ fn refused(loaded: &LoadedModel, section: &Section, violation: &str) -> Failure 
 /// # Errors
 /// It cannot be read, or is wrong.
 pub fn schedule(
-    loaded: &LoadedModel,
+    given: Option<(&Stages, &Sources)>,
     issued: &StepGraph,
     mapping: &Mapping,
     latency: Latency,
 ) -> Result<Option<Schedule>, Failure> {
-    let Some(section) = section(loaded, Stage::Schedule) else { return Ok(None) };
+    let Some((_, sources)) = given else { return Ok(None) };
+    let Some(section) = section(sources, Stage::Schedule) else { return Ok(None) };
     let schedule = text::schedule::read(&section, issued, mapping.pes)
-        .map_err(|error| Failure::Spec(vec![error.finding()], loaded.sources.clone()))?;
+        .map_err(|error| Failure::Spec(vec![error.finding()], sources.clone()))?;
     match verify::schedule::check(issued, mapping, &schedule, latency).first() {
         None => Ok(Some(schedule)),
-        Some(violation) => Err(refused(loaded, &section, violation)),
+        Some(violation) => Err(refused(sources, &section, violation)),
     }
 }
 
@@ -218,13 +177,14 @@ fn renumbered(program: &mut Program, graph: &StepGraph) -> Result<(), String> {
 /// # Errors
 /// It is not that of the step.
 pub fn program(
-    loaded: &LoadedModel,
+    given: Option<(&Stages, &Sources)>,
     graph: &StepGraph,
     fixed: &FixedPoint,
     mapping: &Mapping,
 ) -> Result<Option<Program>, Failure> {
-    let program = loaded.stages.as_ref().and_then(|stages| stages.program.clone());
-    let (Some(mut program), Some(section)) = (program, section(loaded, Stage::Program)) else { return Ok(None) };
+    let Some((stages, sources)) = given else { return Ok(None) };
+    let program = stages.program.clone();
+    let (Some(mut program), Some(section)) = (program, section(sources, Stage::Program)) else { return Ok(None) };
     let known = renumbered(&mut program, graph);
     let states = program.states.iter().map(|state| &state.name).eq(&graph.names.states);
     let inputs = program.inputs.iter().map(|input| &input.name).eq(&graph.names.inputs);
@@ -240,6 +200,6 @@ pub fn program(
     };
     match violation {
         None => Ok(Some(program)),
-        Some(violation) => Err(refused(loaded, &section, &violation)),
+        Some(violation) => Err(refused(sources, &section, &violation)),
     }
 }

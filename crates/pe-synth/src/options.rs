@@ -7,8 +7,9 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use pe_flow::failure::Failure;
 use pe_flow::settings::{MappingOptions, Settings, StageLoop};
 use pe_flow::spec::{self, LoadedModel};
-use pe_flow::stages;
+use pe_flow::stages::Stages;
 use pe_hls::mapping::MapOptions;
+use pe_hls::two_slots;
 use pe_ir::codes;
 use pe_ir::model::{Interpolation, Model, Solver};
 use pe_ir::text::Stage;
@@ -155,9 +156,9 @@ impl ModelArgs {
     /// Those of the text, and options that come too late.
     pub fn load_stages(&self, point: &DesignPoint, mapping: &MappingOptions) -> Result<LoadedModel, Failure> {
         let Some(path) = &self.from else { return self.load(point) };
-        let mut loaded = stages::load(path)?;
+        let mut loaded = spec::load_stages(path)?;
         let longer = self.span.is_some_and(|span| span > loaded.model.span);
-        let conflict = loaded.stages.as_ref().and_then(|stages| stages.conflict(point, mapping, longer));
+        let conflict = loaded.stages.as_ref().and_then(|stages| conflict(stages, point, mapping, longer));
         if let Some(conflict) = conflict {
             return Err(Failure::Usage(conflict));
         }
@@ -198,9 +199,46 @@ impl ModelArgs {
     }
 }
 
+/// An option that asks for what a text of stages has decided already, in words. `span` says whether a longer span is asked
+/// for than the model of the text has.
+fn conflict(stages: &Stages, point: &DesignPoint, mapping: &MappingOptions, span: bool) -> Option<String> {
+    let decided = |option: &str, stage: Stage| {
+        Some(format!("`{option}` comes too late: the text goes on to `{}`, which has decided it", stage.name()))
+    };
+    if let Some(graph) = &stages.graph {
+        let asked = [
+            // Tables are those of the arguments and signals over the span.
+            (span, "--span"),
+            (mapping.no_pre_adder && graph.pre_adder, "--no-pre-adder"),
+            (point.solver.is_some(), "--solver"),
+            (point.step.is_some(), "--step"),
+            (point.early_steps.is_some(), "--early-steps"),
+            (point.form != FormChoice::Auto, "--form"),
+        ];
+        if let Some((_, option)) = asked.into_iter().find(|(asked, _)| *asked) {
+            return decided(option, Stage::Step);
+        }
+    }
+    let fixed = stages.fixed.as_ref()?;
+    let (format, default) = (&fixed.format, DesignPoint::default());
+    let ports = (format.data_bits, format.coefficient_bits);
+    let one_slot = stages.graph.as_ref().is_some_and(|graph| !two_slots::used(graph));
+    let has_rounds = stages.program.as_ref().is_some_and(|program| program.rounds > 1);
+    if has_rounds && mapping.stage_loop == StageLoop::Off {
+        return decided("--loop", Stage::Program);
+    }
+    let asked = [
+        (point.coefficients != default.coefficients && one_slot, "--coefficients"),
+        (point.storage != default.storage && point.storage != format.storage_bits, "--storage"),
+        (point.multiplier.is_some_and(|asked| asked != ports), "--multiplier"),
+        (point.pipeline != default.pipeline && point.pipeline != format.pipeline, "--pipeline"),
+    ];
+    asked.into_iter().find(|(asked, _)| *asked).and_then(|(_, option)| decided(option, Stage::Fixed))
+}
+
 /// The model of a text that goes on to nothing else.
 fn model_of(path: &Path) -> Result<LoadedModel, Failure> {
-    let loaded = stages::load(path)?;
+    let loaded = spec::load_stages(path)?;
     match loaded.stages.as_ref().map(|stages| stages.last) {
         Some(Stage::Model) | None => Ok(LoadedModel { stages: None, ..loaded }),
         Some(last) => Err(Failure::Usage(format!(
