@@ -1,6 +1,7 @@
 //! Which chains of a step compute the same sum in different stages.
 
 use pe_ir::graph::{Role, StageForm, StepGraph};
+use pe_ir::index::at;
 
 /// For each chain the one of the last stage that computes the same sum; itself where there is none. Only stages by sums
 /// are alike in their coefficients, too.
@@ -11,9 +12,9 @@ pub fn alike(graph: &StepGraph) -> Vec<u32> {
     }
     let mut of_equation: Vec<Vec<u32>> = vec![Vec::new(); graph.equations.len()];
     for (index, chain) in (0..).zip(&graph.chains) {
-        of_equation[chain.equation as usize].push(index);
+        of_equation[at(chain.equation)].push(index);
     }
-    let role = |chain: u32| graph.value(graph.chains[chain as usize].write.value).role;
+    let role = |chain: u32| graph.value(graph.chains[at(chain)].write.value).role;
     let ends_stage = |chain: &u32| match role(*chain) {
         Role::Stage(..) | Role::Next(_) | Role::Partial(..) => true,
         Role::Algebraic(_, stage) => stage < u8::MAX,
@@ -22,12 +23,12 @@ pub fn alike(graph: &StepGraph) -> Vec<u32> {
     for chains in of_equation {
         // Behind the last stage come sums for outputs.
         let count = chains.iter().rposition(ends_stage).map_or(0, |last| last + 1);
-        let each = count / graph.stages as usize;
-        if each > 0 && count % graph.stages as usize == 0 {
+        let each = count / at(graph.stages);
+        if each > 0 && count % at(graph.stages) == 0 {
             for (position, chain) in chains[..count].iter().enumerate() {
                 let last = chains[count - each + position % each];
-                if graph.chains[last as usize].len() == graph.chains[*chain as usize].len() {
-                    like[*chain as usize] = last;
+                if graph.chains[at(last)].len() == graph.chains[at(*chain)].len() {
+                    like[at(*chain)] = last;
                 }
             }
         }

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::index::at;
 use pe_ir::mapping::Mapping;
 
 use crate::pairs;
@@ -42,18 +43,18 @@ impl State {
         let equations = graph.equations.len();
         let mut state = State {
             pe_of: mapping.pe_of.clone(),
-            members: vec![Vec::new(); mapping.pes as usize],
-            loads: vec![0; mapping.pes as usize],
+            members: vec![Vec::new(); at(mapping.pes)],
+            loads: vec![0; at(mapping.pes)],
             single: graph.loads(),
             classes: vec![Vec::new(); equations],
             readers: vec![Vec::new(); equations],
         };
         for (index, chain) in graph.chains.iter().enumerate() {
             for members in pairs::classes(graph, fixed, index) {
-                let source = |term: &u32| graph.value(graph.terms[*term as usize].operand).equation;
+                let source = |term: &u32| graph.value(graph.terms[at(*term)].operand).equation;
                 let sources: Vec<u32> = members.iter().map(source).collect();
-                sources.iter().for_each(|source| state.readers[*source as usize].push(chain.equation));
-                state.classes[chain.equation as usize].push(sources);
+                sources.iter().for_each(|source| state.readers[at(*source)].push(chain.equation));
+                state.classes[at(chain.equation)].push(sources);
             }
         }
         for readers in &mut state.readers {
@@ -62,9 +63,9 @@ impl State {
         }
         for equation in 0..equations {
             let pe = state.pe_of[equation];
-            state.members[pe as usize].push(equation as u32);
-            let load = state.load(equation as u32, &|other| state.pe_of[other as usize]);
-            state.loads[pe as usize] += i64::from(load);
+            state.members[at(pe)].push(equation as u32);
+            let load = state.load(equation as u32, &|other| state.pe_of[at(other)]);
+            state.loads[at(pe)] += i64::from(load);
         }
         state
     }
@@ -77,16 +78,16 @@ impl State {
             let imported = class.len() - own;
             own.min(imported) + own.saturating_sub(imported) / 2
         };
-        self.single[equation as usize] - self.classes[equation as usize].iter().map(saved).sum::<usize>() as u32
+        self.single[at(equation)] - self.classes[at(equation)].iter().map(saved).sum::<usize>() as u32
     }
 
     /// What a move changes in the loads.
     fn changes(&self, equation: u32, to: u32) -> BTreeMap<u32, i64> {
-        let before = |other: u32| self.pe_of[other as usize];
-        let after = |other: u32| if other == equation { to } else { self.pe_of[other as usize] };
+        let before = |other: u32| self.pe_of[at(other)];
+        let after = |other: u32| if other == equation { to } else { self.pe_of[at(other)] };
         let mut changes = BTreeMap::new();
         let own = std::iter::once(&equation);
-        for affected in own.chain(self.readers[equation as usize].iter().filter(|reader| **reader != equation)) {
+        for affected in own.chain(self.readers[at(equation)].iter().filter(|reader| **reader != equation)) {
             *changes.entry(before(*affected)).or_default() -= i64::from(self.load(*affected, &before));
             *changes.entry(after(*affected)).or_default() += i64::from(self.load(*affected, &after));
         }
@@ -103,13 +104,13 @@ impl State {
         }
         let mut best: Option<((i64, i64), (u32, u32))> = None;
         for equation in members {
-            let nearby = self.classes[*equation as usize].iter().flatten().chain(&self.readers[*equation as usize]);
-            let mut places: Vec<u32> = nearby.map(|other| self.pe_of[*other as usize]).collect();
+            let nearby = self.classes[at(*equation)].iter().flatten().chain(&self.readers[at(*equation)]);
+            let mut places: Vec<u32> = nearby.map(|other| self.pe_of[at(*other)]).collect();
             places.sort_unstable();
             places.dedup();
-            for to in places.into_iter().filter(|to| *to as usize != worst) {
+            for to in places.into_iter().filter(|to| at(*to) != worst) {
                 let changes = self.changes(*equation, to);
-                let loads = changes.iter().map(|(pe, change)| self.loads[*pe as usize] + change);
+                let loads = changes.iter().map(|(pe, change)| self.loads[at(*pe)] + change);
                 let result = (loads.max().unwrap_or(0), changes.values().sum());
                 if result.0 < *load && best.is_none_or(|best| result < best.0) {
                     best = Some((result, (*equation, to)));
@@ -121,10 +122,10 @@ impl State {
 
     fn apply(&mut self, equation: u32, to: u32) {
         for (pe, change) in self.changes(equation, to) {
-            self.loads[pe as usize] += change;
+            self.loads[at(pe)] += change;
         }
-        let from = std::mem::replace(&mut self.pe_of[equation as usize], to);
-        self.members[from as usize].retain(|member| *member != equation);
-        self.members[to as usize].push(equation);
+        let from = std::mem::replace(&mut self.pe_of[at(equation)], to);
+        self.members[at(from)].retain(|member| *member != equation);
+        self.members[at(to)].push(equation);
     }
 }

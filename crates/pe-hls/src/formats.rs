@@ -6,6 +6,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, ValueId};
+use pe_ir::index::at;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
@@ -63,7 +64,7 @@ pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<
 const LARGEST_EXPONENT: i32 = 10_000;
 
 fn no_format(graph: &StepGraph, restless: u32) -> Diagnostic {
-    let equation = &graph.equations[restless as usize];
+    let equation = &graph.equations[at(restless)];
     let message = format!("no number format fits `{}`: one step changes it by more than it can hold", equation.name);
     Diagnostic::error(codes::NO_FORMAT, equation.span, message)
         .with_help("choose a smaller step; if the rates are far beyond those of the rest, check the units")
@@ -98,12 +99,12 @@ impl<'a> Chooser<'a> {
             let number = match graph.values[index].role {
                 Role::Constant(number) => number.abs(),
                 Role::Column(lookup, column) => {
-                    entries[graph.functions.lookups[lookup as usize].table as usize][usize::from(column)]
+                    entries[at(graph.functions.lookups[at(lookup)].table)][usize::from(column)]
                 }
                 _ => ranges.largest[index],
             };
-            largest[*group as usize] = largest[*group as usize].max(number);
-            widened[*group as usize] = widened[*group as usize].max(ranges.widened[index]);
+            largest[at(*group)] = largest[at(*group)].max(number);
+            widened[at(*group)] = widened[at(*group)].max(ranges.widened[index]);
         }
         let full_scale = format.word_bits() as i32 - 1;
         let exponent = |(largest, widened): (&f64, &i32)| {
@@ -114,7 +115,7 @@ impl<'a> Chooser<'a> {
         let mut exponent: Vec<i32> = largest.iter().zip(&widened).map(exponent).collect();
         let mut pinned = vec![false; graph.values.len()];
         for lookup in &graph.functions.lookups {
-            let group = group[lookup.argument.index()] as usize;
+            let group = at(group[lookup.argument.index()]);
             (pinned[group], exponent[group]) = (true, -full_scale);
         }
         let headroom = if graph.pre_adder {
@@ -137,7 +138,7 @@ impl<'a> Chooser<'a> {
     }
 
     fn of(&self, id: ValueId) -> i32 {
-        self.exponent[self.group[id.index()] as usize]
+        self.exponent[at(self.group[id.index()])]
     }
 
     fn operand_exponent(&self, term: &Term) -> i32 {
@@ -145,7 +146,7 @@ impl<'a> Chooser<'a> {
     }
 
     fn raise(&mut self, id: ValueId, exponent: i32) {
-        let group = self.group[id.index()] as usize;
+        let group = at(self.group[id.index()]);
         let slot = &mut self.exponent[group];
         if *slot < exponent && !self.pinned[group] {
             *slot = exponent;
@@ -165,7 +166,7 @@ impl<'a> Chooser<'a> {
         // All stages of an equation share the product point of the last one where theirs is finer: the shifts of a PE
         // become fewer, and what the early stages lose counts little (`docs/decisions/0001-number-path.md`). The last
         // stage is settled first.
-        let last = self.last_stage[index] as usize;
+        let last = at(self.last_stage[index]);
         if last != index {
             product = product.max(self.products[last]);
         }
@@ -179,11 +180,11 @@ impl<'a> Chooser<'a> {
         while self.accumulator_bits(chain, product) > limit {
             product += 1;
             if product > finest + 40 {
-                let name = &self.graph.equations[chain.equation as usize].name;
+                let name = &self.graph.equations[at(chain.equation)].name;
                 let message = format!("the products of `{name}` do not fit the accumulator");
                 return Err(Diagnostic::error(
                     codes::ACCUMULATOR,
-                    self.graph.equations[chain.equation as usize].span,
+                    self.graph.equations[at(chain.equation)].span,
                     message,
                 )
                 .with_help("use a narrower `--multiplier`, which leaves room for more products of two variables"));
@@ -209,7 +210,7 @@ impl<'a> Chooser<'a> {
 
     /// The argument of a table has a given format; its sum may be too coarse for it.
     fn coarse_argument(&self, chain: &Chain) -> Diagnostic {
-        let equation = &self.graph.equations[chain.equation as usize];
+        let equation = &self.graph.equations[at(chain.equation)];
         let message = format!("the argument of `{}` is too coarse for the range of its table", equation.name);
         Diagnostic::error(codes::NO_FORMAT, equation.span, message)
             .with_help("what the argument is computed from is far larger than its range: shift or scale that variable")
@@ -273,10 +274,10 @@ impl<'a> Chooser<'a> {
         let mut accumulator_bits = Vec::with_capacity(graph.chains.len());
         for (chain, product) in graph.chains.iter().zip(&self.products) {
             for position in chain.terms.clone() {
-                let term = &graph.terms[position as usize];
+                let term = &graph.terms[at(position)];
                 if let Factor::Coefficient(c) = term.factor {
                     let magnitude = quantise(c, self.operand_exponent(term), *product);
-                    coefficients[position as usize] = if c < 0.0 { -magnitude } else { magnitude };
+                    coefficients[at(position)] = if c < 0.0 { -magnitude } else { magnitude };
                 }
             }
             let mut shift = [0; 3];
@@ -287,7 +288,7 @@ impl<'a> Chooser<'a> {
             shifts.push(shift);
             accumulator_bits.push(self.accumulator_bits(chain, *product) as u8);
         }
-        let exponents = self.group.iter().map(|group| self.exponent[*group as usize]).collect();
+        let exponents = self.group.iter().map(|group| self.exponent[at(*group)]).collect();
         FixedPoint {
             format: self.format,
             exponents,
@@ -317,7 +318,7 @@ fn last_stages(graph: &StepGraph) -> Vec<u32> {
     let last = |(index, chain): (usize, &Chain)| match graph.value(chain.write.value).role {
         Role::Stage(state, _) if matches!(graph.form, StageForm::Horner | StageForm::Increments) => {
             // What stands for a signal ends without its stages, in front of them.
-            producers[graph.states[state as usize].1.index()].max(index as u32)
+            producers[graph.states[at(state)].1.index()].max(index as u32)
         }
         _ => index as u32,
     };
@@ -358,13 +359,12 @@ fn share_points(graph: &StepGraph, group: &mut [u32], exponent: &mut [i32], pinn
             for other in &class[1..] {
                 let (a, b) = (find(&mut parent, first), find(&mut parent, group[other.index()]));
                 let (a, b) = (a.min(b), a.max(b));
-                let (bottom, top) =
-                    (low[a as usize].min(low[b as usize]), exponent[a as usize].max(exponent[b as usize]));
-                let free = !pinned[a as usize] && !pinned[b as usize];
+                let (bottom, top) = (low[at(a)].min(low[at(b)]), exponent[at(a)].max(exponent[at(b)]));
+                let free = !pinned[at(a)] && !pinned[at(b)];
                 if a != b && free && (bottom == i32::MAX || top - bottom <= COMMON_POINT) {
-                    parent[b as usize] = a;
-                    low[a as usize] = bottom;
-                    exponent[a as usize] = top;
+                    parent[at(b)] = a;
+                    low[at(a)] = bottom;
+                    exponent[at(a)] = top;
                 }
             }
         }
@@ -379,20 +379,20 @@ fn share_points(graph: &StepGraph, group: &mut [u32], exponent: &mut [i32], pinn
             groups.sort_unstable();
             groups
                 .chunk_by(|a, b| a == b)
-                .filter(|same| same.len() > 1 && !pinned[same[0] as usize])
-                .for_each(|same| shared[same[0] as usize] = true);
+                .filter(|same| same.len() > 1 && !pinned[at(same[0])])
+                .for_each(|same| shared[at(same[0])] = true);
         }
     }
     for (exponent, _) in exponent.iter_mut().zip(&shared).filter(|(_, shared)| **shared) {
         *exponent += 1;
     }
-    group.iter().map(|group| shared[*group as usize]).collect()
+    group.iter().map(|group| shared[at(*group)]).collect()
 }
 
 fn find(parent: &mut [u32], mut x: u32) -> u32 {
-    while parent[x as usize] != x {
-        parent[x as usize] = parent[parent[x as usize] as usize];
-        x = parent[x as usize];
+    while parent[at(x)] != x {
+        parent[at(x)] = parent[at(parent[at(x)])];
+        x = parent[at(x)];
     }
     x
 }
@@ -403,7 +403,7 @@ fn groups(graph: &StepGraph) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..graph.values.len() as u32).collect();
     let mut join = |a: ValueId, b: ValueId| {
         let (a, b) = (find(&mut parent, a.0), find(&mut parent, b.0));
-        parent[a.max(b) as usize] = a.min(b);
+        parent[at(a.max(b))] = a.min(b);
     };
     for (state, next) in &graph.states {
         join(*state, *next);
@@ -414,7 +414,7 @@ fn groups(graph: &StepGraph) -> Vec<u32> {
         }
     }
     for (chain, like) in graph.chains.iter().zip(alike(graph)) {
-        join(chain.write.value, graph.chains[like as usize].write.value);
+        join(chain.write.value, graph.chains[at(like)].write.value);
     }
     (0..graph.values.len() as u32).map(|index| find(&mut parent, index)).collect()
 }

@@ -8,6 +8,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
+use pe_ir::index;
 use pe_ir::model::{Algebraic, Expr, Function, Model, Select, Variable};
 use pe_ir::source::Span;
 
@@ -36,7 +37,7 @@ pub fn lift(model: Model) -> Model {
     for algebraic in &model.algebraics {
         lifter.span = algebraic.span;
         let part = lifter.part(&algebraic.expr);
-        let number = lifter.algebraics.len() as u32;
+        let number = index::number(lifter.algebraics.len());
         if !part.polynomial {
             lifter.known.entry(key(&part.expr)).or_insert(number);
         }
@@ -56,7 +57,7 @@ pub fn lift(model: Model) -> Model {
     }
     for output in &mut model.outputs {
         if let Variable::Algebraic(number) = &mut output.variable {
-            *number = numbers[*number as usize];
+            *number = numbers[index::at(*number)];
         }
     }
     model
@@ -251,7 +252,7 @@ impl Lifter<'_> {
 
     fn renumbered(&self, variable: Variable) -> Variable {
         match variable {
-            Variable::Algebraic(number) => Variable::Algebraic(self.numbers[number as usize]),
+            Variable::Algebraic(number) => Variable::Algebraic(self.numbers[index::at(number)]),
             variable => variable,
         }
     }
@@ -445,7 +446,7 @@ impl Lifter<'_> {
         if let Expr::Variable(_) = part.expr {
             return part.expr;
         }
-        let next = self.algebraics.len() as u32;
+        let next = index::number(self.algebraics.len());
         let number = *self.known.entry(key(&part.expr)).or_insert(next);
         if number == next {
             let name = self.name(&part.expr);
@@ -459,10 +460,10 @@ impl Lifter<'_> {
     /// A name that no other variable has.
     fn name(&mut self, expr: &Expr) -> String {
         let mut text = expr.text(&|variable, rank| match variable {
-            Variable::State(number) => self.model.states[number as usize].name.clone(),
-            Variable::Input(number) => self.model.inputs[number as usize].name.clone(),
+            Variable::State(number) => self.model.states[index::at(number)].name.clone(),
+            Variable::Input(number) => self.model.inputs[index::at(number)].name.clone(),
             Variable::Algebraic(number) => {
-                let Algebraic { name, expr, .. } = &self.algebraics[number as usize];
+                let Algebraic { name, expr, .. } = &self.algebraics[index::at(number)];
                 // The name of what was lifted is its text.
                 let loose = self.made.contains(&number) && expr.rank() < rank;
                 if loose { format!("({name})") } else { name.clone() }

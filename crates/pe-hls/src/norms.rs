@@ -6,6 +6,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use pe_ir::graph::{Factor, FixedPoint, StepGraph, ValueId};
+use pe_ir::index;
 use pe_ir::verify::ranges::Norm;
 
 /// States up to which a norm is made for the model as a whole: the work grows with the third power.
@@ -66,7 +67,7 @@ impl Norms {
         let mut states: Vec<f64> = self.alike.iter().enumerate().map(|(index, weight)| sign(index) * weight).collect();
         let start: f64 = size(&states);
         for _ in 0..self.steps.min(FORGETTING / self.matrix.iter().map(Vec::len).sum::<usize>().max(1) as u64) {
-            let of_row = |row: &Vec<(u32, f64)>| row.iter().map(|(of, number)| number * states[*of as usize]).sum();
+            let of_row = |row: &Vec<(u32, f64)>| row.iter().map(|(of, number)| number * states[index::at(*of)]).sum();
             states = self.matrix.iter().map(of_row).collect();
         }
         size(&states) < FORGOTTEN * start
@@ -109,7 +110,8 @@ fn matrix(graph: &StepGraph, fixed: &FixedPoint) -> Option<Matrix> {
     }
     let exponent = |state: usize| fixed.exponents[graph.states[state].0.index()];
     let scaled = |(state, (_, end)): (usize, &(ValueId, ValueId))| {
-        let entry = |(of, number): &(u32, f64)| (*of, libm::scalbn(*number, exponent(*of as usize) - exponent(state)));
+        let entry =
+            |(of, number): &(u32, f64)| (*of, libm::scalbn(*number, exponent(index::at(*of)) - exponent(state)));
         rows[end.index()].iter().map(entry).collect()
     };
     Some(graph.states.iter().enumerate().map(scaled).collect())
@@ -119,7 +121,8 @@ fn matrix(graph: &StepGraph, fixed: &FixedPoint) -> Option<Matrix> {
 fn largest(matrix: &Matrix, start: &[f64]) -> Vec<f64> {
     let mut weights = start.to_vec();
     for _ in 0..ROUNDS {
-        let of_row = |row: &Vec<(u32, f64)>| row.iter().map(|(of, number)| number.abs() * weights[*of as usize]).sum();
+        let of_row =
+            |row: &Vec<(u32, f64)>| row.iter().map(|(of, number)| number.abs() * weights[index::at(*of)]).sum();
         let mapped: Vec<f64> = matrix.iter().map(of_row).collect();
         // The mean with what it was keeps weights from taking turns.
         let mixed: Vec<f64> = mapped.iter().zip(&weights).map(|(mapped, weight)| mapped + weight).collect();
@@ -159,30 +162,30 @@ impl PartialOrd for Coupling {
 /// energy flowing between storages these weigh each by its energy.
 fn energy(matrix: &Matrix) -> Vec<f64> {
     let entry = |row: u32, column: u32| {
-        let row = &matrix[row as usize];
+        let row = &matrix[index::at(row)];
         row.binary_search_by_key(&column, |(of, _)| *of).map_or(0.0, |at| row[at].1)
     };
     let mut logarithms = vec![f64::NAN; matrix.len()];
     let mut queue = BinaryHeap::new();
     for root in 0..matrix.len() as u32 {
-        if !logarithms[root as usize].is_nan() {
+        if !logarithms[index::at(root)].is_nan() {
             continue;
         }
-        logarithms[root as usize] = 0.0;
+        logarithms[index::at(root)] = 0.0;
         let mut reached = root;
         loop {
-            for (to, there) in &matrix[reached as usize] {
+            for (to, there) in &matrix[index::at(reached)] {
                 let back = entry(*to, reached);
-                if *to != reached && logarithms[*to as usize].is_nan() && *there != 0.0 && back != 0.0 {
+                if *to != reached && logarithms[index::at(*to)].is_nan() && *there != 0.0 && back != 0.0 {
                     queue.push(Coupling { strength: (there * back).abs(), from: reached, to: *to });
                 }
             }
-            while queue.peek().is_some_and(|next| !logarithms[next.to as usize].is_nan()) {
+            while queue.peek().is_some_and(|next| !logarithms[index::at(next.to)].is_nan()) {
                 queue.pop();
             }
             let Some(Coupling { from, to, .. }) = queue.pop() else { break };
             let ratio = (entry(to, from) / entry(from, to)).abs();
-            logarithms[to as usize] = logarithms[from as usize] + 0.5 * libm::log2(ratio);
+            logarithms[index::at(to)] = logarithms[index::at(from)] + 0.5 * libm::log2(ratio);
             reached = to;
         }
     }
@@ -197,7 +200,7 @@ fn basis(matrix: &Matrix, steps: u64) -> Option<Norm> {
     let kept = 1.0 / (1.0 + 1.0 / steps as f64);
     let mut power = Square::zero(n);
     for (row, entries) in matrix.iter().enumerate() {
-        entries.iter().for_each(|(column, number)| power.0[row][*column as usize] = kept * number);
+        entries.iter().for_each(|(column, number)| power.0[row][index::at(*column)] = kept * number);
     }
     let mut sum = Square::zero(n);
     (0..n).for_each(|state| sum.0[state][state] = 1.0);

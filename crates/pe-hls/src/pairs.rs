@@ -7,6 +7,7 @@
 use std::collections::{BTreeMap, BinaryHeap};
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, Term, ValueId};
+use pe_ir::index::{at, number};
 use pe_ir::mapping::Mapping;
 
 /// Pairs must save one product of so many; otherwise the formats keep their bit.
@@ -29,9 +30,9 @@ pub fn worthwhile(graph: &StepGraph) -> bool {
     let saved: u32 = graph
         .chains
         .iter()
-        .map(|chain| equal_coefficients(graph, chain).map(|class| class.len() as u32 / 2).sum::<u32>())
+        .map(|chain| equal_coefficients(graph, chain).map(|class| number(class.len()) / 2).sum::<u32>())
         .sum();
-    are_worthwhile(saved, graph.terms.len() as u32)
+    are_worthwhile(saved, number(graph.terms.len()))
 }
 
 /// Whether pairs save enough of so many products.
@@ -72,15 +73,14 @@ pub fn pair(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Option<
     }
     let home = |value: ValueId| match graph.value(value).equation {
         u32::MAX => u32::MAX,
-        equation => mapping.pe_of[equation as usize],
+        equation => mapping.pe_of[at(equation)],
     };
-    let local =
-        |chain: &Chain, term: u32| home(graph.terms[term as usize].operand) == mapping.pe_of[chain.equation as usize];
+    let local = |chain: &Chain, term: u32| home(graph.terms[at(term)].operand) == mapping.pe_of[at(chain.equation)];
     let sent_home = sent_home(graph, fixed, &local);
     let mut paired = merge(graph, fixed, &mut |chain, members| {
         let (mut own, mut imported): (Vec<u32>, Vec<u32>) = members.iter().partition(|term| local(chain, **term));
         let wanted = own.len().saturating_sub(imported.len()) / 2;
-        let is_sent = |term: &u32| sent_home[graph.terms[*term as usize].operand.index()];
+        let is_sent = |term: &u32| sent_home[graph.terms[at(*term)].operand.index()];
         let (sent, rest): (Vec<u32>, Vec<u32>) = own.iter().partition(|term| is_sent(term));
         debug_assert!(sent.len() >= wanted);
         imported.extend(&sent[..wanted]);
@@ -102,19 +102,19 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
             let (own, imported): (Vec<u32>, Vec<u32>) = members.iter().partition(|term| local(chain, **term));
             let wanted = own.len().saturating_sub(imported.len()) / 2;
             if wanted > 0 {
-                let own: Vec<u32> = own.iter().map(|term| graph.terms[*term as usize].operand.0).collect();
-                own.iter().for_each(|value| lacking[*value as usize].push(lacks.len() as u32));
+                let own: Vec<u32> = own.iter().map(|term| graph.terms[at(*term)].operand.0).collect();
+                own.iter().for_each(|value| lacking[at(*value)].push(number(lacks.len())));
                 lacks.push((own, wanted));
             }
         }
     }
-    let mut count: Vec<u32> = lacking.iter().map(|lacks| lacks.len() as u32).collect();
+    let mut count: Vec<u32> = lacking.iter().map(|lacks| number(lacks.len())).collect();
     let entry = |value: usize, count: u32| (count, std::cmp::Reverse(value as u32));
     let mut heap: BinaryHeap<(u32, std::cmp::Reverse<u32>)> =
         count.iter().enumerate().filter(|(_, count)| **count > 0).map(|(value, count)| entry(value, *count)).collect();
     let mut sent = vec![false; graph.values.len()];
     while let Some((claimed, std::cmp::Reverse(value))) = heap.pop() {
-        let value = value as usize;
+        let value = at(value);
         if sent[value] || count[value] == 0 {
             continue;
         }
@@ -124,11 +124,11 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
         }
         sent[value] = true;
         for lack in &lacking[value] {
-            let (own, wanted) = &mut lacks[*lack as usize];
+            let (own, wanted) = &mut lacks[at(*lack)];
             if *wanted > 0 {
                 *wanted -= 1;
                 if *wanted == 0 {
-                    own.iter().for_each(|value| count[*value as usize] -= 1);
+                    own.iter().for_each(|value| count[at(*value)] -= 1);
                 }
             }
         }
@@ -140,9 +140,9 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
 pub(crate) fn classes(graph: &StepGraph, fixed: &FixedPoint, chain: usize) -> Vec<Vec<u32>> {
     let mut classes: BTreeMap<(i64, i32), Vec<u32>> = BTreeMap::new();
     for index in graph.chains[chain].terms.clone() {
-        let term = &graph.terms[index as usize];
+        let term = &graph.terms[at(index)];
         let operand = term.operand.index();
-        let coefficient = fixed.coefficients[index as usize];
+        let coefficient = fixed.coefficients[at(index)];
         if matches!(term.factor, Factor::Coefficient(_))
             && coefficient != 0
             && fixed.headroom[operand]
@@ -169,8 +169,8 @@ fn merge(
     for (index, chain) in graph.chains.iter().enumerate() {
         for members in classes(graph, fixed, index) {
             for (own, imported) in choose(chain, &members) {
-                partner[own as usize] = Some(graph.terms[imported as usize].operand);
-                merged[imported as usize] = true;
+                partner[at(own)] = Some(graph.terms[at(imported)].operand);
+                merged[at(imported)] = true;
                 pairs += 1;
             }
         }
@@ -182,8 +182,8 @@ fn merge(
     let mut coefficients = Vec::with_capacity(graph.terms.len());
     let mut chains = graph.chains.clone();
     for chain in &mut chains {
-        let start = terms.len() as u32;
-        for index in chain.terms.clone().map(|term| term as usize).filter(|term| !merged[*term]) {
+        let start = number(terms.len());
+        for index in chain.terms.clone().map(at).filter(|term| !merged[*term]) {
             terms.push(Term { partner: partner[index], ..graph.terms[index] });
             coefficients.push(fixed.coefficients[index]);
         }

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pe_ir::graph::{Chain, Equation, Factor, FixedPoint, Role, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::index::{self, at};
 
 /// A hub is read by more equations than this many times the limit of input ports, and by more than there are PEs.
 const HUB: u32 = 2;
@@ -30,10 +31,10 @@ pub fn relay(graph: &StepGraph, pes: u32, max_in_degree: u32, relays: u32) -> Op
     let (hubs, readers) = hubs(graph, pes, max_in_degree)?;
     let mut relay_of: Vec<Option<u32>> = vec![None; graph.equations.len()];
     for (position, reader) in (0u64..).zip(&readers) {
-        relay_of[*reader as usize] = Some((position * u64::from(relays) / readers.len() as u64) as u32);
+        relay_of[at(*reader)] = Some((position * u64::from(relays) / readers.len() as u64) as u32);
     }
     let mut relayed = graph.clone();
-    let first = graph.equations.len() as u32;
+    let first = index::number(graph.equations.len());
     let named = hubs.iter().position(|hub| *hub).expect("two at least");
     for number in 1..=relays {
         let Equation { name, span } = &graph.equations[named];
@@ -42,10 +43,10 @@ pub fn relay(graph: &StepGraph, pes: u32, max_in_degree: u32, relays: u32) -> Op
     let mut copies: BTreeMap<(ValueId, u32), ValueId> = BTreeMap::new();
     let mut copied = Vec::new();
     for chain in &graph.chains {
-        let Some(relay) = relay_of[chain.equation as usize] else { continue };
-        for term in &mut relayed.terms[chain.terms.start as usize..chain.terms.end as usize] {
+        let Some(relay) = relay_of[at(chain.equation)] else { continue };
+        for term in &mut relayed.terms[at(chain.terms.start)..chain.terms.end as usize] {
             let hub = graph.value(term.operand).equation;
-            if hub == u32::MAX || !hubs[hub as usize] {
+            if hub == u32::MAX || !hubs[at(hub)] {
                 continue;
             }
             let original = term.operand;
@@ -53,7 +54,7 @@ pub fn relay(graph: &StepGraph, pes: u32, max_in_degree: u32, relays: u32) -> Op
                 let role = Role::Relayed(original, relay + 1);
                 relayed.values.push(Value { role, equation: first + relay, factor: false });
                 copied.push(original);
-                ValueId(relayed.values.len() as u32 - 1)
+                ValueId(index::number(relayed.values.len()) - 1)
             });
         }
     }
@@ -75,12 +76,12 @@ fn hubs(graph: &StepGraph, pes: u32, max_in_degree: u32) -> Option<(Vec<bool>, V
     }
     let arcs = graph.dependencies();
     let mut readers = vec![0; graph.equations.len()];
-    arcs.iter().for_each(|(read, _)| readers[*read as usize] += 1);
+    arcs.iter().for_each(|(read, _)| readers[at(*read)] += 1);
     let hubs: Vec<bool> = readers.into_iter().map(|count: u32| count > pes.max(HUB * max_in_degree)).collect();
     if hubs.iter().filter(|hub| **hub).count() < 2 {
         return None;
     }
-    let is_reader = |(read, reader): &&(u32, u32)| hubs[*read as usize] && !hubs[*reader as usize];
+    let is_reader = |(read, reader): &&(u32, u32)| hubs[at(*read)] && !hubs[at(*reader)];
     let mut readers: Vec<u32> = arcs.iter().filter(is_reader).map(|(_, reader)| *reader).collect();
     readers.sort_unstable();
     readers.dedup();
@@ -96,7 +97,7 @@ fn woven(
 ) -> Relayed {
     let (mut chains, mut terms, mut origins) = (Vec::new(), Vec::new(), Vec::new());
     let mut add = |chain: Chain, own: &[Term], origin: Option<u32>| {
-        let first = terms.len() as u32;
+        let first = index::number(terms.len());
         terms.extend_from_slice(own);
         chains.push(Chain { terms: first..terms.len() as u32, ..chain });
         origins.push(origin);
@@ -148,9 +149,9 @@ impl Relayed {
             accumulator_bits: Vec::with_capacity(self.graph.chains.len()),
         };
         for (chain, origin) in self.graph.chains.iter().zip(&self.origins) {
-            if let Some(origin) = origin.map(|origin| origin as usize) {
+            if let Some(origin) = origin.map(at) {
                 let terms = graph.chains[origin].terms.clone();
-                extended.coefficients.extend_from_slice(&fixed.coefficients[terms.start as usize..terms.end as usize]);
+                extended.coefficients.extend_from_slice(&fixed.coefficients[at(terms.start)..terms.end as usize]);
                 extended.products.push(fixed.products[origin]);
                 extended.shifts.push(fixed.shifts[origin]);
                 extended.accumulator_bits.push(fixed.accumulator_bits[origin]);

@@ -11,6 +11,7 @@
 //! to first order in the step, what the earlier ones have rounded away.
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term};
+use pe_ir::index::{at, number};
 
 use crate::alike::alike;
 
@@ -65,25 +66,25 @@ impl<'a> Sampling<'a> {
             }
             total += (n * (n + 1) / 2) as u32;
             for term in chain.terms.clone() {
-                let Term { operand, factor: Factor::Coefficient(_), .. } = graph.terms[term as usize] else { continue };
-                let place = *place_of[operand.index()].get_or_insert(operands.len() as u32);
-                if place as usize == operands.len() {
+                let Term { operand, factor: Factor::Coefficient(_), .. } = graph.terms[at(term)] else { continue };
+                let place = *place_of[operand.index()].get_or_insert(number(operands.len()));
+                if at(place) == operands.len() {
                     operands.push(operand.0);
                 }
-                places[term as usize] = Some(place);
+                places[at(term)] = Some(place);
             }
         }
         offsets.push(total);
         let batch = (WAITING / operands.len().max(1)).clamp(1, BATCH);
         let waiting = vec![0.0; operands.len() * batch];
-        let moments = Moments { offsets, sums: vec![0.0; total as usize] };
+        let moments = Moments { offsets, sums: vec![0.0; at(total)] };
         Sampling { graph, moments, operands, places, waiting, batch, count: 0 }
     }
 
     /// Adds a sample: `operand` gives the current number of a value.
     pub fn add(&mut self, operand: impl Fn(usize) -> f64) {
         for (numbers, value) in self.waiting.chunks_exact_mut(self.batch).zip(&self.operands) {
-            numbers[self.count] = operand(*value as usize);
+            numbers[self.count] = operand(at(*value));
         }
         self.count += 1;
         if self.count == self.batch {
@@ -99,13 +100,13 @@ impl<'a> Sampling<'a> {
 
     /// Adds the products of the samples that wait, in their order.
     fn sum_up(&mut self) {
-        let numbers = |place: u32| &self.waiting[place as usize * self.batch..][..self.count];
+        let numbers = |place: u32| &self.waiting[at(place) * self.batch..][..self.count];
         for (chain, offset) in self.graph.chains.iter().zip(&self.moments.offsets) {
             if chain.terms.len() > MAX_TERMS {
                 continue;
             }
-            let places = &self.places[chain.terms.start as usize..chain.terms.end as usize];
-            let mut row = *offset as usize;
+            let places = &self.places[at(chain.terms.start)..chain.terms.end as usize];
+            let mut row = at(*offset);
             for (i, a) in places.iter().enumerate() {
                 if let Some(a) = a {
                     let sums = &mut self.moments.sums[row..=row + i];
@@ -126,7 +127,7 @@ impl Moments {
     /// Moment of two terms of a chain, by position.
     fn of(&self, chain: usize, i: usize, j: usize) -> f64 {
         let (i, j) = (i.max(j), i.min(j));
-        self.sums[self.offsets[chain] as usize + i * (i + 1) / 2 + j]
+        self.sums[at(self.offsets[chain]) + i * (i + 1) / 2 + j]
     }
 }
 
@@ -163,18 +164,16 @@ pub fn improve(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, aim
         }
     }
     // Stages that are alike keep the same coefficients, so that they may share their control words.
-    for (chain, like) in alike(graph).into_iter().enumerate().filter(|(chain, like)| *chain != *like as usize) {
-        let (own, model) = (&graph.chains[chain], &graph.chains[like as usize]);
+    for (chain, like) in alike(graph).into_iter().enumerate().filter(|(chain, like)| *chain != at(*like)) {
+        let (own, model) = (&graph.chains[chain], &graph.chains[at(like)]);
         let exact = |(a, b): (&Term, &Term)| {
             fixed.exponents[a.operand.index()] == fixed.exponents[b.operand.index()]
                 && (a.factor == b.factor || matches!(a.factor, Factor::Value(_)))
         };
-        if fixed.products[chain] == fixed.products[like as usize]
+        if fixed.products[chain] == fixed.products[at(like)]
             && graph.chain_terms(own).iter().zip(graph.chain_terms(model)).all(exact)
         {
-            fixed
-                .coefficients
-                .copy_within(model.terms.start as usize..model.terms.end as usize, own.terms.start as usize);
+            fixed.coefficients.copy_within(at(model.terms.start)..model.terms.end as usize, at(own.terms.start));
         }
     }
 }
@@ -193,7 +192,7 @@ fn earlier_stages(graph: &StepGraph) -> Vec<Vec<(f64, usize)>> {
     }
     let mut own = vec![Vec::new(); graph.equations.len()];
     for (index, chain) in graph.chains.iter().enumerate() {
-        own[chain.equation as usize].push(index);
+        own[at(chain.equation)].push(index);
     }
     let producers = graph.producers();
     let role = |chain: &usize| graph.value(graph.chains[*chain].write.value).role;
@@ -226,7 +225,7 @@ fn increments(graph: &StepGraph, producers: &[u32], chain: &Chain) -> Vec<(usize
         let Factor::Coefficient(share) = term.factor else { continue };
         let mut sum = Some(term.operand);
         while let Some(value) = sum.filter(|value| matches!(graph.value(*value).role, Role::Sum(..))) {
-            let producer = producers[value.index()] as usize;
+            let producer = at(producers[value.index()]);
             let mut writes = graph.chains[producer].writes();
             let write = writes.find(|write| write.value == value).expect("it produces the value");
             found.push((producer, libm::scalbn(share, write.weight)));
@@ -238,7 +237,7 @@ fn increments(graph: &StepGraph, producers: &[u32], chain: &Chain) -> Vec<(usize
 
 /// How much larger a coefficient is than its exact value.
 fn rounded_by(graph: &StepGraph, fixed: &FixedPoint, chain: usize, position: usize) -> f64 {
-    let index = graph.chains[chain].terms.start as usize + position;
+    let index = at(graph.chains[chain].terms.start) + position;
     match graph.terms[index].factor {
         Factor::Coefficient(exact) => {
             let operand = operand_exponent(fixed, &graph.terms[index]);
@@ -266,7 +265,7 @@ struct Class {
 
 /// Improves the roundings of a chain; `earlier` are the chains that compute the same in earlier stages, and their weights.
 fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, chain: usize, earlier: &[(f64, usize)]) {
-    let start = graph.chains[chain].terms.start as usize;
+    let start = at(graph.chains[chain].terms.start);
     let mut classes: Vec<Class> = Vec::new();
     // Terms that may be paired.
     let mut free: Vec<Class> = Vec::new();

@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::index::{self, at};
 use pe_ir::schedule::{Schedule, Transfer};
 
 const NONE: u32 = u32::MAX;
@@ -58,7 +59,7 @@ impl<'a> Rounds<'a> {
         let mut inner = vec![0; graph.equations.len()];
         for value in &graph.values {
             if let Role::Inner(equation, _) = value.role {
-                inner[equation as usize] += 1;
+                inner[at(equation)] += 1;
             }
         }
         if inner.iter().any(|count| count % graph.stages != 0) {
@@ -81,7 +82,7 @@ impl<'a> Rounds<'a> {
     /// The chain of a round that stands for a chain of the step.
     pub fn chain(&self, chain: usize) -> (u32, usize) {
         let (round, chain) = self.chains[chain];
-        (round, chain as usize)
+        (round, at(chain))
     }
 
     /// The schedule of the step from that of one round.
@@ -97,8 +98,8 @@ impl<'a> Rounds<'a> {
             starts.push(number * length + round.starts[like]);
             let first = self.graph.chains[like].terms.start;
             for offset in 0..chain.len() {
-                let term = round.order[(first + offset) as usize] - first;
-                order[(chain.terms.start + offset) as usize] = chain.terms.start + term;
+                let term = round.order[at(first + offset)] - first;
+                order[at(chain.terms.start + offset)] = chain.terms.start + term;
             }
         }
         // Transfers of each value of a round; the start value of a state is sent as the end value of the round before.
@@ -112,7 +113,7 @@ impl<'a> Rounds<'a> {
             let (like, swaps) = self.value(id);
             let (sent, number) = match value.role {
                 Role::State(_) | Role::Constant(_) => continue,
-                Role::Stage(s, _) | Role::Next(s) => (self.graph.states[s as usize].1, swaps - 1),
+                Role::Stage(s, _) | Role::Next(s) => (self.graph.states[at(s)].1, swaps - 1),
                 // Outputs are computed beside the last round.
                 Role::Algebraic(_, u8::MAX) => (like, self.count - 1),
                 Role::Algebraic(_, stage) => (like, u32::from(stage) - 1),
@@ -160,9 +161,7 @@ impl Finder<'_> {
                 Role::Algebraic(a, _) => (Role::Algebraic(a, 1), 0),
                 Role::Sum(s, _) => (Role::Sum(s, 0), 0),
                 Role::Interim(s, _) => (Role::Interim(s, 0), 0),
-                Role::Inner(equation, serial) => {
-                    (Role::Inner(equation, (serial - 1) % self.inner[equation as usize]), 0)
-                }
+                Role::Inner(equation, serial) => (Role::Inner(equation, (serial - 1) % self.inner[at(equation)]), 0),
                 // Looped stages have no lookups.
                 role @ (Role::Input(_) | Role::Constant(_) | Role::Published(_) | Role::Column(..)) => (role, 0),
                 Role::Partial(..) | Role::Relayed(..) | Role::Auxiliary(_) | Role::Pivot(..) => return None,
@@ -182,7 +181,7 @@ impl Finder<'_> {
             let like = *known.entry(key).or_insert_with(|| {
                 round.values.push(Value { role, ..*value });
                 originals.push(ValueId(index as u32));
-                ValueId(round.values.len() as u32 - 1)
+                ValueId(index::number(round.values.len()) - 1)
             });
             values.push((like, swaps));
         }
@@ -196,14 +195,14 @@ impl Finder<'_> {
         let mut chains = vec![(0, NONE); graph.chains.len()];
         let mut by_target: BTreeMap<ValueId, u32> = BTreeMap::new();
         let target = |chain: &Chain| match graph.value(chain.write.value).role {
-            Role::Stage(s, _) | Role::Next(s) => round.states[s as usize].1,
+            Role::Stage(s, _) | Role::Next(s) => round.states[at(s)].1,
             _ => like(chain.write.value),
         };
         // A state that is in a running sum is the base of the last round there: at another word, else the same.
         let starts: Vec<ValueId> = round.states.iter().map(|(state, _)| *state).collect();
         let base = |write: &Write| {
             write.base.map(|base| match graph.value(base).role {
-                Role::Sum(s, _) => starts[s as usize],
+                Role::Sum(s, _) => starts[at(s)],
                 _ => like(base),
             })
         };
@@ -211,7 +210,7 @@ impl Finder<'_> {
             let number = self.round(chain)?;
             chains[index].0 = number;
             if number == self.count - 1 {
-                let start = round.terms.len() as u32;
+                let start = index::number(round.terms.len());
                 for term in graph.chain_terms(chain) {
                     let partner = term.partner.map(like);
                     let factor = match term.factor {
@@ -230,8 +229,8 @@ impl Finder<'_> {
                     _ => None,
                 };
                 let terms = start..round.terms.len() as u32;
-                by_target.insert(write.value, round.chains.len() as u32);
-                chains[index].1 = round.chains.len() as u32;
+                by_target.insert(write.value, index::number(round.chains.len()));
+                chains[index].1 = index::number(round.chains.len());
                 round.chains.push(Chain { terms, interim, write, second, ..*chain });
             }
         }
@@ -240,7 +239,7 @@ impl Finder<'_> {
         let mut found = vec![0; round.chains.len()];
         for (index, chain) in graph.chains.iter().enumerate() {
             let number = *by_target.get(&target(chain))?;
-            let model = &round.chains[number as usize];
+            let model = &round.chains[at(number)];
             let operands = |term: &Term| (term.operand, term.partner);
             let named = |term: &Term| (like(term.operand), term.partner.map(like));
             let in_turn = |operand: ValueId| match graph.value(operand).role {
@@ -271,7 +270,7 @@ impl Finder<'_> {
                 own &= swaps == chains[index].0;
             }
             chains[index].1 = number;
-            found[number as usize] += 1;
+            found[at(number)] += 1;
         }
         let repeated = |chain: &Chain| {
             !matches!(round.value(chain.write.value).role, Role::Algebraic(_, u8::MAX) | Role::Published(_))
@@ -302,7 +301,7 @@ impl Finder<'_> {
     /// The round that an inner sum belongs to.
     fn inner_round(&self, value: ValueId) -> Option<u32> {
         match self.graph.value(value).role {
-            Role::Inner(equation, serial) => Some((serial - 1) / self.inner[equation as usize]),
+            Role::Inner(equation, serial) => Some((serial - 1) / self.inner[at(equation)]),
             _ => None,
         }
     }

@@ -8,6 +8,7 @@
 use std::collections::HashMap;
 
 use pe_ir::graph::{Chain, Equation, Factor, Role, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::index::{at, number};
 use pe_ir::word::Latency;
 
 use crate::schedule::Bound;
@@ -59,7 +60,7 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
         if !splitter.run() {
             break;
         }
-        let inherited: Vec<bool> = splitter.parents.iter().map(|parent| hubs[*parent as usize]).collect();
+        let inherited: Vec<bool> = splitter.parents.iter().map(|parent| hubs[at(*parent)]).collect();
         hubs.extend(inherited);
         done = Some(splitter.finish());
     }
@@ -71,7 +72,7 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
 fn tabled(graph: &StepGraph) -> Vec<bool> {
     let mut tabled = vec![false; graph.equations.len()];
     for lookup in &graph.functions.lookups {
-        tabled[graph.value(lookup.argument).equation as usize] = true;
+        tabled[at(graph.value(lookup.argument).equation)] = true;
     }
     tabled
 }
@@ -80,7 +81,7 @@ fn tabled(graph: &StepGraph) -> Vec<bool> {
 fn sources(graph: &StepGraph) -> Vec<u32> {
     let mut counts = vec![0; graph.equations.len()];
     for (_, reader) in graph.dependencies() {
-        counts[reader as usize] += 1;
+        counts[at(reader)] += 1;
     }
     counts
 }
@@ -89,7 +90,7 @@ fn sources(graph: &StepGraph) -> Vec<u32> {
 fn main_chains(graph: &StepGraph) -> Vec<u32> {
     let mut counts = vec![0; graph.equations.len()];
     for chain in graph.chains.iter().filter(|chain| !is_inner(graph, chain)) {
-        counts[chain.equation as usize] += 1;
+        counts[at(chain.equation)] += 1;
     }
     counts
 }
@@ -143,7 +144,7 @@ impl<'n> Splitter<'n> {
     /// Splits all chains that are to be split; whether there was one. Chains come before the inner sums that they read.
     fn run(&mut self) -> bool {
         for chain in (0..self.graph.chains.len()).rev() {
-            let length = self.lengths.get(self.graph.chains[chain].equation as usize).copied().flatten();
+            let length = self.lengths.get(at(self.graph.chains[chain].equation)).copied().flatten();
             if let (Some(length), false) = (length, self.moved[chain]) {
                 self.split(chain, length);
             }
@@ -158,8 +159,8 @@ impl<'n> Splitter<'n> {
         let (mut home, away): (Vec<Term>, Vec<Term>) = self.terms[chain].iter().partition(|term| stays(term));
         let costs: Vec<u32> = away.iter().map(|term| self.cost(term)).collect();
         let total: u32 = costs.iter().sum();
-        let count = total.div_ceil(length).min(away.len() as u32);
-        if count < 2 || (away.len() as u32) < 2 * SHORTEST {
+        let count = total.div_ceil(length).min(number(away.len()));
+        if count < 2 || (number(away.len())) < 2 * SHORTEST {
             return;
         }
         let main = !is_inner(&self.graph, &self.graph.chains[chain]);
@@ -186,7 +187,7 @@ impl<'n> Splitter<'n> {
             let serial = self.names.sums.entry(equation).or_default();
             *serial += 1;
             let role = Role::Partial(equation, *serial);
-            let value = ValueId(self.graph.values.len() as u32);
+            let value = ValueId(number(self.graph.values.len()));
             self.graph.values.push(Value { role, equation: partial, factor: false });
             let write = Write { value, base: None, weight: 0 };
             self.before[chain].push((
@@ -203,13 +204,13 @@ impl<'n> Splitter<'n> {
         let Factor::Value(factor) = term.factor else { return 1 };
         match self.producers[factor.index()] {
             u32::MAX => 1,
-            chain => 1 + self.terms[chain as usize].iter().map(|term| self.cost(term)).sum::<u32>(),
+            chain => 1 + self.terms[at(chain)].iter().map(|term| self.cost(term)).sum::<u32>(),
         }
     }
 
     fn new_equation(&mut self, equation: u32, position: Option<usize>) -> u32 {
-        let partial = self.graph.equations.len() as u32;
-        let Equation { name, span } = self.graph.equations[equation as usize].clone();
+        let partial = number(self.graph.equations.len());
+        let Equation { name, span } = self.graph.equations[at(equation)].clone();
         let part = self.names.parts.entry(equation).or_default();
         *part += 1;
         self.graph.equations.push(Equation { name: format!("{name}.part{part}"), span });
@@ -227,7 +228,7 @@ impl<'n> Splitter<'n> {
         if chain == u32::MAX {
             return;
         }
-        let chain = chain as usize;
+        let chain = at(chain);
         self.moved[chain] = true;
         let from = std::mem::replace(&mut self.graph.chains[chain].equation, equation);
         let bases: Vec<ValueId> = self.graph.chains[chain].writes().filter_map(|write| write.base).collect();
@@ -250,7 +251,7 @@ impl<'n> Splitter<'n> {
         let Splitter { mut graph, terms: all, before, .. } = self;
         let (mut chains, mut terms) = (Vec::new(), Vec::new());
         let mut add = |chain: Chain, own: Vec<Term>| {
-            let first = terms.len() as u32;
+            let first = number(terms.len());
             terms.extend(own);
             chains.push(Chain { terms: first..terms.len() as u32, ..chain });
         };

@@ -7,6 +7,7 @@
 //! bits computes with coefficients of about 35, at up to twice the products.
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::index::{self, at};
 
 /// Bits that the first slot leaves unused. A value whose range is widened later takes a bit of its chains' coefficients;
 /// with a bit to spare the seen part stays exact.
@@ -30,9 +31,9 @@ pub fn split(graph: &StepGraph, fixed: &FixedPoint) -> Option<StepGraph> {
             continue;
         }
         let mut fine = |write: &Write| {
-            let serial = &mut serial[chain.equation as usize];
+            let serial = &mut serial[at(chain.equation)];
             *serial += 1;
-            let value = ValueId(split.values.len() as u32);
+            let value = ValueId(index::number(split.values.len()));
             let role = Role::Partial(chain.equation, FIRST_SERIAL + *serial);
             split.values.push(Value { role, equation: chain.equation, factor: false });
             (Write { value, ..*write }, Write { base: Some(value), ..*write })
@@ -66,7 +67,7 @@ fn can_split(graph: &StepGraph, chain: &Chain) -> bool {
 
 /// A term with what its port sees of the coefficient, and one with the rest if it can be seen in the result.
 fn part(graph: &StepGraph, fixed: &FixedPoint, chain: usize, term: u32) -> (Term, Option<Term>) {
-    let whole = graph.terms[term as usize];
+    let whole = graph.terms[at(term)];
     let Factor::Coefficient(coefficient) = whole.factor else { return (whole, None) };
     let operand = fixed.exponents[whole.operand.index()];
     let unit = fixed.products[chain] + SPARE_BITS - operand - fixed.format.data_drop() as i32;
@@ -86,7 +87,7 @@ fn part(graph: &StepGraph, fixed: &FixedPoint, chain: usize, term: u32) -> (Term
 }
 
 fn add(graph: &mut StepGraph, chain: Chain, terms: Vec<Term>) {
-    let first = graph.terms.len() as u32;
+    let first = index::number(graph.terms.len());
     graph.terms.extend(terms);
     graph.chains.push(Chain { terms: first..graph.terms.len() as u32, ..chain });
 }

@@ -7,6 +7,7 @@ use std::fmt;
 use std::ops::Range;
 
 use crate::functions::{Functions, Lookup};
+use crate::index::{self, at};
 use crate::model::Model;
 use crate::source::Span;
 use crate::word::{Latency, WordFormat};
@@ -311,7 +312,7 @@ impl StepGraph {
 
     /// Terms of a chain.
     pub fn chain_terms(&self, chain: &Chain) -> &[Term] {
-        &self.terms[chain.terms.start as usize..chain.terms.end as usize]
+        &self.terms[at(chain.terms.start)..chain.terms.end as usize]
     }
 
     /// The graph with other chains, which write the same values.
@@ -351,23 +352,23 @@ impl StepGraph {
     pub fn value_name(&self, id: ValueId) -> String {
         let value = self.value(id);
         match value.role {
-            Role::State(s) => self.names.states[s as usize].clone(),
-            Role::Stage(s, stage) => format!("{}.stage{stage}", self.names.states[s as usize]),
-            Role::Sum(s, stage) => format!("{}.sum{stage}", self.names.states[s as usize]),
-            Role::Interim(s, stage) => format!("{}.interim{stage}", self.names.states[s as usize]),
-            Role::Next(s) => format!("{}.next", self.names.states[s as usize]),
-            Role::Algebraic(a, stage) => format!("{}.stage{stage}", self.names.algebraics[a as usize]),
-            Role::Inner(_, serial) => format!("{}.factor{serial}", self.equations[value.equation as usize].name),
-            Role::Partial(equation, serial) => format!("{}.partial{serial}", self.equations[equation as usize].name),
+            Role::State(s) => self.names.states[at(s)].clone(),
+            Role::Stage(s, stage) => format!("{}.stage{stage}", self.names.states[at(s)]),
+            Role::Sum(s, stage) => format!("{}.sum{stage}", self.names.states[at(s)]),
+            Role::Interim(s, stage) => format!("{}.interim{stage}", self.names.states[at(s)]),
+            Role::Next(s) => format!("{}.next", self.names.states[at(s)]),
+            Role::Algebraic(a, stage) => format!("{}.stage{stage}", self.names.algebraics[at(a)]),
+            Role::Inner(_, serial) => format!("{}.factor{serial}", self.equations[at(value.equation)].name),
+            Role::Partial(equation, serial) => format!("{}.partial{serial}", self.equations[at(equation)].name),
             Role::Relayed(value, relay) => format!("{}.relayed{relay}", self.value_name(value)),
-            Role::Input(i) => self.names.inputs[i as usize].clone(),
+            Role::Input(i) => self.names.inputs[at(i)].clone(),
             Role::Constant(c) => format!("{c:e}"),
-            Role::Auxiliary(a) => self.names.auxiliaries[a as usize].clone(),
-            Role::Pivot(s, matrix) => format!("{}.pivot{matrix}", self.names.states[s as usize]),
-            Role::Published(o) => format!("{}.published", self.names.outputs[o as usize]),
+            Role::Auxiliary(a) => self.names.auxiliaries[at(a)].clone(),
+            Role::Pivot(s, matrix) => format!("{}.pivot{matrix}", self.names.states[at(s)]),
+            Role::Published(o) => format!("{}.published", self.names.outputs[at(o)]),
             Role::Column(lookup, column) => {
-                let lookup = &self.functions.lookups[lookup as usize];
-                let table = &self.functions.tables[lookup.table as usize].name;
+                let lookup = &self.functions.lookups[at(lookup)];
+                let table = &self.functions.tables[at(lookup.table)].name;
                 format!("{table}.column{column}[{}]", self.value_name(lookup.argument))
             }
         }
@@ -376,7 +377,7 @@ impl StepGraph {
     /// The lookup that a column's value belongs to, with its index.
     pub fn lookup(&self, value: ValueId) -> Option<(u32, Lookup)> {
         match self.value(value).role {
-            Role::Column(lookup, _) => Some((lookup, self.functions.lookups[lookup as usize])),
+            Role::Column(lookup, _) => Some((lookup, self.functions.lookups[at(lookup)])),
             _ => None,
         }
     }
@@ -412,7 +413,7 @@ impl StepGraph {
     pub fn loads(&self) -> Vec<u32> {
         let mut loads = vec![0; self.equations.len()];
         for chain in &self.chains {
-            loads[chain.equation as usize] += chain.len().max(chain.writes().count() as u32);
+            loads[at(chain.equation)] += chain.len().max(index::number(chain.writes().count()));
         }
         loads
     }
@@ -457,8 +458,8 @@ impl FixedPoint {
         let value = graph.value(id);
         match value.role {
             Role::Column(lookup, column) => {
-                let table = graph.functions.lookups[lookup as usize].table;
-                let number = graph.functions.tables[table as usize].columns[usize::from(column)][segment];
+                let table = graph.functions.lookups[at(lookup)].table;
+                let number = graph.functions.tables[at(table)].columns[usize::from(column)][segment];
                 self.number_word(number, id, value)
             }
             _ => panic!("{} is not in a table", graph.value_name(id)),

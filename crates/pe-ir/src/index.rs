@@ -3,6 +3,7 @@
 //! between the two.
 
 /// The place in a list that a number stands for.
+#[inline]
 pub fn at(number: u32) -> usize {
     const { assert!(size_of::<usize>() >= size_of::<u32>(), "a place in a list has at least 32 bits") };
     number as usize
@@ -13,6 +14,7 @@ pub fn at(number: u32) -> usize {
 /// # Panics
 ///
 /// If the list has more than 2^32 members, which the limits on the size of a model exclude.
+#[inline]
 pub fn number(place: usize) -> u32 {
     u32::try_from(place).expect("the limits of a model keep lists below 2^32 members")
 }

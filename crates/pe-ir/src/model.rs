@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use crate::index::{self, at};
 use crate::motion::Motion;
 use crate::source::Span;
 
@@ -214,7 +215,7 @@ impl Model {
 
     /// The input that says what the step is divided by, if there is a list of steps.
     pub fn step_ratio(&self) -> Option<Variable> {
-        (!self.phases.is_empty()).then(|| Variable::Input(self.inputs.len() as u32 - 1))
+        (!self.phases.is_empty()).then(|| Variable::Input(index::number(self.inputs.len()) - 1))
     }
 
     /// Adds the input that [`Model::step_ratio`] names to a model with a list of steps.
@@ -298,9 +299,9 @@ impl Model {
             }
             expr.each_variable(&mut |variable| {
                 if let Variable::Algebraic(number) = variable
-                    && !std::mem::replace(&mut seen[number as usize], true)
+                    && !std::mem::replace(&mut seen[at(number)], true)
                 {
-                    waiting.push(&self.algebraics[number as usize].expr);
+                    waiting.push(&self.algebraics[at(number)].expr);
                 }
             });
         }
@@ -344,7 +345,7 @@ impl Model {
         let mut model = self.clone();
         for (rate, _) in self.ticks() {
             let name = self.free_name(format!("tick_{}", rate + 1));
-            let span = self.rates[rate as usize].span;
+            let span = self.rates[at(rate)].span;
             model.inputs.push(Input {
                 name,
                 unit: None,
@@ -386,8 +387,8 @@ impl Model {
         let continuous = self.continuous_states();
         let inputs = self.inputs.len();
         let renamed = |variable: Variable| match variable {
-            Variable::State(state) if state as usize >= continuous => {
-                Variable::Input((inputs + state as usize - continuous) as u32)
+            Variable::State(state) if at(state) >= continuous => {
+                Variable::Input((inputs + at(state) - continuous) as u32)
             }
             other => other,
         };

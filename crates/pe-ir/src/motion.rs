@@ -1,5 +1,6 @@
 //! States that stand for signals of the model: they move exactly, whatever the method, and depend on nothing.
 
+use crate::index;
 use crate::model::{Expr, Input, Interpolation, Model, Phase, State, Variable, Waveform};
 
 /// How a state moves that no method approximates. Within a step methods may treat it by its derivative; what it is at the
@@ -131,8 +132,8 @@ impl Model {
     /// The waveform of a signal.
     pub fn waveform(&self, source: Source) -> &Waveform {
         match source {
-            Source::Input(input) => &self.inputs[input as usize].waveform,
-            Source::Signal(signal) => &self.signals[signal as usize].waveform,
+            Source::Input(input) => &self.inputs[index::at(input)].waveform,
+            Source::Signal(signal) => &self.signals[index::at(signal)].waveform,
         }
     }
 
@@ -172,7 +173,7 @@ impl Model {
             Some(Motion::Line(source)) if lines => Some(source),
             _ => None,
         };
-        let inputs = self.inputs.len() as u32;
+        let inputs = index::number(self.inputs.len());
         let mut model = self.clone();
         for (index, signal) in self.signals.iter().enumerate() {
             let follows = |state: &&State| {
@@ -190,7 +191,7 @@ impl Model {
             });
         }
         let read = |variable: Variable| match variable {
-            Variable::State(state) => match source_of(self.states[state as usize].motion) {
+            Variable::State(state) => match source_of(self.states[index::at(state)].motion) {
                 Some(Source::Input(input)) => Variable::Input(input),
                 Some(Source::Signal(signal)) => Variable::Input(inputs + signal),
                 None => variable,

@@ -1,5 +1,6 @@
 //! A model evaluated at some values of its states and inputs.
 
+use crate::index::at;
 use crate::model::{Model, Variable};
 
 /// Numbers of all variables of a model at a place.
@@ -25,9 +26,9 @@ impl<'a> Place<'a> {
     /// The number of a variable.
     pub fn number(&self, variable: Variable) -> f64 {
         match variable {
-            Variable::State(index) => self.states[index as usize],
-            Variable::Input(index) => self.inputs[index as usize],
-            Variable::Algebraic(index) => self.algebraics[index as usize],
+            Variable::State(index) => self.states[at(index)],
+            Variable::Input(index) => self.inputs[at(index)],
+            Variable::Algebraic(index) => self.algebraics[at(index)],
         }
     }
 

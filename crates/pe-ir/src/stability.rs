@@ -2,6 +2,7 @@
 
 use crate::coefficients::{ROS2_GAMMA, adams, chebyshev};
 use crate::complex::{Complex, largest_root};
+use crate::index::at;
 use crate::model::Solver;
 
 /// Relative excess over 1 that counts as rounding and not as growth.
@@ -43,7 +44,7 @@ impl Solver {
             }
             Solver::Rkc5 | Solver::Rkc10 => {
                 let (mut before, mut last) = (Complex::ZERO, Complex::ZERO);
-                for (index, stage) in chebyshev(self.stages() as usize).into_iter().enumerate() {
+                for (index, stage) in chebyshev(at(self.stages())).into_iter().enumerate() {
                     let first = if index == 0 { Complex::ZERO } else { z.scaled(stage.first_slope) };
                     let slope = z.scaled(stage.slope) * (Complex::ONE + last);
                     let next = last.scaled(stage.mu) + before.scaled(stage.nu) + slope + first;

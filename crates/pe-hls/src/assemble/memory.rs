@@ -7,6 +7,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::index;
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::depth;
 use pe_ir::schedule::Schedule;
@@ -79,7 +80,7 @@ impl Memories {
     pub fn allocate(rounds: &Rounds, fixed: &FixedPoint, mapping: &Mapping, schedule: &Schedule) -> Memories {
         let graph = rounds.graph.as_ref();
         let lives = Lives::of(graph, mapping, schedule, Latency::of(&fixed.format));
-        let pes = mapping.pes as usize;
+        let pes = index::at(mapping.pes);
         let mut memories = Memories {
             homes: vec![Home::default(); graph.values.len()],
             depths: vec![Depths::default(); pes],
@@ -96,14 +97,14 @@ impl Memories {
     fn allocate_indices(&mut self, graph: &StepGraph, mapping: &Mapping, period: u32, lives: &Lives) {
         let mut arcs: Vec<Vec<Arc>> = vec![Vec::new(); self.depths.len()];
         for (argument, last_read) in &lives.indexed {
-            let pe = mapping.pe_of[graph.values[*argument as usize].equation as usize] as usize;
-            let write = lives.own[*argument as usize].0;
+            let pe = index::at(mapping.pe_of[index::at(graph.values[index::at(*argument)].equation)]);
+            let write = lives.own[index::at(*argument)].0;
             arcs[pe].push(Arc { write, last_read: *last_read, key: *argument });
         }
         for (depths, arcs) in self.depths.iter_mut().zip(arcs) {
             let (assigned, count) = pack(arcs, period);
             for (argument, register) in assigned {
-                self.homes[argument as usize].index = Some(register);
+                self.homes[index::at(argument)].index = Some(register);
             }
             depths.indices = if count > 0 { depth(count) } else { 0 };
         }
@@ -118,15 +119,15 @@ impl Memories {
         mut ends: Vec<u32>,
     ) -> Vec<u32> {
         let graph = rounds.graph.as_ref();
-        let length = graph.functions.segments.count() as u32;
+        let length = index::number(graph.functions.segments.count());
         // Equal columns are stored once.
         let mut known: HashMap<(u32, u32, u8, i32, bool), u32> = HashMap::new();
         for (index, value) in graph.values.iter().enumerate() {
             let Role::Column(lookup, column) = value.role else { continue };
-            let pe = mapping.pe_of[value.equation as usize];
+            let pe = mapping.pe_of[index::at(value.equation)];
             let id = rounds.original(ValueId(index as u32));
-            let table = graph.functions.lookups[lookup as usize].table;
-            let end = &mut ends[pe as usize];
+            let table = graph.functions.lookups[index::at(lookup)].table;
+            let end = &mut ends[index::at(pe)];
             let columns = &mut self.columns;
             let place =
                 known.entry((pe, table, column, fixed.exponents[id.index()], value.factor)).or_insert_with(|| {
@@ -143,10 +144,10 @@ impl Memories {
     fn allocate_own(&mut self, rounds: &Rounds, fixed: &FixedPoint, mapping: &Mapping, period: u32, lives: &Lives) {
         let graph = rounds.graph.as_ref();
         let swap = graph.swaps();
-        let pes = mapping.pes as usize;
+        let pes = index::at(mapping.pes);
         let mut layouts: Vec<Layout> = vec![Layout::default(); pes];
         let mut bases: Vec<u32> = vec![0; pes];
-        let pe_of = |index: usize| mapping.pe_of[graph.values[index].equation as usize] as usize;
+        let pe_of = |index: usize| index::at(mapping.pe_of[index::at(graph.values[index].equation)]);
         let mut slots: Vec<Option<Slot>> = vec![None; graph.values.len()];
         // A state and its running sum are a pair in the base memory: their addresses differ in one bit.
         let mut base_layouts: Vec<Layout> = vec![Layout::default(); pes];
@@ -162,13 +163,13 @@ impl Memories {
                 bases[pe] += 1;
             }
         }
-        let both = |value: &u32| lives.bases[*value as usize] && lives.operands[*value as usize];
+        let both = |value: &u32| lives.bases[index::at(*value)] && lives.operands[index::at(*value)];
         for value in (0..graph.values.len() as u32).filter(both) {
-            if slots[value as usize].is_none() && graph.values[value as usize].equation != NONE {
+            if slots[index::at(value)].is_none() && graph.values[index::at(value)].equation != NONE {
                 debug_assert!(!swap, "only states are both operands and bases of a one-stage solver");
-                let pe = pe_of(value as usize);
-                slots[value as usize] = Some(layouts[pe].resident(false));
-                self.homes[value as usize].base = Some(bases[pe]);
+                let pe = pe_of(index::at(value));
+                slots[index::at(value)] = Some(layouts[pe].resident(false));
+                self.homes[index::at(value)].base = Some(bases[pe]);
                 bases[pe] += 1;
             }
         }
@@ -215,11 +216,11 @@ impl Memories {
             let first = layouts[pe].single;
             layouts[pe].single += count;
             for (value, register) in assigned {
-                slots[value as usize] = Some(Slot::Single(first + register));
+                slots[index::at(value)] = Some(Slot::Single(first + register));
             }
             let (assigned, count) = pack(std::mem::take(&mut base_arcs[pe]), period);
             for (value, register) in assigned {
-                self.homes[value as usize].base = Some(bases[pe] + register);
+                self.homes[index::at(value)].base = Some(bases[pe] + register);
             }
             bases[pe] += count;
         }
@@ -229,7 +230,7 @@ impl Memories {
             depths.base = base_layouts[pe].depth();
             let (assigned, count) = pack(std::mem::take(&mut factor_arcs[pe]), period);
             for (value, register) in assigned {
-                self.homes[value as usize].factor = Some(register);
+                self.homes[index::at(value)].factor = Some(register);
             }
             depths.factors = count;
             // Both words of a pair mean one base word: the address bit that tells them apart is beyond the base memory.
@@ -245,7 +246,7 @@ impl Memories {
             }
             for (index, value) in graph.values.iter().enumerate() {
                 if let Role::Sum(state, _) = value.role {
-                    let place = self.homes[graph.states[state as usize].0.index()].base;
+                    let place = self.homes[graph.states[index::at(state)].0.index()].base;
                     self.homes[index].base = place.map(|word| word + self.depths[pe_of(index)].base / 2);
                 }
             }
@@ -267,13 +268,13 @@ impl Memories {
         let mut arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
         let mut pairs: Vec<(usize, Slot)> = Vec::new();
         for (index, transfer) in schedule.transfers.iter().enumerate() {
-            let pe = transfer.to as usize;
+            let pe = index::at(transfer.to);
             let last_read = |value: ValueId| lives.last_read(value, transfer.to);
             match graph.value(transfer.value).role {
                 Role::Next(_) if swap => pairs.push((index, layouts[pe].resident(true))),
                 Role::Next(s) => {
                     // The word lives on into the next round, until its last read under the state's own name.
-                    let start = graph.states[s as usize].0;
+                    let start = graph.states[index::at(s)].0;
                     let end = last_read(start).map_or(0, |read| read + schedule.period);
                     let end = end.max(last_read(transfer.value).unwrap_or(0)).max(transfer.receive);
                     // The initial image holds all states at once, so even one that arrives after the wrap owns its
@@ -292,15 +293,17 @@ impl Memories {
             let (assigned, count) = pack(arcs, schedule.period);
             let base = layouts[pe].single;
             layouts[pe].single += count;
-            slots.extend(assigned.into_iter().map(|(index, register)| (index as usize, Slot::Single(base + register))));
+            slots.extend(
+                assigned.into_iter().map(|(index, register)| (index::at(index), Slot::Single(base + register))),
+            );
             self.depths[pe].imported = if layouts[pe] == Layout::default() { 0 } else { layouts[pe].depth() };
         }
         for (index, slot) in slots {
             let transfer = &schedule.transfers[index];
-            let place = layouts[transfer.to as usize].place(slot);
+            let place = layouts[index::at(transfer.to)].place(slot);
             if let Role::Next(s) = graph.value(transfer.value).role {
                 // A word that is read under the name of the end value alone may be another's when the step begins.
-                let start = graph.states[s as usize].0;
+                let start = graph.states[index::at(s)].0;
                 if swap || lives.last_read(start, transfer.to).is_some() {
                     self.imported.push(((start.0, transfer.to), place));
                 }
@@ -377,13 +380,13 @@ impl Lives {
         let mut indexed: BTreeMap<u32, u32> = BTreeMap::new();
         let mut imported: Vec<((u32, u32), u32)> = Vec::new();
         for (index, chain) in graph.chains.iter().enumerate() {
-            let pe = mapping.pe_of[chain.equation as usize];
+            let pe = mapping.pe_of[index::at(chain.equation)];
             let start = schedule.starts[index];
             let last = start + chain.len() - 1;
             for (time, position) in (start..).zip(chain.terms.clone()) {
-                let term = &graph.terms[schedule.order[position as usize] as usize];
+                let term = &graph.terms[index::at(schedule.order[index::at(position)])];
                 let equation = graph.value(term.operand).equation;
-                if equation != NONE && mapping.pe_of[equation as usize] == pe {
+                if equation != NONE && mapping.pe_of[index::at(equation)] == pe {
                     let read = &mut own[term.operand.index()].1;
                     *read = (*read).max(time);
                     operands[term.operand.index()] = true;

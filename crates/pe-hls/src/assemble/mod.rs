@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::functions::Lookup;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::index;
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
@@ -55,10 +56,11 @@ pub fn assemble_rounds(
 ) -> Result<Program, TooLarge> {
     let memories = Memories::allocate(rounds, fixed, mapping, round);
     let schedule = &rounds.unroll(graph, round);
-    let coefficients = vec![BTreeMap::new(); mapping.pes as usize];
+    let coefficients = vec![BTreeMap::new(); index::at(mapping.pes)];
     let latency = Latency::of(&fixed.format);
     let read = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| graph.lookup(write.base?));
-    let octaves = |(_, lookup): (u32, Lookup)| (lookup.argument, graph.functions.tables[lookup.table as usize].octaves);
+    let octaves =
+        |(_, lookup): (u32, Lookup)| (lookup.argument, graph.functions.tables[index::at(lookup.table)].octaves);
     let octaves = read.map(octaves).collect();
     let bases = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| write.base);
     let bases = marked(graph, bases.chain(graph.states.iter().map(|(_, next)| *next)));
@@ -66,9 +68,9 @@ pub fn assemble_rounds(
         Assembler { model, graph, fixed, mapping, rounds, schedule, memories, coefficients, octaves, bases, latency };
     let ports = assembler.ports();
     let sizes = assembler.memories.depths.iter().zip(&ports);
-    limits::check(
-        sizes.map(|(depths, ports)| [depths.own, depths.base, depths.imported, depths.indices, ports.len() as u32, 0]),
-    )?;
+    limits::check(sizes.map(|(depths, ports)| {
+        [depths.own, depths.base, depths.imported, depths.indices, index::number(ports.len()), 0]
+    }))?;
     let program = assembler.program(&ports);
     limits::check(program.pes.iter().map(|pe| [0, 0, 0, 0, 0, pe.features.coefficient_words]))?;
     Ok(program)
@@ -110,14 +112,14 @@ impl Assembler<'_> {
             .collect();
         let mut pes: Vec<PeProgram> = (0..self.mapping.pes)
             .map(|pe| {
-                let ports = ports[pe as usize].clone();
-                let depths = self.memories.depths[pe as usize];
+                let ports = ports[index::at(pe)].clone();
+                let depths = self.memories.depths[index::at(pe)];
                 let features = PeFeatures {
                     own_words: depths.own,
                     base_words: depths.base,
                     coefficient_words: 0,
                     imported_words: depths.imported,
-                    ports: ports.len() as u32,
+                    ports: index::number(ports.len()),
                     shifts: Vec::new(),
                     accumulator_bits: self.fixed.format.data_bits + self.fixed.format.coefficient_bits,
                     factor: false,
@@ -134,7 +136,7 @@ impl Assembler<'_> {
             })
             .collect();
         for (equation, pe) in self.mapping.pe_of.iter().enumerate() {
-            pes[*pe as usize].equations.push(self.graph.equations[equation].name.clone());
+            pes[index::at(*pe)].equations.push(self.graph.equations[equation].name.clone());
         }
         self.collect_features(&mut pes);
         self.place_columns(&mut pes);
@@ -159,13 +161,13 @@ impl Assembler<'_> {
     }
 
     fn blank(&self, features: PeFeatures, ports: Vec<LinkSource>) -> PeProgram {
-        let period = self.schedule.period as usize;
+        let period = index::at(self.schedule.period);
         // Words nothing is stored in hold the number zero.
         PeProgram {
-            own_image: vec![0; features.own_words as usize],
-            base_image: vec![self.fixed.format.data_offset(); features.base_words as usize],
+            own_image: vec![0; index::at(features.own_words)],
+            base_image: vec![self.fixed.format.data_offset(); index::at(features.base_words)],
             coefficient_image: Vec::new(),
-            imported_image: vec![0; features.imported_words as usize],
+            imported_image: vec![0; index::at(features.imported_words)],
             features,
             ports,
             equations: Vec::new(),
@@ -177,15 +179,15 @@ impl Assembler<'_> {
     fn home(&self, value: ValueId) -> Option<u32> {
         match self.graph.value(value).equation {
             NONE => None,
-            equation => Some(self.mapping.pe_of[equation as usize]),
+            equation => Some(self.mapping.pe_of[index::at(equation)]),
         }
     }
 
     /// Links into each PE: other PEs first, then inputs, each in order.
     fn ports(&self) -> Vec<Vec<LinkSource>> {
-        let mut ports: Vec<BTreeSet<LinkSource>> = vec![BTreeSet::new(); self.mapping.pes as usize];
+        let mut ports: Vec<BTreeSet<LinkSource>> = vec![BTreeSet::new(); index::at(self.mapping.pes)];
         for transfer in &self.schedule.transfers {
-            ports[transfer.to as usize].insert(self.source(transfer.value));
+            ports[index::at(transfer.to)].insert(self.source(transfer.value));
         }
         ports.into_iter().map(|set| set.into_iter().collect()).collect()
     }
@@ -201,7 +203,7 @@ impl Assembler<'_> {
     fn collect_features(&self, pes: &mut [PeProgram]) {
         let mut shifts: Vec<BTreeSet<u8>> = vec![BTreeSet::new(); pes.len()];
         for (index, chain) in self.graph.chains.iter().enumerate() {
-            let pe = self.mapping.pe_of[chain.equation as usize] as usize;
+            let pe = index::at(self.mapping.pe_of[index::at(chain.equation)]);
             for (_, shift) in chain.writes().zip(self.fixed.shifts[index]) {
                 shifts[pe].insert(shift);
             }
@@ -221,10 +223,10 @@ impl Assembler<'_> {
     fn place_coefficients(&mut self, pes: &mut [PeProgram]) {
         let mut distinct: Vec<Vec<i64>> = vec![Vec::new(); pes.len()];
         for chain in &self.graph.chains {
-            let pe = self.mapping.pe_of[chain.equation as usize] as usize;
+            let pe = index::at(self.mapping.pe_of[index::at(chain.equation)]);
             for term in chain.terms.clone() {
-                if let Factor::Coefficient(_) = self.graph.terms[term as usize].factor {
-                    distinct[pe].push(self.fixed.coefficients[term as usize]);
+                if let Factor::Coefficient(_) = self.graph.terms[index::at(term)].factor {
+                    distinct[pe].push(self.fixed.coefficients[index::at(term)]);
                 }
             }
         }
@@ -233,7 +235,7 @@ impl Assembler<'_> {
             distinct.dedup();
             let format = &self.fixed.format;
             let factors = self.memories.depths[number].factors;
-            let words = depth(factors + distinct.len() as u32);
+            let words = depth(factors + index::number(distinct.len()));
             let in_word = Layout::new(&pe.features, format).bits;
             let indexed = in_word - format.coefficient_bits + index_bits(words);
             // Coefficients differ from round to round; everything else is the same.
@@ -252,9 +254,9 @@ impl Assembler<'_> {
                 continue;
             }
             pe.features.coefficient_words = words;
-            pe.coefficient_image = vec![0; words as usize];
+            pe.coefficient_image = vec![0; index::at(words)];
             for (word, coefficient) in (factors..).zip(distinct) {
-                pe.coefficient_image[word as usize] = coefficient;
+                pe.coefficient_image[index::at(word)] = coefficient;
                 self.coefficients[number].insert(coefficient, word);
             }
             let blank = ControlWord { multiplier: Multiplier::Stored(0), ..ControlWord::default() };
@@ -266,21 +268,21 @@ impl Assembler<'_> {
     fn place_columns(&self, pes: &mut [PeProgram]) {
         let functions = &self.graph.functions;
         for (pe, first, value) in &self.memories.columns {
-            let image = &mut pes[*pe as usize].base_image[*first as usize..];
+            let image = &mut pes[index::at(*pe)].base_image[index::at(*first)..];
             for (segment, word) in image.iter_mut().take(functions.segments.count()).enumerate() {
                 *word = self.fixed.column_word(self.graph, *value, segment);
             }
         }
-        for lookup in functions.lookups.iter().filter(|lookup| functions.tables[lookup.table as usize].octaves) {
+        for lookup in functions.lookups.iter().filter(|lookup| functions.tables[index::at(lookup.table)].octaves) {
             let pe = self.home(lookup.argument).expect("arguments of tables have a PE");
-            pes[pe as usize].features.octave_bits = functions.segments.octave_bits;
+            pes[index::at(pe)].features.octave_bits = functions.segments.octave_bits;
         }
     }
 
     /// Control word of a time; times beyond the period belong to the next round.
     fn word(&self, time: u32) -> usize {
         debug_assert!(time < self.schedule.period + self.latency.pause());
-        (if time >= self.schedule.period { time - self.schedule.period } else { time }) as usize
+        index::at(if time >= self.schedule.period { time - self.schedule.period } else { time })
     }
 
     /// Address of a value in its own PE, for an access at `time`.
@@ -288,14 +290,14 @@ impl Assembler<'_> {
         let (like, swaps) = self.rounds.value(value);
         let place = self.memories.homes[like.index()].own.expect("operands are in the own memory");
         let pe = self.home(value).expect("own values have a PE");
-        self.address((place, swaps), self.memories.depths[pe as usize].own, time)
+        self.address((place, swaps), self.memories.depths[index::at(pe)].own, time)
     }
 
     /// Address of a value in the imported memory of a PE, for an access at `time`.
     fn imported_address(&self, value: ValueId, pe: u32, time: u32) -> Address {
         let (like, swaps) = self.rounds.value(value);
         let place = self.memories.import(like, pe);
-        self.address((place, swaps), self.memories.depths[pe as usize].imported, time)
+        self.address((place, swaps), self.memories.depths[index::at(pe)].imported, time)
     }
 
     /// Where a value is written at `time`.
@@ -335,12 +337,12 @@ impl Assembler<'_> {
 
     fn emit_chain(&self, index: usize, pes: &mut [PeProgram], sent: &[bool]) {
         let chain = &self.graph.chains[index];
-        let number = self.mapping.pe_of[chain.equation as usize];
+        let number = self.mapping.pe_of[index::at(chain.equation)];
         let start = self.schedule.starts[index];
         let last = start + chain.len() - 1;
-        let pe = &mut pes[number as usize];
+        let pe = &mut pes[index::at(number)];
         for (time, position) in (start..).zip(chain.terms.clone()) {
-            let term_index = self.schedule.order[position as usize] as usize;
+            let term_index = index::at(self.schedule.order[index::at(position)]);
             let term = &self.graph.terms[term_index];
             let at = self.word(time);
             let word = &mut pe.words[at];
@@ -355,7 +357,7 @@ impl Assembler<'_> {
             word.multiplier = match term.factor {
                 Factor::Coefficient(_) => {
                     let coefficient = self.fixed.coefficients[term_index];
-                    let stored = self.coefficients[number as usize].get(&coefficient);
+                    let stored = self.coefficients[index::at(number)].get(&coefficient);
                     stored.map_or(Multiplier::Coefficient(coefficient), |word| Multiplier::Stored(*word as u16))
                 }
                 Factor::Value(value) => {
@@ -388,7 +390,7 @@ impl Assembler<'_> {
 
     fn emit_receives(&self, pes: &mut [PeProgram]) {
         for transfer in &self.schedule.transfers {
-            let pe = &mut pes[transfer.to as usize];
+            let pe = &mut pes[index::at(transfer.to)];
             let port = pe.ports.binary_search(&self.source(transfer.value)).expect("collected from all transfers");
             // An input is held over the step: it is received in every round, which makes rounds alike.
             let repeats = match self.graph.value(transfer.value).role {
@@ -414,10 +416,10 @@ impl Assembler<'_> {
                 let home = self.memories.homes[index];
                 let word = self.fixed.number_word(number, id, value);
                 if let Some(place) = home.own {
-                    pes[pe as usize].own_image[place.word as usize] = self.fixed.format.data_operand(word);
+                    pes[index::at(pe)].own_image[index::at(place.word)] = self.fixed.format.data_operand(word);
                 }
                 if let Some(base) = home.base {
-                    pes[pe as usize].base_image[base as usize] = word;
+                    pes[index::at(pe)].base_image[index::at(base)] = word;
                 }
             }
         }
@@ -434,8 +436,8 @@ impl Assembler<'_> {
         }
         for (value, pe, place) in self.memories.imports() {
             if let Role::State(state) = self.rounds.graph.value(value).role {
-                let depth = self.memories.depths[pe as usize].imported;
-                states[state as usize].imported.push((pe, self.address((place, 0), depth, 0).word));
+                let depth = self.memories.depths[index::at(pe)].imported;
+                states[index::at(state)].imported.push((pe, self.address((place, 0), depth, 0).word));
             }
         }
         for (state, initial) in states.iter().zip(&self.graph.initial) {
@@ -465,20 +467,20 @@ impl Assembler<'_> {
     fn outputs(&self) -> Vec<OutputPort> {
         let producers = self.graph.producers();
         let output = |(index, value): (usize, &ValueId)| {
-            let chain_index = producers[value.index()] as usize;
+            let chain_index = index::at(producers[value.index()]);
             let chain = &self.graph.chains[chain_index];
             let (delay, _) =
                 chain.delayed(self.latency).find(|(_, write)| write.value == *value).expect("its producer writes it");
             let last = self.schedule.starts[chain_index] + chain.len() - 1;
             let unit = match self.model.outputs[index].variable {
-                pe_ir::model::Variable::State(s) => self.model.states[s as usize].unit.clone(),
-                pe_ir::model::Variable::Input(i) => self.model.inputs[i as usize].unit.clone(),
-                pe_ir::model::Variable::Algebraic(a) => self.model.algebraics[a as usize].unit.clone(),
+                pe_ir::model::Variable::State(s) => self.model.states[index::at(s)].unit.clone(),
+                pe_ir::model::Variable::Input(i) => self.model.inputs[index::at(i)].unit.clone(),
+                pe_ir::model::Variable::Algebraic(a) => self.model.algebraics[index::at(a)].unit.clone(),
             };
             OutputPort {
                 name: self.model.outputs[index].name.clone(),
                 unit,
-                pe: self.mapping.pe_of[chain.equation as usize],
+                pe: self.mapping.pe_of[index::at(chain.equation)],
                 word: self.word(last + self.latency.write() + delay) as u32,
                 exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
             }

@@ -3,6 +3,7 @@
 //! A program is a loop, so lifetimes are arcs on a circle of `period` words. Arcs are packed by start time; an arc
 //! that would wrap onto its register's first one gets a register of its own.
 
+use pe_ir::index::{at, number};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -26,13 +27,13 @@ pub(super) fn pack(mut arcs: Vec<Arc>, period: u32) -> (Vec<(u32, u32)>, u32) {
     for arc in arcs {
         debug_assert!(arc.last_read - arc.write < period, "a value outlives its own next write");
         let free = registers.peek().filter(|Reverse((last_read, register))| {
-            *last_read < arc.write && arc.last_read < first[*register as usize] + period
+            *last_read < arc.write && arc.last_read < first[at(*register)] + period
         });
         let register = match free {
             Some(Reverse((_, register))) => *register,
-            None => first.len() as u32,
+            None => number(first.len()),
         };
-        if register as usize == first.len() {
+        if at(register) == first.len() {
             first.push(arc.write);
         } else {
             registers.pop();
@@ -40,7 +41,7 @@ pub(super) fn pack(mut arcs: Vec<Arc>, period: u32) -> (Vec<(u32, u32)>, u32) {
         registers.push(Reverse((arc.last_read, register)));
         assigned.push((arc.key, register));
     }
-    (assigned, first.len() as u32)
+    (assigned, number(first.len()))
 }
 
 #[cfg(test)]

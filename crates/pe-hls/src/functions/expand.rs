@@ -2,6 +2,7 @@
 
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::index::{self, at};
 
 use super::domain::Domain;
 use super::fit::{Fit, Layout};
@@ -77,7 +78,7 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, computed: &[Option<C
                     let all = part.clamps.iter().chain([&part.table]);
                     all.map(|planned| {
                         tables.push(planned.entry());
-                        tables.len() as u32 - 1
+                        index::number(tables.len()) - 1
                     })
                     .collect()
                 })
@@ -87,7 +88,7 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, computed: &[Option<C
     let mut serials = vec![0; graph.equations.len()];
     for value in &graph.values {
         if let Role::Inner(equation, serial) = value.role {
-            let last: &mut u32 = &mut serials[equation as usize];
+            let last: &mut u32 = &mut serials[at(equation)];
             *last = serial.max(*last);
         }
     }
@@ -108,8 +109,8 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, computed: &[Option<C
                 expansion.chain(chain.equation, terms, chain.write, chain.second);
             }
             Some(function) => {
-                let computed = computed[function as usize].as_ref().expect("a function in use is planned");
-                expansion.function(graph, chain, computed, &table_of[function as usize]);
+                let computed = computed[at(function)].as_ref().expect("a function in use is planned");
+                expansion.function(graph, chain, computed, &table_of[at(function)]);
             }
         }
     }
@@ -160,7 +161,7 @@ impl Expansion {
     /// The chains of a lookup whose result is a value.
     fn lookup(&mut self, equation: u32, argument: &Argument, fit: &Fit, table: u32, result: ValueId) {
         let z = self.argument(equation, argument, fit);
-        let lookup = self.graph.functions.lookups.len() as u32;
+        let lookup = index::number(self.graph.functions.lookups.len());
         self.graph.functions.lookups.push(Lookup { argument: z, table });
         let nothing = |operand| Term::new(operand, Factor::Coefficient(0.0));
         let last = fit.columns.len() as u8 - 1;
@@ -224,7 +225,7 @@ impl Expansion {
     }
 
     fn inner(&mut self, equation: u32, factor: bool) -> ValueId {
-        let serial = &mut self.serials[equation as usize];
+        let serial = &mut self.serials[at(equation)];
         *serial += 1;
         let role = Role::Inner(equation, *serial);
         self.value(role, equation, factor)
@@ -232,11 +233,11 @@ impl Expansion {
 
     fn value(&mut self, role: Role, equation: u32, factor: bool) -> ValueId {
         self.graph.values.push(Value { role, equation, factor });
-        ValueId(self.graph.values.len() as u32 - 1)
+        ValueId(index::number(self.graph.values.len()) - 1)
     }
 
     fn chain(&mut self, equation: u32, terms: Vec<Term>, write: Write, second: Option<Write>) {
-        let start = self.graph.terms.len() as u32;
+        let start = index::number(self.graph.terms.len());
         self.graph.terms.extend(terms);
         let terms = start..self.graph.terms.len() as u32;
         self.graph.chains.push(Chain { equation, terms, interim: None, write, second, function: None });

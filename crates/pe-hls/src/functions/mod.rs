@@ -17,6 +17,7 @@ use expand::{Computed, Planned, PlannedPart, expand};
 use pe_ir::codes;
 use pe_ir::functions::Segments;
 use pe_ir::graph::StepGraph;
+use pe_ir::index;
 use pe_ir::source::{Diagnostic, Span};
 use pe_ir::word::WordFormat;
 
@@ -59,9 +60,9 @@ pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat)
     let mut place: Vec<Option<(&str, Span)>> = vec![None; uses.len()];
     for chain in &graph.chains {
         if let Some(function) = chain.function {
-            let equation = &graph.equations[chain.equation as usize];
-            uses[function as usize] += 1;
-            place[function as usize].get_or_insert((&equation.name, equation.span));
+            let equation = &graph.equations[index::at(chain.equation)];
+            uses[index::at(function)] += 1;
+            place[index::at(function)].get_or_insert((&equation.name, equation.span));
         }
     }
     let (mut domains, mut errors) = (Vec::new(), Vec::new());

@@ -8,6 +8,7 @@
 //! The product of largest load and connections, which is what counts in the end, is evaluated at the end of each
 //! round, and the best mapping kept.
 
+use pe_ir::index::at;
 use pe_ir::mapping::{Mapping, MappingCost};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -71,7 +72,7 @@ pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut 
     let mut state = State::new(problem, start, plan.max_in_degree);
     let mut best = (start.clone(), state.cost());
     let acceptance = Acceptance::new();
-    let mut regions = plan.regions.then(|| Regions::new(problem, start.pes as usize));
+    let mut regions = plan.regions.then(|| Regions::new(problem, at(start.pes)));
     let (mut tries, mut region_tries) = (0, 0);
     for round in 0..ROUNDS {
         let progress = f64::from(round) / f64::from(ROUNDS - 1);
@@ -87,7 +88,7 @@ pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut 
         let temperature = between(plan.hot, COLD);
         let end = plan.tries * u64::from(round + 1) / u64::from(ROUNDS);
         while let Some(regions) = regions.as_mut().filter(|_| progress < SETTLED && region_tries < end / REGIONS) {
-            let count = region_size(start.pes as usize, rng);
+            let count = region_size(at(start.pes), rng);
             let threshold = temperature * acceptance.draw(rng);
             let effort = regions.cut_anew(&mut state, count, &weights, threshold, rng);
             region_tries += effort;
@@ -106,7 +107,7 @@ pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut 
 
 /// A random number of PEs, two or more: every power of two as likely as the next, and all PEs.
 fn region_size(pes: usize, rng: &mut ChaCha8Rng) -> usize {
-    let powers = pes.ilog2() as usize + 1;
+    let powers = at(pes.ilog2()) + 1;
     (2 << below(rng, powers)).min(pes)
 }
 
@@ -159,6 +160,6 @@ impl Acceptance {
 
     /// `-ln u` of a random `u`.
     fn draw(&self, rng: &mut ChaCha8Rng) -> f64 {
-        self.0[(rng.next_u32() % Acceptance::ENTRIES) as usize]
+        self.0[at(rng.next_u32() % Acceptance::ENTRIES)]
     }
 }

@@ -13,6 +13,7 @@
 //! saves `spread / w`, which is the preference for thin links in the benefit of the size neighbour of Huang, Vahid and
 //! Givargis (2013), doi 10.1145/2514641.2514650, section 5.2.2.
 
+use pe_ir::index::{self, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 
 use super::links::{Link, Links};
@@ -71,14 +72,14 @@ const NONE: u32 = u32::MAX;
 impl<'p> State<'p> {
     /// The state of a mapping.
     pub(super) fn new(problem: &'p Problem, mapping: &Mapping, limit: u32) -> State<'p> {
-        let pes = mapping.pes as usize;
-        State::with_links(problem, mapping, limit, Links::new(pes, pes + problem.inputs() as usize))
+        let pes = index::at(mapping.pes);
+        State::with_links(problem, mapping, limit, Links::new(pes, pes + index::at(problem.inputs())))
     }
 
     /// The state of a mapping in an empty table of links.
     fn with_links(problem: &'p Problem, mapping: &Mapping, limit: u32, links: Links) -> State<'p> {
-        let (pes, equations) = (mapping.pes as usize, problem.equations() as usize);
-        let places = pes + problem.inputs() as usize;
+        let (pes, equations) = (index::at(mapping.pes), index::at(problem.equations()));
+        let places = pes + index::at(problem.inputs());
         let mut place_of = mapping.pe_of.clone();
         place_of.extend(pes as u32..places as u32);
         let mut harmonics = vec![0.0; HARMONICS + 1];
@@ -107,19 +108,19 @@ impl<'p> State<'p> {
             around_at: vec![NONE; places],
         };
         for equation in 0..equations {
-            let pe = state.place_of[equation] as usize;
-            state.position[equation] = state.members[pe].len() as u32;
+            let pe = index::at(state.place_of[equation]);
+            state.position[equation] = number(state.members[pe].len());
             state.members[pe].push(equation as u32);
             state.loads[pe] += problem.loads()[equation];
             for neighbour in problem.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
-                let place = state.place_of[neighbour.node()] as usize;
+                let place = index::at(state.place_of[neighbour.node()]);
                 if place != pe {
                     let link = state.links.get(pe, place);
                     state.replace(pe, place, Link { into: link.into + 1, ..link });
                 }
             }
             state.foreign[equation] =
-                problem.adjacent(equation).filter(|&next| state.place_of[next] != pe as u32).count() as u32;
+                number(problem.adjacent(equation).filter(|&next| state.place_of[next] != pe as u32).count());
             state.boundary.set(equation, state.foreign[equation] > 0);
         }
         state
@@ -127,7 +128,7 @@ impl<'p> State<'p> {
 
     /// PE of an equation.
     pub(super) fn pe(&self, equation: usize) -> usize {
-        self.place_of[equation] as usize
+        index::at(self.place_of[equation])
     }
 
     /// Whether a node is an equation on another PE than this.
@@ -200,7 +201,7 @@ impl<'p> State<'p> {
         let mut excess = 0;
         let (mut degree_from, mut degree_to) = (self.in_degrees[from], self.in_degrees[to]);
         for &(place, link) in &self.around {
-            let place = place as usize;
+            let place = index::at(place);
             if place == from || place == to {
                 continue;
             }
@@ -237,7 +238,7 @@ impl<'p> State<'p> {
         let (_, between) = self.between(from, to);
         for index in 0..self.around.len() {
             let (place, link) = self.around[index];
-            let place = place as usize;
+            let place = index::at(place);
             if place != from && place != to {
                 self.replace(from, place, self.links.get(from, place).minus(link));
                 self.replace(to, place, self.links.get(to, place).plus(link));
@@ -251,11 +252,11 @@ impl<'p> State<'p> {
         self.overloaded.set(to, self.loads[to] > self.cap);
         self.place_of[equation] = to as u32;
         let position = self.position[equation];
-        self.members[from].swap_remove(position as usize);
-        if let Some(&moved) = self.members[from].get(position as usize) {
-            self.position[moved as usize] = position;
+        self.members[from].swap_remove(index::at(position));
+        if let Some(&moved) = self.members[from].get(index::at(position)) {
+            self.position[index::at(moved)] = position;
         }
-        self.position[equation] = self.members[to].len() as u32;
+        self.position[equation] = number(self.members[to].len());
         self.members[to].push(equation as u32);
         let mut foreign = 0;
         for next in self.problem.adjacent(equation) {
@@ -271,18 +272,18 @@ impl<'p> State<'p> {
     /// Gathers the links between an equation and the places around it.
     fn look_around(&mut self, equation: usize) {
         for &(place, _) in &self.around {
-            self.around_at[place as usize] = NONE;
+            self.around_at[index::at(place)] = NONE;
         }
         self.around.clear();
         for neighbour in self.problem.neighbours(equation) {
             let place = self.place_of[neighbour.node()];
             let link = Link { out: neighbour.is_reader(), into: neighbour.reads() };
-            let at = &mut self.around_at[place as usize];
+            let at = &mut self.around_at[index::at(place)];
             if *at == NONE {
-                *at = self.around.len() as u32;
+                *at = number(self.around.len());
                 self.around.push((place, link));
             } else {
-                let sum = &mut self.around[*at as usize].1;
+                let sum = &mut self.around[index::at(*at)].1;
                 *sum = sum.plus(link);
             }
         }
@@ -292,7 +293,7 @@ impl<'p> State<'p> {
     fn between(&self, from: usize, to: usize) -> (Link, Link) {
         let around = |place: usize| match self.around_at[place] {
             NONE => Link::default(),
-            at => self.around[at as usize].1,
+            at => self.around[index::at(at)].1,
         };
         let old = self.links.get(from, to);
         (old, old.minus(around(to)).plus(around(from).reversed()))
@@ -318,7 +319,7 @@ impl<'p> State<'p> {
 
     /// `c(w)` of the module's formula.
     fn connection(&self, link: Link, weights: &Weights) -> f64 {
-        match link.weight() as usize {
+        match index::at(link.weight()) {
             0 => 0.0,
             weight => 1.0 + weights.spread * self.harmonics[weight.min(HARMONICS)],
         }

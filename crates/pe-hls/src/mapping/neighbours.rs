@@ -4,6 +4,7 @@
 //! section 5.2.2; plain moves and swaps are added. An equation always moves to a PE that holds one of the equations
 //! next to it, and never leaves a PE empty.
 
+use pe_ir::index::at;
 use rand_chacha::ChaCha8Rng;
 
 use super::cost::State;
@@ -21,20 +22,20 @@ const LOOKS: usize = 8;
 
 /// A random equation at the boundary of its PE, to the PE of an equation next to it.
 pub(super) fn plain(state: &State, rng: &mut ChaCha8Rng) -> Option<Move> {
-    across(state, *pick(state.boundary(), rng)? as usize, rng)
+    across(state, at(*pick(state.boundary(), rng)?), rng)
 }
 
 /// A random equation of a PE that is loaded above the cap, to the PE of an equation next to it.
 pub(super) fn performance(state: &State, rng: &mut ChaCha8Rng) -> Option<Move> {
-    let members = state.members(*pick(state.overloaded(), rng)? as usize);
-    let equation = around(members, rng).find(|&&equation| state.is_boundary(equation as usize))?;
-    across(state, *equation as usize, rng)
+    let members = state.members(at(*pick(state.overloaded(), rng)?));
+    let equation = around(members, rng).find(|&&equation| state.is_boundary(at(equation)))?;
+    across(state, at(*equation), rng)
 }
 
 /// To the PE of a random equation, the one of the equations next to it, on other PEs, that has the largest benefit:
 /// load of its PE / dependencies between the two PEs.
 pub(super) fn size(state: &State, rng: &mut ChaCha8Rng) -> Option<Move> {
-    let centre = *pick(state.boundary(), rng)? as usize;
+    let centre = at(*pick(state.boundary(), rng)?);
     let to = state.pe(centre);
     let mut best: Option<(Move, u64, u64)> = None;
     for neighbour in around(state.problem.neighbours(centre), rng) {
@@ -53,7 +54,7 @@ pub(super) fn size(state: &State, rng: &mut ChaCha8Rng) -> Option<Move> {
 
 /// An equation of the PE that a move filled, back to the PE that the move left. To be asked after the move.
 pub(super) fn exchange(state: &State, from: usize, done: Move, rng: &mut ChaCha8Rng) -> Option<Move> {
-    let equation = around(state.members(done.to), rng).map(|&equation| equation as usize).find(|&equation| {
+    let equation = around(state.members(done.to), rng).map(|&equation| at(equation)).find(|&equation| {
         equation != done.equation
             && state.is_boundary(equation)
             && state.problem.adjacent(equation).take(LOOKS).any(|next| state.pe(next) == from)

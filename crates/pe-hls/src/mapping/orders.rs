@@ -1,5 +1,6 @@
 //! Linear orders of the equations in which neighbours in the dependency graph stand close together.
 
+use pe_ir::index::{at, number};
 use std::collections::VecDeque;
 
 use super::problem::Problem;
@@ -45,7 +46,7 @@ pub(super) fn depth_first(problem: &Problem, after: bool) -> Vec<u32> {
 /// The end of each component.
 fn breadth_first_ends(problem: &Problem, region: &mut Region, all: &[u32]) -> Vec<u32> {
     let mut ends = Vec::new();
-    let mut component = Vec::with_capacity(problem.equations() as usize);
+    let mut component = Vec::with_capacity(at(problem.equations()));
     for &equation in all {
         if region.is_unseen(equation) {
             let end = region.far_end(equation);
@@ -71,13 +72,13 @@ impl Tree {
         // Neighbours are pushed before they are known to be children; the first one popped is the one that counts.
         let mut stack = vec![(root, 0)];
         while let Some((equation, parent)) = stack.pop() {
-            if std::mem::replace(&mut seen[equation as usize], true) {
+            if std::mem::replace(&mut seen[at(equation)], true) {
                 continue;
             }
-            let position = tree.found.len() as u32;
+            let position = number(tree.found.len());
             tree.found.push(equation);
             tree.parents.push(parent);
-            let unseen = problem.adjacent(equation as usize).rev().filter(|&next| !seen[next]);
+            let unseen = problem.adjacent(at(equation)).rev().filter(|&next| !seen[next]);
             stack.extend(unseen.map(|next| (next as u32, position)));
         }
         tree
@@ -88,24 +89,24 @@ impl Tree {
         let count = self.found.len();
         let mut sizes = vec![1u32; count];
         for position in (1..count).rev() {
-            sizes[self.parents[position] as usize] += sizes[position];
+            sizes[at(self.parents[position])] += sizes[position];
         }
         let mut by_size: Vec<u32> = (1..count as u32).collect();
-        by_size.sort_by_key(|&position| (self.parents[position as usize], sizes[position as usize], position));
+        by_size.sort_by_key(|&position| (self.parents[at(position)], sizes[at(position)], position));
         // The first position of each subtree in the written order follows from the sizes alone.
         let mut first = vec![0u32; count];
         let base = order.len();
         order.resize(base + count, 0);
-        for children in by_size.chunk_by(|&left, &right| self.parents[left as usize] == self.parents[right as usize]) {
-            let mut next = first[self.parents[children[0] as usize] as usize] + u32::from(!after);
+        for children in by_size.chunk_by(|&left, &right| self.parents[at(left)] == self.parents[at(right)]) {
+            let mut next = first[at(self.parents[at(children[0])])] + u32::from(!after);
             for &child in children {
-                first[child as usize] = next;
-                next += sizes[child as usize];
+                first[at(child)] = next;
+                next += sizes[at(child)];
             }
         }
         for position in 0..count {
             let place = first[position] + if after { sizes[position] - 1 } else { 0 };
-            order[base + place as usize] = self.found[position];
+            order[base + at(place)] = self.found[position];
         }
     }
 }
@@ -122,26 +123,26 @@ pub(super) struct Region<'p> {
 impl<'p> Region<'p> {
     /// No part yet.
     pub(super) fn new(problem: &'p Problem) -> Region<'p> {
-        Region { problem, seen: vec![UNSEEN; problem.equations() as usize], searches: 1, queue: VecDeque::new() }
+        Region { problem, seen: vec![UNSEEN; at(problem.equations())], searches: 1, queue: VecDeque::new() }
     }
 
     /// Makes these equations the part.
     pub(super) fn enter(&mut self, part: &[u32]) {
         for &equation in part {
-            self.seen[equation as usize] = 0;
+            self.seen[at(equation)] = 0;
         }
     }
 
     /// Takes these equations out of the part.
     pub(super) fn leave(&mut self, part: &[u32]) {
         for &equation in part {
-            self.seen[equation as usize] = UNSEEN;
+            self.seen[at(equation)] = UNSEEN;
         }
     }
 
     /// Whether an equation of the part is in no component written so far.
     pub(super) fn is_unseen(&self, equation: u32) -> bool {
-        self.seen[equation as usize] != u32::MAX - 1
+        self.seen[at(equation)] != u32::MAX - 1
     }
 
     /// An equation at an end of the component: the last of two searches, each from the last of the one before.
@@ -164,18 +165,18 @@ impl<'p> Region<'p> {
         let mut last = equation;
         self.queue.clear();
         self.queue.push_back(equation);
-        self.seen[equation as usize] = mark;
+        self.seen[at(equation)] = mark;
         let mut next: Vec<u32> = Vec::new();
         while let Some(found) = self.queue.pop_front() {
             visit(found);
             last = found;
-            for neighbour in self.problem.adjacent(found as usize) {
+            for neighbour in self.problem.adjacent(at(found)) {
                 if self.seen[neighbour] < mark {
                     self.seen[neighbour] = mark;
                     next.push(neighbour as u32);
                 }
             }
-            next.sort_by_key(|&equation| self.problem.neighbours(equation as usize).len());
+            next.sort_by_key(|&equation| self.problem.neighbours(at(equation)).len());
             self.queue.extend(next.drain(..));
         }
         last

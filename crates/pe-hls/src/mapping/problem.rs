@@ -1,6 +1,7 @@
 //! The mapping problem in flat arrays, and its views as petgraph graphs.
 
 use pe_ir::graph::{Role, StepGraph, Term};
+use pe_ir::index::{at, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 use petgraph::graph::DiGraph;
 
@@ -28,7 +29,7 @@ impl Neighbour {
 
     /// Index of an equation, or number of equations + index of an input.
     pub(super) fn node(self) -> usize {
-        (self.0 >> 2) as usize
+        at(self.0 >> 2)
     }
 
     /// 1 if the equation reads the node, else 0.
@@ -61,7 +62,7 @@ impl Problem {
     /// # Panics
     /// If an index is out of range or there are 2^30 nodes or more.
     pub fn new(loads: Vec<u32>, arcs: &[(u32, u32)], input_reads: &[(u32, u32)]) -> Problem {
-        let equations = loads.len() as u32;
+        let equations = number(loads.len());
         let inputs = input_reads.iter().map(|&(input, _)| input + 1).max().unwrap_or(0);
         assert!(equations + inputs < 1 << 30, "too many equations");
         let mut sides: Vec<(u32, u32)> = Vec::with_capacity(2 * arcs.len() + input_reads.len());
@@ -86,7 +87,7 @@ impl Problem {
                 neighbours.push(Neighbour(packed));
                 last = (equation, packed >> 2);
             }
-            offsets[equation as usize + 1] = neighbours.len() as u32;
+            offsets[at(equation) + 1] = number(neighbours.len());
         }
         for equation in 0..loads.len() {
             offsets[equation + 1] = offsets[equation + 1].max(offsets[equation]);
@@ -96,7 +97,7 @@ impl Problem {
 
     /// Number of equations.
     pub fn equations(&self) -> u32 {
-        self.loads.len() as u32
+        number(self.loads.len())
     }
 
     /// Issue slots of each equation.
@@ -116,7 +117,7 @@ impl Problem {
 
     /// Nodes next to an equation, by rising index, so that inputs come last.
     pub(super) fn neighbours(&self, equation: usize) -> &[Neighbour] {
-        &self.neighbours[self.offsets[equation] as usize..self.offsets[equation + 1] as usize]
+        &self.neighbours[at(self.offsets[equation])..self.offsets[equation + 1] as usize]
     }
 
     /// Equations next to an equation.
@@ -146,9 +147,9 @@ impl Problem {
 
     /// The cost of a mapping, computed from nothing.
     pub fn cost(&self, mapping: &Mapping) -> MappingCost {
-        let mut loads = vec![0; mapping.pes as usize];
+        let mut loads = vec![0; at(mapping.pes)];
         for (&pe, &load) in mapping.pe_of.iter().zip(&self.loads) {
-            loads[pe as usize] += load;
+            loads[at(pe)] += load;
         }
         let sources = self.sources(mapping);
         let degrees = sources.chunk_by(|left, right| left.0 == right.0).map(<[_]>::len);
@@ -157,7 +158,7 @@ impl Problem {
         let mut pairs: Vec<(u32, u32)> = between_pes.map(|&(pe, source)| (pe.min(source), pe.max(source))).collect();
         pairs.sort_unstable();
         pairs.dedup();
-        MappingCost { max_load: loads.into_iter().max().unwrap_or(0), connections: pairs.len() as u32, max_in_degree }
+        MappingCost { max_load: loads.into_iter().max().unwrap_or(0), connections: number(pairs.len()), max_in_degree }
     }
 
     /// The ODE-dependency graph: equations weighted by load, arcs from the read equation to its reader.
@@ -180,7 +181,7 @@ impl Problem {
         let nodes: Vec<_> = (0..mapping.pes).map(|_| graph.add_node(0)).collect();
         let mut arcs = Vec::new();
         for (equation, &pe) in mapping.pe_of.iter().enumerate() {
-            graph[nodes[pe as usize]] += self.loads[equation];
+            graph[nodes[at(pe)]] += self.loads[equation];
             for neighbour in self.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
                 match mapping.pe_of.get(neighbour.node()) {
                     Some(&source) if source != pe => arcs.push((source, pe)),
@@ -191,7 +192,7 @@ impl Problem {
         arcs.sort_unstable();
         for link in arcs.chunk_by(|left, right| left == right) {
             let (source, reader) = link[0];
-            graph.add_edge(nodes[source as usize], nodes[reader as usize], link.len() as u32);
+            graph.add_edge(nodes[at(source)], nodes[at(reader)], number(link.len()));
         }
         graph
     }

@@ -4,6 +4,7 @@
 //! arrangement of subtrees into another, for all ways between the two are worse. A region that is cut anew goes there at
 //! once, and is kept by the rule of all moves.
 
+use pe_ir::index::{self, at};
 use rand_chacha::ChaCha8Rng;
 
 use super::cost::{State, Weights};
@@ -32,7 +33,7 @@ const NONE: u32 = u32::MAX;
 impl<'p> Regions<'p> {
     /// No region yet.
     pub(super) fn new(problem: &'p Problem, pes: usize) -> Regions<'p> {
-        let outside = vec![true; problem.equations() as usize];
+        let outside = vec![true; at(problem.equations())];
         Regions { problem, region: Region::new(problem), outside, number: vec![NONE; pes] }
     }
 
@@ -47,7 +48,7 @@ impl<'p> Regions<'p> {
         rng: &mut ChaCha8Rng,
     ) -> u64 {
         let pes = self.joined(state, below(rng, self.number.len()), count);
-        let equations: Vec<u32> = pes.iter().flat_map(|pe| state.members(*pe as usize)).copied().collect();
+        let equations: Vec<u32> = pes.iter().flat_map(|pe| state.members(at(*pe))).copied().collect();
         let order = self.order(&equations, rng);
         let effort = 1 + (order.len() / ORDERED_PER_TRY) as u64;
         let moves = self.moves(state, &pes, &order);
@@ -68,11 +69,11 @@ impl<'p> Regions<'p> {
         self.number[centre] = 0;
         let mut next = 0;
         while next < pes.len() && pes.len() < count {
-            for equation in state.members(pes[next] as usize) {
-                for neighbour in self.problem.adjacent(*equation as usize) {
+            for equation in state.members(at(pes[next])) {
+                for neighbour in self.problem.adjacent(at(*equation)) {
                     let pe = state.pe(neighbour);
                     if self.number[pe] == NONE && pes.len() < count {
-                        self.number[pe] = pes.len() as u32;
+                        self.number[pe] = index::number(pes.len());
                         pes.push(pe as u32);
                     }
                 }
@@ -94,13 +95,13 @@ impl<'p> Regions<'p> {
         }
         self.region.enter(equations);
         if kind > 0 {
-            equations.iter().for_each(|equation| self.outside[*equation as usize] = false);
+            equations.iter().for_each(|equation| self.outside[at(*equation)] = false);
         }
         for equation in equations[first..].iter().chain(&equations[..first]) {
             if kind == 0 && self.region.is_unseen(*equation) {
                 let end = self.region.far_end(*equation);
                 self.region.layers(end, &mut order);
-            } else if kind > 0 && !self.outside[*equation as usize] {
+            } else if kind > 0 && !self.outside[at(*equation)] {
                 let end = self.region.far_end(*equation);
                 Tree::depth_first(self.problem, end, &mut self.outside).write(kind > 1, &mut order);
             }
@@ -117,12 +118,12 @@ impl<'p> Regions<'p> {
         let mut homeless = Vec::new();
         let runs = cut_evenly(self.problem, order, pes.len());
         let mut send = |run: &[u32], to: u32| {
-            let from = run.iter().map(|equation| (*equation as usize, state.pe(*equation as usize), to as usize));
+            let from = run.iter().map(|equation| (at(*equation), state.pe(at(*equation)), at(to)));
             moves.extend(from.filter(|(_, from, to)| from != to));
         };
         for run in runs {
             let run = &order[run];
-            let numbers = || run.iter().map(|equation| self.number[state.pe(*equation as usize)] as usize);
+            let numbers = || run.iter().map(|equation| at(self.number[state.pe(at(*equation))]));
             numbers().for_each(|number| here[number] += 1);
             let best = numbers().filter(|number| left[*number]).max_by_key(|number| (here[*number], *number));
             numbers().for_each(|number| here[number] = 0);
@@ -136,7 +137,7 @@ impl<'p> Regions<'p> {
         }
         let free = (0..pes.len()).filter(|number| left[*number]).map(|number| pes[number]);
         homeless.into_iter().zip(free).for_each(|(run, to)| send(run, to));
-        pes.iter().for_each(|pe| self.number[*pe as usize] = NONE);
+        pes.iter().for_each(|pe| self.number[at(*pe)] = NONE);
         moves
     }
 }

@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
+use pe_ir::index::at;
 use pe_ir::mapping::Mapping;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -23,7 +24,7 @@ pub(super) fn random(problem: &Problem, pes: u32, seed: u64) -> Mapping {
     }
     let mut pe_of = vec![0; order.len()];
     for (turn, &equation) in order.iter().enumerate() {
-        pe_of[equation as usize] = turn as u32 % pes;
+        pe_of[at(equation)] = turn as u32 % pes;
     }
     Mapping { pes, pe_of }
 }
@@ -64,8 +65,8 @@ pub(super) fn structured(problem: &Problem, pes: u32) -> Vec<(&'static str, Mapp
 /// Cuts an order of all equations into one run per PE.
 pub(super) fn runs(problem: &Problem, order: &[u32], pes: u32) -> Mapping {
     let mut pe_of = vec![0; order.len()];
-    for (pe, run) in (0..).zip(cut_evenly(problem, order, pes as usize)) {
-        order[run].iter().for_each(|&equation| pe_of[equation as usize] = pe);
+    for (pe, run) in (0..).zip(cut_evenly(problem, order, at(pes))) {
+        order[run].iter().for_each(|&equation| pe_of[at(equation)] = pe);
     }
     Mapping { pes, pe_of }
 }
@@ -73,7 +74,7 @@ pub(super) fn runs(problem: &Problem, order: &[u32], pes: u32) -> Mapping {
 /// Cuts an order into runs, none of them empty, such that the largest load of a run is the smallest possible, and the
 /// loads of the runs follow the mean as closely as that allows.
 pub(super) fn cut_evenly(problem: &Problem, order: &[u32], count: usize) -> Vec<Range<usize>> {
-    let loads: Vec<u64> = order.iter().map(|&equation| u64::from(problem.loads()[equation as usize])).collect();
+    let loads: Vec<u64> = order.iter().map(|&equation| u64::from(problem.loads()[at(equation)])).collect();
     let cap = smallest_cap(&loads, count);
     // What is left must fit into the runs left, so no run may end before `earliest`.
     let earliest = earliest_ends(&loads, count, cap);
@@ -142,17 +143,17 @@ fn earliest_ends(loads: &[u64], pes: usize, cap: u64) -> Vec<usize> {
 /// Halves the equations again and again: each part in layers from one of its ends, cut where the loads match the
 /// numbers of PEs.
 fn bisection(problem: &Problem, pes: u32) -> Mapping {
-    let mut pe_of = vec![0; problem.equations() as usize];
+    let mut pe_of = vec![0; at(problem.equations())];
     let mut order = orders::breadth_first(problem);
     let mut region = Region::new(problem);
     let mut layered: Vec<u32> = Vec::with_capacity(order.len());
     // Parts of `order` with their first PE and number of PEs.
-    let mut parts = vec![(0..order.len(), 0, pes as usize)];
+    let mut parts = vec![(0..order.len(), 0, at(pes))];
     while let Some((part, first, count)) = parts.pop() {
         let equations = &mut order[part.clone()];
         if count == 1 {
             for &equation in equations.iter() {
-                pe_of[equation as usize] = first as u32;
+                pe_of[at(equation)] = first as u32;
             }
             continue;
         }
@@ -167,7 +168,7 @@ fn bisection(problem: &Problem, pes: u32) -> Mapping {
         region.leave(equations);
         equations.copy_from_slice(&layered);
         let half = count / 2;
-        let load = |equation: &u32| u64::from(problem.loads()[*equation as usize]);
+        let load = |equation: &u32| u64::from(problem.loads()[at(*equation)]);
         let total: u64 = equations.iter().map(load).sum();
         let goal = total * half as u64 / count as u64;
         let mut done = 0;

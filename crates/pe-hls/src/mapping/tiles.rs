@@ -13,6 +13,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
+use pe_ir::index;
 use pe_ir::mapping::Mapping;
 
 use super::problem::Problem;
@@ -32,8 +33,8 @@ const UNSEEN: u32 = u32::MAX;
 /// The best of some ways to cut a box into slabs, these into pencils, and these into tiles; none without coordinates.
 pub(super) fn tiles(problem: &Problem, pes: u32) -> Option<Mapping> {
     let axes = coordinates(problem)?;
-    let count = problem.equations() as usize;
-    let pes = pes as usize;
+    let count = index::at(problem.equations());
+    let pes = index::at(pes);
     // In two dimensions a slab is a pencil.
     let per_pencil = if axes.len() > 2 { &PER_PENCIL[..] } else { &PER_PENCIL[..1] };
     let shapes = per_pencil.iter().flat_map(|&pencil| SLABS.iter().map(move |&slabs| (slabs, pencil)));
@@ -47,7 +48,7 @@ pub(super) fn tiles(problem: &Problem, pes: u32) -> Option<Mapping> {
 
 /// Two or three coordinates of every equation.
 fn coordinates(problem: &Problem) -> Option<Vec<Vec<u32>>> {
-    let count = problem.equations() as usize;
+    let count = index::at(problem.equations());
     let degrees: Vec<usize> = (0..count).map(|equation| problem.adjacent(equation).count()).collect();
     let is_corner = |&equation: &usize| problem.adjacent(equation).all(|next| degrees[equation] < degrees[next]);
     let corners: Vec<usize> = (0..count).filter(is_corner).take(CORNERS.end() + 1).collect();
@@ -78,7 +79,7 @@ fn coordinates(problem: &Problem) -> Option<Vec<Vec<u32>>> {
 
 /// Distances from an equation.
 fn distances(problem: &Problem, from: usize) -> Vec<u32> {
-    let mut distances = vec![UNSEEN; problem.equations() as usize];
+    let mut distances = vec![UNSEEN; index::at(problem.equations())];
     distances[from] = 0;
     let mut queue = VecDeque::from([from]);
     while let Some(equation) = queue.pop_front() {
@@ -94,9 +95,9 @@ fn distances(problem: &Problem, from: usize) -> Vec<u32> {
 
 /// Cuts a box into slabs, each into pencils with about so many PEs, and these into tiles.
 fn cut_box(problem: &Problem, axes: &[Vec<u32>], pes: usize, slabs: usize, per_pencil: usize) -> Mapping {
-    let mut pe_of = vec![0; problem.equations() as usize];
+    let mut pe_of = vec![0; index::at(problem.equations())];
     let mut all: Vec<u32> = (0..problem.equations()).collect();
-    let at = |axis: usize, equation: &u32| axes[axis][*equation as usize];
+    let at = |axis: usize, equation: &u32| axes[axis][index::at(*equation)];
     let (second, last) = (1, axes.len() - 1);
     all.sort_by_key(|equation| (at(0, equation), at(second, equation), at(last, equation)));
     let mut next = 0;
@@ -111,7 +112,7 @@ fn cut_box(problem: &Problem, axes: &[Vec<u32>], pes: usize, slabs: usize, per_p
             pencil.sort_by_key(|equation| (at(last, equation), at(0, equation), at(second, equation)));
             for tile in cut(problem, pencil, &vec![1; pes]) {
                 for equation in &pencil[tile] {
-                    pe_of[*equation as usize] = next;
+                    pe_of[index::at(*equation)] = next;
                 }
                 next += 1;
             }
@@ -127,7 +128,7 @@ fn shares(pes: usize, count: usize) -> Vec<usize> {
 
 /// Cuts a list into runs whose loads follow their numbers of PEs, each with an equation per PE at least.
 fn cut(problem: &Problem, list: &[u32], pes: &[usize]) -> Vec<Range<usize>> {
-    let load = |at: usize| u64::from(problem.loads()[list[at] as usize]);
+    let load = |at: usize| u64::from(problem.loads()[index::at(list[at])]);
     let total: u64 = (0..list.len()).map(load).sum();
     let all: usize = pes.iter().sum();
     let (mut runs, mut at, mut done, mut before) = (Vec::with_capacity(pes.len()), 0, 0, 0);

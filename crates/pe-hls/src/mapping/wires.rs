@@ -4,6 +4,7 @@
 //! along the connections, as the square is, and then exchanged with one another while that shortens the sum. The
 //! length of a connection is the number of grid steps between its ends, which is 1 for neighbours.
 
+use pe_ir::index;
 use pe_ir::mapping::Mapping;
 
 use super::orders::Region;
@@ -23,9 +24,9 @@ const ROUNDS: usize = 64;
 
 /// The lengths of the connections of a mapping.
 pub fn wire_length(problem: &Problem, mapping: &Mapping) -> WireLength {
-    let pes = mapping.pes as usize;
+    let pes = index::at(mapping.pes);
     let sources = problem.sources(mapping);
-    let arcs: Vec<(u32, u32)> = sources.into_iter().filter(|&(_, source)| (source as usize) < pes).collect();
+    let arcs: Vec<(u32, u32)> = sources.into_iter().filter(|&(_, source)| (index::at(source)) < pes).collect();
     let network = Problem::new(vec![1; pes], &arcs, &[]);
     let mut grid = Grid::halved(&network);
     for _ in 0..ROUNDS {
@@ -62,7 +63,7 @@ impl Grid {
     fn halved(network: &Problem) -> Grid {
         let pes = network.equations();
         let side = (1..).find(|side| side * side >= pes).unwrap_or(1);
-        let mut grid = Grid { side, places: vec![(0, 0); pes as usize], at: vec![u32::MAX; pes as usize] };
+        let mut grid = Grid { side, places: vec![(0, 0); index::at(pes)], at: vec![u32::MAX; index::at(pes)] };
         let places: Vec<(u32, u32)> = (0..pes).map(|place| (place % side, place / side)).collect();
         let mut region = Region::new(network);
         let mut parts = vec![((0..pes).collect::<Vec<u32>>(), places)];
@@ -96,14 +97,14 @@ impl Grid {
     }
 
     fn put(&mut self, pe: u32, place: (u32, u32)) {
-        self.places[pe as usize] = place;
-        self.at[(place.1 * self.side + place.0) as usize] = pe;
+        self.places[index::at(pe)] = place;
+        self.at[index::at(place.1 * self.side + place.0)] = pe;
     }
 
     /// Sum of the lengths of a PE's connections.
     fn length(&self, network: &Problem, pe: u32) -> i64 {
-        let own = self.places[pe as usize];
-        network.adjacent(pe as usize).map(|other| i64::from(distance(own, self.places[other]))).sum()
+        let own = self.places[index::at(pe)];
+        network.adjacent(index::at(pe)).map(|other| i64::from(distance(own, self.places[other]))).sum()
     }
 
     /// Exchanges each PE with those around it and around the middle of what it is connected to, if that shortens
@@ -111,8 +112,8 @@ impl Grid {
     fn exchange(&mut self, network: &Problem) -> bool {
         let mut changed = false;
         for pe in 0..network.equations() {
-            let mut columns: Vec<u32> = network.adjacent(pe as usize).map(|other| self.places[other].0).collect();
-            let mut rows: Vec<u32> = network.adjacent(pe as usize).map(|other| self.places[other].1).collect();
+            let mut columns: Vec<u32> = network.adjacent(index::at(pe)).map(|other| self.places[other].0).collect();
+            let mut rows: Vec<u32> = network.adjacent(index::at(pe)).map(|other| self.places[other].1).collect();
             if columns.is_empty() {
                 continue;
             }
@@ -120,7 +121,7 @@ impl Grid {
             rows.sort_unstable();
             let middle = (columns[columns.len() / 2], rows[rows.len() / 2]);
             for (right, down) in [(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1)] {
-                for (column, row) in [middle, self.places[pe as usize]] {
+                for (column, row) in [middle, self.places[index::at(pe)]] {
                     let place = (column.wrapping_add_signed(right), row.wrapping_add_signed(down));
                     changed |= self.try_exchange(network, pe, place);
                 }
@@ -135,7 +136,7 @@ impl Grid {
         if place.0 >= self.side || other == pe {
             return false;
         }
-        let own = self.places[pe as usize];
+        let own = self.places[index::at(pe)];
         let before = self.length(network, pe) + self.length(network, other);
         self.put(pe, place);
         self.put(other, own);

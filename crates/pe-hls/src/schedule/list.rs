@@ -3,6 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use pe_ir::index::{at, number};
 use pe_ir::word::Latency;
 
 use super::problem::{NONE, Problem};
@@ -101,18 +102,18 @@ impl<'a> List<'a> {
     fn receive_inputs(&mut self) {
         let first = self.problem.latency.pause() + 1;
         for (index, import) in self.problem.imports.iter().enumerate().filter(|(_, import)| import.is_input) {
-            let receive = self.pes[import.pe as usize].receives.take(first);
+            let receive = self.pes[at(import.pe)].receives.take(first);
             self.placement.receives[index] = receive;
-            self.ready[import.slot as usize] = receive + Latency::WRITE_TO_READ;
+            self.ready[at(import.slot)] = receive + Latency::WRITE_TO_READ;
         }
     }
 
     /// A chain's predecessors are placed: orders its terms by arrival and computes its earliest start.
     fn make_ready(&mut self, chain: u32, now: u32) {
         let problem = self.problem;
-        let code = &problem.chains[chain as usize];
+        let code = &problem.chains[at(chain)];
         let arrival = |term: u32| {
-            let ready = self.ready[problem.operands[term as usize].slot()];
+            let ready = self.ready[problem.operands[at(term)].slot()];
             let ready = problem.partner(term).map_or(ready, |partner| ready.max(self.ready[partner.slot()]));
             problem.factor(term).map_or(ready, |value| ready.max(self.ready[value]))
         };
@@ -123,7 +124,7 @@ impl<'a> List<'a> {
         let mut start = now;
         for (position, (ready, term)) in arrivals.iter().enumerate() {
             start = start.max(ready.saturating_sub(position as u32));
-            self.placement.order[code.terms.start as usize + position] = *term;
+            self.placement.order[at(code.terms.start) + position] = *term;
         }
         self.arrivals = arrivals;
         let last_offset = code.len() - 1;
@@ -133,7 +134,7 @@ impl<'a> List<'a> {
                 start = start.max((self.ready[base.slot()] + base.lag()).saturating_sub(scale));
             }
         }
-        let pe = code.pe as usize;
+        let pe = at(code.pe);
         self.pes[pe].coming.push(Reverse((start, chain)));
         self.wake(pe, start);
     }
@@ -149,7 +150,7 @@ impl<'a> List<'a> {
                 break;
             }
             self.pes[pe].coming.pop();
-            self.pes[pe].ready.push((self.problem.chains[chain as usize].priority, Reverse(chain)));
+            self.pes[pe].ready.push((self.problem.chains[at(chain)].priority, Reverse(chain)));
         }
         let mut earliest = u32::MAX;
         let mut chosen = None;
@@ -178,7 +179,7 @@ impl<'a> List<'a> {
     /// When the hold register, the write port and the link allow a chain to start.
     fn earliest_start(&self, pe: usize, chain: u32) -> u32 {
         let state = &self.pes[pe];
-        let code = &self.problem.chains[chain as usize];
+        let code = &self.problem.chains[at(chain)];
         let last_offset = code.len() - 1;
         let mut start = state.free.max(state.next_last.saturating_sub(last_offset));
         if code.is_sent() {
@@ -190,21 +191,21 @@ impl<'a> List<'a> {
 
     fn issue(&mut self, pe: usize, chain: u32, start: u32) {
         let problem = self.problem;
-        let code = &problem.chains[chain as usize];
+        let code = &problem.chains[at(chain)];
         let last = start + code.len() - 1;
-        self.placement.starts[chain as usize] = start;
+        self.placement.starts[at(chain)] = start;
         self.pes[pe].free = last + 1;
         self.pes[pe].next_last = last + code.held;
         self.note_reads(chain, start);
         for store in code.stores() {
             let time = last + problem.latency.write() + store.delay;
             // A swapped end value has a word of its own; an in-place one is read under its own name.
-            self.ready[store.slot as usize] = time + Latency::WRITE_TO_READ;
+            self.ready[at(store.slot)] = time + Latency::WRITE_TO_READ;
         }
         self.send(chain, last + problem.latency.write() + code.write.delay);
         for successor in problem.successors(chain) {
-            self.waiting[*successor as usize] -= 1;
-            if self.waiting[*successor as usize] == 0 {
+            self.waiting[at(*successor)] -= 1;
+            if self.waiting[at(*successor)] == 0 {
                 self.make_ready(*successor, start);
             }
         }
@@ -213,9 +214,9 @@ impl<'a> List<'a> {
     /// Records reads of words from the step before, and of imports.
     fn note_reads(&mut self, chain: u32, start: u32) {
         let problem = self.problem;
-        let code = &problem.chains[chain as usize];
+        let code = &problem.chains[at(chain)];
         for position in 0..code.len() {
-            let term = self.placement.order[(code.terms.start + position) as usize] as usize;
+            let term = at(self.placement.order[at(code.terms.start + position)]);
             let time = start + position;
             for operand in std::iter::once(problem.operands[term]).chain(problem.partner(term as u32)) {
                 if operand.is_imported() {
@@ -240,17 +241,17 @@ impl<'a> List<'a> {
     /// Places the receives of what a chain sends in word `sent`.
     fn send(&mut self, chain: u32, sent: u32) {
         let problem = self.problem;
-        let code = &problem.chains[chain as usize];
+        let code = &problem.chains[at(chain)];
         for index in problem.links(chain) {
-            let import = &problem.imports[*index as usize];
+            let import = &problem.imports[at(*index)];
             let mut first = sent + Latency::SEND_TO_RECEIVE;
             if code.overwrites {
-                first = first.max(self.last_read[import.slot as usize] + 1);
+                first = first.max(self.last_read[at(import.slot)] + 1);
             }
-            let receive = self.pes[import.pe as usize].receives.take(first);
-            self.placement.receives[*index as usize] = receive;
-            self.ready[import.slot as usize] = receive + Latency::WRITE_TO_READ;
-            let next_send = &mut self.pes[code.pe as usize].next_send;
+            let receive = self.pes[at(import.pe)].receives.take(first);
+            self.placement.receives[at(*index)] = receive;
+            self.ready[at(import.slot)] = receive + Latency::WRITE_TO_READ;
+            let next_send = &mut self.pes[at(code.pe)].next_send;
             *next_send = (*next_send).max(receive);
         }
     }
@@ -304,21 +305,21 @@ struct Slots {
 impl Slots {
     /// Takes the first free word from `from` on.
     fn take(&mut self, from: u32) -> u32 {
-        while self.next.len() <= from as usize + 1 {
-            self.next.push(self.next.len() as u32);
+        while self.next.len() <= at(from) + 1 {
+            self.next.push(number(self.next.len()));
         }
         let mut slot = from;
-        while self.next[slot as usize] != slot {
-            slot = self.next[slot as usize];
-            if self.next.len() <= slot as usize + 1 {
-                self.next.push(self.next.len() as u32);
+        while self.next[at(slot)] != slot {
+            slot = self.next[at(slot)];
+            if self.next.len() <= at(slot) + 1 {
+                self.next.push(number(self.next.len()));
             }
         }
         let mut visited = from;
         while visited != slot {
-            visited = std::mem::replace(&mut self.next[visited as usize], slot + 1);
+            visited = std::mem::replace(&mut self.next[at(visited)], slot + 1);
         }
-        self.next[slot as usize] = slot + 1;
+        self.next[at(slot)] = slot + 1;
         slot
     }
 }

@@ -4,6 +4,7 @@
 //! graph's order, in which a PE also comes to it: chains, operands, and the slots that say when a word is there.
 
 use pe_ir::graph::{Factor, Role, StepGraph, Term, ValueId, Write};
+use pe_ir::index::{at, number};
 use pe_ir::mapping::Mapping;
 use pe_ir::schedule::{Schedule, Transfer};
 use pe_ir::word::Latency;
@@ -26,7 +27,7 @@ const INDEXED: u32 = 1 << 29;
 impl Operand {
     /// The slot of the word: a value in its own PE, or an import.
     pub fn slot(self) -> usize {
-        (self.0 & !(FROM_BEFORE | IMPORTED | INDEXED)) as usize
+        at(self.0 & !(FROM_BEFORE | IMPORTED | INDEXED))
     }
 
     /// Words that pass between the first possible read of the slot and that of the operand.
@@ -141,17 +142,17 @@ pub(super) struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     pub fn new(graph: &'a StepGraph, mapping: &Mapping, latency: Latency) -> Self {
-        let pe_of: Vec<u32> = graph.chains.iter().map(|chain| mapping.pe_of[chain.equation as usize]).collect();
+        let pe_of: Vec<u32> = graph.chains.iter().map(|chain| mapping.pe_of[at(chain.equation)]).collect();
         let places = Places::new(graph, mapping, &pe_of);
         let mut originals: Vec<u32> = (0..graph.chains.len() as u32).collect();
-        originals.sort_by_key(|chain| pe_of[*chain as usize]);
+        originals.sort_by_key(|chain| pe_of[at(*chain)]);
         let in_place = !graph.swaps();
         let mut operands = Vec::with_capacity(graph.terms.len());
         let mut chains = Vec::with_capacity(graph.chains.len());
         for original in &originals {
-            let chain = &graph.chains[*original as usize];
-            let pe = pe_of[*original as usize];
-            let begin = operands.len() as u32;
+            let chain = &graph.chains[at(*original)];
+            let pe = pe_of[at(*original)];
+            let begin = number(operands.len());
             operands.extend(graph.chain_terms(chain).iter().map(|term| places.operand(graph, term.operand, pe)));
             let own = |base: &ValueId| chain.writes().any(|write| write.value == *base);
             let store = |(delay, write): (u32, &Write)| Store {
@@ -182,20 +183,20 @@ impl<'a> Problem<'a> {
                 Factor::Value(value) => places.own[value.index()],
                 Factor::Coefficient(_) => NONE,
             };
-            let terms = originals.iter().flat_map(|chain| graph.chain_terms(&graph.chains[*chain as usize]));
+            let terms = originals.iter().flat_map(|chain| graph.chain_terms(&graph.chains[at(*chain)]));
             factors = terms.map(slot).collect();
         }
         let mut partners: Vec<Option<Operand>> = Vec::new();
         if graph.terms.iter().any(|term| term.partner.is_some()) {
             for original in &originals {
-                let partner = |term: &Term| Some(places.import(graph, term.partner?, pe_of[*original as usize]));
-                partners.extend(graph.chain_terms(&graph.chains[*original as usize]).iter().map(partner));
+                let partner = |term: &Term| Some(places.import(graph, term.partner?, pe_of[at(*original)]));
+                partners.extend(graph.chain_terms(&graph.chains[at(*original)]).iter().map(partner));
             }
         }
         let mut problem = Problem {
             graph,
             latency,
-            pes: mapping.pes as usize,
+            pes: at(mapping.pes),
             chains,
             originals,
             operands,
@@ -210,12 +211,12 @@ impl<'a> Problem<'a> {
         };
         let mut renumbered = vec![NONE; graph.chains.len()];
         for (index, original) in (0..).zip(&problem.originals) {
-            renumbered[*original as usize] = index;
+            renumbered[at(*original)] = index;
         }
         // For each value the chain that writes it.
         let mut producers = graph.producers();
         for producer in producers.iter_mut().filter(|producer| **producer != NONE) {
-            *producer = renumbered[*producer as usize];
+            *producer = renumbered[at(*producer)];
         }
         let end = |state: &(ValueId, ValueId)| (places.own[state.0.index()], producers[state.1.index()]);
         problem.states = graph.states.iter().map(end).collect();
@@ -227,24 +228,24 @@ impl<'a> Problem<'a> {
 
     /// Imports that a chain feeds.
     pub fn links(&self, chain: u32) -> &[u32] {
-        let (begin, end) = self.chains[chain as usize].links;
-        &self.links[begin as usize..end as usize]
+        let (begin, end) = self.chains[at(chain)].links;
+        &self.links[at(begin)..end as usize]
     }
 
     /// Chains that wait for a chain.
     pub fn successors(&self, chain: u32) -> &[u32] {
-        let (begin, end) = self.chains[chain as usize].successors;
-        &self.successors[begin as usize..end as usize]
+        let (begin, end) = self.chains[at(chain)].successors;
+        &self.successors[at(begin)..end as usize]
     }
 
     /// Slot of the second factor of a term, if it is a value.
     pub fn factor(&self, term: u32) -> Option<usize> {
-        self.factors.get(term as usize).filter(|slot| **slot != NONE).map(|slot| *slot as usize)
+        self.factors.get(at(term)).filter(|slot| **slot != NONE).map(|slot| at(*slot))
     }
 
     /// The second data operand of a term.
     pub fn partner(&self, term: u32) -> Option<Operand> {
-        self.partners.get(term as usize).copied().flatten()
+        self.partners.get(at(term)).copied().flatten()
     }
 
     /// Slots of words from the step before: in their own PE with the chain that writes the next step's word, and
@@ -252,17 +253,17 @@ impl<'a> Problem<'a> {
     pub fn returning(&self) -> (impl Iterator<Item = (usize, &Code, usize)>, impl Iterator<Item = (usize, usize)>) {
         let own = self.states.iter().map(|(slot, chain)| {
             assert_ne!(*chain, NONE, "every state has an end value");
-            (*slot as usize, &self.chains[*chain as usize], *chain as usize)
+            (at(*slot), &self.chains[at(*chain)], at(*chain))
         });
-        let imported = self.state_imports.iter().map(|import| *import as usize);
-        (own, imported.map(|import| (self.imports[import].slot as usize, import)))
+        let imported = self.state_imports.iter().map(|import| at(*import));
+        (own, imported.map(|import| (at(self.imports[import].slot), import)))
     }
 
     /// The largest number of issue slots of a PE.
     pub fn load_bound(&self) -> u32 {
         let mut load = vec![0; self.pes];
         for chain in &self.chains {
-            load[chain.pe as usize] += chain.len().max(chain.stores().count() as u32);
+            load[at(chain.pe)] += chain.len().max(number(chain.stores().count()));
         }
         load.into_iter().max().unwrap_or(0).max(self.latency.pause() + 1)
     }
@@ -273,7 +274,7 @@ impl<'a> Problem<'a> {
         for (index, import) in (0..).zip(&self.imports) {
             let mut value = import.resident;
             if let Role::State(state) = self.graph.value(value).role {
-                value = self.graph.states[state as usize].1;
+                value = self.graph.states[at(state)].1;
                 self.state_imports.push(index);
             }
             if producers[value.index()] != NONE {
@@ -300,7 +301,7 @@ impl<'a> Problem<'a> {
                 } else if let Role::State(state) = graph.value(value).role
                     && in_place
                 {
-                    let writer = producers[graph.states[state as usize].1.index()];
+                    let writer = producers[graph.states[at(state)].1.index()];
                     if writer != *index {
                         of_chain.push((*index, writer));
                     }
@@ -321,7 +322,7 @@ impl<'a> Problem<'a> {
             waits.append(&mut of_chain);
         }
         for (_, successor) in &waits {
-            self.chains[*successor as usize].predecessors += 1;
+            self.chains[at(*successor)].predecessors += 1;
         }
         let ranges = grouped(waits, self.chains.len(), &mut self.successors);
         for (chain, range) in self.chains.iter_mut().zip(ranges) {
@@ -334,12 +335,12 @@ impl<'a> Problem<'a> {
         let count = self.chains.len();
         let mut order = Vec::with_capacity(count);
         let mut waiting: Vec<u32> = self.chains.iter().map(|chain| chain.predecessors).collect();
-        let mut ready: Vec<u32> = (0..count as u32).filter(|chain| waiting[*chain as usize] == 0).collect();
+        let mut ready: Vec<u32> = (0..count as u32).filter(|chain| waiting[at(*chain)] == 0).collect();
         while let Some(chain) = ready.pop() {
             order.push(chain);
             for successor in self.successors(chain) {
-                waiting[*successor as usize] -= 1;
-                if waiting[*successor as usize] == 0 {
+                waiting[at(*successor)] -= 1;
+                if waiting[at(*successor)] == 0 {
                     ready.push(*successor);
                 }
             }
@@ -347,13 +348,13 @@ impl<'a> Problem<'a> {
         assert_eq!(order.len(), count, "the step graph has a cycle");
         let result = self.latency.write() + Latency::WRITE_TO_READ;
         for chain in order.into_iter().rev() {
-            let code = &self.chains[chain as usize];
+            let code = &self.chains[at(chain)];
             let follow = self.successors(chain).iter().map(|successor| {
-                let successor = &self.chains[*successor as usize];
+                let successor = &self.chains[at(*successor)];
                 successor.priority + result + if successor.pe != code.pe { Latency::SEND_TO_RECEIVE } else { 0 }
             });
             let priority = code.len() + follow.max().unwrap_or(0);
-            self.chains[chain as usize].priority = priority;
+            self.chains[at(chain)].priority = priority;
         }
     }
 
@@ -363,7 +364,7 @@ impl<'a> Problem<'a> {
         for (import, receive) in self.imports.iter().zip(&placement.receives) {
             // A state's import is fed by its end value.
             let value = match self.graph.value(import.resident).role {
-                Role::State(s) => self.graph.states[s as usize].1,
+                Role::State(s) => self.graph.states[at(s)].1,
                 _ => import.resident,
             };
             transfers.push(Transfer { value, to: import.pe, receive: *receive });
@@ -372,11 +373,11 @@ impl<'a> Problem<'a> {
         let mut starts = vec![0; self.chains.len()];
         let mut order = vec![0; self.operands.len()];
         for ((code, original), start) in self.chains.iter().zip(&self.originals).zip(&placement.starts) {
-            starts[*original as usize] = *start;
-            let first = self.graph.chains[*original as usize].terms.start;
+            starts[at(*original)] = *start;
+            let first = self.graph.chains[at(*original)].terms.start;
             for position in 0..code.len() {
-                let term = placement.order[(code.terms.start + position) as usize];
-                order[(first + position) as usize] = first + term - code.terms.start;
+                let term = placement.order[at(code.terms.start + position)];
+                order[at(first + position)] = first + term - code.terms.start;
             }
         }
         Schedule { period, starts, order, transfers }
@@ -399,12 +400,12 @@ struct Places {
 
 impl Places {
     fn new(graph: &StepGraph, mapping: &Mapping, pe_of: &[u32]) -> Places {
-        let pes = mapping.pes as usize;
+        let pes = at(mapping.pes);
         let mut resident: Vec<u32> = (0..graph.values.len() as u32).collect();
         for (state, next) in &graph.states {
             resident[next.index()] = state.0;
         }
-        let of_equation = |equation: u32| mapping.pe_of.get(equation as usize).copied().unwrap_or(NONE);
+        let of_equation = |equation: u32| mapping.pe_of.get(at(equation)).copied().unwrap_or(NONE);
         let home: Vec<u32> = graph.values.iter().map(|value| of_equation(value.equation)).collect();
         let mut needs: Vec<(u32, u32)> = Vec::new();
         for (chain, pe) in graph.chains.iter().zip(pe_of) {
@@ -420,11 +421,11 @@ impl Places {
         needs.dedup();
         let mut first_import = vec![0; pes + 1];
         for (pe, _) in &needs {
-            first_import[*pe as usize + 1] += 1;
+            first_import[at(*pe) + 1] += 1;
         }
         let mut owned = vec![0u32; pes];
         for pe in home.iter().filter(|pe| **pe != NONE) {
-            owned[*pe as usize] += 1;
+            owned[at(*pe)] += 1;
         }
         // Each PE's slots lie together: its own values, then its imports.
         let mut next_own = vec![0; pes];
@@ -438,17 +439,17 @@ impl Places {
         }
         assert!(slots < INDEXED, "more values than slots can be told apart");
         let take = |pe: u32, next: &mut Vec<u32>| {
-            let slot = &mut next[pe as usize];
+            let slot = &mut next[at(pe)];
             *slot += 1;
             *slot - 1
         };
         let own = home.iter().map(|pe| if *pe == NONE { NONE } else { take(*pe, &mut next_own) }).collect();
         let import = |(pe, value): (u32, u32)| {
-            let is_input = matches!(graph.values[value as usize].role, Role::Input(_));
+            let is_input = matches!(graph.values[at(value)].role, Role::Input(_));
             Import { resident: ValueId(value), pe, slot: take(pe, &mut next_import), is_input }
         };
         let imports = needs.into_iter().map(import).collect();
-        Places { own, home, resident, first_import, imports, slots: slots as usize }
+        Places { own, home, resident, first_import, imports, slots: at(slots) }
     }
 
     /// Where a PE reads a value.
@@ -471,7 +472,7 @@ impl Places {
     fn import(&self, graph: &StepGraph, value: ValueId, pe: u32) -> Operand {
         let before = if matches!(graph.value(value).role, Role::State(_)) { FROM_BEFORE } else { 0 };
         let resident = ValueId(self.resident[value.index()]);
-        let range = self.first_import[pe as usize] as usize..self.first_import[pe as usize + 1] as usize;
+        let range = at(self.first_import[at(pe)])..self.first_import[at(pe) + 1] as usize;
         let imports = &self.imports[range];
         let found = imports.binary_search_by_key(&resident, |import| import.resident).expect("an import of the PE");
         Operand(imports[found].slot | before | IMPORTED)
@@ -482,7 +483,7 @@ impl Places {
 fn grouped(pairs: Vec<(u32, u32)>, count: usize, members: &mut Vec<u32>) -> Vec<(u32, u32)> {
     let mut ranges = vec![(0, 0); count];
     for (group, _) in &pairs {
-        ranges[*group as usize].1 += 1;
+        ranges[at(*group)].1 += 1;
     }
     let mut begin = 0;
     for range in &mut ranges {
@@ -492,8 +493,8 @@ fn grouped(pairs: Vec<(u32, u32)>, count: usize, members: &mut Vec<u32>) -> Vec<
     }
     *members = vec![0; pairs.len()];
     for (group, member) in pairs {
-        let end = &mut ranges[group as usize].1;
-        members[*end as usize] = member;
+        let end = &mut ranges[at(group)].1;
+        members[at(*end)] = member;
         *end += 1;
     }
     ranges

@@ -13,6 +13,7 @@
 //! the chains of the inner sums of a nested product share one PE with the chain that reads them.
 
 use pe_ir::graph::{Factor, Role, StepGraph, ValueId};
+use pe_ir::index::at;
 use pe_ir::word::Latency;
 
 /// A time that is always past.
@@ -129,12 +130,12 @@ impl<'a> Step<'a> {
         }
         sums.sort_unstable();
         sums.dedup();
-        sums.sort_unstable_by_key(|&sum| std::cmp::Reverse(self.starts[sum as usize]));
+        sums.sort_unstable_by_key(|&sum| std::cmp::Reverse(self.starts[at(sum)]));
         let result = i64::from(self.latency.write() + Latency::WRITE_TO_READ);
         let mut slots = 0;
         let ends = sums.iter().map(|&sum| {
-            slots += i64::from(self.graph.chains[sum as usize].len());
-            self.starts[sum as usize] + slots - 1 + result
+            slots += i64::from(self.graph.chains[at(sum)].len());
+            self.starts[at(sum)] + slots - 1 + result
         });
         ends.max().unwrap_or(PAST)
     }
@@ -147,7 +148,7 @@ impl<'a> Step<'a> {
                 && is_inner(&value)
             {
                 sums.push(self.producers[value.index()]);
-                self.collect(self.producers[value.index()] as usize, sums);
+                self.collect(at(self.producers[value.index()]), sums);
             }
         }
     }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::functions::{Functions, ScalarFunction};
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Model, Output, Solver, Variable};
 use pe_ir::motion::Motion;
 use pe_ir::source::Diagnostic;
@@ -163,7 +164,7 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
         let pairs: Vec<u32> = derivatives.iter().map(pairs_of).collect();
         let counted = options.pre_adder && pairs::are_worthwhile(pairs.iter().sum(), slots.iter().sum());
         let outer = |(nested, pairs): (&Nested, &u32)| {
-            let terms = nested.products.len() as u32 + u32::from(nested.constant != 0.0);
+            let terms = index::number(nested.products.len()) + u32::from(nested.constant != 0.0);
             terms - if counted { *pairs } else { 0 }
         };
         let outer: Vec<u32> = derivatives.iter().zip(&pairs).map(outer).collect();
@@ -203,7 +204,7 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
                 if !stage.last && swept(index) {
                     return builder.derivative(index, &stage, &derivatives[index], &operands);
                 }
-                let part = if stage.last { Some(&1.0) } else { parts.get(stage.number as usize - 1) };
+                let part = if stage.last { Some(&1.0) } else { parts.get(usize::from(stage.number) - 1) };
                 match part.and_then(|part| moved.get(&(part.to_bits(), index))) {
                     Some(value) => *value,
                     None => builder.derivative(index, &stage, &derivatives[index], &operands),
@@ -241,7 +242,7 @@ fn is_affine(expanded: &Expanded) -> bool {
         let of_variable = |variable: &Variable| match variable {
             Variable::State(_) => 1,
             Variable::Input(_) => 0,
-            Variable::Algebraic(a) => degrees[*a as usize],
+            Variable::Algebraic(a) => degrees[at(*a)],
         };
         polynomial.terms().map(|(monomial, _)| monomial.iter().map(of_variable).sum()).max().unwrap_or(0)
     };
@@ -263,7 +264,7 @@ fn shared_by_derivatives(expanded: &Expanded) -> Vec<bool> {
 fn mark(variables: impl Iterator<Item = Variable>, used: &mut [bool]) {
     for variable in variables {
         if let Variable::Algebraic(a) = variable {
-            used[a as usize] = true;
+            used[at(a)] = true;
         }
     }
 }
@@ -362,7 +363,7 @@ impl Builder {
     pub(super) fn function(&mut self, function: &Expr) -> u32 {
         let variable = Variable::State(0);
         let body = function.substituted(&|_| Expr::Variable(variable));
-        let next = self.graph.functions.exact.len() as u32;
+        let next = index::number(self.graph.functions.exact.len());
         let number = *self.functions.entry(format!("{body:?}")).or_insert(next);
         if number == next {
             let name = body.text(&|_, _| "x".to_owned());
@@ -415,7 +416,7 @@ impl Builder {
         let equation = index as u32;
         let mut terms = Vec::with_capacity(rows.row(index).len().max(1));
         for (column, coefficient) in rows.row(index) {
-            let column = column as usize;
+            let column = at(column);
             let operand = match (current.get(column), column.checked_sub(current.len())) {
                 (Some(state), _) => *state,
                 (None, Some(input)) if input < self.graph.inputs.len() => self.graph.inputs[input],
@@ -450,7 +451,7 @@ impl Builder {
         }
         for (index, output) in model.outputs.iter().enumerate() {
             let value = match output.variable {
-                Variable::State(s) => states[s as usize],
+                Variable::State(s) => states[at(s)],
                 Variable::Algebraic(a) => operands.algebraics[&a],
                 Variable::Input(i) => self.published_input(index, output, i),
             };
@@ -460,10 +461,10 @@ impl Builder {
 
     /// The value to publish of an output that is an input.
     pub(super) fn published_input(&mut self, index: usize, output: &Output, input: u32) -> ValueId {
-        let equation = self.graph.equations.len() as u32;
+        let equation = index::number(self.graph.equations.len());
         self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
         let value = push(&mut self.graph, Role::Published(index as u32), equation, false);
-        let operand = self.graph.inputs[input as usize];
+        let operand = self.graph.inputs[at(input)];
         let terms = vec![Term::new(operand, Factor::Coefficient(1.0))];
         self.chain(equation, terms, Write { value, base: None, weight: 0 }, None);
         value
@@ -493,8 +494,8 @@ impl Builder {
         let mut terms = Vec::with_capacity(nested.products.len() + 2);
         for (variable, factor) in &nested.products {
             let operand = match variable {
-                Variable::State(s) => operands.states[*s as usize],
-                Variable::Input(i) => self.graph.inputs[*i as usize],
+                Variable::State(s) => operands.states[at(*s)],
+                Variable::Input(i) => self.graph.inputs[at(*i)],
                 Variable::Algebraic(a) => operands.algebraics[a],
             };
             let factor = match factor {
@@ -519,7 +520,7 @@ impl Builder {
     }
 
     pub(super) fn chain(&mut self, equation: u32, terms: Vec<Term>, write: Write, second: Option<Write>) {
-        let start = self.graph.terms.len() as u32;
+        let start = index::number(self.graph.terms.len());
         self.graph.terms.extend(terms);
         let terms = start..self.graph.terms.len() as u32;
         self.graph.chains.push(Chain { equation, terms, interim: None, write, second, function: None });
@@ -528,5 +529,5 @@ impl Builder {
 
 pub(super) fn push(graph: &mut StepGraph, role: Role, equation: u32, factor: bool) -> ValueId {
     graph.values.push(Value { role, equation, factor });
-    ValueId(graph.values.len() as u32 - 1)
+    ValueId(index::number(graph.values.len()) - 1)
 }

@@ -6,6 +6,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{FormCost, StageForm};
+use pe_ir::index::{at, number};
 use pe_ir::memory;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
@@ -217,7 +218,7 @@ fn cost(form: StageForm, stages: &[Rows], parts: &Parts, pes: Option<u32>) -> Fo
     let products = (0..states).map(|state| u64::from(slots(state))).sum();
     let largest = (0..states).map(slots).max().unwrap_or(0);
     let ports = stages.iter().map(|rows| parts.ports(rows)).max().unwrap_or(0);
-    with_cycles(FormCost { form, stages: stages.len() as u32, products, largest, ports, cycles: 0 }, pes)
+    with_cycles(FormCost { form, stages: number(stages.len()), products, largest, ports, cycles: 0 }, pes)
 }
 
 /// Completes a cost with the cycles that products, the largest equation or the latency of the stages take. Arrivals
@@ -237,11 +238,11 @@ impl Parts {
     /// Cuts the breadth-first order of the states into pieces.
     fn of(rows: &Rows, pes: Option<u32>) -> Parts {
         let states = rows.len();
-        let pes = (pes.unwrap_or(1) as usize).clamp(1, states.max(1));
+        let pes = (at(pes.unwrap_or(1))).clamp(1, states.max(1));
         let mut of = vec![0; states];
         if pes > 1 {
             for (rank, state) in breadth_first(rows).into_iter().enumerate() {
-                of[state as usize] = (rank * pes / states) as u32;
+                of[at(state)] = (rank * pes / states) as u32;
             }
         }
         Parts { of }
@@ -253,9 +254,9 @@ impl Parts {
         let mut links: Vec<(u32, u32)> = Vec::new();
         for (row, part) in self.of.iter().enumerate() {
             for (column, _) in rows.row(row) {
-                match self.of.get(column as usize) {
+                match self.of.get(at(column)) {
                     Some(source) if source != part => links.push((*part, *source)),
-                    None if (column as usize) < rows.width() - 1 => links.push((*part, column + states as u32)),
+                    None if (at(column)) < rows.width() - 1 => links.push((*part, column + states as u32)),
                     _ => {}
                 }
             }
@@ -269,7 +270,7 @@ impl Parts {
 /// States in breadth-first order over who reads whom, each connected component after the other.
 fn breadth_first(rows: &Rows) -> Vec<u32> {
     let states = rows.len();
-    let arcs = || (0..states).flat_map(|row| rows.row(row).map(move |(column, _)| (row, column as usize)));
+    let arcs = || (0..states).flat_map(|row| rows.row(row).map(move |(column, _)| (row, at(column))));
     let arcs = || arcs().filter(|(row, column)| *column < states && row != column);
     let mut starts = vec![0usize; states + 1];
     for (row, column) in arcs() {
@@ -294,10 +295,10 @@ fn breadth_first(rows: &Rows) -> Vec<u32> {
         if !std::mem::replace(&mut seen[root], true) {
             order.push(root as u32);
         }
-        while let Some(state) = order.get(read).map(|state| *state as usize) {
+        while let Some(state) = order.get(read).map(|state| at(*state)) {
             read += 1;
             for neighbour in &neighbours[starts[state]..starts[state + 1]] {
-                if !std::mem::replace(&mut seen[*neighbour as usize], true) {
+                if !std::mem::replace(&mut seen[at(*neighbour)], true) {
                     order.push(*neighbour);
                 }
             }

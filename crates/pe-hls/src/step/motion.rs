@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{Factor, Role, Term, ValueId, Write};
+use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Model, Solver};
 use pe_ir::motion::{Motion, Source};
 
@@ -96,7 +97,7 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
                 continue;
             }
             builder.graph.names.auxiliaries.push(format!("{}.stage{number}", state.name));
-            let role = Role::Auxiliary(builder.graph.names.auxiliaries.len() as u32 - 1);
+            let role = Role::Auxiliary(index::number(builder.graph.names.auxiliaries.len()) - 1);
             let value = push(&mut builder.graph, role, index as u32, false);
             match (motion, &state.derivative) {
                 (Motion::Clock, Expr::Constant(rate)) => clock(builder, index, part * rate * model.step, value),
@@ -123,7 +124,7 @@ fn clock(builder: &mut Builder, index: usize, count: f64, value: ValueId) {
 fn line(builder: &mut Builder, index: usize, source: Source, part: f64, value: ValueId) {
     let (start, before) = (builder.graph.states[index].0, builder.graph.states[index + 1].0);
     let after = match source {
-        Source::Input(input) => builder.graph.inputs[input as usize],
+        Source::Input(input) => builder.graph.inputs[at(input)],
         Source::Signal(_) => builder.graph.states[index + 2].0,
     };
     let terms = vec![Term::new(after, Factor::Coefficient(part)), Term::new(before, Factor::Coefficient(-part))];
@@ -148,7 +149,7 @@ fn rotation(builder: &mut Builder, sine: usize, angle: f64) {
     let ((s, s_end), (c, c_end)) = (builder.graph.states[sine], builder.graph.states[cosine]);
     let name = format!("{}.sheared", builder.graph.names.states[cosine]);
     builder.graph.names.auxiliaries.push(name);
-    let role = Role::Auxiliary(builder.graph.names.auxiliaries.len() as u32 - 1);
+    let role = Role::Auxiliary(index::number(builder.graph.names.auxiliaries.len()) - 1);
     let sheared = push(&mut builder.graph, role, cosine as u32, false);
     // Where words come in pairs only states are operands and bases.
     let apart = builder.graph.swaps();

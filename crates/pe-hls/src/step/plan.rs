@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use pe_ir::graph::Role;
+use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::motion::Motion;
 
@@ -80,7 +81,7 @@ impl Point {
     /// What stands for a variable of the model here; its algebraic variables must have been asked for.
     pub fn variable(&self, variable: Variable) -> Variable {
         match variable {
-            Variable::State(state) => self.states[state as usize],
+            Variable::State(state) => self.states[at(state)],
             Variable::Algebraic(algebraic) => self.algebraics[&algebraic],
             input @ Variable::Input(_) => input,
         }
@@ -102,7 +103,7 @@ impl<'m> Plan<'m> {
     /// The derivatives of some states at a point.
     pub fn slopes(&mut self, point: &mut Point, states: &[u32]) -> Vec<Expr> {
         let model = self.model;
-        let derivative = |state: &u32| &model.states[*state as usize].derivative;
+        let derivative = |state: &u32| &model.states[at(*state)].derivative;
         self.algebraics(point, states.iter().map(derivative), false);
         states.iter().map(|state| derivative(state).renamed(&|variable| point.variable(variable))).collect()
     }
@@ -114,7 +115,7 @@ impl<'m> Plan<'m> {
         let mark = |expr: &Expr, needed: &mut Vec<bool>| {
             expr.each_variable(&mut |variable| {
                 if let Variable::Algebraic(algebraic) = variable {
-                    needed[algebraic as usize] = true;
+                    needed[at(algebraic)] = true;
                 }
             });
         };
@@ -139,7 +140,7 @@ impl<'m> Plan<'m> {
 
     /// A state in an intermediate stage.
     pub fn stage(&mut self, state: u32, number: u8, base: Variable, sum: Expr) -> Variable {
-        if self.model.states[state as usize].motion.is_some_and(Motion::rests) {
+        if self.model.states[at(state)].motion.is_some_and(Motion::rests) {
             return Variable::State(state);
         }
         let role = Role::Stage(state, number);
@@ -183,12 +184,12 @@ impl<'m> Plan<'m> {
     pub fn memory(&mut self, owner: u32, name: String, initial: f64) -> Variable {
         self.memories.push(Memory { owner, name, initial });
         self.ends.push(None);
-        Variable::State(self.ends.len() as u32 - 1)
+        Variable::State(index::number(self.ends.len()) - 1)
     }
 
     /// The end value of a state or memory. That of a state that stands for a signal is exact, whatever is given.
     pub fn end(&mut self, state: u32, base: Option<Variable>, sum: Expr) -> Variable {
-        match self.model.states.get(state as usize).and_then(|state| state.motion) {
+        match self.model.states.get(at(state)).and_then(|state| state.motion) {
             None => self.ending(state, base, sum),
             Some(motion) => self.moved(state, motion),
         }
@@ -196,17 +197,17 @@ impl<'m> Plan<'m> {
 
     /// The end value of a state that stands for a signal.
     fn moved(&mut self, state: u32, motion: Motion) -> Variable {
-        if let Some(end) = self.ends[state as usize] {
+        if let Some(end) = self.ends[at(state)] {
             return end;
         }
         let model = self.model;
         if motion.source().is_some() || motion.is_swept() {
             played::play(self, model);
-            return self.ends[state as usize].expect("it was played");
+            return self.ends[at(state)].expect("it was played");
         }
         let (sine, rate) = match motion {
             Motion::Clock => {
-                let slope = model.states[state as usize].derivative.as_constant().unwrap_or(0.0);
+                let slope = model.states[at(state)].derivative.as_constant().unwrap_or(0.0);
                 return self.ending(state, Some(Variable::State(state)), motion::of_step(model, |step| slope * step));
             }
             Motion::Sine(rate) => (state, rate),
@@ -215,7 +216,7 @@ impl<'m> Plan<'m> {
         };
         let cosine = sine + 1;
         let (of_cosine, of_sine) = motion::shears_of_step(model, rate);
-        let name = format!("{}.sheared", model.states[cosine as usize].name);
+        let name = format!("{}.sheared", model.states[at(cosine)].name);
         let first = Expr::product(vec![of_cosine.clone(), of(Variable::State(sine))]);
         let sheared = self.added(cosine, name, Variable::State(cosine), first);
         let second = Expr::product(vec![of_sine, of(sheared)]);
@@ -226,10 +227,10 @@ impl<'m> Plan<'m> {
 
     fn ending(&mut self, state: u32, base: Option<Variable>, sum: Expr) -> Variable {
         let states = self.model.states.len();
-        let owner = (state as usize).checked_sub(states).map_or(state, |memory| self.memories[memory].owner);
+        let owner = (at(state)).checked_sub(states).map_or(state, |memory| self.memories[memory].owner);
         let role = Role::Next(state);
         let end = self.add(Planned { role, owner: Some(owner), base, sum, same_sum: None, keep: true });
-        self.ends[state as usize] = Some(end);
+        self.ends[at(state)] = Some(end);
         end
     }
 
@@ -239,7 +240,7 @@ impl<'m> Plan<'m> {
         let mut found = false;
         for index in 0..self.equations.len() {
             let Some(Variable::Algebraic(base)) = self.equations[index].base else { continue };
-            let Planned { role, base, sum, .. } = self.equations[base as usize].clone();
+            let Planned { role, base, sum, .. } = self.equations[at(base)].clone();
             if matches!((role, base), (Role::Auxiliary(_), Some(Variable::State(_)))) {
                 let own = std::mem::replace(&mut self.equations[index].sum, Expr::Constant(0.0));
                 self.equations[index].sum = Expr::sum(vec![sum, own]);
@@ -258,12 +259,12 @@ impl<'m> Plan<'m> {
 
     fn auxiliary_role(&mut self, name: String) -> Role {
         self.auxiliaries.push(name);
-        Role::Auxiliary(self.auxiliaries.len() as u32 - 1)
+        Role::Auxiliary(index::number(self.auxiliaries.len()) - 1)
     }
 
     fn add(&mut self, equation: Planned) -> Variable {
         self.equations.push(equation);
-        Variable::Algebraic(self.equations.len() as u32 - 1)
+        Variable::Algebraic(index::number(self.equations.len()) - 1)
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use pe_ir::graph::{Factor, FormCost, Role, StageForm, StepGraph, Term, ValueId, Write};
+use pe_ir::index::{self, at};
 use pe_ir::model::{Algebraic, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -45,7 +46,7 @@ fn whole(plan: &Plan, published: &Point) -> Result<StepGraph, Vec<Diagnostic>> {
     let ends: Vec<ValueId> = builder.graph.states.iter().map(|(_, next)| *next).collect();
     for (index, output) in model.outputs.iter().enumerate() {
         let value = match output.variable {
-            Variable::State(state) => ends[state as usize],
+            Variable::State(state) => ends[at(state)],
             Variable::Input(input) => builder.published_input(index, output, input),
             Variable::Algebraic(algebraic) => match published.variable(Variable::Algebraic(algebraic)) {
                 Variable::Algebraic(equation) => algebraics[&equation],
@@ -82,7 +83,7 @@ pub(super) fn chains(plan: &Plan) -> Result<(Builder, HashMap<u32, ValueId>), Ve
     let mut riders: Vec<Option<usize>> = vec![None; plan.equations.len()];
     for (index, planned) in plan.equations.iter().enumerate() {
         if let Some(leader) = planned.same_sum {
-            riders[leader as usize] = Some(index);
+            riders[at(leader)] = Some(index);
         }
     }
     for index in (0..plan.equations.len()).filter(|index| expanded.shared[*index]) {
@@ -113,11 +114,11 @@ fn flat(plan: &Plan) -> Model {
     let algebraic = |planned: &Planned| {
         let (name, span) = match (planned.role, planned.owner) {
             (Role::Algebraic(algebraic, _), _) => {
-                let algebraic = &plan.model.algebraics[algebraic as usize];
+                let algebraic = &plan.model.algebraics[at(algebraic)];
                 (algebraic.name.clone(), algebraic.span)
             }
             (_, Some(owner)) => {
-                let state = &plan.model.states[owner as usize];
+                let state = &plan.model.states[at(owner)];
                 (state.name.clone(), state.span)
             }
             (_, None) => unreachable!("only algebraic variables have no owner"),
@@ -142,7 +143,7 @@ fn flat(plan: &Plan) -> Model {
 /// Adds what the method keeps from step to step as states behind those of the model.
 fn memories(builder: &mut Builder, plan: &Plan) {
     let graph = &mut builder.graph;
-    for (index, memory) in (plan.model.states.len() as u32..).zip(&plan.memories) {
+    for (index, memory) in (index::number(plan.model.states.len())..).zip(&plan.memories) {
         let start = push(graph, Role::State(index), memory.owner, false);
         let next = push(graph, Role::Next(index), memory.owner, false);
         graph.states.push((start, next));
@@ -159,20 +160,20 @@ fn equation(
     nested: &Nested,
     operands: &mut Operands,
 ) {
-    let planned = &plan.equations[index as usize];
-    let states = plan.model.states.len() as u32;
+    let planned = &plan.equations[at(index)];
+    let states = index::number(plan.model.states.len());
     let number = match (planned.role, planned.owner) {
         (Role::Algebraic(algebraic, _), _) => states + algebraic,
         (_, owner) => owner.expect("of a state"),
     };
     let mut terms = builder.terms(number, nested, 1.0, operands);
     let value = match planned.role {
-        Role::Next(state) => builder.graph.states[state as usize].1,
+        Role::Next(state) => builder.graph.states[at(state)].1,
         role => push(&mut builder.graph, role, number, false),
     };
     let mut base = planned.base.map(|base| match base {
-        Variable::State(state) => operands.states[state as usize],
-        Variable::Input(input) => builder.graph.inputs[input as usize],
+        Variable::State(state) => operands.states[at(state)],
+        Variable::Input(input) => builder.graph.inputs[at(input)],
         Variable::Algebraic(equation) => operands.algebraics[&equation],
     });
     // A constant is a base word where nothing else is, and no other value takes the same sum.
@@ -199,7 +200,7 @@ pub(super) fn can_overwrite(graph: &StepGraph) -> bool {
     for (index, chain) in (0..).zip(&graph.chains) {
         let mut visit = |value: ValueId| match graph.value(value).role {
             Role::State(state) => {
-                let writer = producers[graph.states[state as usize].1.index()];
+                let writer = producers[graph.states[at(state)].1.index()];
                 if writer != NONE && writer != index {
                     arcs.push((index, writer));
                 }
@@ -218,15 +219,15 @@ pub(super) fn can_overwrite(graph: &StepGraph) -> bool {
     arcs.sort_unstable();
     arcs.dedup();
     let mut waits = vec![0u32; graph.chains.len()];
-    arcs.iter().for_each(|(_, later)| waits[*later as usize] += 1);
-    let mut ready: Vec<u32> = (0..graph.chains.len() as u32).filter(|chain| waits[*chain as usize] == 0).collect();
+    arcs.iter().for_each(|(_, later)| waits[at(*later)] += 1);
+    let mut ready: Vec<u32> = (0..graph.chains.len() as u32).filter(|chain| waits[at(*chain)] == 0).collect();
     let mut done = 0;
     while let Some(chain) = ready.pop() {
         done += 1;
         let first = arcs.partition_point(|(earlier, _)| *earlier < chain);
         for (_, later) in arcs[first..].iter().take_while(|(earlier, _)| *earlier == chain) {
-            waits[*later as usize] -= 1;
-            if waits[*later as usize] == 0 {
+            waits[at(*later)] -= 1;
+            if waits[at(*later)] == 0 {
                 ready.push(*later);
             }
         }

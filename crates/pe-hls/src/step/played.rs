@@ -5,6 +5,7 @@
 //! of the model (`docs/decisions/0050-played-signals.md`).
 
 use pe_ir::codes;
+use pe_ir::index;
 use pe_ir::model::{Expr, Function, Interpolation, Model, Pwm, Samples, Select, Variable, Waveform};
 use pe_ir::motion::{MIDDLE, Motion, Source};
 use pe_ir::source::Diagnostic;
@@ -265,7 +266,7 @@ struct Player<'a, S: Score> {
 
 impl<S: Score> Player<'_, S> {
     fn name(&self, state: u32, what: &str) -> String {
-        format!("{}.{what}", self.model.states[state as usize].name)
+        format!("{}.{what}", self.model.states[index::at(state)].name)
     }
 
     /// Steps taken before this one.
@@ -300,7 +301,7 @@ impl<S: Score> Player<'_, S> {
         let (model, step) = (self.model, self.model.step);
         // The number of steps before the one in which a time has passed.
         let place = |time: f64| time / step - 1.0 - MIDDLE;
-        match tune(&model.signals[signal as usize].waveform) {
+        match tune(&model.signals[index::at(signal)].waveform) {
             Tune::Periodic { frequency, phase, part, on, off, start } => {
                 let (phase, of) = self.phase(state, frequency, phase);
                 let (name, started) = (self.name(state, "next"), self.name(state, "started"));
@@ -372,7 +373,7 @@ impl<S: Score> Player<'_, S> {
     }
 
     fn after(&mut self, state: u32, signal: u32) {
-        if let Tune::Samples(samples) = tune(&self.model.signals[signal as usize].waveform) {
+        if let Tune::Samples(samples) = tune(&self.model.signals[index::at(signal)].waveform) {
             self.samples(state, samples, 2.0);
         }
     }

@@ -1,6 +1,7 @@
 //! Leaves out what nothing reads: writes, chains, values and equations.
 
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, ValueId, Write};
+use pe_ir::index::{self, at};
 
 const NONE: u32 = u32::MAX;
 
@@ -21,8 +22,8 @@ pub fn prune(graph: StepGraph) -> StepGraph {
         let mut writes = std::iter::once(chain.write).chain(chain.second).filter(is_live);
         let Some(write) = writes.next() else { continue };
         let second = writes.next();
-        owns_chain[chain.equation as usize] = true;
-        let start = terms.len() as u32;
+        owns_chain[at(chain.equation)] = true;
+        let start = index::number(terms.len());
         terms.extend_from_slice(graph.chain_terms(chain));
         chains.push(Chain { terms: start..terms.len() as u32, interim, write, second, ..*chain });
     }
@@ -30,7 +31,7 @@ pub fn prune(graph: StepGraph) -> StepGraph {
     let value_id = |id: ValueId| ValueId(values[id.index()]);
     let write_id = |write: Write| Write { value: value_id(write.value), base: write.base.map(value_id), ..write };
     for chain in &mut chains {
-        chain.equation = equations[chain.equation as usize];
+        chain.equation = equations[at(chain.equation)];
         chain.interim = chain.interim.map(write_id);
         chain.write = write_id(chain.write);
         chain.second = chain.second.map(write_id);
@@ -43,8 +44,8 @@ pub fn prune(graph: StepGraph) -> StepGraph {
     }
     let mut kept = Vec::with_capacity(graph.values.len());
     for (index, value) in graph.values.iter().enumerate().filter(|(index, _)| values[*index] != NONE) {
-        debug_assert_eq!(values[index] as usize, kept.len());
-        let equation = if value.equation == NONE { NONE } else { equations[value.equation as usize] };
+        debug_assert_eq!(at(values[index]), kept.len());
+        let equation = if value.equation == NONE { NONE } else { equations[at(value.equation)] };
         let role = match value.role {
             Role::Inner(_, serial) => Role::Inner(equation, serial),
             role => role,

@@ -1,5 +1,6 @@
 //! Sparse rows of an affine right-hand side, and polynomials of them.
 
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Variable};
 
 use super::polynomial::Polynomial;
@@ -65,8 +66,8 @@ impl Rows {
             for row in 0..self.len() {
                 for (column, number) in self.row(row) {
                     sum.add(column, coefficient * step * number);
-                    if index > 0 && (column as usize) < self.len() {
-                        for (inner, factor) in result.row(column as usize) {
+                    if index > 0 && (at(column)) < self.len() {
+                        for (inner, factor) in result.row(at(column)) {
                             sum.add(inner, step * number * factor);
                             work += 1;
                         }
@@ -88,8 +89,7 @@ impl Rows {
     /// # Errors
     /// [`NoMatrix`] if it, or a power on the way, has more than `limit` entries or one that is not finite.
     pub fn exponential(&self, step: f64, limit: usize) -> Result<Rows, NoMatrix> {
-        let of_row =
-            |row| self.row(row).filter(|(column, _)| (*column as usize) < self.len()).map(|(_, n)| n.abs()).sum();
+        let of_row = |row| self.row(row).filter(|(column, _)| (at(*column)) < self.len()).map(|(_, n)| n.abs()).sum();
         let norm = step * (0..self.len()).map(of_row).fold(0.0, |most: f64, row: f64| most.max(row));
         if !norm.is_finite() {
             return Err(NoMatrix);
@@ -146,12 +146,12 @@ impl Sum {
     }
 
     fn add(&mut self, column: u32, number: f64) {
-        let magnitude = &mut self.magnitudes[column as usize];
+        let magnitude = &mut self.magnitudes[at(column)];
         if *magnitude == 0.0 && number != 0.0 {
             self.touched.push(column);
         }
         *magnitude += number.abs();
-        self.numbers[column as usize] += number;
+        self.numbers[at(column)] += number;
     }
 
     /// Adds a polynomial of degree one; `None` if it has another, or reads a function.
@@ -167,8 +167,8 @@ impl Sum {
                 [] => self.add(one, coefficient),
                 [Variable::State(state)] => self.add(*state, coefficient),
                 [Variable::Input(input)] => self.add(states as u32 + input, coefficient),
-                [Variable::Algebraic(algebraic)] if functions[*algebraic as usize].is_none() => {
-                    algebraics.row(*algebraic as usize).for_each(|(column, n)| self.add(column, coefficient * n));
+                [Variable::Algebraic(algebraic)] if functions[at(*algebraic)].is_none() => {
+                    algebraics.row(at(*algebraic)).for_each(|(column, n)| self.add(column, coefficient * n));
                 }
                 _ => return None,
             }
@@ -180,8 +180,8 @@ impl Sum {
     fn finish(&mut self, rows: &mut Rows, limit: usize) -> Result<(), NoMatrix> {
         self.touched.sort_unstable();
         for column in self.touched.drain(..) {
-            let number = std::mem::take(&mut self.numbers[column as usize]);
-            let magnitude = std::mem::take(&mut self.magnitudes[column as usize]);
+            let number = std::mem::take(&mut self.numbers[at(column)]);
+            let magnitude = std::mem::take(&mut self.magnitudes[at(column)]);
             if !magnitude.is_finite() {
                 return Err(NoMatrix);
             }

@@ -12,6 +12,7 @@ use petgraph::graph::{DiGraph, NodeIndex};
 
 use pe_ir::codes;
 use pe_ir::graph::{Chain, Factor, Role, StageForm, StepGraph, Term, ValueId, Write};
+use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Model, Rate, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -53,7 +54,7 @@ pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diag
     let mut graph = joined(first, rest, continuous);
     for (index, output) in model.outputs.iter().enumerate() {
         if let Variable::State(state) = output.variable {
-            graph.outputs[index] = graph.states[state as usize].1;
+            graph.outputs[index] = graph.states[at(state)].1;
         }
     }
     let mut graph = prune(graph);
@@ -69,7 +70,7 @@ fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
         return Err(vec![Diagnostic::error(codes::UNSUITABLE_PERIOD, rate.span, message).with_help(help)]);
     }
     if let Some((rate, steps)) = model.ticks().find(|(_, steps)| *steps > MOST_STEPS) {
-        let Rate { period, span } = model.rates[rate as usize];
+        let Rate { period, span } = model.rates[at(rate)];
         let message = format!("a period of {period} s is {steps} steps; a tick counts {MOST_STEPS} at most");
         let help = "take a longer step, or a shorter period";
         return Err(vec![Diagnostic::error(codes::UNSUITABLE_PERIOD, span, message).with_help(help)]);
@@ -136,8 +137,8 @@ fn samples(model: &Model, apart: bool) -> Plan<'_> {
 
 /// Numbers of the inputs that ticks are.
 fn tick_inputs(model: &Model) -> impl Iterator<Item = u32> {
-    let all = model.inputs.len() as u32;
-    all - model.ticks().count() as u32..all
+    let all = index::number(model.inputs.len());
+    all - index::number(model.ticks().count())..all
 }
 
 /// For each state how many sampled states read one another in the circle that it is part of; 0 for those that take no
@@ -160,8 +161,8 @@ pub fn coupled(model: &Model) -> Vec<Vec<usize>> {
     let mut arcs = |from: usize, expr: &Expr| {
         expr.each_variable(&mut |variable| {
             let to = match variable {
-                Variable::State(state) if state as usize >= first => state as usize,
-                Variable::Algebraic(algebraic) => states + algebraic as usize,
+                Variable::State(state) if at(state) >= first => at(state),
+                Variable::Algebraic(algebraic) => states + at(algebraic),
                 _ => return,
             };
             reads.add_edge(NodeIndex::new(from), NodeIndex::new(to), ());
@@ -183,8 +184,8 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
     let mut graph = first;
     let sampled = graph.states.len() - continuous;
     let inputs = rest.inputs.len() - sampled;
-    let (states, terms) = (graph.states.len() as u32, graph.terms.len() as u32);
-    let (auxiliaries, exact) = (graph.names.auxiliaries.len() as u32, graph.functions.exact.len());
+    let (states, terms) = (index::number(graph.states.len()), index::number(graph.terms.len()));
+    let (auxiliaries, exact) = (index::number(graph.names.auxiliaries.len()), graph.functions.exact.len());
     // Names of equations are distinct, and none of the rest is lost: only an input that is an output has none here.
     let known: HashMap<String, u32> = graph.equations.iter().map(|e| e.name.clone()).zip(0..).collect();
     let equations: Vec<u32> = rest
@@ -193,12 +194,12 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
         .map(|equation| {
             known.get(&equation.name).copied().unwrap_or_else(|| {
                 graph.equations.push(equation.clone());
-                graph.equations.len() as u32 - 1
+                index::number(graph.equations.len()) - 1
             })
         })
         .collect();
-    let equation = |number: u32| if number == u32::MAX { number } else { equations[number as usize] };
-    let state = |number: u32| if (number as usize) < continuous { number } else { number + sampled as u32 };
+    let equation = |number: u32| if number == u32::MAX { number } else { equations[at(number)] };
+    let state = |number: u32| if (at(number)) < continuous { number } else { number + sampled as u32 };
     let memories: Vec<(ValueId, ValueId)> = (continuous..rest.states.len())
         .map(|memory| {
             let number = state(memory as u32);
@@ -210,17 +211,17 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
     graph.initial.extend(&rest.initial[continuous..]);
     graph.names.states.extend_from_slice(&rest.names.states[continuous..]);
     graph.names.auxiliaries.extend_from_slice(&rest.names.auxiliaries);
-    debug_assert_eq!(states as usize, continuous + sampled);
+    debug_assert_eq!(at(states), continuous + sampled);
     let values: Vec<ValueId> = rest
         .values
         .iter()
         .map(|value| {
             let role = match value.role {
-                Role::State(number) => return graph.states[state(number) as usize].0,
-                Role::Next(number) => return graph.states[state(number) as usize].1,
+                Role::State(number) => return graph.states[at(state(number))].0,
+                Role::Next(number) => return graph.states[at(state(number))].1,
                 Role::Input(number) => {
-                    return match (number as usize).checked_sub(inputs) {
-                        None => graph.inputs[number as usize],
+                    return match (at(number)).checked_sub(inputs) {
+                        None => graph.inputs[at(number)],
                         Some(held) => graph.states[continuous + held].1,
                     };
                 }
@@ -256,7 +257,7 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
             interim: chain.interim.map(write),
             write: write(chain.write),
             second: chain.second.map(write),
-            function: chain.function.map(|function| numbers[function as usize]),
+            function: chain.function.map(|function| numbers[at(function)]),
         });
     }
     graph.outputs = rest.outputs.iter().copied().map(id).collect();

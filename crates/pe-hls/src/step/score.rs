@@ -1,6 +1,7 @@
 //! How signals are played, written down as chains: the [`Score`] of explicit Runge-Kutta methods.
 
 use pe_ir::graph::{Factor, Role, Term, ValueId, Write};
+use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Variable};
 
 use super::build::{Builder, push};
@@ -11,7 +12,7 @@ impl Score for Builder {
 
     fn memory(&mut self, owner: u32, name: String, initial: f64) -> ValueId {
         let graph = &mut self.graph;
-        let index = graph.states.len() as u32;
+        let index = number(graph.states.len());
         let start = push(graph, Role::State(index), owner, false);
         let next = push(graph, Role::Next(index), owner, false);
         graph.states.push((start, next));
@@ -27,7 +28,7 @@ impl Score for Builder {
 
     fn sum(&mut self, owner: u32, name: String, terms: &[(f64, ValueId)], constant: f64) -> ValueId {
         self.graph.names.auxiliaries.push(name);
-        let role = Role::Auxiliary(self.graph.names.auxiliaries.len() as u32 - 1);
+        let role = Role::Auxiliary(number(self.graph.names.auxiliaries.len()) - 1);
         let value = push(&mut self.graph, role, owner, false);
         self.scored(owner, terms, constant, value, None);
         value
@@ -41,14 +42,14 @@ impl Score for Builder {
     }
 
     fn end(&mut self, state: u32, terms: &[(f64, ValueId)], constant: f64) {
-        let next = self.graph.states[state as usize].1;
+        let next = self.graph.states[at(state)].1;
         self.scored(state, terms, constant, next, None);
     }
 
     fn start(&mut self, variable: Variable) -> ValueId {
         match variable {
-            Variable::Input(input) => self.graph.inputs[input as usize],
-            Variable::State(state) | Variable::Algebraic(state) => self.graph.states[state as usize].0,
+            Variable::Input(input) => self.graph.inputs[at(input)],
+            Variable::State(state) | Variable::Algebraic(state) => self.graph.states[at(state)].0,
         }
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use pe_ir::codes;
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -87,7 +88,7 @@ pub fn expand_keeping(model: &Model, keep: &dyn Fn(usize) -> bool) -> Result<Exp
 
 fn inlined<'a>(algebraics: &'a [Polynomial], shared: &'a [bool]) -> impl Fn(Variable) -> Option<&'a Polynomial> {
     |variable| match variable {
-        Variable::Algebraic(a) if !shared[a as usize] => algebraics.get(a as usize),
+        Variable::Algebraic(a) if !shared[at(a)] => algebraics.get(at(a)),
         _ => None,
     }
 }
@@ -103,7 +104,7 @@ fn sharing_pays(
     let readers = readers.of_algebraic(index);
     let read_by_function = || {
         readers.iter().any(|reader| match *reader {
-            Variable::Algebraic(a) => !model.algebraics[a as usize].expr.is_polynomial(),
+            Variable::Algebraic(a) => !model.algebraics[at(a)].expr.is_polynomial(),
             _ => false,
         })
     };
@@ -122,8 +123,8 @@ fn sharing_pays(
         let mut cost = if share { Nested::of(own).cost() } else { 0 };
         for reader in readers {
             let expr = match *reader {
-                Variable::State(s) => &model.states[s as usize].derivative,
-                Variable::Algebraic(a) => &model.algebraics[a as usize].expr,
+                Variable::State(s) => &model.states[at(s)].derivative,
+                Variable::Algebraic(a) => &model.algebraics[at(a)].expr,
                 Variable::Input(_) => continue,
             };
             cost += Nested::of(&polynomial_of(expr, &inlined(algebraics, shared)).ok()?).cost();
@@ -148,7 +149,7 @@ impl Readers {
         let mut visit = |expr: &Expr, reader: Variable| {
             expr.each_variable(&mut |variable| {
                 if let Variable::Algebraic(a) = variable {
-                    let list = readers.entry(a as usize).or_default();
+                    let list = readers.entry(at(a)).or_default();
                     if list.last() != Some(&reader) {
                         list.push(reader);
                     }

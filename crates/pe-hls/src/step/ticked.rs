@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Model, Variable};
 
 use super::plan::{Plan, of, times};
@@ -26,13 +27,13 @@ pub fn ends(plan: &mut Plan, rate: u32, tick: Variable) -> bool {
     }
     for (algebraic, owner) in &readers.algebraics {
         let variable = Variable::Algebraic(*algebraic);
-        let sum = ticked.expr(&model.algebraics[*algebraic as usize].expr);
+        let sum = ticked.expr(&model.algebraics[at(*algebraic)].expr);
         let name = format!("{}.sampled", name(model, variable));
         ticked.known.insert(variable, plan.auxiliary(*owner, name, sum, false));
     }
     for state in sampled(model, rate) {
         let own = Variable::State(state);
-        let next = ticked.expr(&model.states[state as usize].derivative);
+        let next = ticked.expr(&model.states[at(state)].derivative);
         plan.end(state, Some(own), Expr::sum(vec![next, times(-1.0, ticked.known[&own])]));
     }
     true
@@ -45,9 +46,9 @@ fn sampled(model: &Model, rate: u32) -> impl Iterator<Item = u32> + '_ {
 
 fn name(model: &Model, variable: Variable) -> &str {
     match variable {
-        Variable::State(state) => &model.states[state as usize].name,
-        Variable::Input(input) => &model.inputs[input as usize].name,
-        Variable::Algebraic(algebraic) => &model.algebraics[algebraic as usize].name,
+        Variable::State(state) => &model.states[at(state)].name,
+        Variable::Input(input) => &model.inputs[at(input)].name,
+        Variable::Algebraic(algebraic) => &model.algebraics[at(algebraic)].name,
     }
 }
 
@@ -66,7 +67,7 @@ impl Readers {
         let mut readers = Readers { leaves: BTreeMap::new(), algebraics: BTreeMap::new() };
         let mut states = 0;
         for state in sampled(model, rate) {
-            let row = &model.states[state as usize].derivative;
+            let row = &model.states[at(state)].derivative;
             if !is_affine(row) {
                 return None;
             }
@@ -77,7 +78,7 @@ impl Readers {
         // Each reads only earlier ones, so that the last one has all its readers.
         let mut beyond = u32::MAX;
         while let Some((&algebraic, &owner)) = readers.algebraics.range(..beyond).next_back() {
-            let expr = &model.algebraics[algebraic as usize].expr;
+            let expr = &model.algebraics[at(algebraic)].expr;
             if !is_affine(expr) {
                 return None;
             }

@@ -6,6 +6,7 @@
 //! word for each round of each such variant, and each word of the loop memory has the variant of the next word.
 
 use super::{Field, FieldName, Layout, PeProgram, Program, index_bits};
+use crate::index::{at, number};
 use crate::memory::{MemoryCells, rom, tables};
 use crate::word::Pipeline;
 
@@ -42,7 +43,7 @@ impl Fold {
         let layout = Layout::new(&pe.features, &program.format);
         let all = u128::MAX >> (128 - layout.bits);
         let words: Vec<u128> = pe.words.iter().map(|word| layout.encode(word)).collect();
-        let turns = program.rounds.next_power_of_two() as usize;
+        let turns = at(program.rounds.next_power_of_two());
         let flat = Fold {
             streamed: all,
             all,
@@ -55,12 +56,12 @@ impl Fold {
         if program.rounds == 1 {
             return flat;
         }
-        let length = program.round_words() as usize;
+        let length = at(program.round_words());
         let mut repeated = vec![0; length];
         let mut known = vec![0; length];
         let mut streamed = 0;
         let result = |k: usize| {
-            let end = &pe.words[(k + program.latency().scale_to_write() as usize) % pe.words.len()];
+            let end = &pe.words[(k + at(program.latency().scale_to_write())) % pe.words.len()];
             end.write.is_some() || end.write_index.is_some() || end.send
         };
         let cares: Vec<u128> = (0..).zip(&pe.words).map(|(k, word)| layout.effective(word, result(k))).collect();
@@ -135,7 +136,7 @@ impl Fold {
         }
         let (round, place) = (k / self.repeated.len(), k % self.repeated.len());
         let streamed = match self.variant_of.get(place) {
-            Some(variant) => self.variant_words[*variant as usize * self.turns + round],
+            Some(variant) => self.variant_words[at(*variant) * self.turns + round],
             None => self.stream.get(k).copied().unwrap_or(0),
         };
         self.repeated[place] | streamed
@@ -143,9 +144,9 @@ impl Fold {
 
     /// What the memories are made of.
     pub fn cells(&self) -> MemoryCells {
-        let repeated = rom(self.repeated.len() as u32, self.loop_bits());
-        let stream = rom(self.stream.len() as u32, self.streamed_bits());
-        let variants = tables(self.variant_words.len() as u32, self.streamed_bits());
+        let repeated = rom(number(self.repeated.len()), self.loop_bits());
+        let stream = rom(number(self.stream.len()), self.streamed_bits());
+        let variants = tables(number(self.variant_words.len()), self.streamed_bits());
         [repeated, stream, variants].into_iter().sum()
     }
 }

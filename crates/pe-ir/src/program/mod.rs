@@ -12,6 +12,7 @@ pub use shape::{shape, shapes};
 pub use text::read;
 
 use crate::functions::Segments;
+use crate::index::at;
 use crate::word::{Latency, WordFormat};
 
 /// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds.
@@ -131,12 +132,12 @@ pub struct PeFeatures {
 impl PeFeatures {
     /// The base word that a write address means.
     pub fn base_word(&self, address: u16) -> usize {
-        usize::from(address) & (self.base_words as usize - 1)
+        usize::from(address) & (at(self.base_words) - 1)
     }
 
     /// The coefficient word that a write address means.
     pub fn factor_word(&self, address: u16) -> usize {
-        usize::from(address) & (self.coefficient_words as usize - 1)
+        usize::from(address) & (at(self.coefficient_words) - 1)
     }
 
     /// How arguments become indices.
@@ -311,7 +312,7 @@ impl Program {
     /// Whether a PE clamps words that are out of range. One that does not was proven to write none over the span, from
     /// the initial states on: started from words that no run over the span has, it may wrap.
     pub fn saturates(&self, pe: u32) -> bool {
-        !self.pes[pe as usize].features.proven
+        !self.pes[at(pe)].features.proven
     }
 
     /// The latency table.
@@ -345,7 +346,7 @@ impl Program {
 
     /// Name of a noted value; empty for [`Note::NONE`].
     pub fn name(&self, note: u32) -> &str {
-        self.names.get(note as usize).map_or("", String::as_str)
+        self.names.get(at(note)).map_or("", String::as_str)
     }
 
     /// Memory writes in each step, own and imported: the length of a trace, known without running anything.
@@ -359,12 +360,12 @@ impl StateRegister {
     /// Writes a stored word into every image that holds the state at the start of a step.
     pub fn set(&self, pes: &mut [PeProgram], format: &WordFormat, word: i64) {
         let (pe, address) = self.own;
-        let pe = &mut pes[pe as usize];
+        let pe = &mut pes[at(pe)];
         pe.own_image[usize::from(address)] = format.data_operand(word);
         let base = pe.features.base_word(address);
         pe.base_image[base] = word;
         for (pe, address) in &self.imported {
-            pes[*pe as usize].imported_image[usize::from(*address)] = format.data_operand(word);
+            pes[at(*pe)].imported_image[usize::from(*address)] = format.data_operand(word);
         }
     }
 }

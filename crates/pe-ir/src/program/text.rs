@@ -13,6 +13,7 @@ use super::{
     Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
     StateRegister, Target, Tick,
 };
+use crate::index;
 use crate::text::{Line, Section, Stage, TextError, fixed, quoted, single};
 use crate::word::WordFormat;
 
@@ -269,14 +270,14 @@ pub fn read(section: &Section) -> Result<Program, TextError> {
         parser.line(&mut line)?;
     }
     let program = parser.program;
-    let complete = program.pes.iter().all(|pe| pe.words.len() == program.period as usize);
+    let complete = program.pes.iter().all(|pe| pe.words.len() == index::at(program.period));
     if program.period == 0 {
         return Err(section.error("there is no item `period`"));
     }
     if !complete || program.pes.is_empty() {
         return Err(section.error("expected as many control words in each PE as the period says"));
     }
-    let pe = |pe: u32| program.pes.get(pe as usize);
+    let pe = |pe: u32| program.pes.get(index::at(pe));
     let outputs = program.outputs.iter().all(|output| pe(output.pe).is_some() && output.word < program.period);
     let states = program.states.iter().all(|state| {
         let holds = |at: &(u32, u16)| pe(at.0).is_some_and(|pe| u32::from(at.1) < pe.features.imported_words);
@@ -284,8 +285,8 @@ pub fn read(section: &Section) -> Result<Program, TextError> {
         own && state.imported.iter().all(holds)
     });
     let ports = program.pes.iter().flat_map(|pe| &pe.ports).all(|port| match port {
-        LinkSource::Pe(pe) => (*pe as usize) < program.pes.len(),
-        LinkSource::Input(input) => (*input as usize) < program.inputs.len(),
+        LinkSource::Pe(pe) => (index::at(*pe)) < program.pes.len(),
+        LinkSource::Input(input) => (index::at(*input)) < program.inputs.len(),
     });
     match outputs && states && ports {
         true => Ok(program),
@@ -478,10 +479,10 @@ impl Parser {
             }
         }
         self.program.pes.push(PeProgram {
-            own_image: vec![0; own_words as usize],
-            base_image: vec![0; base_words as usize],
-            coefficient_image: vec![0; coefficient_words as usize],
-            imported_image: vec![0; imported_words as usize],
+            own_image: vec![0; index::at(own_words)],
+            base_image: vec![0; index::at(base_words)],
+            coefficient_image: vec![0; index::at(coefficient_words)],
+            imported_image: vec![0; index::at(imported_words)],
             features,
             ports: Vec::new(),
             equations: Vec::new(),
@@ -532,7 +533,7 @@ impl Parser {
             }
         }
         let bits = self.program.format.coefficient_bits;
-        let period = self.program.period as usize;
+        let period = index::at(self.program.period);
         let pe = self.pe(line)?;
         if number != pe.words.len() || number >= period {
             return Err(line.error_at(place, "expected control words in order, as many as the period says"));
@@ -542,7 +543,7 @@ impl Parser {
         }
         pe.words.push(word);
         pe.notes.push(note);
-        pe.features.ports = pe.ports.len() as u32;
+        pe.features.ports = index::number(pe.ports.len());
         Ok(())
     }
 
@@ -553,7 +554,7 @@ impl Parser {
         let name = read_name(line)?;
         Ok(*self.names.entry(name).or_insert_with_key(|name| {
             self.program.names.push(name.clone());
-            self.program.names.len() as u32 - 1
+            index::number(self.program.names.len()) - 1
         }))
     }
 }

@@ -10,6 +10,7 @@
 //! 6. The accumulator holds any sum of the chain, whatever its operands.
 
 use crate::graph::{Factor, FixedPoint, StepGraph};
+use crate::index::at;
 use crate::word::WordFormat;
 
 /// Furthest that joint rounding moves a coefficient, and the half that nearest rounding does.
@@ -89,7 +90,7 @@ fn check_chain(graph: &StepGraph, fixed: &FixedPoint, index: usize, violations: 
     }
     let mut bound: i128 = 1;
     for position in chain.terms.clone() {
-        let (term, coefficient) = (&graph.terms[position as usize], fixed.coefficients[position as usize]);
+        let (term, coefficient) = (&graph.terms[at(position)], fixed.coefficients[at(position)]);
         let operand = exponent(term.operand) + word - data;
         if term.partner.is_some_and(|partner| exponent(partner) != exponent(term.operand)) {
             violations.push(format!("a pair in the chain of `{}` has two formats", name()));

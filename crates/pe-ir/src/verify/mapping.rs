@@ -12,6 +12,7 @@
 use std::collections::BTreeSet;
 
 use crate::graph::{Role, StepGraph, Term};
+use crate::index::{at, number};
 use crate::mapping::{Mapping, MappingCost};
 
 /// What a mapping must be consistent with.
@@ -33,7 +34,7 @@ impl Facts {
         for chain in &graph.chains {
             let terms = graph.chain_terms(chain);
             let writes = 1 + u32::from(chain.second.is_some()) + u32::from(chain.interim.is_some());
-            facts.loads[chain.equation as usize] += writes.max(terms.len() as u32);
+            facts.loads[at(chain.equation)] += writes.max(number(terms.len()));
             for operand in terms.iter().flat_map(Term::operands) {
                 let operand = graph.value(operand);
                 if let Role::Input(input) = operand.role {
@@ -69,14 +70,14 @@ pub fn check_facts(facts: &Facts, mapping: &Mapping, claimed: &MappingCost, max_
     if let Some(equation) = mapping.pe_of.iter().position(|&pe| pe >= mapping.pes) {
         return vec![format!("equation {equation} is on PE {} of {}", mapping.pe_of[equation], mapping.pes)];
     }
-    let pe = |equation: u32| mapping.pe_of[equation as usize];
+    let pe = |equation: u32| mapping.pe_of[at(equation)];
     let mut violations = Vec::new();
     let used: BTreeSet<u32> = mapping.pe_of.iter().copied().collect();
     violations.extend((0..mapping.pes).filter(|pe| !used.contains(pe)).map(|pe| format!("PE {pe} has no equation")));
 
-    let mut loads = vec![0u64; mapping.pes as usize];
+    let mut loads = vec![0u64; at(mapping.pes)];
     for (&pe, &load) in mapping.pe_of.iter().zip(&facts.loads) {
-        loads[pe as usize] += u64::from(load);
+        loads[at(pe)] += u64::from(load);
     }
     let max_load = loads.into_iter().max().unwrap_or(0);
     if max_load != u64::from(claimed.max_load) {
@@ -86,14 +87,14 @@ pub fn check_facts(facts: &Facts, mapping: &Mapping, claimed: &MappingCost, max_
     let between = facts.dependencies.iter().map(|&(read, reader)| (pe(read), pe(reader)));
     let links = set(between.filter(|(source, target)| source != target).collect());
     let connections = links.iter().filter(|&&(a, b)| a < b || !links.contains(&(b, a))).count();
-    if connections != claimed.connections as usize {
+    if connections != at(claimed.connections) {
         violations.push(format!("there are {connections} connections, not {}", claimed.connections));
     }
 
     let ports = set(facts.input_reads.iter().map(|&(input, reader)| (input, pe(reader))).collect());
-    let mut degrees = vec![0u32; mapping.pes as usize];
+    let mut degrees = vec![0u32; at(mapping.pes)];
     for &(_, target) in links.iter().chain(&ports) {
-        degrees[target as usize] += 1;
+        degrees[at(target)] += 1;
     }
     let largest = degrees.iter().copied().max().unwrap_or(0);
     if largest != claimed.max_in_degree {

@@ -11,6 +11,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::index;
 use crate::model::{Expr, Function, Model, Variable, Waveform, step_count_problem};
 use crate::motion::{Motion, Source};
 
@@ -87,9 +88,9 @@ impl Checker<'_> {
 
     fn exists(&self, variable: Variable, algebraics: usize) -> bool {
         match variable {
-            Variable::State(state) => (state as usize) < self.model.states.len(),
-            Variable::Input(input) => (input as usize) < self.model.inputs.len(),
-            Variable::Algebraic(algebraic) => (algebraic as usize) < algebraics,
+            Variable::State(state) => (index::at(state)) < self.model.states.len(),
+            Variable::Input(input) => (index::at(input)) < self.model.inputs.len(),
+            Variable::Algebraic(algebraic) => (index::at(algebraic)) < algebraics,
         }
     }
 
@@ -109,7 +110,7 @@ impl Checker<'_> {
             self.require(index < continuous || state.rate.is_some(), || {
                 format!("`{name}` comes behind sampled states")
             });
-            let has_rate = state.rate.is_none_or(|rate| (rate as usize) < model.rates.len());
+            let has_rate = state.rate.is_none_or(|rate| (index::at(rate)) < model.rates.len());
             self.require(has_rate, || format!("`{name}` has a rate that is not there"));
             if let Some(motion) = state.motion {
                 let fits = self.motion(index, motion);
@@ -122,15 +123,17 @@ impl Checker<'_> {
         let model = self.model;
         let at = |index: Option<usize>| index.and_then(|index| model.states.get(index)).and_then(|state| state.motion);
         let source = |source: Source| match source {
-            Source::Input(input) => (input as usize) < model.inputs.len(),
-            Source::Signal(signal) => (signal as usize) < model.signals.len(),
+            Source::Input(input) => (index::at(input)) < model.inputs.len(),
+            Source::Signal(signal) => (index::at(signal)) < model.signals.len(),
         };
         let (next, before) = (at(Some(index + 1)), at(index.checked_sub(1)));
         match motion {
             Motion::Clock => matches!(model.states[index].derivative, Expr::Constant(_)),
             Motion::Sine(speed) => speed.is_finite() && next == Some(Motion::Cosine(speed)),
             Motion::Cosine(speed) => before == Some(Motion::Sine(speed)),
-            Motion::SweptSine(line) => (line as usize) < model.states.len() && next == Some(Motion::SweptCosine(line)),
+            Motion::SweptSine(line) => {
+                (index::at(line)) < model.states.len() && next == Some(Motion::SweptCosine(line))
+            }
             Motion::SweptCosine(line) => before == Some(Motion::SweptSine(line)),
             Motion::Held(of) | Motion::After(of) => source(of),
             Motion::Line(of) => source(of) && next == Some(Motion::Before(of)),

@@ -19,6 +19,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
+use crate::index;
 use crate::program::{Address, ControlWord, LinkSource, Multiplier, PeProgram, Program, Target};
 use crate::word::Pipeline;
 
@@ -126,7 +127,7 @@ struct Checker<'a> {
 
 impl<'a> Checker<'a> {
     fn new(program: &'a Program, graph: &'a StepGraph, fixed: &'a FixedPoint) -> Self {
-        let accumulate = program.latency().accumulate() as usize;
+        let accumulate = index::at(program.latency().accumulate());
         let addition = match program.format.pipeline {
             Pipeline::Short => 1,
             Pipeline::Deep => 2,
@@ -151,7 +152,7 @@ impl<'a> Checker<'a> {
             added: std::iter::repeat_n(None, addition).collect(),
             result: None,
             sends: sends(pe),
-            indices: vec![None; pe.features.index_words as usize],
+            indices: vec![None; index::at(pe.features.index_words)],
             index: IndexRegister::Clear,
         });
         let mut checker = Checker {
@@ -168,11 +169,11 @@ impl<'a> Checker<'a> {
         };
         for (register, (state, _)) in program.states.iter().zip(&graph.states) {
             let cell = Cell::Value(state.0, 0);
-            let pe = &mut checker.pes[register.own.0 as usize];
+            let pe = &mut checker.pes[index::at(register.own.0)];
             pe.own[usize::from(register.own.1)] = cell;
             pe.base[pe.program.features.base_word(register.own.1)] = cell;
             for (pe, word) in &register.imported {
-                checker.pes[*pe as usize].imported[usize::from(*word)] = cell;
+                checker.pes[index::at(*pe)].imported[usize::from(*word)] = cell;
             }
         }
         checker
@@ -201,8 +202,8 @@ impl<'a> Checker<'a> {
         let settled = round > 0 || word >= pause;
         let step = i64::from(round);
         let finishing = self.finishing(round, word);
-        let control = self.pes[index].program.words[word as usize];
-        let note = self.pes[index].program.notes[word as usize];
+        let control = self.pes[index].program.words[index::at(word)];
+        let note = self.pes[index].program.notes[index::at(word)];
         if control.own.is_some() && control.imported.is_some() {
             self.joined(index, round, word, &control, parity);
         }
@@ -237,10 +238,10 @@ impl<'a> Checker<'a> {
         }
         if let Some((port, address)) = control.receive.filter(|_| settled) {
             let cell = match self.pes[index].program.ports.get(usize::from(port)) {
-                Some(LinkSource::Pe(source)) => self.link(*source as usize, round, word),
+                Some(LinkSource::Pe(source)) => self.link(index::at(*source), round, word),
                 // Inputs of a step are sampled at its pause point.
                 Some(LinkSource::Input(input)) if word > pause => {
-                    Cell::Value(self.graph.inputs[*input as usize].0, step)
+                    Cell::Value(self.graph.inputs[index::at(*input)].0, step)
                 }
                 _ => Cell::Unknown,
             };
@@ -286,7 +287,7 @@ impl<'a> Checker<'a> {
                 self.fail(pe, round, word, "two operands".into());
             }
             let room = match product.operand {
-                Cell::Value(value, _) => self.fixed.headroom[value as usize],
+                Cell::Value(value, _) => self.fixed.headroom[index::at(value)],
                 Cell::Image(_) | Cell::Entry(..) | Cell::Unknown => false,
             };
             if !room {
@@ -302,7 +303,7 @@ impl<'a> Checker<'a> {
 
     /// Inputs belong to the running step, everything else to the step whose writes are under way.
     fn received_step(&self, value: u32, finishing: i64, step: i64) -> i64 {
-        match self.graph.values.get(value as usize).map(|value| value.role) {
+        match self.graph.values.get(index::at(value)).map(|value| value.role) {
             Some(Role::Input(_)) => step,
             _ => finishing,
         }
@@ -315,7 +316,7 @@ impl<'a> Checker<'a> {
         let here = (pe as u32, word);
         let first = self.captures.partition_point(|(place, _)| *place < here);
         for (_, output) in self.captures[first..].iter().take_while(|(place, _)| *place == here) {
-            let noted = self.pes[pe].program.notes[word as usize].write;
+            let noted = self.pes[pe].program.notes[index::at(word)].write;
             if self.graph.outputs.get(*output) != Some(&ValueId(noted)) {
                 let name = &self.program.outputs[*output].name;
                 let text = format!("output `{name}` captured from another value, step {step}");
@@ -331,7 +332,7 @@ impl<'a> Checker<'a> {
             return Cell::Unknown;
         }
         let id = ValueId(value);
-        let producer = self.producers[id.index()] as usize;
+        let producer = index::at(self.producers[id.index()]);
         let Some(chain) = self.graph.chains.get(producer) else {
             self.fail(pe, round, word, format!("`{}` has no chain", self.graph.value_name(id)));
             return Cell::Unknown;
@@ -342,9 +343,9 @@ impl<'a> Checker<'a> {
         let mut expected = std::mem::take(&mut self.expected);
         expected.clear();
         expected.extend(chain.terms.clone().map(|index| {
-            let term = &self.graph.terms[index as usize];
+            let term = &self.graph.terms[index::at(index)];
             let factor = match term.factor {
-                Factor::Coefficient(_) => Cell::Image(self.fixed.coefficients[index as usize]),
+                Factor::Coefficient(_) => Cell::Image(self.fixed.coefficients[index::at(index)]),
                 Factor::Value(factor) => self.cell(factor, step, |word| format.factor_operand(word)),
             };
             Product { operand: self.cell(term.operand, step, |word| format.data_operand(word)), factor }
@@ -385,13 +386,13 @@ impl<'a> Checker<'a> {
             return Cell::Unknown;
         };
         let functions = &self.graph.functions;
-        let lookup = functions.lookups[lookup as usize];
+        let lookup = functions.lookups[index::at(lookup)];
         let image = &self.pes[pe].program.base_image[usize::from(first)..];
         let words = (0..functions.segments.count()).map(|segment| self.fixed.column_word(self.graph, base, segment));
         let same = image.len() >= words.len() && words.zip(image).all(|(should, is)| should == *is);
         match self.cell(lookup.argument, step, |word| word) {
             Cell::Value(value, step) if same => {
-                Cell::Entry(first, value, step, functions.tables[lookup.table as usize].octaves)
+                Cell::Entry(first, value, step, functions.tables[index::at(lookup.table)].octaves)
             }
             _ => Cell::Unknown,
         }

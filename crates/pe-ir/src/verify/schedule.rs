@@ -14,6 +14,7 @@
 use std::collections::BTreeMap;
 
 use crate::graph::{Chain, Factor, Role, StepGraph, ValueId, Write};
+use crate::index::at;
 use crate::mapping::Mapping;
 use crate::schedule::Schedule;
 use crate::word::Latency;
@@ -70,7 +71,7 @@ impl<'a> Checker<'a> {
     }
 
     fn pe(&self, equation: u32) -> u32 {
-        self.mapping.pe_of[equation as usize]
+        self.mapping.pe_of[at(equation)]
     }
 
     /// Write word of a value.
@@ -97,7 +98,7 @@ impl<'a> Checker<'a> {
     fn exclusive(&mut self) {
         let period = self.schedule.period;
         let (mut issues, mut own_writes, mut receives) = (Vec::new(), Vec::new(), Vec::new());
-        let mut ends: Vec<Vec<(u32, u32)>> = vec![Vec::new(); self.mapping.pes as usize];
+        let mut ends: Vec<Vec<(u32, u32)>> = vec![Vec::new(); at(self.mapping.pes)];
         for (index, chain) in self.graph.chains.iter().enumerate() {
             let pe = self.pe(chain.equation);
             let start = self.schedule.starts[index];
@@ -106,14 +107,13 @@ impl<'a> Checker<'a> {
             if last >= period {
                 self.violations.push(format!("PE {pe}: issue in word {last} of {period}"));
             }
-            let mut order: Vec<u32> =
-                self.schedule.order[chain.terms.start as usize..chain.terms.end as usize].to_vec();
+            let mut order: Vec<u32> = self.schedule.order[at(chain.terms.start)..chain.terms.end as usize].to_vec();
             order.sort_unstable();
             if !order.into_iter().eq(chain.terms.clone()) {
                 self.violations.push(format!("chain {index}: the issue order is not a permutation of its terms"));
             }
             let delays: Vec<u32> = writes(chain, &self.latency).iter().map(|(delay, _)| *delay).collect();
-            ends[pe as usize].push((last, delays.iter().max().map_or(0, |delay| delay + 1)));
+            ends[at(pe)].push((last, delays.iter().max().map_or(0, |delay| delay + 1)));
             for delay in delays {
                 let time = last + self.latency.write() + delay;
                 own_writes.push((pe, time % period));
@@ -160,7 +160,7 @@ impl<'a> Checker<'a> {
             let pe = self.pe(chain.equation);
             let start = schedule.starts[index];
             for (time, position) in (start..).zip(chain.terms.clone()) {
-                let term = &graph.terms[schedule.order[position as usize] as usize];
+                let term = &graph.terms[at(schedule.order[at(position)])];
                 self.read(term.operand, (pe, self.local(term.operand, pe)), time);
                 if let Some(partner) = term.partner {
                     if !self.local(term.operand, pe) {
@@ -186,7 +186,7 @@ impl<'a> Checker<'a> {
 
     /// A read of an entry of a table: the word before fetches the index of its argument.
     fn read_entry(&mut self, entry: ValueId, lookup: u32, pe: u32, scale: u32) {
-        let argument = self.graph.functions.lookups[lookup as usize].argument;
+        let argument = self.graph.functions.lookups[at(lookup)].argument;
         if self.local(entry, pe) && self.local(argument, pe) && self.written(argument).is_some() {
             self.read(argument, (pe, true), scale - 1);
         } else {
@@ -213,7 +213,7 @@ impl<'a> Checker<'a> {
         }
         // A state's word was written by the step before.
         let (source, earlier) = match info.role {
-            Role::State(s) => (self.graph.states[s as usize].1, self.schedule.period),
+            Role::State(s) => (self.graph.states[at(s)].1, self.schedule.period),
             _ => (value, 0),
         };
         let arrival = if local { self.written(source) } else { self.received(source, pe) };

@@ -4,6 +4,7 @@ use core::f64::consts::PI;
 
 use super::Waveform;
 use crate::expr::{Expr, Function};
+use crate::index;
 use crate::model::Variable;
 
 /// A sine whose frequency goes along a straight line, and stays at its end.
@@ -84,14 +85,14 @@ pub struct Formula {
 impl Formula {
     pub(super) fn piece(&self, within: f64, time: f64) -> f64 {
         self.expr.evaluate(&|variable| match variable {
-            Variable::Input(part) => self.parts[part as usize].piece(within, time),
+            Variable::Input(part) => self.parts[index::at(part)].piece(within, time),
             _ => f64::NAN,
         })
     }
 
     /// Bounds of its values, which it need not reach.
     pub(super) fn bounds(&self) -> (f64, f64) {
-        bounds(&self.expr, &|part| self.parts[part as usize].bounds())
+        bounds(&self.expr, &|part| self.parts[index::at(part)].bounds())
     }
 }
 

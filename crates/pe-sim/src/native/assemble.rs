@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::functions::Segments;
 use pe_ir::graph::{Role, StepGraph};
+use pe_ir::index;
 
 use super::loops::{Base, Factor, Loop, Place, Sum, uniform};
 use super::source::{self, From, Read, Second, Signature};
@@ -107,7 +108,7 @@ impl Assembler {
         let all = &mut self.numbers;
         Argument::Word(*self.singles.entry(number.to_bits()).or_insert_with(|| {
             all.push(number);
-            all.len() as u32 - 1
+            index::number(all.len()) - 1
         }))
     }
 
@@ -264,7 +265,7 @@ impl Assembler {
                 vec![Argument::Word(3), slot(target), slot(segment), slot(among)]
             }
             Outcome::Words(..) | Outcome::Kept(_) => {
-                let terms = &layout.terms[chain.terms.start as usize..chain.terms.end as usize];
+                let terms = &layout.terms[index::at(chain.terms.start)..chain.terms.end as usize];
                 let with_number = terms.iter().filter(|term| matches!(term.factor, tiles::Factor::Coefficient(_)));
                 let counts = [with_number.count(), terms.len(), chain.writes().count()];
                 let mut words = vec![Argument::Word(0)];
@@ -316,8 +317,8 @@ impl Assembler {
         }
         for (value, segment, entry) in slots.column_entries(graph) {
             if let Role::Column(lookup, column) = graph.value(value).role {
-                let table = graph.functions.lookups[lookup as usize].table;
-                let column = &graph.functions.tables[table as usize].columns[usize::from(column)];
+                let table = graph.functions.lookups[index::at(lookup)].table;
+                let column = &graph.functions.tables[index::at(table)].columns[usize::from(column)];
                 memory[at(entry, 0)] = column[segment];
             }
         }

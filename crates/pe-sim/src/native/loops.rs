@@ -4,6 +4,7 @@
 //! Runs that follow each other become one where a product more in every lane costs less than another loop: a lane that
 //! has no such product gets the coefficient zero. What is in no loop that pays is left over.
 
+use pe_ir::index::at;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -171,7 +172,7 @@ impl Run {
 
     /// Both as one, if that is possible; lanes between them write free slots.
     fn with(&self, other: &Run, memory: &Memory) -> Option<Run> {
-        let apart = (other.first - self.first) as usize;
+        let apart = at(other.first - self.first);
         if apart != other.lanes.start - self.lanes.start || self.shape != other.shape {
             return None;
         }
@@ -267,11 +268,11 @@ pub(super) fn arrange(chains: &[Chain], terms: &[Term<f64>], levels: &[u32], mem
 impl Maker<'_> {
     fn terms_of(&self, chain: usize) -> &[Term<f64>] {
         let range = &self.chains[chain].terms;
-        &self.terms[range.start as usize..range.end as usize]
+        &self.terms[at(range.start)..range.end as usize]
     }
 
     fn near(&self, slot: u32, first: u32) -> Near {
-        if self.memory.shared[slot as usize] {
+        if self.memory.shared[at(slot)] {
             return Near::Same(slot, self.memory.row(slot));
         }
         Near::At(self.memory.row(slot), i64::from(slot) - i64::from(first))
@@ -288,7 +289,7 @@ impl Maker<'_> {
                 NearBase::None
             } else if let Some(earlier) = written.iter().position(|slot| *slot == write.base) {
                 NearBase::Earlier(earlier)
-            } else if self.memory.constants[write.base as usize].is_some() {
+            } else if self.memory.constants[at(write.base)].is_some() {
                 NearBase::Constant
             } else {
                 NearBase::Value(self.near(write.base, first))
@@ -364,7 +365,7 @@ impl Maker<'_> {
             run.shape.values.iter().map(|(operand, factor)| (run.place(*operand), Factor::Value(run.place(*factor))));
         let constant = |position: usize, chain: &Option<usize>| {
             let write = self.chains[(*chain)?].writes().nth(position)?;
-            self.memory.constants[write.base as usize]
+            self.memory.constants[at(write.base)]
         };
         let write = |(position, (target, base, shift)): (usize, &(Near, NearBase, i32))| Write {
             target: Some(run.place(*target)),

@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use pe_ir::graph::{Factor, Role, StepGraph, ValueId};
+use pe_ir::index::{self, at};
 use pe_ir::model::Model;
 
 use crate::slots::Slots;
@@ -81,7 +82,7 @@ impl Layout {
         let mut constants = vec![None; slots.count()];
         let mut shared = vec![false; slots.count()];
         for (index, value) in (0..).zip(&graph.values) {
-            let slot = slots.of(ValueId(index)) as usize;
+            let slot = at(slots.of(ValueId(index)));
             match value.role {
                 Role::Constant(number) => (constants[slot], shared[slot]) = (Some(number), true),
                 Role::Input(_) => shared[slot] = true,
@@ -90,7 +91,7 @@ impl Layout {
         }
         let mut readers = vec![0; slots.count()];
         for term in &terms {
-            readers[term.operand as usize] += 1;
+            readers[at(term.operand)] += 1;
         }
         for (shared, readers) in shared.iter_mut().zip(readers) {
             *shared |= readers >= MANY_READERS;
@@ -98,12 +99,12 @@ impl Layout {
         let ranges = rows(graph, order, &slots);
         let mut free = vec![false; slots.count()];
         for range in &ranges {
-            free[range.start as usize..range.end as usize].fill(true);
+            free[at(range.start)..range.end as usize].fill(true);
         }
         for slot in (0..graph.values.len() as u32).map(|value| slots.of(ValueId(value))) {
-            free[slot as usize] = false;
+            free[at(slot)] = false;
         }
-        free[slots.zero() as usize..].fill(false);
+        free[at(slots.zero())..].fill(false);
         let rows = placed(graph, &slots, (&chains, &terms, &levels), &ranges, &free);
         let memory = Memory { rows, constants, shared, free, zero: slots.zero() };
         let mut arranged = loops::arrange(&chains, &terms, &levels, &memory);
@@ -118,7 +119,7 @@ impl Layout {
 
 /// The slots that a chain reads, but for those that a lookup chooses among.
 fn read<'a>(chain: &'a Chain, terms: &'a [Term<f64>]) -> impl Iterator<Item = u32> + 'a {
-    let own = &terms[chain.terms.start as usize..chain.terms.end as usize];
+    let own = &terms[at(chain.terms.start)..chain.terms.end as usize];
     let factors = own.iter().filter_map(|term| match term.factor {
         tiles::Factor::Value(slot) => Some(slot),
         tiles::Factor::Coefficient(_) => None,
@@ -136,7 +137,7 @@ fn rows(graph: &StepGraph, order: &Order, slots: &Slots) -> Vec<Range<u32>> {
         *first = (slots.of(value) - if exact { place } else { 0 }).min(*first);
     }
     let mut firsts: Vec<u32> = firsts.into_values().collect();
-    firsts.extend([slots.zero(), slots.count() as u32]);
+    firsts.extend([slots.zero(), index::number(slots.count())]);
     firsts.sort_unstable();
     firsts[0] = 0;
     firsts.windows(2).map(|pair| pair[0]..pair[1]).collect()
@@ -177,7 +178,7 @@ fn placed(
     let mut end = 0;
     for index in by_level {
         let range = &ranges[index];
-        let pattern = &free[range.start as usize..range.end as usize];
+        let pattern = &free[at(range.start)..range.end as usize];
         let reusable = written[index].filter(|_| !kept.contains(&index) && index + 1 < ranges.len());
         let known = places.entry(pattern).or_default();
         let found = reusable.and_then(|level| known.iter_mut().find(|(from, _)| *from <= level));

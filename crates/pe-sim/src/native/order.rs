@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{Role, StepGraph, ValueId};
+use pe_ir::index::{self, at};
 use pe_ir::model::{Model, Variable};
 
 use crate::slots::{InRow, NEXT};
@@ -56,7 +57,7 @@ impl Order {
             let mut arrays: BTreeMap<&str, u32> = BTreeMap::new();
             let mut keys = Vec::new();
             for (index, name) in names.enumerate() {
-                let count = arrays.len() as u32;
+                let count = index::number(arrays.len());
                 let array = *arrays.entry(split(name).0).or_insert(count);
                 keys.push((array, padded(name).unwrap_or(0), rank(name), index, padded(name).is_some()));
             }
@@ -84,14 +85,14 @@ impl Order {
     /// The row of a value and its place there, and whether that is exact.
     pub fn row(&self, graph: &StepGraph, value: ValueId, (kind, stage, member): InRow) -> (InRow, bool) {
         if let Some(state) = self.next.get(&value.0) {
-            return ((NEXT, 0, self.states[*state as usize]), true);
+            return ((NEXT, 0, self.states[at(*state)]), true);
         }
         let place = match graph.value(value).role {
             Role::State(_) | Role::Stage(..) | Role::Sum(..) | Role::Interim(..) | Role::Next(_) => {
-                self.states[member as usize]
+                self.states[at(member)]
             }
-            Role::Algebraic(..) => self.algebraics[member as usize],
-            Role::Inner(..) | Role::Partial(..) => self.equations[member as usize],
+            Role::Algebraic(..) => self.algebraics[at(member)],
+            Role::Inner(..) | Role::Partial(..) => self.equations[at(member)],
             _ => return ((kind, stage, member), false),
         };
         ((kind, stage, place), true)
@@ -187,8 +188,8 @@ impl<'a> Elements<'a> {
             let Some(reader) = elements.number(name) else { continue };
             right.each_variable(&mut |variable| {
                 let read = match variable {
-                    Variable::State(state) => model.states[state as usize].name.as_str(),
-                    Variable::Algebraic(algebraic) => model.algebraics[algebraic as usize].name.as_str(),
+                    Variable::State(state) => model.states[at(state)].name.as_str(),
+                    Variable::Algebraic(algebraic) => model.algebraics[at(algebraic)].name.as_str(),
                     _ => return,
                 };
                 let arrays = (split(name).0, split(read).0);

@@ -1,5 +1,6 @@
 //! Text of the loops and of what is written out.
 
+use pe_ir::index;
 use std::fmt::Write;
 
 use super::Layout;
@@ -201,7 +202,7 @@ pub(super) fn sums(text: &mut String, index: usize, layout: &Layout, chains: &[u
 }
 
 fn sum(text: &mut String, layout: &Layout, chain: &Chain) {
-    for (index, term) in layout.terms[chain.terms.start as usize..chain.terms.end as usize].iter().enumerate() {
+    for (index, term) in layout.terms[index::at(chain.terms.start)..chain.terms.end as usize].iter().enumerate() {
         let factor = match term.factor {
             Factor::Coefficient(number) => literal(number),
             Factor::Value(slot) => read(layout, slot),
@@ -240,7 +241,7 @@ fn at(layout: &Layout, slot: u32) -> String {
 
 /// The number in a slot.
 fn read(layout: &Layout, slot: u32) -> String {
-    match layout.memory.constants[slot as usize] {
+    match layout.memory.constants[index::at(slot)] {
         Some(number) => literal(number),
         None => at(layout, slot),
     }

@@ -5,6 +5,7 @@
 //! few steps.
 
 use pe_ir::coefficients::adams;
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::place::Place;
 
@@ -20,7 +21,7 @@ pub fn plan(model: &Model) -> Plan<'_> {
     let history = slopes_before(model, weights.len() - 1);
     let mut plan = Plan::new(model);
     let (signals, states): (Vec<u32>, Vec<u32>) =
-        states.into_iter().partition(|state| model.states[*state as usize].motion.is_some());
+        states.into_iter().partition(|state| model.states[at(*state)].motion.is_some());
     for state in signals {
         plan.end(state, None, Expr::Constant(0.0));
     }
@@ -28,8 +29,8 @@ pub fn plan(model: &Model) -> Plan<'_> {
     let memories: Vec<Vec<Variable>> = states
         .iter()
         .map(|state| {
-            let name = &model.states[*state as usize].name;
-            let memory = |(age, slopes): (usize, &Vec<f64>)| (format!("{name}.before{age}"), slopes[*state as usize]);
+            let name = &model.states[at(*state)].name;
+            let memory = |(age, slopes): (usize, &Vec<f64>)| (format!("{name}.before{age}"), slopes[at(*state)]);
             let memories: Vec<(String, f64)> = (1..).zip(&history).map(memory).collect();
             memories.into_iter().map(|(name, slope)| plan.memory(*state, name, model.step * slope)).collect()
         })

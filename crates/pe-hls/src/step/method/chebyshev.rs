@@ -5,6 +5,7 @@
 //! multiplied: `d_j = mu_j d_{j-1} + nu_j d_{j-2} + h (mu~_j f_{j-1} + gamma~_j f_0)`.
 
 use pe_ir::coefficients::chebyshev;
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Model, Variable};
 
 use crate::step::plan::{Plan, Point, of};
@@ -17,13 +18,13 @@ pub fn plan(model: &Model) -> Plan<'_> {
     let mut first: Vec<Expr> = Vec::new();
     // Increments of the last stage but one and of the last.
     let mut before: Vec<Vec<Expr>> = Vec::new();
-    let stages = chebyshev(model.solver.stages() as usize);
+    let stages = chebyshev(at(model.solver.stages()));
     for (number, stage) in (2..).zip(&stages) {
         let slopes = plan.slopes(&mut point, &states);
-        let last = number as usize == stages.len() + 1;
+        let last = usize::from(number) == stages.len() + 1;
         let (mut next, mut increments) = (Vec::new(), Vec::new());
         for (state, slope) in states.iter().zip(slopes) {
-            let index = *state as usize;
+            let index = at(*state);
             let name = &model.states[index].name;
             let mut terms = Vec::new();
             if number == 2 {

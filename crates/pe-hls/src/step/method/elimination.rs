@@ -6,6 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Function};
 use pe_ir::source::Diagnostic;
 
@@ -45,7 +46,7 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
         let ratio = model.step_ratio().map_or(Expr::Constant(1.0), of);
         row.insert(index, Expr::sum(vec![ratio, diagonal]));
         row.keys().for_each(|column| {
-            columns[*column as usize].insert(index);
+            columns[at(*column)].insert(index);
         });
         rows.push(row);
     }
@@ -64,7 +65,7 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
     }
     let mut entries = 0;
     while let Some((_, state)) = queue.pop_first() {
-        let pivot = state as usize;
+        let pivot = at(state);
         let mut row = std::mem::take(&mut rows[pivot]);
         let diagonal = row.remove(&state).expect("the identity is in the matrix");
         let name = &model.states[pivot].name;
@@ -85,28 +86,28 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
         let upper: Vec<(u32, Expr)> = row
             .into_iter()
             .map(|(column, expr)| {
-                columns[column as usize].remove(&state);
-                let other = &model.states[column as usize].name;
+                columns[at(column)].remove(&state);
+                let other = &model.states[at(column)].name;
                 (column, simple(plan, state, || format!("{name}.upper({other})"), expr))
             })
             .collect();
         let mut below = std::mem::take(&mut columns[pivot]);
         below.remove(&state);
         for other in below.iter().copied() {
-            let own = &model.states[other as usize].name;
-            let entry = rows[other as usize].remove(&state).expect("columns mirror rows");
+            let own = &model.states[at(other)].name;
+            let entry = rows[at(other)].remove(&state).expect("columns mirror rows");
             let multiple = Expr::product(vec![entry, reciprocal.clone()]);
             let multiple = simple(plan, other, || format!("{own}.lower({name})"), multiple);
             for (column, expr) in &upper {
                 let product = Expr::product(vec![Expr::Constant(-1.0), multiple.clone(), expr.clone()]);
-                let sum = match rows[other as usize].remove(column) {
+                let sum = match rows[at(other)].remove(column) {
                     Some(entry) => Expr::sum(vec![entry, product]),
                     None => product,
                 };
-                rows[other as usize].insert(*column, sum);
-                columns[*column as usize].insert(other);
+                rows[at(other)].insert(*column, sum);
+                columns[at(*column)].insert(other);
             }
-            factors.lower[other as usize].push((state, multiple));
+            factors.lower[at(other)].push((state, multiple));
         }
         entries += upper.len() + 1;
         if entries > LARGEST {
@@ -118,7 +119,7 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
         factors.upper[pivot] = upper;
         factors.reciprocals[pivot] = reciprocal;
         for state in below {
-            let index = state as usize;
+            let index = at(state);
             queue.remove(&(prices[index], state));
             prices[index] = price(&rows[index], &columns[index]);
             queue.insert((prices[index], state));
@@ -147,20 +148,20 @@ impl Factors {
         let mut reduced: Vec<Expr> = vec![Expr::Constant(0.0); right.len()];
         let mut right: Vec<Option<Expr>> = right.into_iter().map(Some).collect();
         for state in &self.order {
-            let index = *state as usize;
+            let index = at(*state);
             let mut terms = vec![right[index].take().expect("each state is eliminated once")];
             for (row, multiple) in &self.lower[index] {
-                terms.push(Expr::product(vec![Expr::Constant(-1.0), multiple.clone(), reduced[*row as usize].clone()]));
+                terms.push(Expr::product(vec![Expr::Constant(-1.0), multiple.clone(), reduced[at(*row)].clone()]));
             }
             let own = &model.states[index].name;
             reduced[index] = simple(plan, *state, || format!("{own}.reduced.{name}"), Expr::sum(terms));
         }
         let mut solution: Vec<Expr> = vec![Expr::Constant(0.0); reduced.len()];
         for state in self.order.iter().rev() {
-            let index = *state as usize;
+            let index = at(*state);
             let mut terms = vec![reduced[index].clone()];
             for (column, entry) in &self.upper[index] {
-                let product = vec![Expr::Constant(-1.0), entry.clone(), solution[*column as usize].clone()];
+                let product = vec![Expr::Constant(-1.0), entry.clone(), solution[at(*column)].clone()];
                 terms.push(Expr::product(product));
             }
             let own = &model.states[index].name;

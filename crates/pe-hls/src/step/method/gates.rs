@@ -4,6 +4,7 @@
 //! gate is a state `x' = a(V) - b(V) x` whose rates are functions of one other state. With `V` held over the step its
 //! solution is `x+ = x + p(V) (a(V)/b(V) - x)`, `p = 1 - exp(-h b)`; both `p` and `p a/b` are functions of `V` alone.
 
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Function, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -68,7 +69,7 @@ impl Gate {
 
     /// `p a/b - p x`.
     fn increment(self, plan: &mut Plan, state: u32) -> Expr {
-        let name = plan.model.states[state as usize].name.clone();
+        let name = plan.model.states[at(state)].name.clone();
         let decay = Expr::Apply(Function::Exp, Box::new(Expr::scaled(-plan.model.step, self.rate.clone())));
         let part = match &self.rate {
             Expr::Constant(rate) => Expr::Constant(-libm::expm1(-plan.model.step * rate)),
@@ -94,9 +95,7 @@ fn put_in(model: &Model, expr: &Expr, parts: &mut usize) -> Option<Expr> {
     let mut all =
         |members: &[Expr]| -> Option<Vec<Expr>> { members.iter().map(|member| put_in(model, member, parts)).collect() };
     Some(match expr {
-        Expr::Variable(Variable::Algebraic(algebraic)) => {
-            put_in(model, &model.algebraics[*algebraic as usize].expr, parts)?
-        }
+        Expr::Variable(Variable::Algebraic(algebraic)) => put_in(model, &model.algebraics[at(*algebraic)].expr, parts)?,
         Expr::Constant(_) | Expr::Variable(_) => expr.clone(),
         Expr::Sum(members) => Expr::Sum(all(members)?),
         Expr::Product(members) => Expr::Product(all(members)?),

@@ -11,6 +11,7 @@
 //!   problems II, Atmospheric Environment 31 (1997); third order, stiffly accurate.
 
 use pe_ir::coefficients::ROS2_GAMMA;
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Model};
 use pe_ir::source::Diagnostic;
 
@@ -29,7 +30,7 @@ fn states(model: &Model) -> Vec<u32> {
 /// Slopes of all states that several stages read, each computed once.
 fn kept(plan: &mut Plan, slopes: Vec<Expr>) -> Vec<Expr> {
     let model = plan.model;
-    let name = |state: u32| format!("{}.slope", model.states[state as usize].name);
+    let name = |state: u32| format!("{}.slope", model.states[at(state)].name);
     let mut keep = |(state, slope): (u32, Expr)| match slope {
         Expr::Constant(0.0) => slope,
         slope => of(plan.auxiliary(state, name(state), slope, true)),
@@ -67,13 +68,13 @@ fn carried(plan: &Plan, sum: Vec<Expr>) -> Vec<Expr> {
 /// A point at which all states have moved from a point on.
 fn moved(plan: &mut Plan, from: &Point, increments: Vec<Expr>, stage: u8) -> Point {
     let states = (0..).zip(increments);
-    let states = states.map(|(state, sum)| plan.stage(state, stage, from.states[state as usize], sum)).collect();
+    let states = states.map(|(state, sum)| plan.stage(state, stage, from.states[at(state)], sum)).collect();
     Point::new(states, stage)
 }
 
 fn end(plan: &mut Plan, from: &Point, increments: Vec<Expr>) {
     for (state, sum) in (0..).zip(increments) {
-        plan.end(state, Some(from.states[state as usize]), sum);
+        plan.end(state, Some(from.states[at(state)]), sum);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Variable};
 use pe_ir::motion::Motion;
 
@@ -30,7 +31,7 @@ pub fn jacobian(plan: &mut Plan, point: &Point) -> Vec<Row> {
 /// Gives names to entries that are neither numbers nor variables.
 fn named(plan: &mut Plan, name: &str, row: Row) -> Row {
     let entry = |(column, expr): (u32, Expr)| {
-        let state = &plan.model.states[column as usize].name;
+        let state = &plan.model.states[at(column)].name;
         let expr = match expr {
             Expr::Constant(_) | Expr::Variable(_) => expr,
             expr => of(plan.auxiliary(column, format!("{name}.by({state})"), expr, false)),
@@ -58,13 +59,13 @@ fn gradient(plan: &mut Plan, point: &Point, expr: &Expr, algebraics: &[Row]) -> 
             match (variable, partial) {
                 (_, Expr::Constant(0.0)) | (Variable::Input(_), _) => {}
                 // What rests over the step moves nothing.
-                (Variable::State(state), _) if model.states[state as usize].motion.is_some_and(Motion::rests) => {}
+                (Variable::State(state), _) if model.states[at(state)].motion.is_some_and(Motion::rests) => {}
                 (Variable::State(state), partial) => {
                     let partial = of_function(plan, state, partial);
                     terms.entry(state).or_default().push(partial);
                 }
                 (Variable::Algebraic(inner), partial) => {
-                    let inner = &algebraics[inner as usize];
+                    let inner = &algebraics[at(inner)];
                     let Some(owner) = inner.keys().next() else { continue };
                     let partial = of_function(plan, *owner, partial);
                     for (state, factor) in inner {
@@ -83,6 +84,6 @@ fn of_function(plan: &mut Plan, owner: u32, expr: Expr) -> Expr {
     if expr.is_polynomial() {
         return expr;
     }
-    let name = format!("{}.derivative{}", plan.model.states[owner as usize].name, plan.auxiliaries.len());
+    let name = format!("{}.derivative{}", plan.model.states[at(owner)].name, plan.auxiliaries.len());
     of(plan.auxiliary(owner, name, expr, true))
 }

@@ -3,6 +3,7 @@
 //! Hairer, Lubich, Wanner, Geometric Numerical Integration, sections I.1.2 and I.1.4. Which states are positions is found
 //! from who reads whom: velocities read positions, positions read velocities.
 
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -52,7 +53,7 @@ fn moved(plan: &mut Plan, point: &mut Point, states: &[u32], step: f64, to: Move
     let slopes = plan.slopes(point, states);
     let mut next = Vec::with_capacity(states.len());
     for (state, slope) in states.iter().zip(slopes) {
-        let (base, sum) = (point.states[*state as usize], Expr::scaled(step, slope));
+        let (base, sum) = (point.states[at(*state)], Expr::scaled(step, slope));
         next.push(match to {
             Move::Stage => plan.stage(*state, 2, base, sum),
             Move::End => plan.end(*state, Some(base), sum),
@@ -65,7 +66,7 @@ fn moved(plan: &mut Plan, point: &mut Point, states: &[u32], step: f64, to: Move
 fn after(point: Point, states: &[u32], values: &[Variable], stage: u8) -> Point {
     let mut all = point.states;
     for (state, value) in states.iter().zip(values) {
-        all[*state as usize] = *value;
+        all[at(*state)] = *value;
     }
     Point::new(all, stage)
 }
@@ -95,15 +96,15 @@ impl Parts {
 
     /// Whether positions read velocities only, and velocities positions only.
     fn check_separate(&self, model: &Model) -> Result<(), Vec<Diagnostic>> {
-        let name = |state: u32| &model.states[state as usize].name;
+        let name = |state: u32| &model.states[at(state)].name;
         for (part, what) in [(&self.positions, "position"), (&self.velocities, "velocity")] {
             for state in part {
-                let other = self.reads[*state as usize].iter().find(|read| part.binary_search(read).is_ok());
+                let other = self.reads[at(*state)].iter().find(|read| part.binary_search(read).is_ok());
                 let Some(other) = other else { continue };
                 let reason = format!("the {what} `{}` reads the {what} `{}`", name(*state), name(*other));
                 let help = "try `symplectic_euler`, which takes damping at first order, or `rk4`";
                 let mut findings = unsuitable(model, &reason, help);
-                findings[0].span = Some(model.states[*state as usize].span);
+                findings[0].span = Some(model.states[at(*state)].span);
                 return Err(findings);
             }
         }
@@ -118,7 +119,7 @@ fn reads(model: &Model) -> Vec<Vec<u32>> {
         let mut states = Vec::new();
         expr.each_variable(&mut |variable| match variable {
             Variable::State(state) => states.push(state),
-            Variable::Algebraic(algebraic) => states.extend_from_slice(&algebraics[algebraic as usize]),
+            Variable::Algebraic(algebraic) => states.extend_from_slice(&algebraics[at(algebraic)]),
             Variable::Input(_) => {}
         });
         states.sort_unstable();
@@ -138,7 +139,7 @@ fn follows(model: &Model, reads: &[Vec<u32>], state: usize) -> bool {
         Expr::Product(members) | Expr::Sum(members) => members.iter().all(plain),
         expr => plain(expr),
     };
-    single && matches!(reads[state].as_slice(), [other] if *other as usize != state)
+    single && matches!(reads[state].as_slice(), [other] if at(*other) != state)
 }
 
 /// The positions if all states fall into two parts that read only one another, or themselves. The part with more states
@@ -147,9 +148,9 @@ fn two_coloured(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
     let count = reads.len();
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); count];
     for (state, others) in reads.iter().enumerate() {
-        for other in others.iter().filter(|other| **other as usize != state) {
+        for other in others.iter().filter(|other| at(**other) != state) {
             neighbours[state].push(*other);
-            neighbours[*other as usize].push(state as u32);
+            neighbours[at(*other)].push(state as u32);
         }
     }
     let mut colour = vec![NONE; count];
@@ -163,7 +164,7 @@ fn two_coloured(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
         let mut seen = 0;
         while let Some(state) = part.get(seen).copied() {
             seen += 1;
-            for other in neighbours[state].iter().map(|other| *other as usize) {
+            for other in neighbours[state].iter().map(|other| at(*other)) {
                 if colour[other] == NONE {
                     colour[other] = 1 - colour[state];
                     part.push(other);
@@ -186,7 +187,7 @@ fn two_coloured(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
 /// The positions if some states follow velocities, `x' = v`, whatever the velocities read.
 fn followers(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
     let follows: Vec<bool> = (0..reads.len()).map(|state| follows(model, reads, state)).collect();
-    let position = |state: usize| follows[state] && !follows[reads[state][0] as usize];
+    let position = |state: usize| follows[state] && !follows[at(reads[state][0])];
     let positions: Vec<bool> = (0..reads.len()).map(position).collect();
     positions.contains(&true).then_some(positions)
 }

@@ -1,5 +1,6 @@
 //! Rigorous bounds of the largest singular value of a matrix, by factorising in double precision.
 
+use crate::index;
 use std::collections::BTreeSet;
 
 use super::system::{UNIT, up};
@@ -53,26 +54,26 @@ impl Square {
         let mut entries = 0;
         for (row, numbers) in (0..).zip(matrix) {
             for (column, number) in numbers {
-                dense[*column as usize].push((row, *number));
+                dense[index::at(*column)].push((row, *number));
             }
             entries += numbers.len() * numbers.len();
             if entries > FILL {
                 return None;
             }
             for (a, _) in numbers {
-                neighbours[*a as usize].extend(numbers.iter().map(|(b, _)| *b).filter(|b| b != a));
+                neighbours[index::at(*a)].extend(numbers.iter().map(|(b, _)| *b).filter(|b| b != a));
             }
         }
         let (order, pattern) = eliminate(neighbours)?;
         let mut place = vec![0u32; n];
-        order.iter().zip(0..).for_each(|(index, at)| place[*index as usize] = at);
+        order.iter().zip(0..).for_each(|(index, at)| place[index::at(*index)] = at);
         let mut columns = vec![Vec::new(); n];
         let mut sums = vec![0.0; n];
         for (at, index) in order.iter().enumerate() {
             let mut touched = Vec::new();
-            for (row, number) in &dense[*index as usize] {
-                for (other, factor) in &matrix[*row as usize] {
-                    let other = place[*other as usize] as usize;
+            for (row, number) in &dense[index::at(*index)] {
+                for (other, factor) in &matrix[index::at(*row)] {
+                    let other = index::at(place[index::at(*other)]);
                     if other >= at {
                         touched.push(other as u32);
                         sums[other] += number * factor;
@@ -82,11 +83,11 @@ impl Square {
             touched.push(at as u32);
             touched.sort_unstable();
             touched.dedup();
-            columns[at] = touched.iter().map(|other| (*other, sums[*other as usize])).collect();
-            touched.iter().for_each(|other| sums[*other as usize] = 0.0);
+            columns[at] = touched.iter().map(|other| (*other, sums[index::at(*other)])).collect();
+            touched.iter().for_each(|other| sums[index::at(*other)] = 0.0);
         }
         let mut lengths = vec![1usize; n];
-        pattern.iter().flatten().for_each(|row| lengths[*row as usize] += 1);
+        pattern.iter().flatten().for_each(|row| lengths[index::at(*row)] += 1);
         let longest = dense.iter().map(Vec::len).max().unwrap_or(0);
         let (of_rows, of_columns) = (largest_sum(matrix), largest_sum(&dense));
         let error = 2.0 * (longest as f64 + 2.0) * UNIT * of_rows * of_columns;
@@ -106,17 +107,17 @@ impl Square {
         let mut sums = vec![0.0; n];
         for column in 0..n {
             for (row, number) in &self.columns[column] {
-                sums[*row as usize] = -number;
+                sums[index::at(*row)] = -number;
             }
             sums[column] += square - shift;
             for (earlier, at) in std::mem::take(&mut due[column]) {
-                let entries = &factor[earlier as usize][at as usize..];
+                let entries = &factor[index::at(earlier)][index::at(at)..];
                 let by = entries[0].1;
                 for (row, number) in entries {
-                    sums[*row as usize] -= by * number;
+                    sums[index::at(*row)] -= by * number;
                 }
                 if let Some((row, _)) = entries.get(1) {
-                    due[*row as usize].push((earlier, at + 1));
+                    due[index::at(*row)].push((earlier, at + 1));
                 }
             }
             let pivot = sums[column];
@@ -127,11 +128,11 @@ impl Square {
             sums[column] = 0.0;
             let mut entries = Vec::with_capacity(self.pattern[column].len());
             for row in &self.pattern[column] {
-                entries.push((*row, sums[*row as usize] / root));
-                sums[*row as usize] = 0.0;
+                entries.push((*row, sums[index::at(*row)] / root));
+                sums[index::at(*row)] = 0.0;
             }
             if let Some((row, _)) = entries.first() {
-                due[*row as usize].push((column as u32, 0));
+                due[index::at(*row)].push((column as u32, 0));
             }
             factor.push(entries);
         }
@@ -159,7 +160,7 @@ fn eliminate(mut neighbours: Vec<BTreeSet<u32>>) -> Option<(Vec<u32>, Vec<Vec<u3
         if fill > FILL {
             return None;
         }
-        let around: Vec<u32> = std::mem::take(&mut neighbours[index as usize]).into_iter().collect();
+        let around: Vec<u32> = std::mem::take(&mut neighbours[index::at(index)]).into_iter().collect();
         if around.len() == queue.len() {
             // All that is left is joined to all: any order does.
             let rest: Vec<u32> = queue.iter().map(|(_, index)| *index).collect();
@@ -171,7 +172,7 @@ fn eliminate(mut neighbours: Vec<BTreeSet<u32>>) -> Option<(Vec<u32>, Vec<Vec<u3
             break;
         }
         for neighbour in &around {
-            let set = &mut neighbours[*neighbour as usize];
+            let set = &mut neighbours[index::at(*neighbour)];
             queue.remove(&(set.len(), *neighbour));
             set.extend(around.iter().filter(|other| *other != neighbour));
             set.remove(&index);
@@ -180,9 +181,9 @@ fn eliminate(mut neighbours: Vec<BTreeSet<u32>>) -> Option<(Vec<u32>, Vec<Vec<u3
         pattern.push(around);
     }
     let mut place = vec![0u32; n];
-    order.iter().zip(0..).for_each(|(index, at)| place[*index as usize] = at);
+    order.iter().zip(0..).for_each(|(index, at)| place[index::at(*index)] = at);
     for rows in &mut pattern {
-        rows.iter_mut().for_each(|row| *row = place[*row as usize]);
+        rows.iter_mut().for_each(|row| *row = place[index::at(*row)]);
         rows.sort_unstable();
     }
     Some((order, pattern))

@@ -2,6 +2,7 @@
 
 use super::cholesky::{Sparse, largest_singular_value, largest_sum};
 use super::system::{Row, UNIT, up};
+use crate::index::at;
 
 /// A norm of the states; their numbers count in LSB. Any will do, the better ones prove more.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +43,7 @@ impl Measured {
                 let mut growth = 0.0f64;
                 for (row, weight) in rows.iter().zip(weights) {
                     let of_entry = |(state, number, magnitude): &(u32, f64, f64)| {
-                        (number.abs() + doubt * magnitude) * weights[*state as usize]
+                        (number.abs() + doubt * magnitude) * weights[at(*state)]
                     };
                     growth = growth.max(up(row.iter().map(of_entry).sum::<f64>() / weight, row.len() + 6));
                 }
@@ -55,7 +56,7 @@ impl Measured {
                 let scaled = |of: &dyn Fn(f64, f64) -> f64| -> Sparse {
                     let row = |(row, weight): (&Row, &f64)| {
                         let entry = |(state, number, magnitude): &(u32, f64, f64)| {
-                            (*state, of(*number, *magnitude) * weights[*state as usize] / weight)
+                            (*state, of(*number, *magnitude) * weights[at(*state)] / weight)
                         };
                         row.iter().map(entry).collect()
                     };
@@ -157,7 +158,7 @@ fn root_of_squares(numbers: impl Iterator<Item = f64>) -> f64 {
 fn two_norm(matrix: &Sparse) -> f64 {
     let mut columns: Sparse = vec![Vec::new(); matrix.len()];
     for (row, entries) in (0..).zip(matrix) {
-        entries.iter().for_each(|(column, number)| columns[*column as usize].push((row, *number)));
+        entries.iter().for_each(|(column, number)| columns[at(*column)].push((row, *number)));
     }
     up(libm::sqrt(largest_sum(matrix) * largest_sum(&columns)), 4)
 }
@@ -165,7 +166,7 @@ fn two_norm(matrix: &Sparse) -> f64 {
 fn dense(rows: &[Row], of: impl Fn(f64, f64) -> f64) -> Vec<Vec<f64>> {
     let row = |row: &Row| {
         let mut numbers = vec![0.0; rows.len()];
-        row.iter().for_each(|(state, number, magnitude)| numbers[*state as usize] = of(*number, *magnitude));
+        row.iter().for_each(|(state, number, magnitude)| numbers[at(*state)] = of(*number, *magnitude));
         numbers
     };
     rows.iter().map(row).collect()

@@ -2,6 +2,7 @@
 
 use super::norm::Measured;
 use super::system::{NONE, System};
+use crate::index::at;
 
 /// Responses that are computed side by side: that to the initial states, and those to inputs.
 const LANES: usize = 4;
@@ -80,14 +81,14 @@ impl<'a, const L: usize> Run<'a, L> {
         let mut numbers = vec![[0.0; L]; system.values];
         if first {
             for ((start, _), initial) in system.states.iter().zip(&system.initial) {
-                numbers[*start as usize][L - 1] = *initial;
+                numbers[at(*start)][L - 1] = *initial;
             }
             for (constant, number) in &system.constants {
-                numbers[*constant as usize][L - 1] = *number;
+                numbers[at(*constant)][L - 1] = *number;
             }
         }
         for (lane, input) in inputs.iter().enumerate() {
-            numbers[*input as usize][lane] = system.input;
+            numbers[at(*input)][lane] = system.input;
         }
         let sums = vec![0.0; system.values];
         let peaks = numbers.iter().map(|lanes| lanes[L - 1].abs()).collect();
@@ -115,15 +116,15 @@ impl<'a, const L: usize> Run<'a, L> {
         }
         let mut sums = self.sums;
         for input in &self.system.inputs {
-            sums[*input as usize] = 0.0;
+            sums[at(*input)] = 0.0;
         }
         for input in self.inputs {
-            sums[*input as usize] = self.system.input;
-            self.peaks[*input as usize] = self.system.input;
+            sums[at(*input)] = self.system.input;
+            self.peaks[at(*input)] = self.system.input;
         }
         for (start, end) in &self.system.states {
-            sums[*start as usize] = sums[*end as usize];
-            self.peaks[*start as usize] = self.peaks[*start as usize].max(self.peaks[*end as usize]);
+            sums[at(*start)] = sums[at(*end)];
+            self.peaks[at(*start)] = self.peaks[at(*start)].max(self.peaks[at(*end)]);
         }
         let cut = CUT * (done * L as u64) as f64;
         Responses { peaks: self.peaks, sums, steps: done, last: changes, cut }
@@ -135,7 +136,7 @@ impl<'a, const L: usize> Run<'a, L> {
         for sum in &system.sums {
             let mut total = [0.0; L];
             for (operand, coefficient) in &system.terms[sum.terms.clone()] {
-                let numbers = &self.numbers[*operand as usize];
+                let numbers = &self.numbers[at(*operand)];
                 for lane in 0..L {
                     total[lane] += coefficient * numbers[lane];
                 }
@@ -143,9 +144,9 @@ impl<'a, const L: usize> Run<'a, L> {
             for store in &system.stores[sum.stores.clone()] {
                 let mut word = [0.0; L];
                 if store.base != NONE {
-                    word = self.numbers[store.base as usize];
+                    word = self.numbers[at(store.base)];
                 }
-                let target = store.target as usize;
+                let target = at(store.target);
                 for lane in 0..L {
                     word[lane] += store.scale * total[lane];
                 }
@@ -162,26 +163,26 @@ impl<'a, const L: usize> Run<'a, L> {
     /// The impulses are over.
     fn rest(&mut self) {
         for (lane, input) in self.inputs.iter().enumerate() {
-            self.numbers[*input as usize][lane] = 0.0;
+            self.numbers[at(*input)][lane] = 0.0;
         }
     }
 
     /// The states of the end are those of the next start. If they are looked at, what still moves is put down.
     fn finish(&mut self, changes: &mut [f64], looks: bool) {
         for ((start, end), change) in self.system.states.iter().zip(changes) {
-            let mut next = self.numbers[*end as usize];
+            let mut next = self.numbers[at(*end)];
             for number in &mut next {
                 if number.abs() < CUT {
                     *number = 0.0;
                 }
             }
             if looks {
-                let before = self.numbers[*start as usize];
+                let before = self.numbers[at(*start)];
                 let of_inputs: f64 = next[..L - usize::from(self.first)].iter().map(|number| number.abs()).sum();
                 let of_start = if self.first { (next[L - 1] - before[L - 1]).abs() } else { 0.0 };
                 *change = of_inputs + of_start;
             }
-            self.numbers[*start as usize] = next;
+            self.numbers[at(*start)] = next;
         }
     }
 }

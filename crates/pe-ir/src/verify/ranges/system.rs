@@ -1,6 +1,7 @@
 //! A step that is affine in states and inputs, as sums of integers.
 
 use crate::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
+use crate::index::at;
 
 /// Half the distance between neighbouring numbers near one.
 pub(super) const UNIT: f64 = f64::EPSILON / 2.0;
@@ -96,10 +97,10 @@ impl System {
         }
         let (terms, stores) = (self.terms.len(), self.stores.len());
         for term in chain.terms.clone() {
-            let Factor::Coefficient(_) = graph.terms[term as usize].factor else { return None };
+            let Factor::Coefficient(_) = graph.terms[at(term)].factor else { return None };
             // A pair has one coefficient for two operands.
-            for operand in graph.terms[term as usize].operands() {
-                self.terms.push((operand.0, fixed.coefficients[term as usize] as f64));
+            for operand in graph.terms[at(term)].operands() {
+                self.terms.push((operand.0, fixed.coefficients[at(term)] as f64));
             }
         }
         let (lift, drop) = (fixed.format.lift() as i32, fixed.format.data_drop() as i32);
@@ -126,22 +127,22 @@ impl System {
     pub fn errors(&self, states: &[f64], rounds: bool, moved: Option<&[f64]>) -> Vec<f64> {
         let mut errors = vec![0.0; self.values];
         for ((start, _), error) in self.states.iter().zip(states) {
-            errors[*start as usize] = *error;
+            errors[at(*start)] = *error;
         }
         let seen = if rounds { self.seen } else { 0.0 };
         for sum in &self.sums {
             let terms = &self.terms[sum.terms.clone()];
             let (mut error, mut size) = (0.0, 0.0);
             for (operand, coefficient) in terms {
-                error += coefficient.abs() * (errors[*operand as usize] + seen);
-                size += moved.map_or(0.0, |moved| coefficient.abs() * moved[*operand as usize]);
+                error += coefficient.abs() * (errors[at(*operand)] + seen);
+                size += moved.map_or(0.0, |moved| coefficient.abs() * moved[at(*operand)]);
             }
             for store in &self.stores[sum.stores.clone()] {
-                let base = |of: &[f64]| if store.base == NONE { 0.0 } else { of[store.base as usize] };
+                let base = |of: &[f64]| if store.base == NONE { 0.0 } else { of[at(store.base)] };
                 let magnitude = moved.map_or(0.0, &base) + store.scale * size;
                 let arithmetic = 2.0 * (terms.len() as f64 + 3.0) * UNIT * magnitude;
                 let rounding = if rounds { store.rounding } else { 0.0 };
-                errors[store.target as usize] =
+                errors[at(store.target)] =
                     up(base(&errors) + store.scale * error + rounding + arithmetic, terms.len() + 6);
             }
         }
@@ -152,18 +153,18 @@ impl System {
     pub fn untouched(&self, leaves: impl Fn(ValueId) -> bool) -> Vec<bool> {
         let mut stays = vec![true; self.values];
         for store in &self.stores {
-            stays[store.target as usize] &= !leaves(ValueId(store.target));
+            stays[at(store.target)] &= !leaves(ValueId(store.target));
         }
         // Values that leave their words touch what reads them, and not themselves.
         let mut untouched = vec![true; self.values];
         loop {
             let mut settled = true;
             let mut set = |untouched: &mut Vec<bool>, value: u32, now: bool| {
-                settled &= now == untouched[value as usize];
-                untouched[value as usize] = now;
+                settled &= now == untouched[at(value)];
+                untouched[at(value)] = now;
             };
             for sum in &self.sums {
-                let passes = |untouched: &[bool], value: u32| untouched[value as usize] && stays[value as usize];
+                let passes = |untouched: &[bool], value: u32| untouched[at(value)] && stays[at(value)];
                 let terms = self.terms[sum.terms.clone()].iter().all(|(operand, _)| passes(&untouched, *operand));
                 for store in &self.stores[sum.stores.clone()] {
                     let now = terms && (store.base == NONE || passes(&untouched, store.base));
@@ -171,7 +172,7 @@ impl System {
                 }
             }
             for (start, end) in &self.states {
-                let now = untouched[*end as usize] && stays[*end as usize];
+                let now = untouched[at(*end)] && stays[at(*end)];
                 set(&mut untouched, *start, now);
             }
             if settled {
@@ -182,7 +183,7 @@ impl System {
 
     /// What the errors of a step are for the states at its end.
     pub fn at_end(&self, of_values: &[f64]) -> Vec<f64> {
-        self.states.iter().map(|(_, end)| of_values[*end as usize]).collect()
+        self.states.iter().map(|(_, end)| of_values[at(*end)]).collect()
     }
 
     /// The states at the end of a step as sums over the states at its start, and the most roundings on the way to one.
@@ -191,7 +192,7 @@ impl System {
         let mut rows: Vec<Row> = vec![Row::new(); self.values];
         let mut roundings = vec![0usize; self.values];
         for (state, (start, _)) in (0..).zip(&self.states) {
-            rows[*start as usize] = vec![(state, 1.0, 1.0)];
+            rows[at(*start)] = vec![(state, 1.0, 1.0)];
         }
         let mut scratch = vec![(0.0f64, 0.0f64); self.states.len()];
         let mut touched: Vec<u32> = Vec::new();
@@ -199,9 +200,9 @@ impl System {
         for sum in &self.sums {
             let mut deepest = 0;
             for (operand, coefficient) in &self.terms[sum.terms.clone()] {
-                deepest = deepest.max(roundings[*operand as usize]);
-                for (state, number, magnitude) in &rows[*operand as usize] {
-                    let slot = &mut scratch[*state as usize];
+                deepest = deepest.max(roundings[at(*operand)]);
+                for (state, number, magnitude) in &rows[at(*operand)] {
+                    let slot = &mut scratch[at(*state)];
                     if slot.1 == 0.0 {
                         touched.push(*state);
                     }
@@ -213,20 +214,20 @@ impl System {
             touched.dedup();
             let count = self.terms[sum.terms.clone()].len() + 2;
             for store in &self.stores[sum.stores.clone()] {
-                let base = if store.base == NONE { &[][..] } else { &rows[store.base as usize] };
+                let base = if store.base == NONE { &[][..] } else { &rows[at(store.base)] };
                 let row = merged(base, &touched, &scratch, store.scale);
-                let before = if store.base == NONE { 0 } else { roundings[store.base as usize] };
-                roundings[store.target as usize] = deepest.max(before) + count;
+                let before = if store.base == NONE { 0 } else { roundings[at(store.base)] };
+                roundings[at(store.target)] = deepest.max(before) + count;
                 entries += row.len();
-                rows[store.target as usize] = row;
+                rows[at(store.target)] = row;
             }
-            touched.drain(..).for_each(|state| scratch[state as usize] = (0.0, 0.0));
+            touched.drain(..).for_each(|state| scratch[at(state)] = (0.0, 0.0));
             if entries > limit {
                 return None;
             }
         }
-        let of_states = self.states.iter().map(|(_, end)| rows[*end as usize].clone()).collect();
-        Some((of_states, self.states.iter().map(|(_, end)| roundings[*end as usize]).max().unwrap_or(0)))
+        let of_states = self.states.iter().map(|(_, end)| rows[at(*end)].clone()).collect();
+        Some((of_states, self.states.iter().map(|(_, end)| roundings[at(*end)]).max().unwrap_or(0)))
     }
 }
 
@@ -238,7 +239,7 @@ fn merged(base: &[(u32, f64, f64)], touched: &[u32], scratch: &[(f64, f64)], sca
         while let Some(entry) = base.next_if(|(of, ..)| of < state) {
             row.push(*entry);
         }
-        let (number, magnitude) = scratch[*state as usize];
+        let (number, magnitude) = scratch[at(*state)];
         let (mut number, mut magnitude) = (scale * number, scale * magnitude);
         if let Some((_, added, size)) = base.next_if(|(of, ..)| of == state) {
             (number, magnitude) = (number + added, magnitude + size);
