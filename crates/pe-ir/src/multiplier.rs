@@ -70,6 +70,11 @@ impl WordFormat {
     pub fn blocks(&self, tiles: &[Tile]) -> u32 {
         self.half_blocks(tiles).div_ceil(2)
     }
+
+    /// DSP blocks per PE on a device with 25x18 multipliers.
+    pub fn dsp_per_pe(&self) -> u32 {
+        self.blocks(DSP48E1)
+    }
 }
 
 /// What a product takes.

@@ -103,11 +103,6 @@ impl WordFormat {
         small <= 18 && large <= 25
     }
 
-    /// DSP blocks per PE on a device with 25x18 multipliers.
-    pub fn dsp_per_pe(&self) -> u32 {
-        self.blocks(crate::multiplier::DSP48E1)
-    }
-
     /// Low bits that the data port does not see.
     pub fn data_drop(&self) -> u32 {
         self.word_bits() - self.data_bits

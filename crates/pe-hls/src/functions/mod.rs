@@ -5,6 +5,7 @@
 //! mapped to -1 .. 1, a local coordinate in the segment that this falls into, and a polynomial of it by Horner's rule with
 //! the coefficients of the segment.
 
+mod divisions;
 mod domain;
 mod enclosure;
 mod expand;
@@ -21,14 +22,9 @@ use pe_ir::index;
 use pe_ir::source::{Diagnostic, Span};
 use pe_ir::word::WordFormat;
 
+use divisions::divisions;
 use domain::Domain;
 use fit::{Fit, Layout};
-
-/// Bits of an index that are tried.
-const INDEX_BITS: std::ops::RangeInclusive<u32> = 3..=8;
-
-/// Bits of an index that may count octaves.
-const OCTAVE_BITS: std::ops::RangeInclusive<u32> = 2..=4;
 
 /// Words of tables that are as good as twice the products.
 const WORDS: f64 = 4096.0;
@@ -146,16 +142,6 @@ fn computed<'a>(
     });
     let computed = computed.collect();
     (segments, computed)
-}
-
-/// The divisions that words of a format can have, those with the fewest segments first.
-fn divisions(format: WordFormat) -> impl DoubleEndedIterator<Item = Segments> {
-    let octaves = move || std::iter::once(0).chain(OCTAVE_BITS);
-    let all = INDEX_BITS.flat_map(move |bits| octaves().map(move |octave_bits| (bits, octave_bits)));
-    all.map(|(index_bits, octave_bits)| Segments { index_bits, octave_bits }).filter(move |segments| {
-        let deepest = (1u32 << segments.octave_bits) - 1 + segments.index_bits.saturating_sub(segments.octave_bits);
-        segments.octave_bits < segments.index_bits && deepest < format.data_bits
-    })
 }
 
 /// The division of all tables, and of each function its table.

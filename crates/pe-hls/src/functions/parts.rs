@@ -9,8 +9,9 @@ use pe_ir::functions::ScalarFunction;
 use pe_ir::model::{Expr, Select};
 use pe_ir::word::WordFormat;
 
+use super::divisions::divisions;
 use super::domain::Domain;
-use super::{divisions, fit};
+use super::fit;
 use crate::lift::{edges, kinks};
 
 /// Excess over what an argument excuses from which on a function is cut, and that parts shall have.

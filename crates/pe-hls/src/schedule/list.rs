@@ -6,19 +6,7 @@ use std::collections::BinaryHeap;
 use pe_ir::index::{at, number};
 use pe_ir::word::Latency;
 
-use super::problem::{NONE, Problem};
-
-/// Times of one step, before it is closed into a loop.
-pub(super) struct Placement {
-    /// First operand of each chain.
-    pub starts: Vec<u32>,
-    /// Terms in issue order.
-    pub order: Vec<u32>,
-    /// Receive time of each import.
-    pub receives: Vec<u32>,
-    /// First read of each slot's word from the step before.
-    pub first_reads: Vec<u32>,
-}
+use super::problem::{NONE, Placement, Problem};
 
 /// How many chains are tried when the most urgent one has to wait for a write or link slot.
 const ALTERNATIVES: usize = 8;

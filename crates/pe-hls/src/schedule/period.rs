@@ -1,7 +1,6 @@
 //! Closes a step into a loop.
 
-use super::list::Placement;
-use super::problem::Problem;
+use super::problem::{Placement, Problem};
 use pe_ir::word::Latency;
 
 /// The smallest period at which steps can follow one another.

@@ -9,9 +9,19 @@ use pe_ir::mapping::Mapping;
 use pe_ir::schedule::{Schedule, Transfer};
 use pe_ir::word::Latency;
 
-use super::list::Placement;
-
 pub(super) const NONE: u32 = u32::MAX;
+
+/// Times of one step, before it is closed into a loop.
+pub(super) struct Placement {
+    /// First operand of each chain.
+    pub starts: Vec<u32>,
+    /// Terms in issue order.
+    pub order: Vec<u32>,
+    /// Receive time of each import.
+    pub receives: Vec<u32>,
+    /// First read of each slot's word from the step before.
+    pub first_reads: Vec<u32>,
+}
 
 /// Where an operand or a base is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
