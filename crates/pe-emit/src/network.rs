@@ -42,7 +42,6 @@ struct Output {
     port: Port,
     pe: u32,
     word: u32,
-    proven: bool,
 }
 
 struct Pe {
@@ -119,12 +118,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
         outputs: outputs
             .map(|(index, (port, name))| {
                 let comment = comment(&port.name, &port.unit, port.exponent);
-                Output {
-                    port: Port { index, port: name.clone(), comment },
-                    pe: port.pe,
-                    word: port.word,
-                    proven: port.proven,
-                }
+                Output { port: Port { index, port: name.clone(), comment }, pe: port.pe, word: port.word }
             })
             .collect(),
         pes,

@@ -1,6 +1,15 @@
 //! Expressions over the variables of a flat model: evaluation, what they read, and their derivatives.
 
-use crate::model::Variable;
+/// A variable of the flat model: indices into the states, inputs and algebraic variables of a [`crate::model::Model`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Variable {
+    /// A state variable.
+    State(u32),
+    /// An external input.
+    Input(u32),
+    /// The left-hand side of an algebraic equation.
+    Algebraic(u32),
+}
 
 /// A right-hand side over the flat variables; constants are already folded.
 #[derive(Clone, Debug, PartialEq)]

@@ -16,6 +16,7 @@ pub mod mapping;
 pub mod memory;
 pub mod model;
 pub mod motion;
+mod moved;
 pub mod multiplier;
 pub mod place;
 pub mod program;

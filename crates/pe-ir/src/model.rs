@@ -8,20 +8,9 @@ use crate::index::{self, at};
 use crate::motion::Motion;
 use crate::source::Span;
 
-pub use crate::expr::{Expr, Function, Select};
+pub use crate::expr::{Expr, Function, Select, Variable};
 pub use crate::solver::Solver;
 pub use crate::waveform::{Chirp, Formula, Interpolation, Pwm, Samples, Unseen, Waveform};
-
-/// A variable of the flat model: indices into [`Model::states`], [`Model::inputs`] and [`Model::algebraics`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Variable {
-    /// A state variable.
-    State(u32),
-    /// An external input.
-    Input(u32),
-    /// The left-hand side of an algebraic equation.
-    Algebraic(u32),
-}
 
 /// A state variable and its equation.
 #[derive(Clone, Debug)]

@@ -1,6 +1,7 @@
 //! Builds the step graph: one solver step of a model as chains of products.
 
 mod build;
+mod builder;
 mod forms;
 mod method;
 mod motion;
@@ -13,6 +14,7 @@ mod rows;
 mod sampled;
 mod score;
 mod sharing;
+mod staged;
 mod ticked;
 
 pub use build::{build, build_with};

@@ -12,7 +12,7 @@ use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Model, Solver};
 use pe_ir::motion::{Motion, Source};
 
-use super::build::{Builder, push};
+use super::builder::{Builder, push};
 use super::played;
 
 /// The shears of a rotation by an angle: of the cosine, of the sine.

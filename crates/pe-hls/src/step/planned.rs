@@ -7,7 +7,7 @@ use pe_ir::index::{self, at};
 use pe_ir::model::{Algebraic, Model, Variable};
 use pe_ir::source::Diagnostic;
 
-use super::build::{Builder, Operands, push};
+use super::builder::{Builder, Operands, push};
 use super::forms::{self, StepOptions};
 use super::plan::{Plan, Planned, Point};
 use super::polynomial::Nested;

@@ -16,7 +16,7 @@ use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Model, Rate, Variable};
 use pe_ir::source::Diagnostic;
 
-use super::build::{self, push};
+use super::builder::push;
 use super::forms::StepOptions;
 use super::plan::{Plan, Point, of, times};
 use super::planned::{self, can_overwrite};
@@ -30,12 +30,16 @@ const BEFORE: u8 = 0;
 /// Steps from one sample to the next, at most: VHDL's naturals count no further.
 const MOST_STEPS: u64 = i32::MAX as u64;
 
-/// Builds the step graph of a model with sampled parts.
+/// Builds the step graph of a model with sampled parts; `continuous_part` builds that of the rest.
 ///
 /// # Errors
 /// Those of the continuous part, `E0801` for a sampled equation that expands to too many products, `E0805` for a form
 /// that was asked for, `E0807` for a period that is no whole number of steps.
-pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
+pub fn build(
+    model: &Model,
+    options: &StepOptions,
+    continuous_part: fn(&Model, &StepOptions) -> Result<StepGraph, Vec<Diagnostic>>,
+) -> Result<StepGraph, Vec<Diagnostic>> {
     check(model)?;
     let ticking = model.with_ticks();
     let continuous = model.continuous_states();
@@ -46,7 +50,7 @@ pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diag
         return Ok(StepGraph { stages: 1, ..graph });
     }
     // Stages beside sampled parts are not shared.
-    let rest = build::build_with(&model.continuous(), &StepOptions { sums: false, ..*options })?;
+    let rest = continuous_part(&model.continuous(), &StepOptions { sums: false, ..*options })?;
     let mut first = planned::chains(&samples(&ticking, false))?.0.graph;
     if !rest.swaps() && !can_overwrite(&first) {
         first = planned::chains(&samples(&ticking, true))?.0.graph;

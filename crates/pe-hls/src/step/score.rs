@@ -4,7 +4,7 @@ use pe_ir::graph::{Factor, Role, Term, ValueId, Write};
 use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Variable};
 
-use super::build::{Builder, push};
+use super::builder::{Builder, push};
 use super::played::Score;
 
 impl Score for Builder {

@@ -7,9 +7,8 @@ use pe_ir::source::Diagnostic;
 use pe_sim::linear::Linearised;
 use pe_sim::reference::Obstacle;
 
-use super::findings::eigenvalue;
-use super::prediction::Prediction;
-use super::remedies::{SAFE, rounded};
+use super::prediction::{Prediction, eigenvalue};
+use super::question::{SAFE, rounded};
 use super::trials::affordable;
 use super::trusted::Trusted;
 use crate::pivots::{self, SmallestPivot};

@@ -5,15 +5,16 @@ use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::linear::is_affine;
 
+use super::Check;
 use super::causes;
 use super::course;
 use super::observed;
-use super::prediction::Basis;
-use super::remedies::{self, Remedy, rounded};
+use super::prediction::{Basis, eigenvalue};
+use super::question::{Question, SAFE, rounded};
+use super::remedies::{self, Remedy};
 use super::sampled;
 use super::trials::Trials;
 use super::trusted::Trusted;
-use super::{Check, Question};
 use crate::runs::Judged;
 
 /// Part of the largest stable step, found by trial, above which a step is near the limit.
@@ -100,7 +101,7 @@ impl Check {
             found.stable,
             model.states[state].name
         );
-        let safe = rounded(remedies::SAFE * found.stable);
+        let safe = rounded(SAFE * found.stable);
         let help = match model.suitable_step(safe) {
             Some(step) => format!("try `--step {step:e}`"),
             None => "take a smaller step".to_owned(),
@@ -124,7 +125,7 @@ impl Check {
             limit.step,
             state.name
         );
-        let help = format!("try `--step {:e}`", rounded(remedies::SAFE * limit.step));
+        let help = format!("try `--step {:e}`", rounded(SAFE * limit.step));
         Some(Diagnostic::error(codes::NEAR_LIMIT, state.span, message).with_help(help).into_warning())
     }
 
@@ -284,14 +285,6 @@ impl Check {
         }
         finding
     }
-}
-
-/// An eigenvalue in words.
-pub fn eigenvalue((re, im): (f64, f64)) -> String {
-    // A real part that is rounding is none.
-    let re = if -re < 1e-9 * im.abs() { 0.0 } else { re };
-    let imaginary = if im == 0.0 { String::new() } else { format!(" ± {:.2e} i", im.abs()) };
-    format!("{re:.2e}{imaginary} 1/s")
 }
 
 /// A growth in words, from its natural logarithm.

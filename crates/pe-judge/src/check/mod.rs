@@ -9,6 +9,7 @@ mod course;
 mod findings;
 mod observed;
 mod prediction;
+mod question;
 mod remedies;
 mod rest;
 pub mod sampled;
@@ -17,34 +18,21 @@ mod trials;
 mod trusted;
 
 use pe_ir::codes;
-use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
-use pe_ir::word::WordFormat;
 
-use crate::criteria::Criteria;
 use crate::pivots::SmallestPivot;
-use crate::point::DesignPoint;
 use crate::runs::{self, Judged};
 
 use self::trials::Trials;
 use self::trusted::Trusted;
 
-pub use self::findings::{eigenvalue, factor};
+pub use self::findings::factor;
 pub use self::observed::{Chaos, DeadBand, StepGrowth};
-pub use self::prediction::Prediction;
-pub use self::remedies::SAFE;
+pub use self::prediction::{Prediction, eigenvalue};
+pub use self::question::{ACCURACY, Question, SAFE, TRIED_STATES};
 pub use self::rest::{Rest, Ringing};
 pub use self::trials::{Accuracy, Found};
-
-/// Method error that the accuracy step is for unless the user gives another.
-pub const ACCURACY: f64 = 1e-3;
-
-/// States above which no trials with other steps are run.
-pub const TRIED_STATES: usize = 10_000;
-
-/// States up to which methods are tried that eliminate or fill a matrix.
-const MATRIX_STATES: usize = 200;
 
 /// Refusals that the check can explain.
 pub const EXPLAINED: [&str; 10] = [
@@ -74,23 +62,6 @@ const OWN: [&str; 11] = [
     codes::POLE_MOVED,
     codes::RINGING,
 ];
-
-/// What is asked about.
-#[derive(Clone, Copy)]
-pub struct Question<'a> {
-    /// The model.
-    pub model: &'a Model,
-    /// Its step.
-    pub graph: &'a StepGraph,
-    /// How it is computed.
-    pub point: &'a DesignPoint,
-    /// What it is judged over.
-    pub criteria: &'a Criteria,
-    /// Word widths.
-    pub format: WordFormat,
-    /// Method error that the accuracy step is for; none if that is not asked.
-    pub goal: Option<f64>,
-}
 
 /// What was found about a model and its step.
 pub struct Check {

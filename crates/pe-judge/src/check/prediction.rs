@@ -259,3 +259,11 @@ fn fastest_state(linear: &Linearised, rightmost: f64) -> usize {
     let largest = vector.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     largest.map_or(0, |(index, _)| index)
 }
+
+/// An eigenvalue in words.
+pub fn eigenvalue((re, im): (f64, f64)) -> String {
+    // A real part that is rounding is none.
+    let re = if -re < 1e-9 * im.abs() { 0.0 } else { re };
+    let imaginary = if im == 0.0 { String::new() } else { format!(" ± {:.2e} i", im.abs()) };
+    format!("{re:.2e}{imaginary} 1/s")
+}

@@ -7,17 +7,15 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver, step_count_problem};
 use pe_ir::word::{Latency, WordFormat};
 
+use super::observed;
 use super::prediction::Prediction;
+use super::question::{MATRIX_STATES, Question, SAFE, TRIED_STATES, rounded};
 use super::rest::{self, Rest};
 use super::trials::{Outcome, Trials};
 use super::trusted::Trusted;
-use super::{MATRIX_STATES, Question, TRIED_STATES, observed};
 use crate::point::{DesignPoint, MOST_STORAGE};
 use crate::progress::silent;
 use crate::runs::{self, Judged};
-
-/// Part of the largest stable step that is proposed.
-pub const SAFE: f64 = 0.8;
 
 /// Method error up to which a step is a remedy, and word-length error up to which a word is.
 const METHOD_ERROR: f64 = 0.02;
@@ -55,13 +53,6 @@ impl Remedy {
 fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
     let pes = pes.unwrap_or_else(|| default_pes(graph));
     Bound::of(graph, pes, Latency::of(format)).binding().0
-}
-
-/// A step with two digits, as it can be typed; never larger than asked for.
-pub fn rounded(step: f64) -> f64 {
-    let unit = libm::pow(10.0, libm::floor(libm::log10(step)) - 1.0);
-    let text = format!("{:.1e}", libm::floor(step / unit * (1.0 + 1e-9)) * unit);
-    text.parse().unwrap_or(step)
 }
 
 /// The cheapest method and step that is stable and accurate; one that is only stable unless that is not enough.
@@ -208,14 +199,4 @@ pub fn for_rest(question: &Question, judged: &Judged) -> Option<Remedy> {
         fixed.is_ok_and(|fixed| rest::settled(model, graph, &fixed, judged) == Ok(Rest::Zero))
     };
     candidates.into_iter().find(works).map(|wider| wider.remedy(question))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn steps_are_rounded_down_to_what_can_be_typed() {
-        assert_eq!([1.279e-3, 0.1, 4e-4, 9.99e-7, 3.0].map(rounded), [1.2e-3, 0.1, 4e-4, 9.9e-7, 3.0]);
-    }
 }

@@ -3,10 +3,9 @@
 use pe_ir::model::{Model, Solver};
 
 use super::prediction::Prediction;
-use super::remedies::SAFE;
+use super::question::{ACCURACY, MATRIX_STATES, SAFE};
 use super::trials::Trials;
 use super::trusted::Trusted;
-use super::{ACCURACY, MATRIX_STATES};
 
 /// Ratio from which on implicit methods are worth a trial: their steps cost a few times as much.
 pub const STIFF: f64 = 5.0;

@@ -6,9 +6,10 @@ use pe_ir::functions::Segments;
 use pe_ir::graph::{Role, StepGraph};
 use pe_ir::index;
 
+use super::layout::Layout;
 use super::loops::{Base, Factor, Loop, Place, Sum, uniform};
 use super::source::{self, From, Read, Second, Signature};
-use super::{Layout, Program, Work};
+use super::work::{Program, Work};
 use crate::double::power_of_two;
 use crate::tiles::{self, Outcome};
 

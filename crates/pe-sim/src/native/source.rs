@@ -3,7 +3,7 @@
 use pe_ir::index;
 use std::fmt::Write;
 
-use super::Layout;
+use super::layout::Layout;
 use crate::double::power_of_two;
 use crate::tiles::{Chain, Factor, Outcome};
 

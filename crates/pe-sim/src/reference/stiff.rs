@@ -6,8 +6,8 @@ use differential_equations::status::Status;
 use pe_ir::model::Model;
 
 use super::equations::{Equations, Piece};
+use super::solution::{Obstacle, ReferenceError, Scales, TIME_RESOLUTION, after, pieces};
 use super::states::States;
-use super::{Obstacle, ReferenceError, Scales, TIME_RESOLUTION, after, pieces};
 use crate::error::Trajectory;
 
 /// States of the largest model for it: its matrices are dense.

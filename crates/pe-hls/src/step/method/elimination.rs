@@ -11,7 +11,7 @@ use pe_ir::model::{Expr, Function};
 use pe_ir::source::Diagnostic;
 
 use super::jacobian::Row;
-use super::unsuitable;
+use super::suit::unsuitable;
 use crate::step::plan::{Plan, of};
 
 /// Entries of both triangles, at most.

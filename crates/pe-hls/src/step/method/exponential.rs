@@ -3,7 +3,7 @@
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 
-use super::unsuitable;
+use super::suit::unsuitable;
 use crate::step::rows::Rows;
 use crate::step::sharing::Expanded;
 

@@ -8,7 +8,7 @@ use pe_ir::index::at;
 use pe_ir::model::{Expr, Function, Model, Variable};
 use pe_ir::source::Diagnostic;
 
-use super::unsuitable;
+use super::suit::unsuitable;
 use crate::step::plan::{Plan, of};
 
 /// Parts of an expression with its algebraic variables put in, at most: rates are short.

@@ -8,14 +8,15 @@ mod gates;
 mod implicit;
 mod jacobian;
 mod partitioned;
+mod suit;
 
-use pe_ir::codes;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
 
 pub use exponential::exponential;
 
 use super::plan::Plan;
+use suit::unsuitable;
 
 /// The step of a model by its method; none if the method is an explicit Runge-Kutta method, or needs no plan.
 ///
@@ -43,10 +44,4 @@ pub fn plan(model: &Model) -> Result<Option<Plan<'_>>, Vec<Diagnostic>> {
         Solver::RushLarsen => gates::plan(model)?,
     };
     Ok(Some(plan))
-}
-
-/// The finding that the method does not suit the model.
-fn unsuitable(model: &Model, reason: &str, help: &str) -> Vec<Diagnostic> {
-    let message = format!("`{}` is no solver for `{}`: {reason}", model.solver.name(), model.name);
-    vec![Diagnostic::global(codes::UNSUITABLE_SOLVER, message).with_help(help)]
 }

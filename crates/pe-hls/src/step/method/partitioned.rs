@@ -7,7 +7,7 @@ use pe_ir::index::at;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
-use super::unsuitable;
+use super::suit::unsuitable;
 use crate::step::plan::{Plan, Point};
 
 /// Velocities first, with the old positions; then positions, with the new velocities.
