@@ -29,6 +29,8 @@ pe_input STORAGE_BITS=32 WORD_BITS=40 DATA_BITS=32
 pe_input STORAGE_BITS=18 WORD_BITS=26 DATA_BITS=25
 pe_input STORAGE_BITS=32 WORD_BITS=32 DATA_BITS=18 DEEP=true
 pe_output STORAGE_BITS=32 WORD_BITS=33 DATA_BITS=25 INDEX_BITS=6 CAPTURE_WORD=21
+pe_output STORAGE_BITS=32 WORD_BITS=33 DATA_BITS=25 INDEX_BITS=6 CAPTURE_WORD=21 SATURATE=false
+pe_output STORAGE_BITS=32 WORD_BITS=32 DATA_BITS=18 INDEX_BITS=8 CAPTURE_WORD=121 SATURATE=false
 pe_output STORAGE_BITS=32 WORD_BITS=33 DATA_BITS=25 INDEX_BITS=11 CAPTURE_WORD=1207
 pe_output STORAGE_BITS=32 WORD_BITS=32 DATA_BITS=18 INDEX_BITS=8 CAPTURE_WORD=121
 pe_output STORAGE_BITS=32 WORD_BITS=40 DATA_BITS=32 INDEX_BITS=8 CAPTURE_WORD=121
@@ -45,7 +47,7 @@ done
 while read -r entity generics; do
   [[ -n $entity ]] || continue
   read -ra values <<< "$generics"
-  ghdl --synth --std=08 --work=pe_lib --out=verilog "${values[@]/#/-g}" "$entity" > part.v 2> ghdl.log ||
+  ghdl --synth --no-formal --std=08 --work=pe_lib --out=verilog "${values[@]/#/-g}" "$entity" > part.v 2> ghdl.log ||
     { cat ghdl.log >&2; exit 1; }
   for family in "${families[@]}"; do
     case $family in

@@ -18,6 +18,7 @@ entity pe_output is
     DATA_BITS    : positive;        -- data operand: tells the rounding offset
     INDEX_BITS   : positive;        -- width of a word index
     CAPTURE_WORD : natural;         -- control word that writes the value
+    SATURATE     : boolean := true; -- clamps what is out of range; false if it is proven that nothing can be
     DEEP         : boolean := false -- registers of its own of what it is told
   );
   port (
@@ -126,9 +127,12 @@ begin
     if rising_edge(clk_i) then
       if (publish = '1') then
         sum   := resize(signed(captured), WORD_BITS + 1) + round_by;
+        assert SATURATE or sum(WORD_BITS) = sum(WORD_BITS - 1)
+          report "pe_output: an output is out of range, which was proven impossible"
+          severity failure;
         value <= std_ulogic_vector(sum(WORD_BITS - 1 downto GUARD_BITS));
 
-        if (sum(WORD_BITS) /= sum(WORD_BITS - 1)) then
+        if (SATURATE and sum(WORD_BITS) /= sum(WORD_BITS - 1)) then
           value                   <= (others => not sum(WORD_BITS));
           value(STORAGE_BITS - 1) <= sum(WORD_BITS);
         end if;

@@ -176,6 +176,9 @@ begin
       DATA_BITS    => DATA_BITS,
       INDEX_BITS   => INDEX_WIDTH,
       CAPTURE_WORD => {{ output.word }}
+{%- if output.proven %},
+      SATURATE     => false
+{%- endif %}
 {%- if deep %},
       DEEP         => true
 {%- endif %}

@@ -39,8 +39,8 @@ const INPUT_COUNT: usize = {{ input_count }};
 const TICKS: &[(usize, u64, u64, i64)] = &[{{ ticks }}];
 {%- endif %}
 
-/// PE and control word whose write group holds the value of each output.
-const OUTPUTS: &[(usize, usize)] = &[{{ outputs }}];
+/// PE and control word whose write group holds the value of each output, and whether it is proven to be in range.
+const OUTPUTS: &[(usize, usize, bool)] = &[{{ outputs }}];
 
 #[allow(dead_code)]
 #[derive(Clone, Copy)]
@@ -407,7 +407,7 @@ impl Network {
                 }
             }
             for (captured, output) in self.captured.iter_mut().zip(OUTPUTS) {
-                if *output == (index, k) {
+                if (output.0, output.1) == (index, k) {
                     *captured = result;
                 }
             }
@@ -454,7 +454,12 @@ impl Network {
     fn output(&self, index: usize) -> u64 {
         let rounded = (self.captured[index] - half(WORD_BITS - DATA_BITS) + half(GUARD_BITS)) >> GUARD_BITS;
         let largest = (1i64 << (STORAGE_BITS - 1)) - 1;
-        unsigned(rounded.clamp(-largest - 1, largest), STORAGE_BITS)
+        let clamped = rounded.clamp(-largest - 1, largest);
+        if OUTPUTS[index].2 && clamped != rounded {
+            eprintln!("output {index}: it is out of range, which was proven impossible");
+            std::process::exit(1);
+        }
+        unsigned(clamped, STORAGE_BITS)
     }
 }
 

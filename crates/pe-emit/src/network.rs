@@ -42,6 +42,7 @@ struct Output {
     port: Port,
     pe: u32,
     word: u32,
+    proven: bool,
 }
 
 struct Pe {
@@ -118,7 +119,12 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
         outputs: outputs
             .map(|(index, (port, name))| {
                 let comment = comment(&port.name, &port.unit, port.exponent);
-                Output { port: Port { index, port: name.clone(), comment }, pe: port.pe, word: port.word }
+                Output {
+                    port: Port { index, port: name.clone(), comment },
+                    pe: port.pe,
+                    word: port.word,
+                    proven: port.proven,
+                }
             })
             .collect(),
         pes,

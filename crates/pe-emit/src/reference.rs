@@ -79,7 +79,7 @@ struct Pe {
 pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &EmitOptions) -> String {
     let format = &program.format;
     let outputs: Vec<String> =
-        program.outputs.iter().map(|output| format!("({}, {})", output.pe, output.word)).collect();
+        program.outputs.iter().map(|output| format!("({}, {}, {})", output.pe, output.word, output.proven)).collect();
     let reference = Reference {
         header,
         model: vhdl_identifier(&program.model),

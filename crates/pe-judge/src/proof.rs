@@ -102,7 +102,7 @@ impl Proof {
     }
 
     /// Leaves saturation out of the PEs that cannot need it: of none whose chains write, or add in front of the
-    /// multiplier, a value without proof. `graph` is the step as it is issued.
+    /// multiplier, a value without proof; and the clamps out of outputs of those that cannot need them. `graph` is the step as it is issued.
     pub fn leave_out(&self, program: &mut Program, graph: &StepGraph, mapping: &Mapping) {
         let mut needed = vec![self.enclosed.is_none(); program.pes.len()];
         for chain in &graph.chains {
@@ -111,6 +111,11 @@ impl Proof {
             needed[mapping.pe_of[chain.equation as usize] as usize] |= values.any(|value| !self.fits(value));
         }
         program.pes.iter_mut().zip(needed).for_each(|(pe, needed)| pe.features.proven = !needed);
+        let Some(Enclosed { enclosure, .. }) = &self.enclosed else { return };
+        for (output, value) in program.outputs.iter_mut().zip(&graph.outputs) {
+            let proven = program.pes[output.pe as usize].features.proven;
+            output.proven = proven && enclosure.shows(*value, &program.format);
+        }
     }
 
     /// How sure the range of each state is, and what it is proven not to exceed.

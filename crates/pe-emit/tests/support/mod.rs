@@ -126,7 +126,7 @@ pub fn random_program(case: &Case) -> Program {
             word => word,
         };
         let name = ["y", "Y", "clk", ""][index % 4].to_owned();
-        program.outputs.push(OutputPort { name, unit: None, pe, word, exponent: -20 });
+        program.outputs.push(OutputPort { name, unit: None, pe, word, exponent: -20, proven: false });
     }
     program
 }

@@ -483,6 +483,7 @@ impl Assembler<'_> {
                 pe: self.mapping.pe_of[index::at(chain.equation)],
                 word: self.word(last + self.latency.write() + delay) as u32,
                 exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
+                proven: false,
             }
         };
         self.graph.outputs.iter().enumerate().map(output).collect()

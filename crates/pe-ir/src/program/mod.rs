@@ -258,6 +258,8 @@ pub struct OutputPort {
     pub word: u32,
     /// The port's LSB is worth `2^exponent`.
     pub exponent: i32,
+    /// What it shows is proven to be in range ([`crate::verify::ranges`]), so that nothing is clamped.
+    pub proven: bool,
 }
 
 /// Where a state lives; used to start a run from any state.

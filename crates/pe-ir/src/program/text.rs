@@ -33,8 +33,10 @@ impl Display for Program {
             }
         }
         for output in &self.outputs {
-            let OutputPort { pe, word, exponent, .. } = output;
-            writeln!(f, "output {} pe {pe} word {word} exponent {exponent}{}", name(&output.name), unit(&output.unit))?;
+            let OutputPort { pe, word, exponent, proven, .. } = output;
+            let proven = if *proven { " proven" } else { "" };
+            write!(f, "output {} pe {pe} word {word} exponent {exponent}{proven}", name(&output.name))?;
+            writeln!(f, "{}", unit(&output.unit))?;
         }
         for state in &self.states {
             write!(f, "state {} exponent {} own {}:{}", name(&state.name), state.exponent, state.own.0, state.own.1)?;
@@ -372,7 +374,8 @@ impl Parser {
             "output" => {
                 let name = read_name(line)?;
                 let (pe, word, exponent) = (line.keyed("pe")?, line.keyed("word")?, line.keyed("exponent")?);
-                self.program.outputs.push(OutputPort { name, pe, word, exponent, unit: read_unit(line)? });
+                let proven = line.take_word("proven");
+                self.program.outputs.push(OutputPort { name, pe, word, exponent, proven, unit: read_unit(line)? });
             }
             "state" => self.state(line)?,
             "pe" => self.features(line)?,

@@ -40,9 +40,12 @@ pub fn inputs(program: &Program, family: Family) -> (f64, f64) {
 
 /// Look-up tables and flip-flops of outputs.
 pub fn outputs(program: &Program, family: Family) -> (f64, f64) {
-    let count = program.outputs.len() as f64;
-    let (lut, ff) = output(&program.format, index_bits(program.period), family);
-    (count * lut, count * ff)
+    let mut sum = (0.0, 0.0);
+    for port in &program.outputs {
+        let (lut, ff) = output(&program.format, index_bits(program.period), !port.proven, family);
+        sum = (sum.0 + lut, sum.1 + ff);
+    }
+    sum
 }
 
 /// An input: where operands have fewer bits than the port the sum that rounds, and what clamps it.
@@ -63,8 +66,9 @@ pub(super) fn tick(steps: u32, family: Family) -> (f64, f64) {
 }
 
 /// An output: recognition of its control word, and, unless stored words carry the offset that rounds to the port anyway,
-/// addition of another and saturation, between a register of the word and one of the port's width.
-pub(super) fn output(format: &WordFormat, index_bits: u32, family: Family) -> (f64, f64) {
+/// addition of another and, if it is not proven to be needless, saturation, between a register of the word and one of the
+/// port's width.
+pub(super) fn output(format: &WordFormat, index_bits: u32, saturates: bool, family: Family) -> (f64, f64) {
     let compare = match family.wide_tables() {
         true => (f64::from(index_bits + 4) / 5.0).floor(),
         false => (f64::from(index_bits + 1) / 3.0).ceil(),
@@ -80,5 +84,6 @@ pub(super) fn output(format: &WordFormat, index_bits: u32, family: Family) -> (f
         false => (format.word_bits(), format.word_bits()),
     };
     let more = if family.wide_tables() || format.guard_bits == 0 { 0.0 } else { 6.0 };
-    (compare + f64::from(adder + format.storage_bits - 1) + more, f64::from(captured + format.storage_bits + deep))
+    let clamp = if saturates { format.storage_bits - 1 } else { 0 };
+    (compare + f64::from(adder + clamp) + more, f64::from(captured + format.storage_bits + deep))
 }

@@ -59,7 +59,10 @@ fn estimates_of_what_is_beside_the_pes_agree_with_synthesis() {
         let (lut, ff) = match fields["part"] {
             "pe_sequencer" => network::sequencer_alone(number("PERIOD"), number("ROUNDS"), deep, family),
             "pe_input" => network::input(&format, family),
-            "pe_output" => network::output(&format, number("INDEX_BITS"), family),
+            "pe_output" => {
+                let saturates = fields.get("SATURATE").is_none_or(|value| *value == "true");
+                network::output(&format, number("INDEX_BITS"), saturates, family)
+            }
             "pe_tick" => network::tick(number("STEPS"), family),
             other => panic!("no part: {other}"),
         };

@@ -18,8 +18,9 @@ mod runs;
 mod system;
 
 use crate::graph::{FixedPoint, StepGraph, Term};
-use crate::program::Program;
+use crate::program::{OutputPort, Program};
 use crate::value::ValueId;
+use crate::word::WordFormat;
 
 pub use norm::{Measured, Norm};
 
@@ -67,6 +68,14 @@ impl Enclosure {
     /// Whether no word of a value is out of range.
     pub fn fits(&self, value: ValueId) -> bool {
         self.linear[value.index()] && self.missing(value) == 0
+    }
+
+    /// Whether no word of a value leaves the range of an output port that shows it, rounded.
+    pub fn shows(&self, value: ValueId, format: &WordFormat) -> bool {
+        let rounding = 0.5 * libm::scalbn(1.0, format.guard_bits as i32);
+        let full = libm::scalbn(1.0, format.word_bits() as i32 - 1);
+        // The sum of two doubles is rounded once.
+        self.fits(value) && up(self.largest[value.index()] + rounding, 1) < full
     }
 
     /// Bits by which the format of a value is too narrow.
@@ -166,6 +175,12 @@ pub fn check(program: &Program, graph: &StepGraph, enclosure: &Enclosure) -> Vec
                 let name = program.name(note.write);
                 violations.push(format!("PE {index}, word {at}: nothing proves that `{name}` stays in range"));
             }
+            let shown = |output: &&OutputPort| output.proven && (output.pe, output.word) == (index as u32, at as u32);
+            for output in program.outputs.iter().filter(shown) {
+                if !fits(note.write) || !enclosure.shows(ValueId(note.write), &program.format) {
+                    violations.push(format!("output `{}`: nothing proves that it stays in range", output.name));
+                }
+            }
             if word.own.is_some() && word.imported.is_some() {
                 let chain = producers.get(note.chain as usize).and_then(|chain| graph.chains.get(*chain as usize));
                 let joined = chain.map_or(&[][..], |chain| graph.chain_terms(chain));
@@ -176,5 +191,13 @@ pub fn check(program: &Program, graph: &StepGraph, enclosure: &Enclosure) -> Vec
             }
         }
     }
+    let saturates = |output: &&OutputPort| output.proven && program.saturates(output.pe);
+    violations.extend(
+        program
+            .outputs
+            .iter()
+            .filter(saturates)
+            .map(|output| format!("output `{}`: it clamps nothing, but its PE does", output.name)),
+    );
     violations
 }
