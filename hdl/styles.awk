@@ -4,8 +4,15 @@
 #
 # Depths at which memories become block RAM are those of pe_style_pkg.vhd. `no_rw_check` is right, because no word is
 # read in the clock that writes it.
+#
+# Sums in front of multipliers become signed ones: GHDL writes the others, which are the same as long as all widths are, but
+# yosys 0.70 hands their operands to the wider pre-adder of a DSP48E1 without their signs.
 { line[NR] = $0 }
 /^module / { module = $2 }
+module ~ /^pe_multiplier/ && /^ *assign [a-z0-9_]+ = [a-z0-9_]+ \+ [a-z0-9_]+;$/ {
+  sub(/;$/, "")
+  line[NR] = "  assign " $2 " = $signed(" $4 ") + $signed(" $6 ");"
+}
 $1 ~ /^pe_rom/ && $2 ~ /^u_variants/ { tables[$1] = 1 }
 /\/\/ memory$/ {
   # "reg [19:0] n39[127:0] ; // memory": 20 bits, 128 words

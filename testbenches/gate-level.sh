@@ -60,7 +60,20 @@ elif [[ $family == gowin ]]; then
   awk '/^module SPX9 *\(/ { inside = 1 } !inside { print } /^endmodule/ { inside = 0 }' "$cells" > cells.v
   cat "$here/gowin_cells.v" >> cells.v
   cells=cells.v
+else
+  # Of block RAM there are ports and timing.
+  awk '/^module RAMB(18|36)E1 *\(/ { inside = 1 } !inside { print } /^endmodule/ { inside = 0 }' "$cells" > cells.v
+  cat "$here/xilinx_cells.v" >> cells.v
+  cells=cells.v
 fi
+# A cell without behaviour would leave its outputs unknown, and nobody would know why.
+awk 'FNR == NR { if ($1 ~ /^[A-Z][A-Z0-9_]*$/) used[$1] = 1; next }
+     /^module / { name = $2; sub(/[^A-Za-z0-9_].*/, "", name); works = timing = 0; known[name] = 1 }
+     /specify/ { timing = !/endspecify/ }
+     !timing && (/(^|[^a-z])(assign|always|wire .*=)/ || /^ +[A-Za-z0-9_]+ +(#\(.*)?[A-Za-z0-9_]* *\(/) { behaves[name] = 1 }
+     END { for (name in used) if (known[name] && !behaves[name]) { print name; bad = 1 } exit bad }' \
+  netlist.v "$cells" > shells.txt ||
+  { echo "no simulation model of $(paste -sd ' ' shells.txt)" >&2; exit 1; }
 
 storage=$(sed -n '1s/.* storage_bits=\([0-9]*\).*/\1/p' "$design/${model}_shapes.txt")
 word=$(sed -n '1s/.* word_bits=\([0-9]*\).*/\1/p' "$design/${model}_shapes.txt")
