@@ -8,7 +8,9 @@ use std::collections::BTreeMap;
 use pe_ir::program::{Address, ControlWord, FieldName, Fold, Layout, LinkSource, Multiplier, PeProgram, Program};
 use pe_ir::word::Pipeline;
 
-use crate::coverage::{BASE, COEFFICIENT, Coverage, IMPORTED, INDEX, OWN, bit, shift_matters, used_results};
+use crate::coverage::{
+    BASE, COEFFICIENT, Coverage, IMPORTED, INDEX, OPERANDS, OWN, alone, bit, shift_matters, takes, used_results,
+};
 use crate::record::physical;
 use crate::trace::TraceLine;
 
@@ -36,6 +38,10 @@ struct Registers {
     /// Operands that are too large for their sum, the last word's last.
     too_large: Vec<bool>,
     overflow: bool,
+    /// What set the flag first, and what did in all words that would have, each if it was one thing alone.
+    causes: [Option<usize>; 2],
+    /// Words with a result that nothing took and that would have set the flag, with the first cycle of each.
+    unsent: BTreeMap<usize, u64>,
 }
 
 /// The whole network.
@@ -87,6 +93,8 @@ impl<'a> Clocked<'a> {
             index: 0,
             too_large: vec![false; if deep { 2 } else { 1 }],
             overflow: false,
+            causes: [None; 2],
+            unsent: BTreeMap::new(),
         };
         let mut captures: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
         for (index, output) in program.outputs.iter().enumerate() {
@@ -126,15 +134,18 @@ impl<'a> Clocked<'a> {
         self.steps += 1;
         let mask = u64::MAX >> (64 - self.program.format.storage_bits);
         for (index, seen) in (0..).zip(&mut self.coverage.outputs) {
-            let word = output_word(self.program, self.captured[index]) as u64;
+            let (word, clamped) = shown(self.program, self.captured[index]);
+            let word = word as u64;
             seen[0] |= word & mask;
             seen[1] |= !word & mask;
+            self.coverage.shown_clamped[index] |= clamped;
+            self.escaped |= clamped && self.program.outputs[index].proven;
         }
     }
 
     /// Published outputs, port words.
     pub fn outputs(&self) -> Vec<i64> {
-        self.captured.iter().map(|word| output_word(self.program, *word)).collect()
+        self.captured.iter().map(|word| shown(self.program, *word).0).collect()
     }
 
     /// PEs whose sticky flag is set.
@@ -160,8 +171,20 @@ impl<'a> Clocked<'a> {
     /// What was at work so far.
     pub fn coverage(&self) -> Coverage {
         let mut coverage = self.coverage.clone();
-        if let [source] = self.raised_by[..] {
+        let first = match self.raised_by[..] {
+            [source] => Some(source),
+            _ => None,
+        };
+        if let Some(source) = first {
             coverage.raised[source] = true;
+        }
+        // A flag is compared as the run ends, and that of the network in every clock.
+        for (index, (pe, cover)) in self.pes.iter().zip(&mut coverage.pes).enumerate() {
+            let [began, all] = pe.causes;
+            let seen = all.or(began.filter(|_| first == Some(index)));
+            seen.into_iter().for_each(|cause| cover.flagged[cause] = true);
+            let hidden = |cycle: u64| pe.overflow && self.overflow_cycle.is_some_and(|first| first <= cycle);
+            pe.unsent.iter().filter(|(_, cycle)| !hidden(**cycle)).for_each(|(word, _)| cover.unsent[*word] = true);
         }
         coverage
     }
@@ -316,7 +339,8 @@ impl<'a> Clocked<'a> {
         cover.too_large |= too_large && !settle;
         self.wrapped |= too_large;
         pe.products.insert(0, wrapped(i128::from(left + right), format.data_bits) * i128::from(factor));
-        let mut flag = pe.too_large.remove(0) && !settle;
+        let too_large_before = pe.too_large.remove(0) && !settle;
+        let mut flag = too_large_before;
         pe.too_large.push(too_large);
         // Write group.
         if word.send {
@@ -327,9 +351,23 @@ impl<'a> Clocked<'a> {
             self.links[index] = operand;
         }
         if !settle {
+            let takes = takes(word, features.base_last && !ends_step, too_large_before);
             if saturated != 0 && (word.write.is_some() || word.write_index.is_some() || word.send) {
                 flag = true;
                 cover.saturated[usize::from(saturated > 0)] = true;
+            } else if saturated != 0 && features.send {
+                pe.unsent.entry(k).or_insert(self.cycle);
+            }
+            if flag {
+                let cause = match saturated {
+                    0 => Some(OPERANDS),
+                    _ => alone(takes),
+                };
+                pe.causes = if pe.overflow {
+                    [pe.causes[0], pe.causes[1].filter(|all| cause == Some(*all))]
+                } else {
+                    [cause; 2]
+                };
             }
             let mut store = |memory: &mut [i64], address: usize, value: i64, names: u32, written: &mut [bool]| {
                 if memory[address] != value {
@@ -411,12 +449,13 @@ fn wrapped(value: i128, bits: u32) -> i128 {
     (value << (128 - bits)) >> (128 - bits)
 }
 
-/// Port word of an output.
-fn output_word(program: &Program, word: i64) -> i64 {
+/// Port word of an output, and whether it is clamped.
+fn shown(program: &Program, word: i64) -> (i64, bool) {
     let format = &program.format;
     let half = if format.guard_bits == 0 { 0 } else { 1 << (format.guard_bits - 1) };
     let largest = (1i64 << (format.storage_bits - 1)) - 1;
-    ((word - format.data_offset() + half) >> format.guard_bits).clamp(-largest - 1, largest)
+    let rounded = (word - format.data_offset() + half) >> format.guard_bits;
+    (rounded.clamp(-largest - 1, largest), !(-largest - 1..=largest).contains(&rounded))
 }
 
 /// Number of the segment of a word.

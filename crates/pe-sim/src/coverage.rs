@@ -1,11 +1,17 @@
 //! What of a network was at work in a run, told from the data: an item counts when another value of it would have
 //! made a difference that a register or a memory word of the network shows.
 
-use pe_ir::program::{Address, FieldName, Program};
+use pe_ir::program::{Address, ControlWord, FieldName, Program, Target};
 use pe_ir::word::round_shift;
 
 /// Memories of a PE, in the order of [`PeCoverage::read`] and [`PeCoverage::written`].
 pub const MEMORIES: [&str; 5] = ["own", "base", "coefficient", "imported", "index"];
+
+/// What sets a PE's flag: a word that saturates, by where it goes, and operands; in the order of [`PeCoverage::flagged`].
+pub const FLAGGING: [&str; 6] = ["own memory", "base memory", "coefficient memory", "index memory", "link", "operands"];
+
+/// Position in [`FLAGGING`].
+pub(crate) const OPERANDS: usize = 5;
 
 /// Positions in [`MEMORIES`].
 pub(crate) const OWN: usize = 0;
@@ -31,6 +37,10 @@ pub struct PeCoverage {
     pub saturated: [bool; 2],
     /// Whether operands of the pre-adder were too large for their sum.
     pub too_large: bool,
+    /// Whether each of [`FLAGGING`] alone set the flag, so that without it the flag would not have risen, or later.
+    pub flagged: [bool; FLAGGING.len()],
+    /// Control words whose result nothing takes, and would have set the flag of a PE with a link if it had been sent.
+    pub unsent: Vec<bool>,
 }
 
 /// What was at work in a network.
@@ -48,6 +58,8 @@ pub struct Coverage {
     pub ticks: Vec<[bool; 2]>,
     /// Output ports: bits that were 1, and bits that were 0.
     pub outputs: Vec<[u64; 2]>,
+    /// Output ports that clamped a word in range, because rounding took it beyond.
+    pub shown_clamped: Vec<bool>,
 }
 
 /// Bit of a field in [`PeCoverage::fields`].
@@ -76,6 +88,8 @@ impl Coverage {
                 shifts: vec![false; features.shifts.len()],
                 saturated: [false; 2],
                 too_large: false,
+                flagged: [false; FLAGGING.len()],
+                unsent: vec![false; program.period as usize],
             }
         };
         let ports = program.ports().count();
@@ -86,6 +100,7 @@ impl Coverage {
             raised: vec![false; program.pes.len() + ports],
             ticks: vec![[false; 2]; program.ticks().count()],
             outputs: vec![[0; 2]; program.outputs.len()],
+            shown_clamped: vec![false; program.outputs.len()],
         }
     }
 
@@ -94,7 +109,7 @@ impl Coverage {
         let mut coverage = Coverage::none(program);
         let format = &program.format;
         let used = used_results(program);
-        for ((pe, cover), used) in program.pes.iter().zip(&mut coverage.pes).zip(used) {
+        for (index, ((pe, cover), used)) in program.pes.iter().zip(&mut coverage.pes).zip(used).enumerate() {
             let features = &pe.features;
             let places = |address: Address, depth: usize| {
                 let word = usize::from(address.word);
@@ -103,6 +118,7 @@ impl Coverage {
             let mut kept = vec![false; pe.base_image.len()];
             let targets = pe.words.iter().filter_map(|word| word.write).filter(|target| target.base);
             targets.for_each(|target| kept[features.base_word(target.address.word)] = true);
+            flags_of(program, index).iter().for_each(|(_, cause)| cover.flagged[*cause] = !features.proven);
             for (k, word) in pe.words.iter().enumerate() {
                 let mut fields = 0;
                 let mut operand = |address: Option<Address>, names: [FieldName; 3], memory: usize| {
@@ -183,6 +199,7 @@ impl Coverage {
                 }
                 let joins = features.pre_adder && word.own.is_some() && word.imported.is_some();
                 cover.too_large |= joins && !features.proven;
+                cover.flagged[OPERANDS] = cover.too_large;
                 cover.fields[k] = fields;
             }
         }
@@ -194,6 +211,9 @@ impl Coverage {
         coverage.clamped.fill(clamps > i128::from(format.max_word()));
         let pes = coverage.pes.iter().map(|pe| pe.saturated != [false; 2] || pe.too_large);
         coverage.raised = pes.chain(coverage.clamped.iter().copied()).collect();
+        // Half an LSB of the port less the offset that stored words carry is added to what is shown.
+        let clamps = format.data_offset() != if format.guard_bits == 0 { 0 } else { 1 << (format.guard_bits - 1) };
+        coverage.shown_clamped = program.outputs.iter().map(|output| clamps && !output.proven).collect();
         // A tick of one step is always due.
         coverage.ticks = program.ticks().map(|(_, tick, _)| [tick.steps > 1, true]).collect();
         coverage
@@ -215,10 +235,13 @@ impl Coverage {
             flags(&mut pe.shifts, &from.shifts);
             flags(&mut pe.saturated, &from.saturated);
             pe.too_large |= from.too_large;
+            flags(&mut pe.flagged, &from.flagged);
+            flags(&mut pe.unsent, &from.unsent);
         }
         bits(&mut self.inputs, &other.inputs);
         bits(&mut self.outputs, &other.outputs);
         flags(&mut self.clamped, &other.clamped);
+        flags(&mut self.shown_clamped, &other.shown_clamped);
         flags(&mut self.raised, &other.raised);
         self.ticks.iter_mut().zip(&other.ticks).for_each(|(to, from)| flags(to, from));
     }
@@ -237,9 +260,39 @@ impl Coverage {
 
     /// Number of items that have to do with saturation and flags.
     pub fn flags(&self) -> u64 {
-        let pe = |pe: &PeCoverage| set(&pe.saturated) + u64::from(pe.too_large);
-        self.pes.iter().map(pe).sum::<u64>() + set(&self.clamped) + set(&self.raised)
+        let pe = |pe: &PeCoverage| set(&pe.saturated) + u64::from(pe.too_large) + set(&pe.flagged);
+        let ports = set(&self.clamped) + set(&self.shown_clamped);
+        self.pes.iter().map(pe).sum::<u64>() + ports + set(&self.raised)
     }
+
+    /// Number of control words whose result nothing takes, and would have set a flag.
+    pub fn unsent(&self) -> u64 {
+        self.pes.iter().map(|pe| set(&pe.unsent)).sum()
+    }
+}
+
+/// The words of a PE whose result, if it saturates, sets the flag by one of [`FLAGGING`] alone, and which one that is.
+pub fn flags_of(program: &Program, pe: usize) -> Vec<(usize, usize)> {
+    let pe = &program.pes[pe];
+    let cause = |(k, word): (usize, &ControlWord)| {
+        let rests = pe.features.base_last && !program.ends_step(k as u32);
+        Some((k, alone(takes(word, rests, false))?))
+    };
+    pe.words.iter().enumerate().filter_map(cause).collect()
+}
+
+/// Which of [`FLAGGING`] take the result in the write group of a word.
+pub(crate) fn takes(word: &ControlWord, base_rests: bool, too_large: bool) -> [bool; FLAGGING.len()] {
+    let target = |of: fn(&Target) -> bool| word.write.as_ref().is_some_and(of);
+    let base = target(|target| target.base) && !base_rests;
+    let [own, factor] = [target(|target| target.own), target(|target| target.factor)];
+    [own, base, factor, word.write_index.is_some(), word.send, too_large]
+}
+
+/// The only one that is set, if it is.
+pub(crate) fn alone(set: [bool; FLAGGING.len()]) -> Option<usize> {
+    let mut positions = (0..set.len()).filter(|position| set[*position]);
+    positions.next().filter(|_| positions.next().is_none())
 }
 
 fn set(flags: &[bool]) -> u64 {

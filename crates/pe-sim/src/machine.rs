@@ -157,7 +157,7 @@ struct Step<P> {
     tiles: Tiles<P>,
     writes: Vec<MemoryWrite>,
     checksums: Checksums,
-    outputs: Vec<u32>,
+    outputs: Vec<(u32, bool)>,
     flagged: Vec<u32>,
     proven: Vec<u32>,
     paired: Vec<u32>,
@@ -234,8 +234,10 @@ impl<P: Port> Steps<P> {
             trace(TraceLine { cycle: cycle + u64::from(write.cycle), pe: write.pe, address: write.address, value });
         }
         step.checksums.advance(checksums, format, &words.words, &words.data);
-        for (output, slot) in outputs.iter_mut().zip(&step.outputs) {
-            *output = output_word(format, words.words[*slot as usize]);
+        for (output, (slot, proven)) in outputs.iter_mut().zip(&step.outputs) {
+            let (shown, clamped) = shown(format, words.words[*slot as usize]);
+            *output = shown;
+            self.escaped |= proven & clamped;
         }
         take_over(&step.moves.words, &mut words.words, &mut self.moving.0);
         take_over(&step.moves.operands, &mut words.data, &mut self.moving.1);
@@ -294,7 +296,7 @@ impl<P: Port> Step<P> {
             tiles: Tiles::new(&chains, &terms, recording.slots as usize, columns),
             checksums: Checksums::new(&writes, program.pes.len()),
             writes,
-            outputs: recording.outputs.iter().map(|output| slot(*output)).collect(),
+            outputs: recording.outputs.iter().zip(&program.outputs).map(|(o, port)| (slot(*o), port.proven)).collect(),
             flagged: recording.flagged.iter().map(|flagged| slot(*flagged)).collect(),
             proven: recording.proven.iter().map(|proven| slot(*proven)).collect(),
             paired: slots(recording.paired),
@@ -373,7 +375,13 @@ fn image<P: Port>(program: &Program, homes: &Homes, slots: usize, has_factors: b
 
 /// What an output port shows of a stored word.
 pub fn output_word(format: &WordFormat, word: i64) -> i64 {
+    shown(format, word).0
+}
+
+/// What an output port shows of a stored word, and whether it is clamped for that.
+pub(crate) fn shown(format: &WordFormat, word: i64) -> (i64, bool) {
     let rounding = if format.guard_bits == 0 { 0 } else { 1 << (format.guard_bits - 1) };
     let rounded = (word - format.data_offset() + rounding) >> format.guard_bits;
-    rounded.clamp(-(1 << (format.storage_bits - 1)), (1 << (format.storage_bits - 1)) - 1)
+    let shown = rounded.clamp(-(1 << (format.storage_bits - 1)), (1 << (format.storage_bits - 1)) - 1);
+    (shown, shown != rounded)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use pe_ir::program::{FieldName, Layout, LinkSource, Program};
-use pe_sim::coverage::{Coverage, MEMORIES, bit};
+use pe_sim::coverage::{Coverage, FLAGGING, MEMORIES, bit};
 use serde_json::{Value, json};
 
 use crate::handshake::Met;
@@ -91,9 +91,18 @@ impl Table {
         let items = pes().filter(|(_, ((_, possible), _))| possible.too_large);
         let items = items.map(|(index, ((seen, _), _))| (seen.too_large, format!("PE {index}")));
         groups.push(Group::of("flags", "PEs with operands too large for their sum", items));
+        for (cause, name) in FLAGGING.iter().enumerate() {
+            let items = pes().filter(|(_, ((_, possible), _))| possible.flagged[cause]);
+            let items = items.map(|(index, ((seen, _), _))| (seen.flagged[cause], format!("PE {index}")));
+            groups.push(Group::of("flags", format!("flags set by {name} alone"), items));
+        }
         let names: Vec<String> = program.ports().map(|input| format!("`{}`", input.name)).collect();
         let clamps = possible.clamped.iter().zip(&seen.clamped).zip(&names).filter(|((possible, _), _)| **possible);
         groups.push(Group::of("flags", "clamps of inputs", clamps.map(|((_, seen), name)| (*seen, name.clone()))));
+        let clamps = possible.shown_clamped.iter().zip(&seen.shown_clamped).zip(&program.outputs);
+        let clamps = clamps.filter(|((possible, _), _)| **possible);
+        let clamps = clamps.map(|((_, seen), output)| (*seen, format!("`{}`", output.name)));
+        groups.push(Group::of("flags", "clamps of outputs", clamps));
         let pes = program.pes.len();
         for (name, range) in [("PEs alone behind overflow_o", 0..pes), ("inputs alone", pes..seen.raised.len())] {
             let items = range.filter(|at| possible.raised[*at]).map(|at| {

@@ -100,7 +100,7 @@ const SATURATING: u64 = 5;
 
 /// Runs that saturate, at most: a PE often saturates on one side only, and the first flag hides the others. Large designs
 /// get fewer.
-const SATURATIONS: u64 = 4;
+const SATURATIONS: u64 = 10;
 
 /// Judges a folder; every line of the result goes to `say` as it is found.
 ///
@@ -217,14 +217,16 @@ impl Starts {
         let steps = if tick * work <= TICKING { steps.max(tick) } else { steps };
         starts.made(program, Purpose::Motion, steps.min(most), take)?;
         for _ in 0..(LONG / work).clamp(1, SATURATIONS) {
-            starts.made(program, Purpose::Saturation, SATURATING.min(most), take)?;
+            if !starts.made(program, Purpose::Saturation, SATURATING.min(most), take)? {
+                break;
+            }
         }
         Ok(starts)
     }
 
-    /// A run that is made for the hardware, unless none would show more.
-    fn made(&mut self, program: &Program, purpose: Purpose, steps: u64, take: Take) -> Result<(), Failure> {
-        let Some(candidate) = stimuli::choose(program, purpose, steps, &self.seen) else { return Ok(()) };
+    /// A run that is made for the hardware; none if no candidate shows more.
+    fn made(&mut self, program: &Program, purpose: Purpose, steps: u64, take: Take) -> Result<bool, Failure> {
+        let Some(candidate) = stimuli::choose(program, purpose, steps, &self.seen) else { return Ok(false) };
         let name = match purpose {
             Purpose::Motion => "random words",
             Purpose::Saturation => "words at the limits",
@@ -238,7 +240,8 @@ impl Starts {
             stimulus: candidate.stimulus,
             held: true,
         };
-        self.expect(start, take)
+        self.expect(start, take)?;
+        Ok(true)
     }
 
     /// What a start must show.

@@ -1,11 +1,12 @@
 //! Starts that are made for the hardware, not for the model: random words in place of states and inputs, so that all
-//! of it moves, and words at the ends of their formats, so that it saturates.
+//! of it moves, and words at the ends of their formats, so that it saturates. Words of memories may be others than any state
+//! has: the hardware has to do with them what the datasheet says, and so each place where a word saturates comes first.
 //!
 //! Several candidates are tried in the simulator, and the one that has most at work that was not before is taken.
 
 use pe_ir::program::Program;
 use pe_sim::clocked::Clocked;
-use pe_sim::coverage::Coverage;
+use pe_sim::coverage::{Coverage, flags_of};
 use pe_sim::trace::TraceLine;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -61,8 +62,20 @@ const BUDGET: u64 = 6_000_000;
 /// Candidates, at most, unless there are so many PEs that each has its own.
 const CANDIDATES: u64 = 32;
 
+/// Further candidates of a saturation, each aimed at a place that was not seen to saturate.
+const AIMED: u64 = 1024;
+
+/// Distances from a limit that are tried for each of these, at most, what that takes in runs of a saturation, and the steps of
+/// each.
+const LOOKS: usize = 250;
+const AIMING: u64 = 5;
+const BRIEF: u64 = 2;
+
 /// Further candidates of a saturation, with the design's own words: where ranges are proven, all others may leave them.
 const OWN_WORDS: u64 = 2;
+
+/// Further ones whose states are anywhere in their formats: results that nothing takes are too large before others are.
+const ANYWHERE: u64 = 48;
 
 /// What a start is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,32 +91,49 @@ impl Purpose {
     fn score(self, coverage: &Coverage) -> u64 {
         match self {
             Purpose::Motion => coverage.count(),
-            Purpose::Saturation => coverage.flags(),
+            // A result that nothing takes is worth less than any flag.
+            Purpose::Saturation => coverage.flags() << 32 | coverage.unsent(),
         }
     }
 }
 
-/// The candidate with most at work beside `seen`, if any has more.
+/// The candidate with most at work beside `seen`, if any has more. Starts are aimed if no other sets a flag in a new way.
 pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) -> Option<Candidate> {
     let cost = (program.pes.len() as u64 * u64::from(program.period) * steps).max(1);
-    let mut best = (purpose.score(seen), None);
+    let scored = |candidate: Candidate| {
+        let observed = observe(&candidate.program, &candidate.stimulus, steps);
+        // No run of the design gets there, so PEs that do not saturate need not stand it.
+        let coverage = Some(observed.coverage).filter(|_| !observed.escaped)?;
+        let mut sum = seen.clone();
+        sum.add(&coverage);
+        Some((purpose.score(&sum), sum.flags(), candidate))
+    };
     let most = CANDIDATES.max(2 * program.pes.len() as u64 + 2);
     let made = (BUDGET / cost).clamp(2, most);
-    let own_words = if purpose == Purpose::Saturation { OWN_WORDS } else { 0 };
-    for number in 0..made + own_words {
-        let candidate = candidate(program, purpose, steps, number, number >= made);
-        let observed = observe(&candidate.program, &candidate.stimulus, steps);
-        if observed.escaped {
-            // No run of the design gets there, so PEs that do not saturate need not stand it.
-            continue;
-        }
-        let mut coverage = seen.clone();
-        coverage.add(&observed.coverage);
-        if purpose.score(&coverage) > best.0 {
-            best = (purpose.score(&coverage), Some(candidate));
+    let (own_words, anywhere) = match purpose {
+        Purpose::Motion => (0, 0),
+        Purpose::Saturation => (OWN_WORDS, (BUDGET / cost).min(ANYWHERE)),
+    };
+    let mut best: Option<(u64, u64, Candidate)> = None;
+    for number in 0..made + own_words + anywhere {
+        let candidate = match number.checked_sub(made + own_words) {
+            Some(number) => spread(program, steps, number),
+            None => candidate(program, purpose, steps, number, number >= made),
+        };
+        let Some(scored) = scored(candidate) else { continue };
+        if scored.0 > best.as_ref().map_or(purpose.score(seen), |best| best.0) {
+            best = Some(scored);
         }
     }
-    best.1
+    let flags = seen.flags();
+    if purpose == Purpose::Saturation && best.as_ref().is_none_or(|best| best.1 == flags) {
+        let places = unseen(program, seen);
+        let aimed = if places.is_empty() { 0 } else { (BUDGET / (AIMING * cost)).clamp(2, AIMED) };
+        let mut aimed =
+            (0..aimed).filter_map(|number| scored(aimed_at(program, &places, steps, AIMED * flags + number, seen)));
+        best = aimed.find(|scored| scored.1 > flags).or(best);
+    }
+    best.map(|best| best.2)
 }
 
 /// Scales of random words as shifts. Products of large ones saturate, small ones get lost.
@@ -129,6 +159,123 @@ fn candidate(program: &Program, purpose: Purpose, steps: u64, number: u64, own_w
     let ports = program.ports().count();
     let line = |random: &mut ChaCha8Rng| (0..ports).map(|_| word(limited, format.storage_bits, 1, random)).collect();
     Candidate { program, stimulus: (0..steps).map(|_| line(&mut random)).collect() }
+}
+
+/// States and inputs anywhere in their formats, or in halves or quarters of them.
+fn spread(program: &Program, steps: u64, number: u64) -> Candidate {
+    let mut random = ChaCha8Rng::seed_from_u64(number << 2 | 3);
+    let format = program.format;
+    let mut program = program.clone();
+    for state in program.states.clone() {
+        let scale = random.random_range(0..3);
+        state.set(&mut program.pes, &format, word(false, format.word_bits(), scale, &mut random));
+    }
+    let scale = random.random_range(0..3);
+    let ports = program.ports().count();
+    let line = |random: &mut ChaCha8Rng| (0..ports).map(|_| word(false, format.storage_bits, scale, random)).collect();
+    Candidate { program, stimulus: (0..steps).map(|_| line(&mut random)).collect() }
+}
+
+/// Places of which it was not seen that a word saturates there, and that this alone sets a flag or clamps an output: PE, and
+/// the control word whose base is added.
+fn unseen(program: &Program, seen: &Coverage) -> Vec<(usize, usize)> {
+    let period = program.period as usize;
+    let scaled = |word: usize| (word + period - program.latency().scale_to_write() as usize) % period;
+    let mut places = Vec::new();
+    for (index, _) in program.pes.iter().enumerate().filter(|(_, pe)| !pe.features.proven) {
+        let flagged = &seen.pes[index].flagged;
+        let causes = flags_of(program, index);
+        places.extend(causes.iter().filter(|(_, cause)| !flagged[*cause]).map(|(word, _)| (index, scaled(*word))));
+    }
+    let outputs = program.outputs.iter().zip(&seen.shown_clamped).filter(|(output, seen)| !output.proven && !**seen);
+    places.extend(outputs.map(|(output, _)| (output.pe as usize, scaled(output.word as usize))));
+    places
+}
+
+/// Like the others, but quiet, with a base at a limit where it is added at one of the places, or at a distance at which another
+/// place is the first one that saturates; operands are at their limits where no base is added.
+fn aimed_at(program: &Program, places: &[(usize, usize)], steps: u64, number: u64, seen: &Coverage) -> Candidate {
+    let mut random = ChaCha8Rng::seed_from_u64(number << 2 | 2);
+    let format = program.format;
+    let mut program = program.clone();
+    // Where all is small, places differ by what they round.
+    let smallest = format.data_bits - 2;
+    let least = if random.random() { 0 } else { smallest - smallest / 4 };
+    let scale = random.random_range(least..smallest);
+    for state in program.states.clone() {
+        let scale = if random.random_range(0..4) > 0 { scale } else { random.random_range(0..smallest) };
+        state.set(&mut program.pes, &format, word(false, format.word_bits(), scale, &mut random));
+    }
+    let (index, at) = places[number as usize % places.len()];
+    // What is added there may have been written in the same step.
+    let states: Vec<u16> = program.states.iter().filter(|s| s.own.0 == index as u32).map(|s| s.own.1).collect();
+    let pe = &mut program.pes[index];
+    // What a state is multiplied as need not be what is added to.
+    if random.random_range(0..2) == 0 {
+        for own in &mut pe.own_image {
+            *own = word(random.random_range(0..8) == 0, format.data_bits, scale, &mut random);
+        }
+    }
+    if random.random_range(0..4) == 0 {
+        for operand in &mut pe.imported_image {
+            *operand = word(random.random_range(0..8) == 0, format.data_bits, scale, &mut random);
+        }
+    }
+    let base = match pe.words[at].base {
+        Some(_) if !states.is_empty() && random.random_range(0..4) > 0 => {
+            Some(pe.features.base_word(states[random.random_range(0..states.len())]))
+        }
+        base => base.map(usize::from),
+    };
+    if base.is_none() {
+        pe.own_image.iter_mut().for_each(|own| *own = word(true, format.data_bits, 0, &mut random));
+    }
+    let limited = random.random_range(0..8) == 0;
+    let ports = program.ports().count();
+    let line =
+        |random: &mut ChaCha8Rng| (0..ports).map(|_| word(limited, format.storage_bits, scale, random)).collect();
+    let stimulus = (0..steps).map(|_| line(&mut random)).collect();
+    let mut candidate = Candidate { program, stimulus };
+    if let Some(base) = base {
+        let below = random.random();
+        let set = |candidate: &mut Candidate, distance: i64| {
+            let word = if below { format.min_word() + distance } else { format.max_word() - distance };
+            candidate.program.pes[index].base_image[base] = word;
+        };
+        let flags = seen.flags();
+        let found = changes(format.max_word(), |distance| {
+            set(&mut candidate, distance);
+            let observed = observe(&candidate.program, &candidate.stimulus, steps.min(BRIEF));
+            let mut sum = seen.clone();
+            sum.add(&observed.coverage);
+            (observed.overflow_cycle, sum.flags() > flags && !observed.escaped)
+        });
+        set(&mut candidate, found.unwrap_or(0));
+    }
+    candidate
+}
+
+/// The first distance at which what is seen is wanted, of those around which it changes.
+fn changes<T: PartialEq + Copy>(most: i64, mut look: impl FnMut(i64) -> (T, bool)) -> Option<i64> {
+    let ((least_seen, wanted), (most_seen, most_wanted)) = (look(0), look(most));
+    if wanted || most_wanted {
+        return Some(if wanted { 0 } else { most });
+    }
+    let mut between = vec![((0, least_seen), (most, most_seen))];
+    for _ in 0..LOOKS {
+        let (near, far) = between.pop()?;
+        if far.0 - near.0 < 2 || near.1 == far.1 {
+            continue;
+        }
+        // First its magnitude is looked for.
+        let middle = if far.0 / 32 > near.0 { far.0 / 32 } else { near.0 + (far.0 - near.0) / 2 };
+        let (now, wanted) = look(middle);
+        if wanted {
+            return Some(middle);
+        }
+        between.extend([((middle, now), far), (near, (middle, now))]);
+    }
+    None
 }
 
 /// A random word of so many bits, two's complement: at or near the limits, or so much smaller.

@@ -46,6 +46,8 @@ pub struct Features {
     pub index_words: u32,
     pub index_width: u32,
     pub octave_width: u32,
+    pub accumulator_bits: u32,
+    pub saturate: bool,
 }
 
 /// The fields of a PE's control word, as the table of the datasheet lists them.
@@ -171,8 +173,8 @@ pub struct Pe {
     pub images: [Image; 4],
     /// What the ports are wired to, port 0 first.
     pub ports: Vec<Source>,
-    /// Words whose write group an output shows, with its port.
-    pub outputs: Vec<(u32, String)>,
+    /// Words whose write group an output shows, with its port, and whether that clamps.
+    pub outputs: Vec<(u32, String, bool)>,
 }
 
 /// What the hand-written files make of the control words, as far as a damage of them is one of the words' meaning.
@@ -190,6 +192,8 @@ pub struct Rules {
     pub last_round: bool,
     /// Whether a base is added only in words that enable it.
     pub bases_enabled: bool,
+    /// Whether outputs clamp what is out of range.
+    pub outputs_clamp: bool,
     /// Whether a link takes its word with the clock that executes the control word, and not before.
     pub links_wait: bool,
 }
@@ -203,6 +207,7 @@ impl Default for Rules {
             sums_flagged: true,
             last_round: true,
             bases_enabled: true,
+            outputs_clamp: true,
             links_wait: true,
         }
     }
@@ -223,6 +228,8 @@ pub struct Design {
     pub pes: Vec<Pe>,
     /// Bits of stored word, data port and coefficient port.
     pub widths: [u32; 3],
+    /// Bits of inputs and outputs.
+    pub port_bits: u32,
     /// Initial word of every index memory.
     pub index_image: u128,
     /// What makes the base of words without one.
@@ -248,12 +255,13 @@ impl Design {
             deep: sequencer.generics.get("DEEP").is_some_and(|deep| deep.value == "true"),
             pes: Vec::new(),
             widths,
+            port_bits: scalar("STORAGE_BITS")?,
             index_image: 0,
             offset: String::new(),
             rules: Rules::default(),
         };
         // A word that nobody takes would set the flag of an input that is clamped.
-        let inputs = inputs(network, design.deep || widths[1] < scalar("STORAGE_BITS")?);
+        let inputs = inputs(network, design.deep || widths[1] < design.port_bits);
         for instance in network.of("pe") {
             let index = design.pes.len();
             design.pes.push(design.pe(index, instance, package, network, &inputs)?);
@@ -262,7 +270,8 @@ impl Design {
             let word = value(output, "CAPTURE_WORD")?;
             let shown = port(output, "word_i")?.strip_prefix("word_").and_then(|pe| pe.parse::<usize>().ok());
             let pe = shown.and_then(|pe| design.pes.get_mut(pe)).ok_or("an output of no PE")?;
-            pe.outputs.push((word, port(output, "value_o")?.to_owned()));
+            let clamps = output.generics.get("SATURATE").is_none_or(|generic| generic.value != "false");
+            pe.outputs.push((word, port(output, "value_o")?.to_owned(), clamps));
         }
         Ok(design)
     }
@@ -293,6 +302,8 @@ impl Design {
             index_words: optional("INDEX_WORDS")?,
             index_width: optional("INDEX_WIDTH")?,
             octave_width: optional("OCTAVE_WIDTH")?,
+            accumulator_bits: number("ACCUMULATOR_BITS")?,
+            saturate: instance.generics.get("SATURATE").is_none_or(|generic| generic.value != "false"),
         };
         let fields = Fields::of(&features, self.widths[2]);
         let (words, first) = self.words(index, &fields, package)?;

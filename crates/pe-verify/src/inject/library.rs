@@ -86,6 +86,9 @@ pub const RULED: &[Ruled] = &[
     ("pe.vhd", "base_round <= last when BASE_LAST else", "base_round <= '1' when BASE_LAST else", |rules| {
         rules.last_round = false
     }),
+    ("pe_output.vhd", "if (SATURATE and sum(WORD_BITS) /= sum(WORD_BITS - 1)) then", "if (false) then", |rules| {
+        rules.outputs_clamp = false
+    }),
     ("pe_scale.vhd", "read_enable_i   => flag(control_i, LAYOUT.base.enable),", "read_enable_i   => '1',", |rules| {
         rules.bases_enabled = false
     }),
@@ -502,7 +505,13 @@ pub const REPLACEMENTS: &[Replacement] = &[
         "resize(signed(captured), WORD_BITS + 1) + round_by;",
         "resize(signed(captured), WORD_BITS + 1);",
     ),
-    (Saturation, Always, "pe_output.vhd", "if (sum(WORD_BITS) /= sum(WORD_BITS - 1)) then", "if (false) then"),
+    (
+        Saturation,
+        Always,
+        "pe_output.vhd",
+        "if (SATURATE and sum(WORD_BITS) /= sum(WORD_BITS - 1)) then",
+        "if (false) then",
+    ),
     (Ticks, Always, "pe_tick.vhd", "if (count = 0) then", "if (count = STEPS - 1) then"),
     (Ticks, Always, "pe_tick.vhd", "if (count = STEPS - 1) then", "if (count + 1 >= STEPS - 1) then"),
     (Ticks, Always, "pe_tick.vhd", "if (load = '1') then", "if (true) then"),

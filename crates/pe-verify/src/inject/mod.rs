@@ -8,6 +8,7 @@
 //! Simulation and proof control each other: a damage that is proven to have no effect and is caught is an internal error.
 
 pub mod bisimulation;
+mod bounds;
 pub mod classes;
 pub mod datasheet;
 pub mod diagram;

@@ -9,14 +9,15 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use super::bounds::Bounds;
 use super::datasheet::{Design, Features, Pe, Source, log2};
 
 /// A symbol.
-type Id = u32;
+pub(super) type Id = u32;
 
 /// What a symbol means. Numbers are as the datasheet writes them: stored words, operands, sums.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum Node {
+pub(super) enum Node {
     /// A word of an initial image, or a register's 0.
     Constant(u128),
     /// The rounding offset: base of words without one, by what makes it.
@@ -65,6 +66,20 @@ enum Seen {
     /// A word that sets the sticky flag if it saturated, or operands that do if they are too large for their sum.
     MaySaturate(usize, Id),
     MayBeTooLarge(usize, Id),
+    /// A word that an output clamps if rounding takes it out of range.
+    MayClamp(String, Id),
+}
+
+impl Seen {
+    /// Whether bounds show that nothing is seen of it.
+    fn is_empty(&self, bounds: &mut Bounds) -> bool {
+        match self {
+            Seen::MaySaturate(_, word) => !bounds.may_saturate(*word),
+            Seen::MayBeTooLarge(_, both) => !bounds.may_be_too_large(*both),
+            Seen::MayClamp(_, word) => !bounds.may_clamp(*word),
+            _ => false,
+        }
+    }
 }
 
 const ZERO: Id = 0;
@@ -199,6 +214,8 @@ struct Run<'a> {
     design: &'a Design,
     state: State,
     seen: BTreeSet<Seen>,
+    /// Word from which on it is looked at what may be clamped.
+    clamping_from: u32,
 }
 
 impl Run<'_> {
@@ -267,7 +284,7 @@ impl Run<'_> {
         let operand = match (own, imported) {
             (Some(own), Some(imported)) => {
                 let both = symbols.of(Node::Both(own, imported, features.pre_adder));
-                if !place.settle && rules.sums_flagged {
+                if !place.settle && rules.sums_flagged && place.count >= self.clamping_from {
                     self.seen.insert(Seen::MayBeTooLarge(index, both));
                 }
                 both
@@ -305,10 +322,13 @@ impl Run<'_> {
         let product = state.products.remove(0);
         state.products.push(symbols.product(operand, factor));
         state.running = symbols.sum(kept, product);
-        for (word, port) in &pe.outputs {
+        for (word, port, clamps) in &pe.outputs {
             // What the first pass shows is published by nobody.
             if *word == place.word && !place.settle {
                 self.seen.insert(Seen::Output { port: port.clone(), step: place.count, value: written });
+                if *clamps && rules.outputs_clamp && place.count >= self.clamping_from {
+                    self.seen.insert(Seen::MayClamp(port.clone(), written));
+                }
             }
         }
         // In the first pass nothing is written; sending is not disabled.
@@ -347,7 +367,8 @@ impl Run<'_> {
         let flagging = [takes_own, takes_base, takes_factor, takes_index, sends];
         let flagged = flagging.into_iter().zip(rules.flagged).any(|(takes, flagged)| takes && flagged);
         // A word without a sum is a word that is stored already, or the offset.
-        if flagged && matches!(symbols.nodes[written as usize], Node::Word(..)) {
+        let looked_at = place.count >= self.clamping_from;
+        if flagged && looked_at && matches!(symbols.nodes[written as usize], Node::Word(..)) {
             self.seen.insert(Seen::MaySaturate(index, written));
         }
         if let Some(received) = received.filter(|_| writes(IMPORTED)) {
@@ -411,14 +432,20 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
     let pause = design.pause();
     let mut runs = [design, damaged].map(|design| {
         let state = State::configured(design, symbols);
-        Run { design, state, seen: BTreeSet::new() }
+        Run { design, state, seen: BTreeSet::new(), clamping_from: 0 }
     });
     for run in &mut runs {
         run.execute(symbols, 0, pause);
     }
-    if let Some(seen) = difference(&runs) {
-        return Err(described(seen, design));
+    difference(&runs, symbols)?;
+    // Of the first step it is known what it begins with. Of the others, what was begun in front of it is not, so that what
+    // may be clamped is looked at in the second one of two.
+    let mut first = runs.each_ref().map(|run| Run { state: run.state.clone(), seen: BTreeSet::new(), ..*run });
+    for run in &mut first {
+        run.execute(symbols, pause, pause + design.period);
     }
+    difference(&first, symbols)?;
+    runs.iter_mut().for_each(|run| run.clamping_from = pause + design.period);
     let [own, other] = [0, 1].map(|side| runs[side].state.symbols());
     let mut supposed: Vec<Supposed> = own
         .iter()
@@ -429,8 +456,8 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
             false => Supposed::Different,
         })
         .collect();
-    // Buffers change roles in every round, so with an odd number of rounds two steps are one turn.
-    let steps = 1 + design.rounds % 2;
+    // Buffers change roles in every round, so two steps are one turn, or two.
+    let steps = 2;
     loop {
         for (side, run) in (0..).zip(&mut runs) {
             let places = run.state.places().into_iter().zip(&supposed);
@@ -464,12 +491,15 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
             break;
         }
     }
-    difference(&runs).map_or(Ok(()), |seen| Err(described(seen, design)))
+    difference(&runs, symbols)
 }
 
 /// What only one of two networks shows.
-fn difference<'a>(runs: &'a [Run; 2]) -> Option<&'a Seen> {
-    runs[0].seen.symmetric_difference(&runs[1].seen).next()
+fn difference(runs: &[Run; 2], symbols: &Symbols) -> Result<(), String> {
+    let mut bounds = Bounds::new(runs[0].design, &symbols.nodes);
+    let mut only = runs[0].seen.symmetric_difference(&runs[1].seen);
+    let seen = only.find(|seen| !seen.is_empty(&mut bounds));
+    seen.map_or(Ok(()), |seen| Err(described(seen, runs[0].design)))
 }
 
 fn described(seen: &Seen, design: &Design) -> String {
@@ -483,5 +513,6 @@ fn described(seen: &Seen, design: &Design) -> String {
         Seen::Output { port, .. } => format!("`{port}` may be another word"),
         Seen::MaySaturate(..) => "another word may set a sticky flag".into(),
         Seen::MayBeTooLarge(..) => "other operands may be too large for their sum".into(),
+        Seen::MayClamp(port, _) => format!("`{port}` may be clamped"),
     }
 }
