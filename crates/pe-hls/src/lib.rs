@@ -1,8 +1,7 @@
 //! From model to program: step graph, number formats, mapping, schedule, assembly.
 //!
-//! ```text
-//! Model -> lift -> step -> StepGraph -> functions -> split -> formats -> FixedPoint -> mapping -> schedule -> assemble -> Program
-//! ```
+//! [`PASSES`] has the passes in the order in which `pe-flow` runs them. Each is a function of its module, and each has cases of its
+//! own in `tests/passes`.
 
 mod alike;
 pub mod assemble;
@@ -13,6 +12,7 @@ pub mod lift;
 pub mod mapping;
 pub mod norms;
 pub mod pairs;
+mod passes;
 pub mod relay;
 pub mod rounding;
 pub mod rounds;
@@ -20,3 +20,5 @@ pub mod schedule;
 pub mod split;
 pub mod step;
 pub mod two_slots;
+
+pub use passes::{PASSES, Pass};

@@ -402,3 +402,12 @@ fn fold_keeps_what_rounds_repeat_once() {
         text
     });
 }
+
+#[test]
+fn every_pass_has_cases() {
+    let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/passes");
+    for pass in pe_hls::PASSES {
+        let cases = std::fs::read_dir(home.join(pass.name)).map_or(0, Iterator::count);
+        assert!(cases > 0, "{} has no case", pass.name);
+    }
+}

@@ -1,0 +1,36 @@
+//! The passes from model to program, in the order in which they run.
+
+/// A pass: what it is called, what goes in and what comes out.
+#[derive(Clone, Copy, Debug)]
+pub struct Pass {
+    /// Its module, and the folder of its cases in `tests/passes`.
+    pub name: &'static str,
+    /// What it reads.
+    pub reads: &'static str,
+    /// What it makes.
+    pub makes: &'static str,
+    /// What it is for.
+    pub purpose: &'static str,
+}
+
+const fn pass(name: &'static str, reads: &'static str, makes: &'static str, purpose: &'static str) -> Pass {
+    Pass { name, reads, makes, purpose }
+}
+
+/// All passes. Runs over the span lie between `step` and `functions`, and between `split` and `formats`: ranges come from them.
+pub const PASSES: &[Pass] = &[
+    pass("lift", "Model", "Model", "makes functions of one variable equations of their own"),
+    pass("step", "Model", "StepGraph", "writes one step of the method as chains of products"),
+    pass("functions", "StepGraph", "StepGraph", "puts tables in the place of functions"),
+    pass("split", "StepGraph", "StepGraph", "cuts heavy equations into partial sums"),
+    pass("two_slots", "StepGraph", "StepGraph", "gives coefficients a second product where that is asked for"),
+    pass("formats", "StepGraph", "FixedPoint", "chooses a number format for every value"),
+    pass("rounding", "StepGraph", "FixedPoint", "rounds coefficients so that errors cancel"),
+    pass("relay", "StepGraph", "StepGraph", "copies what many equations read of several others"),
+    pass("mapping", "StepGraph", "Mapping", "gives every equation a PE"),
+    pass("even", "Mapping", "Mapping", "evens loads out under the pairs that a mapping allows"),
+    pass("pairs", "StepGraph, Mapping", "StepGraph", "joins operands with equal coefficients"),
+    pass("schedule", "StepGraph, Mapping", "Schedule", "gives every chain and transfer a control word"),
+    pass("rounds", "StepGraph, Schedule", "Schedule", "runs stages that are alike as rounds of one program"),
+    pass("assemble", "StepGraph, Schedule", "Program", "writes control words, memory images and links"),
+];
