@@ -95,6 +95,9 @@ const LONGEST: u64 = 256;
 /// Control words of all PEs that the run in motion may take to see every tick twice.
 const TICKING: u64 = 5 * LONG;
 
+/// Runs in motion of designs with tables, at most.
+const TABLES: u64 = 6;
+
 /// Steps of a run that saturates: what saturates soon stays there.
 const SATURATING: u64 = 5;
 
@@ -215,7 +218,13 @@ impl Starts {
         let tick = program.ticks().map(|(_, tick, _)| u64::from(tick.steps) + 2).max().unwrap_or(0);
         let steps = (LONG / work).clamp(SHORT, LONGEST);
         let steps = if tick * work <= TICKING { steps.max(tick) } else { steps };
-        starts.made(program, Purpose::Motion, steps.min(most), take)?;
+        // An entry of a table is read where its argument is.
+        let tables = program.pes.iter().any(|pe| pe.features.index_words > 0);
+        for _ in 0..if tables { TABLES } else { 1 } {
+            if !starts.made(program, Purpose::Motion, steps.min(most), take)? {
+                break;
+            }
+        }
         for _ in 0..(LONG / work).clamp(1, SATURATIONS) {
             if !starts.made(program, Purpose::Saturation, SATURATING.min(most), take)? {
                 break;
