@@ -70,7 +70,7 @@ fi
 awk 'FNR == NR { if ($1 ~ /^[A-Z][A-Z0-9_]*$/) used[$1] = 1; next }
      /^module / { name = $2; sub(/[^A-Za-z0-9_].*/, "", name); works = timing = 0; known[name] = 1 }
      /specify/ { timing = !/endspecify/ }
-     !timing && (/(^|[^a-z])(assign|always|wire .*=)/ || /^ +[A-Za-z0-9_]+ +(#\(.*)?[A-Za-z0-9_]* *\(/) { behaves[name] = 1 }
+     !timing && (/(^|[^a-z])(assign|always|wire .*=)/ || /^ +[A-Za-z0-9_]+ +#?[A-Za-z0-9_]* *\(/) { behaves[name] = 1 }
      END { for (name in used) if (known[name] && !behaves[name]) { print name; bad = 1 } exit bad }' \
   netlist.v "$cells" > shells.txt ||
   { echo "no simulation model of $(paste -sd ' ' shells.txt)" >&2; exit 1; }
