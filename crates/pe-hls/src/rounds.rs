@@ -13,8 +13,6 @@ use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, 
 use pe_ir::index::{self, at};
 use pe_ir::schedule::{Schedule, Transfer};
 
-const NONE: u32 = u32::MAX;
-
 /// What a step is made of: rounds, and the values and chains of one.
 #[derive(Clone, Debug)]
 pub struct Rounds<'a> {
@@ -136,141 +134,84 @@ struct Finder<'a> {
     inner: Vec<u32>,
 }
 
+/// The values of a step, each with the value of one round that stands for it.
+struct Likes {
+    /// One round, without chains: the values of the last one, whose start values take the name of the step's.
+    round: StepGraph,
+    /// As [`Rounds::values`].
+    values: Vec<(ValueId, u32)>,
+    /// As [`Rounds::originals`].
+    originals: Vec<ValueId>,
+    /// The running sum of each state that has one.
+    sums: BTreeMap<u32, ValueId>,
+    /// The start value of each state in the round.
+    starts: Vec<ValueId>,
+}
+
+impl Likes {
+    fn of(&self, id: ValueId) -> ValueId {
+        self.values[id.index()].0
+    }
+
+    /// What the chain of a round writes that stands for a chain of the step.
+    fn target(&self, graph: &StepGraph, chain: &Chain) -> ValueId {
+        match graph.value(chain.write.value).role {
+            Role::Stage(s, _) | Role::Next(s) => self.round.states[at(s)].1,
+            _ => self.of(chain.write.value),
+        }
+    }
+
+    /// What it adds to. A state that is in a running sum is the base of the last round there: at another word, else
+    /// the same.
+    fn base(&self, graph: &StepGraph, write: &Write) -> Option<ValueId> {
+        write.base.map(|base| match graph.value(base).role {
+            Role::Sum(s, _) => self.starts[at(s)],
+            _ => self.of(base),
+        })
+    }
+
+    fn term(&self, term: &Term) -> Term {
+        let factor = match term.factor {
+            Factor::Value(value) => Factor::Value(self.of(value)),
+            coefficient @ Factor::Coefficient(_) => coefficient,
+        };
+        Term { operand: self.of(term.operand), partner: term.partner.map(|partner| self.of(partner)), factor }
+    }
+}
+
+/// The value that is a factor of a term.
+fn stored_factor(term: &Term) -> Option<ValueId> {
+    match term.factor {
+        Factor::Value(value) => Some(value),
+        Factor::Coefficient(_) => None,
+    }
+}
+
 impl Finder<'_> {
     fn find(&self) -> Option<Rounds<'static>> {
         let graph = self.graph;
-        // One round: the values of the last one, whose start values take the name of the step's.
-        let mut round = StepGraph {
-            form: StageForm::Euler,
-            stages: 1,
-            values: Vec::new(),
-            ..graph.with_chains(Vec::new(), Vec::new())
-        };
-        let mut known: BTreeMap<(u32, u32, i64, u64), ValueId> = BTreeMap::new();
-        let mut values = Vec::with_capacity(graph.values.len());
-        let mut originals = Vec::new();
-        for (index, value) in graph.values.iter().enumerate() {
-            let (role, swaps) = match value.role {
-                Role::State(s) => (Role::State(s), 0),
-                // Samples are taken once, in front of all stages.
-                Role::Algebraic(_, 0) => return None,
-                Role::Stage(s, stage) => (Role::State(s), u32::from(stage) - 1),
-                Role::Next(s) => (Role::Next(s), self.count),
-                // Published values are computed beside the last round, by chains of their own.
-                Role::Algebraic(a, u8::MAX) => (Role::Algebraic(a, u8::MAX), 0),
-                Role::Algebraic(a, _) => (Role::Algebraic(a, 1), 0),
-                Role::Sum(s, _) => (Role::Sum(s, 0), 0),
-                Role::Interim(s, _) => (Role::Interim(s, 0), 0),
-                Role::Inner(equation, serial) => (Role::Inner(equation, (serial - 1) % self.inner[at(equation)]), 0),
-                // Looped stages have no lookups.
-                role @ (Role::Input(_) | Role::Constant(_) | Role::Published(_) | Role::Column(..)) => (role, 0),
-                Role::Partial(..) | Role::Relayed(..) | Role::Auxiliary(_) | Role::Pivot(..) => return None,
-            };
-            let key = match role {
-                Role::State(s) => (0, s, 0, 0),
-                Role::Next(s) => (1, s, 0, 0),
-                Role::Algebraic(a, stage) => (2, a, i64::from(stage), 0),
-                Role::Input(i) => (3, i, 0, 0),
-                Role::Constant(number) => (4, value.equation, i64::from(self.fixed.exponents[index]), number.to_bits()),
-                Role::Published(o) => (5, o, 0, 0),
-                Role::Sum(s, _) => (6, s, 0, 0),
-                Role::Interim(s, _) => (7, s, 0, 0),
-                Role::Inner(equation, serial) => (8, equation, i64::from(serial), 0),
-                _ => return None,
-            };
-            let like = *known.entry(key).or_insert_with(|| {
-                round.values.push(Value { role, ..*value });
-                originals.push(ValueId(index as u32));
-                ValueId(index::number(round.values.len()) - 1)
-            });
-            values.push((like, swaps));
-        }
-        let like = |id: ValueId| values[id.index()].0;
-        for (state, next) in &mut round.states {
-            (*state, *next) = (like(*state), like(*next));
-        }
-        round.inputs.iter_mut().chain(&mut round.outputs).for_each(|value| *value = like(*value));
-
-        // Chains of the last round; those of the others must be like them.
-        let mut chains = vec![(0, NONE); graph.chains.len()];
-        let mut by_target: BTreeMap<ValueId, u32> = BTreeMap::new();
-        let target = |chain: &Chain| match graph.value(chain.write.value).role {
-            Role::Stage(s, _) | Role::Next(s) => round.states[at(s)].1,
-            _ => like(chain.write.value),
-        };
-        // A state that is in a running sum is the base of the last round there: at another word, else the same.
-        let starts: Vec<ValueId> = round.states.iter().map(|(state, _)| *state).collect();
-        let base = |write: &Write| {
-            write.base.map(|base| match graph.value(base).role {
-                Role::Sum(s, _) => starts[at(s)],
-                _ => like(base),
-            })
-        };
-        for (index, chain) in graph.chains.iter().enumerate() {
-            let number = self.round(chain)?;
-            chains[index].0 = number;
-            if number == self.count - 1 {
-                let start = index::number(round.terms.len());
-                for term in graph.chain_terms(chain) {
-                    let partner = term.partner.map(like);
-                    let factor = match term.factor {
-                        Factor::Value(value) => Factor::Value(like(value)),
-                        coefficient @ Factor::Coefficient(_) => coefficient,
-                    };
-                    round.terms.push(Term { operand: like(term.operand), partner, factor });
-                }
-                let write = Write { value: target(chain), base: base(&chain.write), ..chain.write };
-                let interim = chain.interim.map(|part| Write { value: like(part.value), base: base(&part), ..part });
-                // A running sum is added to itself in every round; nothing waits for it.
-                let second = match graph.value(chain.write.value).role {
-                    Role::Next(s) => {
-                        known.get(&(6, s, 0, 0)).map(|sum| Write { value: *sum, base: Some(*sum), weight: 0 })
-                    }
-                    _ => None,
-                };
-                let terms = start..round.terms.len() as u32;
-                by_target.insert(write.value, index::number(round.chains.len()));
-                chains[index].1 = index::number(round.chains.len());
-                round.chains.push(Chain { terms, interim, write, second, ..*chain });
-            }
-        }
+        let likes = self.likes()?;
+        let rounds = graph.chains.iter().map(|chain| self.round(chain)).collect::<Option<Vec<u32>>>()?;
+        let round = self.last_round(&likes, &rounds);
+        let by_target: BTreeMap<ValueId, u32> =
+            (0..).zip(&round.chains).map(|(number, chain)| (chain.write.value, number)).collect();
         // Either all rounds add to the state at the start of the step, or each adds to that at its own start.
         let (mut first, mut own) = (true, true);
         let mut found = vec![0; round.chains.len()];
-        for (index, chain) in graph.chains.iter().enumerate() {
-            let number = *by_target.get(&target(chain))?;
-            let model = &round.chains[at(number)];
-            let operands = |term: &Term| (term.operand, term.partner);
-            let named = |term: &Term| (like(term.operand), term.partner.map(like));
-            let in_turn = |operand: ValueId| match graph.value(operand).role {
-                Role::State(_) | Role::Stage(..) => values[operand.index()].1 == chains[index].0,
-                Role::Algebraic(_, stage) if stage < u8::MAX => u32::from(stage) == chains[index].0 + 1,
-                _ => true,
-            };
-            let factor = |term: &Term| match term.factor {
-                Factor::Value(value) => Some(value),
-                Factor::Coefficient(_) => None,
-            };
-            let terms = graph.chain_terms(chain);
-            let sums = chain.interim.map(|part| base(&part)) == model.interim.map(|part| part.base)
-                && chain.second.is_none_or(|second| model.second.is_some_and(|sum| sum.value == like(second.value)));
-            let alike = round.chain_terms(model).iter().map(operands).eq(terms.iter().map(named))
-                && terms.iter().flat_map(Term::operands).all(in_turn)
-                && round.chain_terms(model).iter().map(factor).eq(terms.iter().map(|term| factor(term).map(like)))
-                && terms.iter().filter_map(factor).all(|value| self.inner_round(value) == Some(chains[index].0))
-                && model.write.base == base(&chain.write)
-                && sums;
-            if !alike {
+        let mut chains = Vec::with_capacity(graph.chains.len());
+        for (chain, number) in graph.chains.iter().zip(rounds) {
+            let model = *by_target.get(&likes.target(graph, chain))?;
+            if !self.alike(&likes, &round, &round.chains[at(model)], (chain, number)) {
                 return None;
             }
-            if let Some(base) = chain.write.base.filter(|base| matches!(round.value(like(*base)).role, Role::State(_)))
-            {
-                let swaps = values[base.index()].1;
+            let is_state = |base: &ValueId| matches!(round.value(likes.of(*base)).role, Role::State(_));
+            if let Some(base) = chain.write.base.filter(is_state) {
+                let swaps = likes.values[base.index()].1;
                 first &= swaps == 0;
-                own &= swaps == chains[index].0;
+                own &= swaps == number;
             }
-            chains[index].1 = number;
-            found[at(number)] += 1;
+            chains.push((number, model));
+            found[at(model)] += 1;
         }
         let repeated = |chain: &Chain| {
             !matches!(round.value(chain.write.value).role, Role::Algebraic(_, u8::MAX) | Role::Published(_))
@@ -281,11 +222,126 @@ impl Finder<'_> {
             count: self.count,
             graph: Cow::Owned(round),
             chains,
-            values,
-            originals,
+            values: likes.values,
+            originals: likes.originals,
             base_last: first && !sums,
             sums,
         })
+    }
+
+    /// The values of one round; none if the step has values that no round repeats.
+    fn likes(&self) -> Option<Likes> {
+        let graph = self.graph;
+        let mut round = StepGraph {
+            form: StageForm::Euler,
+            stages: 1,
+            values: Vec::new(),
+            ..graph.with_chains(Vec::new(), Vec::new())
+        };
+        let mut known: BTreeMap<(u32, u32, i64, u64), ValueId> = BTreeMap::new();
+        let mut values = Vec::with_capacity(graph.values.len());
+        let mut originals = Vec::new();
+        let mut sums = BTreeMap::new();
+        for (id, value) in (0..).map(ValueId).zip(&graph.values) {
+            let (role, swaps) = self.role(value.role)?;
+            let like = *known.entry(self.key(role, value, id)?).or_insert_with(|| {
+                round.values.push(Value { role, ..*value });
+                originals.push(id);
+                ValueId(index::number(round.values.len()) - 1)
+            });
+            if let Role::Sum(state, _) = role {
+                sums.insert(state, like);
+            }
+            values.push((like, swaps));
+        }
+        let like = |id: ValueId| values[id.index()].0;
+        for (state, next) in &mut round.states {
+            (*state, *next) = (like(*state), like(*next));
+        }
+        round.inputs.iter_mut().chain(&mut round.outputs).for_each(|value| *value = like(*value));
+        let starts = round.states.iter().map(|(state, _)| *state).collect();
+        Some(Likes { round, values, originals, sums, starts })
+    }
+
+    /// What a value of the step is in a round, and the swaps of its buffer.
+    fn role(&self, role: Role) -> Option<(Role, u32)> {
+        Some(match role {
+            Role::State(s) => (Role::State(s), 0),
+            // Samples are taken once, in front of all stages.
+            Role::Algebraic(_, 0) => return None,
+            Role::Stage(s, stage) => (Role::State(s), u32::from(stage) - 1),
+            Role::Next(s) => (Role::Next(s), self.count),
+            // Published values are computed beside the last round, by chains of their own.
+            Role::Algebraic(a, u8::MAX) => (Role::Algebraic(a, u8::MAX), 0),
+            Role::Algebraic(a, _) => (Role::Algebraic(a, 1), 0),
+            Role::Sum(s, _) => (Role::Sum(s, 0), 0),
+            Role::Interim(s, _) => (Role::Interim(s, 0), 0),
+            Role::Inner(equation, serial) => (Role::Inner(equation, (serial - 1) % self.inner[at(equation)]), 0),
+            // Looped stages have no lookups.
+            Role::Input(_) | Role::Constant(_) | Role::Published(_) | Role::Column(..) => (role, 0),
+            Role::Partial(..) | Role::Relayed(..) | Role::Auxiliary(_) | Role::Pivot(..) => return None,
+        })
+    }
+
+    /// Equal of values that one value of a round stands for.
+    fn key(&self, role: Role, value: &Value, id: ValueId) -> Option<(u32, u32, i64, u64)> {
+        Some(match role {
+            Role::State(s) => (0, s, 0, 0),
+            Role::Next(s) => (1, s, 0, 0),
+            Role::Algebraic(a, stage) => (2, a, i64::from(stage), 0),
+            Role::Input(i) => (3, i, 0, 0),
+            Role::Constant(number) => {
+                (4, value.equation, i64::from(self.fixed.exponents[id.index()]), number.to_bits())
+            }
+            Role::Published(o) => (5, o, 0, 0),
+            Role::Sum(s, _) => (6, s, 0, 0),
+            Role::Interim(s, _) => (7, s, 0, 0),
+            Role::Inner(equation, serial) => (8, equation, i64::from(serial), 0),
+            _ => return None,
+        })
+    }
+
+    /// One round with the chains of the step's last; `rounds` has the round of each chain.
+    fn last_round(&self, likes: &Likes, rounds: &[u32]) -> StepGraph {
+        let graph = self.graph;
+        let mut round = likes.round.clone();
+        for (chain, _) in graph.chains.iter().zip(rounds).filter(|(_, number)| **number == self.count - 1) {
+            let start = index::number(round.terms.len());
+            round.terms.extend(graph.chain_terms(chain).iter().map(|term| likes.term(term)));
+            let write =
+                Write { value: likes.target(graph, chain), base: likes.base(graph, &chain.write), ..chain.write };
+            let interim =
+                chain.interim.map(|part| Write { value: likes.of(part.value), base: likes.base(graph, &part), ..part });
+            // A running sum is added to itself in every round; nothing waits for it.
+            let second = match graph.value(chain.write.value).role {
+                Role::Next(s) => likes.sums.get(&s).map(|sum| Write { value: *sum, base: Some(*sum), weight: 0 }),
+                _ => None,
+            };
+            let terms = start..index::number(round.terms.len());
+            round.chains.push(Chain { terms, interim, write, second, ..*chain });
+        }
+        round
+    }
+
+    /// Whether a chain of the step does in its round what a chain of the round does.
+    fn alike(&self, likes: &Likes, round: &StepGraph, model: &Chain, (chain, number): (&Chain, u32)) -> bool {
+        let graph = self.graph;
+        let in_turn = |operand: ValueId| match graph.value(operand).role {
+            Role::State(_) | Role::Stage(..) => likes.values[operand.index()].1 == number,
+            Role::Algebraic(_, stage) if stage < u8::MAX => u32::from(stage) == number + 1,
+            _ => true,
+        };
+        let named = |term: &Term| {
+            let Term { operand, partner, .. } = *term;
+            (operand, partner, stored_factor(term))
+        };
+        let terms = graph.chain_terms(chain);
+        round.chain_terms(model).iter().map(named).eq(terms.iter().map(|term| named(&likes.term(term))))
+            && terms.iter().flat_map(Term::operands).all(in_turn)
+            && terms.iter().filter_map(stored_factor).all(|value| self.inner_round(value) == Some(number))
+            && model.write.base == likes.base(graph, &chain.write)
+            && chain.interim.map(|part| likes.base(graph, &part)) == model.interim.map(|part| part.base)
+            && chain.second.is_none_or(|second| model.second.is_some_and(|sum| sum.value == likes.of(second.value)))
     }
 
     /// The round that a chain belongs to.

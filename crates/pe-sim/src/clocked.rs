@@ -5,11 +5,15 @@
 
 use std::collections::BTreeMap;
 
-use pe_ir::program::{Address, ControlWord, FieldName, Fold, Layout, LinkSource, Multiplier, PeProgram, Program};
-use pe_ir::word::Pipeline;
+use pe_ir::index::{at, number};
+use pe_ir::program::{
+    Address, ControlWord, FieldName, Fold, Layout, LinkSource, Multiplier, PeFeatures, PeProgram, Program,
+};
+use pe_ir::word::{Pipeline, WordFormat};
 
 use crate::coverage::{
-    BASE, COEFFICIENT, Coverage, IMPORTED, INDEX, OPERANDS, OWN, alone, bit, shift_matters, takes, used_results,
+    BASE, COEFFICIENT, Coverage, IMPORTED, INDEX, OPERANDS, OWN, PeCoverage, alone, bit, shift_matters, takes,
+    used_results,
 };
 use crate::record::physical;
 use crate::trace::TraceLine;
@@ -241,108 +245,23 @@ impl<'a> Clocked<'a> {
 
     /// Executes the control word in one PE; whether it sets the PE's flag.
     fn execute(&mut self, index: usize, ends_step: bool, links: &[i64], trace: &mut impl FnMut(TraceLine)) -> bool {
-        let (program, k, odd, settle) = (self.program, self.word, self.odd, self.settle);
-        let format = &program.format;
-        let features = &program.pes[index].features;
-        let word = &self.words[index][k];
-        let used = self.used[index][k];
+        let (program, settle) = (self.program, self.settle);
+        let (format, features) = (&program.format, &program.pes[index].features);
+        let word = &self.words[index][self.word];
+        let used = self.used[index][self.word];
+        let clock = Clock { program, pe: index, word, used, odd: self.odd, ends_step, cycle: self.cycle };
         let pe = &mut self.pes[index];
         let cover = &mut self.coverage.pes[index];
-        let mut fields = 0;
-        // Everything that is read.
-        let read = |memory: &[i64], address: Option<Address>| {
-            address.map(|address| physical(address, memory.len(), odd)).map(|word| (word, memory[word]))
-        };
-        let (own, imported) = (read(&pe.own, word.own), read(&pe.imported, word.imported));
-        let factor = match word.multiplier {
-            Multiplier::Coefficient(value) => value,
-            Multiplier::Stored(address) => pe.coefficients[usize::from(address)],
-        };
-        let base_address = word.base.map(|address| usize::from(address) | pe.index);
-        let base = base_address.map_or(format.data_offset(), |address| pe.base_words[address]);
-        let fetched = word.index.map_or(0, |address| pe.indices[usize::from(address)]);
-        // What was at work of it.
-        let mut operand = |read: Option<(usize, i64)>, swap: bool, names: [FieldName; 3], memory: usize| {
-            let Some((address, value)) = read else { return };
-            if value != 0 && factor != 0 {
-                fields |= bit(names[0]) | bit(names[1]) | if swap && odd { bit(names[2]) } else { 0 };
-                cover.read[memory][address] = true;
-                fields |= match word.multiplier {
-                    Multiplier::Coefficient(_) => bit(FieldName::Coefficient),
-                    Multiplier::Stored(address) => {
-                        cover.read[COEFFICIENT][usize::from(address)] = true;
-                        bit(FieldName::CoefficientAddress)
-                    }
-                };
-            }
-        };
-        let swap = |address: Option<Address>| address.is_some_and(|address| address.swap);
-        operand(own, swap(word.own), [FieldName::OwnEnable, FieldName::OwnAddress, FieldName::OwnSwap], OWN);
-        let names = [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
-        operand(imported, swap(word.imported), names, IMPORTED);
-        if let Some(address) = base_address.filter(|_| used) {
-            let enabled = base != format.data_offset();
-            let others = (0..features.base_words.ilog2()).map(|bit| pe.base_words[address ^ (1 << bit)]);
-            if enabled || others.into_iter().any(|other| other != base) {
-                fields |= bit(FieldName::BaseAddress) | if enabled { bit(FieldName::BaseEnable) } else { 0 };
-                cover.read[BASE][address] = true;
-            }
-        }
-        if let Some(address) = word.index.filter(|_| fetched != 0) {
-            fields |= bit(FieldName::IndexEnable) | bit(FieldName::IndexAddress);
-            cover.read[INDEX][usize::from(address)] = true;
-        }
-        if word.close && pe.accumulator != 0 {
-            fields |= bit(FieldName::Close);
-        }
-        let shift = features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0);
-        // The results so far.
-        let result = pe.word;
-        let saturated = pe.saturated;
-        pe.saturated = match pe.sum {
-            sum if sum > i128::from(format.max_word()) => 1,
-            sum if sum < i128::from(format.min_word()) => -1,
-            _ => 0,
-        };
-        pe.word = match pe.saturated {
-            _ if features.proven => wrapped(pe.sum, format.word_bits()) as i64,
-            1 => format.ceiling(),
-            -1 => format.min_word(),
-            _ => pe.sum as i64,
-        };
-        let lifted = pe.hold << format.lift();
-        let shifted = if pe.shift == 0 { lifted } else { ((lifted >> (pe.shift - 1)) + 1) >> 1 };
-        if format.pipeline == Pipeline::Deep {
-            pe.sum = i128::from(pe.addends.0) + pe.addends.1;
-            pe.addends = (pe.base, shifted);
-        } else {
-            pe.sum = i128::from(pe.base) + shifted;
-        }
-        // Scale and accumulate group.
-        (pe.base, pe.shift, pe.index) = (base, shift, fetched);
-        let product = pe.products.pop().expect("products pass registers");
-        let mut kept = pe.accumulator;
-        if word.close {
-            pe.hold = kept;
-            kept = 0;
-        }
-        pe.accumulator = wrapped(kept + product, features.accumulator_bits);
-        if used && shift_matters(pe.hold << format.lift(), shift, &features.shifts) {
-            fields |= bit(FieldName::Shift);
-            cover.shifts[usize::from(word.shift)] = true;
-        }
-        // Operand group.
-        let (left, right) = (own.map_or(0, |read| read.1), imported.map_or(0, |read| read.1));
-        let half = 1i64 << (format.data_bits - 2);
-        let both = features.pre_adder && own.is_some() && imported.is_some();
-        let too_large = both && [left, right].iter().any(|operand| !(-half..half).contains(operand));
+        let reads = pe.read(&clock);
+        let mut fields = clock.reads_at_work(&reads, pe, cover);
+        // The result that is at the memories now.
+        let (result, saturated) = (pe.word, pe.saturated);
+        pe.round(format, features);
+        fields |= pe.accumulate(&clock, &reads, cover);
+        let (too_large, joined_too_large) = pe.multiply(&clock, &reads);
         cover.too_large |= too_large && !settle;
         self.wrapped |= too_large;
-        pe.products.insert(0, wrapped(i128::from(left + right), format.data_bits) * i128::from(factor));
-        let too_large_before = pe.too_large.remove(0) && !settle;
-        let mut flag = too_large_before;
-        pe.too_large.push(too_large);
-        // Write group.
+        let mut flag = joined_too_large;
         if word.send {
             let operand = format.data_operand(result);
             if operand != self.links[index] {
@@ -351,90 +270,26 @@ impl<'a> Clocked<'a> {
             self.links[index] = operand;
         }
         if !settle {
-            let takes = takes(word, features.base_last && !ends_step, too_large_before);
+            let taken = takes(word, features.base_last && !ends_step, joined_too_large);
             if saturated != 0 && (word.write.is_some() || word.write_index.is_some() || word.send) {
                 flag = true;
                 cover.saturated[usize::from(saturated > 0)] = true;
             } else if saturated != 0 && features.send {
-                pe.unsent.entry(k).or_insert(self.cycle);
+                pe.unsent.entry(self.word).or_insert(self.cycle);
             }
             if flag {
-                let cause = match saturated {
-                    0 => Some(OPERANDS),
-                    _ => alone(takes),
-                };
-                pe.causes = if pe.overflow {
-                    [pe.causes[0], pe.causes[1].filter(|all| cause == Some(*all))]
-                } else {
-                    [cause; 2]
-                };
+                pe.tell_cause(if saturated == 0 { Some(OPERANDS) } else { alone(taken) });
             }
-            let mut store = |memory: &mut [i64], address: usize, value: i64, names: u32, written: &mut [bool]| {
-                if memory[address] != value {
-                    fields |= names;
-                    written[address] = true;
-                }
-                memory[address] = value;
+            let source = |source: &LinkSource| match source {
+                LinkSource::Pe(sender) => links[at(*sender)],
+                LinkSource::Input(input) => self.inputs[at(*input)],
             };
-            if let Some(target) = word.write {
-                let names = bit(FieldName::WriteAddress);
-                let address = physical(target.address, pe.own.len(), odd);
-                if target.own {
-                    let swap = if target.address.swap && odd { bit(FieldName::WriteSwap) } else { 0 };
-                    let place = address & (pe.own.len() - 1);
-                    let names = names | swap | bit(FieldName::WriteOwn);
-                    store(&mut pe.own, place, format.data_operand(result), names, &mut cover.written[OWN]);
-                }
-                if target.base && (ends_step || !features.base_last) {
-                    let (place, names) = (features.base_word(target.address.word), names | bit(FieldName::WriteBase));
-                    store(&mut pe.base_words, place, result, names, &mut cover.written[BASE]);
-                }
-                if target.factor {
-                    let place = features.factor_word(target.address.word);
-                    let (value, names) = (format.factor_operand(result), names | bit(FieldName::WriteFactor));
-                    store(&mut pe.coefficients, place, value, names, &mut cover.written[COEFFICIENT]);
-                }
-                let value = result as u64 & (u64::MAX >> (64 - format.word_bits()));
-                trace(TraceLine { cycle: self.cycle, pe: index as u32, address: address as u32, value });
-            }
-            if let Some((port, address)) = word.receive {
-                let source = |source: &LinkSource| match source {
-                    LinkSource::Pe(sender) => links[*sender as usize],
-                    LinkSource::Input(input) => self.inputs[*input as usize],
-                };
-                let ports = &program.pes[index].ports;
-                let value = source(&ports[usize::from(port)]);
-                let place = physical(address, pe.imported.len(), odd);
-                if pe.imported[place] != value {
-                    cover.ports[usize::from(port)] = true;
-                }
-                let others = ports.iter().enumerate().filter(|(other, _)| *other != usize::from(port));
-                let distinct = ports.len() > 1 && others.into_iter().all(|(_, other)| source(other) != value);
-                let names = [
-                    (FieldName::ReceiveEnable, true),
-                    (FieldName::ReceiveAddress, true),
-                    (FieldName::ReceiveSwap, address.swap && odd),
-                ];
-                let names = names.iter().filter(|(_, seen)| *seen).map(|(name, _)| bit(*name)).sum();
-                store(&mut pe.imported, place, value, names, &mut cover.written[IMPORTED]);
-                fields |= if distinct { bit(FieldName::Port) } else { 0 };
-                let address = features.write_words() + place as u32;
-                let value = value as u64 & (u64::MAX >> (64 - format.data_bits));
-                trace(TraceLine { cycle: self.cycle, pe: index as u32, address, value });
-            }
-            if let Some((address, octaves)) = word.write_index {
-                let segment = segment(result, format.word_bits(), features.segments(), octaves);
-                let place = usize::from(address);
-                if pe.indices[place] != segment {
-                    fields |= bit(FieldName::WriteIndex) | bit(FieldName::WriteIndexAddress);
-                    fields |= if octaves { bit(FieldName::WriteOctave) } else { 0 };
-                    cover.written[INDEX][place] = true;
-                }
-                pe.indices[place] = segment;
-            }
-            cover.fields[k] |= fields;
+            fields |= pe.write(&clock, result, cover, trace);
+            fields |= pe.receive(&clock, source, cover, trace);
+            fields |= pe.write_index(&clock, result, cover);
+            cover.fields[self.word] |= fields;
         }
-        if let Some(outputs) = self.captures.get(&(index, k)) {
+        if let Some(outputs) = self.captures.get(&(index, self.word)) {
             outputs.iter().for_each(|output| self.captured[*output] = result);
         }
         flag &= !settle;
@@ -442,6 +297,253 @@ impl<'a> Clocked<'a> {
         pe.overflow |= flag;
         flag
     }
+}
+
+/// A clock of one PE.
+struct Clock<'a> {
+    program: &'a Program,
+    pe: usize,
+    word: &'a ControlWord,
+    /// Whether anything takes the result whose base and shift the word chooses.
+    used: bool,
+    /// Whether buffers have swapped their roles.
+    odd: bool,
+    ends_step: bool,
+    cycle: u64,
+}
+
+/// What a control word reads.
+struct Reads {
+    /// Words of the memories and what they hold.
+    own: Option<(usize, i64)>,
+    imported: Option<(usize, i64)>,
+    factor: i64,
+    base_word: Option<usize>,
+    base: i64,
+    index: usize,
+}
+
+impl Clock<'_> {
+    fn features(&self) -> &PeFeatures {
+        &self.program.pes[self.pe].features
+    }
+
+    /// Marks what was at work in the reads; the fields that were.
+    fn reads_at_work(&self, reads: &Reads, pe: &Registers, cover: &mut PeCoverage) -> u32 {
+        const OWN_FIELDS: [FieldName; 3] = [FieldName::OwnEnable, FieldName::OwnAddress, FieldName::OwnSwap];
+        const IMPORTED_FIELDS: [FieldName; 3] =
+            [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
+        let word = self.word;
+        let mut fields = self.operand_at_work(reads.own, word.own, reads.factor, OWN_FIELDS, (OWN, cover));
+        fields |= self.operand_at_work(reads.imported, word.imported, reads.factor, IMPORTED_FIELDS, (IMPORTED, cover));
+        if let Some(place) = reads.base_word.filter(|_| self.used) {
+            let enabled = reads.base != self.program.format.data_offset();
+            let mut others = (0..self.features().base_words.ilog2()).map(|bit| pe.base_words[place ^ (1 << bit)]);
+            if enabled || others.any(|other| other != reads.base) {
+                fields |= bit(FieldName::BaseAddress) | if enabled { bit(FieldName::BaseEnable) } else { 0 };
+                cover.read[BASE][place] = true;
+            }
+        }
+        if let Some(address) = word.index.filter(|_| reads.index != 0) {
+            fields |= bit(FieldName::IndexEnable) | bit(FieldName::IndexAddress);
+            cover.read[INDEX][usize::from(address)] = true;
+        }
+        fields
+    }
+
+    /// Marks an operand, its factor among them, that was at work in a product; the fields that were.
+    fn operand_at_work(
+        &self,
+        read: Option<(usize, i64)>,
+        address: Option<Address>,
+        factor: i64,
+        names: [FieldName; 3],
+        (memory, cover): (usize, &mut PeCoverage),
+    ) -> u32 {
+        let Some((place, value)) = read else { return 0 };
+        if value == 0 || factor == 0 {
+            return 0;
+        }
+        cover.read[memory][place] = true;
+        let swapped = self.odd && address.is_some_and(|address| address.swap);
+        bit(names[0])
+            | bit(names[1])
+            | if swapped { bit(names[2]) } else { 0 }
+            | match self.word.multiplier {
+                Multiplier::Coefficient(_) => bit(FieldName::Coefficient),
+                Multiplier::Stored(address) => {
+                    cover.read[COEFFICIENT][usize::from(address)] = true;
+                    bit(FieldName::CoefficientAddress)
+                }
+            }
+    }
+}
+
+impl Registers {
+    /// All that the control word reads.
+    fn read(&self, clock: &Clock) -> Reads {
+        let word = clock.word;
+        let read = |memory: &[i64], address: Option<Address>| {
+            address.map(|address| physical(address, memory.len(), clock.odd)).map(|place| (place, memory[place]))
+        };
+        let base_word = word.base.map(|address| usize::from(address) | self.index);
+        Reads {
+            own: read(&self.own, word.own),
+            imported: read(&self.imported, word.imported),
+            factor: match word.multiplier {
+                Multiplier::Coefficient(value) => value,
+                Multiplier::Stored(address) => self.coefficients[usize::from(address)],
+            },
+            base_word,
+            base: base_word.map_or(clock.program.format.data_offset(), |place| self.base_words[place]),
+            index: word.index.map_or(0, |address| self.indices[usize::from(address)]),
+        }
+    }
+
+    /// The sum as a word, then the next sum: base and shifted sum of products.
+    fn round(&mut self, format: &WordFormat, features: &PeFeatures) {
+        self.saturated = match self.sum {
+            sum if sum > i128::from(format.max_word()) => 1,
+            sum if sum < i128::from(format.min_word()) => -1,
+            _ => 0,
+        };
+        self.word = match self.saturated {
+            _ if features.proven => wrapped(self.sum, format.word_bits()) as i64,
+            1 => format.ceiling(),
+            -1 => format.min_word(),
+            _ => self.sum as i64,
+        };
+        let lifted = self.hold << format.lift();
+        let shifted = if self.shift == 0 { lifted } else { ((lifted >> (self.shift - 1)) + 1) >> 1 };
+        if format.pipeline == Pipeline::Deep {
+            self.sum = i128::from(self.addends.0) + self.addends.1;
+            self.addends = (self.base, shifted);
+        } else {
+            self.sum = i128::from(self.base) + shifted;
+        }
+    }
+
+    /// Scale and accumulate group; the fields that were at work.
+    fn accumulate(&mut self, clock: &Clock, reads: &Reads, cover: &mut PeCoverage) -> u32 {
+        let (word, features) = (clock.word, clock.features());
+        let mut fields = 0;
+        let shift = features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0);
+        (self.base, self.shift, self.index) = (reads.base, shift, reads.index);
+        let product = self.products.pop().expect("products pass registers");
+        let mut kept = self.accumulator;
+        if word.close {
+            fields |= if kept != 0 { bit(FieldName::Close) } else { 0 };
+            self.hold = kept;
+            kept = 0;
+        }
+        self.accumulator = wrapped(kept + product, features.accumulator_bits);
+        if clock.used && shift_matters(self.hold << clock.program.format.lift(), shift, &features.shifts) {
+            fields |= bit(FieldName::Shift);
+            cover.shifts[usize::from(word.shift)] = true;
+        }
+        fields
+    }
+
+    /// Operand group: whether the operands are too large for their sum, and whether those were whose flag is due.
+    fn multiply(&mut self, clock: &Clock, reads: &Reads) -> (bool, bool) {
+        let format = &clock.program.format;
+        let (left, right) = (reads.own.map_or(0, |read| read.1), reads.imported.map_or(0, |read| read.1));
+        let half = 1i64 << (format.data_bits - 2);
+        let both = clock.features().pre_adder && reads.own.is_some() && reads.imported.is_some();
+        let too_large = both && [left, right].iter().any(|operand| !(-half..half).contains(operand));
+        self.products.insert(0, wrapped(i128::from(left + right), format.data_bits) * i128::from(reads.factor));
+        let due = self.too_large.remove(0);
+        self.too_large.push(too_large);
+        (too_large, due)
+    }
+
+    /// Adds what would have set the flag now, if it was one thing alone.
+    fn tell_cause(&mut self, cause: Option<usize>) {
+        self.causes =
+            if self.overflow { [self.causes[0], self.causes[1].filter(|all| cause == Some(*all))] } else { [cause; 2] };
+    }
+
+    /// Writes a result to the memories that the control word names; the fields that were at work.
+    fn write(&mut self, clock: &Clock, result: i64, cover: &mut PeCoverage, trace: &mut impl FnMut(TraceLine)) -> u32 {
+        let Some(target) = clock.word.write else { return 0 };
+        let (format, features) = (&clock.program.format, clock.features());
+        let mut fields = 0;
+        let names = bit(FieldName::WriteAddress);
+        let address = physical(target.address, self.own.len(), clock.odd);
+        if target.own {
+            let swap = if target.address.swap && clock.odd { bit(FieldName::WriteSwap) } else { 0 };
+            let place = address & (self.own.len() - 1);
+            if store(&mut self.own, place, format.data_operand(result), &mut cover.written[OWN]) {
+                fields |= names | swap | bit(FieldName::WriteOwn);
+            }
+        }
+        if target.base && (clock.ends_step || !features.base_last) {
+            let place = features.base_word(target.address.word);
+            if store(&mut self.base_words, place, result, &mut cover.written[BASE]) {
+                fields |= names | bit(FieldName::WriteBase);
+            }
+        }
+        if target.factor {
+            let (place, value) = (features.factor_word(target.address.word), format.factor_operand(result));
+            if store(&mut self.coefficients, place, value, &mut cover.written[COEFFICIENT]) {
+                fields |= names | bit(FieldName::WriteFactor);
+            }
+        }
+        let value = result as u64 & (u64::MAX >> (64 - format.word_bits()));
+        trace(TraceLine { cycle: clock.cycle, pe: number(clock.pe), address: number(address), value });
+        fields
+    }
+
+    /// Writes the word of a port to the imported memory; the fields that were at work.
+    fn receive(
+        &mut self,
+        clock: &Clock,
+        source: impl Fn(&LinkSource) -> i64,
+        cover: &mut PeCoverage,
+        trace: &mut impl FnMut(TraceLine),
+    ) -> u32 {
+        let Some((port, address)) = clock.word.receive else { return 0 };
+        let ports = &clock.program.pes[clock.pe].ports;
+        let port = usize::from(port);
+        let value = source(&ports[port]);
+        let place = physical(address, self.imported.len(), clock.odd);
+        let mut fields = 0;
+        if store(&mut self.imported, place, value, &mut cover.written[IMPORTED]) {
+            cover.ports[port] = true;
+            fields |= bit(FieldName::ReceiveEnable) | bit(FieldName::ReceiveAddress);
+            fields |= if address.swap && clock.odd { bit(FieldName::ReceiveSwap) } else { 0 };
+        }
+        let mut others = ports.iter().enumerate().filter(|(other, _)| *other != port);
+        if ports.len() > 1 && others.all(|(_, other)| source(other) != value) {
+            fields |= bit(FieldName::Port);
+        }
+        let address = clock.features().write_words() + number(place);
+        let value = value as u64 & (u64::MAX >> (64 - clock.program.format.data_bits));
+        trace(TraceLine { cycle: clock.cycle, pe: number(clock.pe), address, value });
+        fields
+    }
+
+    /// Writes the segment of a result to the index memory; the fields that were at work.
+    fn write_index(&mut self, clock: &Clock, result: i64, cover: &mut PeCoverage) -> u32 {
+        let Some((address, octaves)) = clock.word.write_index else { return 0 };
+        let segments = clock.features().segments();
+        let segment = segment(result, clock.program.format.word_bits(), segments, octaves);
+        if !store(&mut self.indices, usize::from(address), segment, &mut cover.written[INDEX]) {
+            return 0;
+        }
+        let octave = if octaves { bit(FieldName::WriteOctave) } else { 0 };
+        bit(FieldName::WriteIndex) | bit(FieldName::WriteIndexAddress) | octave
+    }
+}
+
+/// Stores a word and marks it, if it is another one; whether it was.
+fn store<T: PartialEq>(memory: &mut [T], place: usize, value: T, written: &mut [bool]) -> bool {
+    let changes = memory[place] != value;
+    if changes {
+        written[place] = true;
+    }
+    memory[place] = value;
+    changes
 }
 
 /// The low `bits` of a sum as a signed number.

@@ -1,7 +1,8 @@
 //! What of a network was at work in a run, told from the data: an item counts when another value of it would have
 //! made a difference that a register or a memory word of the network shows.
 
-use pe_ir::program::{Address, ControlWord, FieldName, Program, Target};
+use pe_ir::index::number;
+use pe_ir::program::{Address, ControlWord, FieldName, Multiplier, PeFeatures, PeProgram, Program, Target};
 use pe_ir::word::round_shift;
 
 /// Memories of a PE, in the order of [`PeCoverage::read`] and [`PeCoverage::written`].
@@ -43,6 +44,97 @@ pub struct PeCoverage {
     pub unsent: Vec<bool>,
 }
 
+/// Memory words that an address names, whatever the roles of the buffers.
+fn places(address: Address, depth: usize) -> [usize; 2] {
+    let word = usize::from(address.word);
+    [word, if address.swap { word ^ (depth / 2) } else { word }]
+}
+
+/// What parts of a control word can have at work: each marks it, and gives the fields.
+impl PeCoverage {
+    /// Operands, their factor, and the end of a sum.
+    fn operands(&mut self, word: &ControlWord) -> u32 {
+        let mut fields = 0;
+        let mut operand = |address: Option<Address>, names: [FieldName; 3], memory: usize| {
+            let Some(address) = address else { return };
+            let depth = self.read[memory].len();
+            fields |= bit(names[0]) | bit(names[1]) | if address.swap { bit(names[2]) } else { 0 };
+            places(address, depth).iter().for_each(|word| self.read[memory][*word] = true);
+        };
+        operand(word.own, [FieldName::OwnEnable, FieldName::OwnAddress, FieldName::OwnSwap], OWN);
+        let imported = [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
+        operand(word.imported, imported, IMPORTED);
+        if word.own.is_some() || word.imported.is_some() {
+            fields |= match word.multiplier {
+                Multiplier::Coefficient(_) => bit(FieldName::Coefficient),
+                Multiplier::Stored(address) => {
+                    self.read[COEFFICIENT][usize::from(address)] = true;
+                    bit(FieldName::CoefficientAddress)
+                }
+            };
+        }
+        if word.close {
+            fields |= bit(FieldName::Close);
+        }
+        fields
+    }
+
+    /// Base and shift of a result that something takes. `kept` tells the base words that are written.
+    fn scale(
+        &mut self,
+        word: &ControlWord,
+        indexed: bool,
+        (program, pe): (&Program, &PeProgram),
+        kept: &[bool],
+    ) -> u32 {
+        let mut fields = bit(FieldName::Shift);
+        if let Some(base) = word.base {
+            let entries = if indexed { pe.features.segments().count() } else { 1 };
+            let base = usize::from(base);
+            (0..entries).for_each(|entry| self.read[BASE][base | entry] = true);
+            // A constant that is what a disabled base adds anyway needs no enable.
+            let needless = !indexed && !kept[base] && pe.base_image[base] == program.format.data_offset();
+            fields |= bit(FieldName::BaseAddress);
+            fields |= if needless { 0 } else { bit(FieldName::BaseEnable) };
+        }
+        self.shifts[usize::from(word.shift)] = true;
+        self.saturated = [!pe.features.proven; 2];
+        fields
+    }
+
+    /// Memories that a result is written to.
+    fn write(&mut self, target: Target, features: &PeFeatures, ends_step: bool) -> u32 {
+        let mut fields = bit(FieldName::WriteAddress);
+        if target.own {
+            fields |= bit(FieldName::WriteOwn);
+            fields |= if target.address.swap { bit(FieldName::WriteSwap) } else { 0 };
+            let depth = self.written[OWN].len();
+            let words = places(target.address, depth);
+            words.iter().for_each(|word| self.written[OWN][word & (depth - 1)] = true);
+        }
+        if target.base && (!features.base_last || ends_step) {
+            fields |= bit(FieldName::WriteBase);
+            self.written[BASE][features.base_word(target.address.word)] = true;
+        }
+        if target.factor {
+            fields |= bit(FieldName::WriteFactor);
+            self.written[COEFFICIENT][features.factor_word(target.address.word)] = true;
+        }
+        fields
+    }
+
+    /// The port that is received from, and the imported word.
+    fn receive(&mut self, port: u8, address: Address) -> u32 {
+        let mut fields = bit(FieldName::ReceiveEnable) | bit(FieldName::ReceiveAddress);
+        fields |= if self.ports.len() > 1 { bit(FieldName::Port) } else { 0 };
+        fields |= if address.swap { bit(FieldName::ReceiveSwap) } else { 0 };
+        let depth = self.written[IMPORTED].len();
+        places(address, depth).iter().for_each(|word| self.written[IMPORTED][*word] = true);
+        self.ports[usize::from(port)] = true;
+        fields
+    }
+}
+
 /// What was at work in a network.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
@@ -70,7 +162,7 @@ pub fn bit(field: FieldName) -> u32 {
 impl Coverage {
     /// Nothing at work yet.
     pub fn none(program: &Program) -> Coverage {
-        let pe = |pe: &pe_ir::program::PeProgram| {
+        let pe = |pe: &PeProgram| {
             let features = &pe.features;
             let depths = [
                 features.own_words,
@@ -110,76 +202,23 @@ impl Coverage {
         let format = &program.format;
         let used = used_results(program);
         for (index, ((pe, cover), used)) in program.pes.iter().zip(&mut coverage.pes).zip(used).enumerate() {
-            let features = &pe.features;
-            let places = |address: Address, depth: usize| {
-                let word = usize::from(address.word);
-                [word, if address.swap { word ^ (depth / 2) } else { word }]
-            };
             let mut kept = vec![false; pe.base_image.len()];
             let targets = pe.words.iter().filter_map(|word| word.write).filter(|target| target.base);
-            targets.for_each(|target| kept[features.base_word(target.address.word)] = true);
-            flags_of(program, index).iter().for_each(|(_, cause)| cover.flagged[*cause] = !features.proven);
+            targets.for_each(|target| kept[pe.features.base_word(target.address.word)] = true);
+            let causes = flags_of(program, index);
+            causes.iter().for_each(|(_, cause)| cover.flagged[*cause] = !pe.features.proven);
             for (k, word) in pe.words.iter().enumerate() {
-                let mut fields = 0;
-                let mut operand = |address: Option<Address>, names: [FieldName; 3], memory: usize| {
-                    let Some(address) = address else { return };
-                    let depth = cover.read[memory].len();
-                    fields |= bit(names[0]) | bit(names[1]) | if address.swap { bit(names[2]) } else { 0 };
-                    places(address, depth).iter().for_each(|word| cover.read[memory][*word] = true);
-                };
-                operand(word.own, [FieldName::OwnEnable, FieldName::OwnAddress, FieldName::OwnSwap], OWN);
-                let imported = [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
-                operand(word.imported, imported, IMPORTED);
-                if word.own.is_some() || word.imported.is_some() {
-                    fields |= match word.multiplier {
-                        pe_ir::program::Multiplier::Coefficient(_) => bit(FieldName::Coefficient),
-                        pe_ir::program::Multiplier::Stored(address) => {
-                            cover.read[COEFFICIENT][usize::from(address)] = true;
-                            bit(FieldName::CoefficientAddress)
-                        }
-                    };
-                }
-                if word.close {
-                    fields |= bit(FieldName::Close);
-                }
-                let before = &pe.words[(k + pe.words.len() - 1) % pe.words.len()];
+                let mut fields = cover.operands(word);
                 if used[k] {
-                    if let Some(base) = word.base {
-                        let indexed = before.index.is_some();
-                        let entries = if indexed { features.segments().count() } else { 1 };
-                        (0..entries).for_each(|entry| cover.read[BASE][usize::from(base) | entry] = true);
-                        // A constant that is what a disabled base adds anyway needs no enable.
-                        let word = usize::from(base);
-                        let needless = !indexed && !kept[word] && pe.base_image[word] == format.data_offset();
-                        fields |= bit(FieldName::BaseAddress);
-                        fields |= if needless { 0 } else { bit(FieldName::BaseEnable) };
-                    }
-                    fields |= bit(FieldName::Shift);
-                    cover.shifts[usize::from(word.shift)] = true;
-                    cover.saturated = [!features.proven; 2];
+                    let before = &pe.words[(k + pe.words.len() - 1) % pe.words.len()];
+                    fields |= cover.scale(word, before.index.is_some(), (program, pe), &kept);
                 }
                 if let Some(index) = word.index {
                     fields |= bit(FieldName::IndexEnable) | bit(FieldName::IndexAddress);
                     cover.read[INDEX][usize::from(index)] = true;
                 }
                 if let Some(target) = word.write {
-                    fields |= bit(FieldName::WriteAddress);
-                    if target.own {
-                        fields |= bit(FieldName::WriteOwn);
-                        fields |= if target.address.swap { bit(FieldName::WriteSwap) } else { 0 };
-                        let depth = cover.written[OWN].len();
-                        places(target.address, depth).iter().for_each(|word| {
-                            cover.written[OWN][word & (depth - 1)] = true;
-                        });
-                    }
-                    if target.base && (!features.base_last || program.ends_step(k as u32)) {
-                        fields |= bit(FieldName::WriteBase);
-                        cover.written[BASE][features.base_word(target.address.word)] = true;
-                    }
-                    if target.factor {
-                        fields |= bit(FieldName::WriteFactor);
-                        cover.written[COEFFICIENT][features.factor_word(target.address.word)] = true;
-                    }
+                    fields |= cover.write(target, &pe.features, program.ends_step(number(k)));
                 }
                 if let Some((index, octaves)) = word.write_index {
                     fields |= bit(FieldName::WriteIndex) | bit(FieldName::WriteIndexAddress);
@@ -190,15 +229,10 @@ impl Coverage {
                     fields |= bit(FieldName::Send);
                 }
                 if let Some((port, address)) = word.receive {
-                    fields |= bit(FieldName::ReceiveEnable) | bit(FieldName::ReceiveAddress);
-                    fields |= if pe.ports.len() > 1 { bit(FieldName::Port) } else { 0 };
-                    fields |= if address.swap { bit(FieldName::ReceiveSwap) } else { 0 };
-                    let depth = cover.written[IMPORTED].len();
-                    places(address, depth).iter().for_each(|word| cover.written[IMPORTED][*word] = true);
-                    cover.ports[usize::from(port)] = true;
+                    fields |= cover.receive(port, address);
                 }
-                let joins = features.pre_adder && word.own.is_some() && word.imported.is_some();
-                cover.too_large |= joins && !features.proven;
+                let joins = pe.features.pre_adder && word.own.is_some() && word.imported.is_some();
+                cover.too_large |= joins && !pe.features.proven;
                 cover.flagged[OPERANDS] = cover.too_large;
                 cover.fields[k] = fields;
             }
@@ -303,7 +337,7 @@ fn set(flags: &[bool]) -> u64 {
 pub(crate) fn used_results(program: &Program) -> Vec<Vec<bool>> {
     let delay = program.latency().scale_to_write() as usize;
     let period = program.period as usize;
-    let used = |(index, pe): (usize, &pe_ir::program::PeProgram)| {
+    let used = |(index, pe): (usize, &PeProgram)| {
         let captured = |k: usize| program.outputs.iter().any(|o| (o.pe as usize, o.word as usize) == (index, k));
         let taken: Vec<bool> = (0..period)
             .map(|k| {
