@@ -65,7 +65,7 @@ pub fn variables(model: &Model, graph: &StepGraph, judged: &Judged) -> Vec<Varia
         values.iter().map(of_value).min_by(|a, b| a.headroom().total_cmp(&b.headroom()))
     };
     let [states, algebraics] = values_of(graph, model);
-    let proven = judged.proof.as_ref().map(|proof| proof.states(graph, judged));
+    let proven = judged.proof.as_ref().map(|proof| proof.states(graph, &judged.fixed, &judged.largest));
     let mut variables = Vec::new();
     for (index, state) in model.states.iter().enumerate() {
         let kind = if state.motion.is_some() { "signal" } else { "state" };

@@ -7,8 +7,6 @@ use pe_ir::mapping::Mapping;
 use pe_ir::program::Program;
 use pe_ir::verify::ranges::{Drift, Enclosure, Measured, Norm, Step};
 
-use crate::runs::Judged;
-
 /// Rounding may move a state by so much of the largest word before another norm is asked for.
 const SMALL: f64 = 1.0 / 1024.0;
 
@@ -118,9 +116,9 @@ impl Proof {
         }
     }
 
-    /// How sure the range of each state is, and what it is proven not to exceed.
-    pub fn states(&self, graph: &StepGraph, judged: &Judged) -> Vec<(Certainty, Option<f64>)> {
-        let fixed = &judged.fixed;
+    /// How sure the range of each state is, and what it is proven not to exceed. `largest` is the largest magnitude that
+    /// each value of the step graph had.
+    pub fn states(&self, graph: &StepGraph, fixed: &FixedPoint, largest: &[f64]) -> Vec<(Certainty, Option<f64>)> {
         let mut states = vec![(Certainty::Proven, Some(0.0f64)); graph.states.len()];
         let states_of = graph.chains.iter().flat_map(Chain::writes).map(|write| write.value);
         for value in states_of.chain(graph.states.iter().map(|(start, _)| *start)) {
@@ -133,7 +131,7 @@ impl Proof {
                 continue;
             };
             let limit = fixed.format.max_word() as f64;
-            let word = libm::scalbn(judged.largest[value.index()], -fixed.exponents[value.index()]);
+            let word = libm::scalbn(largest[value.index()], -fixed.exponents[value.index()]);
             let certainty = match self.fits(value) {
                 true => Certainty::Proven,
                 false if RANGE_MARGIN * word <= limit => Certainty::Probable,

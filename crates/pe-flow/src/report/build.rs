@@ -356,7 +356,7 @@ fn rates(model: &Model) -> Vec<SampleRate> {
 }
 
 fn ranges(proof: &Proof, program: &Program, graph: &StepGraph, judged: &Judged) -> Ranges {
-    let states = proof.states(graph, judged);
+    let states = proof.states(graph, &judged.fixed, &judged.largest);
     let count = |of: Certainty| states.iter().filter(|(certainty, _)| *certainty == of).count();
     let mut ranges = Ranges {
         states: Certainties {

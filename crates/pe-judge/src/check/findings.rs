@@ -5,7 +5,7 @@ use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::linear::is_affine;
 
-use super::Check;
+use super::answer::Check;
 use super::causes;
 use super::course;
 use super::observed;

@@ -4,6 +4,7 @@
 //! explain it (`prediction`), trials with other steps confirm it (`trials`), and what is proposed has been tried
 //! (`remedies`). See `docs/decisions/0027-check.md`.
 
+mod answer;
 mod causes;
 mod course;
 mod findings;
@@ -21,12 +22,12 @@ use pe_ir::codes;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 
-use crate::pivots::SmallestPivot;
 use crate::runs::{self, Judged};
 
 use self::trials::Trials;
 use self::trusted::Trusted;
 
+pub use self::answer::Check;
 pub use self::findings::factor;
 pub use self::observed::{Chaos, DeadBand, StepGrowth};
 pub use self::prediction::{Prediction, eigenvalue};
@@ -62,34 +63,6 @@ const OWN: [&str; 11] = [
     codes::POLE_MOVED,
     codes::RINGING,
 ];
-
-/// What was found about a model and its step.
-pub struct Check {
-    /// What eigenvalues say.
-    pub prediction: Prediction,
-    /// Whether the model was linearised along the run of its own step.
-    pub own_trajectory: bool,
-    /// The end of the stable steps by trial.
-    pub found: Option<Found>,
-    /// Step for the accuracy asked for, and its method error.
-    pub accuracy: Option<Accuracy>,
-    /// How many times the stable step accuracy would allow.
-    pub stiffness_ratio: Option<f64>,
-    /// Growth of one step, with exact and rounded coefficients.
-    pub growth: Option<StepGrowth>,
-    /// The smallest pivot of an implicit method.
-    pub pivot: Option<SmallestPivot>,
-    /// States that lose increments.
-    pub dead_bands: Vec<DeadBand>,
-    /// Whether sampled parts come to rest without inputs; none of models without any.
-    pub rest: Option<Rest>,
-    /// Whether the model is chaotic; only found when the accuracy is asked for.
-    pub chaos: Option<Chaos>,
-    /// Time from which on a step that was refused and half of it go different ways, in seconds.
-    pub parted: Option<f64>,
-    /// All findings, warnings and refusals, those of the runs among them.
-    pub findings: Vec<Diagnostic>,
-}
 
 impl Check {
     /// Judges a step whose runs succeeded.

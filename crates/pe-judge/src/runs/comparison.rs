@@ -15,10 +15,10 @@ use pe_sim::double::DoubleRun;
 
 use crate::progress::silent;
 
-use super::inputs::{self, Blindness, Sight};
+use super::exact::{Exact, curve_count};
+use super::inputs::{self, Blindness, Sight, varying_inputs};
 use super::lockstep::{Pass, Plan};
 use super::magnitudes::Magnitudes;
-use super::{Exact, varying_inputs};
 
 /// The beginning of a span, where a step may pass over what decays at once: this part of all steps, but so many of spans
 /// that have ten times as many at least.
@@ -200,7 +200,7 @@ impl Exact {
 
     /// The run of the step itself.
     pub(super) fn own<'a>(&self, graph: &'a StepGraph) -> Pass<'a> {
-        Pass::new(&self.plan, DoubleRun::new(graph), super::curve_count(graph))
+        Pass::new(&self.plan, DoubleRun::new(graph), curve_count(graph))
     }
 }
 

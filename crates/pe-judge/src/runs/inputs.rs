@@ -1,12 +1,14 @@
 //! Inputs: what a step sees of their signals, and signals that leave the range that the spec states for them.
 
 use pe_ir::codes;
-use pe_ir::model::{Expr, Input, Interpolation, Model, State, Unseen, Variable};
+use pe_ir::model::{Expr, Input, Interpolation, Model, State, Unseen, Variable, Waveform};
 use pe_ir::motion::{MIDDLE, Motion, Source};
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::Compared;
 
-use super::{INPUT_ERROR_REFUSED, INPUT_ERROR_WARNED};
+/// Error that held inputs cause from which on the step is refused, and from which on it is warned about.
+const INPUT_ERROR_REFUSED: f64 = 0.5;
+const INPUT_ERROR_WARNED: f64 = 0.02;
 
 /// What a comparison run takes an input for in a substep.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -271,4 +273,9 @@ fn warning(input: &Input, (low, high): (f64, f64), excursion: &Excursion, others
         high.max(samples.1)
     );
     Diagnostic::error(codes::INPUT_RANGE, input.span, message).with_help(help).into_warning()
+}
+
+/// Whether any input changes over time.
+pub fn varying_inputs(model: &Model) -> bool {
+    model.waveforms().any(|signal| !matches!(signal, Waveform::Constant(_)))
 }

@@ -55,7 +55,7 @@ impl Plan {
         looks.retain(|step| samples.binary_search(step).is_err());
         looks.truncate(affordable as usize);
         // Twice the step itself, fixed point, quantised, half the step, means of inputs.
-        progress.set_length(steps * if super::varying_inputs(model) { 7 } else { 6 });
+        progress.set_length(steps * if inputs::varying_inputs(model) { 7 } else { 6 });
         let block = (BLOCK / states).clamp(1, steps.div_ceil(FEWEST_BLOCKS).max(SHORT_BLOCK));
         Plan { model: model.clone(), steps, samples, looks, block, progress }
     }

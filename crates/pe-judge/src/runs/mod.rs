@@ -12,7 +12,9 @@
 //! ```
 
 mod comparison;
+mod exact;
 mod inputs;
+mod judged;
 mod lockstep;
 mod looks;
 mod magnitudes;
@@ -20,36 +22,32 @@ mod proven;
 mod reasons;
 mod saturated;
 mod sensitivity;
+mod settle;
 mod settled;
 
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 
-use pe_hls::formats::Ranges;
-use pe_hls::rounding::{Aim, Moments, Sampling};
 use pe_ir::codes;
-use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
-use pe_ir::model::{Model, Variable, Waveform};
+use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Severity};
 use pe_ir::word::WordFormat;
 use pe_sim::compared::Compared;
-use pe_sim::double::{Diverged, DoubleRun};
 use pe_sim::error::Trajectory;
-use pe_sim::fixed::FixedRun;
 
 use crate::criteria::Criteria;
-use crate::pivots::{self, SmallestPivot};
 use crate::progress::Progress;
-use crate::proof::Proof;
-use crate::times::thread_seconds;
 
-use self::lockstep::Plan;
+use self::settled::Measured;
 
 pub use self::comparison::{Comparison, method_error};
-pub use self::inputs::outside;
+pub use self::exact::{Exact, non_finite};
+pub use self::inputs::{outside, varying_inputs};
+pub use self::judged::{Checkpoint, Curves, Errors, Judged, Looks, ToDate, Unseen};
 pub use self::proven::Proposal;
 pub use self::sensitivity::{APART, SENSITIVE, Sensitivity};
-use self::settled::Measured;
+pub use self::settle::port_words;
 pub use self::settled::Settled;
 
 /// Estimated method error from which on the step is refused, unless it is that of the beginning alone, and from which on
@@ -57,152 +55,10 @@ pub use self::settled::Settled;
 const METHOD_ERROR_REFUSED: f64 = 0.5;
 const METHOD_ERROR_WARNED: f64 = 0.02;
 
-/// The same of the error that held inputs cause.
-const INPUT_ERROR_REFUSED: f64 = 0.5;
-const INPUT_ERROR_WARNED: f64 = 0.02;
-
 /// Word-length error from which on the word is called short, and from which on its result is refused; that of a model
 /// that multiplies small differences is refused as soon as it is warned about.
 const WORD_ERROR_WARNED: f64 = 0.02;
 const WORD_ERROR_REFUSED: f64 = 0.5;
-
-/// Errors of all steps, relative to the largest magnitude of a state over the span; see `pe_sim::error` for the floor.
-#[derive(Clone, Copy, Debug)]
-pub struct Errors {
-    /// State with the largest word-length error.
-    pub worst_state: usize,
-    /// Fixed point against double precision with exact coefficients, same step: rounding and coefficients together.
-    pub word_length: f64,
-    /// The part of it that quantised coefficients alone cause.
-    pub coefficient: f64,
-    /// Both at the end of the span alone.
-    pub at_end: (f64, f64),
-    /// Tables against the functions that they stand for, both in double precision; none without functions.
-    pub function: Option<f64>,
-    /// Step `h` against step `h/2`, extrapolated with the order of the method.
-    pub method: f64,
-    /// Inputs held over `h` against their means; zero if all inputs are constant.
-    pub input_hold: f64,
-    /// The same errors relative to the largest magnitude of a state up to the step in question.
-    pub to_date: ToDate,
-}
-
-/// Errors relative to the largest magnitude that a state has up to the step in question, at least a millionth of its
-/// scale over the span.
-#[derive(Clone, Copy, Debug)]
-pub struct ToDate {
-    /// As [`Errors::word_length`].
-    pub word_length: f64,
-    /// As [`Errors::coefficient`].
-    pub coefficient: f64,
-    /// As [`Errors::function`].
-    pub function: Option<f64>,
-    /// As [`Errors::method`].
-    pub method: f64,
-    /// As [`Errors::input_hold`].
-    pub input_hold: f64,
-}
-
-impl Errors {
-    /// The largest part of the error relative to the largest magnitude of a state up to the step in question.
-    pub fn largest_to_date(&self) -> f64 {
-        let ToDate { word_length, function, method, input_hold, .. } = self.to_date;
-        [word_length, function.unwrap_or(0.0), method, input_hold].into_iter().fold(0.0, f64::max)
-    }
-}
-
-impl ToDate {
-    /// How much larger such an error has to be than that over the span to be worth telling.
-    pub const APART: f64 = 10.0;
-}
-
-/// State words in the middle of a run, to start from there.
-#[derive(Clone, Debug)]
-pub struct Checkpoint {
-    /// Steps done.
-    pub step: u64,
-    /// Stored word of each state.
-    pub words: Vec<i64>,
-}
-
-/// Outputs at the sample times, for pictures: the first few of the model's.
-#[derive(Clone, Debug, Default)]
-pub struct Curves {
-    /// In double precision.
-    pub double: Trajectory,
-    /// In fixed point.
-    pub fixed: Trajectory,
-}
-
-/// Outputs of which [`Curves`] are kept.
-const CURVES: usize = 8;
-
-fn curve_count(graph: &StepGraph) -> usize {
-    graph.outputs.len().min(CURVES)
-}
-
-/// What the runs found.
-#[derive(Clone)]
-pub struct Judged {
-    /// Number formats under which the span runs without saturation.
-    pub fixed: FixedPoint,
-    /// What the roundings of its coefficients cancel in; none if they were given.
-    pub aim: Option<Aim>,
-    /// Errors.
-    pub errors: Errors,
-    /// Number of times formats were widened.
-    pub widenings: usize,
-    /// Middle of the run.
-    pub checkpoint: Checkpoint,
-    /// Steps of the span: errors are the largest of all of them.
-    pub steps: u64,
-    /// Times of evenly spread samples, in seconds.
-    pub times: Vec<f64>,
-    /// States of the fixed-point run at these times.
-    pub hardware: Trajectory,
-    /// States of the run in double precision at these times.
-    pub double: Arc<Trajectory>,
-    /// States at other times of interest.
-    pub looks: Looks,
-    /// How much larger the errors of each state are than at the samples and looks.
-    pub unseen: Unseen,
-    /// Warnings.
-    pub warnings: Vec<Diagnostic>,
-    /// Nanoseconds per product in double precision and in fixed point.
-    pub ns_per_mac: (f64, f64),
-    /// Outputs over time.
-    pub curves: Curves,
-    /// Largest magnitude of each value of the step graph in the run in double precision.
-    pub largest: Vec<f64>,
-    /// Word-length error of each state.
-    pub state_errors: Vec<f64>,
-    /// Word-length error of each output that has a curve, relative to its largest magnitude.
-    pub output_errors: Vec<f64>,
-    /// The smallest pivot of an implicit method.
-    pub smallest_pivot: Option<SmallestPivot>,
-    /// Which ranges are proven; none if no proof was asked for.
-    pub proof: Option<Proof>,
-}
-
-/// States at steps that deserve a look beside the samples: the first ones, and those after a jump of an input.
-#[derive(Clone, Debug, Default)]
-pub struct Looks {
-    /// Times in seconds; none of them is that of a sample.
-    pub times: Vec<f64>,
-    /// States of the fixed-point run at these times.
-    pub hardware: Trajectory,
-    /// States of the run in double precision at these times.
-    pub double: Arc<Trajectory>,
-}
-
-/// By how much errors are larger than at those steps at which states are kept, state by state, relative to their scales.
-#[derive(Clone, Debug, Default)]
-pub struct Unseen {
-    /// Of the word length.
-    pub word_length: Vec<f64>,
-    /// Of method, held inputs and functions together.
-    pub double: Vec<f64>,
-}
 
 /// Runs the model over its span.
 ///
@@ -222,75 +78,7 @@ pub fn judge(
 /// Blocks that one run in double precision may be ahead of those that listen to it.
 const BLOCKS_AHEAD: usize = 4;
 
-/// The run in double precision, which knows nothing of formats: ranges, and what others are compared to.
-pub struct Exact {
-    plan: Plan,
-    form: StageForm,
-    /// Whether tables stand for functions.
-    tables: bool,
-    reference: Arc<Trajectory>,
-    /// States at the plan's looks.
-    looks: Arc<Trajectory>,
-    /// Largest magnitude of each output that has a curve.
-    output_scales: Vec<f64>,
-    /// Outputs in double precision alone.
-    curves: Curves,
-    largest: Vec<f64>,
-    ranges: Ranges,
-    moments: Moments,
-    scales: Vec<f64>,
-    seconds: f64,
-    smallest_pivot: Option<SmallestPivot>,
-}
-
 impl Exact {
-    /// Runs the step graph over the span.
-    ///
-    /// # Errors
-    /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero, `E0914` a sine faster than the steps.
-    pub fn run(model: &Model, graph: &StepGraph, progress: Arc<dyn Progress>) -> Result<Exact, Vec<Diagnostic>> {
-        if let Some(finding) = inputs::too_fast(model) {
-            return Err(vec![finding]);
-        }
-        let plan = Plan::of(model, progress);
-        let begin = thread_seconds();
-        let ReferenceRun { reference, looks, curves, mut ranges, moments } = reference_run(model, graph, &plan)?;
-        let (reference, looks) = (Arc::new(reference), Arc::new(looks));
-        let output_scales = graph.outputs[..curve_count(graph)].iter().map(|output| ranges.largest[output.index()]);
-        let output_scales = output_scales.collect();
-        let largest = ranges.largest.clone();
-        let smallest_pivot = pivots::smallest(model, graph, &largest)?;
-        let seconds = thread_seconds() - begin;
-        include_declared(model, graph, &mut ranges);
-        let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
-        let scales = model.own_scales(reference.scales(&quantities));
-        Ok(Exact {
-            plan,
-            form: graph.form,
-            tables: !graph.functions.tables.is_empty(),
-            reference,
-            looks,
-            output_scales,
-            curves,
-            largest,
-            ranges,
-            moments,
-            scales,
-            seconds,
-            smallest_pivot,
-        })
-    }
-
-    /// Times of samples and of looks, in seconds.
-    pub fn times(&self) -> (Vec<f64>, Vec<f64>) {
-        (self.plan.times(&self.plan.samples), self.plan.times(&self.plan.looks))
-    }
-
-    /// States at these times.
-    pub fn states(&self) -> (&Trajectory, &Trajectory) {
-        (&self.reference, &self.looks)
-    }
-
     /// The other runs, in the formats that are proposed if there are such.
     ///
     /// # Errors
@@ -480,98 +268,4 @@ impl Exact {
         );
         Some(Diagnostic { code: codes::WORD_TOO_SHORT, message, severity: Severity::Error, ..warning })
     }
-}
-
-/// Whether any input changes over time.
-pub fn varying_inputs(model: &Model) -> bool {
-    model.waveforms().any(|signal| !matches!(signal, Waveform::Constant(_)))
-}
-
-/// What the first run in double precision finds.
-struct ReferenceRun {
-    reference: Trajectory,
-    looks: Trajectory,
-    curves: Curves,
-    ranges: Ranges,
-    moments: Moments,
-}
-
-fn reference_run(model: &Model, graph: &StepGraph, plan: &Plan) -> Result<ReferenceRun, Vec<Diagnostic>> {
-    let mut sampling = Sampling::new(graph);
-    let mut run = DoubleRun::new(graph);
-    let mut reference = Trajectory::new(model.states.len());
-    let mut looks = Trajectory::new(model.states.len());
-    let mut curves = Curves { double: Trajectory::new(curve_count(graph)), ..Curves::default() };
-    let (mut samples, mut looked_at) = (plan.samples.iter().peekable(), plan.looks.iter().peekable());
-    for done in 1..=plan.steps {
-        let time = model.time(done - 1, 0.0);
-        run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
-        plan.advance(done, 1);
-        if samples.next_if_eq(&&done).is_some() {
-            reference.push(|state| run.state(state));
-            curves.double.push(|output| run.output(output));
-            sampling.add(|value| run.value(value));
-        }
-        if looked_at.next_if_eq(&&done).is_some() {
-            looks.push(|state| run.state(state));
-        }
-    }
-    let largest = run.largest();
-    reference.largest = graph.states.iter().map(|(state, _)| largest[state.index()]).collect();
-    let ranges = Ranges { largest, widened: vec![0; graph.values.len()] };
-    Ok(ReferenceRun { reference, looks, curves, ranges, moments: sampling.moments() })
-}
-
-/// Magnitude of an argument from which on an infinite value is an overflow, not a pole.
-const OVERFLOWING: f64 = 500.0;
-
-/// What a run says that met a value that is not finite.
-pub fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
-    let equation = &graph.equations[graph.value(diverged.value).equation as usize];
-    // An exponential that overflows has a domain; what its argument is has left all bounds.
-    let overflows = |(function, argument): &(u32, f64)| {
-        let value = graph.functions.exact[*function as usize].evaluate(*argument);
-        value.is_infinite() && argument.abs() > OVERFLOWING
-    };
-    if let Some((function, argument)) = diverged.outside.filter(|outside| !overflows(outside)) {
-        let function = &graph.functions.exact[function as usize].name;
-        let message = format!("`{}` has no value at t = {time:.6e} s: `{function}` at x = {argument:e}", equation.name);
-        return Diagnostic::error(codes::OUTSIDE_DOMAIN, equation.span, message)
-            .with_help("try a smaller `--step`; or keep the argument in the domain, with `max`, `min` or `if`");
-    }
-    let message = format!("`{}` is no longer a finite number at t = {time:.6e} s", equation.name);
-    Diagnostic::error(codes::DIVERGED, equation.span, message)
-        .with_help("the model or the step is unstable: try a smaller `--step`, then check the equation")
-}
-
-/// Widens measured ranges to what the spec states and inputs can reach.
-fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
-    let mut include = |value: ValueId, (low, high): (f64, f64)| {
-        let slot = &mut ranges.largest[value.index()];
-        *slot = slot.max(low.abs()).max(high.abs());
-    };
-    for (input, value) in model.inputs.iter().zip(&graph.inputs) {
-        include(*value, input.waveform.bounds());
-        input.range.into_iter().for_each(|range| include(*value, range));
-    }
-    for (state, (value, _)) in model.states.iter().zip(&graph.states) {
-        state.range.into_iter().for_each(|range| include(*value, range));
-    }
-    for (index, value) in graph.values.iter().enumerate() {
-        let variable = match value.role {
-            Role::Algebraic(algebraic, _) => Variable::Algebraic(algebraic),
-            Role::Published(output) => model.outputs[output as usize].variable,
-            _ => continue,
-        };
-        if let Variable::Algebraic(algebraic) = variable {
-            let range = model.algebraics[algebraic as usize].range;
-            range.into_iter().for_each(|range| include(ValueId(index as u32), range));
-        }
-    }
-}
-
-/// Input port words of a step.
-pub fn port_words(model: &Model, run: &FixedRun, step: u64) -> Vec<i64> {
-    let numbers = model.sample_inputs(model.time(step, 0.0));
-    numbers.iter().enumerate().map(|(index, number)| run.encode_input(index, *number).0).collect()
 }

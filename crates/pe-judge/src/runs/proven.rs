@@ -9,7 +9,8 @@ use pe_ir::word::WordFormat;
 use crate::criteria::{Criteria, ProofMode};
 use crate::proof::{self, Enclosed, Proof};
 
-use super::{Exact, Settled};
+use super::exact::Exact;
+use super::settled::Settled;
 
 /// Formats that are tried: a wider one rounds more, which may ask for another bit.
 const TRIES: usize = 5;

@@ -6,7 +6,7 @@ use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::error::Trajectory;
 
-use super::APART;
+use super::sensitivity::APART;
 
 /// Part of a standard deviation by which two means may differ, and part by which two deviations may, for statistics to
 /// agree: what is left is the chance of a finite run.

@@ -16,7 +16,8 @@ use pe_ir::word::Pipeline;
 use pe_sim::clocked::Clocked;
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
-use pe_verify::inject::classes::{Class, Damage, Places, Sources};
+use pe_verify::inject::class::Class;
+use pe_verify::inject::classes::{Damage, Places, Sources};
 use pe_verify::inject::datasheet::Design;
 use pe_verify::inject::library::REPLACEMENTS;
 use pe_verify::inject::symbolic;
@@ -252,7 +253,7 @@ fn every_damage_of_the_library_is_vhdl() {
 #[test]
 fn the_datasheet_lists_every_class() {
     let page = include_str!("../../../../docs/hardware.md");
-    for class in Class::ALL {
+    for class in Class::ALL.iter().copied() {
         let row = format!("| `{}` | {} |", class.name(), class.what());
         assert!(page.lines().any(|line| line == row), "no row `{row}`");
     }

@@ -210,7 +210,8 @@ fn overflow_of_the_shipped_affine_models_is_impossible() {
         let format = options.point.point().format(&loaded.model).expect("a word");
         let proven = Proven::of(name.to_owned(), loaded.model, format, &options.model.criteria());
         assert!(proven.all_fit(), "{name}: {:?}", proven.judged.proof);
-        let states = proven.judged.proof.as_ref().unwrap().states(&proven.graph, &proven.judged);
+        let states =
+            proven.judged.proof.as_ref().unwrap().states(&proven.graph, &proven.judged.fixed, &proven.judged.largest);
         assert!(states.iter().all(|(certainty, bound)| *certainty == Certainty::Proven && bound.is_some()));
         // Runs from other inputs than the model's, over parts of long spans.
         if proven.model.steps() <= 5000 && proven.graph.macs() < 1000 {
@@ -305,7 +306,7 @@ fn pes_saturate_unless_all_that_they_write_is_proven() {
     let Compiled { design, .. } = compile("lotka_volterra", &["--pes", "2", "--tries", "50", "--span", "1s"]);
     let proof = design.judged.proof.as_ref().unwrap();
     assert!(proof.enclosed.is_none() && (0..2).all(|pe| design.program.saturates(pe)));
-    let states = proof.states(&design.graph, &design.judged);
+    let states = proof.states(&design.graph, &design.judged.fixed, &design.judged.largest);
     assert!(states.iter().all(|(certainty, bound)| *certainty == Certainty::Probable && bound.is_none()));
 }
 

@@ -8,13 +8,10 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::datasheet::Design;
-use super::symbolic::{Id, Node};
+use super::symbols::{Id, Node, UNKNOWN_SHIFT};
 
 /// What all arithmetic here may be off by, relative to the numbers: far more than double precision rounds.
 const ROUNDING: f64 = 1.0 / (1u64 << 44) as f64;
-
-/// Shift indices without a position.
-const UNKNOWN_SHIFT: u32 = 1_000;
 
 /// The base of words without one, as `pe_scale.vhd` has it.
 const OFFSET: &str = "offset(i) <= '1' when i = WORD_BITS - DATA_BITS - 1 else";

@@ -1,4 +1,4 @@
-//! Kinds of damage, and the places in a design where each can be done.
+//! The places in a design where each kind of damage can be done.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -6,153 +6,10 @@ use std::ops::Range;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::class::Class;
 use super::datasheet::{Design, shifts};
 use super::library::{REPLACEMENTS, RULED};
 use super::vhdl::{Association, Bits, Instance, Network, Package, line_of};
-
-/// A kind of damage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[allow(missing_docs)]
-pub enum Class {
-    ProgramLoop,
-    ProgramStream,
-    ProgramVariants,
-    ImageOwn,
-    ImageBase,
-    ImageCoefficient,
-    ImageImported,
-    ImageIndex,
-    Links,
-    Wiring,
-    Shifts,
-    Multiplier,
-    Latency,
-    Register,
-    Address,
-    Saturation,
-    InputClamp,
-    Rounding,
-    ClockEnable,
-    StepHandshake,
-    Busy,
-    Done,
-    PauseWord,
-    Settle,
-    Parity,
-    Flags,
-    OverflowPort,
-    Outputs,
-    Ticks,
-    Lookup,
-}
-
-impl Class {
-    /// All classes, in the order of the table.
-    pub const ALL: [Class; 30] = [
-        Class::ProgramLoop,
-        Class::ProgramStream,
-        Class::ProgramVariants,
-        Class::ImageOwn,
-        Class::ImageBase,
-        Class::ImageCoefficient,
-        Class::ImageImported,
-        Class::ImageIndex,
-        Class::Links,
-        Class::Wiring,
-        Class::Shifts,
-        Class::Multiplier,
-        Class::Latency,
-        Class::Register,
-        Class::Address,
-        Class::Saturation,
-        Class::InputClamp,
-        Class::Rounding,
-        Class::ClockEnable,
-        Class::StepHandshake,
-        Class::Busy,
-        Class::Done,
-        Class::PauseWord,
-        Class::Settle,
-        Class::Parity,
-        Class::Flags,
-        Class::OverflowPort,
-        Class::Outputs,
-        Class::Ticks,
-        Class::Lookup,
-    ];
-
-    /// Name in the table and in JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Class::ProgramLoop => "program-loop",
-            Class::ProgramStream => "program-stream",
-            Class::ProgramVariants => "program-variants",
-            Class::ImageOwn => "image-own",
-            Class::ImageBase => "image-base",
-            Class::ImageCoefficient => "image-coefficient",
-            Class::ImageImported => "image-imported",
-            Class::ImageIndex => "image-index",
-            Class::Links => "links",
-            Class::Wiring => "wiring",
-            Class::Shifts => "shifts",
-            Class::Multiplier => "multiplier",
-            Class::Latency => "latency",
-            Class::Register => "register",
-            Class::Address => "address",
-            Class::Saturation => "saturation",
-            Class::InputClamp => "input-clamp",
-            Class::Rounding => "rounding",
-            Class::ClockEnable => "clock-enable",
-            Class::StepHandshake => "step-handshake",
-            Class::Busy => "busy",
-            Class::Done => "done",
-            Class::PauseWord => "pause-word",
-            Class::Settle => "settle",
-            Class::Parity => "parity",
-            Class::Flags => "flags",
-            Class::OverflowPort => "overflow-port",
-            Class::Outputs => "outputs",
-            Class::Ticks => "ticks",
-            Class::Lookup => "lookup",
-        }
-    }
-
-    /// What is damaged, for the guide and JSON.
-    pub fn what(self) -> &'static str {
-        match self {
-            Class::ProgramLoop => "a bit of a loop memory",
-            Class::ProgramStream => "a bit of a stream memory",
-            Class::ProgramVariants => "a bit of a variant memory",
-            Class::ImageOwn => "a bit of an own memory's image",
-            Class::ImageBase => "a bit of a base memory's image",
-            Class::ImageCoefficient => "a bit of a coefficient memory's image",
-            Class::ImageImported => "a bit of an imported memory's image",
-            Class::ImageIndex => "the image of the index memories",
-            Class::Links => "ports of a PE swapped, wired to another source, or counted wrongly",
-            Class::Wiring => "a port of an instance tied or wired to another signal",
-            Class::Shifts => "shift positions and their choice",
-            Class::Multiplier => "bits of the multiplier's operands, partial products",
-            Class::Latency => "a register more or less",
-            Class::Register => "registers, enables and clears that are gone",
-            Class::Address => "addresses: a stuck bit, off by one",
-            Class::Saturation => "saturation of words and outputs",
-            Class::InputClamp => "the clamp of inputs",
-            Class::Rounding => "rounding of inputs, words and outputs",
-            Class::ClockEnable => "registers that ignore the clock enable",
-            Class::StepHandshake => "`step_i` ignored, inputs sampled at another time",
-            Class::Busy => "`busy_o`",
-            Class::Done => "`done_o` and when outputs are published",
-            Class::PauseWord => "the pause word and the length of a step",
-            Class::Settle => "the first pass",
-            Class::Parity => "roles of buffers, rounds",
-            Class::Flags => "sticky flags",
-            Class::OverflowPort => "`overflow_o`",
-            Class::Outputs => "capture and publication of outputs",
-            Class::Ticks => "period, phase and value of ticks",
-            Class::Lookup => "segments, octaves, indices",
-        }
-    }
-}
 
 /// A piece of text that takes the place of another one.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -319,7 +176,7 @@ impl Places {
 
     /// Classes that the design has places of.
     pub fn classes(&self) -> Vec<Class> {
-        Class::ALL.into_iter().filter(|c| self.listed.contains_key(c) || self.words.contains_key(c)).collect()
+        Class::ALL.iter().copied().filter(|c| self.listed.contains_key(c) || self.words.contains_key(c)).collect()
     }
 
     /// Chooses so many different damages: as many of each class as of every other, as far as it has places.

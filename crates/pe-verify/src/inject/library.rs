@@ -1,6 +1,6 @@
 //! Damages of the hand-written VHDL: texts that stand once in a file of `hdl/`, and what takes their place.
 
-use super::classes::Class;
+use super::class::Class;
 use super::datasheet::{Design, Rules};
 
 /// Designs in which a text has a meaning at all; elsewhere it is in a branch that is not generated.

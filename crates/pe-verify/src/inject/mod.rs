@@ -9,6 +9,7 @@
 
 pub mod bisimulation;
 mod bounds;
+pub mod class;
 pub mod classes;
 pub mod datasheet;
 pub mod diagram;
@@ -16,6 +17,7 @@ pub mod equivalence;
 pub mod library;
 pub mod show;
 pub mod symbolic;
+mod symbols;
 pub mod vhdl;
 
 use std::collections::BTreeMap;
@@ -307,7 +309,7 @@ fn synthesised(folder: &Path, design: &str, work: &Path) -> Result<Netlist, Stri
 
 #[cfg(test)]
 mod tests {
-    use super::classes::Class;
+    use super::class::Class;
     use super::*;
 
     fn damage() -> Damage {

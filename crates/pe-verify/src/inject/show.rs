@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::classes::Class;
+use super::class::Class;
 use super::{Fate, Finding, Proof};
 
 /// What became of the damages of a class.

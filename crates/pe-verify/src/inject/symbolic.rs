@@ -7,41 +7,11 @@
 //! outputs and words that may saturate are the same symbols then. Nothing is computed, so it holds for all states, inputs and
 //! times, also for those that no run reaches.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 
 use super::bounds::Bounds;
 use super::datasheet::{Design, Features, Pe, Source, log2};
-
-/// A symbol.
-pub(super) type Id = u32;
-
-/// What a symbol means. Numbers are as the datasheet writes them: stored words, operands, sums.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Node {
-    /// A word of an initial image, or a register's 0.
-    Constant(u128),
-    /// The rounding offset: base of words without one, by what makes it.
-    Offset(String),
-    /// What was stored there before the step: place, and which network if they differ.
-    Stored(u32, u8),
-    /// An input or tick, and the word in which it was taken.
-    Input(String, u32),
-    /// The operand that the data port, or the coefficient port, sees of a word.
-    Data(Id),
-    Factor(Id),
-    /// Sum of an own and an imported operand; the flag tells whether the PE may add them.
-    Both(Id, Id, bool),
-    Product(Id, Id),
-    Sum(Id, Id),
-    /// Base, held sum, shift.
-    Word(Id, Id, u32),
-    /// Word, whether octaves are counted.
-    Segment(Id, bool),
-    /// One of some base words by an index.
-    Chosen(Id, Vec<Id>),
-    /// A port that is not there.
-    NoPort,
-}
+use super::symbols::{Id, Node, Symbols, UNKNOWN_SHIFT, ZERO};
 
 /// What can be seen of a step: place and symbols.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -82,58 +52,12 @@ impl Seen {
     }
 }
 
-const ZERO: Id = 0;
-
 /// Places of [`Rules::waits`](super::datasheet::Rules::waits).
 const OWN: usize = 0;
 const BASE: usize = 1;
 const FACTOR: usize = 2;
 const IMPORTED: usize = 3;
 const INDEX: usize = 4;
-
-/// All symbols, each once.
-struct Symbols {
-    nodes: Vec<Node>,
-    ids: HashMap<Node, Id>,
-}
-
-impl Symbols {
-    fn new() -> Symbols {
-        let mut symbols = Symbols { nodes: Vec::new(), ids: HashMap::new() };
-        symbols.of(Node::Constant(0));
-        symbols
-    }
-
-    fn of(&mut self, node: Node) -> Id {
-        if let Some(id) = self.ids.get(&node) {
-            return *id;
-        }
-        let id = self.nodes.len() as Id;
-        self.nodes.push(node.clone());
-        self.ids.insert(node, id);
-        id
-    }
-
-    fn is_constant(&self, id: Id) -> bool {
-        matches!(self.nodes[id as usize], Node::Constant(_) | Node::Offset(_))
-    }
-
-    fn product(&mut self, operand: Id, factor: Id) -> Id {
-        if operand == ZERO || factor == ZERO { ZERO } else { self.of(Node::Product(operand, factor)) }
-    }
-
-    fn sum(&mut self, before: Id, product: Id) -> Id {
-        match (before, product) {
-            (ZERO, other) | (other, ZERO) => other,
-            _ => self.of(Node::Sum(before, product)),
-        }
-    }
-
-    /// A stored word; without a sum it is its base.
-    fn word(&mut self, base: Id, held: Id, shift: u32) -> Id {
-        if held == ZERO { base } else { self.of(Node::Word(base, held, shift)) }
-    }
-}
 
 /// Words, registers and pipelines of a PE.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -258,23 +182,36 @@ impl Run<'_> {
 
     fn pe(&mut self, symbols: &mut Symbols, index: usize, place: &Place, links: &[Id]) {
         let pe = &self.design.pes[index];
+        let reads = self.reads(symbols, index, place, links);
+        let state = &mut self.state.pes[index];
+        let written = state.words[0];
+        state.advance(symbols, self.design, pe, place, &reads);
+        for (word, port, clamps) in &pe.outputs {
+            // What the first pass shows is published by nobody.
+            if *word == place.word && !place.settle {
+                self.seen.insert(Seen::Output { port: port.clone(), step: place.count, value: written });
+                if *clamps && self.design.rules.outputs_clamp && place.count >= self.clamping_from {
+                    self.seen.insert(Seen::MayClamp(port.clone(), written));
+                }
+            }
+        }
+        self.write(symbols, index, place, written, reads.received);
+    }
+
+    /// What the word reads, all from before the word.
+    fn reads(&mut self, symbols: &mut Symbols, index: usize, place: &Place, links: &[Id]) -> Reads {
+        let pe = &self.design.pes[index];
         let (f, features, rules) = (&pe.fields, &pe.features, self.design.rules);
         let bits = bits_of(pe, place);
-        let state = &mut self.state.pes[index];
-        let top = |words: u32| 1u64 << log2(words) >> 1;
-        let steered = |address: u64, swap: bool, words: u32| {
-            if swap && place.parity { address ^ top(words) } else { address }
-        };
+        let state = &self.state.pes[index];
         let read = |memory: &[Id], address: u64| memory[address as usize & (memory.len() - 1)];
-
-        // What the word reads, all from before the word.
         let own = f
             .own_enable
             .set(bits)
-            .then(|| read(&state.own, steered(f.own_address.of(bits), f.own_swap.set(bits), features.own_words)));
+            .then(|| read(&state.own, place.steered(f.own_address.of(bits), f.own_swap.set(bits), features.own_words)));
         let imported = f.imported_enable.set(bits).then(|| {
             let address = f.imported_address.of(bits);
-            read(&state.imported, steered(address, f.imported_swap.set(bits), features.imported_words))
+            read(&state.imported, place.steered(address, f.imported_swap.set(bits), features.imported_words))
         });
         let factor = if features.coefficient_words > 0 {
             read(&state.coefficient, f.coefficient_address.of(bits))
@@ -300,44 +237,27 @@ impl Run<'_> {
             symbols.of(Node::Chosen(state.fetched, entries))
         });
         let fetched = if f.index_enable.set(bits) { read(&state.index, f.index_address.of(bits)) } else { ZERO };
-        let written = state.words[0];
         let received = f.receive_enable.set(bits).then(|| match pe.ports.get(f.port.of(bits) as usize) {
             Some(Source::Link(link)) => links.get(*link).copied().unwrap_or(ZERO),
             Some(Source::Input(..)) => self.state.inputs[index][f.port.of(bits) as usize],
             None => symbols.of(Node::NoPort),
         });
+        Reads { operand, factor, base, fetched, received }
+    }
 
-        // What it changes.
-        let offset = symbols.of(Node::Offset(self.design.offset.clone()));
-        let (scaled, shift) = state.scaled;
-        let next = symbols.word(scaled, state.held, shift);
-        state.words.remove(0);
-        state.words.push(next);
-        state.scaled = (base.unwrap_or(offset), position(features, f.shift.of(bits)));
-        state.fetched = fetched;
-        let kept = if f.close.set(bits) { ZERO } else { state.running };
-        if f.close.set(bits) {
-            state.held = state.running;
-        }
-        let product = state.products.remove(0);
-        state.products.push(symbols.product(operand, factor));
-        state.running = symbols.sum(kept, product);
-        for (word, port, clamps) in &pe.outputs {
-            // What the first pass shows is published by nobody.
-            if *word == place.word && !place.settle {
-                self.seen.insert(Seen::Output { port: port.clone(), step: place.count, value: written });
-                if *clamps && rules.outputs_clamp && place.count >= self.clamping_from {
-                    self.seen.insert(Seen::MayClamp(port.clone(), written));
-                }
-            }
-        }
+    /// Writes a word to the memories that the control word names, to the link, and what was received.
+    fn write(&mut self, symbols: &mut Symbols, index: usize, place: &Place, written: Id, received: Option<Id>) {
+        let pe = &self.design.pes[index];
+        let (f, features, rules) = (&pe.fields, &pe.features, self.design.rules);
+        let bits = bits_of(pe, place);
+        let state = &mut self.state.pes[index];
         // In the first pass nothing is written; sending is not disabled.
         let writes = |memory: usize| !(place.settle && rules.waits[memory]);
         let in_round = place.last || !features.base_last || !rules.last_round;
         let takes_base = f.write_base.set(bits) && in_round && writes(BASE);
         let (takes_own, takes_factor) =
             (f.write_own.set(bits) && writes(OWN), f.write_factor.set(bits) && writes(FACTOR));
-        let address = steered(f.write_address.of(bits), f.write_swap.set(bits), features.own_words);
+        let address = place.steered(f.write_address.of(bits), f.write_swap.set(bits), features.own_words);
         if takes_own || takes_base || takes_factor {
             self.seen.insert(Seen::Write { word: place.count, pe: index, address, value: written });
         }
@@ -372,11 +292,42 @@ impl Run<'_> {
             self.seen.insert(Seen::MaySaturate(index, written));
         }
         if let Some(received) = received.filter(|_| writes(IMPORTED)) {
-            let address = steered(f.receive_address.of(bits), f.receive_swap.set(bits), features.imported_words);
+            let address = place.steered(f.receive_address.of(bits), f.receive_swap.set(bits), features.imported_words);
             self.seen.insert(Seen::Receive { word: place.count, pe: index, address, value: received });
             let at = address as usize & (state.imported.len() - 1);
             state.imported[at] = received;
         }
+    }
+}
+
+/// What a control word reads.
+struct Reads {
+    operand: Id,
+    factor: Id,
+    /// None where the offset is the base.
+    base: Option<Id>,
+    fetched: Id,
+    received: Option<Id>,
+}
+
+impl PeState {
+    /// Registers and pipelines take what was read.
+    fn advance(&mut self, symbols: &mut Symbols, design: &Design, pe: &Pe, place: &Place, reads: &Reads) {
+        let (f, bits) = (&pe.fields, bits_of(pe, place));
+        let offset = symbols.of(Node::Offset(design.offset.clone()));
+        let (scaled, shift) = self.scaled;
+        let next = symbols.word(scaled, self.held, shift);
+        self.words.remove(0);
+        self.words.push(next);
+        self.scaled = (reads.base.unwrap_or(offset), position(&pe.features, f.shift.of(bits)));
+        self.fetched = reads.fetched;
+        let kept = if f.close.set(bits) { ZERO } else { self.running };
+        if f.close.set(bits) {
+            self.held = self.running;
+        }
+        let product = self.products.remove(0);
+        self.products.push(symbols.product(reads.operand, reads.factor));
+        self.running = symbols.sum(kept, product);
     }
 }
 
@@ -387,7 +338,7 @@ fn bits_of(pe: &Pe, place: &Place) -> u128 {
 
 /// What a shift index means; indices without a position of their own are told apart.
 fn position(features: &Features, index: u64) -> u32 {
-    features.shifts.get(index as usize).copied().unwrap_or(1_000 + index as u32)
+    features.shifts.get(index as usize).copied().unwrap_or(UNKNOWN_SHIFT + index as u32)
 }
 
 /// Where a word stands.
@@ -397,6 +348,13 @@ struct Place {
     settle: bool,
     parity: bool,
     last: bool,
+}
+
+impl Place {
+    /// An address of a memory of so many words whose halves may have changed roles.
+    fn steered(&self, address: u64, swap: bool, words: u32) -> u64 {
+        if swap && self.parity { address ^ (1u64 << log2(words) >> 1) } else { address }
+    }
 }
 
 /// What is supposed of a place between two steps.

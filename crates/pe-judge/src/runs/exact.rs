@@ -1,0 +1,197 @@
+//! The run in double precision that all others are compared to.
+
+use std::sync::Arc;
+
+use pe_hls::formats::{self, Ranges};
+use pe_hls::rounding::{self, Aim, Moments, Sampling};
+use pe_ir::codes;
+use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
+use pe_ir::model::{Model, Variable};
+use pe_ir::source::Diagnostic;
+use pe_ir::word::WordFormat;
+use pe_sim::double::{Diverged, DoubleRun};
+use pe_sim::error::Trajectory;
+
+use crate::pivots::{self, SmallestPivot};
+use crate::progress::Progress;
+use crate::times::thread_seconds;
+
+use super::inputs;
+use super::judged::Curves;
+use super::lockstep::Plan;
+
+/// Outputs of which [`Curves`] are kept, at most.
+const CURVES: usize = 8;
+
+pub(super) fn curve_count(graph: &StepGraph) -> usize {
+    graph.outputs.len().min(CURVES)
+}
+
+/// The run in double precision, which knows nothing of formats: ranges, and what others are compared to.
+pub struct Exact {
+    pub(super) plan: Plan,
+    pub(super) form: StageForm,
+    /// Whether tables stand for functions.
+    pub(super) tables: bool,
+    pub(super) reference: Arc<Trajectory>,
+    /// States at the plan's looks.
+    pub(super) looks: Arc<Trajectory>,
+    /// Largest magnitude of each output that has a curve.
+    pub(super) output_scales: Vec<f64>,
+    /// Outputs in double precision alone.
+    pub(super) curves: Curves,
+    pub(super) largest: Vec<f64>,
+    pub(super) ranges: Ranges,
+    pub(super) moments: Moments,
+    pub(super) scales: Vec<f64>,
+    pub(super) seconds: f64,
+    pub(super) smallest_pivot: Option<SmallestPivot>,
+}
+
+impl Exact {
+    /// Runs the step graph over the span.
+    ///
+    /// # Errors
+    /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero, `E0914` a sine faster than the steps.
+    pub fn run(model: &Model, graph: &StepGraph, progress: Arc<dyn Progress>) -> Result<Exact, Vec<Diagnostic>> {
+        if let Some(finding) = inputs::too_fast(model) {
+            return Err(vec![finding]);
+        }
+        let plan = Plan::of(model, progress);
+        let begin = thread_seconds();
+        let ReferenceRun { reference, looks, curves, mut ranges, moments } = reference_run(model, graph, &plan)?;
+        let (reference, looks) = (Arc::new(reference), Arc::new(looks));
+        let output_scales = graph.outputs[..curve_count(graph)].iter().map(|output| ranges.largest[output.index()]);
+        let output_scales = output_scales.collect();
+        let largest = ranges.largest.clone();
+        let smallest_pivot = pivots::smallest(model, graph, &largest)?;
+        let seconds = thread_seconds() - begin;
+        include_declared(model, graph, &mut ranges);
+        let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
+        let scales = model.own_scales(reference.scales(&quantities));
+        Ok(Exact {
+            plan,
+            form: graph.form,
+            tables: !graph.functions.tables.is_empty(),
+            reference,
+            looks,
+            output_scales,
+            curves,
+            largest,
+            ranges,
+            moments,
+            scales,
+            seconds,
+            smallest_pivot,
+        })
+    }
+
+    /// Times of samples and of looks, in seconds.
+    pub fn times(&self) -> (Vec<f64>, Vec<f64>) {
+        (self.plan.times(&self.plan.samples), self.plan.times(&self.plan.looks))
+    }
+
+    /// States at these times.
+    pub fn states(&self) -> (&Trajectory, &Trajectory) {
+        (&self.reference, &self.looks)
+    }
+
+    /// Formats for such ranges.
+    ///
+    /// # Errors
+    /// `E080x` no format.
+    pub(super) fn formats(
+        &self,
+        graph: &StepGraph,
+        ranges: &Ranges,
+        format: WordFormat,
+        aim: Aim,
+    ) -> Result<FixedPoint, Vec<Diagnostic>> {
+        let mut fixed = formats::choose(graph, ranges, format).map_err(|error| vec![error])?;
+        rounding::improve(graph, &mut fixed, &self.moments, aim);
+        Ok(fixed)
+    }
+}
+
+/// What the first run in double precision finds.
+struct ReferenceRun {
+    reference: Trajectory,
+    looks: Trajectory,
+    curves: Curves,
+    ranges: Ranges,
+    moments: Moments,
+}
+
+fn reference_run(model: &Model, graph: &StepGraph, plan: &Plan) -> Result<ReferenceRun, Vec<Diagnostic>> {
+    let mut sampling = Sampling::new(graph);
+    let mut run = DoubleRun::new(graph);
+    let mut reference = Trajectory::new(model.states.len());
+    let mut looks = Trajectory::new(model.states.len());
+    let mut curves = Curves { double: Trajectory::new(curve_count(graph)), ..Curves::default() };
+    let (mut samples, mut looked_at) = (plan.samples.iter().peekable(), plan.looks.iter().peekable());
+    for done in 1..=plan.steps {
+        let time = model.time(done - 1, 0.0);
+        run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
+        plan.advance(done, 1);
+        if samples.next_if_eq(&&done).is_some() {
+            reference.push(|state| run.state(state));
+            curves.double.push(|output| run.output(output));
+            sampling.add(|value| run.value(value));
+        }
+        if looked_at.next_if_eq(&&done).is_some() {
+            looks.push(|state| run.state(state));
+        }
+    }
+    let largest = run.largest();
+    reference.largest = graph.states.iter().map(|(state, _)| largest[state.index()]).collect();
+    let ranges = Ranges { largest, widened: vec![0; graph.values.len()] };
+    Ok(ReferenceRun { reference, looks, curves, ranges, moments: sampling.moments() })
+}
+
+/// Magnitude of an argument from which on an infinite value is an overflow, not a pole.
+const OVERFLOWING: f64 = 500.0;
+
+/// What a run says that met a value that is not finite.
+pub fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
+    let equation = &graph.equations[graph.value(diverged.value).equation as usize];
+    // An exponential that overflows has a domain; what its argument is has left all bounds.
+    let overflows = |(function, argument): &(u32, f64)| {
+        let value = graph.functions.exact[*function as usize].evaluate(*argument);
+        value.is_infinite() && argument.abs() > OVERFLOWING
+    };
+    if let Some((function, argument)) = diverged.outside.filter(|outside| !overflows(outside)) {
+        let function = &graph.functions.exact[function as usize].name;
+        let message = format!("`{}` has no value at t = {time:.6e} s: `{function}` at x = {argument:e}", equation.name);
+        return Diagnostic::error(codes::OUTSIDE_DOMAIN, equation.span, message)
+            .with_help("try a smaller `--step`; or keep the argument in the domain, with `max`, `min` or `if`");
+    }
+    let message = format!("`{}` is no longer a finite number at t = {time:.6e} s", equation.name);
+    Diagnostic::error(codes::DIVERGED, equation.span, message)
+        .with_help("the model or the step is unstable: try a smaller `--step`, then check the equation")
+}
+
+/// Widens measured ranges to what the spec states and inputs can reach.
+fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
+    let mut include = |value: ValueId, (low, high): (f64, f64)| {
+        let slot = &mut ranges.largest[value.index()];
+        *slot = slot.max(low.abs()).max(high.abs());
+    };
+    for (input, value) in model.inputs.iter().zip(&graph.inputs) {
+        include(*value, input.waveform.bounds());
+        input.range.into_iter().for_each(|range| include(*value, range));
+    }
+    for (state, (value, _)) in model.states.iter().zip(&graph.states) {
+        state.range.into_iter().for_each(|range| include(*value, range));
+    }
+    for (index, value) in graph.values.iter().enumerate() {
+        let variable = match value.role {
+            Role::Algebraic(algebraic, _) => Variable::Algebraic(algebraic),
+            Role::Published(output) => model.outputs[output as usize].variable,
+            _ => continue,
+        };
+        if let Variable::Algebraic(algebraic) = variable {
+            let range = model.algebraics[algebraic as usize].range;
+            range.into_iter().for_each(|range| include(ValueId(index as u32), range));
+        }
+    }
+}
