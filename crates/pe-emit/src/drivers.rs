@@ -1,6 +1,7 @@
 //! What runs a design: VHDL test bench, Verilator driver, stimulus, compile order.
 
 use askama::Template;
+use pe_ir::index::{at, number};
 use pe_ir::program::Program;
 
 use crate::library;
@@ -17,7 +18,7 @@ struct Slice {
 
 fn slices(names: &[String], width: u32) -> Vec<Slice> {
     let slice = |(index, port): (usize, &String)| {
-        let lsb = index as u32 * width;
+        let lsb = number(index) * width;
         Slice { port: port.clone(), index, msb: lsb + width - 1, lsb }
     };
     names.iter().enumerate().map(slice).collect()
@@ -106,7 +107,7 @@ pub fn file_list(program: &Program, names: &Names) -> String {
 /// The text of `<model>_stimulus.txt`: one line per step, one hex word per input port; at least one line.
 pub fn stimulus(program: &Program, options: &EmitOptions) -> String {
     let bits = program.format.storage_bits;
-    let digits = bits.div_ceil(4) as usize;
+    let digits = at(bits.div_ceil(4));
     let mut text = String::new();
     for step in 0..options.stimulus.len().max(1) {
         let words = options.stimulus.get(step).map_or(&[][..], Vec::as_slice);

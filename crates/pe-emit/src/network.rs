@@ -1,6 +1,7 @@
 //! The network entity: PE instances and links, nothing else.
 
 use askama::Template;
+use pe_ir::index::{at, number};
 use pe_ir::program::{Fold, Layout, LinkSource, Program, index_bits};
 use pe_ir::word::Pipeline;
 
@@ -88,7 +89,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
     };
     let mut shown = vec![false; program.pes.len()];
     for output in &program.outputs {
-        shown[output.pe as usize] = true;
+        shown[at(output.pe)] = true;
     }
     let pes: Vec<Pe> =
         shown.into_iter().enumerate().map(|(index, shown)| describe(program, &folds[index], index, shown)).collect();
@@ -110,7 +111,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
             .ticks()
             .map(|(index, tick, one)| Tick {
                 index,
-                comment: comment_text(&program.inputs[index as usize].name),
+                comment: comment_text(&program.inputs[at(index)].name),
                 steps: tick.steps,
                 done: tick.done,
                 one_bit: program.format.input_operand(one).trailing_zeros(),
@@ -140,7 +141,7 @@ fn describe(program: &Program, fold: &Fold, index: usize, shown: bool) -> Pe {
     };
     let wired = |source: &LinkSource| match source {
         LinkSource::Pe(pe) => format!("PE {pe}"),
-        LinkSource::Input(input) => format!("input {}", comment_text(&program.inputs[*input as usize].name)),
+        LinkSource::Input(input) => format!("input {}", comment_text(&program.inputs[at(*input)].name)),
     };
     let features = &pe.features;
     let wiring = if pe.ports.is_empty() {
@@ -158,7 +159,7 @@ fn describe(program: &Program, fold: &Fold, index: usize, shown: bool) -> Pe {
         loop_bits: fold.loop_bits(),
         streamed_bits: fold.streamed_bits(),
         variant_words: fold.variant_words.len(),
-        variant_width: index_bits(fold.variant_words.len() as u32),
+        variant_width: index_bits(number(fold.variant_words.len())),
         own_words: features.own_words,
         base_words: features.base_words,
         coefficient_words: features.coefficient_words,

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::{Display, Write};
 
 use askama::Template;
+use pe_ir::index;
 use pe_ir::program::{
     ControlWord, Fold, Layout, LinkSource, Multiplier, Note, PeProgram, Program, StateRegister, closed_up,
 };
@@ -166,7 +167,7 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
     });
     let word_bits = program.format.word_bits();
     let state_comment = |text: &mut String, states: &[((u32, u16), usize)], word: usize, what: &str| {
-        if let Some(state) = StateWords::find(states, (index as u32, word as u16), program) {
+        if let Some(state) = StateWords::find(states, (index::number(index), word as u16), program) {
             text.extend([what, " ", &short(&state.name), ", LSB 2^", &state.exponent.to_string()]);
         }
     };
@@ -289,7 +290,7 @@ fn columns(layout: &Layout, last_index: usize) -> Vec<String> {
     let mut column = start;
     for field in &layout.fields {
         starts.push(column);
-        column += field.width as usize + 1;
+        column += index::at(field.width) + 1;
     }
     let row = |(index, field): (usize, &pe_ir::program::Field)| {
         let mut text = String::new();
@@ -321,7 +322,7 @@ fn word_comment(
         }
         text.push_str(what);
     };
-    let shown = |id: u32| shown.get(id as usize).map_or("", String::as_str);
+    let shown = |id: u32| shown.get(index::at(id)).map_or("", String::as_str);
     // A value, or the place of one that has no name.
     let name = |text: &mut String, id: u32, place: &str, number: &dyn Display| match shown(id) {
         "" => write!(text, "{place}{number}").expect("memory takes the comment"),
@@ -375,7 +376,7 @@ fn word_comment(
             LinkSource::Pe(source) => write!(text, "PE {source}").expect("memory takes the comment"),
             LinkSource::Input(input) => {
                 text.push_str("input ");
-                text.push_str(&short(&program.inputs[input as usize].name));
+                text.push_str(&short(&program.inputs[index::at(input)].name));
             }
         }
     }

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use askama::Template;
+use pe_ir::index::at;
 use pe_ir::program::{Fold, LinkSource, PeProgram, Program, closed_up};
 use pe_ir::word::Pipeline;
 
@@ -154,7 +155,7 @@ fn describe(pe: &PeProgram, fold: &Fold) -> Pe {
 
 /// A line for each word of so many bits. Written into one text, for the words of a network are millions.
 fn hexadecimal(words: impl Iterator<Item = u128>, bits: u32) -> String {
-    let digits = bits.div_ceil(4) as usize;
+    let digits = at(bits.div_ceil(4));
     words.fold(String::new(), |mut text, word| {
         write!(text, "\n{word:0digits$x}").expect("memory takes the line");
         text

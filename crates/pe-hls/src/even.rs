@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{FixedPoint, StepGraph};
-use pe_ir::index::at;
+use pe_ir::index::{at, number};
 use pe_ir::mapping::Mapping;
 
 use crate::pairs;
@@ -63,8 +63,8 @@ impl State {
         }
         for equation in 0..equations {
             let pe = state.pe_of[equation];
-            state.members[at(pe)].push(equation as u32);
-            let load = state.load(equation as u32, &|other| state.pe_of[at(other)]);
+            state.members[at(pe)].push(number(equation));
+            let load = state.load(number(equation), &|other| state.pe_of[at(other)]);
             state.loads[at(pe)] += i64::from(load);
         }
         state

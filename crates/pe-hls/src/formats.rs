@@ -6,7 +6,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, ValueId};
-use pe_ir::index::at;
+use pe_ir::index::{self, at};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
@@ -318,9 +318,9 @@ fn last_stages(graph: &StepGraph) -> Vec<u32> {
     let last = |(index, chain): (usize, &Chain)| match graph.value(chain.write.value).role {
         Role::Stage(state, _) if matches!(graph.form, StageForm::Horner | StageForm::Increments) => {
             // What stands for a signal ends without its stages, in front of them.
-            producers[graph.states[at(state)].1.index()].max(index as u32)
+            producers[graph.states[at(state)].1.index()].max(index::number(index))
         }
-        _ => index as u32,
+        _ => index::number(index),
     };
     graph.chains.iter().enumerate().map(last).collect()
 }

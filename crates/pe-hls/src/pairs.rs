@@ -109,7 +109,7 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
         }
     }
     let mut count: Vec<u32> = lacking.iter().map(|lacks| number(lacks.len())).collect();
-    let entry = |value: usize, count: u32| (count, std::cmp::Reverse(value as u32));
+    let entry = |value: usize, count: u32| (count, std::cmp::Reverse(number(value)));
     let mut heap: BinaryHeap<(u32, std::cmp::Reverse<u32>)> =
         count.iter().enumerate().filter(|(_, count)| **count > 0).map(|(value, count)| entry(value, *count)).collect();
     let mut sent = vec![false; graph.values.len()];

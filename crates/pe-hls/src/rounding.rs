@@ -64,7 +64,7 @@ impl<'a> Sampling<'a> {
             if n > MAX_TERMS {
                 continue;
             }
-            total += (n * (n + 1) / 2) as u32;
+            total += number(n * (n + 1) / 2);
             for term in chain.terms.clone() {
                 let Term { operand, factor: Factor::Coefficient(_), .. } = graph.terms[at(term)] else { continue };
                 let place = *place_of[operand.index()].get_or_insert(number(operands.len()));

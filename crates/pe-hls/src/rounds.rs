@@ -107,7 +107,7 @@ impl<'a> Rounds<'a> {
         }
         let mut transfers: Vec<Transfer> = Vec::new();
         for (index, value) in step.values.iter().enumerate() {
-            let id = ValueId(index as u32);
+            let id = ValueId(index::number(index));
             let (like, swaps) = self.value(id);
             let (sent, number) = match value.role {
                 Role::State(_) | Role::Constant(_) => continue,

@@ -3,6 +3,7 @@
 //! A lookup takes the upper bits of its argument's word as the index into all columns of its table; the columns are the
 //! coefficients of a polynomial in the lower bits, and reach the PE as base words. See `docs/decisions/0024`.
 
+use crate::index;
 use crate::model::{Expr, Variable};
 use crate::value::ValueId;
 
@@ -130,7 +131,7 @@ impl Segments {
         // The bits behind the leading one, or, in the last octave, behind its place.
         let below = width - octave - u32::from(octave < last);
         let mantissa = (magnitude << mantissa_bits >> below) & ((1 << mantissa_bits) - 1);
-        ((octave as usize) << mantissa_bits) | mantissa as usize
+        (index::at(octave) << mantissa_bits) | mantissa as usize
     }
 
     /// The segment of a number from -1 to 1; numbers outside belong to the nearest one.

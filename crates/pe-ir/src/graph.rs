@@ -209,7 +209,7 @@ impl Chain {
         self.writes().enumerate().map(move |(position, write)| {
             // What the interim write stores has to be there.
             let on_top = interim && std::ptr::eq(write, &self.write);
-            (if on_top { latency.base_again() } else { position as u32 }, write)
+            (if on_top { latency.base_again() } else { index::number(position) }, write)
         })
     }
 
@@ -387,7 +387,7 @@ impl StepGraph {
         let mut producers = vec![u32::MAX; self.values.len()];
         for (index, chain) in self.chains.iter().enumerate() {
             for write in chain.writes() {
-                producers[write.value.index()] = index as u32;
+                producers[write.value.index()] = index::number(index);
             }
         }
         producers

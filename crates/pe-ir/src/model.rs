@@ -377,7 +377,7 @@ impl Model {
         let inputs = self.inputs.len();
         let renamed = |variable: Variable| match variable {
             Variable::State(state) if at(state) >= continuous => {
-                Variable::Input((inputs + at(state) - continuous) as u32)
+                Variable::Input(index::number(inputs + at(state) - continuous))
             }
             other => other,
         };

@@ -18,7 +18,7 @@ impl Model {
         let tick = self.tick();
         let Some(clock) = self.states.iter().position(|state| state.motion == Some(Motion::Clock)) else { return };
         self.states[clock].derivative = Expr::Constant(1.0 / tick);
-        let clock = Variable::State(clock as u32);
+        let clock = Variable::State(index::number(clock));
         for algebraic in &mut self.algebraics {
             let mut reads = false;
             algebraic.expr.each_variable(&mut |variable| reads |= variable == clock);
@@ -54,10 +54,10 @@ impl Model {
             };
             self.states[index].initial = initial;
             if let Motion::Line(source) = motion {
-                let before = Variable::State(index as u32 + 1);
+                let before = Variable::State(index::number(index) + 1);
                 let after = match source {
                     Source::Input(input) => Variable::Input(input),
-                    Source::Signal(_) => Variable::State(index as u32 + 2),
+                    Source::Signal(_) => Variable::State(index::number(index) + 2),
                 };
                 let difference = Expr::sum(vec![Expr::Variable(after), Expr::scaled(-1.0, Expr::Variable(before))]);
                 let slope = Expr::scaled(1.0 / self.step, difference);
@@ -117,7 +117,7 @@ impl Model {
         let mut model = self.clone();
         for (index, signal) in self.signals.iter().enumerate() {
             let follows = |state: &&State| {
-                let source = Source::Signal(index as u32);
+                let source = Source::Signal(index::number(index));
                 state.motion == Some(Motion::Held(source)) || state.motion == Some(Motion::Line(source))
             };
             let name = self.states.iter().find(follows).map_or(String::new(), |state| state.name.clone());

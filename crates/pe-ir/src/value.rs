@@ -1,5 +1,7 @@
 //! Numbers of values.
 
+use crate::index::at;
+
 /// Index into [`StepGraph::values`](crate::graph::StepGraph::values).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ValueId(pub u32);
@@ -7,6 +9,6 @@ pub struct ValueId(pub u32);
 impl ValueId {
     /// As an index.
     pub fn index(self) -> usize {
-        self.0 as usize
+        at(self.0)
     }
 }

@@ -5,6 +5,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{Role, StepGraph, ValueId};
+use pe_ir::index::at;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
@@ -48,7 +49,7 @@ pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(Smalles
         }
     }
     let (state, magnitude, time) = smallest?;
-    Some((SmallestPivot { state: graph.names.states[state as usize].clone(), magnitude }, time))
+    Some((SmallestPivot { state: graph.names.states[at(state)].clone(), magnitude }, time))
 }
 
 /// The smallest pivot that varies, from the largest magnitude of each value of the graph; none if there is none.
@@ -57,7 +58,7 @@ pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(Smalles
 /// `E0905` if it, or one that is a number, is below 2^-20.
 pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Option<SmallestPivot>, Vec<Diagnostic>> {
     if let Some((state, magnitude)) = graph.constant_pivot.filter(|(_, magnitude)| *magnitude < SMALLEST) {
-        let state = &model.states[state as usize];
+        let state = &model.states[at(state)];
         let message = format!(
             "the pivot of `{}` is {magnitude:.1e} in every step: the matrix of the step is nearly singular",
             state.name
@@ -69,7 +70,7 @@ pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Opt
         _ => None,
     });
     let Some((state, equation, magnitude)) = reciprocals.min_by(|a, b| a.2.total_cmp(&b.2)) else { return Ok(None) };
-    let state = graph.names.states[state as usize].clone();
+    let state = graph.names.states[at(state)].clone();
     if magnitude >= SMALLEST {
         return Ok(Some(SmallestPivot { state, magnitude }));
     }
@@ -77,6 +78,6 @@ pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Opt
     let message = format!(
         "the pivot of `{state}` falls to {magnitude:.1e} at t = {time:.6e} s: the matrix of the step is nearly singular"
     );
-    let finding = Diagnostic::error(codes::SMALL_PIVOT, graph.equations[equation as usize].span, message);
+    let finding = Diagnostic::error(codes::SMALL_PIVOT, graph.equations[at(equation)].span, message);
     Err(vec![finding.with_help(HELP)])
 }

@@ -3,6 +3,7 @@
 use pe_hls::formats::RANGE_MARGIN;
 use pe_hls::norms::Norms;
 use pe_ir::graph::{Chain, FixedPoint, Role, StepGraph, Term, ValueId};
+use pe_ir::index::at;
 use pe_ir::mapping::Mapping;
 use pe_ir::program::Program;
 use pe_ir::verify::ranges::{Drift, Enclosure, Measured, Norm, Step};
@@ -106,12 +107,12 @@ impl Proof {
         for chain in &graph.chains {
             let joined = graph.chain_terms(chain).iter().filter(|term| term.partner.is_some());
             let mut values = chain.writes().map(|write| write.value).chain(joined.flat_map(Term::operands));
-            needed[mapping.pe_of[chain.equation as usize] as usize] |= values.any(|value| !self.fits(value));
+            needed[at(mapping.pe_of[at(chain.equation)])] |= values.any(|value| !self.fits(value));
         }
         program.pes.iter_mut().zip(needed).for_each(|(pe, needed)| pe.features.proven = !needed);
         let Some(Enclosed { enclosure, .. }) = &self.enclosed else { return };
         for (output, value) in program.outputs.iter_mut().zip(&graph.outputs) {
-            let proven = program.pes[output.pe as usize].features.proven;
+            let proven = program.pes[at(output.pe)].features.proven;
             output.proven = proven && enclosure.shows(*value, &program.format);
         }
     }
@@ -140,7 +141,7 @@ impl Proof {
             let bound = self.enclosed.as_ref().filter(|_| certainty == Certainty::Proven).map(|enclosed| {
                 libm::scalbn(enclosed.enclosure.largest[value.index()], fixed.exponents[value.index()])
             });
-            let slot = &mut states[state as usize];
+            let slot = &mut states[at(state)];
             *slot = (slot.0.max(certainty), slot.1.zip(bound).map(|(a, b)| a.max(b)));
         }
         states

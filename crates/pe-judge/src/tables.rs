@@ -3,6 +3,7 @@
 use pe_hls::functions::Untabled;
 use pe_ir::codes;
 use pe_ir::graph::{Role, StepGraph};
+use pe_ir::index;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::place::Place;
 use pe_ir::source::Diagnostic;
@@ -77,24 +78,24 @@ fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic
 
 /// The state whose pivot a function is the reciprocal of, if it is one.
 fn pivot_of(graph: &StepGraph, function: usize) -> Option<&str> {
-    let chain = graph.chains.iter().find(|chain| chain.function == Some(function as u32))?;
+    let chain = graph.chains.iter().find(|chain| chain.function == Some(index::number(function)))?;
     match graph.value(chain.write.value).role {
-        Role::Pivot(state, _) => Some(&graph.names.states[state as usize]),
+        Role::Pivot(state, _) => Some(&graph.names.states[index::at(state)]),
         _ => None,
     }
 }
 
 /// The name of the equation that applies a function.
 fn chain_of(graph: &StepGraph, function: usize) -> Option<String> {
-    let chain = graph.chains.iter().find(|chain| chain.function == Some(function as u32))?;
-    Some(graph.equations[chain.equation as usize].name.clone())
+    let chain = graph.chains.iter().find(|chain| chain.function == Some(index::number(function)))?;
+    Some(graph.equations[index::at(chain.equation)].name.clone())
 }
 
 /// The variable that is zero within a step, given by the states before and after it, and that an algebraic variable is
 /// multiplied by.
 fn vanishing(model: &Model, name: &str, (before, after): (&[f64], &[f64]), inputs: &[f64]) -> Option<String> {
     let number = model.algebraics.iter().position(|algebraic| algebraic.name == name)?;
-    let singular = Expr::Variable(Variable::Algebraic(number as u32));
+    let singular = Expr::Variable(Variable::Algebraic(index::number(number)));
     let all = model.states.iter().map(|state| &state.derivative).chain(model.algebraics.iter().map(|own| &own.expr));
     let mut factors = Vec::new();
     all.for_each(|expr| beside(expr, &singular, &mut factors));
@@ -106,9 +107,9 @@ fn vanishing(model: &Model, name: &str, (before, after): (&[f64], &[f64]), input
     };
     let found = factors.into_iter().find(zero)?;
     Some(match found {
-        Variable::State(index) => model.states[index as usize].name.clone(),
-        Variable::Input(index) => model.inputs[index as usize].name.clone(),
-        Variable::Algebraic(index) => model.algebraics[index as usize].name.clone(),
+        Variable::State(index) => model.states[index::at(index)].name.clone(),
+        Variable::Input(index) => model.inputs[index::at(index)].name.clone(),
+        Variable::Algebraic(index) => model.algebraics[index::at(index)].name.clone(),
     })
 }
 

@@ -1,6 +1,7 @@
 //! The total error: the hardware's states against the reference solution of the model.
 
 use pe_ir::codes;
+use pe_ir::index::at;
 use pe_ir::model::{Model, Variable};
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::{Compared, Rows};
@@ -332,7 +333,7 @@ fn quantities(model: &Model) -> Vec<u32> {
 fn outputs_first(model: &Model) -> Vec<usize> {
     const MOST: usize = 16;
     let outputs = model.outputs.iter().filter_map(|output| match output.variable {
-        Variable::State(state) => Some(state as usize),
+        Variable::State(state) => Some(at(state)),
         _ => None,
     });
     let mut states: Vec<usize> = Vec::new();

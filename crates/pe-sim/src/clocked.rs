@@ -84,8 +84,8 @@ impl<'a> Clocked<'a> {
             base_words: pe.base_image.clone(),
             coefficients: pe.coefficient_image.clone(),
             imported: pe.imported_image.clone(),
-            indices: vec![0; pe.features.index_words as usize],
-            products: vec![0; program.latency().product() as usize + 1],
+            indices: vec![0; at(pe.features.index_words)],
+            products: vec![0; at(program.latency().product()) + 1],
             accumulator: 0,
             hold: 0,
             base: 0,
@@ -102,7 +102,7 @@ impl<'a> Clocked<'a> {
         };
         let mut captures: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
         for (index, output) in program.outputs.iter().enumerate() {
-            captures.entry((output.pe as usize, output.word as usize)).or_default().push(index);
+            captures.entry((at(output.pe), at(output.word))).or_default().push(index);
         }
         let mut network = Clocked {
             program,
@@ -219,14 +219,14 @@ impl<'a> Clocked<'a> {
         for (number, (index, tick, one)) in self.program.ticks().enumerate() {
             let due = tick.is_due(self.steps);
             self.coverage.ticks[number][usize::from(due)] = true;
-            self.inputs[index as usize] = if due { format.input_operand(one) } else { 0 };
+            self.inputs[at(index)] = if due { format.input_operand(one) } else { 0 };
         }
         flagged.into_iter().for_each(|source| self.flag(cycle, source));
     }
 
     /// Executes one control word in every PE.
     fn clock(&mut self, trace: &mut impl FnMut(TraceLine)) {
-        let ends_step = self.program.ends_step(self.word as u32);
+        let ends_step = self.program.ends_step(number(self.word));
         let links = self.links.clone();
         for pe in 0..self.pes.len() {
             if self.execute(pe, ends_step, &links, trace) {
@@ -235,10 +235,10 @@ impl<'a> Clocked<'a> {
         }
         self.cycle += 1;
         self.word += 1;
-        if (self.word as u32).is_multiple_of(self.program.round_words()) {
+        if number(self.word).is_multiple_of(self.program.round_words()) {
             self.odd = !self.odd;
         }
-        if self.word == self.program.period as usize {
+        if self.word == at(self.program.period) {
             self.word = 0;
         }
     }
@@ -574,5 +574,5 @@ fn segment(word: i64, word_bits: u32, segments: pe_ir::functions::Segments, octa
     let mantissa_bits = segments.index_bits - segments.octave_bits;
     let first = if octave < last { word_bits - 2 } else { word_bits - 1 };
     let mantissa = bits >> (first - mantissa_bits) & ((1 << mantissa_bits) - 1);
-    (octave as usize) << mantissa_bits | mantissa as usize
+    at(octave) << mantissa_bits | mantissa as usize
 }

@@ -1,7 +1,7 @@
 //! What of a network was at work in a run, told from the data: an item counts when another value of it would have
 //! made a difference that a register or a memory word of the network shows.
 
-use pe_ir::index::number;
+use pe_ir::index::{at, number};
 use pe_ir::program::{Address, ControlWord, FieldName, Multiplier, PeFeatures, PeProgram, Program, Target};
 use pe_ir::word::round_shift;
 
@@ -171,9 +171,9 @@ impl Coverage {
                 features.imported_words,
                 features.index_words,
             ];
-            let words = depths.map(|depth| vec![false; depth as usize]);
+            let words = depths.map(|depth| vec![false; at(depth)]);
             PeCoverage {
-                fields: vec![0; program.period as usize],
+                fields: vec![0; at(program.period)],
                 read: words.clone(),
                 written: words,
                 ports: vec![false; pe.ports.len()],
@@ -181,7 +181,7 @@ impl Coverage {
                 saturated: [false; 2],
                 too_large: false,
                 flagged: [false; FLAGGING.len()],
-                unsent: vec![false; program.period as usize],
+                unsent: vec![false; at(program.period)],
             }
         };
         let ports = program.ports().count();
@@ -309,7 +309,7 @@ impl Coverage {
 pub fn flags_of(program: &Program, pe: usize) -> Vec<(usize, usize)> {
     let pe = &program.pes[pe];
     let cause = |(k, word): (usize, &ControlWord)| {
-        let rests = pe.features.base_last && !program.ends_step(k as u32);
+        let rests = pe.features.base_last && !program.ends_step(number(k));
         Some((k, alone(takes(word, rests, false))?))
     };
     pe.words.iter().enumerate().filter_map(cause).collect()
@@ -335,10 +335,10 @@ fn set(flags: &[bool]) -> u64 {
 
 /// For each PE and control word, whether anything takes the result whose base and shift the word chooses.
 pub(crate) fn used_results(program: &Program) -> Vec<Vec<bool>> {
-    let delay = program.latency().scale_to_write() as usize;
-    let period = program.period as usize;
+    let delay = at(program.latency().scale_to_write());
+    let period = at(program.period);
     let used = |(index, pe): (usize, &PeProgram)| {
-        let captured = |k: usize| program.outputs.iter().any(|o| (o.pe as usize, o.word as usize) == (index, k));
+        let captured = |k: usize| program.outputs.iter().any(|o| (at(o.pe), at(o.word)) == (index, k));
         let taken: Vec<bool> = (0..period)
             .map(|k| {
                 let word = &pe.words[k];

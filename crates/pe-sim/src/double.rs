@@ -1,6 +1,7 @@
 //! The step graph in double precision.
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::index::{self, at};
 
 use crate::functions::FunctionRun;
 use crate::lanes::{self, DoubleSums, Gathered};
@@ -49,7 +50,7 @@ impl<'a> DoubleRun<'a> {
         let mut coefficients = vec![0.0; graph.terms.len()];
         for (index, chain) in graph.chains.iter().enumerate() {
             for term in chain.terms.clone() {
-                coefficients[term as usize] = fixed.coefficient_value(graph, index, term as usize);
+                coefficients[at(term)] = fixed.coefficient_value(graph, index, at(term));
             }
         }
         Self::with_coefficients(graph, |term| coefficients[term])
@@ -64,14 +65,14 @@ impl<'a> DoubleRun<'a> {
         let mut values = vec![0.0; slots.count()];
         for (index, value) in graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
-                values[slots.of(ValueId(index as u32)) as usize] = number;
+                values[at(slots.of(ValueId(index::number(index))))] = number;
             }
         }
         for (value, segment, slot) in slots.column_entries(graph) {
             if let Role::Column(lookup, column) = graph.value(value).role {
-                let table = graph.functions.lookups[lookup as usize].table;
-                let column = &graph.functions.tables[table as usize].columns[usize::from(column)];
-                values[slot as usize] = column[segment];
+                let table = graph.functions.lookups[at(lookup)].table;
+                let column = &graph.functions.tables[at(table)].columns[usize::from(column)];
+                values[at(slot)] = column[segment];
             }
         }
         let largest = vec![0.0; values.len()];
@@ -86,7 +87,7 @@ impl<'a> DoubleRun<'a> {
 
     /// Sets a state.
     pub fn set_state(&mut self, index: usize, number: f64) {
-        let slot = self.slots.of(self.graph.states[index].0) as usize;
+        let slot = at(self.slots.of(self.graph.states[index].0));
         self.values[slot] = number;
         self.largest[slot] = self.largest[slot].max(number.abs());
     }
@@ -103,7 +104,7 @@ impl<'a> DoubleRun<'a> {
 
     /// A value by its index: of the latest step, but for states, which are those of the next.
     pub fn value(&self, index: usize) -> f64 {
-        self.number(ValueId(index as u32))
+        self.number(ValueId(index::number(index)))
     }
 
     /// A published output after a step.
@@ -112,7 +113,7 @@ impl<'a> DoubleRun<'a> {
     }
 
     fn number(&self, value: ValueId) -> f64 {
-        self.values[self.slots.of(value) as usize]
+        self.values[at(self.slots.of(value))]
     }
 
     /// Largest magnitude of each value so far.
@@ -136,7 +137,7 @@ impl<'a> DoubleRun<'a> {
     /// [`Diverged`] if a value is no longer finite.
     pub fn step(&mut self, inputs: &[f64]) -> Result<(), Diverged> {
         for (value, number) in self.graph.inputs.iter().zip(inputs) {
-            self.values[self.slots.of(*value) as usize] = *number;
+            self.values[at(self.slots.of(*value))] = *number;
         }
         let given = 0..self.slots.given;
         let mut finite = note_largest(&mut self.largest[given.clone()], &self.values[given]);
@@ -163,20 +164,20 @@ impl<'a> DoubleRun<'a> {
         let mut sums = DoubleSums([0.0; LANES]);
         for part in &self.tape.parts {
             let tile = match part {
-                Part::Tile(index) => &self.tiles.tiles[*index as usize],
+                Part::Tile(index) => &self.tiles.tiles[at(*index)],
                 Part::Chains(chains) => {
                     finite &= self.tape.run(chains, &mut self.values, &mut self.largest, &mut self.functions);
                     continue;
                 }
             };
-            let lanes = tile.lanes as usize;
+            let lanes = at(tile.lanes);
             if let Some(lookups) = tile.lookups {
                 look_up(&self.tiles, lanes, lookups, &mut self.values);
                 continue;
             }
             sums.0[..lanes].fill(0.0);
             lanes::accumulate((&self.tiles, tile), (&self.values, &self.values), &mut room, &mut sums);
-            for writes in &self.tiles.writes[tile.writes.start as usize..tile.writes.end as usize] {
+            for writes in &self.tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
                 let bases = lanes::values(writes.bases, lanes, &self.values, &self.tiles.slots, &mut bases);
                 let results = &mut results[..lanes];
                 match writes.shifts {
@@ -187,24 +188,24 @@ impl<'a> DoubleRun<'a> {
                         }
                     }
                     Shared::Each(start) => {
-                        let weights = &self.tiles.shifts[start as usize..][..lanes];
+                        let weights = &self.tiles.shifts[at(start)..][..lanes];
                         for (((result, base), sum), weight) in results.iter_mut().zip(bases).zip(&sums.0).zip(weights) {
                             *result = base + power_of_two(*weight) * sum;
                         }
                     }
                 }
                 if tile.class != 0 {
-                    self.functions.apply(tile.class, results, |lane| self.tiles.slot(writes.targets, lane) as u32);
+                    self.functions
+                        .apply(tile.class, results, |lane| index::number(self.tiles.slot(writes.targets, lane)));
                 }
                 lanes::store(writes.targets, results, &mut self.values, &self.tiles.slots);
                 finite &= match writes.targets {
-                    Place::Row(start) => note_largest(&mut self.largest[start as usize..][..lanes], results),
-                    Place::Same(slot) => note_largest(&mut self.largest[slot as usize..][..1], results),
+                    Place::Row(start) => note_largest(&mut self.largest[at(start)..][..lanes], results),
+                    Place::Same(slot) => note_largest(&mut self.largest[at(slot)..][..1], results),
                     Place::Each(start) => {
-                        let slots = &self.tiles.slots[start as usize..][..lanes];
+                        let slots = &self.tiles.slots[at(start)..][..lanes];
                         slots.iter().zip(results).fold(true, |finite, (slot, result)| {
-                            finite
-                                & note_largest(&mut self.largest[*slot as usize..][..1], std::slice::from_ref(result))
+                            finite & note_largest(&mut self.largest[at(*slot)..][..1], std::slice::from_ref(result))
                         })
                     }
                 };

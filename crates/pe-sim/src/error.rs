@@ -1,5 +1,7 @@
 //! Comparison of a run with a reference run at sample times, state by state; [`crate::compared`] does it at every step.
 
+use pe_ir::index::at;
+
 /// Part of the largest magnitude of its quantity that the scale of a state has at least.
 pub const SCALE_FLOOR: f64 = 1e-6;
 
@@ -45,12 +47,12 @@ impl Trajectory {
                 *largest = largest.max(number.abs());
             }
         }
-        let quantities = quantity.iter().max().map_or(0, |q| *q as usize + 1);
+        let quantities = quantity.iter().max().map_or(0, |q| at(*q) + 1);
         let mut shared = vec![0.0f64; quantities];
         for (number, quantity) in own.iter().zip(quantity) {
-            shared[*quantity as usize] = shared[*quantity as usize].max(*number);
+            shared[at(*quantity)] = shared[at(*quantity)].max(*number);
         }
-        own.iter().zip(quantity).map(|(own, quantity)| own.max(SCALE_FLOOR * shared[*quantity as usize])).collect()
+        own.iter().zip(quantity).map(|(own, quantity)| own.max(SCALE_FLOOR * shared[at(*quantity)])).collect()
     }
 
     /// The last sample alone.

@@ -1,6 +1,7 @@
 //! The step graph in fixed point: bit for bit what the hardware computes, without its timing.
 
 use pe_ir::graph::{FixedPoint, Role, StepGraph, ValueId};
+use pe_ir::index::{self, at};
 use pe_ir::word::WordFormat;
 
 use crate::slots::Slots;
@@ -56,14 +57,14 @@ impl<'a> FixedRun<'a> {
             let (word, saturated) =
                 fixed.format.encode(*initial, fixed.exponents[id.index()], fixed.format.data_offset());
             run.set(id, word);
-            let slot = run.slots.of(id) as usize;
+            let slot = at(run.slots.of(id));
             on_words!(&mut run.state, words => words.saturations[slot] += u64::from(saturated));
         }
         run
     }
 
     fn set(&mut self, id: ValueId, word: i64) {
-        let slot = self.slots.of(id) as usize;
+        let slot = at(self.slots.of(id));
         on_words!(&mut self.state, words => words.set(slot, word));
     }
 
@@ -99,7 +100,7 @@ impl<'a> FixedRun<'a> {
 
     /// Stored word of a value.
     pub fn word(&self, id: ValueId) -> i64 {
-        let slot = self.slots.of(id) as usize;
+        let slot = at(self.slots.of(id));
         on_words!(&self.state, words => words.words[slot])
     }
 
@@ -135,15 +136,15 @@ fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots) -> (Wo
     );
     let has_factors = graph.values.iter().any(|value| value.factor);
     let mut words = Words::new(fixed.format, slots.count(), has_factors);
-    words.set(slots.zero() as usize, fixed.format.data_offset());
+    words.set(at(slots.zero()), fixed.format.data_offset());
     for (index, value) in graph.values.iter().enumerate() {
-        let id = ValueId(index as u32);
+        let id = ValueId(index::number(index));
         if let Role::Constant(_) = value.role {
-            words.set(slots.of(id) as usize, fixed.constant_word(graph, id));
+            words.set(at(slots.of(id)), fixed.constant_word(graph, id));
         }
     }
     for (value, segment, slot) in slots.column_entries(graph) {
-        words.set(slot as usize, fixed.column_word(graph, value, segment));
+        words.set(at(slot), fixed.column_word(graph, value, segment));
     }
     (words, tiles)
 }

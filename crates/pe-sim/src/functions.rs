@@ -2,6 +2,7 @@
 
 use pe_ir::functions::ScalarFunction;
 use pe_ir::graph::{Chain, StepGraph};
+use pe_ir::index::at;
 
 /// What a run needs to know of the step's functions.
 ///
@@ -30,7 +31,7 @@ impl FunctionRun {
 
     /// Applies the function of a class to the sums of a tile; `target` gives the slot of a lane.
     pub fn apply(&mut self, class: u32, numbers: &mut [f64], target: impl Fn(usize) -> u32) {
-        let index = class as usize - 1;
+        let index = at(class) - 1;
         let (low, high) = &mut self.arguments[index];
         for (lane, number) in numbers.iter_mut().enumerate() {
             let argument = *number;

@@ -1,6 +1,7 @@
 //! The inner loops over the lanes of a tile, written so that the compiler forms vectors of them.
 
 use crate::tiles::{Factors, LANES, Place, Shared, Tile, Tiles};
+use pe_ir::index;
 
 /// Sums of the lanes of a tile. `V` is what a slot holds, `C` what it is multiplied by.
 pub(crate) trait Sums<V, C> {
@@ -152,7 +153,7 @@ impl<V: Copy + Default> Gathered<V> {
 /// would keep it from unrolling.
 #[inline(always)]
 fn at<V: Copy>(values: &[V], slot: u32) -> V {
-    values[(slot as usize).min(values.len() - 1)]
+    values[index::at(slot).min(values.len() - 1)]
 }
 
 /// Adds the products of a tile to `sums`, term after term: operands from `data`, second factors from `factors`.
@@ -163,33 +164,33 @@ pub(crate) fn accumulate<V: Copy, C: Copy, S: Sums<V, C> + Sums<V, V>>(
     room: &mut Gathered<V>,
     sums: &mut S,
 ) {
-    let lanes = tile.lanes as usize;
-    for products in &tiles.products[tile.products.start as usize..tile.products.end as usize] {
+    let lanes = index::at(tile.lanes);
+    for products in &tiles.products[index::at(tile.products.start)..tile.products.end as usize] {
         match (products.operands, products.factors) {
             (Place::Row(start), Factors::Coefficients(Shared::Same(coefficient))) => {
-                let operands = &data[start as usize..][..lanes];
+                let operands = &data[index::at(start)..][..lanes];
                 sums.add(operands.iter().map(|operand| (*operand, coefficient)));
             }
             (Place::Row(start), Factors::Coefficients(Shared::Each(coefficients))) => {
-                let operands = &data[start as usize..][..lanes];
-                let coefficients = &tiles.coefficients[coefficients as usize..][..lanes];
+                let operands = &data[index::at(start)..][..lanes];
+                let coefficients = &tiles.coefficients[index::at(coefficients)..][..lanes];
                 sums.add(operands.iter().copied().zip(coefficients.iter().copied()));
             }
             (Place::Each(start), Factors::Coefficients(Shared::Same(coefficient))) => {
-                let slots = &tiles.slots[start as usize..][..lanes];
+                let slots = &tiles.slots[index::at(start)..][..lanes];
                 sums.add(slots.iter().map(|slot| (at(data, *slot), coefficient)));
             }
             (Place::Each(start), Factors::Coefficients(Shared::Each(coefficients))) => {
-                let slots = &tiles.slots[start as usize..][..lanes];
-                let coefficients = &tiles.coefficients[coefficients as usize..][..lanes];
+                let slots = &tiles.slots[index::at(start)..][..lanes];
+                let coefficients = &tiles.coefficients[index::at(coefficients)..][..lanes];
                 sums.add(slots.iter().map(|slot| at(data, *slot)).zip(coefficients.iter().copied()));
             }
             (Place::Same(slot), Factors::Coefficients(Shared::Same(coefficient))) => {
-                sums.add(std::iter::repeat_n((data[slot as usize], coefficient), lanes));
+                sums.add(std::iter::repeat_n((data[index::at(slot)], coefficient), lanes));
             }
             (Place::Same(slot), Factors::Coefficients(Shared::Each(coefficients))) => {
-                let operand = data[slot as usize];
-                let coefficients = &tiles.coefficients[coefficients as usize..][..lanes];
+                let operand = data[index::at(slot)];
+                let coefficients = &tiles.coefficients[index::at(coefficients)..][..lanes];
                 sums.add(coefficients.iter().map(|coefficient| (operand, *coefficient)));
             }
             (place, Factors::Values(other)) => {
@@ -211,13 +212,13 @@ pub(crate) fn values<'a, V: Copy>(
     room: &'a mut [V; LANES],
 ) -> &'a [V] {
     match place {
-        Place::Row(start) => &all[start as usize..][..lanes],
+        Place::Row(start) => &all[index::at(start)..][..lanes],
         Place::Same(slot) => {
-            room[..lanes].fill(all[slot as usize]);
+            room[..lanes].fill(all[index::at(slot)]);
             &room[..lanes]
         }
         Place::Each(start) => {
-            for (value, slot) in room.iter_mut().zip(&slots[start as usize..][..lanes]) {
+            for (value, slot) in room.iter_mut().zip(&slots[index::at(start)..][..lanes]) {
                 *value = at(all, *slot);
             }
             &room[..lanes]
@@ -229,11 +230,11 @@ pub(crate) fn values<'a, V: Copy>(
 #[inline(always)]
 pub(crate) fn store<V: Copy>(place: Place, lanes: &[V], all: &mut [V], slots: &[u32]) {
     match place {
-        Place::Row(start) => all[start as usize..][..lanes.len()].copy_from_slice(lanes),
-        Place::Same(slot) => all[slot as usize] = lanes[lanes.len() - 1],
+        Place::Row(start) => all[index::at(start)..][..lanes.len()].copy_from_slice(lanes),
+        Place::Same(slot) => all[index::at(slot)] = lanes[lanes.len() - 1],
         Place::Each(start) => {
-            for (value, slot) in lanes.iter().zip(&slots[start as usize..][..lanes.len()]) {
-                all[*slot as usize] = *value;
+            for (value, slot) in lanes.iter().zip(&slots[index::at(start)..][..lanes.len()]) {
+                all[index::at(*slot)] = *value;
             }
         }
     }

@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use pe_ir::index;
 use pe_ir::model::{Expr, Model, State, Variable};
 
 /// Whether the Jacobian of a model is the same everywhere: no product of variables, no function, no choice.
@@ -31,7 +32,7 @@ fn degree(expr: &Expr, algebraics: &[u32]) -> u32 {
     let degree_of = |member: &Expr| degree(member, algebraics);
     match expr {
         Expr::Constant(_) => 0,
-        Expr::Variable(Variable::Algebraic(index)) => algebraics[*index as usize],
+        Expr::Variable(Variable::Algebraic(index)) => algebraics[index::at(*index)],
         Expr::Variable(_) => 1,
         Expr::Sum(members) => members.iter().map(degree_of).max().unwrap_or(0),
         Expr::Product(members) => members.iter().map(degree_of).sum::<u32>().min(2),
@@ -75,7 +76,7 @@ impl Linearised {
 
     /// The equations of some states; all else stands still.
     fn of(model: &Model, states: &[f64], inputs: &[f64], counts: &dyn Fn(&State) -> bool) -> Linearised {
-        let count = model.states.len() as u32;
+        let count = index::number(model.states.len());
         let mut algebraics: Vec<f64> = Vec::with_capacity(model.algebraics.len());
         let (mut rows, mut entries) = (Vec::new(), Vec::new());
         let mut derivatives = Vec::with_capacity(states.len());
@@ -84,11 +85,11 @@ impl Linearised {
         let slopes = model.states.iter().map(|state| if counts(state) { &state.derivative } else { &still });
         for (index, expr) in all.chain(slopes).enumerate() {
             let value = |variable| match variable {
-                Variable::State(state) => states[state as usize],
-                Variable::Input(input) => inputs[input as usize],
-                Variable::Algebraic(algebraic) => algebraics[algebraic as usize],
+                Variable::State(state) => states[index::at(state)],
+                Variable::Input(input) => inputs[index::at(input)],
+                Variable::Algebraic(algebraic) => algebraics[index::at(algebraic)],
             };
-            let start = entries.len() as u32;
+            let start = index::number(entries.len());
             expr.gradient(&value, 1.0, &mut |variable, partial| match variable {
                 Variable::State(state) => entries.push((state, partial)),
                 Variable::Algebraic(algebraic) => entries.push((count + algebraic, partial)),
@@ -128,8 +129,8 @@ impl Linearised {
         let mut changes = Vec::with_capacity(vector.len() + algebraics);
         changes.extend_from_slice(vector);
         let sum = |row: &Range<u32>, changes: &[f64]| {
-            let entries = &self.entries[row.start as usize..row.end as usize];
-            entries.iter().map(|(column, partial)| weigh(*partial) * changes[*column as usize]).sum::<f64>()
+            let entries = &self.entries[index::at(row.start)..row.end as usize];
+            entries.iter().map(|(column, partial)| weigh(*partial) * changes[index::at(*column)]).sum::<f64>()
         };
         for row in &self.rows[..algebraics] {
             changes.push(sum(row, &changes));

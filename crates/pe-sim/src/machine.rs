@@ -3,6 +3,7 @@
 //! A step does the same whatever the numbers, so its control words are followed once ([`crate::record`]) and what they
 //! compute is run for each step, many sums at a time ([`crate::tiles`]).
 
+use pe_ir::index::{at, number};
 use pe_ir::program::{ControlWord, Fold, Layout, Program};
 use pe_ir::word::WordFormat;
 
@@ -95,7 +96,7 @@ impl<'a> Machine<'a> {
             let stored = (i128::from(word) << format.guard_bits) + i128::from(format.data_offset());
             self.overflow |= stored > i128::from(format.max_word());
             let slot = self.homes.input(index);
-            on_steps!(&mut self.network, steps => steps.words.set_operand(slot as usize, format.input_operand(word)));
+            on_steps!(&mut self.network, steps => steps.words.set_operand(at(slot), format.input_operand(word)));
         }
         let step = (self.cycle, self.parity, &mut self.checksums[..]);
         self.overflow |= on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
@@ -130,8 +131,8 @@ impl<'a> Machine<'a> {
     /// Stored word of a state as the next step starts.
     pub fn state(&self, index: usize) -> i64 {
         let (pe, word) = self.program.states[index].own;
-        let word = self.program.pes[pe as usize].features.base_word(word);
-        let slot = self.homes.base(pe as usize, word) as usize;
+        let word = self.program.pes[at(pe)].features.base_word(word);
+        let slot = at(self.homes.base(at(pe), word));
         on_steps!(&self.network, steps => steps.words.words[slot])
     }
 }
@@ -178,12 +179,12 @@ impl<P: Port> Steps<P> {
         }
         // Keeping a sum may need another one of the step before.
         let mut sum = 0;
-        while sum < kept.sums.len() as u32 {
+        while sum < number(kept.sums.len()) {
             recordings.iter_mut().for_each(|recording| recording.keep(sum, &mut kept));
             sum += 1;
         }
         let needed = needed_homes(program, homes, &recordings);
-        let slots = recordings.iter().map(|recording| recording.slots).max().unwrap_or(0) as usize;
+        let slots = at(recordings.iter().map(|recording| recording.slots).max().unwrap_or(0));
         let has_factors = program.pes.iter().any(|pe| pe.features.factor);
         let mut steps = recordings.into_iter().map(|recording| Step::new(recording, program, homes, &needed));
         let (settling, even, odd) = (steps.next(), steps.next(), steps.next());
@@ -213,19 +214,18 @@ impl<P: Port> Steps<P> {
         let words = &mut self.words;
         let mut overflow = words.run(&step.tiles, &self.kept.0, &mut self.kept.1);
         if overflow {
-            let saturated = |slots: &[u32]| slots.iter().any(|slot| words.saturations[*slot as usize] > 0);
+            let saturated = |slots: &[u32]| slots.iter().any(|slot| words.saturations[at(*slot)] > 0);
             overflow = saturated(&step.flagged);
             self.escaped |= saturated(&step.proven);
             words.saturations.fill(0);
         }
         // The hardware's sum of such operands wraps; here it does not, so from then on only the flag is that of the hardware.
         let half = 1 << (format.data_bits - 2);
-        let too_large =
-            |slots: &[u32]| slots.iter().any(|slot| !(-half..half).contains(&words.data[*slot as usize].into()));
+        let too_large = |slots: &[u32]| slots.iter().any(|slot| !(-half..half).contains(&words.data[at(*slot)].into()));
         overflow |= self.too_large | too_large(&step.paired);
         self.too_large = too_large(&step.paired_last);
         for write in &step.writes {
-            let slot = write.slot as usize;
+            let slot = at(write.slot);
             let (word, bits) = match write.own {
                 true => (words.words[slot], format.word_bits()),
                 false => (words.data[slot].into(), format.data_bits),
@@ -235,7 +235,7 @@ impl<P: Port> Steps<P> {
         }
         step.checksums.advance(checksums, format, &words.words, &words.data);
         for (output, (slot, proven)) in outputs.iter_mut().zip(&step.outputs) {
-            let (shown, clamped) = shown(format, words.words[*slot as usize]);
+            let (shown, clamped) = shown(format, words.words[at(*slot)]);
             *output = shown;
             self.escaped |= proven & clamped;
         }
@@ -250,10 +250,10 @@ impl<P: Port> Steps<P> {
 impl<P: Port> Step<P> {
     fn new(recording: Recording, program: &Program, homes: &Homes, needed: &[bool]) -> Step<P> {
         // What the step computes is renumbered so that tiles write rows.
-        let order = tiles::rows(&recording.chains, &recording.terms, recording.slots as usize, &recording.columns);
+        let order = tiles::rows(&recording.chains, &recording.terms, at(recording.slots), &recording.columns);
         let mut renumbered: Vec<u32> = (0..recording.slots).collect();
-        order.iter().zip(homes.count..).for_each(|(slot, new)| renumbered[*slot as usize] = new);
-        let slot = |slot: u32| renumbered[slot as usize];
+        order.iter().zip(homes.count..).for_each(|(slot, new)| renumbered[at(*slot)] = new);
+        let slot = |slot: u32| renumbered[at(slot)];
         let term = |term: &Term<i64>| Term {
             operand: slot(term.operand),
             factor: match term.factor {
@@ -281,7 +281,7 @@ impl<P: Port> Step<P> {
         let columns = Columns { choices, ..recording.columns };
         let mut moves = recording.moves(homes);
         for list in [&mut moves.words, &mut moves.operands, &mut moves.factors] {
-            list.retain(|(_, to)| needed[*to as usize]);
+            list.retain(|(_, to)| needed[at(*to)]);
             list.iter_mut().for_each(|(from, _)| *from = slot(*from));
         }
         let writes: Vec<MemoryWrite> =
@@ -293,7 +293,7 @@ impl<P: Port> Step<P> {
             named
         };
         Step {
-            tiles: Tiles::new(&chains, &terms, recording.slots as usize, columns),
+            tiles: Tiles::new(&chains, &terms, at(recording.slots), columns),
             checksums: Checksums::new(&writes, program.pes.len()),
             writes,
             outputs: recording.outputs.iter().zip(&program.outputs).map(|(o, port)| (slot(*o), port.proven)).collect(),
@@ -309,15 +309,15 @@ impl<P: Port> Step<P> {
 /// Moves values, all of which leave before the first one arrives.
 fn take_over<T: Copy>(moves: &[Move], values: &mut [T], moving: &mut Vec<T>) {
     moving.clear();
-    moving.extend(moves.iter().map(|(from, _)| values[*from as usize]));
-    moves.iter().zip(moving).for_each(|((_, to), value)| values[*to as usize] = *value);
+    moving.extend(moves.iter().map(|(from, _)| values[at(*from)]));
+    moves.iter().zip(moving).for_each(|((_, to), value)| values[at(*to)] = *value);
 }
 
 /// Homes that a step reads, or that anyone may look at: the states.
 fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> Vec<bool> {
     let slots = recordings.iter().map(|recording| recording.slots).max().unwrap_or(0);
-    let mut needed = vec![false; slots as usize];
-    let mut need = |slot: u32| needed[slot as usize] = true;
+    let mut needed = vec![false; at(slots)];
+    let mut need = |slot: u32| needed[at(slot)] = true;
     for recording in recordings {
         for term in &recording.terms {
             need(term.operand);
@@ -332,7 +332,7 @@ fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> V
         recording.outputs.iter().copied().for_each(&mut need);
     }
     for state in &program.states {
-        let (pe, word) = (state.own.0 as usize, state.own.1);
+        let (pe, word) = (at(state.own.0), state.own.1);
         need(homes.base(pe, program.pes[pe].features.base_word(word)));
     }
     let moves = recordings.iter().map(|recording| recording.moves(homes));
@@ -340,8 +340,8 @@ fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> V
     loop {
         let mut more = false;
         for (from, to) in &moves {
-            if needed[*to as usize] && !needed[*from as usize] {
-                needed[*from as usize] = true;
+            if needed[at(*to)] && !needed[at(*from)] {
+                needed[at(*from)] = true;
                 more = true;
             }
         }
@@ -354,20 +354,20 @@ fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> V
 /// The words of the initial memory images.
 fn image<P: Port>(program: &Program, homes: &Homes, slots: usize, has_factors: bool) -> Words<P> {
     let mut words = Words::new(program.format, slots, has_factors);
-    words.set(NULL as usize, 0);
-    words.set(OFFSET as usize, program.format.data_offset());
+    words.set(at(NULL), 0);
+    words.set(at(OFFSET), program.format.data_offset());
     for (index, pe) in program.pes.iter().enumerate() {
         for (address, operand) in pe.own_image.iter().enumerate() {
-            words.set_operand(homes.own(index, address) as usize, *operand);
+            words.set_operand(at(homes.own(index, address)), *operand);
         }
         for (address, word) in pe.base_image.iter().enumerate() {
-            words.set(homes.base(index, address) as usize, *word);
+            words.set(at(homes.base(index, address)), *word);
         }
         for (address, operand) in pe.coefficient_image.iter().enumerate() {
-            words.set_factor(homes.coefficient(index, address) as usize, *operand);
+            words.set_factor(at(homes.coefficient(index, address)), *operand);
         }
         for (address, operand) in pe.imported_image.iter().enumerate() {
-            words.set_operand(homes.imported(index, address) as usize, *operand);
+            words.set_operand(at(homes.imported(index, address)), *operand);
         }
     }
     words

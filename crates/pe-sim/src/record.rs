@@ -11,6 +11,7 @@ use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 
+use pe_ir::index::{self, at};
 use pe_ir::program::{Address, ControlWord, LinkSource, Multiplier, Program};
 
 use crate::tiles::{Chain, Columns, Factor, Outcome, Term, Write};
@@ -45,11 +46,11 @@ struct PeHomes {
 
 impl Homes {
     pub fn new(program: &Program) -> Homes {
-        let mut count = OFFSET + 1 + program.inputs.len() as u32;
+        let mut count = OFFSET + 1 + index::number(program.inputs.len());
         let results = result_registers(program);
         let mut take = |words: usize| {
-            count += words as u32;
-            count - words as u32
+            count += index::number(words);
+            count - index::number(words)
         };
         let mut home = |pe: &pe_ir::program::PeProgram| PeHomes {
             own: take(pe.own_image.len()),
@@ -58,8 +59,8 @@ impl Homes {
             imported: take(pe.imported_image.len()),
             link: take(1),
             scale: take(1),
-            results: take(results as usize),
-            indices: take(pe.features.index_words as usize),
+            results: take(at(results)),
+            indices: take(at(pe.features.index_words)),
             index: take(1),
         };
         let pes = program.pes.iter().map(&mut home).collect();
@@ -73,22 +74,22 @@ impl Homes {
 
     /// A word of an own memory.
     pub fn own(&self, pe: usize, word: usize) -> u32 {
-        self.pes[pe].own + word as u32
+        self.pes[pe].own + index::number(word)
     }
 
     /// A word of a base memory.
     pub fn base(&self, pe: usize, word: usize) -> u32 {
-        self.pes[pe].base + word as u32
+        self.pes[pe].base + index::number(word)
     }
 
     /// A word of a coefficient memory.
     pub fn coefficient(&self, pe: usize, word: usize) -> u32 {
-        self.pes[pe].coefficients + word as u32
+        self.pes[pe].coefficients + index::number(word)
     }
 
     /// A word of an imported memory.
     pub fn imported(&self, pe: usize, word: usize) -> u32 {
-        self.pes[pe].imported + word as u32
+        self.pes[pe].imported + index::number(word)
     }
 }
 
@@ -104,7 +105,7 @@ impl KeptSums {
         if registers == 0 {
             return None;
         }
-        let next = self.sums.len() as u32;
+        let next = index::number(self.sums.len());
         let index = *self.indices.entry((pe, registers)).or_insert(next);
         if index == next {
             self.sums.push((pe, registers));
@@ -273,7 +274,7 @@ impl Recording {
         for cycle in 0..stretch.count {
             let links: Vec<u32> = recording.pes.iter().map(|pe| pe.link).collect();
             for pe in 0..program.pes.len() {
-                let captured = captures.get(&(word, pe as u32)).map_or(&[][..], Vec::as_slice);
+                let captured = captures.get(&(word, index::number(pe))).map_or(&[][..], Vec::as_slice);
                 recording.clock(stretch, homes, kept, (cycle, word, parity), pe, &links, captured);
             }
             word += 1;
@@ -301,7 +302,7 @@ impl Recording {
     ) {
         let ends_step = stretch.program.ends_step(word);
         let program = &stretch.program.pes[index];
-        let word = stretch.words[index][word as usize];
+        let word = stretch.words[index][at(word)];
         let pe = &self.pes[index];
         let own_depth = pe.own.len();
         // Reads come before the writes at the end of the word.
@@ -340,7 +341,13 @@ impl Recording {
                 if target.factor {
                     pe.coefficients[program.features.factor_word(target.address.word)] = Factor::Value(slot);
                 }
-                self.writes.push(MemoryWrite { cycle, pe: index as u32, address: address as u32, slot, own: true });
+                self.writes.push(MemoryWrite {
+                    cycle,
+                    pe: index::number(index),
+                    address: index::number(address),
+                    slot,
+                    own: true,
+                });
             }
             if let Some((address, octaves)) = write_index {
                 let segment = self.lookup(|target| Outcome::Segment { target, argument: slot, octaves });
@@ -359,13 +366,13 @@ impl Recording {
         let pe = &mut self.pes[index];
         if let Some((port, a)) = word.receive.filter(|_| !stretch.settle) {
             let slot = match program.ports[usize::from(port)] {
-                LinkSource::Pe(source) => links[source as usize],
+                LinkSource::Pe(source) => links[at(source)],
                 LinkSource::Input(input) => homes.input(input),
             };
             let address = physical(a, pe.imported.len(), parity);
             pe.imported[address] = slot;
-            let address = program.features.write_words() + address as u32;
-            self.writes.push(MemoryWrite { cycle, pe: index as u32, address, slot, own: false });
+            let address = program.features.write_words() + index::number(address);
+            self.writes.push(MemoryWrite { cycle, pe: index::number(index), address, slot, own: false });
         }
         let scaled = Pending { base: pe.scale.0, held: Rc::clone(&pe.hold), shift: pe.scale.1, slot: None };
         pe.results.push_back(scaled);
@@ -390,7 +397,7 @@ impl Recording {
         let segment = pe.index;
         let words = 0..self.columns.segments.count();
         let among: Vec<u32> = words.map(|index| pe.base[usize::from(word) | index]).collect();
-        let next = self.columns.choices.len() as u32;
+        let next = index::number(self.columns.choices.len());
         let first = *self.known_choices.entry(among).or_insert_with_key(|among| {
             self.columns.choices.extend(among);
             next
@@ -402,7 +409,7 @@ impl Recording {
     fn lookup(&mut self, outcome: impl FnOnce(u32) -> Outcome) -> u32 {
         let slot = self.slots;
         self.slots += 1;
-        let none = self.terms.len() as u32;
+        let none = index::number(self.terms.len());
         self.chains.push(Chain { terms: none..none, start: None, outcome: outcome(slot), class: 0 });
         slot
     }
@@ -420,21 +427,21 @@ impl Recording {
         // A sum is written three times at most, and again only with a base that is there before the first write or is
         // its result.
         if let Some(chain) = pending.held.chain.get()
-            && let Outcome::Words(first, others) = &mut self.chains[chain as usize].outcome
+            && let Outcome::Words(first, others) = &mut self.chains[at(chain)].outcome
             && pending.base <= first.target
             && let Some(other) = others.iter_mut().find(|other| other.is_none())
         {
             *other = Some(write);
             return slot;
         }
-        pending.held.chain.set(Some(self.chains.len() as u32));
-        let start = kept.index(index as u32, pending.held.sum.registers);
+        pending.held.chain.set(Some(index::number(self.chains.len())));
+        let start = kept.index(index::number(index), pending.held.sum.registers);
         self.chain(index, &pending.held.sum.terms, start, Outcome::Words(write, [None, None]));
         slot
     }
 
     fn chain(&mut self, pe: usize, terms: &[Term<i64>], start: Option<u32>, outcome: Outcome) {
-        let from = self.terms.len() as u32;
+        let from = index::number(self.terms.len());
         self.terms.extend_from_slice(terms);
         let limit = self.accumulator_bits[pe];
         let bits = self.bits(terms);
@@ -455,10 +462,10 @@ impl Recording {
 
     /// Adds chains that keep the sum of some registers of a PE as they are at the end.
     pub fn keep(&mut self, sum: u32, kept: &mut KeptSums) {
-        let (pe, registers) = kept.sums[sum as usize];
-        let all = self.pes[pe as usize].sum_of(registers);
+        let (pe, registers) = kept.sums[at(sum)];
+        let all = self.pes[at(pe)].sum_of(registers);
         let start = kept.index(pe, all.registers);
-        self.chain(pe as usize, &all.terms, start, Outcome::Kept(sum));
+        self.chain(at(pe), &all.terms, start, Outcome::Kept(sum));
     }
 
     /// What homes have to take over at the end.
@@ -494,11 +501,11 @@ impl Pe {
                 return (NULL, 0);
             }
             let period = stretch.program.period;
-            let word = stretch.words[index][((stretch.from + period - before) % period) as usize];
+            let word = stretch.words[index][at((stretch.from + period - before) % period)];
             (base, program.features.shifts.get(usize::from(word.shift)).copied().unwrap_or(0))
         };
         let period = stretch.program.period;
-        let before = stretch.words[index][((stretch.from + period - 1) % period) as usize];
+        let before = stretch.words[index][at((stretch.from + period - 1) % period)];
         let register = |bit: u64| if stretch.settle { Sum::default() } else { Sum::of_register(bit) };
         let held = |bit: u64| Rc::new(Held { sum: register(bit), chain: Cell::new(None) });
         let results = result_registers(stretch.program);
@@ -510,14 +517,14 @@ impl Pe {
         let written: BTreeSet<usize> =
             targets.map(|target| program.features.factor_word(target.address.word)).collect();
         let coefficient = |(word, number): (usize, &i64)| match written.contains(&word) {
-            true => Factor::Value(homes.coefficients + word as u32),
+            true => Factor::Value(homes.coefficients + index::number(word)),
             false => Factor::Coefficient(*number),
         };
         Pe {
-            base: (homes.base..homes.base + program.base_image.len() as u32).collect(),
+            base: (homes.base..homes.base + index::number(program.base_image.len())).collect(),
             coefficients: program.coefficient_image.iter().enumerate().map(coefficient).collect(),
-            own: (homes.own..homes.own + program.own_image.len() as u32).collect(),
-            imported: (homes.imported..homes.imported + program.imported_image.len() as u32).collect(),
+            own: (homes.own..homes.own + index::number(program.own_image.len())).collect(),
+            imported: (homes.imported..homes.imported + index::number(program.imported_image.len())).collect(),
             products: (0..accumulate)
                 .map(|position| Product { registers: register(PRODUCT << position).registers, terms: [None; 2] })
                 .collect(),

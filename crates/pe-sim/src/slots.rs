@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::graph::{Chain, Role, StepGraph, ValueId, Write};
+use pe_ir::index::{self, at};
 
 use crate::tiles::{self, Outcome};
 
@@ -50,11 +51,11 @@ impl Slots {
         let kinds = graph.values.iter().map(|value| kind(&value.role));
         let rows: Vec<(InRow, bool)> = (0..).zip(kinds).map(|(index, kind)| row(ValueId(index), kind)).collect();
         let mut order: Vec<u32> = (0..graph.values.len() as u32).collect();
-        order.sort_by_key(|index| (rows[*index as usize].0, *index));
+        order.sort_by_key(|index| (rows[at(*index)].0, *index));
         let (mut of, mut zero, mut given) = (vec![0; order.len()], 0u32, 0);
         let (mut before, mut start, mut behind) = (None, 0, 0);
         for value in order {
-            let ((kind, stage, place), exact) = rows[value as usize];
+            let ((kind, stage, place), exact) = rows[at(value)];
             if before.replace((kind, stage)) != Some((kind, stage)) {
                 zero = (zero + behind).next_multiple_of(align);
                 start = zero;
@@ -63,14 +64,14 @@ impl Slots {
             if exact {
                 zero = zero.max(start + place);
             }
-            of[value as usize] = zero;
+            of[at(value)] = zero;
             zero += 1;
             if kind < COMPUTED {
-                given = zero as usize;
+                given = at(zero);
             }
         }
         zero += behind;
-        let lookups = graph.functions.lookups.len() as u32;
+        let lookups = index::number(graph.functions.lookups.len());
         let mut slots = Slots {
             of,
             zero,
@@ -84,12 +85,12 @@ impl Slots {
         let mut known: BTreeMap<(u32, u8, i32), u32> = BTreeMap::new();
         for (index, value) in (0..).zip(&graph.values) {
             if let Role::Column(lookup, column) = value.role {
-                let table = graph.functions.lookups[lookup as usize].table;
-                let next = slots.columns.len() as u32;
+                let table = graph.functions.lookups[at(lookup)].table;
+                let next = index::number(slots.columns.len());
                 let number = *known.entry((table, column, column_kind(ValueId(index)))).or_insert(next);
                 if number == next {
                     slots.columns.push((ValueId(index), slots.entries));
-                    slots.entries += graph.functions.segments.count() as u32;
+                    slots.entries += index::number(graph.functions.segments.count());
                 }
                 slots.column_of.insert(index, number);
             }
@@ -136,7 +137,7 @@ impl Slots {
 
     /// Number of slots.
     pub fn count(&self) -> usize {
-        (self.first_entry() + self.entries) as usize
+        at(self.first_entry() + self.entries)
     }
 
     /// The slot of the segment of a lookup.
@@ -152,20 +153,20 @@ impl Slots {
     pub fn column_entries<'a>(&'a self, graph: &'a StepGraph) -> impl Iterator<Item = (ValueId, usize, u32)> + 'a {
         let segments = 0..graph.functions.segments.count();
         self.columns.iter().flat_map(move |(value, first)| {
-            segments.clone().map(move |segment| (*value, segment, self.first_entry() + first + segment as u32))
+            segments.clone().map(move |segment| (*value, segment, self.first_entry() + first + index::number(segment)))
         })
     }
 
     /// Numbers of all values, in the order of the graph, from those of all slots.
     pub fn in_graph_order<T: Copy>(&self, numbers: &[T]) -> Vec<T> {
-        self.of.iter().map(|slot| numbers[*slot as usize]).collect()
+        self.of.iter().map(|slot| numbers[at(*slot)]).collect()
     }
 
     /// The states of the next step take the place of those of this one.
     #[inline(always)]
     pub fn take_over<T: Copy>(&self, values: &mut [T]) {
         for (from, to, length) in &self.copies {
-            values.copy_within(*from as usize..(from + length) as usize, *to as usize);
+            values.copy_within(at(*from)..at(from + length), at(*to));
         }
     }
 
@@ -194,36 +195,36 @@ impl Slots {
         use pe_ir::graph::Factor;
         let mut terms = Vec::with_capacity(graph.terms.len());
         let mut chains = Vec::with_capacity(graph.chains.len());
-        let mut looked_up = vec![false; self.lookups as usize];
+        let mut looked_up = vec![false; at(self.lookups)];
         let mut chosen: BTreeSet<ValueId> = BTreeSet::new();
         for (index, chain) in graph.chains.iter().enumerate() {
             for base in chain.writes().filter_map(|write| write.base) {
                 let Role::Column(lookup, _) = graph.value(base).role else { continue };
                 let mut look_up = |outcome| {
-                    let none = terms.len() as u32;
+                    let none = index::number(terms.len());
                     chains.push(tiles::Chain { terms: none..none, start: None, outcome, class: 0 });
                 };
                 let segment = self.segment(lookup);
-                let lookup = lookup as usize;
+                let lookup = at(lookup);
                 if !std::mem::replace(&mut looked_up[lookup], true) {
                     let lookup = graph.functions.lookups[lookup];
-                    let octaves = graph.functions.tables[lookup.table as usize].octaves;
+                    let octaves = graph.functions.tables[at(lookup.table)].octaves;
                     look_up(Outcome::Segment { target: segment, argument: self.of(lookup.argument), octaves });
                 }
                 if chosen.insert(base) {
-                    let among = self.columns[self.column_of[&base.0] as usize].1;
+                    let among = self.columns[at(self.column_of[&base.0])].1;
                     look_up(Outcome::Choice { target: self.of(base), segment, among });
                 }
             }
-            let start = terms.len() as u32;
+            let start = index::number(terms.len());
             for with_factor in [false, true] {
                 for term in chain.terms.clone() {
-                    let factor = match graph.terms[term as usize].factor {
-                        Factor::Coefficient(_) => tiles::Factor::Coefficient(coefficient(term as usize)),
+                    let factor = match graph.terms[at(term)].factor {
+                        Factor::Coefficient(_) => tiles::Factor::Coefficient(coefficient(at(term))),
                         Factor::Value(value) => tiles::Factor::Value(self.of(value)),
                     };
                     if matches!(factor, tiles::Factor::Value(_)) == with_factor {
-                        terms.push(tiles::Term { operand: self.of(graph.terms[term as usize].operand), factor });
+                        terms.push(tiles::Term { operand: self.of(graph.terms[at(term)].operand), factor });
                     }
                 }
             }

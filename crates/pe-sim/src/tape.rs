@@ -3,6 +3,7 @@
 //! A tile of a few lanes costs more for the choice of its loops than for its products, and small models have no others.
 //! Here all is chosen beforehand: every product is that of two slots, coefficients among them.
 
+use pe_ir::index::{at, number};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -53,13 +54,13 @@ impl Tape {
         };
         let mut slot_of = BTreeMap::new();
         for (index, tile) in (0..).zip(&tiles.tiles) {
-            if tile.lanes as usize >= NARROW || tile.lookups.is_some() {
+            if at(tile.lanes) >= NARROW || tile.lookups.is_some() {
                 tape.parts.push(Part::Tile(index));
                 continue;
             }
-            let first = tape.chains.len() as u32;
+            let first = number(tape.chains.len());
             (0..tile.lanes as usize).for_each(|lane| tape.push(tiles, tile, lane, &mut slot_of, slots, &weight));
-            let end = tape.chains.len() as u32;
+            let end = number(tape.chains.len());
             match tape.parts.last_mut() {
                 Some(Part::Chains(chains)) => chains.end = end,
                 _ => tape.parts.push(Part::Chains(first..end)),
@@ -77,24 +78,24 @@ impl Tape {
         slots: usize,
         weight: impl Fn(i32) -> f64,
     ) {
-        let (products, writes) = (self.products.len() as u32, self.writes.len() as u32);
-        for product in &tiles.products[tile.products.start as usize..tile.products.end as usize] {
+        let (products, writes) = (number(self.products.len()), number(self.writes.len()));
+        for product in &tiles.products[at(tile.products.start)..tile.products.end as usize] {
             let factor = match product.factors {
-                Factors::Values(place) => tiles.slot(place, lane) as u32,
+                Factors::Values(place) => number(tiles.slot(place, lane)),
                 Factors::Coefficients(coefficients) => {
                     let coefficient = coefficients.of(lane, &tiles.coefficients);
                     *slot_of.entry(coefficient.to_bits()).or_insert_with(|| {
                         self.numbers.push(coefficient);
-                        (slots + self.numbers.len() - 1) as u32
+                        number(slots + self.numbers.len() - 1)
                     })
                 }
             };
-            self.products.push((tiles.slot(product.operands, lane) as u32, factor));
+            self.products.push((number(tiles.slot(product.operands, lane)), factor));
         }
-        for write in &tiles.writes[tile.writes.start as usize..tile.writes.end as usize] {
+        for write in &tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
             self.writes.push(Write {
-                target: tiles.slot(write.targets, lane) as u32,
-                base: tiles.slot(write.bases, lane) as u32,
+                target: number(tiles.slot(write.targets, lane)),
+                base: number(tiles.slot(write.bases, lane)),
                 weight: weight(write.shifts.of(lane, &tiles.shifts)),
             });
         }
@@ -112,17 +113,17 @@ impl Tape {
         functions: &mut FunctionRun,
     ) -> bool {
         let mut finite = true;
-        for chain in &self.chains[chains.start as usize..chains.end as usize] {
+        for chain in &self.chains[at(chains.start)..chains.end as usize] {
             let mut sum = 0.0;
-            for (operand, factor) in &self.products[chain.products.start as usize..chain.products.end as usize] {
-                sum += values[*operand as usize] * values[*factor as usize];
+            for (operand, factor) in &self.products[at(chain.products.start)..chain.products.end as usize] {
+                sum += values[at(*operand)] * values[at(*factor)];
             }
-            for write in &self.writes[chain.writes.start as usize..chain.writes.end as usize] {
-                let mut result = values[write.base as usize] + write.weight * sum;
+            for write in &self.writes[at(chain.writes.start)..chain.writes.end as usize] {
+                let mut result = values[at(write.base)] + write.weight * sum;
                 if chain.class != 0 {
                     functions.apply(chain.class, std::slice::from_mut(&mut result), |_| write.target);
                 }
-                let target = write.target as usize;
+                let target = at(write.target);
                 values[target] = result;
                 let magnitude = result.abs();
                 finite &= magnitude < f64::INFINITY;

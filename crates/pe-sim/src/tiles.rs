@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use pe_ir::functions::Segments;
+use pe_ir::index::{self, at};
 
 /// Most chains of a tile: enough to make the choice of a loop cheap, few enough for the nearest cache.
 pub(crate) const LANES: usize = 128;
@@ -144,7 +145,7 @@ impl<T: Copy> Shared<T> {
     pub fn of(self, lane: usize, all: &[T]) -> T {
         match self {
             Shared::Same(number) => number,
-            Shared::Each(start) => all[start as usize + lane],
+            Shared::Each(start) => all[at(start) + lane],
         }
     }
 }
@@ -243,10 +244,10 @@ impl<C: Copy + PartialEq> Tiles<C> {
     }
 
     fn push(&mut self, lanes: &[&Chain], terms: &[Term<C>]) {
-        let (products, writes) = (self.products.len() as u32, self.writes.len() as u32);
+        let (products, writes) = (index::number(self.products.len()), index::number(self.writes.len()));
         let first = lanes[0];
         for position in 0..first.terms.len() {
-            let term = |chain: &&Chain| terms[chain.terms.start as usize + position];
+            let term = |chain: &&Chain| terms[at(chain.terms.start) + position];
             let operands = self.place(lanes.iter().map(|chain| term(chain).operand));
             let factors = match term(&first).factor {
                 Factor::Value(_) => Factors::Values(self.place(lanes.iter().map(|chain| match term(chain).factor {
@@ -274,7 +275,7 @@ impl<C: Copy + PartialEq> Tiles<C> {
         let kept = matches!(first.outcome, Outcome::Kept(_)).then(|| self.place(lanes.iter().map(|c| c.target())));
         let lookups = self.lookups(lanes);
         self.tiles.push(Tile {
-            lanes: lanes.len() as u32,
+            lanes: index::number(lanes.len()),
             class: first.class,
             starts,
             kept,
@@ -306,7 +307,7 @@ impl<C: Copy + PartialEq> Tiles<C> {
         } else if slots.clone().all(|slot| slot == first) {
             Place::Same(first)
         } else {
-            let start = self.slots.len() as u32;
+            let start = index::number(self.slots.len());
             self.slots.extend(slots);
             Place::Each(start)
         }
@@ -316,16 +317,16 @@ impl<C: Copy + PartialEq> Tiles<C> {
 impl<C> Tiles<C> {
     /// The slot that a lane chooses in a segment.
     pub fn choice(&self, among: Shared<u32>, lane: usize, segment: usize) -> usize {
-        self.columns.choices[among.of(lane, &self.firsts) as usize + segment] as usize
+        at(self.columns.choices[at(among.of(lane, &self.firsts)) + segment])
     }
 
     /// The slot of a lane.
     #[inline(always)]
     pub fn slot(&self, place: Place, lane: usize) -> usize {
         match place {
-            Place::Row(start) => start as usize + lane,
-            Place::Same(slot) => slot as usize,
-            Place::Each(start) => self.slots[start as usize + lane] as usize,
+            Place::Row(start) => at(start) + lane,
+            Place::Same(slot) => at(slot),
+            Place::Each(start) => at(self.slots[at(start) + lane]),
         }
     }
 }
@@ -335,7 +336,7 @@ fn shared<T: Copy + PartialEq>(numbers: impl Iterator<Item = T> + Clone, all: &m
     if numbers.clone().all(|number| number == first) {
         return Shared::Same(first);
     }
-    let start = all.len() as u32;
+    let start = index::number(all.len());
     all.extend(numbers);
     Shared::Each(start)
 }
@@ -348,21 +349,21 @@ type Shape = (u32, u32, bool, u8, Reverse<usize>, Vec<bool>);
 pub(crate) fn levels<C>(chains: &[Chain], terms: &[Term<C>], slots: usize, columns: &Columns) -> Vec<u32> {
     let mut level_of = vec![0u32; slots];
     let mut level = |chain: &Chain| {
-        let own = &terms[chain.terms.start as usize..chain.terms.end as usize];
+        let own = &terms[at(chain.terms.start)..chain.terms.end as usize];
         let operands = own.iter().map(|term| term.operand);
         let factors = own.iter().filter_map(|term| match term.factor {
             Factor::Value(slot) => Some(slot),
             Factor::Coefficient(_) => None,
         });
         let among = match chain.outcome {
-            Outcome::Choice { among, .. } => &columns.choices[among as usize..][..columns.segments.count()],
+            Outcome::Choice { among, .. } => &columns.choices[at(among)..][..columns.segments.count()],
             _ => &[],
         };
         let read = operands.chain(factors).chain(chain.writes().map(|write| write.base));
         let read = read.chain(chain.looked_at()).chain(among.iter().copied());
-        let level = read.map(|slot| level_of[slot as usize]).max().unwrap_or(0);
+        let level = read.map(|slot| level_of[at(slot)]).max().unwrap_or(0);
         for target in chain.targets() {
-            level_of[target as usize] = level + 1;
+            level_of[at(target)] = level + 1;
         }
         level
     };
@@ -378,7 +379,7 @@ fn groups<'a, C>(
 ) -> BTreeMap<Shape, Vec<&'a Chain>> {
     let mut groups: BTreeMap<Shape, Vec<&Chain>> = BTreeMap::new();
     for (chain, level) in chains.iter().zip(levels(chains, terms, slots, columns)) {
-        let own = &terms[chain.terms.start as usize..chain.terms.end as usize];
+        let own = &terms[at(chain.terms.start)..chain.terms.end as usize];
         let kinds = own.iter().map(|term| matches!(term.factor, Factor::Value(_))).collect();
         let shape = (level, chain.class, chain.start.is_some(), chain.kind(), Reverse(own.len()), kinds);
         groups.entry(shape).or_default().push(chain);
@@ -450,7 +451,7 @@ impl Regular {
 }
 
 fn streams<'a, C>(chain: &'a Chain, terms: &'a [Term<C>]) -> impl Iterator<Item = u32> + 'a {
-    let own = &terms[chain.terms.start as usize..chain.terms.end as usize];
+    let own = &terms[at(chain.terms.start)..chain.terms.end as usize];
     let factors = own.iter().filter_map(|term| match term.factor {
         Factor::Value(slot) => Some(slot),
         Factor::Coefficient(_) => None,

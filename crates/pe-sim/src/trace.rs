@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use pe_ir::index::{at, number};
 use pe_ir::word::WordFormat;
 
 /// A data-memory write: `cycle pe address value`, see the datasheet, section "Trace".
@@ -81,7 +82,7 @@ struct PeChecksum {
 impl Checksums {
     pub fn new(writes: &[MemoryWrite], pes: usize) -> Checksums {
         let mut of_pe: Vec<Vec<&MemoryWrite>> = vec![Vec::new(); pes];
-        writes.iter().for_each(|write| of_pe[write.pe as usize].push(write));
+        writes.iter().for_each(|write| of_pe[at(write.pe)].push(write));
         let mut checksums = Checksums { pes: Vec::with_capacity(pes), own: Vec::new(), imported: Vec::new() };
         for writes in of_pe {
             let (mut factor, mut addresses) = (1u64, 0u64);
@@ -91,7 +92,7 @@ impl Checksums {
                 memory.push((write.slot, factor));
                 factor = factor.wrapping_mul(CHECKSUM_FACTOR);
             }
-            let ends = (checksums.own.len() as u32, checksums.imported.len() as u32);
+            let ends = (number(checksums.own.len()), number(checksums.imported.len()));
             checksums.pes.push(PeChecksum { factor, addresses, ends });
         }
         checksums
@@ -102,10 +103,10 @@ impl Checksums {
         let (word_mask, data_mask) = (u64::MAX >> (64 - format.word_bits()), u64::MAX >> (64 - format.data_bits));
         let mut starts = (0, 0);
         for (sum, pe) in sums.iter_mut().zip(&self.pes) {
-            let (own, imported) = (starts.0 as usize..pe.ends.0 as usize, starts.1 as usize..pe.ends.1 as usize);
-            let own = self.own[own].iter().map(|(slot, weight)| (words[*slot as usize] as u64 & word_mask, weight));
+            let (own, imported) = (at(starts.0)..pe.ends.0 as usize, at(starts.1)..pe.ends.1 as usize);
+            let own = self.own[own].iter().map(|(slot, weight)| (words[at(*slot)] as u64 & word_mask, weight));
             let imported = self.imported[imported].iter();
-            let imported = imported.map(|(slot, weight)| (data[*slot as usize].into() as u64 & data_mask, weight));
+            let imported = imported.map(|(slot, weight)| (data[at(*slot)].into() as u64 & data_mask, weight));
             let weigh = |sum: u64, (value, weight): (u64, &u64)| sum.wrapping_add(value.wrapping_mul(*weight));
             let before = sum.wrapping_mul(pe.factor).wrapping_add(pe.addresses);
             *sum = imported.fold(own.fold(before, weigh), weigh);

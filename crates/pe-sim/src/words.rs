@@ -1,5 +1,6 @@
 //! Tiles over stored words: the arithmetic of the hardware, many chains at a time.
 
+use pe_ir::index::at;
 use pe_ir::word::{WordFormat, round_shift};
 
 use crate::lanes::{self, Gathered, NarrowSums, SPLIT, SplitSums, WideSums};
@@ -114,7 +115,7 @@ impl<P: Port> Words<P> {
         let mut wide = WideSums([0; LANES]);
         let lift = self.format.lift();
         for tile in &tiles.tiles {
-            let lanes = tile.lanes as usize;
+            let lanes = at(tile.lanes);
             if let Some(lookups) = tile.lookups {
                 self.look_up(tiles, lanes, lookups);
                 continue;
@@ -159,7 +160,7 @@ impl<P: Port> Words<P> {
         let mut saturated = false;
         for lane in 0..tile.lanes as usize {
             let mut total = start(tiles, tile, starts, lane);
-            for products in &tiles.products[tile.products.start as usize..tile.products.end as usize] {
+            for products in &tiles.products[at(tile.products.start)..tile.products.end as usize] {
                 let operand: i64 = self.data[tiles.slot(products.operands, lane)].into();
                 let factor: i64 = match products.factors {
                     Factors::Coefficients(coefficients) => coefficients.of(lane, &tiles.coefficients).into(),
@@ -171,7 +172,7 @@ impl<P: Port> Words<P> {
             if let Some(place) = tile.kept {
                 kept[tiles.slot(place, lane)] = total;
             }
-            for writes in &tiles.writes[tile.writes.start as usize..tile.writes.end as usize] {
+            for writes in &tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
                 let shift = writes.shifts.of(lane, &tiles.shifts);
                 let result = sum(self.words[tiles.slot(writes.bases, lane)], round_wide(total << lift, shift));
                 let (word, outside) = self.format.add(result, 0);
@@ -212,9 +213,9 @@ impl<P: Port> Words<P> {
     fn write_split(&mut self, tiles: &Tiles<P>, tile: &Tile, sums: &SplitSums) -> bool {
         let long = |shift: &i32| *shift > SPLIT as i32;
         let all_long = self.format.lift() == 0
-            && tiles.writes[tile.writes.start as usize..tile.writes.end as usize].iter().all(|w| match w.shifts {
+            && tiles.writes[at(tile.writes.start)..tile.writes.end as usize].iter().all(|w| match w.shifts {
                 Shared::Same(shift) => long(&shift),
-                Shared::Each(start) => tiles.shifts[start as usize..][..tile.lanes as usize].iter().all(long),
+                Shared::Each(start) => tiles.shifts[at(start)..][..tile.lanes as usize].iter().all(long),
             });
         if all_long {
             self.write(tiles, tile, |lane, shift| {
@@ -230,10 +231,10 @@ impl<P: Port> Words<P> {
     /// The writes of a tile; `rounded` gives the shifted sum of a lane.
     #[inline(always)]
     fn write(&mut self, tiles: &Tiles<P>, tile: &Tile, rounded: impl Fn(usize, i32) -> i64) -> bool {
-        let lanes = tile.lanes as usize;
+        let lanes = at(tile.lanes);
         let mut saturated = false;
         let (mut bases, mut results) = ([0; LANES], [0; LANES]);
-        for writes in &tiles.writes[tile.writes.start as usize..tile.writes.end as usize] {
+        for writes in &tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
             let bases = lanes::values(writes.bases, lanes, &self.words, &tiles.slots, &mut bases);
             let results = &mut results[..lanes];
             match writes.shifts {
@@ -243,7 +244,7 @@ impl<P: Port> Words<P> {
                     }
                 }
                 Shared::Each(start) => {
-                    let shifts = &tiles.shifts[start as usize..][..lanes];
+                    let shifts = &tiles.shifts[at(start)..][..lanes];
                     for (lane, ((result, base), shift)) in results.iter_mut().zip(bases).zip(shifts).enumerate() {
                         *result = sum(*base, rounded(lane, *shift));
                     }

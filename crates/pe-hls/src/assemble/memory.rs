@@ -125,7 +125,7 @@ impl Memories {
         for (index, value) in graph.values.iter().enumerate() {
             let Role::Column(lookup, column) = value.role else { continue };
             let pe = mapping.pe_of[index::at(value.equation)];
-            let id = rounds.original(ValueId(index as u32));
+            let id = rounds.original(ValueId(index::number(index)));
             let table = graph.functions.lookups[index::at(lookup)].table;
             let end = &mut ends[index::at(pe)];
             let columns = &mut self.columns;
@@ -191,7 +191,7 @@ impl Memories {
             }
             if let Role::Constant(number) = value.role {
                 // Equal words are stored once.
-                let word = fixed.number_word(number, rounds.original(ValueId(index as u32)), value);
+                let word = fixed.number_word(number, rounds.original(ValueId(index::number(index))), value);
                 let count = if is_base { &mut bases[pe] } else { &mut layouts[pe].single };
                 let slot = *constants.entry((pe, is_base, word)).or_insert_with(|| {
                     *count += 1;
@@ -204,7 +204,7 @@ impl Memories {
                 continue;
             }
             let (write, last_read) = lives.own[index];
-            let arc = Arc { write, last_read: last_read.max(write), key: index as u32 };
+            let arc = Arc { write, last_read: last_read.max(write), key: index::number(index) };
             match (value.factor, is_base) {
                 (true, _) => factor_arcs[pe].push(arc),
                 (false, true) => base_arcs[pe].push(arc),
@@ -280,11 +280,11 @@ impl Memories {
                     // The initial image holds all states at once, so even one that arrives after the wrap owns its
                     // word from the wrap on.
                     let write = transfer.receive.min(schedule.period - 1);
-                    arcs[pe].push(Arc { write, last_read: end, key: index as u32 });
+                    arcs[pe].push(Arc { write, last_read: end, key: index::number(index) });
                 }
                 _ => {
                     let end = last_read(transfer.value).unwrap_or(0).max(transfer.receive);
-                    arcs[pe].push(Arc { write: transfer.receive, last_read: end, key: index as u32 });
+                    arcs[pe].push(Arc { write: transfer.receive, last_read: end, key: index::number(index) });
                 }
             }
         }

@@ -411,7 +411,7 @@ impl Assembler<'_> {
     fn states(&self, pes: &mut [PeProgram]) -> Vec<StateRegister> {
         for (index, value) in self.rounds.graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
-                let id = self.rounds.original(ValueId(index as u32));
+                let id = self.rounds.original(ValueId(index::number(index)));
                 let pe = self.home(id).expect("constants have a PE");
                 let home = self.memories.homes[index];
                 let word = self.fixed.number_word(number, id, value);
@@ -481,7 +481,7 @@ impl Assembler<'_> {
                 name: self.model.outputs[index].name.clone(),
                 unit,
                 pe: self.mapping.pe_of[index::at(chain.equation)],
-                word: self.word(last + self.latency.write() + delay) as u32,
+                word: index::number(self.word(last + self.latency.write() + delay)),
                 exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
                 proven: false,
             }

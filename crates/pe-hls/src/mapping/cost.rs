@@ -81,7 +81,7 @@ impl<'p> State<'p> {
         let (pes, equations) = (index::at(mapping.pes), index::at(problem.equations()));
         let places = pes + index::at(problem.inputs());
         let mut place_of = mapping.pe_of.clone();
-        place_of.extend(pes as u32..places as u32);
+        place_of.extend(number(pes)..places as u32);
         let mut harmonics = vec![0.0; HARMONICS + 1];
         for weight in 2..=HARMONICS {
             harmonics[weight] = harmonics[weight - 1] + 1.0 / weight as f64;
@@ -110,7 +110,7 @@ impl<'p> State<'p> {
         for equation in 0..equations {
             let pe = index::at(state.place_of[equation]);
             state.position[equation] = number(state.members[pe].len());
-            state.members[pe].push(equation as u32);
+            state.members[pe].push(number(equation));
             state.loads[pe] += problem.loads()[equation];
             for neighbour in problem.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
                 let place = index::at(state.place_of[neighbour.node()]);
@@ -120,7 +120,7 @@ impl<'p> State<'p> {
                 }
             }
             state.foreign[equation] =
-                number(problem.adjacent(equation).filter(|&next| state.place_of[next] != pe as u32).count());
+                number(problem.adjacent(equation).filter(|&next| state.place_of[next] != number(pe)).count());
             state.boundary.set(equation, state.foreign[equation] > 0);
         }
         state
@@ -173,7 +173,7 @@ impl<'p> State<'p> {
 
     /// The mapping as it stands.
     pub(super) fn mapping(&self) -> Mapping {
-        Mapping { pes: self.pes as u32, pe_of: self.place_of[..self.position.len()].to_vec() }
+        Mapping { pes: number(self.pes), pe_of: self.place_of[..self.position.len()].to_vec() }
     }
 
     /// Its cost.
@@ -250,14 +250,14 @@ impl<'p> State<'p> {
         self.loads[to] += load;
         self.overloaded.set(from, self.loads[from] > self.cap);
         self.overloaded.set(to, self.loads[to] > self.cap);
-        self.place_of[equation] = to as u32;
+        self.place_of[equation] = number(to);
         let position = self.position[equation];
         self.members[from].swap_remove(index::at(position));
         if let Some(&moved) = self.members[from].get(index::at(position)) {
             self.position[index::at(moved)] = position;
         }
         self.position[equation] = number(self.members[to].len());
-        self.members[to].push(equation as u32);
+        self.members[to].push(number(equation));
         let mut foreign = 0;
         for next in self.problem.adjacent(equation) {
             let pe = self.pe(next);

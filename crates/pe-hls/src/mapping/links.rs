@@ -2,6 +2,8 @@
 //!
 //! A *place* is a PE or, behind the PEs, an external input.
 
+use pe_ir::index::number;
+
 /// Dependencies between a PE and another place, as the PE sees them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Link {
@@ -68,7 +70,7 @@ impl Links {
             Links::Dense { places, links } => links[pe * places + place],
             Links::Sparse(rows) => {
                 let row = &rows[pe];
-                row.binary_search_by_key(&(place as u32), |entry| entry.0).map_or(Link::default(), |at| row[at].1)
+                row.binary_search_by_key(&number(place), |entry| entry.0).map_or(Link::default(), |at| row[at].1)
             }
         }
     }
@@ -79,11 +81,11 @@ impl Links {
             Links::Dense { places, links } => links[pe * *places + place] = link,
             Links::Sparse(rows) => {
                 let row = &mut rows[pe];
-                match row.binary_search_by_key(&(place as u32), |entry| entry.0) {
+                match row.binary_search_by_key(&number(place), |entry| entry.0) {
                     Ok(at) if link.weight() == 0 => drop(row.remove(at)),
                     Ok(at) => row[at].1 = link,
                     Err(_) if link.weight() == 0 => {}
-                    Err(at) => row.insert(at, (place as u32, link)),
+                    Err(at) => row.insert(at, (number(place), link)),
                 }
             }
         }

@@ -207,6 +207,6 @@ fn in_degree_error(problem: &Problem, mapping: &Mapping, limit: u32) -> MapError
     let reads =
         |&equation: &usize| problem.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1).count();
     let equations = (0..mapping.pe_of.len()).filter(|&equation| mapping.pe_of[equation] == pe);
-    let equation = equations.max_by_key(reads).unwrap_or(0) as u32;
+    let equation = number(equations.max_by_key(reads).unwrap_or(0));
     MapError::InDegree { pe, equation, degree, limit }
 }

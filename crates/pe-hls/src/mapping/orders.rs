@@ -79,7 +79,7 @@ impl Tree {
             tree.found.push(equation);
             tree.parents.push(parent);
             let unseen = problem.adjacent(at(equation)).rev().filter(|&next| !seen[next]);
-            stack.extend(unseen.map(|next| (next as u32, position)));
+            stack.extend(unseen.map(|next| (number(next), position)));
         }
         tree
     }
@@ -173,7 +173,7 @@ impl<'p> Region<'p> {
             for neighbour in self.problem.adjacent(at(found)) {
                 if self.seen[neighbour] < mark {
                     self.seen[neighbour] = mark;
-                    next.push(neighbour as u32);
+                    next.push(number(neighbour));
                 }
             }
             next.sort_by_key(|&equation| self.problem.neighbours(at(equation)).len());

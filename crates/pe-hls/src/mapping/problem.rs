@@ -132,7 +132,7 @@ impl Problem {
             for neighbour in self.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
                 let node = neighbour.node();
                 let source = match node.checked_sub(self.loads.len()) {
-                    Some(input) => mapping.pes + input as u32,
+                    Some(input) => mapping.pes + number(input),
                     None => mapping.pe_of[node],
                 };
                 if source != pe {
@@ -153,7 +153,7 @@ impl Problem {
         }
         let sources = self.sources(mapping);
         let degrees = sources.chunk_by(|left, right| left.0 == right.0).map(<[_]>::len);
-        let max_in_degree = degrees.max().unwrap_or(0) as u32;
+        let max_in_degree = number(degrees.max().unwrap_or(0));
         let between_pes = sources.iter().filter(|&&(_, source)| source < mapping.pes);
         let mut pairs: Vec<(u32, u32)> = between_pes.map(|&(pe, source)| (pe.min(source), pe.max(source))).collect();
         pairs.sort_unstable();

@@ -65,7 +65,7 @@ impl<'p> Regions<'p> {
 
     /// A PE and those joined to it, nearest first, until there are enough.
     fn joined(&mut self, state: &State, centre: usize, count: usize) -> Vec<u32> {
-        let mut pes = vec![centre as u32];
+        let mut pes = vec![index::number(centre)];
         self.number[centre] = 0;
         let mut next = 0;
         while next < pes.len() && pes.len() < count {
@@ -74,7 +74,7 @@ impl<'p> Regions<'p> {
                     let pe = state.pe(neighbour);
                     if self.number[pe] == NONE && pes.len() < count {
                         self.number[pe] = index::number(pes.len());
-                        pes.push(pe as u32);
+                        pes.push(index::number(pe));
                     }
                 }
             }

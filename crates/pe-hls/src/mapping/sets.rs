@@ -1,5 +1,7 @@
 //! Sets of small indices with a random element in constant time.
 
+use pe_ir::index::{self, number};
+
 const ABSENT: u32 = u32::MAX;
 
 /// A subset of `0..n` as a list and the place of each index in it.
@@ -24,13 +26,13 @@ impl IndexSet {
     pub(super) fn set(&mut self, index: usize, element: bool) {
         let at = self.at[index];
         if element && at == ABSENT {
-            self.at[index] = self.list.len() as u32;
-            self.list.push(index as u32);
+            self.at[index] = number(self.list.len());
+            self.list.push(number(index));
         } else if !element && at != ABSENT {
             self.at[index] = ABSENT;
-            self.list.swap_remove(at as usize);
-            if let Some(&moved) = self.list.get(at as usize) {
-                self.at[moved as usize] = at;
+            self.list.swap_remove(index::at(at));
+            if let Some(&moved) = self.list.get(index::at(at)) {
+                self.at[index::at(moved)] = at;
             }
         }
     }

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
-use pe_ir::index::at;
+use pe_ir::index::{at, number};
 use pe_ir::mapping::Mapping;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -24,7 +24,7 @@ pub(super) fn random(problem: &Problem, pes: u32, seed: u64) -> Mapping {
     }
     let mut pe_of = vec![0; order.len()];
     for (turn, &equation) in order.iter().enumerate() {
-        pe_of[at(equation)] = turn as u32 % pes;
+        pe_of[at(equation)] = number(turn) % pes;
     }
     Mapping { pes, pe_of }
 }
@@ -153,7 +153,7 @@ fn bisection(problem: &Problem, pes: u32) -> Mapping {
         let equations = &mut order[part.clone()];
         if count == 1 {
             for &equation in equations.iter() {
-                pe_of[at(equation)] = first as u32;
+                pe_of[at(equation)] = number(first);
             }
             continue;
         }

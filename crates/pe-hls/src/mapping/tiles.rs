@@ -13,7 +13,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use pe_ir::index;
+use pe_ir::index::{self, number};
 use pe_ir::mapping::Mapping;
 
 use super::problem::Problem;
@@ -118,7 +118,7 @@ fn cut_box(problem: &Problem, axes: &[Vec<u32>], pes: usize, slabs: usize, per_p
             }
         }
     }
-    Mapping { pes: pes as u32, pe_of }
+    Mapping { pes: number(pes), pe_of }
 }
 
 /// So many PEs in so many shares, as equal as they can be.

@@ -17,7 +17,7 @@ pub(super) fn place(problem: &Problem, release: &[u32]) -> Placement {
     list.receive_inputs();
     for (index, chain) in problem.chains.iter().enumerate() {
         if chain.predecessors == 0 {
-            list.make_ready(index as u32, 0);
+            list.make_ready(number(index), 0);
         }
     }
     while let Some((time, pe)) = list.events.next() {
@@ -111,7 +111,7 @@ impl<'a> List<'a> {
         arrivals.sort_unstable();
         let mut start = now;
         for (position, (ready, term)) in arrivals.iter().enumerate() {
-            start = start.max(ready.saturating_sub(position as u32));
+            start = start.max(ready.saturating_sub(number(position)));
             self.placement.order[at(code.terms.start) + position] = *term;
         }
         self.arrivals = arrivals;
@@ -206,7 +206,7 @@ impl<'a> List<'a> {
         for position in 0..code.len() {
             let term = at(self.placement.order[at(code.terms.start + position)]);
             let time = start + position;
-            for operand in std::iter::once(problem.operands[term]).chain(problem.partner(term as u32)) {
+            for operand in std::iter::once(problem.operands[term]).chain(problem.partner(number(term))) {
                 if operand.is_imported() {
                     let read = &mut self.last_read[operand.slot()];
                     *read = (*read).max(time);

@@ -12,6 +12,7 @@ mod problem;
 mod recurrence;
 
 use pe_ir::graph::StepGraph;
+use pe_ir::index::number;
 use pe_ir::mapping::Mapping;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
@@ -41,7 +42,7 @@ fn repeated(graph: &StepGraph, mapping: &Mapping, latency: Latency, repetitions:
         let placement = list::place(&problem, &release);
         let period = period::smallest(&problem, &placement);
         // Aim between the bound and what was reached: asking for the bound at once delays chains for nothing.
-        let aim = bound.max(period.saturating_sub(1 + repetition as u32));
+        let aim = bound.max(period.saturating_sub(1 + number(repetition)));
         release = period::releases(&problem, &placement, aim);
         let better = best.as_ref().is_none_or(|best| period < best.period);
         if better {

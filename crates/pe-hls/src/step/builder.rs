@@ -159,14 +159,14 @@ impl Builder {
             names: Names::of(model),
         };
         for (index, state) in model.states.iter().enumerate() {
-            let equation = index as u32;
+            let equation = index::number(index);
             graph.equations.push(Equation { name: state.name.clone(), span: state.span });
             let start = push(&mut graph, Role::State(equation), equation, false);
             let next = push(&mut graph, Role::Next(equation), equation, false);
             graph.states.push((start, next));
         }
         for index in 0..model.inputs.len() {
-            let value = push(&mut graph, Role::Input(index as u32), u32::MAX, false);
+            let value = push(&mut graph, Role::Input(index::number(index)), u32::MAX, false);
             graph.inputs.push(value);
         }
         for (index, algebraic) in model.algebraics.iter().enumerate() {
@@ -175,7 +175,7 @@ impl Builder {
             debug_assert_eq!(graph.equations.len(), model.states.len() + index + 1);
         }
         let states = model.states.len();
-        let algebraic_equations = (0..model.algebraics.len()).map(|a| (a, (states + a) as u32)).collect();
+        let algebraic_equations = (0..model.algebraics.len()).map(|a| (a, index::number(states + a))).collect();
         Builder {
             graph,
             algebraic_equations,
@@ -194,11 +194,11 @@ impl Builder {
         operands: &mut Operands,
     ) {
         let equation = self.algebraic_equations[&index];
-        let value = push(&mut self.graph, Role::Algebraic(index as u32, stage), equation, false);
+        let value = push(&mut self.graph, Role::Algebraic(index::number(index), stage), equation, false);
         self.sum(equation, nested, value, operands);
         let function = function.as_ref().map(|function| self.function(function));
         self.graph.chains.last_mut().expect("the chain of the equation").function = function;
-        operands.algebraics.insert(index as u32, value);
+        operands.algebraics.insert(index::number(index), value);
     }
 
     /// The number of a function among those of the graph; equal ones of different variables are one.
@@ -216,7 +216,7 @@ impl Builder {
 
     /// Chain of a derivative equation in one stage; returns the value that the next stage reads.
     pub(super) fn derivative(&mut self, index: usize, stage: &Stage, nested: &Nested, operands: &Operands) -> ValueId {
-        let equation = index as u32;
+        let equation = index::number(index);
         let (start, next) = self.graph.states[index];
         let mut terms = self.terms(equation, nested, stage.factor, operands);
         if nested.constant != 0.0 {
@@ -261,7 +261,7 @@ impl Builder {
         rows: &Rows,
         current: &[ValueId],
     ) -> ValueId {
-        let equation = index as u32;
+        let equation = index::number(index);
         let mut terms = Vec::with_capacity(rows.row(index).len().max(1));
         for (column, coefficient) in rows.row(index) {
             let column = at(column);
@@ -311,7 +311,7 @@ impl Builder {
     pub(super) fn published_input(&mut self, index: usize, output: &Output, input: u32) -> ValueId {
         let equation = index::number(self.graph.equations.len());
         self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
-        let value = push(&mut self.graph, Role::Published(index as u32), equation, false);
+        let value = push(&mut self.graph, Role::Published(index::number(index)), equation, false);
         let operand = self.graph.inputs[at(input)];
         let terms = vec![Term::new(operand, Factor::Coefficient(1.0))];
         self.chain(equation, terms, Write { value, base: None, weight: 0 }, None);

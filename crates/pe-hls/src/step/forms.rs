@@ -242,7 +242,7 @@ impl Parts {
         let mut of = vec![0; states];
         if pes > 1 {
             for (rank, state) in breadth_first(rows).into_iter().enumerate() {
-                of[at(state)] = (rank * pes / states) as u32;
+                of[at(state)] = number(rank * pes / states);
             }
         }
         Parts { of }
@@ -256,14 +256,14 @@ impl Parts {
             for (column, _) in rows.row(row) {
                 match self.of.get(at(column)) {
                     Some(source) if source != part => links.push((*part, *source)),
-                    None if (at(column)) < rows.width() - 1 => links.push((*part, column + states as u32)),
+                    None if at(column) < rows.width() - 1 => links.push((*part, column + number(states))),
                     _ => {}
                 }
             }
         }
         links.sort_unstable();
         links.dedup();
-        links.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len).max().unwrap_or(0) as u32
+        number(links.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len).max().unwrap_or(0))
     }
 }
 
@@ -284,7 +284,7 @@ fn breadth_first(rows: &Rows) -> Vec<u32> {
     let mut neighbours = vec![0u32; starts[states]];
     for (row, column) in arcs() {
         for (a, b) in [(row, column), (column, row)] {
-            neighbours[next[a]] = b as u32;
+            neighbours[next[a]] = number(b);
             next[a] += 1;
         }
     }
@@ -293,7 +293,7 @@ fn breadth_first(rows: &Rows) -> Vec<u32> {
     let mut read = 0;
     for root in 0..states {
         if !std::mem::replace(&mut seen[root], true) {
-            order.push(root as u32);
+            order.push(number(root));
         }
         while let Some(state) = order.get(read).map(|state| at(*state)) {
             read += 1;

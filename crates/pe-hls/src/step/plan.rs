@@ -121,13 +121,13 @@ impl<'m> Plan<'m> {
         };
         readers.for_each(|expr| mark(expr, &mut needed));
         let asked = needed.clone();
-        for index in (0..needed.len()).rev().filter(|index| !point.algebraics.contains_key(&(*index as u32))) {
+        for index in (0..needed.len()).rev().filter(|index| !point.algebraics.contains_key(&index::number(*index))) {
             if needed[index] {
                 mark(&model.algebraics[index].expr, &mut needed);
             }
         }
         for index in (0..needed.len()).filter(|index| needed[*index]) {
-            let algebraic = index as u32;
+            let algebraic = index::number(index);
             if !point.algebraics.contains_key(&algebraic) {
                 let sum = model.algebraics[index].expr.renamed(&|variable| point.variable(variable));
                 let role = Role::Algebraic(algebraic, point.stage);
@@ -227,7 +227,7 @@ impl<'m> Plan<'m> {
 
     fn ending(&mut self, state: u32, base: Option<Variable>, sum: Expr) -> Variable {
         let states = self.model.states.len();
-        let owner = (at(state)).checked_sub(states).map_or(state, |memory| self.memories[memory].owner);
+        let owner = at(state).checked_sub(states).map_or(state, |memory| self.memories[memory].owner);
         let role = Role::Next(state);
         let end = self.add(Planned { role, owner: Some(owner), base, sum, same_sum: None, keep: true });
         self.ends[at(state)] = Some(end);

@@ -89,8 +89,8 @@ pub(super) fn chains(plan: &Plan) -> Result<(Builder, HashMap<u32, ValueId>), Ve
     for index in (0..plan.equations.len()).filter(|index| expanded.shared[*index]) {
         if plan.equations[index].same_sum.is_none() {
             let nested = Nested::of(&expanded.algebraics[index]);
-            let rider = riders[index].map(|rider| (rider as u32, &plan.equations[rider]));
-            equation(&mut builder, plan, (index as u32, rider), &nested, &mut operands);
+            let rider = riders[index].map(|rider| (index::number(rider), &plan.equations[rider]));
+            equation(&mut builder, plan, (index::number(index), rider), &nested, &mut operands);
             let function = expanded.functions[index].as_ref().map(|function| builder.function(function));
             builder.graph.chains.last_mut().expect("the chain of the equation").function = function;
         }

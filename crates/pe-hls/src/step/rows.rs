@@ -1,6 +1,6 @@
 //! Sparse rows of an affine right-hand side, and polynomials of them.
 
-use pe_ir::index::at;
+use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Variable};
 
 use super::polynomial::Polynomial;
@@ -66,7 +66,7 @@ impl Rows {
             for row in 0..self.len() {
                 for (column, number) in self.row(row) {
                     sum.add(column, coefficient * step * number);
-                    if index > 0 && (at(column)) < self.len() {
+                    if index > 0 && at(column) < self.len() {
                         for (inner, factor) in result.row(at(column)) {
                             sum.add(inner, step * number * factor);
                             work += 1;
@@ -89,7 +89,7 @@ impl Rows {
     /// # Errors
     /// [`NoMatrix`] if it, or a power on the way, has more than `limit` entries or one that is not finite.
     pub fn exponential(&self, step: f64, limit: usize) -> Result<Rows, NoMatrix> {
-        let of_row = |row| self.row(row).filter(|(column, _)| (at(*column)) < self.len()).map(|(_, n)| n.abs()).sum();
+        let of_row = |row| self.row(row).filter(|(column, _)| at(*column) < self.len()).map(|(_, n)| n.abs()).sum();
         let norm = step * (0..self.len()).map(of_row).fold(0.0, |most: f64, row: f64| most.max(row));
         if !norm.is_finite() {
             return Err(NoMatrix);
@@ -161,12 +161,12 @@ impl Sum {
         states: usize,
         (algebraics, functions): (&Rows, &[Option<Expr>]),
     ) -> Option<()> {
-        let one = self.width() as u32 - 1;
+        let one = index::number(self.width()) - 1;
         for (monomial, coefficient) in polynomial.terms() {
             match monomial.as_slice() {
                 [] => self.add(one, coefficient),
                 [Variable::State(state)] => self.add(*state, coefficient),
-                [Variable::Input(input)] => self.add(states as u32 + input, coefficient),
+                [Variable::Input(input)] => self.add(index::number(states) + input, coefficient),
                 [Variable::Algebraic(algebraic)] if functions[at(*algebraic)].is_none() => {
                     algebraics.row(at(*algebraic)).for_each(|(column, n)| self.add(column, coefficient * n));
                 }

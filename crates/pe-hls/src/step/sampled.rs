@@ -114,7 +114,7 @@ fn samples(model: &Model, apart: bool) -> Plan<'_> {
     let mut moved = Vec::new();
     for index in rest {
         let state = &model.states[index];
-        let number = index as u32;
+        let number = index::number(index);
         let own = Variable::State(number);
         let next = state.derivative.renamed(&|variable| point.variable(variable));
         let change = || Expr::sum(vec![next.clone(), times(-1.0, own)]);
@@ -203,10 +203,10 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
         })
         .collect();
     let equation = |number: u32| if number == u32::MAX { number } else { equations[at(number)] };
-    let state = |number: u32| if (at(number)) < continuous { number } else { number + sampled as u32 };
+    let state = |number: u32| if at(number) < continuous { number } else { number + index::number(sampled) };
     let memories: Vec<(ValueId, ValueId)> = (continuous..rest.states.len())
         .map(|memory| {
-            let number = state(memory as u32);
+            let number = state(index::number(memory));
             let owner = equation(rest.value(rest.states[memory].0).equation);
             (push(&mut graph, Role::State(number), owner, false), push(&mut graph, Role::Next(number), owner, false))
         })
@@ -224,7 +224,7 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
                 Role::State(number) => return graph.states[at(state(number))].0,
                 Role::Next(number) => return graph.states[at(state(number))].1,
                 Role::Input(number) => {
-                    return match (at(number)).checked_sub(inputs) {
+                    return match at(number).checked_sub(inputs) {
                         None => graph.inputs[at(number)],
                         Some(held) => graph.states[continuous + held].1,
                     };
@@ -249,7 +249,7 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
     let mut numbers = Vec::with_capacity(rest.functions.exact.len());
     for function in rest.functions.exact {
         let same = graph.functions.exact[..exact].iter().position(|other| other.body == function.body);
-        numbers.push(same.unwrap_or(graph.functions.exact.len()) as u32);
+        numbers.push(index::number(same.unwrap_or(graph.functions.exact.len())));
         if same.is_none() {
             graph.functions.exact.push(function);
         }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use pe_ir::codes;
-use pe_ir::index::at;
+use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -157,10 +157,10 @@ impl Readers {
             });
         };
         for (index, algebraic) in model.algebraics.iter().enumerate() {
-            visit(&algebraic.expr, Variable::Algebraic(index as u32));
+            visit(&algebraic.expr, Variable::Algebraic(number(index)));
         }
         for (index, state) in model.states.iter().enumerate() {
-            visit(&state.derivative, Variable::State(index as u32));
+            visit(&state.derivative, Variable::State(number(index)));
         }
         Readers { readers }
     }

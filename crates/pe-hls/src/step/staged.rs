@@ -34,10 +34,10 @@ pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diag
         _ if is_affine(&expanded) => StageForm::Horner,
         _ => StageForm::Increments,
     };
-    let slots = |nested: &Nested| nested.cost() as u32 + u32::from(nested.constant != 0.0);
+    let slots = |nested: &Nested| index::number(nested.cost()) + u32::from(nested.constant != 0.0);
     let table = |index: usize| if expanded.functions[index].is_some() { TABLE_PRODUCTS } else { 0 };
     let shared = algebraics.iter().enumerate().filter(|(index, _)| used[*index]);
-    let shared = shared.map(|(index, nested)| nested.cost().max(1) as u32 + table(index));
+    let shared = shared.map(|(index, nested)| index::number(nested.cost().max(1)) + table(index));
     let slots: Vec<u32> = derivatives.iter().map(slots).chain(shared).collect();
     let mut written = vec![forms::plain_cost(plain, model.solver.stages(), &slots, options.pes)];
     let looks_up = expanded.functions.iter().any(Option::is_some);

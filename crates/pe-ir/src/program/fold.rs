@@ -100,7 +100,7 @@ impl Fold {
 
     /// Number of variants, if there is a variant memory.
     pub fn variants(&self) -> Option<u32> {
-        (!self.variant_words.is_empty()).then_some((self.variant_words.len() / self.turns) as u32)
+        (!self.variant_words.is_empty()).then_some(number(self.variant_words.len() / self.turns))
     }
 
     /// Bits of the number of a variant.
@@ -170,7 +170,7 @@ fn variants(words: impl Iterator<Item = Turns>, most: usize) -> Option<(Vec<Turn
                 (*bits, *known) = (*bits | other, *known | care);
             }
         }
-        variant_of.push(index as u32);
+        variant_of.push(number(index));
     }
     Some((variants, variant_of))
 }

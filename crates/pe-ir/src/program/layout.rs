@@ -1,6 +1,7 @@
 //! Bit layout of the control word, derived from a PE's features.
 
 use super::{Address, ControlWord, Multiplier, PeFeatures, Target};
+use crate::index::number;
 use crate::word::WordFormat;
 
 /// Fields of a control word, from the most significant end.
@@ -130,7 +131,7 @@ impl Layout {
             (BaseAddress, index_bits(features.base_words)),
             (IndexEnable, indexed),
             (IndexAddress, index),
-            (Shift, index_bits(features.shifts.len() as u32)),
+            (Shift, index_bits(number(features.shifts.len()))),
             (WriteOwn, 1),
             (WriteBase, 1),
             (WriteFactor, u32::from(features.factor)),

@@ -1,6 +1,7 @@
 //! Number formats: an item for each value of the step graph, and one for each chain.
 
 use crate::graph::{FixedPoint, StepGraph};
+use crate::index::{at, number};
 use crate::verify;
 use crate::word::{Pipeline, WordFormat};
 
@@ -42,7 +43,7 @@ pub fn print(graph: &StepGraph, fixed: &FixedPoint) -> String {
     let mut text = format!("{}\n{}\n", Stage::Fixed.header(), print_format(&fixed.format));
     for (index, exponent) in fixed.exponents.iter().enumerate() {
         let headroom = if fixed.headroom[index] { " headroom" } else { "" };
-        text += &format!("value {} exponent {exponent}{headroom}\n", labels.text(index as u32));
+        text += &format!("value {} exponent {exponent}{headroom}\n", labels.text(number(index)));
     }
     for (index, chain) in graph.chains.iter().enumerate() {
         let [first, second, third] = fixed.shifts[index];
@@ -52,7 +53,7 @@ pub fn print(graph: &StepGraph, fixed: &FixedPoint) -> String {
             fixed.products[index],
             fixed.accumulator_bits[index]
         );
-        for coefficient in &fixed.coefficients[chain.terms.start as usize..chain.terms.end as usize] {
+        for coefficient in &fixed.coefficients[at(chain.terms.start)..chain.terms.end as usize] {
             text += &format!(" {coefficient}");
         }
         text.push('\n');
@@ -81,7 +82,7 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<FixedPoint, TextErro
         accumulator_bits: Vec::with_capacity(graph.chains.len()),
     };
     for index in 0..graph.values.len() {
-        let label = labels.text(index as u32);
+        let label = labels.text(number(index));
         let mut line = lines.next().ok_or_else(|| lines.error(format!("expected the format of the value {label}")))?;
         line.word("value")?;
         if labels.read_value(&mut line)?.index() != index {

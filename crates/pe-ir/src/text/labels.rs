@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::graph::{Chain, StepGraph, ValueId};
+use crate::index::{self, at};
 
 use super::{Line, TextError, name};
 
@@ -49,7 +50,7 @@ impl Labels {
 
     /// One more; false if there is one of this name.
     pub fn add(&mut self, label: String) -> bool {
-        let number = self.texts.len() as u32;
+        let number = index::number(self.texts.len());
         let is_new = self.numbers.insert(label.clone(), number).is_none();
         self.texts.push(name(&label));
         is_new
@@ -72,7 +73,7 @@ impl Labels {
 
     /// The text of a member.
     pub fn text(&self, number: u32) -> &str {
-        &self.texts[number as usize]
+        &self.texts[at(number)]
     }
 
     /// The text of a value.

@@ -1,6 +1,7 @@
 //! The mapping: a line with the name of each equation and the number of its PE, as in a mapping file.
 
 use crate::graph::StepGraph;
+use crate::index::{at, number};
 use crate::mapping::Mapping;
 use crate::source::Span;
 
@@ -58,16 +59,16 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<Mapping, TextError> 
         let pe: u32 = line.integer()?;
         line.done()?;
         // More PEs than equations cannot all have one.
-        if pe as usize >= labels.len() {
+        if at(pe) >= labels.len() {
             return Err(line.error(format!("expected the number of a PE below that of equations, {}", labels.len())));
         }
-        if pe_of[equation as usize].replace(pe).is_some() {
+        if pe_of[at(equation)].replace(pe).is_some() {
             return Err(line.error_at(place, format!("{} has a PE already", labels.text(equation))));
         }
         pes = pes.max(pe + 1);
     }
     if let Some(missing) = pe_of.iter().position(Option::is_none) {
-        return Err(section.error(format!("{} has no PE", labels.text(missing as u32))));
+        return Err(section.error(format!("{} has no PE", labels.text(number(missing)))));
     }
     if let Some(empty) = (0..pes).find(|pe| !pe_of.contains(&Some(*pe))) {
         return Err(section.error(format!("PE {empty} has no equation")));

@@ -21,6 +21,7 @@ use std::fmt;
 use std::ops::Range;
 
 use crate::codes;
+use crate::index;
 use crate::source::{Diagnostic, Sources, Span};
 
 pub use self::reader::{Line, Lines};
@@ -84,7 +85,7 @@ pub struct TextError {
 
 impl TextError {
     fn at(text: &str, place: Range<usize>, message: String) -> TextError {
-        let span = Span { start: place.start as u32, end: place.end as u32 };
+        let span = Span { start: index::number(place.start), end: index::number(place.end) };
         let position = Sources::new("", text);
         let position = position.position(span.start);
         TextError { span, line: position.line, column: position.column, message }
@@ -130,7 +131,7 @@ impl<'a> Section<'a> {
 
     /// The bytes of its header.
     pub fn span(&self) -> Span {
-        Span { start: self.header.start as u32, end: self.header.end as u32 }
+        Span { start: index::number(self.header.start), end: index::number(self.header.end) }
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::index;
 use crate::model::{
     Algebraic, Expr, Input, Interpolation, Model, Output, Phase, Rate, Signal, Solver, State, Variable,
 };
@@ -94,7 +95,7 @@ impl Printer<'_> {
             writeln!(f, "rate {}", number(*period))?;
         }
         for (index, input) in model.inputs.iter().enumerate() {
-            write!(f, "input {}", self.inputs.text(index as u32))?;
+            write!(f, "input {}", self.inputs.text(index::number(index)))?;
             common(f, input.range, &input.unit)?;
             if input.between == Interpolation::Linear {
                 write!(f, " linear")?;
@@ -105,12 +106,12 @@ impl Printer<'_> {
             writeln!(f, "signal {}", waveform::print(&signal.waveform))?;
         }
         for (index, algebraic) in model.algebraics.iter().enumerate() {
-            write!(f, "algebraic {}", self.algebraics.text(index as u32))?;
+            write!(f, "algebraic {}", self.algebraics.text(index::number(index)))?;
             common(f, algebraic.range, &algebraic.unit)?;
             writeln!(f, " = {}", self.expr(&algebraic.expr))?;
         }
         for (index, state) in model.states.iter().enumerate() {
-            let label = self.states.text(index as u32);
+            let label = self.states.text(index::number(index));
             write!(f, "state {label} quantity {} initial {}", state.quantity, number(state.initial))?;
             common(f, state.range, &state.unit)?;
             if let Some(rate) = state.rate {
@@ -312,7 +313,7 @@ impl Reader {
                     let label = line.name("a name")?;
                     let (range, unit) = (read_range(&mut line)?, read_unit(&mut line)?);
                     line.sign("=")?;
-                    self.before = Some(model.algebraics.len() as u32);
+                    self.before = Some(index::number(model.algebraics.len()));
                     let expr = self.expr(&mut line)?;
                     self.before = None;
                     model.algebraics.push(Algebraic { name: label, unit, expr, range, span: whole });

@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::ops::Range;
 use std::str::FromStr;
 
+use crate::index;
 use crate::source::Span;
 
 use super::writer::plain_length;
@@ -72,12 +73,12 @@ pub struct Line<'a> {
 impl<'a> Line<'a> {
     /// Its bytes without blanks around them.
     pub fn span(&self) -> Span {
-        Span { start: self.begin as u32, end: self.end as u32 }
+        Span { start: index::number(self.begin), end: index::number(self.end) }
     }
 
     /// The bytes of the field that was read last.
     pub fn last(&self) -> Span {
-        Span { start: self.last.start as u32, end: self.last.end as u32 }
+        Span { start: index::number(self.last.start), end: index::number(self.last.end) }
     }
 
     /// What is not read yet, without blanks in front.
@@ -117,7 +118,7 @@ impl<'a> Line<'a> {
 
     /// An error about a field that was read before.
     pub fn error_at(&self, span: Span, message: impl Into<String>) -> TextError {
-        TextError::at(self.text, span.start as usize..span.end as usize, message.into())
+        TextError::at(self.text, index::at(span.start)..span.end as usize, message.into())
     }
 
     /// Reads a word if it is next.

@@ -1,6 +1,7 @@
 //! The schedule: the first control word of each chain, and the receive of each transfer.
 
 use crate::graph::StepGraph;
+use crate::index::at;
 use crate::schedule::{Schedule, Transfer};
 
 use super::labels::Labels;
@@ -12,7 +13,7 @@ pub fn print(graph: &StepGraph, schedule: &Schedule) -> String {
     let mut text = format!("{}\nperiod {}\n", Stage::Schedule.header(), schedule.period);
     for (chain, start) in graph.chains.iter().zip(&schedule.starts) {
         text += &format!("chain {} start {start}", labels.chain(chain));
-        let order = &schedule.order[chain.terms.start as usize..chain.terms.end as usize];
+        let order = &schedule.order[at(chain.terms.start)..chain.terms.end as usize];
         if order.iter().copied().ne(chain.terms.clone()) {
             text += " order";
             order.iter().for_each(|term| text += &format!(" {}", i64::from(*term) - i64::from(chain.terms.start)));
@@ -52,10 +53,10 @@ pub fn read(section: &Section, graph: &StepGraph, pes: u32) -> Result<Schedule, 
         }
         schedule.starts.push(start);
         if line.take_word("order") {
-            let mut seen = vec![false; chain.len() as usize];
+            let mut seen = vec![false; at(chain.len())];
             for _ in chain.terms.clone() {
                 let term: u32 = line.integer()?;
-                match seen.get_mut(term as usize) {
+                match seen.get_mut(at(term)) {
                     Some(seen) if !*seen => *seen = true,
                     _ => return Err(line.error("expected each term of the chain once, counted from 0")),
                 }

@@ -8,6 +8,7 @@ use std::str::FromStr;
 
 use crate::functions::{Lookup, ScalarFunction, Segments, Table};
 use crate::graph::{Chain, Equation, Factor, FormCost, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use crate::index;
 use crate::model::Variable;
 use crate::verify;
 
@@ -47,7 +48,11 @@ impl FromStr for StepGraph {
 /// The text of a name that another item of its kind has, too: its label is not the name.
 fn called(labels: &Labels, index: usize, own: &str) -> String {
     let own = name(own);
-    if labels.text(index as u32) == own { own } else { format!("{} called {own}", labels.text(index as u32)) }
+    if labels.text(index::number(index)) == own {
+        own
+    } else {
+        format!("{} called {own}", labels.text(index::number(index)))
+    }
 }
 
 struct Printer<'a> {
@@ -101,7 +106,7 @@ impl Printer<'_> {
             writeln!(f, "equation {}", called(&self.equations, index, &equation.name))?;
         }
         for (index, stored) in graph.values.iter().enumerate() {
-            write!(f, "value {} {}", self.values.text(index as u32), self.role(stored.role))?;
+            write!(f, "value {} {}", self.values.text(index::number(index)), self.role(stored.role))?;
             if stored.equation != u32::MAX {
                 write!(f, " in {}", self.equations.text(stored.equation))?;
             }
@@ -478,7 +483,7 @@ impl Reader {
         };
         let (base, weight) = self.base(line)?;
         line.sign("(")?;
-        let begin = graph.terms.len() as u32;
+        let begin = index::number(graph.terms.len());
         self.terms(line, &mut graph.terms)?;
         line.sign(")")?;
         let terms = begin..graph.terms.len() as u32;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::index::at;
 use crate::model::{Chirp, Formula, Interpolation, Pwm, Samples, Variable, Waveform};
 
 use super::{Line, TextError, expr, number};
@@ -187,7 +188,7 @@ fn formula(line: &mut Line, depth: usize) -> Result<Waveform, TextError> {
     }
     let mut most = 0;
     expr.each_variable(&mut |variable| match variable {
-        Variable::Input(part) => most = most.max(part as usize + 1),
+        Variable::Input(part) => most = most.max(at(part) + 1),
         Variable::State(_) | Variable::Algebraic(_) => most = usize::MAX,
     });
     if most > parts.len() {

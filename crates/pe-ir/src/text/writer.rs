@@ -22,7 +22,7 @@ pub fn quoted(text: &str) -> String {
         match letter {
             '"' | '\\' => quoted.extend(['\\', letter]),
             '\n' => quoted.push_str("\\n"),
-            letter if letter.is_control() => quoted += &format!("\\u{{{:x}}}", letter as u32),
+            letter if letter.is_control() => quoted += &format!("\\u{{{:x}}}", u32::from(letter)),
             letter => quoted.push(letter),
         }
     }

@@ -19,7 +19,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
-use crate::index;
+use crate::index::{self, number};
 use crate::program::{Address, ControlWord, LinkSource, Multiplier, PeProgram, Program, Target};
 use crate::word::Pipeline;
 
@@ -313,7 +313,7 @@ impl<'a> Checker<'a> {
         if round == 0 && word < self.program.latency().pause() {
             return;
         }
-        let here = (pe as u32, word);
+        let here = (number(pe), word);
         let first = self.captures.partition_point(|(place, _)| *place < here);
         for (_, output) in self.captures[first..].iter().take_while(|(place, _)| *place == here) {
             let noted = self.pes[pe].program.notes[index::at(word)].write;
@@ -408,7 +408,7 @@ impl<'a> Checker<'a> {
         for (index, count) in self.written.iter_mut().enumerate() {
             let expected = u32::from(self.producers[index] != NONE);
             if *count != expected {
-                let name = self.graph.value_name(ValueId(index as u32));
+                let name = self.graph.value_name(ValueId(number(index)));
                 self.violations.push(format!("round {round}: `{name}` written {count} times instead of {expected}"));
             }
             *count = 0;

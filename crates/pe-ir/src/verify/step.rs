@@ -12,7 +12,7 @@
 //! 8. Every equation has a chain or a value.
 
 use crate::graph::{Chain, Factor, Role, StepGraph, ValueId};
-use crate::index::at;
+use crate::index::{self, at};
 use crate::model::Expr;
 
 /// Returns what is wrong with a step graph; empty if nothing is.
@@ -56,7 +56,7 @@ impl Checker<'_> {
         self.require(graph.initial.iter().all(|number| number.is_finite()), || "a state begins nowhere".to_owned());
         let pivot = graph
             .constant_pivot
-            .is_none_or(|(state, magnitude)| (at(state)) < graph.states.len() && magnitude.is_finite());
+            .is_none_or(|(state, magnitude)| at(state) < graph.states.len() && magnitude.is_finite());
         self.require(pivot, || "its constant pivot is none".to_owned());
         let value = |id: ValueId| id.index() < graph.values.len();
         let ends = graph.states.iter().flat_map(|(start, end)| [*start, *end]);
@@ -66,7 +66,7 @@ impl Checker<'_> {
         for (index, stored) in graph.values.iter().enumerate() {
             let known = self.role_exists(stored.role, index);
             self.require(known, || format!("value {index} is of something that is not there"));
-            let exists = (at(stored.equation)) < graph.equations.len();
+            let exists = at(stored.equation) < graph.equations.len();
             let fits = exists || (stored.equation == u32::MAX && matches!(stored.role, Role::Input(_)));
             self.require(fits, || format!("value {index} is in no equation"));
         }
@@ -75,7 +75,7 @@ impl Checker<'_> {
             let terms = chain.terms.clone();
             self.require(terms.start == next && terms.end > next, || format!("chain {index} has no terms of its own"));
             next = terms.end;
-            self.require((at(chain.equation)) < graph.equations.len(), || format!("chain {index} is in no equation"));
+            self.require(at(chain.equation) < graph.equations.len(), || format!("chain {index} is in no equation"));
             let written = chain.writes().flat_map(|write| std::iter::once(write.value).chain(write.base)).all(value);
             self.require(written, || format!("chain {index} writes what is not there"));
             let light = chain.writes().all(|write| write.weight.unsigned_abs() <= 2_000);
@@ -93,19 +93,19 @@ impl Checker<'_> {
 
     fn role_exists(&self, role: Role, index: usize) -> bool {
         let graph = self.graph;
-        let state = |of: u32| (at(of)) < graph.states.len();
+        let state = |of: u32| at(of) < graph.states.len();
         match role {
             Role::State(of) | Role::Stage(of, _) | Role::Sum(of, _) | Role::Interim(of, _) | Role::Next(of) => {
                 state(of)
             }
             Role::Pivot(of, _) => state(of),
-            Role::Algebraic(of, _) => (at(of)) < graph.names.algebraics.len(),
-            Role::Inner(of, _) | Role::Partial(of, _) => (at(of)) < graph.equations.len(),
+            Role::Algebraic(of, _) => at(of) < graph.names.algebraics.len(),
+            Role::Inner(of, _) | Role::Partial(of, _) => at(of) < graph.equations.len(),
             Role::Relayed(of, _) => of.index() < index,
-            Role::Input(of) => (at(of)) < graph.inputs.len(),
+            Role::Input(of) => at(of) < graph.inputs.len(),
             Role::Constant(number) => number.is_finite(),
-            Role::Published(of) => (at(of)) < graph.outputs.len(),
-            Role::Auxiliary(of) => (at(of)) < graph.names.auxiliaries.len(),
+            Role::Published(of) => at(of) < graph.outputs.len(),
+            Role::Auxiliary(of) => at(of) < graph.names.auxiliaries.len(),
             Role::Column(lookup, column) => graph.functions.lookups.get(at(lookup)).is_some_and(|lookup| {
                 let table = graph.functions.tables.get(at(lookup.table));
                 table.is_some_and(|table| usize::from(column) < table.columns.len())
@@ -151,7 +151,7 @@ impl Checker<'_> {
             self.require(known, || format!("nothing writes `{}`", graph.value_name(id)));
         }
         for (input, value) in graph.inputs.iter().enumerate() {
-            let fits = graph.value(*value).role == Role::Input(input as u32);
+            let fits = graph.value(*value).role == Role::Input(index::number(input));
             self.require(fits, || format!("input {input} is no value of an input"));
         }
     }
@@ -175,7 +175,7 @@ impl Checker<'_> {
             });
         }
         for chain in &self.graph.chains {
-            let known = chain.function.is_none_or(|function| (at(function)) < functions.exact.len());
+            let known = chain.function.is_none_or(|function| at(function) < functions.exact.len());
             self.require(known, || "a chain applies a function that is not there".to_owned());
         }
     }

@@ -4,6 +4,7 @@ use pe_hls::lift;
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::codes;
 use pe_ir::graph::{Role, StepGraph, ValueId};
+use pe_ir::index::{at, number};
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
@@ -66,7 +67,7 @@ fn jumps(model: &Model, graph: &StepGraph) -> Vec<Jump> {
     let all = model.algebraics.iter().enumerate();
     let jumping = all.filter_map(|(index, algebraic)| Some((index, lift::jump(&algebraic.expr)?)));
     let of = |(algebraic, height): (usize, f64)| {
-        let belongs = |role: Role| matches!(role, Role::Algebraic(own, _) if own as usize == algebraic);
+        let belongs = |role: Role| matches!(role, Role::Algebraic(own, _) if at(own) == algebraic);
         let values = graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
         let stages = values.filter(|value| belongs(graph.value(*value).role)).collect();
         Jump { algebraic, height, stages, last: None, row: (0, 0.0), found: None }
@@ -107,8 +108,8 @@ fn chattering(model: &Model, algebraic: usize, time: f64) -> Diagnostic {
 
 fn limit(graph: &StepGraph, function: usize, argument: f64, time: f64) -> Diagnostic {
     let name = &graph.functions.exact[function].name;
-    let chain = graph.chains.iter().find(|chain| chain.function == Some(function as u32));
-    let equation = chain.map(|chain| &graph.equations[chain.equation as usize]);
+    let chain = graph.chains.iter().find(|chain| chain.function == Some(number(function)));
+    let equation = chain.map(|chain| &graph.equations[at(chain.equation)]);
     let message = format!("`{name}` is 0/0 at x = {argument:e}, t = {time:.6e} s: its limit is taken there");
     let help = "this is right where the limit is meant; else keep the argument away with `max`, `min` or `if`";
     let span = equation.map(|equation| equation.span).unwrap_or_default();

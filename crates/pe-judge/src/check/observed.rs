@@ -2,6 +2,7 @@
 //! sensitivity to the last bit.
 
 use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::index;
 use pe_ir::model::{Model, State, Variable};
 use pe_ir::place::Place;
 use pe_sim::double::DoubleRun;
@@ -66,7 +67,7 @@ pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted:
         let inputs = model.sample_inputs(time);
         let linear = Linearised::at(model, at, &inputs);
         let step = match model.step_ratio() {
-            Some(Variable::Input(ratio)) => model.step / inputs[ratio as usize],
+            Some(Variable::Input(ratio)) => model.step / inputs[index::at(ratio)],
             _ => model.step,
         };
         for (state, dead) in found.iter_mut().enumerate() {

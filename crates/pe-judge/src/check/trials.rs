@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
+use pe_ir::index;
 use pe_ir::model::{Model, Solver};
 use pe_sim::double::DoubleRun;
 
@@ -120,16 +121,16 @@ impl<'a> Trials<'a> {
             high[index] = high[index].max(*largest);
         }
         // What hardly moves may move as far as others of its quantity, or of the model, do.
-        let quantities = model.states.iter().map(|state| state.quantity).max().map_or(0, |last| last as usize + 1);
+        let quantities = model.states.iter().map(|state| state.quantity).max().map_or(0, |last| index::at(last) + 1);
         let mut widths = vec![0.0f64; quantities];
         let mut largest = 0.0f64;
         for (state, (low, high)) in model.states.iter().zip(low.iter().zip(&high)) {
-            let width = &mut widths[state.quantity as usize];
+            let width = &mut widths[index::at(state.quantity)];
             *width = width.max(high - low).max(0.1 * high.abs().max(low.abs()));
             largest = largest.max(*width);
         }
         for (state, (low, high)) in model.states.iter().zip(low.iter_mut().zip(&mut high)) {
-            let shared = widths[state.quantity as usize];
+            let shared = widths[index::at(state.quantity)];
             let width = (*high - *low).max(1e-2 * shared).max(1e-6 * largest);
             let width = if width > 0.0 { width } else { f64::INFINITY };
             (*low, *high) = (*low - width, *high + width);

@@ -6,6 +6,7 @@ use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim, Moments, Sampling};
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
+use pe_ir::index::{at, number};
 use pe_ir::model::{Model, Variable};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
@@ -153,14 +154,14 @@ const OVERFLOWING: f64 = 500.0;
 
 /// What a run says that met a value that is not finite.
 pub fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
-    let equation = &graph.equations[graph.value(diverged.value).equation as usize];
+    let equation = &graph.equations[at(graph.value(diverged.value).equation)];
     // An exponential that overflows has a domain; what its argument is has left all bounds.
     let overflows = |(function, argument): &(u32, f64)| {
-        let value = graph.functions.exact[*function as usize].evaluate(*argument);
+        let value = graph.functions.exact[at(*function)].evaluate(*argument);
         value.is_infinite() && argument.abs() > OVERFLOWING
     };
     if let Some((function, argument)) = diverged.outside.filter(|outside| !overflows(outside)) {
-        let function = &graph.functions.exact[function as usize].name;
+        let function = &graph.functions.exact[at(function)].name;
         let message = format!("`{}` has no value at t = {time:.6e} s: `{function}` at x = {argument:e}", equation.name);
         return Diagnostic::error(codes::OUTSIDE_DOMAIN, equation.span, message)
             .with_help("try a smaller `--step`; or keep the argument in the domain, with `max`, `min` or `if`");
@@ -186,12 +187,12 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
     for (index, value) in graph.values.iter().enumerate() {
         let variable = match value.role {
             Role::Algebraic(algebraic, _) => Variable::Algebraic(algebraic),
-            Role::Published(output) => model.outputs[output as usize].variable,
+            Role::Published(output) => model.outputs[at(output)].variable,
             _ => continue,
         };
         if let Variable::Algebraic(algebraic) = variable {
-            let range = model.algebraics[algebraic as usize].range;
-            range.into_iter().for_each(|range| include(ValueId(index as u32), range));
+            let range = model.algebraics[at(algebraic)].range;
+            range.into_iter().for_each(|range| include(ValueId(number(index)), range));
         }
     }
 }

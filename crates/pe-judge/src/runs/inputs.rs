@@ -1,6 +1,7 @@
 //! Inputs: what a step sees of their signals, and signals that leave the range that the spec states for them.
 
 use pe_ir::codes;
+use pe_ir::index;
 use pe_ir::model::{Expr, Input, Interpolation, Model, State, Unseen, Variable, Waveform};
 use pe_ir::motion::{MIDDLE, Motion, Source};
 use pe_ir::source::Diagnostic;
@@ -47,8 +48,8 @@ pub(super) fn taken(model: &Model, seen: &Model, continuous: &[bool], step: u64)
             _ => continue,
         };
         let (input, signal) = match source {
-            Source::Input(input) => (input as usize, model.waveform(source)),
-            Source::Signal(signal) => (model.inputs.len() + signal as usize, model.waveform(source)),
+            Source::Input(input) => (index::at(input), model.waveform(source)),
+            Source::Signal(signal) => (model.inputs.len() + index::at(signal), model.waveform(source)),
         };
         if continuous[input] {
             inputs[input] = match line {
@@ -64,16 +65,16 @@ pub(super) fn taken(model: &Model, seen: &Model, continuous: &[bool], step: u64)
 pub(super) fn read_by_continuous_alone(model: &Model) -> Vec<bool> {
     let mut alone = vec![true; model.inputs.len()];
     if let Some(Variable::Input(ratio)) = model.step_ratio() {
-        alone[ratio as usize] = false;
+        alone[index::at(ratio)] = false;
     }
     let sampled = model.states.iter().filter(|state| state.rate.is_some()).map(|state| &state.derivative);
     let mut waiting: Vec<&Expr> = sampled.collect();
     let mut seen = vec![false; model.algebraics.len()];
     while let Some(expr) = waiting.pop() {
         expr.each_variable(&mut |variable| match variable {
-            Variable::Input(input) => alone[input as usize] = false,
-            Variable::Algebraic(number) if !std::mem::replace(&mut seen[number as usize], true) => {
-                waiting.push(&model.algebraics[number as usize].expr);
+            Variable::Input(input) => alone[index::at(input)] = false,
+            Variable::Algebraic(number) if !std::mem::replace(&mut seen[index::at(number)], true) => {
+                waiting.push(&model.algebraics[index::at(number)].expr);
             }
             Variable::Algebraic(_) | Variable::State(_) => {}
         });
@@ -192,7 +193,7 @@ pub(super) fn too_fast(model: &Model) -> Option<Diagnostic> {
     let frequency = |state: &State| match state.motion {
         Some(Motion::Sine(rate)) => Some(rate.abs() / (2.0 * core::f64::consts::PI)),
         Some(Motion::SweptSine(speed)) => {
-            let source = model.states[speed as usize].motion.and_then(Motion::source)?;
+            let source = model.states[index::at(speed)].motion.and_then(Motion::source)?;
             Some(model.waveform(source).bounds().1 / (2.0 * core::f64::consts::PI))
         }
         _ => None,

@@ -3,6 +3,7 @@
 use pe_ir::codes;
 use pe_ir::functions::Lookup;
 use pe_ir::graph::{StepGraph, ValueId};
+use pe_ir::index::at;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 
@@ -36,7 +37,7 @@ pub struct Saturated {
 /// The finding for a format that is given and too narrow.
 pub(super) fn too_narrow(graph: &StepGraph, value: ValueId, what: &str) -> Diagnostic {
     let message = format!("`{}` {what} in the formats that are given", graph.value_name(value));
-    let finding = match graph.equations.get(graph.value(value).equation as usize) {
+    let finding = match graph.equations.get(at(graph.value(value).equation)) {
         Some(equation) => Diagnostic::error(codes::SATURATED, equation.span, message),
         None => Diagnostic::global(codes::SATURATED, message),
     };
@@ -54,8 +55,8 @@ impl Saturated {
     /// The finding for a range that no widening makes wide enough.
     pub fn refusal(&self, model: &Model, graph: &StepGraph) -> Diagnostic {
         if let Some(lookup) = self.argument(graph) {
-            let equation = &graph.equations[graph.value(lookup.argument).equation as usize];
-            let table = &graph.functions.tables[lookup.table as usize];
+            let equation = &graph.equations[at(graph.value(lookup.argument).equation)];
+            let table = &graph.functions.tables[at(lookup.table)];
             let time = model.time(self.step, 0.0);
             let message = format!(
                 "`{}` gets an argument beyond its table at t = {time:.6e} s: `{}` is tabulated from {:.6e} to {:.6e}",
@@ -65,7 +66,7 @@ impl Saturated {
                 .with_help("rounding moves the argument: try more `--storage` bits or a wider `--multiplier`");
         }
         let value = self.values[0];
-        let equation = &graph.equations[graph.value(value).equation as usize];
+        let equation = &graph.equations[at(graph.value(value).equation)];
         let time = model.time(self.step, 0.0);
         let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", equation.name);
         Diagnostic::error(codes::SATURATED, equation.span, message)

@@ -101,7 +101,7 @@ impl Assembler {
         *self.rows.entry(bits).or_insert_with(|| {
             all.resize(all.len().next_multiple_of(LINE), 0.0);
             all.extend(numbers);
-            (all.len() - numbers.len()) as u32
+            index::number(all.len() - numbers.len())
         })
     }
 
@@ -143,7 +143,7 @@ impl Assembler {
                 one.free.iter().copied().filter(|lane| (start..start + lanes).contains(lane)).collect();
             let mut clear = Vec::new();
             for (first, length, apart, count) in stretches(&free) {
-                let words = [length, apart, count].map(|word| Argument::Word(word as u32));
+                let words = [length, apart, count].map(|word| Argument::Word(index::number(word)));
                 clear.extend(targets.iter().flat_map(|target| [at(*target, (first, 1))].into_iter().chain(words)));
             }
             self.work.moved += (free.len() * targets.len()) as u64;
@@ -270,7 +270,7 @@ impl Assembler {
                 let with_number = terms.iter().filter(|term| matches!(term.factor, tiles::Factor::Coefficient(_)));
                 let counts = [with_number.count(), terms.len(), chain.writes().count()];
                 let mut words = vec![Argument::Word(0)];
-                words.extend(counts.map(|count| Argument::Word(count as u32)));
+                words.extend(counts.map(|count| Argument::Word(index::number(count))));
                 for term in terms {
                     words.push(slot(term.operand));
                     words.push(match term.factor {

@@ -4,7 +4,7 @@
 //! Runs that follow each other become one where a product more in every lane costs less than another loop: a lane that
 //! has no such product gets the coefficient zero. What is in no loop that pays is left over.
 
-use pe_ir::index::at;
+use pe_ir::index::{self, at};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -347,7 +347,7 @@ impl Maker<'_> {
         let lanes = &order[run.lanes.clone()];
         let numbers = |operand: &Near| {
             let number = |(lane, chain): (usize, &Option<usize>)| {
-                let (first, chain) = (run.first + lane as u32, (*chain)?);
+                let (first, chain) = (run.first + index::number(lane), (*chain)?);
                 let found = self.terms_of(chain).iter().find_map(|term| match term.factor {
                     tiles::Factor::Coefficient(number) if self.near(term.operand, first) == *operand => Some(number),
                     _ => None,

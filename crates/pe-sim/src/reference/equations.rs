@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use differential_equations::linalg::Matrix;
 use differential_equations::ode::ODE;
+use pe_ir::index;
 use pe_ir::model::{Expr, Input, Model, Rate, Variable};
 
 use super::states::States;
@@ -43,21 +44,21 @@ pub(super) struct Equations<'a> {
 
 impl<'a> Equations<'a> {
     pub fn new(model: &'a Model) -> Self {
-        let (states, inputs) = (model.states.len() as u32, model.inputs.len() as u32);
+        let (states, inputs) = (index::number(model.states.len()), index::number(model.inputs.len()));
         let mut builder = Builder {
             states,
             inputs,
-            next: states + inputs + model.algebraics.len() as u32,
+            next: states + inputs + index::number(model.algebraics.len()),
             sums: Vec::new(),
             terms: Vec::new(),
             factors: Vec::new(),
         };
         for (index, algebraic) in model.algebraics.iter().enumerate() {
-            let slot = builder.slot(Variable::Algebraic(index as u32));
+            let slot = builder.slot(Variable::Algebraic(index::number(index)));
             builder.store(slot, &algebraic.expr);
         }
         let derivatives = model.states.iter().map(|state| builder.fresh(&state.derivative)).collect();
-        let slots = RefCell::new(vec![0.0; builder.next as usize]);
+        let slots = RefCell::new(vec![0.0; index::at(builder.next)]);
         let Builder { sums, terms, factors, .. } = builder;
         let continuous = model.continuous_states();
         let inputs = &model.inputs;
@@ -79,20 +80,20 @@ impl<'a> Equations<'a> {
         }
         for sum in &self.sums {
             if let Some(expr) = &sum.exact {
-                let number = |variable| slots[slot(variable, self.states, self.inputs.len() as u32) as usize];
+                let number = |variable| slots[index::at(slot(variable, self.states, index::number(self.inputs.len())))];
                 let value = expr.evaluate(&number);
-                slots[sum.slot as usize] = value;
+                slots[index::at(sum.slot)] = value;
                 continue;
             }
             let mut total = 0.0;
-            for term in &self.terms[sum.terms.start as usize..sum.terms.end as usize] {
-                let factors = &self.factors[term.factors.start as usize..term.factors.end as usize];
-                total += factors.iter().fold(term.coefficient, |product, slot| product * slots[*slot as usize]);
+            for term in &self.terms[index::at(sum.terms.start)..sum.terms.end as usize] {
+                let factors = &self.factors[index::at(term.factors.start)..term.factors.end as usize];
+                total += factors.iter().fold(term.coefficient, |product, slot| product * slots[index::at(*slot)]);
             }
-            slots[sum.slot as usize] = total;
+            slots[index::at(sum.slot)] = total;
         }
         for (derivative, slot) in derivatives.iter_mut().zip(&self.derivatives) {
-            *derivative = slots[*slot as usize];
+            *derivative = slots[index::at(*slot)];
         }
         self.played.iter().for_each(|state| derivatives[*state] = 0.0);
     }
@@ -132,9 +133,9 @@ impl Builder {
                 (coefficient, factors)
             })
             .collect();
-        let first = self.terms.len() as u32;
+        let first = index::number(self.terms.len());
         for (coefficient, factors) in products {
-            let start = self.factors.len() as u32;
+            let start = index::number(self.factors.len());
             self.factors.extend(factors);
             self.terms.push(Term { coefficient, factors: start..self.factors.len() as u32 });
         }
@@ -150,7 +151,7 @@ impl Builder {
             Expr::Product(members) => members.iter().for_each(|member| self.multiply(member, coefficient, factors)),
             Expr::Power(base, exponent) => {
                 let base = if let Expr::Variable(variable) = **base { self.slot(variable) } else { self.fresh(base) };
-                factors.extend(std::iter::repeat_n(base, *exponent as usize));
+                factors.extend(std::iter::repeat_n(base, index::at(*exponent)));
             }
         }
     }
@@ -195,7 +196,7 @@ impl Piece<'_> {
         self.equations.evaluate(&states.0, (self.middle(), self.from), &mut next);
         let sampled = model.states.iter().zip(next).zip(&mut states.0).skip(self.equations.continuous);
         for ((state, next), number) in sampled {
-            if state.rate.is_some_and(|rate| due[rate as usize]) {
+            if state.rate.is_some_and(|rate| due[index::at(rate)]) {
                 *number = next;
             }
         }

@@ -3,6 +3,7 @@
 //! An error estimate sees what the states do, and what lies at the stages of a step. A narrow function of time, such as a
 //! Gaussian late in the span, may lie between them all.
 
+use pe_ir::index::at;
 use pe_ir::model::{Expr, Model, Variable};
 
 /// Whether a function is applied to, or a choice made by, what depends on time alone or on inputs.
@@ -26,9 +27,9 @@ impl Timed<'_> {
     fn is_timed(&self, variable: Variable) -> bool {
         match variable {
             Variable::Input(_) => true,
-            Variable::Algebraic(index) => self.algebraics.get(index as usize).is_some_and(|timed| *timed),
+            Variable::Algebraic(index) => self.algebraics.get(at(index)).is_some_and(|timed| *timed),
             Variable::State(index) => {
-                let state = &self.model.states[index as usize];
+                let state = &self.model.states[at(index)];
                 // A state that nothing but numbers moves is a clock.
                 state.motion.is_some() || (state.rate.is_none() && state.derivative.as_constant().is_some())
             }

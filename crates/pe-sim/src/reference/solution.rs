@@ -2,6 +2,7 @@
 
 use differential_equations::ode::ODE;
 use differential_equations::traits::State;
+use pe_ir::index::at;
 use pe_ir::model::{Model, Waveform};
 
 use super::equations::{Equations, Piece};
@@ -103,7 +104,7 @@ impl Scales {
         let moved = derivatives.0.iter().map(|derivative| derivative * model.step);
         let largest = initial.0.iter().copied().chain(bounds).chain(moved).fold(0.0f64, |most, n| most.max(n.abs()));
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
-        let count = quantities.iter().max().map_or(0, |last| *last as usize + 1);
+        let count = quantities.iter().max().map_or(0, |last| at(*last) + 1);
         let shared = vec![PART * if largest > 0.0 && largest.is_finite() { largest } else { 1.0 }; count];
         Scales { own: vec![0.0; quantities.len()], shared, quantities, growing: true }
     }
@@ -119,7 +120,7 @@ impl Scales {
     pub fn include(&mut self, states: &States) {
         for ((own, state), quantity) in self.own.iter_mut().zip(&states.0).zip(&self.quantities) {
             *own = own.max(state.abs());
-            let shared = &mut self.shared[*quantity as usize];
+            let shared = &mut self.shared[at(*quantity)];
             *shared = shared.max(*own);
         }
     }
@@ -127,7 +128,7 @@ impl Scales {
     /// Absolute tolerance of each state.
     pub fn tolerances(&self, tolerance: f64) -> Vec<f64> {
         let floor = if self.growing { 1.0 } else { SCALE_FLOOR };
-        let scale = |(own, quantity): (&f64, &u32)| own.max(floor * self.shared[*quantity as usize]);
+        let scale = |(own, quantity): (&f64, &u32)| own.max(floor * self.shared[at(*quantity)]);
         self.own.iter().zip(&self.quantities).map(|state| tolerance * scale(state)).collect()
     }
 }

@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pe_ir::index::at;
+use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Function};
 use pe_ir::source::Diagnostic;
 
@@ -61,7 +61,7 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
     let mut queue: BTreeSet<(usize, u32)> = BTreeSet::new();
     for state in 0..count {
         prices[state] = price(&rows[state], &columns[state]);
-        queue.insert((prices[state], state as u32));
+        queue.insert((prices[state], index::number(state)));
     }
     let mut entries = 0;
     while let Some((_, state)) = queue.pop_first() {

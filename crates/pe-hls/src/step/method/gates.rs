@@ -4,7 +4,7 @@
 //! gate is a state `x' = a(V) - b(V) x` whose rates are functions of one other state. With `V` held over the step its
 //! solution is `x+ = x + p(V) (a(V)/b(V) - x)`, `p = 1 - exp(-h b)`; both `p` and `p a/b` are functions of `V` alone.
 
-use pe_ir::index::at;
+use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Function, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -46,7 +46,7 @@ struct Gate {
 
 impl Gate {
     fn of(model: &Model, state: usize) -> Option<Gate> {
-        let own = Variable::State(state as u32);
+        let own = Variable::State(number(state));
         let mut parts = LONGEST;
         let whole = put_in(model, &model.states[state].derivative, &mut parts)?;
         let mut other = None;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pe_ir::index::at;
+use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Variable};
 use pe_ir::motion::Motion;
 
@@ -18,7 +18,7 @@ pub fn jacobian(plan: &mut Plan, point: &Point) -> Vec<Row> {
     let mut algebraics: Vec<Row> = Vec::with_capacity(model.algebraics.len());
     for (index, algebraic) in model.algebraics.iter().enumerate() {
         // Only outputs need the others.
-        let row = match point.has(index as u32) {
+        let row = match point.has(number(index)) {
             true => gradient(plan, point, &algebraic.expr, &algebraics),
             false => Row::new(),
         };

@@ -3,7 +3,7 @@
 //! Hairer, Lubich, Wanner, Geometric Numerical Integration, sections I.1.2 and I.1.4. Which states are positions is found
 //! from who reads whom: velocities read positions, positions read velocities.
 
-use pe_ir::index::at;
+use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -150,7 +150,7 @@ fn two_coloured(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
     for (state, others) in reads.iter().enumerate() {
         for other in others.iter().filter(|other| at(**other) != state) {
             neighbours[state].push(*other);
-            neighbours[at(*other)].push(state as u32);
+            neighbours[at(*other)].push(number(state));
         }
     }
     let mut colour = vec![NONE; count];

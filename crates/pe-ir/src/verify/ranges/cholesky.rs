@@ -75,12 +75,12 @@ impl Square {
                 for (other, factor) in &matrix[index::at(*row)] {
                     let other = index::at(place[index::at(*other)]);
                     if other >= at {
-                        touched.push(other as u32);
+                        touched.push(index::number(other));
                         sums[other] += number * factor;
                     }
                 }
             }
-            touched.push(at as u32);
+            touched.push(index::number(at));
             touched.sort_unstable();
             touched.dedup();
             columns[at] = touched.iter().map(|other| (*other, sums[index::at(*other)])).collect();
@@ -132,7 +132,7 @@ impl Square {
                 sums[index::at(*row)] = 0.0;
             }
             if let Some((row, _)) = entries.first() {
-                due[index::at(*row)].push((column as u32, 0));
+                due[index::at(*row)].push((index::number(column), 0));
             }
             factor.push(entries);
         }

@@ -18,6 +18,7 @@ mod runs;
 mod system;
 
 use crate::graph::{FixedPoint, StepGraph, Term};
+use crate::index;
 use crate::program::{OutputPort, Program};
 use crate::value::ValueId;
 use crate::word::WordFormat;
@@ -166,7 +167,7 @@ impl Step {
 /// step as it is issued.
 pub fn check(program: &Program, graph: &StepGraph, enclosure: &Enclosure) -> Vec<String> {
     let producers = graph.producers();
-    let fits = |value: u32| (value as usize) < enclosure.largest.len() && enclosure.fits(ValueId(value));
+    let fits = |value: u32| index::at(value) < enclosure.largest.len() && enclosure.fits(ValueId(value));
     let mut violations = Vec::new();
     for (index, pe) in program.pes.iter().enumerate().filter(|(_, pe)| pe.features.proven) {
         for (at, (word, note)) in pe.words.iter().zip(&pe.notes).enumerate() {
@@ -175,14 +176,16 @@ pub fn check(program: &Program, graph: &StepGraph, enclosure: &Enclosure) -> Vec
                 let name = program.name(note.write);
                 violations.push(format!("PE {index}, word {at}: nothing proves that `{name}` stays in range"));
             }
-            let shown = |output: &&OutputPort| output.proven && (output.pe, output.word) == (index as u32, at as u32);
+            let shown = |output: &&OutputPort| {
+                output.proven && (output.pe, output.word) == (index::number(index), index::number(at))
+            };
             for output in program.outputs.iter().filter(shown) {
                 if !fits(note.write) || !enclosure.shows(ValueId(note.write), &program.format) {
                     violations.push(format!("output `{}`: nothing proves that it stays in range", output.name));
                 }
             }
             if word.own.is_some() && word.imported.is_some() {
-                let chain = producers.get(note.chain as usize).and_then(|chain| graph.chains.get(*chain as usize));
+                let chain = producers.get(index::at(note.chain)).and_then(|chain| graph.chains.get(index::at(*chain)));
                 let joined = chain.map_or(&[][..], |chain| graph.chain_terms(chain));
                 let mut joined = joined.iter().filter(|term| term.partner.is_some()).peekable();
                 if joined.peek().is_none() || joined.flat_map(Term::operands).any(|value| !fits(value.0)) {
