@@ -358,6 +358,8 @@ impl Parser {
                     return Err(line.error("expected a number of rounds that divides the period"));
                 }
             }
+            // What PEs may have depends on it.
+            "format" if !self.program.pes.is_empty() => return Err(line.error("expected it in front of the PEs")),
             "format" => self.program.format = fixed::read_format(line)?,
             "input" => {
                 let (name, exponent) = (read_name(line)?, line.keyed("exponent")?);
@@ -426,6 +428,9 @@ impl Parser {
     }
 
     fn features(&mut self, line: &mut Line) -> Result<(), TextError> {
+        if self.program.format == Program::empty().format {
+            return Err(line.error("expected an item `format` before it"));
+        }
         let index: usize = line.integer()?;
         if index != self.program.pes.len() {
             return Err(line.error("expected PEs in order"));
