@@ -240,6 +240,11 @@ impl Coverage {
         let all = u64::MAX >> (64 - format.storage_bits);
         coverage.inputs.fill([all; 2]);
         coverage.outputs.fill([all; 2]);
+        for (cover, pe) in coverage.pes.iter_mut().zip(&program.pes) {
+            let untaken = |word: &ControlWord| word.write.is_none() && word.write_index.is_none() && !word.send;
+            let flags = pe.features.send && !pe.features.proven;
+            cover.unsent = pe.words.iter().map(|word| flags && untaken(word)).collect();
+        }
         let largest = (1i64 << (format.storage_bits - 1)) - 1;
         let clamps = (i128::from(largest) << format.guard_bits) + i128::from(format.data_offset());
         coverage.clamped.fill(clamps > i128::from(format.max_word()));
