@@ -21,6 +21,7 @@ pub mod failure;
 pub mod features;
 pub mod mapping_file;
 pub mod pipeline;
+mod read;
 pub mod report;
 pub mod scene;
 pub mod settings;

@@ -23,7 +23,7 @@ use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
 use crate::settings::{MappingOptions, Settings, StageLoop, step_options};
 use crate::spec::LoadedModel;
-use crate::stages;
+use crate::stages::{self, CHECKED_ROUNDS};
 use crate::watch::Stopwatch;
 use pe_judge::progress::silent;
 use pe_judge::proof;
@@ -32,9 +32,6 @@ use pe_judge::slots;
 use pe_judge::tables;
 use pe_judge::{Coefficients, DesignPoint, ProofMode};
 use pe_target::area::{self, Family};
-
-/// Rounds that the program checker runs: the first fills the pipeline, the second and third see both parities.
-const CHECKED_ROUNDS: u32 = 3;
 
 /// What annealing made of one start.
 #[derive(Clone, Debug)]
@@ -125,7 +122,7 @@ pub fn prepare(
     let Settings { criteria, mapping: mapping_options, seed } = settings;
     let format = point.format(&loaded.model).map_err(Failure::Usage)?;
     let (file, pes) = given_mapping(loaded, mapping_options, point.pes)?;
-    let graph = step(loaded, point, mapping_options, watch)?;
+    let graph = step_for(loaded, point, mapping_options, pes, watch)?;
     let given = file.map(|file| entrants::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
     let fixed = loaded.stages.as_ref().and_then(|stages| stages.fixed.as_ref());
     let graph = match point.coefficients {
@@ -247,22 +244,21 @@ pub fn implement(
         paired.as_ref().map_or((&*variant.graph, &*variant.fixed), |paired| (&paired.graph, &paired.fixed));
     let mut judged = variant.judged(judged);
     let given = stages::program(texts, &variant.graph, &judged.fixed, &candidate.mapping)?;
-    let flat = schedule.clone();
     let assembled = watch.stage(
         "assemble",
         || match given {
-            Some(given) => Ok((schedule, given)),
+            Some(given) => Ok(Assembled { schedule, flat: None, program: given }),
             None => assemble(&loaded.model, issued, numbers, &candidate.mapping, schedule, mapping_options.stage_loop),
         },
         |assembled| match assembled {
-            Ok((_, program)) => {
+            Ok(Assembled { program, .. }) => {
                 let looped = if program.rounds > 1 { format!(", {} rounds", program.rounds) } else { String::new() };
                 format!("{} PEs, {} writes per step{looped}", program.pes.len(), program.writes_per_step())
             }
             Err(_) => "refused".to_owned(),
         },
     );
-    let (schedule, mut program) = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
+    let Assembled { schedule, flat, mut program } = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
     if let Some(proof) = judged.proof.as_ref().filter(|_| variant.relays > 0) {
         // What relays write is proven as well.
         let enclosed = proof::enclose(&variant.graph, &judged.fixed, loaded.model.steps());
@@ -282,7 +278,7 @@ pub fn implement(
         hoped: Arc::clone(&variant.hoped),
         judged,
         paired,
-        flat: (schedule != flat).then_some(flat),
+        flat,
         schedule,
         program,
         starts,
@@ -290,6 +286,14 @@ pub fn implement(
     let figure = |_: &_| "mapping, schedule, program".to_owned();
     watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
     Ok(design)
+}
+
+/// A program and the schedule that it follows.
+struct Assembled {
+    schedule: Schedule,
+    /// The schedule before stages that are alike became rounds, where they did.
+    flat: Option<Schedule>,
+    program: Program,
 }
 
 /// Assembles the schedule, or one of rounds that are alike, whichever takes the smaller product of area and cycles.
@@ -300,20 +304,21 @@ fn assemble(
     mapping: &Mapping,
     schedule: Schedule,
     stage_loop: StageLoop,
-) -> Result<(Schedule, Program), TooLarge> {
-    let flat = pe_hls::assemble::assemble(model, graph, fixed, mapping, &schedule)?;
+) -> Result<Assembled, TooLarge> {
+    let program = pe_hls::assemble::assemble(model, graph, fixed, mapping, &schedule)?;
     if stage_loop == StageLoop::Off {
-        return Ok((schedule, flat));
+        return Ok(Assembled { schedule, flat: None, program });
     }
-    let Some(rounds) = Rounds::of(graph, fixed) else { return Ok((schedule, flat)) };
+    let Some(rounds) = Rounds::of(graph, fixed) else { return Ok(Assembled { schedule, flat: None, program }) };
     let round = pe_hls::schedule::schedule(&rounds.graph, mapping, Latency::of(&fixed.format));
     let cost =
         |program: &Program| area::estimate(program, Family::default()).equivalent_luts() * f64::from(program.period);
-    match (pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round), stage_loop) {
-        (Ok(looped), StageLoop::Auto) if cost(&looped) >= cost(&flat) => Ok((schedule, flat)),
-        (Ok(looped), _) => Ok((rounds.unroll(graph, &round), looped)),
-        (Err(_), StageLoop::Auto) => Ok((schedule, flat)),
-        (Err(limit), _) => Err(limit),
+    match pe_hls::assemble::assemble_rounds(model, graph, fixed, mapping, &rounds, &round) {
+        Ok(looped) if stage_loop == StageLoop::On || cost(&looped) < cost(&program) => {
+            Ok(Assembled { schedule: rounds.unroll(graph, &round), flat: Some(schedule), program: looped })
+        }
+        Err(limit) if stage_loop == StageLoop::On => Err(limit),
+        _ => Ok(Assembled { schedule, flat: None, program }),
     }
 }
 
@@ -327,8 +332,19 @@ pub fn step(
     mapping_options: &MappingOptions,
     watch: &mut Stopwatch,
 ) -> Result<StepGraph, Failure> {
-    let format = point.format(&loaded.model).map_err(Failure::Usage)?;
     let (_, pes) = given_mapping(loaded, mapping_options, point.pes)?;
+    step_for(loaded, point, mapping_options, pes, watch)
+}
+
+/// The same where the number of PEs is known: a mapping file may be a pipe, which can be read once only.
+fn step_for(
+    loaded: &LoadedModel,
+    point: &DesignPoint,
+    mapping_options: &MappingOptions,
+    pes: Option<u32>,
+    watch: &mut Stopwatch,
+) -> Result<StepGraph, Failure> {
+    let format = point.format(&loaded.model).map_err(Failure::Usage)?;
     let graph = build(loaded, point, mapping_options, watch)?;
     if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
         return Ok(graph);

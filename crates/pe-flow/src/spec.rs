@@ -1,7 +1,5 @@
 //! A model and the files of the spec that it comes from.
 
-use std::fs::File;
-use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -11,6 +9,7 @@ use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Sources};
 
 use crate::failure::Failure;
+use crate::read::{at_most, unreadable};
 use crate::stages::{self, Stages};
 
 /// A model with the texts it comes from.
@@ -50,7 +49,7 @@ pub fn load_stages(path: &Path) -> Result<LoadedModel, Failure> {
 /// Reads the main file of a spec.
 pub fn main_file(path: &Path) -> Result<Sources, Failure> {
     let name = path.display().to_string();
-    let bytes = match read(path) {
+    let bytes = match at_most(path, LARGEST_FILE as u64) {
         Ok(bytes) => bytes,
         Err(LoadError::TooLarge(size)) => {
             let message = format!("the file has {size} bytes; the most allowed is {LARGEST_FILE}");
@@ -84,36 +83,14 @@ impl Loader for ModelFolder {
     fn load(&self, path: &str) -> Result<Vec<u8>, LoadError> {
         let target = self.0.join(path);
         // Links are followed before anything is opened, and what is opened is where they led.
-        let target = target.canonicalize().map_err(load_error)?;
-        let folder = self.0.canonicalize().map_err(load_error)?;
+        let target = target.canonicalize().map_err(unreadable)?;
+        let folder = self.0.canonicalize().map_err(unreadable)?;
         if !target.starts_with(folder) {
             return Err(LoadError::Outside);
         }
-        match target.metadata().map_err(load_error)?.is_file() {
-            true => read(&target),
+        match target.metadata().map_err(unreadable)?.is_file() {
+            true => at_most(&target, LARGEST_FILE as u64),
             false => Err(LoadError::Unreadable("it is no plain file".to_owned())),
         }
-    }
-}
-
-fn read(path: &Path) -> Result<Vec<u8>, LoadError> {
-    let file = File::open(path).map_err(load_error)?;
-    let data = file.metadata().map_err(load_error)?;
-    if data.len() > LARGEST_FILE as u64 {
-        return Err(LoadError::TooLarge(data.len()));
-    }
-    // Pipes and devices have no size beforehand.
-    let mut bytes = Vec::new();
-    file.take(LARGEST_FILE as u64 + 1).read_to_end(&mut bytes).map_err(load_error)?;
-    if bytes.len() > LARGEST_FILE {
-        return Err(LoadError::TooLarge(bytes.len() as u64));
-    }
-    Ok(bytes)
-}
-
-fn load_error(error: std::io::Error) -> LoadError {
-    match error.kind() {
-        ErrorKind::NotFound => LoadError::Missing,
-        _ => LoadError::Unreadable(error.to_string()),
     }
 }

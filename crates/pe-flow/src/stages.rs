@@ -6,6 +6,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use pe_frontend::LoadError;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
 use pe_ir::mapping::Mapping;
@@ -20,9 +21,10 @@ use pe_ir::word::Latency;
 
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
+use crate::read::at_most;
 
-/// Rounds that the program checker runs, as those of a program that was assembled.
-const CHECKED_ROUNDS: u32 = 3;
+/// Rounds that the program checker runs: the first fills the pipeline, the second and third see both parities.
+pub(crate) const CHECKED_ROUNDS: u32 = 3;
 
 /// What a text says beside the model.
 #[derive(Debug)]
@@ -56,13 +58,15 @@ const LARGEST_TEXT: u64 = 512 << 20;
 
 /// The text of a file.
 fn sources(path: &Path) -> Result<Sources, Failure> {
-    let unreadable = |error| Failure::file("read", path, error);
-    let size = std::fs::metadata(path).map_err(unreadable)?.len();
-    if size > LARGEST_TEXT {
-        let message = format!("it has {size} bytes; the most allowed is {LARGEST_TEXT}");
-        return Err(Failure::file("read", path, message));
-    }
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let bytes = at_most(path, LARGEST_TEXT).map_err(|error| match error {
+        LoadError::TooLarge(size) => {
+            let message = format!("it has {size} bytes or more; the most allowed is {LARGEST_TEXT}");
+            Failure::file("read", path, message)
+        }
+        LoadError::Unreadable(reason) => Failure::file("read", path, reason),
+        LoadError::Missing | LoadError::Outside => Failure::file("read", path, "there is no such file"),
+    })?;
+    let text = String::from_utf8(bytes).map_err(|_| Failure::file("read", path, "it is no text in UTF-8"))?;
     Ok(Sources::new(path.display().to_string(), &text))
 }
 

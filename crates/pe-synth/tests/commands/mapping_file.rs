@@ -1,8 +1,9 @@
 //! Mappings that the user gives.
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 /// A folder of a test's own with a mapping in it; the file's path.
 fn file(test: &str, text: &str) -> PathBuf {
@@ -44,6 +45,18 @@ fn what_dump_prints_is_taken_as_it_is() {
     let swapped = format!("{header}\n{swapped}");
     assert_eq!(mapped("order", &format!("# mine\n\n{other}"), &["--pes", "2"]), (Some(0), text));
     assert_eq!(mapped("swapped", &swapped, &[]), (Some(0), swapped.clone()));
+}
+
+#[test]
+fn a_mapping_may_come_through_a_pipe() {
+    let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/van_der_pol/van_der_pol.spec");
+    let target = file("pipe", "").with_file_name("out");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    command.args(["compile", "--span", "1s", "--quiet", "--mapping", "/dev/stdin", "-o"]).arg(&target).arg(spec);
+    let mut child = command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(b"x 0\ny 1\n").unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]
