@@ -47,7 +47,7 @@ def without_tests(text):
     """Blanked text without test modules."""
     while match := re.search(r"#\[cfg\(test\)\]\s*(?:pub\S*\s+)?mod\s+\w+\s*(?:\{|;)", text):
         end = match.end() if text[match.end() - 1] == ";" else closing(text, match.end() - 1)
-        text = text[:match.start()] + re.sub(r"[^\n]", " ", text[match.start():end]) + "\0" * 0 + text[end:]
+        text = text[:match.start()] + re.sub(r"[^\n]", " ", text[match.start():end]) + text[end:]
     return text
 
 
@@ -114,7 +114,6 @@ def imports(text):
                         break
             else:
                 word += sign
-        del word
 
 
 def arrows(source, crate):

@@ -77,7 +77,7 @@ impl Expr {
 mod tests {
     use super::*;
     use crate::expr::Select;
-    use crate::expr::tests::FUNCTIONS;
+    use crate::expr::tests::functions;
 
     #[test]
     fn the_gradient_is_what_the_derivatives_say() {
@@ -89,7 +89,7 @@ mod tests {
             Expr::power(Expr::sum(vec![x.clone(), Expr::product(vec![y.clone(), y.clone()])]), 4),
             Expr::Select(Box::new(choice)),
         ];
-        for function in FUNCTIONS {
+        for function in functions() {
             let inner = Expr::sum(vec![Expr::scaled(0.5, x.clone()), Expr::product(vec![x.clone(), y.clone()])]);
             exprs.push(Expr::product(vec![apply(function, &inner), y.clone()]));
         }

@@ -9,6 +9,7 @@ use crate::feedback::{Feedback, VISIBLE_BITS};
 
 /// Bits of a stored word unless the user says otherwise.
 const STORAGE: u32 = 32;
+
 /// Bits of a stored word, at most.
 pub const MOST_STORAGE: u32 = 48;
 

@@ -1,4 +1,4 @@
-//! Proof of ranges: which values can never leave their words, and what the report says of it.
+//! Proof of ranges: which values can never leave their words.
 
 use pe_hls::formats::RANGE_MARGIN;
 use pe_hls::norms::Norms;
@@ -100,8 +100,9 @@ impl Proof {
         self.enclosed.as_ref().is_some_and(|enclosed| enclosed.enclosure.fits(value))
     }
 
-    /// Leaves saturation out of the PEs that cannot need it: of none whose chains write, or add in front of the
-    /// multiplier, a value without proof; and the clamps out of outputs of those that cannot need them. `graph` is the step as it is issued.
+    /// Leaves saturation out of the PEs that cannot need it, and the clamps out of outputs of these PEs that cannot need
+    /// them. A PE needs it if one of its chains writes, or adds in front of the multiplier, a value without proof.
+    /// `graph` is the step as it is issued.
     pub fn leave_out(&self, program: &mut Program, graph: &StepGraph, mapping: &Mapping) {
         let mut needed = vec![self.enclosed.is_none(); program.pes.len()];
         for chain in &graph.chains {

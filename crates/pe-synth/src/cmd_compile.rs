@@ -131,7 +131,7 @@ impl Compile {
         let mut choice = match self.max_error {
             Some(max_error) => {
                 settings.mapping.of_many()?;
-                if self.model.from.is_some() && loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
+                if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
                     let message =
                         "`--max-error` chooses solver and step, which the text has decided; begin with a model";
                     return Err(Failure::Usage(message.to_owned()));

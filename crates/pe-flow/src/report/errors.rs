@@ -16,23 +16,23 @@ pub struct Errors {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub total_reason: Option<String>,
     /// Of the method.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub method: f64,
     /// Of the word length.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub word_length: f64,
     /// Of rounded coefficients.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub coefficient: f64,
     /// Of the word length at the end of the span.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub word_length_at_end: f64,
     /// Of rounded coefficients at the end of the span.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub coefficient_at_end: f64,
     /// Of tables; null without functions.
@@ -41,7 +41,7 @@ pub struct Errors {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub function_reason: Option<String>,
     /// Of inputs that are held or interpolated.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub input_hold: f64,
     /// Steps of the span.
@@ -79,7 +79,7 @@ pub struct OutputError {
     /// The output.
     pub name: String,
     /// Largest difference over largest magnitude.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub word_length: f64,
 }
@@ -90,31 +90,31 @@ pub struct OfTotal {
     /// State with the largest total error.
     pub total_worst_state: String,
     /// Part of the total error that was added for steps between the times of the reference.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub total_between_times: f64,
     /// Times at which the reference was compared.
     pub total_times: usize,
     /// At the end of the span.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub total_at_end: f64,
     /// State with the largest error there.
     pub total_at_end_worst_state: String,
     /// L2 norm of the deviation over that of the solution.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub total_l2: f64,
     /// Significant correct digits at the end.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub digits_at_end: f64,
     /// The run in double precision against the reference.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub double: f64,
     /// The same at the end of the span.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub double_at_end: f64,
     /// First sample at which a state is wrong by a tenth of its scale, in seconds.
@@ -126,7 +126,7 @@ pub struct OfTotal {
     /// Tolerance of the reference solution.
     pub reference_tolerance: f64,
     /// How much it moves with a larger tolerance.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub reference_uncertainty: f64,
     /// The method that found it.
@@ -255,11 +255,11 @@ pub struct LimitedBy {
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Amplification {
     /// With exact coefficients.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub exact: f64,
     /// With rounded ones.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub rounded: f64,
     /// Steps until samples repeat.

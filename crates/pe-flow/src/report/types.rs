@@ -122,7 +122,7 @@ pub struct Figures {
     /// The clock.
     pub clock: Clock,
     /// Milliseconds that the network takes for a second of the model.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub time_per_simulated_second_ms: f64,
     /// How wrong the design is.
@@ -266,13 +266,13 @@ pub struct Cells {
     /// The family.
     pub family: String,
     /// Look-up tables.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub lut: f64,
     /// What they may be off by.
     pub lut_error: f64,
     /// Flip-flops.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub ff: f64,
     /// What they may be off by.
@@ -365,7 +365,7 @@ pub struct Headroom {
     /// What it is.
     pub kind: String,
     /// Bits between its largest magnitude and the limit.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub bits: f64,
     /// Its largest magnitude.
@@ -529,7 +529,7 @@ pub struct FunctionTable {
     /// Largest error of approximation.
     pub bound: f64,
     /// The same in units of the lowest bit that a data port sees of the result.
-    #[serde(with = "nullable")]
+    #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub bound_lsb: f64,
 }

@@ -3,25 +3,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// A number that is null in the file where it is not finite.
-pub mod nullable {
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    /// Writes the number or null.
-    ///
-    /// # Errors
-    /// Those of the serializer.
-    pub fn serialize<S: Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_f64(*number)
-    }
-
-    /// Reads the number, or NaN for null.
-    ///
-    /// # Errors
-    /// Those of the deserializer.
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-        Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
-    }
+/// Reads a number that is null in the file where it is not finite: NaN then.
+///
+/// # Errors
+/// Those of the deserializer.
+pub fn nullable<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 /// Reads a key that is there, be it null.

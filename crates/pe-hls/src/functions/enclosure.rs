@@ -201,26 +201,9 @@ mod tests {
         let x = || Expr::Variable(Variable::State(0));
         let apply = |function, argument| Expr::Apply(function, Box::new(argument));
         let moved = |by: f64| Expr::sum(vec![x(), Expr::Constant(by)]);
-        let functions = [
-            Function::Reciprocal,
-            Function::RealPower(-1.5),
-            Function::RealPower(-3.0),
-            Function::RealPower(0.3),
-            Function::Sqrt,
-            Function::Exp,
-            Function::Log,
-            Function::Sin,
-            Function::Cos,
-            Function::Tan,
-            Function::Asin,
-            Function::Acos,
-            Function::Atan,
-            Function::Sinh,
-            Function::Cosh,
-            Function::Tanh,
-            Function::Abs,
-            Function::Sign,
-        ];
+        let powers = [-1.5, -3.0, 0.3].map(Function::RealPower);
+        let functions: Vec<Function> =
+            [Function::Reciprocal].into_iter().chain(powers).chain(Function::NAMED).collect();
         let mut bodies: Vec<Expr> = functions.iter().map(|function| apply(*function, x())).collect();
         bodies.extend(functions.iter().map(|function| apply(*function, Expr::scaled(-0.7, moved(0.2)))));
         bodies.push(Expr::product(vec![moved(-0.4), Expr::power(moved(0.1), 2), apply(Function::Exp, x())]));

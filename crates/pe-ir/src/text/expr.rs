@@ -13,24 +13,6 @@ use super::{Line, TextError, number};
 /// Deepest nesting that is read.
 const DEEPEST: usize = 400;
 
-/// Functions that stand in front of their argument.
-const NAMED: [Function; 14] = [
-    Function::Sqrt,
-    Function::Exp,
-    Function::Log,
-    Function::Sin,
-    Function::Cos,
-    Function::Tan,
-    Function::Asin,
-    Function::Acos,
-    Function::Atan,
-    Function::Sinh,
-    Function::Cosh,
-    Function::Tanh,
-    Function::Abs,
-    Function::Sign,
-];
-
 /// How tightly an expression has to bind where it stands.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Rank {
@@ -284,7 +266,7 @@ impl Reader<'_, '_> {
             let variable = (self.variable)(&name).map(Expr::Variable);
             return variable.ok_or_else(|| self.line.error(format!("no variable is called `{name}`")));
         }
-        let function = NAMED.into_iter().find(|function| function.name() == name);
+        let function = Function::NAMED.into_iter().find(|function| function.name() == name);
         if function.is_none() && name != "sum" && name != "product" {
             return Err(self.line.error(format!("no function is called `{name}`")));
         }

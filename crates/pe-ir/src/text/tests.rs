@@ -1,6 +1,6 @@
 //! Expressions and names of every kind are read as they were printed; damaged texts have a place.
 
-use crate::expr::tests::FUNCTIONS;
+use crate::expr::tests::functions;
 use crate::graph::StepGraph;
 use crate::model::{Expr, Function, Model, Select, Variable};
 
@@ -28,7 +28,7 @@ fn random(seed: &mut u64, depth: u32) -> Expr {
         2 => Expr::Sum(many(seed)),
         3 => Expr::Product(many(seed)),
         4 => Expr::Power(Box::new(random(seed, depth - 1)), 2 + next(seed) as u32 % 5),
-        5 => Expr::Apply(FUNCTIONS[next(seed) as usize % FUNCTIONS.len()], Box::new(random(seed, depth - 1))),
+        5 => Expr::Apply(functions()[next(seed) as usize % functions().len()], Box::new(random(seed, depth - 1))),
         _ => {
             let [condition, yes, no] = std::array::from_fn(|_| random(seed, depth - 1));
             Expr::Select(Box::new(Select { condition, yes, no }))

@@ -81,15 +81,6 @@ impl Area {
     pub fn basis(&self) -> &'static str {
         if self.measured_pes == self.pes { "measured" } else { "estimated" }
     }
-
-    /// Look-up tables in words.
-    pub fn lut_words(&self) -> String {
-        if self.lut_error > 0.0 {
-            format!("{:.0} ± {:.0} LUT", self.lut, self.lut_error)
-        } else {
-            format!("{:.0} LUT", self.lut)
-        }
-    }
 }
 
 /// Estimates a whole network: PEs, inputs, ticks, outputs and the sequencer.
