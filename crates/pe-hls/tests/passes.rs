@@ -411,3 +411,17 @@ fn every_pass_has_cases() {
         assert!(cases > 0, "{} has no case", pass.name);
     }
 }
+
+#[test]
+fn the_architecture_lists_the_passes() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/architecture.md");
+    let text = std::fs::read_to_string(path).expect("the document");
+    let rows: Vec<&str> = text
+        .lines()
+        .skip_while(|line| *line != "| pass | reads | makes | purpose |")
+        .skip(2)
+        .take_while(|line| line.starts_with('|'))
+        .collect();
+    let row = |pass: &pe_hls::Pass| format!("| `{}` | {} | {} | {} |", pass.name, pass.reads, pass.makes, pass.purpose);
+    assert_eq!(rows, pe_hls::PASSES.iter().map(row).collect::<Vec<_>>());
+}
