@@ -5,7 +5,7 @@ library ieee;
 
 -- Purpose:  A register of its own for one of many that are told the same, so that what tells them drives a register of each
 --           and not all that they do with it. Synthesis must not make one of those that are alike: the attribute tells
---           Vivado so, `hdl/measure-clock.sh` tells yosys.
+--           Vivado so, `xtask measure-clock` tells yosys.
 -- Generics: Any WIDTH.
 -- Timing:   A clock late, and it never stops.
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //
 // Behaviour of the ECP5 cells that yosys 0.70 has no simulation model of, as far as its netlists and
-// hdl/ecp5/pack-registers.py use them: signed products, and block RAM with words of 36 or 18 bits that are written at
+// crates/xtask/synthesis/pack-registers.py use them: signed products, and block RAM with words of 36 or 18 bits that are written at
 // side A and read at side B, or with words of 18 bits read at side A. These are not the vendor's models: the places of
 // bits are those of yosys' own mapping, and registers load with their clock enable; nothing was compared with a device.
 

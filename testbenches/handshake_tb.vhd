@@ -10,7 +10,7 @@ library std;
 library pe_lib;
   use pe_lib.pe_pkg.all;
 
--- Prints the handshake as timing diagrams, which docs/timing.sh puts into docs/hardware.md: a column for each clock, as it
+-- Prints the handshake as timing diagrams, which xtask timing puts into docs/hardware.md: a column for each clock, as it
 -- is just before the clock's rising edge. Steps are numbered from 1; an input that follows the outputs takes
 -- RESPONSE clocks after done_o. Checks what the datasheet says: a step begins in enabled clocks with busy_o = 0 and
 -- step_i = 1 only, done_o stays for one enabled clock, and with step_i gated no input is taken before done_o.

@@ -98,7 +98,7 @@ cargo test --workspace --locked
 
 begin 'test benches of the VHDL entities'
 testbenches/run.sh
-docs/timing.sh --check
+crates/xtask/pages/timing.sh --check
 
 begin 'layout of the VHDL'
 lint hdl/*.vhd testbenches/*.vhd

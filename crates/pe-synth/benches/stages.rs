@@ -1,5 +1,5 @@
 //! How long each stage takes on two models of the paper: `cargo bench`, or one of them by name, such as
-//! `cargo bench -- schedule/weibel11`. `docs/benchmarks.py` makes a table of what Criterion notes.
+//! `cargo bench -- schedule/weibel11`. `xtask benchmarks` makes a table of what Criterion notes.
 
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 

@@ -2,9 +2,9 @@
 //!
 //!     cargo run -p pe-synth --example fit_area [-- FILE...]
 //!
-//! Reads `crates/pe-target/src/area/measured.txt` and the lines of each FILE, all written by `hdl/measure-area.sh`; of
+//! Reads `crates/pe-target/src/area/measured.txt` and the lines of each FILE, all written by `xtask measure-area`; of
 //! two lines for the same shape the later one counts. Writes `measured.txt` again, `fitted.rs` beside it and
-//! `docs/area-model.md`. `docs/fit-area.sh` measures and fits. Residuals are weighted by the measured size, so that small PEs count as much as large ones.
+//! `docs/area-model.md`. `xtask fit-area` measures and fits. Residuals are weighted by the measured size, so that small PEs count as much as large ones.
 //! Terms that the measured PEs do not tell apart stay near what a count of the circuit says, a table or flip-flop per
 //! unit: a deviation from it costs as a residual does, times [`PULL`].
 
@@ -224,9 +224,9 @@ fn main() {
     let mut page = format!(
         "# Area model\n\nWritten by `cargo run -p pe-synth --example fit_area`; do not edit. Look-up tables and flip-flops \
          of a PE without\nmemories that nothing writes are sums of terms, fitted for each family of devices to {} PEs that \
-         `hdl/measure-area.sh`\nsynthesised (GHDL, yosys 0.70); it simulated the netlists of Virtex-6. \
+         `cargo run -p xtask -- measure-area`\nsynthesised (GHDL, yosys 0.70); it simulated the netlists of Virtex-6. \
          [silicon.md](silicon.md) says how, and holds whole\nnetworks beside the estimates.\n\n\
-         ```sh\ndocs/fit-area.sh [DESIGN_FOLDER...]   # measures single PEs and the PEs of designs, and fits again\n```\n\n\
+         ```sh\ncargo run -p xtask -- fit-area [DESIGN_FOLDER...]   # measures single PEs and the PEs of designs, and fits again\n```\n\n\
          Estimates in reports carry twice the root mean square of the residuals as error. The shapes are few for so many \
          coefficients,\nso that these are pulled towards a count of the circuit. Estimates of PEs with a trait that fewer \
          than {ENOUGH} measured ones have\ncarry {:.0} % as error, a round figure for what is not known; several such traits \

@@ -12,7 +12,7 @@
 //! more than twice the error that is asked for is not run in words: rounding would have to cancel half of it. What takes
 //! more products than the budget is left out, and counted.
 //!
-//! `docs/goals.py` calls both.
+//! `xtask goals` calls both.
 
 use std::process::ExitCode;
 use std::sync::mpsc::channel;

@@ -7,7 +7,7 @@
 //!
 //! A partition is a file with the number of a PE per line, one line per equation. Each line of the result holds where
 //! the mapping comes from, its seed, PEs, largest load, connections, largest in-degree and cycles per step.
-//! `docs/partitions.py` makes the comparison of `docs/decisions/0018-mapping.md` with it.
+//! `xtask partitions` makes the comparison of `docs/decisions/0018-mapping.md` with it.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

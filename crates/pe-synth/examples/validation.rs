@@ -20,7 +20,7 @@ const CLOCK: f64 = 150e6;
 const HEAD: &str = "\
 # Validation
 
-Written by [`docs/validation.sh`](validation.sh), which compiles every case of
+Written by `cargo run -p xtask -- validation`, which compiles every case of
 [models/validation/cases.csv](../models/validation/cases.csv): published test problems and models of the fields that
 pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the options say otherwise.
 [models/validation](../models/validation/README.md) says where they are from. Decisions

@@ -68,7 +68,7 @@ pub struct Compile {
     /// Holds the size against a device, and estimates the clock where networks on its like were measured
     #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
-    /// Takes measured sizes of PEs in place of estimates, from a file that `hdl/measure-area.sh` wrote
+    /// Takes measured sizes of PEs in place of estimates, from a file that `cargo run -p xtask -- measure-area` wrote
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     area_from: Option<PathBuf>,
     /// Leaves the pictures out
@@ -346,7 +346,10 @@ fn unjudged() -> String {
 fn measured(path: &Path) -> Result<Measured, Failure> {
     let text = std::fs::read_to_string(path).map_err(|error| Failure::file("read", path, error))?;
     Measured::parse(&text).map_err(|line| {
-        Failure::File(format!("{}:{line}: not a measured PE; `hdl/measure-area.sh` writes such files", path.display()))
+        Failure::File(format!(
+            "{}:{line}: not a measured PE; `cargo run -p xtask -- measure-area` writes such files",
+            path.display()
+        ))
     })
 }
 

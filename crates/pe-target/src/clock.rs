@@ -103,7 +103,7 @@ const fn measured(pipeline: Pipeline, blocks: u32, pes: u32, mhz: f64) -> Measur
     Measured { pipeline, blocks, pes, mhz }
 }
 
-/// On LFE5U-85F, speed grade 8, by `hdl/measure-clock.sh` with flip-flops moved into registers of blocks.
+/// On LFE5U-85F, speed grade 8, by `xtask measure-clock` with flip-flops moved into registers of blocks.
 const ECP5: &[Measured] = &[
     measured(Deep, 1, 1, 240.3),
     measured(Deep, 1, 1, 221.7),

@@ -1,6 +1,6 @@
 //! The quick part of the validation set: verdicts and errors against references from another library.
 //!
-//! `docs/validation.sh` runs all of it.
+//! `xtask validation` runs all of it.
 
 use crate::validation_set::{Outcome, Reference, Whole, cases, words};
 use pe_sim::error::Trajectory;

@@ -1,4 +1,4 @@
-//! Measured PEs: the lines that `hdl/measure-area.sh` writes.
+//! Measured PEs: the lines that `xtask measure-area` writes.
 
 use std::collections::{BTreeMap, HashMap};
 

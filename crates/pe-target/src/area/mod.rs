@@ -3,8 +3,8 @@
 //!
 //! What the datapaths are made of is counted bit by bit ([`terms`]), in a few terms; how many tables and flip-flops a unit
 //! of each term takes was fitted to synthesised PEs ([`fitted`], written by `cargo run --example fit_area` from
-//! `measured.txt`). Depths at which memories become block RAM are those of `hdl/pe_style_pkg.vhd`. `hdl/measure-area.sh`
-//! measures a design's PEs; what it writes can take the place of the estimates ([`Measured`]). `hdl/measure-network.sh`
+//! `measured.txt`). Depths at which memories become block RAM are those of `hdl/pe_style_pkg.vhd`. `xtask measure-area`
+//! measures a design's PEs; what it writes can take the place of the estimates ([`Measured`]). `xtask measure-network`
 //! holds whole networks beside estimates.
 
 mod content;

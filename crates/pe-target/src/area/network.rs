@@ -1,6 +1,6 @@
 //! What a network has beside its PEs: sequencer, inputs, ticks and outputs.
 //!
-//! Counts of the circuit, held against `parts.txt`, which `hdl/measure-parts.sh` writes.
+//! Counts of the circuit, held against `parts.txt`, which `xtask measure-parts` writes.
 
 use pe_ir::program::{Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};

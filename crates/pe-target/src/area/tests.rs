@@ -8,7 +8,7 @@ use super::terms::{rare, weighted};
 use super::*;
 
 /// Index words, bits of an index, of these for octaves, and the LUTs of a synthesised PE beside those of the same
-/// PE without lookups (`docs/single_pes.py FOLDER tables`).
+/// PE without lookups (`xtask single_pes FOLDER tables`).
 const MEASURED_LOOKUPS: &[(u32, u32, u32, f64)] =
     &[(0, 0, 0, 0.0), (16, 5, 0, 13.0), (32, 6, 0, 14.0), (16, 5, 3, 28.0), (32, 6, 4, 53.0)];
 
@@ -146,7 +146,7 @@ fn estimates_of_what_was_hardly_measured_have_wider_errors() {
 #[test]
 fn depths_of_blocks_are_the_same_in_vhdl_verilog_and_estimate() {
     let package = include_str!("../../../../hdl/pe_style_pkg.vhd");
-    let styles = include_str!("../../../../hdl/styles.awk");
+    let styles = include_str!("../../../xtask/synthesis/styles.awk");
     let deepest = memory::LUT_ROM_WORDS;
     assert!(package.contains(&format!("TABLE_ROM_WORDS : positive := {deepest};")));
     assert!(styles.contains(&format!("words[i] > {deepest} ")));
