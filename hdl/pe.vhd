@@ -8,13 +8,14 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_write_pkg.all;
 
--- Purpose:  One processing element: multiplies a stored word by a coefficient, sums products, scales the sum, stores it and
---           sends it to other PEs, as its control words say.
--- Generics: Memories have a power of two of words, or none where 0 is allowed; their images as many. The features (FACTOR
---           to SEND, SHIFTS, INDEX_WORDS) decide which fields the control word has, and so CONTROL_BITS.
+-- Purpose:  One processing element: multiplies stored words by coefficients, accumulates the products, scales the sum,
+--           stores it and sends it to other PEs, as its control words say.
+-- Generics: The number of words of a memory is a power of two, or 0 where allowed; images have as many words. The
+--           features (FACTOR to SEND, SHIFTS, INDEX_WORDS) decide which fields the control word has, and so
+--           CONTROL_BITS.
 -- Timing:   Each group of the control word acts in the clock in which the word is in the control register;
---           docs/hardware.md, "Timing", tells the distances between the groups of one operation. Nothing moves in clocks
---           without advance_i. With DEEP all that the sequencer tells comes a clock before the word.
+--           docs/hardware.md, "Timing", gives the distances between the groups of one operation. All registers hold in
+--           clocks without advance_i. With DEEP the sequencer's control signals arrive one clock before the word.
 
 entity pe is
   generic (

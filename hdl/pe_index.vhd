@@ -7,10 +7,10 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_write_pkg.all;
 
--- Purpose:  Index memory of a PE with tables: it takes the segment of a written word, and gives the index that the base
---           address of the next control word takes, 0 if none is asked for.
+-- Purpose:  Index memory of a PE with function tables: stores the segment of a written word, and returns the index that
+--           is joined with the base address of the next control word, 0 if none is enabled.
 -- Generics: WORDS is a power of two; an index has at most the WORD_BITS of a word, and more bits than count octaves.
--- Timing:   That of pe_ram: an index is there a clock after its address; all stops without ce_i.
+-- Timing:   As pe_ram: an index is valid one clock after its address; all registers hold without ce_i.
 
 entity pe_index is
   generic (

@@ -8,9 +8,9 @@ library pe_lib;
 
 -- Purpose:  Samples an external input when a step begins, and rounds it to a data operand.
 -- Generics: STORAGE_BITS and DATA_BITS are at most WORD_BITS.
--- Timing:   The operand is there a clock after sample_i; with DEEP two clocks after arrive_i, when the PEs begin the step.
---           The input must be defined in the clock of sample_i, in which simulation stops otherwise; it may be anything in
---           all others.
+-- Timing:   The operand is valid one clock after sample_i; with DEEP two clocks after arrive_i, when the PEs begin the
+--           step. The input must be defined in the clock of sample_i, or simulation stops; it may be anything in all
+--           other clocks.
 
 entity pe_input is
   generic (

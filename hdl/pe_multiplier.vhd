@@ -7,13 +7,13 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_style_pkg.all;
 
--- Purpose:  Signed product of a data operand and a coefficient, both registered by the memories. The data operand arrives
---           as two words that the pre-adder of a multiplier block adds. Where at most one is not 0 this saves a
+-- Purpose:  Signed product of a data operand and a coefficient, both registered by the memories. The data operand
+--           arrives as two words that the pre-adder of a multiplier block adds. Where at most one is not 0 this saves a
 --           multiplexer; PRE_ADDER allows both, as long as their sum fits the operand. May be replaced by a vendor's
 --           multiplier of the same behaviour.
 -- Generics: Operands have 2 bits or more; LATENCY is 1, one multiplier block, or 3, four blocks and two additions.
 -- Timing:   The product register is loaded LATENCY clocks after the operands, with DEEP one later: their sum and the
---           coefficient have a register of their own then, and parts have at most 18 bits. All stops without ce_i.
+--           coefficient are registered then, and parts have at most 18 bits. All registers hold without ce_i.
 
 entity pe_multiplier is
   generic (

@@ -8,8 +8,8 @@ library pe_lib;
 
 -- Purpose:  Captures a word of a PE's write group and publishes it, rounded, when the step is done.
 -- Generics: STORAGE_BITS and DATA_BITS are at most WORD_BITS; CAPTURE_WORD has at most INDEX_BITS.
--- Timing:   Captures in the clock in which CAPTURE_WORD is executed, and value_o changes a clock after publish_i; with DEEP
---           both are a clock later.
+-- Timing:   Captures in the clock in which CAPTURE_WORD is executed, and value_o changes a clock after publish_i; with
+--           DEEP both are a clock later.
 
 entity pe_output is
   generic (

@@ -11,9 +11,9 @@ library pe_lib;
 -- Purpose:  Memory with one write port and one registered read port. May be replaced by a vendor's memory of the same
 --           behaviour.
 -- Generics: WORDS is a power of two, IMAGE has WORDS elements of WORD_BITS.
--- Timing:   A word is read a clock after its address, two with DEEP; all stops without ce_i. A disabled read loads
---           `default_i` instead; where that is a constant, the read register's synchronous set and reset do it. A word
---           that is read and written in the same clock reads as before the write.
+-- Timing:   A word is valid one clock after its address, two with DEEP; all registers hold without ce_i. A disabled
+--           read loads `default_i` instead; where that is a constant, the read register's synchronous set and reset do
+--           it. A word that is read and written in the same clock reads as before the write.
 
 entity pe_ram is
   generic (

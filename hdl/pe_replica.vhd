@@ -3,11 +3,11 @@
 library ieee;
   use ieee.std_logic_1164.all;
 
--- Purpose:  A register of its own for one of many that are told the same, so that what tells them drives a register of each
---           and not all that they do with it. Synthesis must not make one of those that are alike: the attribute tells
---           Vivado so, `xtask measure-clock` tells yosys.
+-- Purpose:  Duplicated register for one receiver of a broadcast signal. It limits the fan-out: the source drives one
+--           register per receiver and not the logic behind them. Synthesis must not merge equal registers: the
+--           attribute tells Vivado so, `xtask measure-clock` tells yosys.
 -- Generics: Any WIDTH.
--- Timing:   A clock late, and it never stops.
+-- Timing:   One clock of delay; it never holds.
 
 entity pe_replica is
   generic (

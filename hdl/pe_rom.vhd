@@ -8,12 +8,11 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_style_pkg.all;
 
--- Purpose:  A memory that nothing writes: the program of one PE, whose registered output is the control register, or its
---           coefficients.
+-- Purpose:  Program ROM of one PE, whose registered output is the control register, or ROM of its coefficients.
 -- Generics: CONTENT has PERIOD elements of CONTROL_BITS; any number of words is allowed.
--- Timing:   A word is at control_o a clock after its address, and stays there without fetch_i. With DEEP it comes four
---           clocks after the address: there are a replica of the address, and behind the memory a register that block RAM
---           has at its output, and one that synthesis may place beside the PE. They never stop.
+-- Timing:   A word is at control_o one clock after its address, and is held without fetch_i. With DEEP it arrives four
+--           clocks after the address: through a replica of the address and, behind the memory, the output register of
+--           the block RAM and one that synthesis may place beside the PE. They never hold.
 
 entity pe_rom is
   generic (

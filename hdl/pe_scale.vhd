@@ -8,10 +8,11 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_write_pkg.all;
 
--- Purpose:  The write side of a PE up to the word that the write group stores: base word and shift, addition, saturation.
--- Generics: SHIFTS rise. Memories have a power of two of words, INDEX_WORDS may be 0.
--- Timing:   docs/hardware.md, "Timing", scale group: word_o is loaded two clocks after the control word that tells base and
---           shift, with DEEP three. Nothing moves in clocks without advance_i.
+-- Purpose:  The write side of a PE up to the word that the write group stores: base word and shift, addition,
+--           saturation.
+-- Generics: SHIFTS ascend. The number of words of a memory is a power of two; INDEX_WORDS may be 0.
+-- Timing:   docs/hardware.md, "Timing", scale group: word_o is loaded two clocks after the control word with base and
+--           shift, with DEEP three. All registers hold in clocks without advance_i.
 
 entity pe_scale is
   generic (
@@ -47,11 +48,11 @@ architecture rtl of pe_scale is
 
   constant BASE_BITS : positive := index_bits(BASE_WORDS);
 
-  -- Shifts count from here: words that are wider than products take sums shifted to the left.
-  constant LIFT : natural := larger(WORD_BITS + 2 - DATA_BITS - COEFFICIENT_BITS, 0);
+  -- Constant left shift of the sum, for words that are wider than products; right shifts count from here.
+  constant LEFT : natural := larger(WORD_BITS + 2 - DATA_BITS - COEFFICIENT_BITS, 0);
 
   -- Shifted sums keep one bit below the word's LSB, which rounds; the sum keeps every upper bit.
-  constant SHIFTED_BITS : positive := ACCUMULATOR_BITS + LIFT - smallest(SHIFTS) + 1;
+  constant SHIFTED_BITS : positive := ACCUMULATOR_BITS + LEFT - smallest(SHIFTS) + 1;
   constant SUM_BITS     : positive := larger(WORD_BITS + 1, SHIFTED_BITS) + 1;
 
   -- Upper bits of a saturated word that tell its sign; the others are 0.
@@ -179,11 +180,11 @@ begin
   end process p_scale;
 
   -- Groups of more than one position begin at multiples of four, so the index's low bits are theirs.
-  low_sum <= chosen(shifted(hold_i, SHIFTS, 0, FIRST_MID, LIFT, SHIFTED_BITS), std_ulogic_vector(position), SHIFTED_BITS);
+  low_sum <= chosen(shifted(hold_i, SHIFTS, 0, FIRST_MID, LEFT, SHIFTED_BITS), std_ulogic_vector(position), SHIFTED_BITS);
 
   g_mid : if MID_SHIFTS > 0 generate
 
-    mid_sum <= chosen(shifted(hold_i, SHIFTS, FIRST_MID, MID_SHIFTS, LIFT, SHIFTED_BITS), std_ulogic_vector(position),
+    mid_sum <= chosen(shifted(hold_i, SHIFTS, FIRST_MID, MID_SHIFTS, LEFT, SHIFTED_BITS), std_ulogic_vector(position),
                       SHIFTED_BITS);
 
   end generate g_mid;
@@ -196,7 +197,7 @@ begin
 
   g_high : if HIGH_SHIFTS > 0 generate
 
-    high_sum <= chosen(shifted(hold_i, SHIFTS, FIRST_HIGH, HIGH_SHIFTS, LIFT, SHIFTED_BITS),
+    high_sum <= chosen(shifted(hold_i, SHIFTS, FIRST_HIGH, HIGH_SHIFTS, LEFT, SHIFTED_BITS),
                        std_ulogic_vector(position - FIRST_HIGH), SHIFTED_BITS);
 
   end generate g_high;

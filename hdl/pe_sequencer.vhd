@@ -10,10 +10,10 @@ library pe_lib;
 -- Purpose:  Broadcasts the word index to all PEs and runs the step handshake. A step has one or more rounds of equal
 --           length.
 -- Generics: PERIOD is a multiple of ROUNDS, and a round has more than PAUSE_WORD control words.
--- Timing:   A step begins, and takes the inputs, with an enabled clock in which busy_o = 0 and step_i = 1; done_o is 1 for
---           one enabled clock when its outputs are there. The first pass over the words before the pause word only fills
---           the pipelines (settle). ce_i must be 0 or 1 at every edge, step_i at every enabled one in which the network
---           waits; simulation stops otherwise.
+-- Timing:   A step begins, and samples the inputs, in an enabled clock with busy_o = 0 and step_i = 1; done_o is 1 for
+--           one enabled clock when its outputs are valid. The first pass over the words before the pause word only
+--           fills the pipelines (settle). ce_i must be 0 or 1 at every edge, step_i at every enabled one in which the
+--           network waits; simulation stops otherwise.
 
 entity pe_sequencer is
   generic (

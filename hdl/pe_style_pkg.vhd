@@ -1,6 +1,6 @@
 -- SPDX-License-Identifier: MIT OR Apache-2.0
 
--- Where synthesis is to put memories and products. Each tool reads attributes of its own and ignores the others: Vivado
+-- Attributes that tell synthesis where to put memories and products. Each tool reads its own and ignores the others: Vivado
 -- and ISE `rom_style`, `ram_style`, `use_dsp`, `use_dsp48`; Synplify, Diamond, Radiant and Gowin `syn_romstyle`,
 -- `syn_ramstyle`, `syn_multstyle`, `syn_dspstyle`; Quartus `romstyle`, `ramstyle`, `multstyle`. GHDL 2.0 hands none on:
 -- `crates/xtask/synthesis/styles.awk` puts those of memories into its Verilog, by the same depths.

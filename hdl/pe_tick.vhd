@@ -5,10 +5,10 @@ library ieee;
 
 library pe_lib;
 
--- Purpose:  The tick of a rate: counts steps, and takes the place of an external input that is 1.0 in steps that begin with
---           a sample and 0 in all others.
+-- Purpose:  The tick of a rate: counts steps; connected like an external input that is 1.0 in steps that begin with a
+--           sample and 0 in all others.
 -- Generics: DONE is less than STEPS; ONE_BIT lies below the sign of the operand.
--- Timing:   Loads its operand when pe_input does: a clock after sample_i, with DEEP two clocks after arrive_i.
+-- Timing:   Loads its operand when pe_input does: one clock after sample_i, with DEEP two clocks after arrive_i.
 
 entity pe_tick is
   generic (

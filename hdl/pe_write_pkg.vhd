@@ -7,7 +7,7 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_pkg.all;
 
--- Functions of the write side: shifted sums, and the segments that written words are in; see docs/hardware.md.
+-- Functions of the write side: shifted sums, and segments of written words; see docs/hardware.md.
 
 package pe_write_pkg is
 
@@ -28,7 +28,7 @@ package pe_write_pkg is
     shifts : natural_array_t;
     first  : natural;
     count  : positive;
-    lift   : natural;
+    left   : natural;
     width  : positive
   ) return std_ulogic_vector;
 
@@ -84,7 +84,7 @@ package body pe_write_pkg is
     shifts : natural_array_t;
     first  : natural;
     count  : positive;
-    lift   : natural;
+    left   : natural;
     width  : positive
   ) return std_ulogic_vector is
 
@@ -97,7 +97,7 @@ package body pe_write_pkg is
 
       for i in 0 to width - 1 loop
 
-        source := i + shifts(shifts'low + first + entry) - 1 - lift;
+        source := i + shifts(shifts'low + first + entry) - 1 - left;
 
         if (source < 0) then
           entries(entry * width + i) := '0';

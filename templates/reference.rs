@@ -17,7 +17,7 @@ const STORAGE_BITS: u32 = {{ storage_bits }};
 const GUARD_BITS: u32 = {{ guard_bits }};
 const WORD_BITS: u32 = STORAGE_BITS + GUARD_BITS;
 /// Left shift of the held sum before the right shift of a write.
-const LIFT: u32 = (WORD_BITS + 2).saturating_sub(DATA_BITS + COEFFICIENT_BITS);
+const LEFT: u32 = (WORD_BITS + 2).saturating_sub(DATA_BITS + COEFFICIENT_BITS);
 const DATA_BITS: u32 = {{ data_bits }};
 const COEFFICIENT_BITS: u32 = {{ coefficient_bits }};
 {%- if deep %}
@@ -333,8 +333,8 @@ impl Network {
             };
             // Adder.
             let shifted = match pe.shift {
-                0 => pe.hold << LIFT,
-                shift => (((pe.hold << LIFT) >> (shift - 1)) + 1) >> 1,
+                0 => pe.hold << LEFT,
+                shift => (((pe.hold << LEFT) >> (shift - 1)) + 1) >> 1,
             };
 {%- if deep %}
             pe.sum = pe.addends.0 as i128 + pe.addends.1 as i128;

@@ -6,7 +6,7 @@ use std::fmt::{Display, Write};
 use askama::Template;
 use pe_ir::index;
 use pe_ir::program::{
-    ControlWord, Fold, Layout, LinkSource, Multiplier, Note, PeProgram, Program, StateRegister, closed_up,
+    CoefficientOperand, ControlWord, Fold, Layout, LinkSource, Note, PeProgram, Program, StateRegister, closed_up,
 };
 use pe_ir::word::WordFormat;
 
@@ -174,9 +174,9 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
     let own_comment = |text: &mut String, word| state_comment(text, &states.own, word, "state");
     let imported_comment = |text: &mut String, word| state_comment(text, &states.imported, word, "copy of state");
     let stored: BTreeMap<usize, f64> = (pe.words.iter().enumerate().rev())
-        .filter_map(|(k, word)| match word.multiplier {
-            Multiplier::Stored(place) => Some((usize::from(place), exact(k)?)),
-            Multiplier::Coefficient(_) => None,
+        .filter_map(|(k, word)| match word.coefficient {
+            CoefficientOperand::Stored(place) => Some((usize::from(place), exact(k)?)),
+            CoefficientOperand::Coefficient(_) => None,
         })
         .collect();
     let coefficient_comment = |text: &mut String, word: usize| {
@@ -335,9 +335,9 @@ fn word_comment(
             (_, address) => name(text, note.operand, "imported ", &address.map_or(0, |address| address.word)),
         }
         text.push_str(" * ");
-        let written = match word.multiplier {
-            Multiplier::Coefficient(value) => write!(text, "{value}"),
-            Multiplier::Stored(index) => match pe.coefficient_image.get(usize::from(index)) {
+        let written = match word.coefficient {
+            CoefficientOperand::Coefficient(value) => write!(text, "{value}"),
+            CoefficientOperand::Stored(index) => match pe.coefficient_image.get(usize::from(index)) {
                 Some(value) if *value != 0 => write!(text, "{value}"),
                 _ => write!(text, "stored {index}"),
             },

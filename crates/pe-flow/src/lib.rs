@@ -14,8 +14,7 @@
 
 pub mod accuracy;
 pub mod bottleneck;
-pub mod contest;
-pub mod entrants;
+pub mod candidates;
 pub mod explore;
 pub mod failure;
 pub mod features;
@@ -24,6 +23,7 @@ pub mod pipeline;
 mod read;
 pub mod report;
 pub mod scene;
+pub mod selection;
 pub mod settings;
 pub mod spec;
 pub mod stages;

@@ -58,8 +58,12 @@ impl MappingFile {
             match words.and_then(|(name, number)| Some((name, number.parse().ok().filter(|pe| *pe < u32::MAX)?))) {
                 Some((name, pe)) => lines.push(Line { equation: name.to_owned(), span: span(0, name.len()), pe }),
                 None => findings.push(
-                    Diagnostic::error(codes::BAD_MAPPING, span(0, text.len()), "this line gives no equation a PE")
-                        .with_help("write the name of an equation, a blank, and the number of its PE, from 0 on"),
+                    Diagnostic::error(
+                        codes::BAD_MAPPING,
+                        span(0, text.len()),
+                        "this line does not assign an equation to a PE",
+                    )
+                    .with_help("write the name of an equation, a blank, and the number of its PE, from 0"),
                 ),
             }
         }
@@ -94,7 +98,7 @@ impl MappingFile {
         if lines.is_empty() && findings.is_empty() {
             findings.push(
                 Diagnostic::global(codes::BAD_MAPPING, "the file maps no equation")
-                    .with_help("`pe-synth dump --stage mapping` prints a mapping to begin with"),
+                    .with_help("`pe-synth dump --stage mapping` prints a mapping to start from"),
             );
         }
         findings.extend(gap(&lines));
@@ -136,10 +140,10 @@ impl MappingFile {
             match given[*index] {
                 None => given[*index] = Some(line),
                 Some(first) => {
-                    let message = format!("`{}` has a PE already", line.equation);
+                    let message = format!("`{}` already has a PE", line.equation);
                     let finding = Diagnostic::error(codes::BAD_MAPPING, line.span, message)
                         .with_label(first.span, format!("here it is on PE {}", first.pe));
-                    findings.push(finding.with_help("leave one of the two lines out"));
+                    findings.push(finding.with_help("remove one of the two lines"));
                 }
             }
         }
@@ -149,7 +153,7 @@ impl MappingFile {
             let names: Vec<String> = without.iter().take(NAMED).map(|name| format!("`{name}`")).collect();
             let more = without.len() - names.len();
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            let message = format!("no PE is given for {}{more}", names.join(", "));
+            let message = format!("no PE is assigned to {}{more}", names.join(", "));
             findings.push(
                 Diagnostic::global(codes::BAD_MAPPING, message).with_help("every equation needs a line with its PE"),
             );

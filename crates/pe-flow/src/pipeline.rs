@@ -17,10 +17,10 @@ use pe_ir::source::Diagnostic;
 use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
-use crate::contest;
-use crate::entrants::{self, Entrants, Network};
+use crate::candidates::{self, Candidates, Network};
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
+use crate::selection;
 use crate::settings::{MappingOptions, Settings, StageLoop, step_options};
 use crate::spec::LoadedModel;
 use crate::stages::{self, CHECKED_ROUNDS};
@@ -61,7 +61,7 @@ pub struct Design {
     /// Lengths of its connections on a square.
     pub wires: WireLength,
     /// The step with all pairs that some mapping could allow; the step graph if there are none.
-    pub hoped: Arc<StepGraph>,
+    pub optimistic: Arc<StepGraph>,
     /// The step with the pairs that the mapping allows, if there are any.
     pub paired: Option<Paired>,
     /// Its schedule.
@@ -123,7 +123,7 @@ pub fn prepare(
     let format = point.format(&loaded.model).map_err(Failure::Usage)?;
     let (file, pes) = given_mapping(loaded, mapping_options, point.pes)?;
     let graph = step_for(loaded, point, mapping_options, pes, watch)?;
-    let given = file.map(|file| entrants::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
+    let given = file.map(|file| candidates::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
     let fixed = loaded.stages.as_ref().and_then(|stages| stages.fixed.as_ref());
     let graph = match point.coefficients {
         Coefficients::TwoSlot | Coefficients::Auto if fixed.is_none() => {
@@ -190,20 +190,21 @@ pub fn implement(
     let latency = Latency::of(&judged.fixed.format);
     let mapped = watch.stage(
         "map",
-        || Entrants::of(graph, &judged.fixed, &network, mapping_options),
-        |entrants| match entrants {
-            Ok(entrants) => entrants.figure(network.given.is_some()),
+        || Candidates::of(graph, &judged.fixed, &network, mapping_options),
+        |candidates| match candidates {
+            Ok(candidates) => candidates.figure(network.given.is_some()),
             Err(_) => "impossible".to_owned(),
         },
     );
-    let Entrants { variants, candidates, of, plain, .. } = mapped.map_err(|error| map_failure(error, graph, loaded))?;
+    let Candidates { alternatives, candidates, of, plain, .. } =
+        mapped.map_err(|error| map_failure(error, graph, loaded))?;
     let taken_pes = candidates[0].mapping.pes;
-    let variant = |index: usize| &variants[of[index]];
+    let alternative = |index: usize| &alternatives[of[index]];
     let pairs: Vec<Option<Paired>> = (candidates.iter().zip(&of))
-        .map(|(candidate, of)| pairs::pair(&variants[*of].graph, &variants[*of].fixed, &candidate.mapping))
+        .map(|(candidate, of)| pairs::pair(&alternatives[*of].graph, &alternatives[*of].fixed, &candidate.mapping))
         .collect();
     let graphs: Vec<&StepGraph> = (pairs.iter().zip(&of))
-        .map(|(paired, of)| paired.as_ref().map_or(&*variants[*of].graph, |paired| &paired.graph))
+        .map(|(paired, of)| paired.as_ref().map_or(&*alternatives[*of].graph, |paired| &paired.graph))
         .collect();
     let texts = loaded.stages.as_deref().map(|stages| (stages, &loaded.sources));
     let given = stages::schedule(texts, graphs[0], &candidates[0].mapping, latency)?;
@@ -216,15 +217,15 @@ pub fn implement(
             // Relays have no say in how well the others are scheduled.
             let (graphs, more_graphs) = graphs.split_at(plain);
             let (candidates, more) = candidates.split_at(plain);
-            let mut all = contest::schedules(graphs, candidates, latency, mapping_options.max_in_degree, say);
-            all.extend(contest::schedules(more_graphs, more, latency, mapping_options.max_in_degree, say));
+            let mut all = selection::schedules(graphs, candidates, latency, mapping_options.max_in_degree, say);
+            all.extend(selection::schedules(more_graphs, more, latency, mapping_options.max_in_degree, say));
             all
         },
         |schedules: &Vec<Schedule>| {
             format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
         },
     );
-    let order = contest::rank(&candidates, &schedules, mapping_options.max_in_degree, plain);
+    let order = selection::rank(&candidates, &schedules, mapping_options.max_in_degree, plain);
     let starts: Vec<StartResult> = order
         .iter()
         .map(|index| StartResult {
@@ -232,18 +233,18 @@ pub fn implement(
             before: candidates[*index].start_cost,
             after: candidates[*index].cost,
             period: schedules[*index].period,
-            relays: variant(*index).relays,
+            relays: alternative(*index).relays,
         })
         .collect();
     let taken = order[0];
-    let variant = variant(taken);
+    let alternative = alternative(taken);
     let schedule = schedules.into_iter().nth(taken).expect("ranked above");
     let candidate = candidates.into_iter().nth(taken).expect("ranked above");
     let paired = pairs.into_iter().nth(taken).expect("ranked above");
     let (issued, numbers) =
-        paired.as_ref().map_or((&*variant.graph, &*variant.fixed), |paired| (&paired.graph, &paired.fixed));
-    let mut judged = variant.judged(judged);
-    let given = stages::program(texts, &variant.graph, &judged.fixed, &candidate.mapping)?;
+        paired.as_ref().map_or((&*alternative.graph, &*alternative.fixed), |paired| (&paired.graph, &paired.fixed));
+    let mut judged = alternative.judged(judged);
+    let given = stages::program(texts, &alternative.graph, &judged.fixed, &candidate.mapping)?;
     let assembled = watch.stage(
         "assemble",
         || match given {
@@ -259,9 +260,9 @@ pub fn implement(
         },
     );
     let Assembled { schedule, flat, mut program } = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
-    if let Some(proof) = judged.proof.as_ref().filter(|_| variant.relays > 0) {
+    if let Some(proof) = judged.proof.as_ref().filter(|_| alternative.relays > 0) {
         // What relays write is proven as well.
-        let enclosed = proof::enclose(&variant.graph, &judged.fixed, loaded.model.steps());
+        let enclosed = proof::enclose(&alternative.graph, &judged.fixed, loaded.model.steps());
         judged = Arc::new(Judged { proof: Some(proof::Proof { enclosed, ..proof.clone() }), ..Judged::clone(&judged) });
     }
     match &judged.proof {
@@ -269,13 +270,13 @@ pub fn implement(
         None => program.pes.iter_mut().for_each(|pe| pe.features.proven = false),
     }
     let design = Design {
-        bound: Bound::of(&variant.hoped, taken_pes, latency),
-        wires: mapping::wire_length(&variant.problem, &candidate.mapping),
+        bound: Bound::of(&alternative.optimistic, taken_pes, latency),
+        wires: mapping::wire_length(&alternative.problem, &candidate.mapping),
         mapping: candidate.mapping,
         cost: candidate.cost,
         default_pes: network.pes.is_none(),
-        graph: Arc::clone(&variant.graph),
-        hoped: Arc::clone(&variant.hoped),
+        graph: Arc::clone(&alternative.graph),
+        optimistic: Arc::clone(&alternative.optimistic),
         judged,
         paired,
         flat,
@@ -440,9 +441,9 @@ fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Fail
 
 /// Proves mapping, schedule and program with the independent checkers.
 fn check(design: &Design, latency: Latency, options: &MappingOptions, say: &dyn Fn(String)) -> Result<(), Failure> {
-    let Design { graph, hoped, judged, mapping, schedule, program, cost, .. } = design;
+    let Design { graph, optimistic, judged, mapping, schedule, program, cost, .. } = design;
     say("mapping".to_owned());
-    let mut violations = verify::mapping::check(hoped, mapping, cost, options.max_in_degree);
+    let mut violations = verify::mapping::check(optimistic, mapping, cost, options.max_in_degree);
     say("schedule".to_owned());
     violations.extend(verify::schedule::check(design.issued(), mapping, schedule, latency));
     say("program".to_owned());
@@ -472,5 +473,5 @@ pub fn stimulus(model: &Model, design: &Design, from: u64, steps: u64) -> Vec<Ve
 
 /// Word widths as the report names them.
 pub fn multiplier_name(format: &WordFormat) -> String {
-    format!("{}x{}", format.data_bits, format.coefficient_bits)
+    format.multiplier().to_string()
 }

@@ -90,7 +90,7 @@ impl Loader for ModelFolder {
         }
         match target.metadata().map_err(unreadable)?.is_file() {
             true => at_most(&target, LARGEST_FILE as u64),
-            false => Err(LoadError::Unreadable("it is no plain file".to_owned())),
+            false => Err(LoadError::Unreadable("it is not a regular file".to_owned())),
         }
     }
 }

@@ -66,7 +66,7 @@ fn sources(path: &Path) -> Result<Sources, Failure> {
         LoadError::Unreadable(reason) => Failure::file("read", path, reason),
         LoadError::Missing | LoadError::Outside => Failure::file("read", path, "there is no such file"),
     })?;
-    let text = String::from_utf8(bytes).map_err(|_| Failure::file("read", path, "it is no text in UTF-8"))?;
+    let text = String::from_utf8(bytes).map_err(|_| Failure::file("read", path, "it is not UTF-8 text"))?;
     Ok(Sources::new(path.display().to_string(), &text))
 }
 
@@ -194,7 +194,7 @@ pub fn program(
     let inputs = program.inputs.iter().map(|input| &input.name).eq(&graph.names.inputs);
     let outputs = program.outputs.iter().map(|output| &output.name).eq(&graph.names.outputs);
     let violation = if let Err(name) = known {
-        Some(format!("it has a note of `{name}`, which is no value of the step"))
+        Some(format!("it has a note of `{name}`, which is not a value of the step"))
     } else if program.format != fixed.format || program.pes.len() != mapping.pes as usize {
         Some("it has other words, or another number of PEs".to_owned())
     } else if !states || !inputs || !outputs {

@@ -56,7 +56,7 @@ pub(crate) fn not_finite(span: Span, reason: &str) -> Diagnostic {
 }
 
 pub(crate) fn too_large(span: Span) -> Diagnostic {
-    Diagnostic::error(codes::TOO_MUCH_WORK, span, "the model takes too much work to write out; the limit is met here")
+    Diagnostic::error(codes::TOO_MUCH_WORK, span, "the model is too large to write out; the limit is reached here")
         .with_help("look for a sum or an index range that is larger than intended")
 }
 

@@ -51,9 +51,12 @@ fn what_does_not_fit_is_shown_in_the_file() {
     let cases = [
         ("v\n1\n2", "E0508 m.spec:6:19 the file has 2 rows for 3 element(s) of `x`\n"),
         ("v\n1\n2\n3\n4", "E0508 m.spec:6:19 the file has 4 rows for 3 element(s) of `x`\n"),
-        ("v\n1\nx2\n", "E0509 t.csv:3:1 this is no finite number\n"),
-        ("a,v\n1,1\n2,\n3,NaN", "E0509 t.csv:3:3 a number is missing here\nE0509 t.csv:4:3 this is no finite number\n"),
-        ("v\n1e999\n2\n3", "E0509 t.csv:2:1 this is no finite number\n"),
+        ("v\n1\nx2\n", "E0509 t.csv:3:1 this is not a finite number\n"),
+        (
+            "a,v\n1,1\n2,\n3,NaN",
+            "E0509 t.csv:3:3 a number is missing here\nE0509 t.csv:4:3 this is not a finite number\n",
+        ),
+        ("v\n1e999\n2\n3", "E0509 t.csv:2:1 this is not a finite number\n"),
         ("v,b\n1,1\n2,2\n3,4", "E0508 t.csv:4:3 `b` is an integer from 1 to 3\n"),
         ("v,b\n1,1\n2,2\n3,2.5", "E0508 t.csv:4:3 `b` is an integer from 1 to 3\n"),
         ("v,b\n1,1\n2,2\n3,2", "E0508 t.csv:4:3 a second row for `x[2]`\n"),

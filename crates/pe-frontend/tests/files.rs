@@ -86,7 +86,7 @@ fn a_missing_file_is_one_finding_whatever_it_might_have_defined() {
 fn bytes_that_are_no_text_are_shown_where_they_stand() {
     let files = BTreeMap::from([("a.spec".to_owned(), b"// \xc3\xa4\n\xe4 = 1".to_vec())]);
     let (_, findings) = build_with("include \"a.spec\"\noutput x", &files);
-    assert_eq!(findings, "E0109 models/a.spec:2:1 byte 6 is not part of a UTF-8 text\n");
+    assert_eq!(findings, "E0109 models/a.spec:2:1 byte 6 is not valid UTF-8\n");
     let (sources, problem) = pe_frontend::main_file("m.spec", b"ab\n c\xff\xfe");
     let place = problem.and_then(|problem| problem.span).map(|span| sources.position(span.start));
     assert_eq!(place.map(|at| (at.line, at.column)), Some((2, 3)));

@@ -80,7 +80,7 @@ struct Chooser<'a> {
     /// For each group whether its exponent is given: full scale of a table's argument is 1.
     pinned: Vec<bool>,
     /// For each value whether it stays within half of full scale.
-    headroom: Vec<bool>,
+    half_scale: Vec<bool>,
     products: Vec<i32>,
     /// For each chain of an intermediate stage the chain of the same equation's last stage; itself for others.
     last_stage: Vec<u32>,
@@ -118,7 +118,7 @@ impl<'a> Chooser<'a> {
             let group = at(group[lookup.argument.index()]);
             (pinned[group], exponent[group]) = (true, -full_scale);
         }
-        let headroom = if graph.pre_adder {
+        let half_scale = if graph.pre_adder {
             share_points(graph, &mut group, &mut exponent, &pinned)
         } else {
             vec![false; graph.values.len()]
@@ -129,7 +129,7 @@ impl<'a> Chooser<'a> {
             group,
             exponent,
             pinned,
-            headroom,
+            half_scale,
             products: vec![0; graph.chains.len()],
             last_stage: last_stages(graph),
             changed: false,
@@ -198,7 +198,7 @@ impl<'a> Chooser<'a> {
             }
         }
         for write in chain.writes() {
-            let finest = product + write.weight - self.format.lift() as i32;
+            let finest = product + write.weight - self.format.left_shift() as i32;
             self.raise(write.value, finest);
             if self.of(write.value) < finest {
                 return Err(self.coarse_argument(chain));
@@ -213,7 +213,7 @@ impl<'a> Chooser<'a> {
         let equation = &self.graph.equations[at(chain.equation)];
         let message = format!("the argument of `{}` is too coarse for the range of its table", equation.name);
         Diagnostic::error(codes::NO_FORMAT, equation.span, message)
-            .with_help("what the argument is computed from is far larger than its range: shift or scale that variable")
+            .with_help("the variable behind the argument is far larger than its range: shift or scale it")
     }
 
     /// Floor rule: a sum spans at least four LSB of its coarsest operand, or noise alone would overflow it.
@@ -282,7 +282,7 @@ impl<'a> Chooser<'a> {
             }
             let mut shift = [0; 3];
             for (write, slot) in chain.writes().zip(&mut shift) {
-                let shift = self.of(write.value) - product - write.weight + self.format.lift() as i32;
+                let shift = self.of(write.value) - product - write.weight + self.format.left_shift() as i32;
                 *slot = u8::try_from(shift).expect("settled by `settle`");
             }
             shifts.push(shift);
@@ -292,7 +292,7 @@ impl<'a> Chooser<'a> {
         FixedPoint {
             format: self.format,
             exponents,
-            headroom: self.headroom,
+            half_scale: self.half_scale,
             coefficients,
             products: self.products,
             shifts,
@@ -346,9 +346,9 @@ const COMMON_POINT: i32 = 2;
 /// An exponent below this is that of a value that is always zero.
 const SILENT: i32 = -150;
 
-/// Gives operands with equal coefficients one binary point and a bit of headroom, so that they may be added in front
+/// Gives operands with equal coefficients one binary point at half of full scale, so that they may be added in front
 /// of the multiplier, as long as none loses more than [`COMMON_POINT`] bits for the common point and none is `pinned`.
-/// Returns which values have headroom.
+/// Returns which values are at half scale.
 fn share_points(graph: &StepGraph, group: &mut [u32], exponent: &mut [i32], pinned: &[bool]) -> Vec<bool> {
     let mut parent: Vec<u32> = (0..group.len() as u32).collect();
     let lowest = |exponent: i32| if exponent < SILENT { i32::MAX } else { exponent };

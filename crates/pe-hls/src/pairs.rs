@@ -61,7 +61,7 @@ fn can_be_paired(graph: &StepGraph, operand: ValueId) -> bool {
 
 /// The graph as it would be if all operands with equal coefficients were paired: what a mapping may count on. `None` if
 /// there is no pair.
-pub fn hoped_for(graph: &StepGraph, fixed: &FixedPoint) -> Option<StepGraph> {
+pub fn optimistic(graph: &StepGraph, fixed: &FixedPoint) -> Option<StepGraph> {
     let pairs = |members: &[u32]| members.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect();
     merge(graph, fixed, &mut |_, members| pairs(members)).map(|paired| paired.graph)
 }
@@ -136,7 +136,7 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
     sent
 }
 
-/// Terms of a chain that may be paired with one another: one coefficient, one binary point, headroom for the sum.
+/// Terms of a chain that may be paired with one another: one coefficient, one binary point, half of full scale.
 pub(crate) fn classes(graph: &StepGraph, fixed: &FixedPoint, chain: usize) -> Vec<Vec<u32>> {
     let mut classes: BTreeMap<(i64, i32), Vec<u32>> = BTreeMap::new();
     for index in graph.chains[chain].terms.clone() {
@@ -145,7 +145,7 @@ pub(crate) fn classes(graph: &StepGraph, fixed: &FixedPoint, chain: usize) -> Ve
         let coefficient = fixed.coefficients[at(index)];
         if matches!(term.factor, Factor::Coefficient(_))
             && coefficient != 0
-            && fixed.headroom[operand]
+            && fixed.half_scale[operand]
             && can_be_paired(graph, term.operand)
         {
             classes.entry((coefficient, fixed.exponents[operand])).or_default().push(index);

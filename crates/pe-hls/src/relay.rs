@@ -137,12 +137,12 @@ impl Relayed {
         let format = fixed.format;
         // The finest point on which the port holds a 1, and the bits of a product with it.
         let one = format.coefficient_bits - 2;
-        let shift = u8::try_from((one + format.lift()).checked_sub(format.data_drop())?).ok()?;
+        let shift = u8::try_from((one + format.left_shift()).checked_sub(format.data_drop())?).ok()?;
         let bits = (format.data_bits + one + 1) as u8;
         let mut extended = FixedPoint {
             format,
             exponents: self.extended(&fixed.exponents),
-            headroom: self.extended(&fixed.headroom),
+            half_scale: self.extended(&fixed.half_scale),
             coefficients: Vec::with_capacity(self.graph.terms.len()),
             products: Vec::with_capacity(self.graph.chains.len()),
             shifts: Vec::with_capacity(self.graph.chains.len()),

@@ -284,10 +284,10 @@ fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, c
                 target: libm::scalbn(coefficient - made_good, -exponent),
                 unit: libm::scalbn(1.0, exponent),
             };
-            let headroom = fixed.headroom[term.operand.index()];
-            match free.iter_mut().find(|other| headroom && (other.exact, other.unit) == (class.exact, class.unit)) {
+            let half_scale = fixed.half_scale[term.operand.index()];
+            match free.iter_mut().find(|other| half_scale && (other.exact, other.unit) == (class.exact, class.unit)) {
                 Some(other) => other.positions.push(position),
-                None if headroom => free.push(class),
+                None if half_scale => free.push(class),
                 None => classes.push(class),
             }
         }

@@ -95,7 +95,7 @@ codes! {
     UNSUITABLE_SOLVER = "E0806", "the solver does not suit the model";
     UNSUITABLE_PERIOD = "E0807", "period and step do not fit together";
     BAD_MAPPING = "E0808", "mapping file does not fit";
-    BAD_STAGE_TEXT = "E0809", "text of a stage cannot be read";
+    BAD_STAGE_TEXT = "E0809", "text of a compiler stage cannot be read";
 
     DIVERGED = "E0901", "value not finite during the run";
     SATURATED = "E0902", "value saturates however wide its range";

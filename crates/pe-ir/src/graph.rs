@@ -427,7 +427,7 @@ pub struct FixedPoint {
     /// For each value the exponent of its stored word's LSB.
     pub exponents: Vec<i32>,
     /// For each value whether it is at most half of full scale, so that the sum of two fits the multiplier's data port.
-    pub headroom: Vec<bool>,
+    pub half_scale: Vec<bool>,
     /// For each term the quantised coefficient; 0 for products of two values.
     pub coefficients: Vec<i64>,
     /// For each chain the exponent of the product LSB.

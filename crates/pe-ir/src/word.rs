@@ -27,6 +27,39 @@ impl Pipeline {
     }
 }
 
+/// Widths of the two ports of the multiplier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct MultiplierPorts {
+    /// Bits of the data port.
+    pub data_bits: u32,
+    /// Bits of the coefficient port.
+    pub coefficient_bits: u32,
+}
+
+impl MultiplierPorts {
+    /// Ports of these widths.
+    pub const fn new(data_bits: u32, coefficient_bits: u32) -> MultiplierPorts {
+        MultiplierPorts { data_bits, coefficient_bits }
+    }
+
+    /// Bits of the wider port.
+    pub fn widest(self) -> u32 {
+        self.data_bits.max(self.coefficient_bits)
+    }
+
+    /// Whether no port is narrower than that of the other multiplier.
+    pub fn hold(self, other: MultiplierPorts) -> bool {
+        self.data_bits >= other.data_bits && self.coefficient_bits >= other.coefficient_bits
+    }
+}
+
+/// As on the command line: bits of the data port, `x`, bits of the coefficient port.
+impl std::fmt::Display for MultiplierPorts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{}", self.data_bits, self.coefficient_bits)
+    }
+}
+
 /// Widths of stored words and multiplier ports of a design, and its pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WordFormat {
@@ -62,6 +95,16 @@ impl WordFormat {
         WordFormat { storage_bits, guard_bits, data_bits, coefficient_bits, pipeline: Pipeline::Short }
     }
 
+    /// Widths of a word with these multiplier ports, otherwise as [`WordFormat::new`].
+    pub const fn with_ports(storage_bits: u32, ports: MultiplierPorts) -> WordFormat {
+        WordFormat::new(storage_bits, ports.data_bits, ports.coefficient_bits)
+    }
+
+    /// Both ports of the multiplier.
+    pub const fn multiplier(&self) -> MultiplierPorts {
+        MultiplierPorts::new(self.data_bits, self.coefficient_bits)
+    }
+
     /// The same widths with more guard bits, so that at least so many bits of a stored word are hidden from both ports of
     /// the multiplier, as far as words and products go.
     pub fn with_hidden(self, bits: u32) -> WordFormat {
@@ -85,15 +128,19 @@ impl WordFormat {
     }
 
     /// Bits of the accumulator that a program may use: a DSP block's 48, or, where logic adds, room for 16 products;
-    /// lifted it fits 64 bits.
+    /// shifted to the left it fits 64 bits.
     pub fn accumulator_limit(&self) -> u32 {
-        if self.single_multiplier() { 48.min(64 - self.lift()) } else { self.data_bits + self.coefficient_bits + 4 }
+        if self.single_multiplier() {
+            48.min(64 - self.left_shift())
+        } else {
+            self.data_bits + self.coefficient_bits + 4
+        }
     }
 
     /// Left shift of the held sum before a write's right shift. Words that are wider than products need it: a product
     /// of two variables may lie above the LSB of the value that it is added to. Two bits make room for increments of
     /// up to twice the value.
-    pub fn lift(&self) -> u32 {
+    pub fn left_shift(&self) -> u32 {
         (self.word_bits() + 2).saturating_sub(self.data_bits + self.coefficient_bits)
     }
 
@@ -152,7 +199,7 @@ impl WordFormat {
 
     /// Write side: adds the shifted and rounded accumulator to the base word. The flag tells whether it saturated.
     pub fn write(&self, base: i64, accumulator: i64, shift: u32) -> (i64, bool) {
-        self.add(base, round_shift(accumulator << self.lift(), shift))
+        self.add(base, round_shift(accumulator << self.left_shift(), shift))
     }
 
     /// Adds a number in units of the word's LSB to the base word. The flag tells whether the result saturated.

@@ -54,7 +54,7 @@ impl Early {
             let whole = (steps - libm::round(steps)).abs() <= SLACK * steps;
             if !(*until > from && *until < model.span && whole) {
                 let message = format!(
-                    "`--early-steps`: the stretch from {from} s to {until} s is {steps} steps of {step} s; it must be a whole \
+                    "`--early-steps`: the phase from {from} s to {until} s is {steps} steps of {step} s; it must be a whole \
                      number of them, and end before the span of {} s",
                     model.span
                 );

@@ -1,5 +1,6 @@
 //! Parts of a design point as they are typed.
 
+use pe_ir::word::MultiplierPorts;
 /// Parses a time: a number with an optional unit.
 pub fn duration(text: &str) -> Result<f64, String> {
     let text = text.trim();
@@ -18,12 +19,12 @@ pub fn duration(text: &str) -> Result<f64, String> {
 }
 
 /// Parses the widths of a multiplier's ports.
-pub fn multiplier(text: &str) -> Result<(u32, u32), String> {
+pub fn multiplier(text: &str) -> Result<MultiplierPorts, String> {
     let parsed = text.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
     match parsed {
         Some((data, coefficient)) if (9..=35).contains(&data) && (9..=35).contains(&coefficient) => {
-            Ok((data, coefficient))
+            Ok(MultiplierPorts::new(data, coefficient))
         }
-        _ => Err("expected AxB with 9 to 35 bits each, for example 25x18".into()),
+        _ => Err("expected AxB, the bits of data and coefficient port, 9 to 35 each, for example 25x18".into()),
     }
 }

@@ -2,7 +2,7 @@
 
 use pe_ir::graph::StageForm;
 use pe_ir::model::{Model, Solver, step_count_problem};
-use pe_ir::word::{Pipeline, WordFormat};
+use pe_ir::word::{MultiplierPorts, Pipeline, WordFormat};
 
 use crate::early::Early;
 use crate::feedback::{Feedback, VISIBLE_BITS};
@@ -28,8 +28,8 @@ pub struct DesignPoint {
     pub early_steps: Option<Early>,
     /// Bits of a stored word, without its guard bits.
     pub storage: u32,
-    /// Bits of the multiplier's data port and of its coefficient port.
-    pub multiplier: Option<(u32, u32)>,
+    /// Ports of the multiplier.
+    pub multiplier: Option<MultiplierPorts>,
     /// Registers that an operation passes.
     pub pipeline: Pipeline,
     /// Products that a coefficient takes.
@@ -84,11 +84,11 @@ impl Coefficients {
     /// What it is, in a line of help.
     pub fn title(self) -> &'static str {
         match self {
-            Coefficients::OneSlot => "A product each, rounded to the coefficient port",
+            Coefficients::OneSlot => "One slot each, rounded to the coefficient port",
             Coefficients::TwoSlot => {
-                "A second product with what the port does not see, where that can be seen in the result"
+                "A second slot for the bits that the port does not see, where they affect the result"
             }
-            Coefficients::Auto => "Two slots if they at least halve the word-length error",
+            Coefficients::Auto => "Two slots if that at least halves the word-length error",
         }
     }
 }
@@ -154,10 +154,10 @@ impl FormChoice {
     /// What it is, in a line of help.
     pub fn title(self) -> &'static str {
         match self {
-            FormChoice::Auto => "The one that is estimated to take the fewest cycles",
-            FormChoice::Increments => "Increments that are summed up beside the state",
-            FormChoice::Sums => "Increments of one scale in a running sum: stages that are the same sums",
-            FormChoice::Horner => "Horner's rule: as many stages as the method has",
+            FormChoice::Auto => "The one with the fewest estimated cycles",
+            FormChoice::Increments => "Increments, summed in addition to the state",
+            FormChoice::Sums => "Increments of equal scale in a running sum: all stages compute the same sums",
+            FormChoice::Horner => "Horner's rule: as many stages as the method",
             FormChoice::Factors => "Real factors of the method's polynomial: half the stages, denser equations",
             FormChoice::Full => "The method's polynomial as one matrix: one stage, the densest equations",
         }
@@ -178,8 +178,8 @@ impl DesignPoint {
         step_count_problem(model.step, model.span).map_or(Ok(()), Err)
     }
 
-    /// Bits of the multiplier's ports.
-    pub fn ports(&self, model: &Model) -> (u32, u32) {
+    /// Ports of the multiplier, given or by default.
+    pub fn ports(&self, model: &Model) -> MultiplierPorts {
         self.multiplier.unwrap_or_else(|| default_ports(model, self.storage))
     }
 
@@ -188,12 +188,11 @@ impl DesignPoint {
     /// # Errors
     /// What is wrong with the options: a port that is wider than a word.
     pub fn format(&self, model: &Model) -> Result<WordFormat, String> {
-        let (data_bits, coefficient_bits) = self.ports(model);
-        let format = WordFormat::new(self.storage, data_bits, coefficient_bits).with_pipeline(self.pipeline);
-        let widest = data_bits.max(coefficient_bits);
-        if widest > format.word_bits() {
+        let ports = self.ports(model);
+        let format = WordFormat::with_ports(self.storage, ports).with_pipeline(self.pipeline);
+        if ports.widest() > format.word_bits() {
             return Err(format!(
-                "a {data_bits}x{coefficient_bits} multiplier reads more bits than a word of {} + {} has",
+                "a {ports} multiplier reads more bits than a word of {} + {} has",
                 self.storage, format.guard_bits
             ));
         }
@@ -203,8 +202,8 @@ impl DesignPoint {
 
 /// Ports of the multiplier unless the user says otherwise: where sampled states may ring they see some bits below those that
 /// are stored.
-pub fn default_ports(model: &Model, storage: u32) -> (u32, u32) {
+pub fn default_ports(model: &Model, storage: u32) -> MultiplierPorts {
     let rings = Feedback::of(model).is_some_and(|feedback| feedback.rings);
     let bits = if rings { (storage + VISIBLE_BITS).clamp(PORT_BITS, WIDEST_PORT) } else { PORT_BITS };
-    (bits, bits)
+    MultiplierPorts::new(bits, bits)
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use pe_ir::index::{at, number};
 use pe_ir::program::{
-    Address, ControlWord, FieldName, Fold, Layout, LinkSource, Multiplier, PeFeatures, PeProgram, Program,
+    Address, CoefficientOperand, ControlWord, FieldName, Fold, Layout, LinkSource, PeFeatures, PeProgram, Program,
 };
 use pe_ir::word::{Pipeline, WordFormat};
 
@@ -369,9 +369,9 @@ impl Clock<'_> {
         bit(names[0])
             | bit(names[1])
             | if swapped { bit(names[2]) } else { 0 }
-            | match self.word.multiplier {
-                Multiplier::Coefficient(_) => bit(FieldName::Coefficient),
-                Multiplier::Stored(address) => {
+            | match self.word.coefficient {
+                CoefficientOperand::Coefficient(_) => bit(FieldName::Coefficient),
+                CoefficientOperand::Stored(address) => {
                     cover.read[COEFFICIENT][usize::from(address)] = true;
                     bit(FieldName::CoefficientAddress)
                 }
@@ -390,9 +390,9 @@ impl Registers {
         Reads {
             own: read(&self.own, word.own),
             imported: read(&self.imported, word.imported),
-            factor: match word.multiplier {
-                Multiplier::Coefficient(value) => value,
-                Multiplier::Stored(address) => self.coefficients[usize::from(address)],
+            factor: match word.coefficient {
+                CoefficientOperand::Coefficient(value) => value,
+                CoefficientOperand::Stored(address) => self.coefficients[usize::from(address)],
             },
             base_word,
             base: base_word.map_or(clock.program.format.data_offset(), |place| self.base_words[place]),
@@ -413,8 +413,8 @@ impl Registers {
             -1 => format.min_word(),
             _ => self.sum as i64,
         };
-        let lifted = self.hold << format.lift();
-        let shifted = if self.shift == 0 { lifted } else { ((lifted >> (self.shift - 1)) + 1) >> 1 };
+        let wide = self.hold << format.left_shift();
+        let shifted = if self.shift == 0 { wide } else { ((wide >> (self.shift - 1)) + 1) >> 1 };
         if format.pipeline == Pipeline::Deep {
             self.sum = i128::from(self.addends.0) + self.addends.1;
             self.addends = (self.base, shifted);
@@ -437,7 +437,7 @@ impl Registers {
             kept = 0;
         }
         self.accumulator = wrapped(kept + product, features.accumulator_bits);
-        if clock.used && shift_matters(self.hold << clock.program.format.lift(), shift, &features.shifts) {
+        if clock.used && shift_matters(self.hold << clock.program.format.left_shift(), shift, &features.shifts) {
             fields |= bit(FieldName::Shift);
             cover.shifts[usize::from(word.shift)] = true;
         }

@@ -2,7 +2,7 @@
 //! made a difference that a register or a memory word of the network shows.
 
 use pe_ir::index::{at, number};
-use pe_ir::program::{Address, ControlWord, FieldName, Multiplier, PeFeatures, PeProgram, Program, Target};
+use pe_ir::program::{Address, CoefficientOperand, ControlWord, FieldName, PeFeatures, PeProgram, Program, Target};
 use pe_ir::word::round_shift;
 
 /// Memories of a PE, in the order of [`PeCoverage::read`] and [`PeCoverage::written`].
@@ -65,9 +65,9 @@ impl PeCoverage {
         let imported = [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
         operand(word.imported, imported, IMPORTED);
         if word.own.is_some() || word.imported.is_some() {
-            fields |= match word.multiplier {
-                Multiplier::Coefficient(_) => bit(FieldName::Coefficient),
-                Multiplier::Stored(address) => {
+            fields |= match word.coefficient {
+                CoefficientOperand::Coefficient(_) => bit(FieldName::Coefficient),
+                CoefficientOperand::Stored(address) => {
                     self.read[COEFFICIENT][usize::from(address)] = true;
                     bit(FieldName::CoefficientAddress)
                 }
@@ -356,11 +356,10 @@ pub(crate) fn used_results(program: &Program) -> Vec<Vec<bool>> {
 }
 
 /// Whether another of the shifts would have given another result.
-pub(crate) fn shift_matters(lifted: i128, shift: u8, shifts: &[u8]) -> bool {
-    let shifted = |shift: u8| match i64::try_from(lifted) {
+pub(crate) fn shift_matters(wide: i128, shift: u8, shifts: &[u8]) -> bool {
+    let shifted = |shift: u8| match i64::try_from(wide) {
         Ok(sum) => i128::from(round_shift(sum, u32::from(shift))),
-        Err(_) => lifted >> shift,
+        Err(_) => wide >> shift,
     };
-    lifted != 0
-        && (shifts.len() == 1 || shifts.iter().any(|other| *other != shift && shifted(*other) != shifted(shift)))
+    wide != 0 && (shifts.len() == 1 || shifts.iter().any(|other| *other != shift && shifted(*other) != shifted(shift)))
 }

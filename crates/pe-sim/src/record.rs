@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 
 use pe_ir::index::{self, at};
-use pe_ir::program::{Address, ControlWord, LinkSource, Multiplier, Program};
+use pe_ir::program::{Address, CoefficientOperand, ControlWord, LinkSource, Program};
 
 use crate::tiles::{Chain, Columns, Factor, Outcome, Term, Write};
 use crate::trace::MemoryWrite;
@@ -306,9 +306,9 @@ impl Recording {
         let pe = &self.pes[index];
         let own_depth = pe.own.len();
         // Reads come before the writes at the end of the word.
-        let second = match word.multiplier {
-            Multiplier::Coefficient(value) => Factor::Coefficient(value),
-            Multiplier::Stored(address) => pe.coefficients[usize::from(address)],
+        let second = match word.coefficient {
+            CoefficientOperand::Coefficient(value) => Factor::Coefficient(value),
+            CoefficientOperand::Stored(address) => pe.coefficients[usize::from(address)],
         };
         let own = word.own.map(|a| pe.own[physical(a, own_depth, parity)]);
         let imported = word.imported.map(|a| pe.imported[physical(a, pe.imported.len(), parity)]);

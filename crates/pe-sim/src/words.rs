@@ -39,7 +39,7 @@ enum Width {
 
 /// The class of chains whose sums fit `bits`; with `wrap` they are cut to as many bits, as an accumulator does.
 pub(crate) fn class(format: &WordFormat, bits: u32, wrap: bool) -> u32 {
-    let width = match bits + format.lift() {
+    let width = match bits + format.left_shift() {
         ..=64 => Width::Narrow,
         65..=71 if format.data_bits + format.coefficient_bits <= 64 => Width::Split,
         _ => Width::Wide,
@@ -113,7 +113,7 @@ impl<P: Port> Words<P> {
         let mut narrow = NarrowSums([0; LANES]);
         let mut split = SplitSums { low: [0; LANES], high: [0; LANES] };
         let mut wide = WideSums([0; LANES]);
-        let lift = self.format.lift();
+        let left = self.format.left_shift();
         for tile in &tiles.tiles {
             let lanes = at(tile.lanes);
             if let Some(lookups) = tile.lookups {
@@ -132,7 +132,7 @@ impl<P: Port> Words<P> {
                     narrow.wrap(lanes, wrap);
                     keep(tiles, tile, kept, |lane| i128::from(narrow.0[lane]));
                     saturated |=
-                        self.write(tiles, tile, |lane, shift| round_shift(narrow.0[lane] << lift, shift as u32));
+                        self.write(tiles, tile, |lane, shift| round_shift(narrow.0[lane] << left, shift as u32));
                 }
                 (Width::Split, wrap) => {
                     split.start(lanes, |lane| start(tiles, tile, starts, lane));
@@ -146,7 +146,7 @@ impl<P: Port> Words<P> {
                     lanes::accumulate((tiles, tile), ports, &mut room, &mut wide);
                     wide.wrap(lanes, wrap);
                     keep(tiles, tile, kept, |lane| wide.0[lane]);
-                    saturated |= self.write(tiles, tile, |lane, shift| round_wide(wide.0[lane] << lift, shift));
+                    saturated |= self.write(tiles, tile, |lane, shift| round_wide(wide.0[lane] << left, shift));
                 }
             }
         }
@@ -156,7 +156,7 @@ impl<P: Port> Words<P> {
     /// A tile of a few lanes, one after another, with sums of any width.
     #[inline(always)]
     fn run_narrow(&mut self, tiles: &Tiles<P>, tile: &Tile, starts: &[i128], kept: &mut [i128]) -> bool {
-        let (lift, wrap) = (self.format.lift(), of_class(tile.class).1);
+        let (left, wrap) = (self.format.left_shift(), of_class(tile.class).1);
         let mut saturated = false;
         for lane in 0..tile.lanes as usize {
             let mut total = start(tiles, tile, starts, lane);
@@ -174,7 +174,7 @@ impl<P: Port> Words<P> {
             }
             for writes in &tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
                 let shift = writes.shifts.of(lane, &tiles.shifts);
-                let result = sum(self.words[tiles.slot(writes.bases, lane)], round_wide(total << lift, shift));
+                let result = sum(self.words[tiles.slot(writes.bases, lane)], round_wide(total << left, shift));
                 let (word, outside) = self.format.add(result, 0);
                 let target = tiles.slot(writes.targets, lane);
                 self.saturations[target] += u64::from(outside);
@@ -212,7 +212,7 @@ impl<P: Port> Words<P> {
     #[inline(always)]
     fn write_split(&mut self, tiles: &Tiles<P>, tile: &Tile, sums: &SplitSums) -> bool {
         let long = |shift: &i32| *shift > SPLIT as i32;
-        let all_long = self.format.lift() == 0
+        let all_long = self.format.left_shift() == 0
             && tiles.writes[at(tile.writes.start)..tile.writes.end as usize].iter().all(|w| match w.shifts {
                 Shared::Same(shift) => long(&shift),
                 Shared::Each(start) => tiles.shifts[at(start)..][..tile.lanes as usize].iter().all(long),
@@ -223,8 +223,8 @@ impl<P: Port> Words<P> {
                 (sums.high[lane] + ((sums.rest(lane) + half) >> SPLIT)) >> (shift - SPLIT as i32)
             })
         } else {
-            let lift = self.format.lift();
-            self.write(tiles, tile, |lane, shift| round_wide(sums.whole(lane) << lift, shift))
+            let left = self.format.left_shift();
+            self.write(tiles, tile, |lane, shift| round_wide(sums.whole(lane) << left, shift))
         }
     }
 

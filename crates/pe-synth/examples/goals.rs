@@ -29,6 +29,7 @@ use pe_flow::watch::Stopwatch;
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
+use pe_ir::word::MultiplierPorts;
 use pe_judge::runs::port_words;
 use pe_judge::{DesignPoint, ProofMode};
 use pe_sim::double::DoubleRun;
@@ -47,7 +48,12 @@ const MOST_PRODUCTS: f64 = 4e9;
 /// The grid: powers of two of the spec's step, bits of words, multipliers; products over the span that a run may take.
 const POWERS: std::ops::Range<i32> = -14..6;
 const STORAGES: [u32; 5] = [24, 32, 36, 40, 48];
-const MULTIPLIERS: [(u32, u32); 4] = [(25, 18), (25, 35), (32, 32), (35, 35)];
+const MULTIPLIERS: [MultiplierPorts; 4] = [
+    MultiplierPorts::new(25, 18),
+    MultiplierPorts::new(25, 35),
+    MultiplierPorts::new(32, 32),
+    MultiplierPorts::new(35, 35),
+];
 const GRID_PRODUCTS: f64 = 1e9;
 
 /// Times the goal that a run in double precision may miss it by.
@@ -199,8 +205,8 @@ fn grid(question: &Question) -> Result<String, Failure> {
                     && let Some(error) = compiled.figures.total_error().filter(|error| error <= goal)
                 {
                     let DesignPoint { storage, multiplier, .. } = points[index];
-                    let (a, b) = multiplier.expect("points of the grid have one");
-                    met = met.or(Some(format!("{} {step:e} {storage} {a}x{b} {error:e}", solver.name())));
+                    let ports = multiplier.expect("points of the grid have one");
+                    met = met.or(Some(format!("{} {step:e} {storage} {ports} {error:e}", solver.name())));
                 }
             }
             if let Some(met) = met {

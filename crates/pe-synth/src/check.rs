@@ -101,7 +101,7 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
         row(
             "chaos",
             format!(
-                "errors grow by e every {:.2e} s; one LSB is felt at t = {:.3e} s",
+                "errors grow by e every {:.2e} s; one LSB becomes visible at t = {:.3e} s",
                 1.0 / chaos.rate,
                 chaos.divergence
             ),

@@ -27,11 +27,12 @@ use pe_flow::failure::Failure;
 use pe_target::clock::ClockSource;
 use pe_target::devices::Device;
 
-/// Shows what accuracy costs in run time: solvers, steps and word lengths of a model against a library's solution
+/// Plots error against run time for many solvers, steps and word lengths of a model
 ///
-/// Every point is compiled as `compile --reference` would. Its run time on the hardware stands beside its total error
-/// and the parts of it: method, word length, coefficients, functions, input hold. A work-precision diagram, a table
-/// and a CSV file show them all; a point that diverges is a row with an infinite error and the reason.
+/// Every point is compiled like `compile --reference`. Its run time on the hardware is shown with its total error
+/// against a library's solution and the parts of it: method, word length, coefficients, functions, input hold. The
+/// output is a work-precision diagram, a table and a CSV file; a point that diverges is a row with an infinite error
+/// and the reason.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
@@ -46,17 +47,17 @@ pub struct Accuracy {
     lists: ListArgs,
     #[command(flatten)]
     mapping: MappingArgs,
-    /// Output folder; replaced if it is one of ours [default: out/MODEL_accuracy]
+    /// Output folder; replaced if pe-synth wrote it [default: out/MODEL_accuracy]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Clock for the run time [default: an estimate for some devices, else 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
-    /// Estimates the clock for a device where networks on its like were measured
+    /// Estimates the clock for this device, if networks were measured on its family
     #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
-    /// Picks the cheapest point with at most this total error, and tries more steps and words for it; of those that miss
-    /// it only the error is shown
+    /// Picks the cheapest point with at most this total error, trying more steps and words; points that miss it show only
+    /// their error
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Points")]
     max_error: Option<f64>,
     #[command(flatten)]

@@ -26,7 +26,7 @@ use pe_verify::native::{self, Measured, Measurement, Other, REPETITIONS};
 /// Products of a repetition, at least: long beside the resolution of any clock.
 const PRODUCTS: u64 = 50_000_000;
 
-/// Runs the model as native code on this computer and compares its speed with the hardware's
+/// Runs the model as native code on this computer and compares its speed with that of the hardware
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
@@ -44,11 +44,10 @@ pub struct Bench {
     /// Clock of the hardware [default: 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
-    /// Steps of a repetition [default: as many as take a fraction of a second]
+    /// Steps per repetition [default: enough for a fraction of a second]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000_000), help_heading = "Output")]
     steps: Option<u64>,
-    /// Times a program of your own as well, which is called with STEPS REPETITIONS INPUTS and prints what a generated one
-    /// prints
+    /// Also times a program of your own, called with STEPS REPETITIONS INPUTS; it must print what a generated one prints
     #[arg(long, value_name = "PRECISION=PROGRAM", value_parser = native::other, help_heading = "Output")]
     against: Vec<Other>,
     #[command(flatten)]

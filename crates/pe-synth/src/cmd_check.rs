@@ -24,7 +24,7 @@ const LARGE: usize = 10_000;
 /// Steps that are run of a large model in any case.
 const FEWEST_STEPS: u64 = 100;
 
-/// Says before hardware is made whether the step is stable, why, and which change would help at least cost
+/// Checks before anything is built whether the step is stable, why, and which change would help at the lowest cost
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
@@ -36,10 +36,10 @@ pub struct Check {
     point: PointArgs,
     #[command(flatten)]
     mapping: MappingArgs,
-    /// Method error that the accuracy step is for
+    /// Method error for which the accuracy step is computed
     #[arg(long, value_name = "E", default_value_t = pe_judge::check::ACCURACY, value_parser = crate::cmd_compile::positive, help_heading = "Numbers")]
     max_error: f64,
-    /// Shows the ranges of all variables, not only of those with the least headroom
+    /// Shows the ranges of all variables, not only those with the least headroom
     #[arg(long, help_heading = "Output")]
     all: bool,
     #[command(flatten)]

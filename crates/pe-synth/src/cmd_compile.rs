@@ -59,19 +59,19 @@ pub struct Compile {
     point: PointArgs,
     #[command(flatten)]
     mapping: MappingArgs,
-    /// Output folder; replaced if it is one of ours [default: out/MODEL]
+    /// Output folder; replaced if pe-synth wrote it [default: out/MODEL]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Clock for the speed in the report [default: an estimate for some devices, else 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
-    /// Holds the size against a device, and estimates the clock where networks on its like were measured
+    /// Compares the size with a device, and estimates the clock if networks were measured on its family
     #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
-    /// Takes measured sizes of PEs in place of estimates, from a file that `cargo run -p xtask -- measure-area` wrote
+    /// Uses measured sizes of PEs instead of estimates, from a file that `cargo run -p xtask -- measure-area` wrote
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     area_from: Option<PathBuf>,
-    /// Leaves the pictures out
+    /// Draws no pictures
     #[arg(long, help_heading = "Output")]
     no_pictures: bool,
     /// Solves the model with a library for differential equations to measure the total error
@@ -79,11 +79,11 @@ pub struct Compile {
     reference: bool,
     #[command(flatten)]
     conserved: ConservedArgs,
-    /// Takes the solver, step, multiplier and storage that meet this total error at least run time; those that are
+    /// Chooses solver, step, multiplier and storage that meet this total error with the shortest run time; options that are
     /// given are kept
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
     max_error: Option<f64>,
-    /// Longest time between two outputs of the design that `--max-error` takes: its step is a whole part of it
+    /// Longest time between two outputs of the design that `--max-error` chooses: its step divides this time
     #[arg(long, value_name = "T", value_parser = duration, requires = "max_error", help_heading = "Output")]
     sample: Option<f64>,
     #[command(flatten)]
@@ -133,7 +133,7 @@ impl Compile {
                 settings.mapping.of_many()?;
                 if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
                     let message =
-                        "`--max-error` chooses solver and step, which the text has decided; begin with a model";
+                        "`--max-error` chooses solver and step, which the text has decided; start from a model";
                     return Err(Failure::Usage(message.to_owned()));
                 }
                 Some(self.choose(&loaded, &settings, &conserved, clock, max_error, &mut watch)?)
@@ -169,7 +169,7 @@ impl Compile {
         if let Some(fit) = &fit {
             report.device = Some(DeviceFit::of(fit));
             let warning = fit.complaint().map(|text| Diagnostic::global(codes::DOES_NOT_FIT, text));
-            let help = format!("there is room for {} such PEs", fit.fitting_pes);
+            let help = format!("{} such PEs would fit", fit.fitting_pes);
             let warning = warning.map(|warning| warning.with_help(help).into_warning());
             watch.warn(warning.as_slice(), &loaded.sources);
         }

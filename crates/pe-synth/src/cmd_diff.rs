@@ -12,22 +12,21 @@ use pe_flow::failure::Failure;
 
 /// Compares the figures of two compilations of a design
 ///
-/// Exit code 4 if a figure has changed beyond its tolerance. A figure that only one side has is beyond it, too, unless
-/// it is new.
+/// The exit code is 4 if a figure has changed beyond its tolerance, or is missing on the new side.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
   pe-synth diff models/weibel5/golden out/weibel5
   pe-synth diff models/weibel5/golden out/weibel5 --tolerance cycles=2,lut=5%,trace=any")]
 pub struct Diff {
-    /// Folder that `golden` or `compile` wrote, or a report: what is expected
+    /// Expected: folder written by `golden` or `compile`, or a report
     old: PathBuf,
-    /// Folder that `compile` wrote, or a report: what is there now
+    /// Actual: folder written by `compile`, or a report
     new: PathBuf,
-    /// Tolerances in place of the defaults, for example `cycles=0,lut=2%,error=10%,trace=any`; may be repeated
+    /// Tolerances that override the defaults, for example `cycles=0,lut=2%,error=10%,trace=any`; may be repeated
     #[arg(long, value_name = "NAME=LIMIT[,...]")]
     tolerance: Vec<String>,
-    /// Form of the result on standard output, and of errors
+    /// Format of the result on standard output, and of errors
     #[arg(long, value_enum, default_value_t)]
     message_format: MessageFormat,
 }

@@ -12,7 +12,7 @@ use pe_flow::pipeline::{self, Prepared};
 use pe_flow::stages;
 use pe_ir::text;
 
-/// Prints what a stage of the compiler hands on
+/// Prints the result of a compiler stage
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
@@ -24,10 +24,10 @@ pub struct Dump {
     point: PointArgs,
     #[command(flatten)]
     mapping: MappingArgs,
-    /// The stage
+    /// The compiler stage
     #[arg(long, value_enum, help_heading = "Output")]
     stage: Stage,
-    /// Leaves out the stages before, which `compile --from` needs
+    /// Omits the preceding stages, which `compile --from` needs
     #[arg(long, help_heading = "Output")]
     only: bool,
     #[command(flatten)]
@@ -43,9 +43,9 @@ enum Stage {
     Step,
     /// Number formats
     Fixed,
-    /// ODE-dependency graph, in DOT
+    /// Dependency graph of the ODEs, in DOT
     OdeGraph,
-    /// PE-dependency graph, in DOT
+    /// Dependency graph of the PEs, in DOT
     PeGraph,
     /// PE of each equation
     Mapping,

@@ -15,7 +15,7 @@ const SUGGESTED: usize = 3;
 pub struct Explain {
     /// The code, for example E0201; without one, all codes are listed
     code: Option<String>,
-    /// Form of errors and warnings on standard error
+    /// Format of errors and warnings on standard error
     #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     message_format: MessageFormat,
 }

@@ -27,11 +27,11 @@ use pe_flow::failure::Failure;
 use pe_target::clock::ClockSource;
 use pe_target::devices::Device;
 
-/// Compiles many design points of a model and shows what size, speed and accuracy cost each other
+/// Compiles many design points of a model and shows the trade-off between size, speed and accuracy
 ///
-/// Every combination of the lists is compiled as `compile --reference` would, and its figures are kept: tables,
-/// pictures, and a page to read. A combination that cannot be compiled is a row that says why. Ctrl-C ends the sweep
-/// with the points it has; `--resume` goes on.
+/// Every combination of the lists is compiled like `compile --reference`. The output is tables, pictures and a page
+/// that shows them all. A combination that cannot be compiled is a row that says why. Ctrl-C ends the sweep and keeps
+/// the points so far; `--resume` continues.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
@@ -47,19 +47,19 @@ pub struct Explore {
     axes: AxesArgs,
     #[command(flatten)]
     mapping: MappingArgs,
-    /// Output folder; replaced if it is one of ours [default: out/MODEL_explore]
+    /// Output folder; replaced if pe-synth wrote it [default: out/MODEL_explore]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
-    /// Estimates the clock for a device where networks on its like were measured
+    /// Estimates the clock for this device, if networks were measured on its family
     #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
     device: Option<&'static Device>,
     /// Largest total error of points that compete in size and speed [default: any]
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
     max_error: Option<f64>,
-    /// Goes on with the sweep in the output folder: points that it holds are not compiled again
+    /// Continues the sweep in the output folder: points that it holds are not compiled again
     #[arg(long, help_heading = "Sweep")]
     resume: bool,
     /// Points compiled at the same time; the result does not depend on it [default: one per core]
@@ -134,7 +134,7 @@ impl Explore {
 
     /// What was asked for, as `points.json` says it.
     fn head(&self, model: &Model, axes: &Axes) -> Map<String, Value> {
-        let words = axes.multiplier.iter().map(|(a, b)| format!("{a}x{b}"));
+        let words = axes.multiplier.iter().map(ToString::to_string);
         let head = json!({
             "generator": GENERATOR,
             "model": model.name,

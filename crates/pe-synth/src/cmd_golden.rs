@@ -6,7 +6,7 @@ use crate::figures::Record;
 use crate::output::OutputFolder;
 use pe_flow::failure::Failure;
 
-/// Keeps the figures and first outputs of a compiled design, to compare later ones with by `diff`
+/// Saves the figures and first outputs of a compiled design, for later comparison with `diff`
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
@@ -14,7 +14,7 @@ Examples:
 pub struct Golden {
     /// Folder that `compile` wrote
     folder: PathBuf,
-    /// Folder to write; replaced if it is one of ours
+    /// Folder to write; replaced if pe-synth wrote it
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
 }

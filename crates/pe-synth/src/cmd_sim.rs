@@ -33,7 +33,7 @@ pub struct Sim {
     /// File, VCD if its name ends in `.vcd`, otherwise CSV [default: CSV on standard output]
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
-    /// Runs the model in double precision in place of the hardware's fixed point
+    /// Runs the model in double precision instead of the hardware's fixed point
     #[arg(long, help_heading = "Numbers")]
     double: bool,
     #[command(flatten)]

@@ -24,7 +24,7 @@ Examples:
 pub struct Verify {
     /// Folder that `compile` wrote
     folder: PathBuf,
-    /// Steps to run from each start, at most [default: as many as the reference trace has, and more where all must move]
+    /// Most steps to run from each start [default: as many as the reference trace has, more where everything must move]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// Engines to compare with the simulator, in this order
@@ -33,16 +33,16 @@ pub struct Verify {
     /// Also runs the synthesised netlist in Verilator
     #[arg(long)]
     verilator: bool,
-    /// Succeeds although files differ from the hashes in report.json, if the engines agree
+    /// Accepts files that differ from the hashes in report.json, if the engines agree
     #[arg(long)]
     allow_changed: bool,
-    /// Damages the VHDL of copies of the folder so often, and tells which damages verify catches
+    /// Damages the VHDL of N copies of the folder, and reports which damages verify catches
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Damage")]
     inject: Option<u64>,
-    /// Chooses the damages
+    /// Seed that selects the damages
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "inject", help_heading = "Damage")]
     seed: u64,
-    /// Form of errors on standard error; `json` also prints runs and coverage as one object on standard output
+    /// Format of errors on standard error; `json` also prints runs and coverage as one object on standard output
     #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     message_format: MessageFormat,
 }

@@ -14,9 +14,9 @@ use pe_synth::{
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
 ///
-/// A spec states the equations as on paper; pe-synth turns it into a network of small microcoded processing elements
-/// (PEs), written as VHDL-2008 for any FPGA, together with a Rust program that computes the same bits, and says how
-/// large, how fast and how wrong the result is.
+/// A spec states the equations as on paper. pe-synth compiles it to a network of small microcoded processing elements
+/// (PEs), written as VHDL-2008 for any FPGA, together with a Rust program that computes the same bits, and reports
+/// size, speed and error of the result.
 #[derive(Parser)]
 #[command(version, propagate_version = true, after_help = AFTER_HELP)]
 struct Arguments {
@@ -41,9 +41,9 @@ Exit codes:
    2  wrong options
    3  a file cannot be read or written
    4  engines disagree, figures changed beyond their tolerance, or nothing was compared
-   5  a needed program is missing
+   5  a required program is missing
   70  internal error; please report it
- 130  a sweep was interrupted; its points so far are written
+ 130  interrupted; a sweep keeps the points computed so far
 
 Documents:
   docs/guide.md        how to choose PEs, word lengths and ranges, and how to read the report

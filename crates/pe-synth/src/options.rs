@@ -13,7 +13,7 @@ use pe_hls::two_slots;
 use pe_ir::codes;
 use pe_ir::model::{Interpolation, Model, Solver};
 use pe_ir::text::Stage;
-use pe_ir::word::Pipeline;
+use pe_ir::word::{MultiplierPorts, Pipeline};
 use pe_judge::conserved::Conserved;
 use pe_judge::early::{self, Early};
 use pe_judge::parse::{duration, multiplier};
@@ -29,47 +29,47 @@ pub struct ModelArgs {
     /// Model specification
     #[arg(required_unless_present = "from", conflicts_with = "from")]
     pub spec: Option<PathBuf>,
-    /// Goes on from the text of a stage that `dump` printed, in place of a spec: `compile` and `dump` from any stage, other
-    /// commands from a model
+    /// Continues from the text of a compiler stage printed by `dump` instead of a spec: `compile` and `dump` from any
+    /// stage, other commands from a model
     #[arg(long, value_name = "FILE", conflicts_with_all = ["set", "observe", "inputs", "units"], help_heading = "Model")]
     pub from: Option<PathBuf>,
-    /// Time over which ranges and errors are judged, in place of the spec's
+    /// Time over which ranges and errors are judged; overrides the spec
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
     pub span: Option<f64>,
     /// Sets a constant, a parameter or an initial value, or one element (`R[3]=2`); may be repeated
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment, help_heading = "Model")]
     pub set: Vec<(String, f64)>,
-    /// Outputs in place of the spec's: scalars, elements, whole arrays; may be repeated
+    /// Outputs: scalars, elements, whole arrays; overrides the spec; may be repeated
     #[arg(long, value_name = "NAME[,NAME...]", help_heading = "Model")]
     pub observe: Vec<String>,
-    /// What inputs are between two samples if the spec does not say: hold or linear
+    /// Inputs between two samples, unless the spec says: hold or linear
     #[arg(long, value_name = "MODE", value_parser = between)]
     pub inputs: Option<Interpolation>,
 
-    /// How strictly units are checked, in place of the spec's: strict, warn or off
+    /// How strictly units are checked: strict, warn or off; overrides the spec
     #[arg(long, value_name = "MODE", value_parser = units)]
     pub units: Option<pe_frontend::Units>,
-    /// Seed of everything random
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Mapping")]
     pub seed: u64,
-    /// Whether ranges are proven beside being measured
+    /// Whether ranges are proven in addition to being measured
     #[arg(long, default_value = "ranges", value_parser = proof(), help_heading = "Numbers")]
     pub proof: ProofMode,
-    /// Bits by which formats may become wider where that proves all ranges
+    /// Most bits by which formats may be widened to prove all ranges
     #[arg(long, value_name = "BITS", default_value_t = Criteria::WIDEN, value_parser = clap::value_parser!(i32).range(0..=16), help_heading = "Numbers")]
     pub widen: i32,
-    /// Lets a refusal through as a warning; may be repeated
+    /// Turns a refusal into a warning; may be repeated
     #[arg(long, value_name = "CODE", value_parser = PossibleValuesParser::new(codes::PERMITTABLE), help_heading = "Diagnostics")]
     pub allow: Vec<String>,
-    /// Form of errors and warnings on standard error
+    /// Format of errors and warnings on standard error
     #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     pub message_format: MessageFormat,
 }
 
-/// What the total error is asked about beside the states.
+/// Quantities whose error is reported besides that of the states.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ConservedArgs {
-    /// Outputs that shall stay constant, such as an energy: their drift is reported
+    /// Outputs that should stay constant, such as an energy: their drift is reported
     #[arg(long, value_name = "NAME[,NAME...]", value_delimiter = ',', help_heading = "Output")]
     pub conserved: Vec<String>,
 }
@@ -89,26 +89,26 @@ impl ConservedArgs {
 /// How it is computed: a point of the design space.
 #[derive(Args, Clone, Copy, Debug, PartialEq)]
 pub struct PointArgs {
-    /// Numerical method, in place of the spec's
+    /// Numerical method; overrides the spec
     #[arg(long, value_parser = solver(), help_heading = "Model")]
     pub solver: Option<Solver>,
-    /// Step, in place of the spec's, for example `1e-4` or `100us`
+    /// Step, for example `1e-4` or `100us`; overrides the spec
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
     pub step: Option<f64>,
-    /// Other steps for the beginning, in place of the spec's, each with the time until which it is taken: implicit solvers
+    /// Other steps for the beginning, each with the time at which it ends, for implicit solvers; overrides the spec
     #[arg(long, value_name = "T@UNTIL,...", value_parser = early::parse, help_heading = "Model")]
     pub early_steps: Option<Early>,
     /// Bits of a stored word, without its guard bits
     #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = storage(), help_heading = "Numbers")]
     pub storage: u32,
-    /// Multiplier: bits of its data port x bits of its coefficient port
+    /// Multiplier: bits of the data port x bits of the coefficient port
     /// [default: 32x32; 35x35 for sampled feedback that may ring]
     #[arg(long, value_name = "AxB", value_parser = multiplier, help_heading = "Numbers")]
-    pub multiplier: Option<(u32, u32)>,
-    /// Registers that an operation passes: few, or more for a faster clock on devices without registers in their blocks
+    pub multiplier: Option<MultiplierPorts>,
+    /// Pipeline of the PEs: short, or deep for a faster clock on devices without registers in their blocks
     #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Hardware")]
     pub pipeline: Pipeline,
-    /// Products that a coefficient takes: with two, a port of 18 bits computes with about 35
+    /// Issue slots per coefficient: with two, a coefficient port of 18 bits computes with about 35
     #[arg(long, default_value = "one-slot", value_parser = coefficients(), help_heading = "Numbers")]
     pub coefficients: Coefficients,
     /// Form of the step of a model that is affine in its states
@@ -122,16 +122,16 @@ pub struct PointArgs {
 /// What is asked of the mapping.
 #[derive(Args, Clone, Debug)]
 pub struct MappingArgs {
-    /// Takes the PE of each equation from a file, as `dump --stage mapping` prints it
+    /// Reads the PE of each equation from a file, in the form that `dump --stage mapping` prints
     #[arg(long, value_name = "FILE", help_heading = "Mapping")]
     pub mapping: Option<PathBuf>,
-    /// Annealing budget in tries [default: grows with the number of equations]
+    /// Annealing budget in moves tried [default: grows with the number of equations]
     #[arg(long, value_name = "N", help_heading = "Mapping")]
     pub tries: Option<u64>,
     /// Most input ports a PE may have
     #[arg(long, value_name = "N", default_value_t = MapOptions::DEFAULT_MAX_IN_DEGREE, help_heading = "Mapping")]
     pub max_in_degree: u32,
-    /// Never adds operands with equal coefficients in front of the multiplier
+    /// Does not use the pre-adder for operands with equal coefficients
     #[arg(long, help_heading = "Mapping")]
     pub no_pre_adder: bool,
     /// One round of control words for all stages of a step
@@ -203,7 +203,7 @@ impl ModelArgs {
 /// for than the model of the text has.
 fn conflict(stages: &Stages, point: &DesignPoint, mapping: &MappingOptions, span: bool) -> Option<String> {
     let decided = |option: &str, stage: Stage| {
-        Some(format!("`{option}` comes too late: the text goes on to `{}`, which has decided it", stage.name()))
+        Some(format!("`{option}` comes too late: the text continues to `{}`, which has decided it", stage.name()))
     };
     if let Some(graph) = &stages.graph {
         let asked = [
@@ -221,7 +221,7 @@ fn conflict(stages: &Stages, point: &DesignPoint, mapping: &MappingOptions, span
     }
     let fixed = stages.fixed.as_ref()?;
     let (format, default) = (&fixed.format, DesignPoint::default());
-    let ports = (format.data_bits, format.coefficient_bits);
+    let ports = format.multiplier();
     let one_slot = stages.graph.as_ref().is_some_and(|graph| !two_slots::used(graph));
     let has_rounds = stages.program.as_ref().is_some_and(|program| program.rounds > 1);
     if has_rounds && mapping.stage_loop == StageLoop::Off {
@@ -242,7 +242,7 @@ fn model_of(path: &Path) -> Result<LoadedModel, Failure> {
     match loaded.stages.as_ref().map(|stages| stages.last) {
         Some(Stage::Model) | None => Ok(LoadedModel { stages: None, ..loaded }),
         Some(last) => Err(Failure::Usage(format!(
-            "{} goes on to `{}`; only `compile` and `dump` go on from there, and other commands from a model",
+            "{} continues to `{}`; only `compile` and `dump` accept that, other commands need a model",
             path.display(),
             last.name()
         ))),

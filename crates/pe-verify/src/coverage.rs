@@ -141,7 +141,7 @@ impl Table {
     /// The lines for people.
     pub fn text(&self) -> String {
         let (covered, possible) = self.total();
-        let mut text = line("coverage", &[format!("{covered} of {possible} things at work that the program uses")]);
+        let mut text = line("coverage", &[format!("{covered} of {possible} items at work that the program uses")]);
         let mut part = "";
         for group in &self.groups {
             if group.part != part {

@@ -42,10 +42,7 @@ impl std::fmt::Display for Change {
             Change::Missing(file) => write!(f, "`{file}` is missing"),
             Change::Extra(file) => write!(f, "`{file}` was not written by `compile`"),
             Change::NoHashes => {
-                write!(
-                    f,
-                    "report.json has no hashes of the files, as those of earlier versions: nothing tells what changed"
-                )
+                write!(f, "report.json is of an earlier version without file hashes: changes cannot be detected")
             }
         }
     }
@@ -111,7 +108,7 @@ impl DesignFolder {
             (words.len() == ports).then_some(words)
         };
         let lines = self.read(&file)?.lines().map(line).collect::<Option<Vec<_>>>();
-        lines.ok_or_else(|| self.damaged(&file, "it holds something else than a hex word for each input"))
+        lines.ok_or_else(|| self.damaged(&file, "it must hold one hex word for each input"))
     }
 
     /// Number of steps and words of the states in the middle of the span.

@@ -8,7 +8,8 @@ use std::process::Command;
 
 use pe_emit::{EmitOptions, design_name, emit};
 use pe_ir::program::{
-    Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program, Target,
+    Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
+    Target,
 };
 use pe_ir::word::{Pipeline, WordFormat};
 
@@ -115,7 +116,7 @@ pub fn random_program(case: &Case) -> Program {
         for pe in &mut program.pes {
             for k in case.period as usize / 3..case.period as usize {
                 let like = pe.words[k % (case.period as usize / 3)];
-                pe.words[k] = ControlWord { multiplier: pe.words[k].multiplier, write: pe.words[k].write, ..like };
+                pe.words[k] = ControlWord { coefficient: pe.words[k].coefficient, write: pe.words[k].write, ..like };
             }
         }
     }
@@ -187,10 +188,10 @@ fn random_word(random: &mut Random, format: &WordFormat, features: &PeFeatures) 
         word.own = Some(address(random, features.own_words));
         word.imported = Some(address(random, features.imported_words));
     }
-    word.multiplier = if features.coefficient_words > 0 {
-        Multiplier::Stored(random.below(u64::from(features.coefficient_words)) as u16)
+    word.coefficient = if features.coefficient_words > 0 {
+        CoefficientOperand::Stored(random.below(u64::from(features.coefficient_words)) as u16)
     } else {
-        Multiplier::Coefficient(random.signed(format.coefficient_bits))
+        CoefficientOperand::Coefficient(random.signed(format.coefficient_bits))
     };
     word.close = random.chance(30);
     word.base = random.chance(60).then(|| random.below(u64::from(features.base_words)) as u16);

@@ -164,11 +164,11 @@ impl Question<'_> {
             return format!("Its word limits it: {double:.1e} in double precision; {help}");
         }
         let limit = if self.max_error < TOLERANCE {
-            format!("no reference is known to less than {TOLERANCE:.0e}")
+            format!("reference solutions are accurate to {TOLERANCE:.0e} only")
         } else if self.point.step.is_some() {
             "the step is given; leave `--step` out".to_owned()
         } else {
-            format!("smaller steps would take more than {MOST_PRODUCTS:.0e} products over the span, or help no more")
+            format!("smaller steps would take more than {MOST_PRODUCTS:.0e} products over the span, or no longer help")
         };
         let share = if double > 0.9 * error { String::new() } else { format!(" ({double:.1e} in double precision)") };
         format!("Its method limits it{share}: {limit}. Allow more, or take a shorter `--span` if the model is chaotic")

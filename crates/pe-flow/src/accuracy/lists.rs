@@ -2,7 +2,7 @@
 
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver, step_count_problem};
-use pe_ir::word::Pipeline;
+use pe_ir::word::{MultiplierPorts, Pipeline, WordFormat};
 
 use crate::explore::axes::{once, with_forms};
 use crate::explore::steps;
@@ -15,21 +15,21 @@ use pe_judge::{Coefficients, DesignPoint, FormChoice};
 pub struct Word {
     /// Bits of a stored word, without its guard bits.
     pub storage: u32,
-    /// Bits of the data port and the coefficient port.
-    pub multiplier: (u32, u32),
+    /// Ports of the multiplier.
+    pub multiplier: MultiplierPorts,
     /// Products of a coefficient.
     pub coefficients: Coefficients,
 }
 
 impl Word {
-    const fn new(storage: u32, multiplier: (u32, u32)) -> Word {
+    const fn new(storage: u32, data_bits: u32, coefficient_bits: u32) -> Word {
+        let multiplier = MultiplierPorts::new(data_bits, coefficient_bits);
         Word { storage, multiplier, coefficients: Coefficients::OneSlot }
     }
 
     /// Whether no part of it is narrower than another word's.
     pub fn holds(&self, other: &Word) -> bool {
-        let (own, others) = (self.multiplier, other.multiplier);
-        self.storage >= other.storage && own.0 >= others.0 && own.1 >= others.1
+        self.storage >= other.storage && self.multiplier.hold(other.multiplier)
     }
 
     /// The word of a point of these lists.
@@ -41,29 +41,36 @@ impl Word {
     /// In a few letters: `/2` stands for coefficients in two slots.
     pub fn name(&self) -> String {
         let slots = if self.coefficients == Coefficients::TwoSlot { "/2" } else { "" };
-        format!("{} {}x{}{slots}", self.storage, self.multiplier.0, self.multiplier.1)
+        format!("{} {}{slots}", self.storage, self.multiplier)
     }
 }
 
 /// The word of the comparison of solvers and steps.
-pub const WORD: Word = Word::new(32, (32, 32));
+pub const WORD: Word = Word::new(32, 32, 32);
 
 /// Other words: the paper's, one block either way round and with coefficients in two slots, two blocks, longer words.
 const OTHER_WORDS: [Word; 7] = [
-    Word::new(18, (18, 18)),
-    Word::new(24, (25, 18)),
-    Word::new(32, (25, 18)),
-    Word::new(32, (18, 25)),
-    Word { storage: 32, multiplier: (25, 18), coefficients: Coefficients::TwoSlot },
-    Word::new(32, (25, 35)),
-    Word::new(40, (35, 35)),
+    Word::new(18, 18, 18),
+    Word::new(24, 25, 18),
+    Word::new(32, 25, 18),
+    Word::new(32, 18, 25),
+    Word { coefficients: Coefficients::TwoSlot, ..Word::new(32, 25, 18) },
+    Word::new(32, 25, 35),
+    Word::new(40, 35, 35),
 ];
 
 /// The longest word, for goals that no other meets.
-const LONGEST_WORD: Word = Word::new(48, (35, 35));
+const LONGEST_WORD: Word = Word::new(48, 35, 35);
 
 /// Multipliers, where storage bits are given and multipliers are not.
-const MULTIPLIERS: [(u32, u32); 6] = [(18, 18), (18, 25), (25, 18), (25, 35), (32, 32), (35, 35)];
+const MULTIPLIERS: [MultiplierPorts; 6] = [
+    MultiplierPorts::new(18, 18),
+    MultiplierPorts::new(18, 25),
+    MultiplierPorts::new(25, 18),
+    MultiplierPorts::new(25, 35),
+    MultiplierPorts::new(32, 32),
+    MultiplierPorts::new(35, 35),
+];
 
 /// Powers of two of the steps, relative to the model's: few solvers are tried with more steps.
 const MANY_STEPS: [i32; 5] = [2, 1, 0, -1, -2];
@@ -81,7 +88,7 @@ pub struct Lists {
     pub step: Vec<f64>,
     /// Bits of the multiplier's ports; with a list of these, of storage or of coefficients every solver and step is combined with
     /// every word length.
-    pub multiplier: Vec<(u32, u32)>,
+    pub multiplier: Vec<MultiplierPorts>,
     /// Bits of a stored word, without its guard bits.
     pub storage: Vec<u32>,
     /// Products of a coefficient.
@@ -197,7 +204,7 @@ impl Lists {
         let multipliers = match (self.multiplier.is_empty(), self.storage.is_empty()) {
             (false, _) => self.multiplier.clone(),
             (true, false) => MULTIPLIERS.to_vec(),
-            (true, true) => vec![(25, 18)],
+            (true, true) => vec![MultiplierPorts::new(25, 18)],
         };
         let slots = match self.coefficients.is_empty() {
             true => vec![Coefficients::OneSlot],
@@ -206,10 +213,13 @@ impl Lists {
         let mut words = Vec::new();
         for storage in or(&self.storage, WORD.storage) {
             for multiplier in &multipliers {
-                let format = pe_ir::word::WordFormat::new(storage, multiplier.0, multiplier.1);
-                let fits = multiplier.0.max(multiplier.1) <= format.word_bits();
+                let format = WordFormat::with_ports(storage, *multiplier);
+                let fits = multiplier.widest() <= format.word_bits();
                 if fits || !self.multiplier.is_empty() {
-                    let word = |slots: &Coefficients| Word { coefficients: *slots, ..Word::new(storage, *multiplier) };
+                    let word = |slots: &Coefficients| Word {
+                        coefficients: *slots,
+                        ..Word::new(storage, multiplier.data_bits, multiplier.coefficient_bits)
+                    };
                     words.extend(slots.iter().map(word));
                 }
             }

@@ -3,7 +3,7 @@
 use pe_hls::schedule::Bound;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
-use pe_ir::word::{Latency, Pipeline};
+use pe_ir::word::{Latency, MultiplierPorts, Pipeline};
 
 use super::steps::suitable;
 use crate::settings::{MappingOptions, step_options};
@@ -11,7 +11,7 @@ use pe_judge::check::stiffness;
 use pe_judge::{Coefficients, DesignPoint, FormChoice, default_ports};
 
 /// Multipliers of a sweep unless told otherwise, beside that of the other commands: one block each way round.
-const SINGLE_BLOCK: [(u32, u32); 2] = [(25, 18), (18, 25)];
+const SINGLE_BLOCK: [MultiplierPorts; 2] = [MultiplierPorts::new(25, 18), MultiplierPorts::new(18, 25)];
 
 /// The axes: a list of values for each.
 #[derive(Clone, Debug)]
@@ -29,7 +29,7 @@ pub struct Axes {
     /// Form of the step of a model that is affine in its states.
     pub form: FormChoice,
     /// Bits of the multiplier's ports.
-    pub multiplier: Vec<(u32, u32)>,
+    pub multiplier: Vec<MultiplierPorts>,
     /// Bits of a stored word, without its guard bits.
     pub storage: Vec<u32>,
 }

@@ -57,9 +57,9 @@ pub struct Reason {
 }
 
 impl Reason {
-    /// A total error that is larger than was asked for; `double` is that of the run in double precision.
+    /// A total error that exceeds the goal; `double` is that of the run in double precision.
     pub fn beyond(error: f64, double: f64) -> Reason {
-        let message = format!("total error {error:.1e} is larger than was asked for");
+        let message = format!("total error {error:.1e} exceeds the goal");
         Reason { code: None, message, exit_code: 0, beyond: Some((error, double)) }
     }
 
@@ -134,11 +134,18 @@ impl Row {
                 map.insert("equivalent_lut".into(), json!(figures.equivalent_lut()));
             }
             Outcome::Failed(reason) => {
-                let (data, coefficient) = self.point.multiplier.unzip();
+                let ports = self.point.multiplier;
+                let (data, coefficient) = ports.map(|ports| (ports.data_bits, ports.coefficient_bits)).unzip();
                 map.insert("pes".into(), json!(self.point.pes));
                 map.insert("solver".into(), json!(self.point.solver.map(Solver::name)));
                 map.insert("step_s".into(), json!(self.point.step));
-                let word = json!({"storage_bits": self.point.storage, "mul_a_bits": data, "mul_b_bits": coefficient});
+                let word = json!({
+                    "storage_bits": self.point.storage,
+                    "data_bits": data,
+                    "coefficient_bits": coefficient,
+                    "mul_a_bits": data,
+                    "mul_b_bits": coefficient,
+                });
                 map.insert("word".into(), word);
                 map.insert("status".into(), json!("failed"));
                 map.insert("code".into(), json!(reason.code));
@@ -170,7 +177,7 @@ impl Row {
 
 /// The multiplier as on the command line.
 pub fn multiplier(point: &DesignPoint) -> String {
-    point.multiplier.map_or(String::new(), |(data, coefficient)| format!("{data}x{coefficient}"))
+    point.multiplier.map_or(String::new(), |ports| ports.to_string())
 }
 
 /// The step with a unit; behind it those for the beginning.

@@ -24,7 +24,7 @@ use rayon::Scope;
 use super::estimate::Estimate;
 use super::family::{Family, Job, families, has_functions};
 use super::row::{Compiled, Outcome, Reason};
-use crate::entrants::Network;
+use crate::candidates::Network;
 use crate::failure::Failure;
 use crate::pipeline;
 use crate::report::{Figures, Silicon, Told};

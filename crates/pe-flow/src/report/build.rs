@@ -8,7 +8,7 @@ use pe_ir::functions::Table;
 use pe_ir::graph::{FormCost, Role, StepGraph};
 use pe_ir::mapping::MappingCost as Cost;
 use pe_ir::model::{Model, Rate};
-use pe_ir::program::{ControlWord, LinkSource, Multiplier, PeProgram, Program};
+use pe_ir::program::{CoefficientOperand, ControlWord, LinkSource, PeProgram, Program};
 use pe_judge::conserved::Drift as Drifted;
 use pe_judge::proof::{Certainty, Enclosed, Proof};
 use pe_judge::runs::{Judged, ToDate};
@@ -179,15 +179,15 @@ fn form(cost: &FormCost) -> Form {
 fn pairs(design: &Design) -> Pairs {
     let Some(paired) = &design.paired else {
         let reason = if !design.graph.pre_adder {
-            "they could not save one product of 32, or --no-pre-adder"
-        } else if design.judged.fixed.headroom.contains(&true) {
+            "they would save less than one product in 32, or --no-pre-adder"
+        } else if design.judged.fixed.half_scale.contains(&true) {
             "no two operands with equal coefficients share a binary point on a PE"
         } else {
             "operands do not share a binary point, or the word-length error would be above 1e-3"
         };
         return Pairs { per_step: 0, sent_home: 0, missed: 0, left_out: Some(reason.to_owned()) };
     };
-    let missed = design.issued().macs() - design.hoped.macs();
+    let missed = design.issued().macs() - design.optimistic.macs();
     Pairs { per_step: paired.pairs, sent_home: paired.sent_home, missed, left_out: None }
 }
 
@@ -211,9 +211,11 @@ fn connections(program: &Program) -> usize {
 /// Programs that differ when coefficients are left aside: they could come from one memory.
 fn distinct_programs(program: &Program) -> usize {
     fn structure(pe: &PeProgram) -> impl Iterator<Item = ControlWord> {
-        pe.words.iter().map(|word| match word.multiplier {
-            Multiplier::Coefficient(_) => ControlWord { multiplier: Multiplier::Coefficient(0), ..*word },
-            Multiplier::Stored(_) => *word,
+        pe.words.iter().map(|word| match word.coefficient {
+            CoefficientOperand::Coefficient(_) => {
+                ControlWord { coefficient: CoefficientOperand::Coefficient(0), ..*word }
+            }
+            CoefficientOperand::Stored(_) => *word,
         })
     }
     let mut pes: Vec<&PeProgram> = program.pes.iter().collect();
@@ -231,6 +233,8 @@ fn word(design: &Design) -> Word {
     Word {
         storage_bits: format.storage_bits,
         guard_bits: format.guard_bits,
+        data_bits: format.data_bits,
+        coefficient_bits: format.coefficient_bits,
         mul_a_bits: format.data_bits,
         mul_b_bits: format.coefficient_bits,
         dsp_per_pe: format.dsp_per_pe(),

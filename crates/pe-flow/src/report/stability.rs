@@ -92,11 +92,11 @@ impl Stability {
                 check.pivot.is_none(),
                 "the method has no pivot that varies, or the runs were refused",
             ),
-            amplification_reason: reason(
-                check.growth.is_none(),
-                "only of refused steps, and of large models that are not linear",
+            amplification_reason: reason(check.growth.is_none(), "only for refused steps and large nonlinear models"),
+            chaos_reason: reason(
+                check.chaos.is_none(),
+                "only `check` looks for chaos, and reports it only where it finds it",
             ),
-            chaos_reason: reason(check.chaos.is_none(), "only `check` looks for it, and only where it is"),
             found_step_reason: reason(check.found.is_none(), not_found(model)),
         }
     }

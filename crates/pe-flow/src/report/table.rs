@@ -30,8 +30,8 @@ impl Report {
                     "{} + {} bits, multiplier {}x{}{}",
                     word.storage_bits,
                     word.guard_bits,
-                    word.mul_a_bits,
-                    word.mul_b_bits,
+                    word.data_bits,
+                    word.coefficient_bits,
                     if word.pipeline == "deep" { ", deep pipeline" } else { "" }
                 ),
             ),

@@ -247,14 +247,18 @@ pub struct Word {
     /// Low bits that only additions see.
     pub guard_bits: u32,
     /// Data port of the multiplier.
-    pub mul_a_bits: u32,
+    pub data_bits: u32,
     /// Coefficient port of the multiplier.
+    pub coefficient_bits: u32,
+    /// `data_bits` under its former name.
+    pub mul_a_bits: u32,
+    /// `coefficient_bits` under its former name.
     pub mul_b_bits: u32,
     /// Multiplier blocks of 25 x 18 bits that one product takes.
     pub dsp_per_pe: u32,
-    /// Products of a coefficient.
+    /// Issue slots of a coefficient.
     pub coefficient_slots: u32,
-    /// What the roundings of coefficients cancel in.
+    /// Where the rounding errors of coefficients are made to cancel.
     pub rounding: String,
     /// Registers that an operation passes.
     pub pipeline: String,

@@ -27,7 +27,7 @@ pub(crate) struct Written {
 impl Written {
     /// What to say if nothing else was: a shape that follows from nothing that could be computed.
     pub(crate) fn unexplained(&self) -> Option<Diagnostic> {
-        let message = "the shapes of the arrays in this statement cannot be told";
+        let message = "the shapes of the arrays in this statement cannot be determined";
         let help = "write it with indices: `y[i] = ...`";
         self.lost.map(|span| Diagnostic::error(codes::SHAPES, span, message).with_help(help))
     }

@@ -79,9 +79,9 @@ pub(crate) fn numbers(table: &Table, column: usize, report: &mut Report) -> Opti
     let values: Vec<f64> = table.column(column).map(|cell| cell.value).collect();
     for cell in table.column(column).filter(|cell| cell.value.is_nan()).take(MOST_CELLS) {
         let message =
-            if cell.place.start == cell.place.end { "a number is missing here" } else { "this is no finite number" };
+            if cell.place.start == cell.place.end { "a number is missing here" } else { "this is not a finite number" };
         let error = Diagnostic::error(codes::BAD_CELL, cell.place, message);
-        report.push(error.with_help("cells are parted by commas, decimals by a point"));
+        report.push(error.with_help("separate cells by commas, decimals by a point"));
     }
     values.iter().all(|value| value.is_finite()).then_some(values)
 }

@@ -201,11 +201,10 @@ impl<'a> Resolver<'_, 'a> {
             return self.signal(number, (arguments, units), span);
         }
         for (_, unit) in units {
-            let message =
-                format!("`{}` stands behind an argument of `{}`, which takes plain numbers", unit.text, name.text);
+            let message = format!("`{}` follows an argument of `{}`, which takes plain numbers", unit.text, name.text);
             self.report.push(
                 Diagnostic::error(codes::UNKNOWN_UNIT, unit.span, message)
-                    .with_help("units stand behind arguments of signals; a product needs its sign"),
+                    .with_help("only arguments of signals take units; a product needs its sign"),
             );
         }
         let bound = all(arguments.iter().map(|argument| self.number(argument)));
@@ -229,9 +228,7 @@ impl<'a> Resolver<'_, 'a> {
                 FUNCTIONS.iter().map(|function| function.name).chain([DOT, TRANSPOSE]).chain(own).chain(signals);
             let help = suggestion(&name.text, known).or_else(|| {
                 let array = self.names.quantity(&name.text).is_some();
-                array.then(|| {
-                    format!("subscripts stand in brackets, products need a sign: `{0}[...]`, `{0}*(...)`", name.text)
-                })
+                array.then(|| format!("subscripts need brackets, products a sign: `{0}[...]`, `{0}*(...)`", name.text))
             });
             self.report.push(Diagnostic { help, ..error });
             return None;
@@ -387,7 +384,7 @@ impl<'a> Resolver<'_, 'a> {
             return Some(());
         }
         let message = format!("`{word}` changes over time and cannot be read here");
-        let help = "signals stand on the right-hand side of equations and of inputs";
+        let help = "signals are allowed on the right-hand side of equations and inputs";
         self.report.push(Diagnostic::error(codes::SIGNAL_PLACE, span, message).with_help(help));
         None
     }

@@ -99,9 +99,9 @@ fn check_model_name(name: &Name, report: &mut Report) {
 fn units_mode(name: &Name, report: &mut Report) -> Option<Units> {
     let found = Units::ALL.into_iter().find(|(word, _)| *word == name.text);
     if found.is_none() {
-        let message = format!("`{}` is no way to check units", name.text);
+        let message = format!("`{}` is not a way to check units", name.text);
         let error = Diagnostic::error(codes::UNKNOWN_UNIT, name.span, message);
-        report.push(error.with_help("there are `strict`, `warn` and `off`"));
+        report.push(error.with_help("use `strict`, `warn` or `off`"));
     }
     found.map(|(_, units)| units)
 }

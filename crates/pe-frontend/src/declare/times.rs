@@ -43,7 +43,7 @@ fn phases<'a>(context: &mut Context<'a>, early: &'a [(Measure, Measure)], last: 
             let message = format!("a step until {until} s does not lie between {from} s and the span of {span} s");
             context.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, message));
         } else if (steps - libm::round(steps)).abs() > 1e-6 * steps || steps > MOST_EARLY_STEPS {
-            let message = format!("the stretch from {from} s to {until} s is {steps} steps of {step} s");
+            let message = format!("the phase from {from} s to {until} s is {steps} steps of {step} s");
             let help = "it must be a whole number of steps, at most 1e9";
             context.report.push(Diagnostic::error(codes::BAD_STEP_COUNT, place, message).with_help(help));
         }

@@ -137,8 +137,8 @@ fn bind_left_side<'a>(
         (Kind::Algebraic, LeftSide::Next) => {
             Some(format!("declare it as a state in this block, or drop `next`: `{} = ...`", name.text))
         }
-        (Kind::Const | Kind::Param, _) => Some("its value stands in its declaration".to_owned()),
-        (Kind::Input, _) => Some("its signal stands in its declaration".to_owned()),
+        (Kind::Const | Kind::Param, _) => Some("its value is given in its declaration".to_owned()),
+        (Kind::Input, _) => Some("its signal is given in its declaration".to_owned()),
     };
     if let Some(help) = help {
         let sampled = if quantity.block.is_some() { ", sampled in a block" } else { "" };
@@ -170,7 +170,7 @@ fn bind_left_side<'a>(
 fn bind_stated<'a>(context: &mut Context<'a>, equation: &'a Equation, indices: &[&'a str]) -> BoundBounds {
     let within = equation.within.as_ref()?;
     if equation.side == LeftSide::Derivative {
-        let message = "a derivative has no stated range";
+        let message = "a derivative cannot have a stated range";
         let help = "state the range of the variable itself, in its declaration";
         context.report.push(Diagnostic::error(codes::BAD_LEFT_SIDE, within.span, message).with_help(help));
         return None;
@@ -398,12 +398,12 @@ fn wrong_block(quantity: &Quantity, side: LeftSide, block: Option<usize>) -> Str
     let name = &quantity.name.text;
     match (quantity.kind, quantity.block, block) {
         (Kind::State, None, _) if side == LeftSide::Derivative => {
-            format!("it changes all the time: `{name}' = ...` stands outside of blocks")
+            format!("it is continuous: write `{name}' = ...` outside blocks")
         }
         (Kind::State, None, _) => {
-            format!("it changes all the time, by `{name}' = ...`; a state that is sampled is declared in the block")
+            format!("it is continuous, by `{name}' = ...`; declare a sampled state in the block")
         }
-        (Kind::State, Some(_), _) => "it is sampled: its equation stands in the block that declares it".to_owned(),
-        _ => "all its equations stand in one block, or outside of all".to_owned(),
+        (Kind::State, Some(_), _) => "it is sampled: its equation belongs in the block that declares it".to_owned(),
+        _ => "all its equations must be in one block, or outside all blocks".to_owned(),
     }
 }

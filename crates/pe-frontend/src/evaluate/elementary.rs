@@ -191,7 +191,7 @@ fn of_one_variable(name: &str) -> Option<(Function, f64)> {
 
 /// A power of something that is no number; the places are those of the power and of its exponent.
 pub(crate) fn power(base: Expr, exponent: Expr, span: Span, exponent_span: Span) -> Result<Expr, Fault> {
-    let no_number = |base: f64, power: f64| fault(not_finite(span, &format!("{base}^{power} is no finite number")));
+    let no_number = |base: f64, power: f64| fault(not_finite(span, &format!("{base}^{power} is not a finite number")));
     match (base, exponent) {
         (Expr::Constant(base), Expr::Constant(power)) => match libm::pow(base, power) {
             result if result.is_finite() => Ok(Expr::Constant(result)),
@@ -199,7 +199,7 @@ pub(crate) fn power(base: Expr, exponent: Expr, span: Span, exponent_span: Span)
         },
         (_, Expr::Constant(power)) if power.abs() > f64::from(LARGEST_POWER) => {
             let message = format!("a variable cannot be raised to the power {power}");
-            let help = format!("powers of variables reach from -{LARGEST_POWER} to {LARGEST_POWER}");
+            let help = format!("powers of variables range from -{LARGEST_POWER} to {LARGEST_POWER}");
             Err(fault(Diagnostic::error(codes::BAD_POWER, exponent_span, message).with_help(help)))
         }
         (base, Expr::Constant(power)) => Ok(match whole(power) {
@@ -233,7 +233,7 @@ pub(crate) fn call(
             return Ok(Expr::Constant(result));
         }
         let shown: Vec<String> = numbers.iter().take(4).map(f64::to_string).collect();
-        let message = format!("{}({}) is no finite number", function.name, shown.join(", "));
+        let message = format!("{}({}) is not a finite number", function.name, shown.join(", "));
         return Err(fault(not_finite(span, &message)));
     }
     let minimum = function.name == "min";

@@ -360,7 +360,7 @@ impl Evaluator {
         if low.is_finite() && high.is_finite() {
             return Ok(waveform);
         }
-        let message = "the signal goes beyond all numbers";
+        let message = "the signal is not finite";
         let help = "keep divisors away from zero and arguments in the domains of their functions, over all values of the signals in it";
         Err(fault(Diagnostic::error(codes::BAD_WAVEFORM, node.span, message).with_help(help)))
     }

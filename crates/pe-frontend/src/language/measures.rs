@@ -17,7 +17,7 @@ pub(crate) fn unit_scale(unit: Option<&Name>, units: &[(&str, f64)], what: &str)
     if let Some((_, scale)) = units.iter().find(|(name, _)| *name == unit.text) {
         return Ok(*scale);
     }
-    let message = format!("`{}` is no unit for the {what}", unit.text);
+    let message = format!("`{}` is not a unit for the {what}", unit.text);
     let known: Vec<String> = units.iter().map(|(name, _)| format!("`{name}`")).collect();
     let help = match known.as_slice() {
         [] => "give a plain number here".to_owned(),

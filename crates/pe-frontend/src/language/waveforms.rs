@@ -70,7 +70,7 @@ pub(crate) fn between(word: &Name) -> Result<Interpolation, Diagnostic> {
         "hold" => Ok(Interpolation::Hold),
         other => {
             let message = format!("unknown interpolation `{other}`");
-            let help = "between two samples a signal is a straight line with `linear`, the earlier one with `hold`";
+            let help = "between two samples a signal is a straight line with `linear`, the earlier sample with `hold`";
             Err(Diagnostic::error(codes::UNKNOWN_FUNCTION, word.span, message).with_help(help))
         }
     }
@@ -108,7 +108,7 @@ pub(crate) fn waveform_of(form: usize, values: &[f64], duty: Waveform, spans: &[
         "square" => {
             let duty = value(3, 0.5);
             if !(0.0..=1.0).contains(&duty) {
-                return bad(3, "it is a part of the period, between 0 and 1");
+                return bad(3, "it is a fraction of the period, between 0 and 1");
             }
             Waveform::Square { amplitude, frequency, offset, duty }
         }
@@ -122,14 +122,14 @@ pub(crate) fn waveform_of(form: usize, values: &[f64], duty: Waveform, spans: &[
         "ramp" => {
             let duration = value(3, 0.0);
             if duration == 0.0 {
-                return bad(3, "a jump is a `pulse`");
+                return bad(3, "use `pulse` for a jump");
             }
             Waveform::Ramp { from: amplitude, to: value(1, 0.0), start: value(2, 0.0), duration }
         }
         "chirp" => {
             let duration = value(3, 0.0);
             if duration == 0.0 {
-                return bad(3, "a frequency that does not change is a `sine`");
+                return bad(3, "use `sine` for a constant frequency");
             }
             let (to, offset, phase) = (value(2, 0.0), value(4, 0.0), value(5, 0.0));
             Waveform::Chirp(Chirp { amplitude, from: frequency, to, duration, offset, phase })

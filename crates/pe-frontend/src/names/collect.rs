@@ -115,7 +115,7 @@ impl<'a> Collector<'_, 'a> {
             for (at, binder) in quantity.binders.iter().enumerate() {
                 if quantity.binders[..at].iter().any(|earlier| earlier.name.text == binder.name.text) {
                     let message =
-                        format!("index `{}` stands for two dimensions of `{}`", binder.name.text, quantity.name.text);
+                        format!("index `{}` is used for two dimensions of `{}`", binder.name.text, quantity.name.text);
                     self.report.push(
                         Diagnostic::error(codes::DUPLICATE, binder.name.span, message)
                             .with_help("define a second index over the same range"),

@@ -223,7 +223,7 @@ impl<'a> Names<'a> {
     pub(crate) fn check_index_name(&self, name: &Name, report: &mut Report) {
         if matches!(self.find(&name.text), Some(Symbol::Quantity(_) | Symbol::Predefined(_))) {
             let error =
-                Diagnostic::error(codes::DUPLICATE, name.span, format!("`{}` is no free index name", name.text));
+                Diagnostic::error(codes::DUPLICATE, name.span, format!("`{}` is not a free index name", name.text));
             report.push(match self.definition(&name.text) {
                 Some(span) => error.with_label(span, "defined here"),
                 None => error.with_help(format!("`{}` is predefined", name.text)),

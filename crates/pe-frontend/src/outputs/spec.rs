@@ -34,7 +34,7 @@ pub(crate) fn outputs(context: &mut Context, observe: &[String]) -> Vec<Output> 
         return observed(observe, context.spec, &context.names, &mut context.report);
     }
     if !asked {
-        let help = "say what you want to see, for example `output x`";
+        let help = "name an output, for example `output x`";
         context.report.push(Diagnostic::global(codes::NO_OUTPUT, "the spec has no output").with_help(help));
     } else if found.outputs.is_empty() && !context.report.failed() && context.spec.broken.is_empty() {
         context.report.push(Diagnostic::global(codes::NO_OUTPUT, "the outputs name no element"));

@@ -129,7 +129,7 @@ fn remedy(found: &Token, text: &str, tokens: &[Token], expected: &[&str]) -> Opt
     let after = place.and_then(|place| tokens.get(place + 1));
     Some(match found.kind {
         TokenKind::Open if before.is_some_and(|token| token.kind == TokenKind::Prime) => {
-            "indices stand before the prime: `x[i]' = ...`"
+            "indices come before the prime: `x[i]' = ...`"
         }
         TokenKind::Number
             if after.is_some_and(|token| ["..", "]"].contains(&text_of(text, *token))) && expected == ["a name"] =>
@@ -145,10 +145,10 @@ fn remedy(found: &Token, text: &str, tokens: &[Token], expected: &[&str]) -> Opt
         TokenKind::Word if operator && after_number => "a product needs its sign: `2*x`",
         TokenKind::Equals if operator => "`=` defines, `==` compares",
         TokenKind::Prime => {
-            "a derivative stands alone on the left of `=`; to read it elsewhere, name its right-hand side"
+            "a derivative can only be alone on the left of `=`; to read it elsewhere, name its right-hand side"
         }
         TokenKind::Unit if operator && !expected.contains(&"indices in brackets") => {
-            "a unit stands after the name that is declared: `state V [L] = 0`"
+            "a unit follows the name in its declaration: `state V [L] = 0`"
         }
         TokenKind::Unit => "a bracket after a blank holds a unit; indices follow the name directly, as in `V[b]`",
         TokenKind::Sign if text_of(text, *found) == "*" => "a power is written `x^2`",

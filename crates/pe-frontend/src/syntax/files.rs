@@ -65,7 +65,7 @@ fn not_text(bytes: &[u8], file: Span) -> Option<Diagnostic> {
     let start = file.start + number(at);
     // The sign that stands for what is not text has three bytes.
     let place = Span { start, end: (start + 3).min(file.end) };
-    let message = format!("byte {at} is not part of a UTF-8 text");
+    let message = format!("byte {at} is not valid UTF-8");
     Some(Diagnostic::error(codes::NOT_TEXT, place, message).with_help("save the file as UTF-8 text"))
 }
 
@@ -87,7 +87,7 @@ pub(crate) fn resolve(folder: &str, path: &Name) -> Result<String, Diagnostic> {
             "" | "." => {}
             ".." if parts.pop().is_none() => {
                 return refuse(
-                    "the path leads out of the folder of the model",
+                    "the path leads outside the model's folder",
                     "put the file into the folder of the main spec or one below it",
                 );
             }
@@ -121,7 +121,7 @@ pub(crate) fn load(
         }
         LoadError::Unreadable(reason) => missing(reason),
         LoadError::Outside => {
-            let message = format!("`{path}` is a link that leads out of the folder of the model");
+            let message = format!("`{path}` is a link that leads outside the model's folder");
             Diagnostic::error(codes::BAD_PATH, named, message).with_help("copy the file into the folder")
         }
         LoadError::TooLarge(size) => too_large(path, size, named),

@@ -151,8 +151,8 @@ impl Reader<'_> {
             (_, None) => return false,
             (_, Some(_)) => {
                 self.fill_block();
-                let help = "a block holds `state` statements and equations; write this one outside of it";
-                self.refuse(wrong("this statement cannot stand in a block".to_owned(), help));
+                let help = "a block holds `state` statements and equations; move this one outside";
+                self.refuse(wrong("this statement is not allowed in a block".to_owned(), help));
                 if let StatementKind::Include(_) = statement.kind {
                     self.give_up();
                     return true;

@@ -148,7 +148,7 @@ fn first_word(text: &str, statement: &[Token]) -> Option<Diagnostic> {
     // `ouput w`: two words in a row are no equation.
     second.filter(|second| second.kind == TokenKind::Word)?;
     let section = suggestion(word, SECTIONS)?;
-    Some(Diagnostic::error(codes::SYNTAX, first.span, format!("`{word}` begins no statement")).with_help(section))
+    Some(Diagnostic::error(codes::SYNTAX, first.span, format!("no statement begins with `{word}`")).with_help(section))
 }
 
 /// The error for a keyword in the place of a name.

@@ -19,7 +19,7 @@ use pe_ir::source::{Diagnostic, Span};
 const SAME: [&str; 7] = ["floor", "ceil", "round", "abs", "min", "max", "mod"];
 
 /// What to do about units of different dimensions.
-const DIMENSION_HELP: &str = "check the equation; a constant that ought to have a unit can be a parameter with one";
+const DIMENSION_HELP: &str = "check the equation; a constant with a unit must be a parameter";
 
 /// Bodies of functions that are looked into; each call looks again, for its arguments have units of their own.
 const MOST_CALLS: usize = 20_000;
@@ -427,7 +427,7 @@ impl<'a> Checker<'_, 'a> {
         let finding = if first.measures_the_same(second) {
             let ratio = shown_factor(second.factor / first.factor);
             let message = format!(
-                "[{first_text}] and [{second_text}] are sizes of the same: 1 {second_text} is {ratio} {first_text}"
+                "[{first_text}] and [{second_text}] differ by a factor: 1 {second_text} is {ratio} {first_text}"
             );
             let help = format!(
                 "numbers are not converted; multiply by a parameter, for example `param k [{first_text}/({second_text})] = {ratio}`"

@@ -109,7 +109,7 @@ pub(super) fn find(word: &str) -> Option<Dimension> {
 /// Advice for a word that is no unit.
 pub(super) fn suggest(word: &str) -> Option<String> {
     if ["degC", "degF", "\u{b0}C", "\u{b0}F", "celsius"].contains(&word) {
-        return Some("scales that do not begin at zero are no units; use `K`".to_owned());
+        return Some("scales with an offset are not supported; use `K`".to_owned());
     }
     suggestion(word, NAMED.iter().map(|named| named.0))
 }

@@ -75,7 +75,7 @@ impl<'a> Parser<'a> {
             };
             let factor = self.power()?;
             let joined = unit.times(factor, sign);
-            unit = joined.ok_or_else(|| self.error(start, self.at, "a unit beyond all measure".to_owned()))?;
+            unit = joined.ok_or_else(|| self.error(start, self.at, "a unit out of range".to_owned()))?;
         }
     }
 

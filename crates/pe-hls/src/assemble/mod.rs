@@ -14,8 +14,8 @@ use pe_ir::mapping::Mapping;
 use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
 use pe_ir::program::{
-    Address, ControlWord, InputPort, Layout, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
-    StateRegister, Target, Tick, index_bits,
+    Address, CoefficientOperand, ControlWord, InputPort, Layout, LinkSource, Note, OutputPort, PeFeatures, PeProgram,
+    Program, StateRegister, Target, Tick, index_bits,
 };
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
@@ -259,7 +259,7 @@ impl Assembler<'_> {
                 pe.coefficient_image[index::at(word)] = coefficient;
                 self.coefficients[number].insert(coefficient, word);
             }
-            let blank = ControlWord { multiplier: Multiplier::Stored(0), ..ControlWord::default() };
+            let blank = ControlWord { coefficient: CoefficientOperand::Stored(0), ..ControlWord::default() };
             pe.words.fill(blank);
         }
     }
@@ -354,16 +354,18 @@ impl Assembler<'_> {
             if let Some(partner) = term.partner {
                 word.imported = Some(self.imported_address(partner, number, time));
             }
-            word.multiplier = match term.factor {
+            word.coefficient = match term.factor {
                 Factor::Coefficient(_) => {
                     let coefficient = self.fixed.coefficients[term_index];
                     let stored = self.coefficients[index::at(number)].get(&coefficient);
-                    stored.map_or(Multiplier::Coefficient(coefficient), |word| Multiplier::Stored(*word as u16))
+                    stored.map_or(CoefficientOperand::Coefficient(coefficient), |word| {
+                        CoefficientOperand::Stored(*word as u16)
+                    })
                 }
                 Factor::Value(value) => {
                     let like = self.rounds.value(value).0;
                     let word = self.memories.homes[like.index()].factor.expect("factors are in the coefficient memory");
-                    Multiplier::Stored(word as u16)
+                    CoefficientOperand::Stored(word as u16)
                 }
             };
             pe.notes[at].operand = term.operand.0;

@@ -187,7 +187,7 @@ pub(super) fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
     for signal in &model.signals {
         let span = signal.span;
         if !model.phases.is_empty() {
-            let message = "a signal that the network plays counts steps, and these are not all the same";
+            let message = "a played signal counts steps, which must all be equal";
             let help = "take a single step, or declare it as an input, `input u = ...`";
             findings.push(Diagnostic::error(codes::SIGNAL_IN_LIST, span, message).with_help(help));
             continue;
@@ -195,7 +195,7 @@ pub(super) fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
         match tune(&signal.waveform) {
             Tune::Modulated(pwm) if periods(model, pwm) > MOST_INTERVALS as f64 => {
                 let message = format!(
-                    "{} periods within the span, each with a width of its own, fit no table of {MOST_INTERVALS}",
+                    "{} periods within the span, each with its own width, do not fit a table of {MOST_INTERVALS}",
                     periods(model, pwm)
                 );
                 let help = "declare it as an input, `input u = pwm(...)`, or take a shorter `--span`";
@@ -205,7 +205,7 @@ pub(super) fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
                 let (.., drift) = ratio(model, frequency);
                 if drift > MOST_DRIFT {
                     let message = format!(
-                        "a period of {:e} s is no ratio of the step of {:e} s that a count holds: edges move by {drift:.2} \
+                        "a period of {:e} s and the step of {:e} s have no ratio that fits a counter: edges drift by {drift:.2} \
                          steps in {} s",
                         1.0 / frequency,
                         model.step,
@@ -222,7 +222,7 @@ pub(super) fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
             Tune::Samples(samples) => {
                 if let (knots, false) = Knots::of(samples, model.span) {
                     let message = format!(
-                        "{} samples within the span fit no table of {MOST_INTERVALS} even intervals",
+                        "{} samples within the span do not fit a table of {MOST_INTERVALS} even intervals",
                         knots.times.len()
                     );
                     let help = "give fewer samples at even times, or declare it as an input, `input u = samples(...)`";

@@ -70,7 +70,7 @@ pub fn build(
 fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
     if let (Some(rate), false) = (model.rates.first(), model.phases.is_empty()) {
         let message = "a model with sampled parts has a list of steps";
-        let help = "take a single step, of which every period is a whole number";
+        let help = "take a single step that divides every period";
         return Err(vec![Diagnostic::error(codes::UNSUITABLE_PERIOD, rate.span, message).with_help(help)]);
     }
     if let Some((rate, steps)) = model.ticks().find(|(_, steps)| *steps > MOST_STEPS) {

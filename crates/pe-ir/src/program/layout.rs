@@ -1,6 +1,6 @@
 //! Bit layout of the control word, derived from a PE's features.
 
-use super::{Address, ControlWord, Multiplier, PeFeatures, Target};
+use super::{Address, CoefficientOperand, ControlWord, PeFeatures, Target};
 use crate::index::number;
 use crate::word::WordFormat;
 
@@ -218,13 +218,13 @@ impl Layout {
             put(WriteSwap, u64::from(target.address.swap));
             put(WriteAddress, u64::from(target.address.word));
         }
-        match word.multiplier {
-            Multiplier::Coefficient(value) => {
+        match word.coefficient {
+            CoefficientOperand::Coefficient(value) => {
                 let width = self.width(Coefficient).max(1);
                 assert!(value >= -(1 << (width - 1)) && value < 1 << (width - 1), "coefficient {value}");
                 put(Coefficient, value as u64 & (u64::MAX >> (64 - width)));
             }
-            Multiplier::Stored(index) => put(CoefficientAddress, u64::from(index)),
+            CoefficientOperand::Stored(index) => put(CoefficientAddress, u64::from(index)),
         }
         put(Close, u64::from(word.close));
         put(Shift, u64::from(word.shift));
@@ -270,10 +270,10 @@ impl Layout {
         ControlWord {
             own: address(OwnEnable, OwnSwap, OwnAddress),
             imported: address(ImportedEnable, ImportedSwap, ImportedAddress),
-            multiplier: if width == 0 {
-                Multiplier::Stored(get(CoefficientAddress) as u16)
+            coefficient: if width == 0 {
+                CoefficientOperand::Stored(get(CoefficientAddress) as u16)
             } else {
-                Multiplier::Coefficient(((get(Coefficient) << (64 - width)) as i64) >> (64 - width))
+                CoefficientOperand::Coefficient(((get(Coefficient) << (64 - width)) as i64) >> (64 - width))
             },
             close: get(Close) == 1,
             base: (get(BaseEnable) == 1).then(|| get(BaseAddress) as u16),

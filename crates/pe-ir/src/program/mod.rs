@@ -24,9 +24,9 @@ pub struct Address {
     pub swap: bool,
 }
 
-/// What the coefficient port of the multiplier gets.
+/// Operand on the coefficient port of the multiplier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Multiplier {
+pub enum CoefficientOperand {
     /// The coefficient in the control word (PEs without a coefficient memory).
     Coefficient(i64),
     /// A word of the coefficient memory (PEs with one).
@@ -54,8 +54,8 @@ pub struct ControlWord {
     pub own: Option<Address>,
     /// Operand group: word of the imported memory on the data port. At most one of `own` and `imported` is set.
     pub imported: Option<Address>,
-    /// Operand group: the other multiplier port.
-    pub multiplier: Multiplier,
+    /// Operand group: what is on the coefficient port.
+    pub coefficient: CoefficientOperand,
     /// Accumulate group: hands the finished sum to the hold register and starts the next one.
     pub close: bool,
     /// Scale group: word of the base memory; without one the rounding offset is the base.
@@ -79,7 +79,7 @@ impl Default for ControlWord {
         ControlWord {
             own: None,
             imported: None,
-            multiplier: Multiplier::Coefficient(0),
+            coefficient: CoefficientOperand::Coefficient(0),
             close: false,
             base: None,
             index: None,

@@ -10,7 +10,7 @@ use std::fmt::{self, Display};
 use std::str::FromStr;
 
 use super::{
-    Address, ControlWord, InputPort, LinkSource, Multiplier, Note, OutputPort, PeFeatures, PeProgram, Program,
+    Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
     StateRegister, Target, Tick,
 };
 use crate::index;
@@ -115,9 +115,9 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &Pe
 
 fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
     let multiplies = word.own.is_some() || word.imported.is_some();
-    match word.multiplier {
-        Multiplier::Coefficient(value) if multiplies || value != 0 => write!(f, " times {value}")?,
-        Multiplier::Stored(index) if multiplies || index != 0 => write!(f, " stored {index}")?,
+    match word.coefficient {
+        CoefficientOperand::Coefficient(value) if multiplies || value != 0 => write!(f, " times {value}")?,
+        CoefficientOperand::Stored(index) if multiplies || index != 0 => write!(f, " stored {index}")?,
         _ => {}
     }
     let address = |f: &mut fmt::Formatter<'_>, name: &str, Address { word, swap }: Address| {
@@ -220,13 +220,13 @@ fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) -> bool {
     let features = &pe.features;
     let own = |address: Option<Address>| address.is_none_or(|a| u32::from(a.word) < features.own_words);
     let imported = |address: Option<Address>| address.is_none_or(|a| u32::from(a.word) < features.imported_words);
-    let multiplier = match word.multiplier {
-        Multiplier::Coefficient(value) => {
+    let multiplier = match word.coefficient {
+        CoefficientOperand::Coefficient(value) => {
             features.coefficient_words == 0
                 && (1..64).contains(&coefficient_bits)
                 && value >> (coefficient_bits - 1) == value >> 63
         }
-        Multiplier::Stored(index) => u32::from(index) < features.coefficient_words,
+        CoefficientOperand::Stored(index) => u32::from(index) < features.coefficient_words,
     };
     let target = |target: Target| {
         u32::from(target.address.word) < features.write_words()
@@ -292,7 +292,7 @@ pub fn read(section: &Section) -> Result<Program, TextError> {
     });
     match outputs && states && ports {
         true => Ok(program),
-        false => Err(section.error("an output, a state or a port refers to a PE, word or input that is not there")),
+        false => Err(section.error("an output, a state or a port refers to a PE, word or input that does not exist")),
     }
 }
 
@@ -505,14 +505,14 @@ impl Parser {
         let place = line.last();
         let mut word = ControlWord::default();
         if self.pe(line)?.features.coefficient_words > 0 {
-            word.multiplier = Multiplier::Stored(0);
+            word.coefficient = CoefficientOperand::Stored(0);
         }
         let mut note = Note::default();
         let mut port = 0;
         while !line.is_done() {
             match OPERATIONS[line.one_of(&OPERATIONS)?] {
-                "times" => word.multiplier = Multiplier::Coefficient(line.integer()?),
-                "stored" => word.multiplier = Multiplier::Stored(line.integer()?),
+                "times" => word.coefficient = CoefficientOperand::Coefficient(line.integer()?),
+                "stored" => word.coefficient = CoefficientOperand::Stored(line.integer()?),
                 "own" => word.own = Some(address(line)?),
                 "imported" => word.imported = Some(address(line)?),
                 "close" => word.close = true,

@@ -42,8 +42,8 @@ pub fn print(graph: &StepGraph, fixed: &FixedPoint) -> String {
     let labels = Labels::of_values(graph);
     let mut text = format!("{}\n{}\n", Stage::Fixed.header(), print_format(&fixed.format));
     for (index, exponent) in fixed.exponents.iter().enumerate() {
-        let headroom = if fixed.headroom[index] { " headroom" } else { "" };
-        text += &format!("value {} exponent {exponent}{headroom}\n", labels.text(number(index)));
+        let half_scale = if fixed.half_scale[index] { " half-scale" } else { "" };
+        text += &format!("value {} exponent {exponent}{half_scale}\n", labels.text(number(index)));
     }
     for (index, chain) in graph.chains.iter().enumerate() {
         let [first, second, third] = fixed.shifts[index];
@@ -75,7 +75,7 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<FixedPoint, TextErro
     let mut fixed = FixedPoint {
         format,
         exponents: Vec::with_capacity(graph.values.len()),
-        headroom: Vec::with_capacity(graph.values.len()),
+        half_scale: Vec::with_capacity(graph.values.len()),
         coefficients: Vec::with_capacity(graph.terms.len()),
         products: Vec::with_capacity(graph.chains.len()),
         shifts: Vec::with_capacity(graph.chains.len()),
@@ -89,7 +89,7 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<FixedPoint, TextErro
             return Err(line.error(format!("expected {label}: values are in the order of the step")));
         }
         fixed.exponents.push(line.keyed("exponent")?);
-        fixed.headroom.push(line.take_word("headroom"));
+        fixed.half_scale.push(line.take_word("half-scale") || line.take_word("headroom"));
         line.done()?;
     }
     for chain in &graph.chains {

@@ -39,7 +39,7 @@ pub fn unsuitable(format: &WordFormat) -> Option<String> {
 pub fn check(graph: &StepGraph, fixed: &FixedPoint) -> Vec<String> {
     let values = graph.values.len();
     let (chains, terms) = (graph.chains.len(), graph.terms.len());
-    let of_values = fixed.exponents.len() == values && fixed.headroom.len() == values;
+    let of_values = fixed.exponents.len() == values && fixed.half_scale.len() == values;
     let of_chains =
         fixed.products.len() == chains && fixed.shifts.len() == chains && fixed.accumulator_bits.len() == chains;
     if !of_values || !of_chains || fixed.coefficients.len() != terms {
@@ -73,11 +73,11 @@ fn check_chain(graph: &StepGraph, fixed: &FixedPoint, index: usize, violations: 
     let data = i64::from(format.data_bits);
     let name = || graph.value_name(chain.write.value);
     let mut shifts = fixed.shifts[index].into_iter().map(i64::from);
-    // Words wider than products have their sums lifted first.
-    let lift = (word + 2 - data - port).max(0);
+    // Words wider than products have their sums shifted to the left first.
+    let left = (word + 2 - data - port).max(0);
     for (write, shift) in chain.writes().zip(&mut shifts) {
-        let expected = exponent(write.value) - i64::from(product) - i64::from(write.weight) + lift;
-        if shift != expected || !(0..=LARGEST_SHIFT + lift).contains(&shift) {
+        let expected = exponent(write.value) - i64::from(product) - i64::from(write.weight) + left;
+        if shift != expected || !(0..=LARGEST_SHIFT + left).contains(&shift) {
             let value = graph.value_name(write.value);
             violations.push(format!("the write of `{value}` is shifted by {shift}; its formats ask for {expected}"));
         }

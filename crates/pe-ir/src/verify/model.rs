@@ -111,10 +111,10 @@ impl Checker<'_> {
                 format!("`{name}` comes behind sampled states")
             });
             let has_rate = state.rate.is_none_or(|rate| (index::at(rate)) < model.rates.len());
-            self.require(has_rate, || format!("`{name}` has a rate that is not there"));
+            self.require(has_rate, || format!("`{name}` has a rate that does not exist"));
             if let Some(motion) = state.motion {
                 let fits = self.motion(index, motion);
-                self.require(fits, || format!("the motion of `{name}` names what is not there"));
+                self.require(fits, || format!("the motion of `{name}` names what does not exist"));
             }
         }
     }

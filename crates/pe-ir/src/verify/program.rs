@@ -20,7 +20,7 @@ use std::rc::Rc;
 
 use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
 use crate::index::{self, number};
-use crate::program::{Address, ControlWord, LinkSource, Multiplier, PeProgram, Program, Target};
+use crate::program::{Address, CoefficientOperand, ControlWord, LinkSource, PeProgram, Program, Target};
 use crate::word::Pipeline;
 
 const NONE: u32 = u32::MAX;
@@ -287,11 +287,11 @@ impl<'a> Checker<'a> {
                 self.fail(pe, round, word, "two operands".into());
             }
             let room = match product.operand {
-                Cell::Value(value, _) => self.fixed.headroom[index::at(value)],
+                Cell::Value(value, _) => self.fixed.half_scale[index::at(value)],
                 Cell::Image(_) | Cell::Entry(..) | Cell::Unknown => false,
             };
             if !room {
-                self.fail(pe, round, word, format!("{:?} has no headroom for a sum", product.operand));
+                self.fail(pe, round, word, format!("{:?} is too large for a sum", product.operand));
             }
         }
     }
@@ -425,9 +425,9 @@ impl Pe<'_> {
             IndexRegister::Loaded(index) => self.entry(word, index),
         };
         let imported = |address: Address| self.imported[physical(address, self.imported.len(), parity)];
-        let factor = match control.multiplier {
-            Multiplier::Coefficient(coefficient) => Cell::Image(coefficient),
-            Multiplier::Stored(word) => self.coefficients[usize::from(word)],
+        let factor = match control.coefficient {
+            CoefficientOperand::Coefficient(coefficient) => Cell::Image(coefficient),
+            CoefficientOperand::Stored(word) => self.coefficients[usize::from(word)],
         };
         let operands = [control.own.map(own), control.imported.map(imported)];
         (operands.map(|operand| operand.map(|operand| Product { operand, factor })), control.base.map(base))

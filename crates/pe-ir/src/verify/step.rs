@@ -53,7 +53,7 @@ impl Checker<'_> {
         self.require(graph.step.is_finite() && graph.step > 0.0, || "its step is not positive".to_owned());
         self.require((1..=255).contains(&graph.stages), || format!("it has {} stages", graph.stages));
         self.require(!graph.chains.is_empty() && !graph.states.is_empty(), || "it computes no state".to_owned());
-        self.require(graph.initial.iter().all(|number| number.is_finite()), || "a state begins nowhere".to_owned());
+        self.require(graph.initial.iter().all(|number| number.is_finite()), || "a state has no start".to_owned());
         let pivot = graph
             .constant_pivot
             .is_none_or(|(state, magnitude)| at(state) < graph.states.len() && magnitude.is_finite());
@@ -62,10 +62,12 @@ impl Checker<'_> {
         let ends = graph.states.iter().flat_map(|(start, end)| [*start, *end]);
         let ports = graph.inputs.iter().chain(&graph.outputs).copied();
         let arguments = graph.functions.lookups.iter().map(|lookup| lookup.argument);
-        self.require(ends.chain(ports).chain(arguments).all(value), || "it names a value that is not there".to_owned());
+        self.require(ends.chain(ports).chain(arguments).all(value), || {
+            "it names a value that does not exist".to_owned()
+        });
         for (index, stored) in graph.values.iter().enumerate() {
             let known = self.role_exists(stored.role, index);
-            self.require(known, || format!("value {index} is of something that is not there"));
+            self.require(known, || format!("value {index} is of something that does not exist"));
             let exists = at(stored.equation) < graph.equations.len();
             let fits = exists || (stored.equation == u32::MAX && matches!(stored.role, Role::Input(_)));
             self.require(fits, || format!("value {index} is in no equation"));
@@ -77,7 +79,7 @@ impl Checker<'_> {
             next = terms.end;
             self.require(at(chain.equation) < graph.equations.len(), || format!("chain {index} is in no equation"));
             let written = chain.writes().flat_map(|write| std::iter::once(write.value).chain(write.base)).all(value);
-            self.require(written, || format!("chain {index} writes what is not there"));
+            self.require(written, || format!("chain {index} writes what does not exist"));
             let light = chain.writes().all(|write| write.weight.unsigned_abs() <= 2_000);
             self.require(light, || format!("chain {index} has a weight beyond all numbers"));
         }
@@ -87,7 +89,7 @@ impl Checker<'_> {
                 Factor::Coefficient(coefficient) => coefficient.is_finite(),
                 Factor::Value(factor) => value(factor),
             };
-            self.require(factor && term.operands().all(value), || "a term reads what is not there".to_owned());
+            self.require(factor && term.operands().all(value), || "a term reads what does not exist".to_owned());
         }
     }
 
@@ -137,7 +139,7 @@ impl Checker<'_> {
             for write in chain.writes() {
                 let is_column = |id: ValueId| matches!(graph.value(id).role, Role::Column(..));
                 let base = write.base.is_none_or(|id| readable(id) || is_column(id) || ahead.contains(&id));
-                self.require(base, || format!("the chain of `{}` adds to what is not there", name(chain)));
+                self.require(base, || format!("the chain of `{}` adds to what does not exist", name(chain)));
                 let id = write.value;
                 let is_new = !written[id.index()] && !ahead.contains(&id) && !given(id) && !is_column(id);
                 self.require(is_new, || format!("`{}` is written twice, or cannot be written", graph.value_name(id)));
@@ -176,7 +178,7 @@ impl Checker<'_> {
         }
         for chain in &self.graph.chains {
             let known = chain.function.is_none_or(|function| at(function) < functions.exact.len());
-            self.require(known, || "a chain applies a function that is not there".to_owned());
+            self.require(known, || "a chain applies a function that does not exist".to_owned());
         }
     }
 }

@@ -98,7 +98,7 @@ impl Jump {
 fn chattering(model: &Model, algebraic: usize, time: f64) -> Diagnostic {
     let algebraic = &model.algebraics[algebraic];
     let message = format!(
-        "`{}` chatters: from t = {time:.6e} s on it jumps to and fro in every step, so that the step decides what its average is",
+        "`{}` chatters: from t = {time:.6e} s on it jumps back and forth in every step, so that its average depends on the step",
         algebraic.name
     );
     let help = "the solution slides along the jump: write it as a steep slope, such as `tanh(x/0.01)` in place of `sign(x)`, with a \

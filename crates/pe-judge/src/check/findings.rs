@@ -95,7 +95,7 @@ impl Check {
         let found = self.found.filter(|found| found.unstable.is_some() && model.step > NEAR * found.stable)?;
         let state = self.prediction.limit.as_ref().map_or(0, |limit| limit.state);
         let message = format!(
-            "the step of {:e} s is {:.2} of the largest stable one, {:.2e} s; `{}` would leave first",
+            "the step of {:e} s is {:.2} of the largest stable one, {:.2e} s; `{}` would diverge first",
             model.step,
             model.step / found.stable,
             found.stable,
@@ -157,7 +157,7 @@ impl Check {
             growth.rounded(),
             growth.exact()
         );
-        let help = "take a wider second number in `--multiplier AxB`";
+        let help = "take a wider coefficient port, the second number in `--multiplier AxB`";
         Some(Diagnostic::global(codes::METHOD_GROWTH, message).with_help(help).into_warning())
     }
 

@@ -5,7 +5,7 @@ use pe_hls::mapping::default_pes;
 use pe_hls::schedule::Bound;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver, step_count_problem};
-use pe_ir::word::{Latency, WordFormat};
+use pe_ir::word::{Latency, MultiplierPorts, WordFormat};
 
 use super::observed;
 use super::prediction::Prediction;
@@ -68,7 +68,7 @@ pub fn for_step(
         return None;
     }
     let mut candidates: Vec<(f64, u32, Solver, f64)> = Vec::new();
-    let own = trials.variant(model.solver, model.step)?;
+    let own = trials.trial(model.solver, model.step)?;
     let own_cost = f64::from(cycles(&own.graph, point.pes, format)) / model.step;
     // The methods without a limit on the negative real axis are those with a matrix.
     let has_matrix =
@@ -77,8 +77,8 @@ pub fn for_step(
         if solver != model.solver && model.states.len() > MATRIX_STATES && has_matrix(solver) {
             continue;
         }
-        let Some(variant) = trials.variant(solver, model.step) else { continue };
-        let cycles = cycles(&variant.graph, point.pes, format);
+        let Some(trial) = trials.trial(solver, model.step) else { continue };
+        let cycles = cycles(&trial.graph, point.pes, format);
         let mut steps = vec![model.step, model.step / 2.0, model.step / 4.0, model.step / 8.0];
         if let Some((limit, ..)) = prediction.limit_of(solver) {
             let safe = SAFE * limit;
@@ -115,6 +115,23 @@ pub fn for_step(
     stable_only
 }
 
+/// Multipliers that are tried where a word is too short, where rounding moves a pole, and where a sampled part rings.
+const PORTS: [MultiplierPorts; 4] = [
+    MultiplierPorts::new(25, 18),
+    MultiplierPorts::new(25, 35),
+    MultiplierPorts::new(32, 32),
+    MultiplierPorts::new(35, 35),
+];
+const PORTS_OF_POLES: [MultiplierPorts; 6] = [
+    MultiplierPorts::new(18, 25),
+    MultiplierPorts::new(25, 18),
+    MultiplierPorts::new(25, 25),
+    MultiplierPorts::new(25, 35),
+    MultiplierPorts::new(32, 32),
+    MultiplierPorts::new(35, 35),
+];
+const PORTS_AT_REST: [MultiplierPorts; 2] = [MultiplierPorts::new(32, 32), MultiplierPorts::new(35, 35)];
+
 /// A word that is wider than that of a question.
 struct Wider {
     format: WordFormat,
@@ -123,14 +140,14 @@ struct Wider {
 
 impl Wider {
     /// Words with the ports of the question or one of others, and so many more bits of storage, the cheapest first.
-    fn all(question: &Question, ports: &[(u32, u32)], more: &[u32]) -> Vec<Wider> {
+    fn all(question: &Question, ports: &[MultiplierPorts], more: &[u32]) -> Vec<Wider> {
         let Question { point, .. } = *question;
         let model = question.model;
         let own = point.ports(model);
-        let mut words: Vec<(u32, u32, (u32, u32), WordFormat)> = Vec::new();
+        let mut words: Vec<(u32, u32, MultiplierPorts, WordFormat)> = Vec::new();
         for multiplier in [own].into_iter().chain(ports.iter().copied()) {
             for storage in more.iter().map(|more| (point.storage + more).min(MOST_STORAGE)) {
-                let narrower = multiplier.0 < own.0 || multiplier.1 < own.1;
+                let narrower = !multiplier.hold(own);
                 let same = (multiplier, storage) == (own, point.storage);
                 let candidate = DesignPoint { multiplier: Some(multiplier), storage, ..*point };
                 if let (false, false, Ok(format)) = (narrower, same, candidate.format(model)) {
@@ -141,7 +158,7 @@ impl Wider {
         words.sort_by_key(|(blocks, storage, multiplier, _)| (*blocks, *storage, *multiplier));
         words.dedup_by_key(|(_, storage, multiplier, _)| (*storage, *multiplier));
         let wider = words.into_iter().map(|(_, storage, multiplier, format)| {
-            let ports = (multiplier != own).then(|| format!("--multiplier {}x{}", multiplier.0, multiplier.1));
+            let ports = (multiplier != own).then(|| format!("--multiplier {multiplier}"));
             let storage = (storage != point.storage).then(|| format!("--storage {storage}"));
             let options: Vec<String> = ports.into_iter().chain(storage).collect();
             Wider { format, options: options.join(" ") }
@@ -164,7 +181,7 @@ pub fn for_word(question: &Question) -> Option<Remedy> {
     if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
         return None;
     }
-    let candidates = Wider::all(question, &[(25, 18), (25, 35), (32, 32), (35, 35)], &[0, 4, 8]);
+    let candidates = Wider::all(question, &PORTS, &[0, 4, 8]);
     let works = |wider: &Wider| {
         let judged = runs::judge(model, graph, wider.format, criteria, silent());
         judged.is_ok_and(|judged| judged.errors.word_length <= WORD_ERROR)
@@ -179,7 +196,7 @@ pub fn for_poles(question: &Question, trusted: &Trusted) -> Option<Remedy> {
     if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
         return None;
     }
-    let candidates = Wider::all(question, &[(18, 25), (25, 18), (25, 25), (25, 35), (32, 32), (35, 35)], &[0]);
+    let candidates = Wider::all(question, &PORTS_OF_POLES, &[0]);
     let works = |wider: &Wider| {
         let judged = runs::judge(model, graph, wider.format, criteria, silent()).ok()?;
         let growth = observed::step_growth(model, graph, &judged.fixed, trusted)?;
@@ -193,7 +210,7 @@ pub fn for_rest(question: &Question, judged: &Judged) -> Option<Remedy> {
     let Question { graph, .. } = *question;
     let model = question.model;
     let ranges = Ranges { largest: judged.largest.clone(), widened: vec![0; graph.values.len()] };
-    let candidates = Wider::all(question, &[(32, 32), (35, 35)], &[0, 4, 8, 12]);
+    let candidates = Wider::all(question, &PORTS_AT_REST, &[0, 4, 8, 12]);
     let works = |wider: &Wider| {
         let fixed = formats::choose(graph, &ranges, wider.format);
         fixed.is_ok_and(|fixed| rest::settled(model, graph, &fixed, judged) == Ok(Rest::Zero))

@@ -69,7 +69,7 @@ pub(super) fn settled(
     fixed: &FixedPoint,
     judged: &Judged,
 ) -> Result<Rest, &'static str> {
-    let feedback = Feedback::of(model).ok_or("no sampled state takes part in what it becomes, or too many do")?;
+    let feedback = Feedback::of(model).ok_or("no sampled state feeds back to itself, or too many do")?;
     if !samples_are_affine(model) {
         return Err("a sampled part is not linear");
     }

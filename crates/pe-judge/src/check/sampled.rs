@@ -34,7 +34,7 @@ pub(super) fn poles(model: &Model, growth: Option<&StepGrowth>) -> Option<Diagno
         1 => "a step".to_owned(),
         steps => format!("{steps} steps"),
     };
-    let help = "take a wider second number in `--multiplier AxB`, or sections of second order";
+    let help = "take a wider coefficient port, the second number in `--multiplier AxB`, or sections of second order";
     if growth.exact() > 1.0 + UNIT_CIRCLE {
         let message = format!("a pole lies outside of the unit circle: |z| = {:.9} over {steps}", growth.exact());
         let help = "the sampled loop is unstable: check its gains and its period";

@@ -37,8 +37,8 @@ pub fn explicit(model: &Model) -> Option<f64> {
     let stable = Prediction::of(&model, &trusted).limit?.step;
     model.step = SAFE * stable;
     // As much of the span as a trial may take.
-    let variant = Trials::new(&model, &trusted).variant(Solver::Rk4, model.step)?;
-    model.span = model.span.min(model.step * super::trials::affordable(&variant.graph) as f64);
+    let trial = Trials::new(&model, &trusted).trial(Solver::Rk4, model.step)?;
+    model.span = model.span.min(model.step * super::trials::affordable(&trial.graph) as f64);
     let error = Trials::new(&model, &trusted).method_error(Solver::Rk4, model.step)?;
     Some(ratio(stable, (model.step, error), ACCURACY, Solver::Rk4))
 }

@@ -93,12 +93,12 @@ pub struct Trials<'a> {
     scales: Vec<f64>,
     /// Time up to which the solution is known.
     end: f64,
-    /// The latest variant: several things are asked of one after another.
-    latest: RefCell<Option<Rc<Variant>>>,
+    /// The latest trial: several things are asked of one after another.
+    latest: RefCell<Option<Rc<Trial>>>,
 }
 
 /// The model with another method and step, and its step graph.
-pub struct Variant {
+pub struct Trial {
     model: Model,
     /// The step graph.
     pub graph: StepGraph,
@@ -141,37 +141,37 @@ impl<'a> Trials<'a> {
     }
 
     /// The model with another method and step; none if the method does not suit it.
-    pub fn variant(&self, solver: Solver, step: f64) -> Option<Rc<Variant>> {
-        let same = |variant: &&Rc<Variant>| (variant.model.solver, variant.model.step) == (solver, step);
+    pub fn trial(&self, solver: Solver, step: f64) -> Option<Rc<Trial>> {
+        let same = |trial: &&Rc<Trial>| (trial.model.solver, trial.model.step) == (solver, step);
         if let Some(latest) = self.latest.borrow().as_ref().filter(same) {
             return Some(Rc::clone(latest));
         }
         let model = Model { solver, step, ..self.model.clone() };
         let graph = build_with(&model, &StepOptions::default()).ok()?;
-        let variant = Rc::new(Variant { model, graph });
-        self.latest.replace(Some(Rc::clone(&variant)));
-        Some(variant)
+        let trial = Rc::new(Trial { model, graph });
+        self.latest.replace(Some(Rc::clone(&trial)));
+        Some(trial)
     }
 
     /// Time over which a trial of a step runs, if it is not the whole span.
     pub fn shortened(&self, solver: Solver, step: f64) -> Option<f64> {
-        let graph = &self.variant(solver, step)?.graph;
+        let graph = &self.trial(solver, step)?.graph;
         let span = step * affordable(graph) as f64;
         (span < self.end).then_some(span)
     }
 
-    /// Whole steps of a variant up to where the solution is known.
-    fn steps(&self, variant: &Model) -> u64 {
-        if variant.phases.is_empty() {
-            return (self.end / variant.step) as u64;
+    /// Whole steps of a trial up to where the solution is known.
+    fn steps(&self, trial: &Model) -> u64 {
+        if trial.phases.is_empty() {
+            return (self.end / trial.step) as u64;
         }
-        Model { span: self.end, ..variant.clone() }.steps()
+        Model { span: self.end, ..trial.clone() }.steps()
     }
 
     /// Runs a step; with a list of steps the last of them, the others in their ratios to it.
     pub fn run(&self, solver: Solver, step: f64) -> Outcome {
-        let Some(variant) = self.variant(solver, step) else { return Outcome::Impossible };
-        let Variant { model, graph } = &*variant;
+        let Some(trial) = self.trial(solver, step) else { return Outcome::Impossible };
+        let Trial { model, graph } = &*trial;
         let whole = self.steps(model);
         let steps = whole.min(affordable(graph));
         if steps < FEWEST_STEPS.min(whole).max(1) {
@@ -222,7 +222,7 @@ impl<'a> Trials<'a> {
             }
             (stable, unstable) = (Some(inside), Some(outside));
         }
-        let steps = affordable(&self.variant(solver, guess)?.graph);
+        let steps = affordable(&self.trial(solver, guess)?.graph);
         let span = stable.map_or(0.0, |step: f64| step * steps as f64).min(self.end);
         Some(Found { stable: stable?, unstable, span })
     }
@@ -235,7 +235,7 @@ impl<'a> Trials<'a> {
             match self.run(solver, step) {
                 Outcome::Impossible => break,
                 Outcome::Stable => {
-                    let steps = affordable(&self.variant(solver, step)?.graph);
+                    let steps = affordable(&self.trial(solver, step)?.graph);
                     return Some(Found { stable: step, unstable, span: (step * steps as f64).min(self.end) });
                 }
                 Outcome::Unstable(_) => unstable = Some(step),
@@ -247,8 +247,8 @@ impl<'a> Trials<'a> {
 
     /// Method error of a step: what half of it changes, extrapolated; none if it cannot be run.
     pub fn method_error(&self, solver: Solver, step: f64) -> Option<f64> {
-        let variant = self.variant(solver, step)?;
-        let Variant { model, graph } = &*variant;
+        let trial = self.trial(solver, step)?;
+        let Trial { model, graph } = &*trial;
         if model.steps() > affordable(graph) || model.span < step {
             return None;
         }

@@ -162,7 +162,7 @@ impl Exact {
     ) -> Result<Settled, Vec<Diagnostic>> {
         let half = libm::scalbn(1.0, fixed.format.word_bits() as i32 - 2);
         let cramped = (0..graph.values.len()).find(|value| {
-            fixed.headroom[*value] && libm::scalbn(self.largest[*value], -fixed.exponents[*value]) > half
+            fixed.half_scale[*value] && libm::scalbn(self.largest[*value], -fixed.exponents[*value]) > half
         });
         if let Some(value) = cramped {
             return Err(vec![saturated::too_narrow(

@@ -4,7 +4,7 @@ use clap::{Args, FromArgMatches};
 use pe_flow::accuracy::choice::Fixed;
 use pe_flow::accuracy::lists::Lists;
 use pe_ir::model::Solver;
-use pe_ir::word::Pipeline;
+use pe_ir::word::{MultiplierPorts, Pipeline};
 use pe_judge::parse::{duration, multiplier};
 use pe_judge::{Coefficients, FormChoice};
 
@@ -21,11 +21,11 @@ pub struct ListArgs {
     step: Vec<f64>,
     /// Multipliers; with these lists every solver and step is combined with every word length
     #[arg(long, visible_alias = "multipliers", value_name = "AxB,...", value_delimiter = ',', value_parser = multiplier, help_heading = "Points")]
-    multiplier: Vec<(u32, u32)>,
+    multiplier: Vec<MultiplierPorts>,
     /// Bits of a stored word, without its guard bits [default: 32]
     #[arg(long, visible_alias = "storages", value_name = "BITS,...", value_delimiter = ',', value_parser = storage(), help_heading = "Points")]
     storage: Vec<u32>,
-    /// Products of a coefficient: one-slot, two-slot, auto [default: one-slot]
+    /// Issue slots per coefficient: one-slot, two-slot, auto [default: one-slot]
     #[arg(
         long,
         value_name = "SLOTS,...",
@@ -35,13 +35,13 @@ pub struct ListArgs {
         help_heading = "Points"
     )]
     coefficients: Vec<Coefficients>,
-    /// Registers that an operation passes
+    /// Pipeline of the PEs
     #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Points")]
     pipeline: Pipeline,
     /// Form of the step of a model that is affine in its states
     #[arg(long, value_parser = form(), default_value = "auto", help_heading = "Points")]
     form: FormChoice,
-    /// Longest time between two outputs: steps are whole parts of it
+    /// Longest time between two outputs: steps divide this time
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Points")]
     sample: Option<f64>,
     /// Number of processing elements of every point [default: one for every 200 issue slots]

@@ -3,7 +3,7 @@
 use clap::Args;
 use pe_flow::explore::axes::Axes;
 use pe_ir::model::Solver;
-use pe_ir::word::Pipeline;
+use pe_ir::word::{MultiplierPorts, Pipeline};
 use pe_judge::FormChoice;
 use pe_judge::parse::{duration, multiplier};
 
@@ -12,19 +12,19 @@ use crate::options::{form, pipeline, solver, storage};
 /// Options of the axes: lists in place of the single values that the other commands take.
 #[derive(Args, Clone, Debug)]
 pub struct AxesArgs {
-    /// Numbers of processing elements [default: powers of two, for as long as more of them can be faster]
+    /// Numbers of processing elements [default: powers of two, as long as more PEs can be faster]
     #[arg(long, value_name = "N,...", value_delimiter = ',', help_heading = "Sweep")]
     pes: Vec<u32>,
-    /// Numerical methods [default: euler,heun,heun3,rk4; of stiff models all that apply]
+    /// Numerical methods [default: euler,heun,heun3,rk4; for stiff models all that apply]
     #[arg(long, value_name = "SOLVER,...", value_delimiter = ',', value_parser = solver(), help_heading = "Sweep")]
     solver: Vec<Solver>,
     /// Steps [default: the spec's, its half and its double]
     #[arg(long, value_name = "T,...", value_delimiter = ',', value_parser = duration, help_heading = "Sweep")]
     step: Vec<f64>,
-    /// Longest time between two outputs: steps are whole parts of it
+    /// Longest time between two outputs: steps divide this time
     #[arg(long, value_name = "T", value_parser = duration, help_heading = "Sweep")]
     sample: Option<f64>,
-    /// Registers that an operation passes
+    /// Pipeline of the PEs
     #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Sweep")]
     pipeline: Pipeline,
     /// Form of the step of a model that is affine in its states
@@ -32,7 +32,7 @@ pub struct AxesArgs {
     form: FormChoice,
     /// Multipliers [default: 25x18,18x25,32x32]
     #[arg(long, value_name = "AxB,...", value_delimiter = ',', value_parser = multiplier, help_heading = "Sweep")]
-    multiplier: Vec<(u32, u32)>,
+    multiplier: Vec<MultiplierPorts>,
     /// Bits of a stored word, without its guard bits
     #[arg(long, value_name = "BITS,...", value_delimiter = ',', default_value = "32", value_parser = storage(), help_heading = "Sweep")]
     storage: Vec<u32>,

@@ -128,7 +128,7 @@ impl Record {
         }
         match self.save() {
             Ok(()) => Failure::Interrupted(format!(
-                "interrupted; {done} of {} points are in {}, the same command with `--resume` goes on",
+                "interrupted; {done} of {} points are in {}, the same command with `--resume` continues",
                 self.rows.len(),
                 self.target.display()
             )),
@@ -164,6 +164,6 @@ impl Record {
 }
 
 fn refusal(target: &Path, reason: &str) -> Failure {
-    let remedy = "leave `--resume` out to begin anew, or choose another folder with `-o`";
+    let remedy = "leave out `--resume` to start over, or choose another folder with `-o`";
     Failure::Usage(format!("cannot resume the sweep in {}: {reason}; {remedy}", target.display()))
 }

@@ -75,8 +75,8 @@ fn a_given_mapping_becomes_a_proved_design() {
 fn files_that_do_not_fit_are_refused_with_the_line() {
     for (test, text, place, message) in [
         ("unknown", "x 0\ny 1\nz 1\n", "m.map:3:1", "no equation `z`"),
-        ("twice", "x 0\ny 1\n x 1\n", "m.map:3:2", "`x` has a PE already"),
-        ("missing", "x 0\n", "m.map", "no PE is given for `y`"),
+        ("twice", "x 0\ny 1\n x 1\n", "m.map:3:2", "`x` already has a PE"),
+        ("missing", "x 0\n", "m.map", "no PE is assigned to `y`"),
         ("gap", "x 0\ny 4294967294\n", "m.map:2:1", "PE 1 has no equation"),
         ("number", "x 0\ny one\n", "m.map:2:1", "gives no equation a PE"),
         ("alone", "x\ny 0\n", "m.map:1:1", "gives no equation a PE"),

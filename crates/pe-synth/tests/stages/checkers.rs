@@ -5,7 +5,7 @@ use crate::support::faults::noted;
 use crate::support::flow::{Flow, Placement, format};
 use pe_ir::graph::{Factor, Role};
 use pe_ir::model::Solver;
-use pe_ir::program::{Address, Multiplier, Program, Target};
+use pe_ir::program::{Address, CoefficientOperand, Program, Target};
 use pe_ir::schedule::Schedule;
 use pe_ir::verify;
 use pe_ir::word::Latency;
@@ -268,9 +268,9 @@ fn columns_are_whole_aligned_and_never_overwritten() {
 fn a_write_stores_exactly_the_products_of_its_chain() {
     assert_program_rejected("first difference", |_, program| {
         let (pe, word) = noted(program, |note| note.operand != u32::MAX)[0];
-        match &mut program.pes[pe].words[word].multiplier {
-            Multiplier::Coefficient(value) => *value ^= 1,
-            Multiplier::Stored(index) => {
+        match &mut program.pes[pe].words[word].coefficient {
+            CoefficientOperand::Coefficient(value) => *value ^= 1,
+            CoefficientOperand::Stored(index) => {
                 let index = usize::from(*index);
                 program.pes[pe].coefficient_image[index] ^= 1;
             }
@@ -316,9 +316,9 @@ fn an_operand_is_the_value_of_the_graph() {
     });
     assert_program_rejected("first difference", |_, program| {
         let words = program.pes.iter_mut().flat_map(|pe| &mut pe.words);
-        let factors = words.filter(|word| word.own.is_some()).filter_map(|word| match &mut word.multiplier {
-            Multiplier::Stored(address) => Some(address),
-            Multiplier::Coefficient(_) => None,
+        let factors = words.filter(|word| word.own.is_some()).filter_map(|word| match &mut word.coefficient {
+            CoefficientOperand::Stored(address) => Some(address),
+            CoefficientOperand::Coefficient(_) => None,
         });
         *factors.last().expect("a product of two words") ^= 1;
     });

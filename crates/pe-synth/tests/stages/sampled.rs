@@ -365,10 +365,10 @@ fn filter_of(sections: &[[f64; 5]], step: &str) -> Model {
 
 /// The word that a filter gets unless the user says otherwise.
 fn word_of(model: &Model) -> WordFormat {
-    let (data, coefficient) = default_ports(model, 32);
+    let ports = default_ports(model, 32);
     let feedback = Feedback::of(model).expect("a filter");
     assert!(feedback.rings && feedback.is_stable());
-    WordFormat::new(32, data, coefficient).with_hidden(feedback.hidden_bits)
+    WordFormat::with_ports(32, ports).with_hidden(feedback.hidden_bits)
 }
 
 /// Formats for the filter's pulse.

@@ -93,7 +93,7 @@ pub(super) fn weighted<const N: usize>(terms: &[f64; N], coefficients: &[f64; N]
 /// Width of the write side's adder.
 fn sum_bits(features: &PeFeatures, format: &WordFormat) -> (f64, f64) {
     let smallest = u32::from(features.shifts.iter().copied().min().unwrap_or(0));
-    let shifted = (features.accumulator_bits + format.lift() + 1).saturating_sub(smallest);
+    let shifted = (features.accumulator_bits + format.left_shift() + 1).saturating_sub(smallest);
     (f64::from(shifted), f64::from(shifted.max(format.word_bits() + 1) + 1))
 }
 

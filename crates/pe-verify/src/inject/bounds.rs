@@ -106,8 +106,8 @@ pub(super) struct Bounds<'a> {
     nodes: &'a [Node],
     /// Bits of stored word, data port, coefficient port, and of the shortest accumulator.
     widths: [u32; 4],
-    /// Bits by which sums are lifted.
-    lift: i32,
+    /// Bits by which sums are shifted to the left.
+    left: i32,
     /// Half an LSB of an output port less the offset of stored words.
     shown: f64,
     /// Whether every word that is out of range is clamped.
@@ -127,7 +127,7 @@ impl<'a> Bounds<'a> {
         Bounds {
             nodes,
             widths: [word, data, coefficient, sums],
-            lift: (word as i32 + 2 - data as i32 - coefficient as i32).max(0),
+            left: (word as i32 + 2 - data as i32 - coefficient as i32).max(0),
             shown: half(word - design.port_bits.min(word)) - half(word - data.min(word)),
             clamps: design.pes.iter().all(|pe| pe.features.saturate),
             known: HashMap::new(),
@@ -248,7 +248,7 @@ impl<'a> Bounds<'a> {
         if shift >= UNKNOWN_SHIFT {
             return None;
         }
-        let sum = self.form(held, Kind::Sum)?.times(power(self.lift - shift as i32));
+        let sum = self.form(held, Kind::Sum)?.times(power(self.left - shift as i32));
         let sum = sum.widened(if shift > 0 { 0.5 } else { 0.0 });
         Some(self.form(base, Kind::Word)?.plus(&sum))
     }

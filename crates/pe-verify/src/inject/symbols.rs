@@ -29,7 +29,7 @@ pub(super) enum Node {
     Segment(Id, bool),
     /// One of some base words by an index.
     Chosen(Id, Vec<Id>),
-    /// A port that is not there.
+    /// A port that does not exist.
     NoPort,
 }
 

@@ -86,7 +86,7 @@ impl Parts {
     fn of(model: &Model) -> Result<Parts, Vec<Diagnostic>> {
         let reads = reads(model);
         let position = two_coloured(model, &reads).or_else(|| followers(model, &reads)).ok_or_else(|| {
-            let reason = "its states are no positions and velocities that move one another";
+            let reason = "its states are not pairs of position and velocity";
             unsuitable(model, reason, "it needs pairs such as `x' = v`, `v' = f(x)`; try `rk4`")
         })?;
         let of_kind = |kind: bool| (0..).zip(&position).filter(move |(_, p)| **p == kind).map(|(state, _)| state);

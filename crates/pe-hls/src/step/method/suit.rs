@@ -6,6 +6,6 @@ use pe_ir::source::Diagnostic;
 
 /// The finding that the method does not suit the model.
 pub fn unsuitable(model: &Model, reason: &str, help: &str) -> Vec<Diagnostic> {
-    let message = format!("`{}` is no solver for `{}`: {reason}", model.solver.name(), model.name);
+    let message = format!("`{}` does not suit `{}`: {reason}", model.solver.name(), model.name);
     vec![Diagnostic::global(codes::UNSUITABLE_SOLVER, message).with_help(help)]
 }

@@ -94,9 +94,9 @@ impl Step {
         let full = system.input;
         let offset = fixed.format.data_offset() as f64;
         let room =
-            |headroom: &bool| (if *headroom { full / 2.0 } else { full } - 2.0 * offset - 1.0) * (1.0 - 4.0 * UNIT);
+            |half_scale: &bool| (if *half_scale { full / 2.0 } else { full } - 2.0 * offset - 1.0) * (1.0 - 4.0 * UNIT);
         let rows = system.rows(ENTRIES)?;
-        Some(Step { full, rooms: fixed.headroom.iter().map(room).collect(), rows, system })
+        Some(Step { full, rooms: fixed.half_scale.iter().map(room).collect(), rows, system })
     }
 
     /// What is proven of a norm; none if nothing is.

@@ -103,12 +103,12 @@ impl System {
                 self.terms.push((operand.0, fixed.coefficients[at(term)] as f64));
             }
         }
-        let (lift, drop) = (fixed.format.lift() as i32, fixed.format.data_drop() as i32);
+        let (left, drop) = (fixed.format.left_shift() as i32, fixed.format.data_drop() as i32);
         for (write, shift) in chain.writes().zip(fixed.shifts[index]) {
             if write.base.is_some_and(|base| matches!(graph.value(base).role, Role::Input(_))) {
                 return None;
             }
-            let shift = lift - i32::from(shift);
+            let shift = left - i32::from(shift);
             self.stores.push(Store {
                 target: write.value.0,
                 base: write.base.map_or(NONE, |base| base.0),

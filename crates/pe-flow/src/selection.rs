@@ -1,4 +1,4 @@
-//! Which mapping is taken: schedules candidates as far as they can still win, and ranks them.
+//! Selection of a mapping: schedules the candidates that can still win, and ranks them.
 
 use pe_hls::mapping::Candidate;
 use pe_hls::schedule;
