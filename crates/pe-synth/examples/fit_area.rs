@@ -66,7 +66,7 @@ struct Fit {
     ff: [f64; FF_TERMS.len()],
     deep_lut: f64,
     deep_ff: f64,
-    /// Relative residuals of look-up tables and flip-flops, of the short ones and of the deep ones.
+    /// Relative residuals of LUTs and flip-flops, of the short ones and of the deep ones.
     residuals: [Vec<(f64, f64)>; 2],
     known: [u32; TRAITS.len()],
 }
@@ -120,7 +120,7 @@ impl Fit {
         Fit { family, short, deep, lut, ff, deep_lut, deep_ff, residuals, known }
     }
 
-    /// Root mean square and worst of the residuals of look-up tables and of flip-flops.
+    /// Root mean square and worst of the residuals of LUTs and of flip-flops.
     fn deviations(&self, deep: bool) -> [(f64, f64); 2] {
         let of = &self.residuals[usize::from(deep)];
         let summary = |values: Vec<f64>| {
@@ -158,8 +158,8 @@ impl Fit {
         let mut page = format!(
             "## {}\n\n{} PEs with the short pipeline, root mean square of the relative residuals: {:.1} % of the look-up \
              tables, worst {:.1} %;\n{:.1} % of the flip-flops, worst {:.1} %. {} with the deep one, fitted after the \
-             others, whose coefficients stay: {:.1} % of the\nlook-up tables, worst {:.1} %; {:.1} % of the flip-flops, \
-             worst {:.1} %. Bits that a deep pipeline chooses in tables of their\nown take {} tables each, bits of second \
+             others, whose coefficients stay: {:.1} % of the\nLUTs, worst {:.1} %; {:.1} % of the flip-flops, \
+             worst {:.1} %. Bits that a deep pipeline chooses in LUTs of their\nown take {} LUTs each, bits of second \
              registers {} flip-flops. Registers of program memories are counted.\n\n",
             title(self.family),
             self.short.len(),
@@ -175,7 +175,7 @@ impl Fit {
             self.deep_lut,
             self.deep_ff,
         );
-        page += "| look-up tables per unit of | | flip-flops per unit of | |\n|---|---|---|---|\n";
+        page += "| LUTs per unit of | | flip-flops per unit of | |\n|---|---|---|---|\n";
         for (index, (name, tables)) in LUT_TERMS.iter().zip(self.lut).enumerate() {
             let flip_flops =
                 FF_TERMS.get(index).map_or("| |".to_owned(), |name| format!("{name} | {} |", self.ff[index]));
@@ -199,7 +199,7 @@ impl Fit {
 /// What a family is.
 fn title(family: Family) -> &'static str {
     match family {
-        Family::Virtex6 | Family::UltraScale => "Xilinx 6 and 7 series, and tables of UltraScale+",
+        Family::Virtex6 | Family::UltraScale => "Xilinx 6 and 7 series, and LUTs of UltraScale+",
         Family::Ecp5 => "Lattice ECP5",
         Family::Gowin => "Gowin GW1N and GW2A",
     }
@@ -222,14 +222,14 @@ fn main() {
     fs::write(&code, text[..kept].to_owned() + &constants).expect("fitted.rs can be written");
 
     let mut page = format!(
-        "# Area model\n\nWritten by `cargo run -p pe-synth --example fit_area`; do not edit. Look-up tables and flip-flops \
+        "# Area model\n\nWritten by `cargo run -p pe-synth --example fit_area`; do not edit. LUTs and flip-flops \
          of a PE without\nmemories that nothing writes are sums of terms, fitted for each family of devices to {} PEs that \
          `cargo run -p xtask -- measure-area`\nsynthesised (GHDL, yosys 0.70); it simulated the netlists of Virtex-6. \
-         [silicon.md](silicon.md) says how, and holds whole\nnetworks beside the estimates.\n\n\
+         [silicon.md](silicon.md) describes the measurements and compares whole\nnetworks with the estimates.\n\n\
          ```sh\ncargo run -p xtask -- fit-area [DESIGN_FOLDER...]   # measures single PEs and the PEs of designs, and fits again\n```\n\n\
-         Estimates in reports carry twice the root mean square of the residuals as error. The shapes are few for so many \
-         coefficients,\nso that these are pulled towards a count of the circuit. Estimates of PEs with a trait that fewer \
-         than {ENOUGH} measured ones have\ncarry {:.0} % as error, a round figure for what is not known; several such traits \
+         Reports state twice the root mean square of the residuals as the error of an estimate. There are few shapes for so many \
+         coefficients,\nso these are regularised towards a count of the circuit. Estimates of PEs with a trait that fewer \
+         than {ENOUGH} measured ones have\ncarry {:.0} % as error, a round figure for the unknown; several such traits \
          together may be off by more.\n\n",
         shapes.len(),
         100.0 * RARE_ERROR

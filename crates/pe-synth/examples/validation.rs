@@ -21,27 +21,27 @@ const HEAD: &str = "\
 # Validation
 
 Written by `cargo run -p xtask -- validation`, which compiles every case of
-[models/validation/cases.csv](../models/validation/cases.csv): published test problems and models of the fields that
-pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the options say otherwise.
-[models/validation](../models/validation/README.md) says where they are from. Decisions
-[0029](decisions/0029-validation-set.md) and [0047](decisions/0047-stated-beside-true.md) say why it is done this way.
+[models/validation/cases.csv](../models/validation/cases.csv): published test problems, and models from the fields
+that pe-synth is meant for, with words of 32 bits and the multiplier 32x32 unless the options say otherwise.
+[models/validation](../models/validation/README.md) names the sources. Decisions
+[0029](decisions/0029-validation-set.md) and [0047](decisions/0047-stated-beside-true.md) give the reasons.
 
 - **word length**: fixed point against double precision with the same step, rounded coefficients included;
-  **coefficients** alone is a part of it.
+  **coefficients** is that part alone.
 - **method**: the step in double precision against a reference solution by another library, at the times of its file,
   some 250 that follow the solution, or 20.
 - **truth**: the hardware's numbers against the solution after **every** step, and at the times of the file. The solution
-  after every step is found by the library of `--reference`, and has to agree with the file, which has nothing in common
-  with the compiler: to a tenth of the error, or to 1e-9.
+  after every step comes from the library of `--reference` and must agree with the file, which has nothing in common with
+  the compiler, to a tenth of the error, or to 1e-9.
 - **parts**: what `compile` states, word length, method, functions and held inputs added up; **stated**: the total error
-  that `compile --reference` states. Neither knows the file. Both have to be a third of the truth at least, and should be
-  0.8 of it. Where no truth is given, it is below 1e-10, which the digits of a file do not show.
-- Errors are those of the worst state, relative to its largest magnitude over the span. **must** and **aim** are what the
-  word-length error has to be below, and should be.
-- **verdict** is `fine`, or the codes of the warnings and errors that the case has to end with
-  (`pe-synth explain CODE`). A refusal is the right answer where there is no result to be had.
-- **run** is cycles per step times steps at a clock of 150 MHz, which is assumed. **s** are seconds of the compiler on
-  the machine at hand, which may have been busy.
+  that `compile --reference` states. Neither depends on the file. Both must be at least a third of the truth, and should be
+  at least 0.8 of it. A missing truth is below 1e-10, beyond the digits of the file.
+- Errors are those of the worst state, relative to its largest magnitude over the span. **must** and **aim** are the
+  required and the desired limit of the word-length error.
+- **verdict** is `fine`, or the expected codes of warnings and errors (`pe-synth explain CODE`). A refusal is the right
+  answer where no result is possible.
+- **run** is cycles per step times steps at a clock of 150 MHz, which is assumed. **s** are seconds of the compiler on a
+  possibly loaded machine.
 ";
 
 /// A figure in as many digits as it is worth.

@@ -16,18 +16,19 @@ MODELS = ["weibel11", "lutchen4000", "wave80", "atrial15"]
 HEAD = """# The native program against plain C
 
 Written by `cargo run -p xtask -- baseline`. `pe-synth bench` compares the hardware with a program that is generated for
-the model; here that program is held against C loops written by hand, which are in [baseline](../crates/xtask/pages/baseline): the same method
-and step, reciprocals taken beforehand, loops that the compiler can make vectors of, no tricks.
+the model; here that program is compared with hand-written C loops, which are in
+[baseline](../crates/xtask/pages/baseline): the same method and step, precomputed reciprocals, loops that the compiler
+can vectorise, no tricks.
 
-- C: {gcc}, `-O3 -march=native`. Generated: {kernel}, `-C opt-level=3 -C target-cpu=native`, with vectors of 256 or of 512
-  bits, whichever is faster.
-- All on one core, in turn; the fastest of {repetitions} repetitions counts. Absolute times are those of this machine with
-  other work on it; the ratio is what can be compared.
+- C: {gcc}, `-O3 -march=native`. Generated: {kernel}, `-C opt-level=3 -C target-cpu=native`, with vectors of 256 or of
+  512 bits, whichever is faster.
+- All on one core, in turn; the fastest of {repetitions} repetitions counts. Absolute times are those of this loaded
+  machine; only the ratio can be compared.
 - **error**: largest deviation of a state after the run from the compiler's own run in double precision, relative to its
   largest magnitude.
-- **arithmetic** and **memory**: parts that the generated program reaches of what a core does at most, measured with
-  products and sums in registers, and with `z = x + a y` on as much memory as a step uses. A loop that finds what it reads
-  in a closer cache is above 100 % of memory.
+- **arithmetic** and **memory**: share of a core's peak that the generated program reaches, measured with products and
+  sums in registers, and with `z = x + a y` on as much memory as a step uses. A loop that hits a closer cache exceeds
+  100 % of memory.
 
 | model | precision | C us/step | generated us/step | ratio | error of C | of generated | bits | arithmetic | memory |
 |---|---|---|---|---|---|---|---|---|---|

@@ -29,14 +29,14 @@ STAGES = [
 ]
 HEAD = """# Benchmarks
 
-Written by `cargo run -p xtask -- benchmarks`, which runs `cargo bench` (Criterion, release build, one process). The times are medians
-with Criterion's interval of 95 %; those below were taken on two cores with other work on them, which costs up to a
+Written by `cargo run -p xtask -- benchmarks`, which runs `cargo bench` (Criterion, release build, one process). The
+times are medians with Criterion's interval of 95 %; those below were measured on two loaded cores, which costs up to a
 factor of two. The models are two of the paper's, with 25x18 multipliers: `weibel11` on 64 PEs, 4,094 affine equations,
-and `atrial15` on 63 PEs, 3,375 cubic ones. [scaling.md](scaling.md) has whole compilations of larger models, and their
+and `atrial15` on 63 PEs, 3,375 cubic ones. [scaling.md](scaling.md) has whole compilations of larger models, with their
 memory.
 
-Where the time of a stage goes, function by function, is a matter of a profiler: release builds keep line tables, so
-`perf record --call-graph dwarf target/release/deps/stages-* --bench --profile-time 10 schedule/weibel11` works as it is.
+To profile a compiler stage by function: release builds keep line tables, so `perf record --call-graph dwarf
+target/release/deps/stages-* --bench --profile-time 10 schedule/weibel11` works as it is.
 
 | stage | model | median | 95 % interval | throughput |
 |---|---|---|---|---|

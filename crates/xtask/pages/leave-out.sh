@@ -84,7 +84,7 @@ MARKDOWN
   cat << 'MARKDOWN'
 
 The gas of lutchen_breathing needs its mechanics, but not the other way round. In the other models all equations depend
-on each other: an output less saves what publishes it.
+on each other: one output less saves only what publishes it.
 
 ## By estimate
 
@@ -112,7 +112,7 @@ MARKDOWN
   diff -r --exclude=report-timing.json "$work/before" "$work/after" >&2
   files=$(find "$work/before" -type f ! -name report-timing.json | wc -l)
   echo "lutchen_breathing compiled as its spec says, with \`--observe w\`, and as its spec says again: all $files files of"
-  echo "the third folder have the bytes of the first (\`report-timing.json\` aside, which tells seconds)."
+  echo "the third folder are identical to those of the first (\`report-timing.json\` aside, which tells seconds)."
 } > "$work/leave-out.md"
 mv "$work/leave-out.md" docs/leave-out.md
 echo "wrote docs/leave-out.md" >&2

@@ -59,8 +59,8 @@ git clone --quiet "$root" "$work/pe-synth"
 cd "$work/pe-synth"
 
 say '# A walk through pe-synth' '' \
-  'From a fresh clone to verified hardware for a model of one'"'"'s own. Every command of this page was run, and what it' \
-  'printed is copied, by `cargo run -p xtask -- walkthrough`; only seconds and build lines are left out.' '' \
+  'From a fresh clone to verified hardware for your own model. `cargo run -p xtask -- walkthrough` runs every command on' \
+  'this page and copies its output, without seconds and build lines.' '' \
   '## The two commands' '' \
   'On Debian 12 with Rust and git, in a clone of the repository. The first compiles a lung of 4094 differential' \
   'equations to a network of 396 processing elements; the second installs what is missing and runs every test.'
@@ -80,45 +80,45 @@ mkdir pumps
 cp models/pump_station/motors.csv pumps/
 sed 's|loss\*flow^2|los*flow^2|; s|\[W/K\]|[W]|' models/pump_station/pump_station.spec > pumps/pump_station.spec
 
-say '' '## A model of one'"'"'s own' '' \
-  'The test bench of a pump controller: two large pumps and a small one start on a weak supply and fill a tank, and later' \
-  'the grid sags for 150 ms. 30 states: the fluxes of three induction motors in the frame that turns with the grid,' \
+say '' '## Your own model' '' \
+  'The model is a test bench for a pump controller: two large pumps and a small one start on a weak supply and fill a' \
+  'tank, and later the grid sags for 150 ms. 30 states: the fluxes of three induction motors in the frame that turns with the grid,' \
   '$\dot\psi_{qs} = v_q - R_s i_{qs} - \omega\psi_{ds}$ and so on, their shafts, pumps and windings, the supply, the' \
-  'pipe and the tank; products of speed and flux, squares of speed, current and flow. Written from' \
-  'the equations, with the data of the motors in a table, it is one page; `pe-synth` now stands for' \
+  'pipe and the tank, with products of speed and flux and squares of speed, current and flow. The spec' \
+  'is one page, with the motor data in a CSV file. `pe-synth` now stands for' \
   '`target/release/pe-synth`.' '' \
   '```ode'
 cat models/pump_station/pump_station.spec >> "$page"
 say '```' '' '`pumps/motors.csv`:' '' '```csv'
 cat models/pump_station/motors.csv >> "$page"
 say '```' '' '## What a mistake looks like' '' \
-  'Two slips of the pen: `los` for `loss`, and the unit of `cooling` is W instead of W/K.'
+  'Two typing errors: `los` for `loss`, and the unit of `cooling` is W instead of W/K.'
 show 1 'pe-synth compile pumps/pump_station.spec --pes 8 -o out/pump_station'
 cp models/pump_station/pump_station.spec pumps/
 
 say '' '## From equations to hardware' '' \
-  'Both mended. `--reference` adds the total error, measured against a library for differential equations at a' \
+  'With both fixed, `--reference` adds the total error, measured against a library for differential equations at a' \
   'tolerance of 1e-12.'
 show 0 'pe-synth compile pumps/pump_station.spec --pes 8 --reference -o out/pump_station'
-say '' 'The folder has pictures, too. The outputs in fixed point over those in double precision:'
+say '' 'The folder also has pictures. The outputs in fixed point over those in double precision:'
 figure out/pump_station/pump_station_outputs.svg outputs 'outputs of the pump station over time'
-say '' 'What each PE does in each of the cycles of a step:'
+say '' 'What each PE does in each cycle of a step:'
 figure out/pump_station/pump_station_occupancy.svg occupancy 'occupancy of the processing elements'
 
 say '' '## Is it the same in VHDL?' '' \
-  '`verify` runs the VHDL in GHDL and the Rust reference, from four kinds of starts, and counts what was at work.'
+  '`verify` runs the VHDL in GHDL and the Rust reference, from four kinds of starts, and measures coverage.'
 show 0 'pe-synth verify out/pump_station'
 
-say '' '## Signals for a viewer' '' 'All outputs over the span as computed by the hardware, for GTKWave and the like:'
+say '' '## Signals for a viewer' '' 'All outputs over the span as computed by the hardware, for GTKWave or similar viewers:'
 show 0 'pe-synth sim pumps/pump_station.spec --pes 8 -o out/pump_station.vcd'
 
 say '' '## Leaving out what is not needed' '' \
-  'Nobody looks at the temperatures in this test bench. Without them three equations and all that only they need go.'
+  'This test bench does not need the temperatures. Without them, three equations and everything that only they need are left out.'
 show 0 'pe-synth compile pumps/pump_station.spec --pes 8 --observe w,torque,flow,level -o out/cold --quiet'
-say '' 'What has changed, as a check in continuous integration would tell it:'
+say '' 'The changes, as a check in continuous integration would report them:'
 show 4 'pe-synth diff out/pump_station out/cold' "grep -v ' same\$'"
 
-say '' '## Size, speed and error' '' '24 designs, each compiled for real:'
+say '' '## Size, speed and error' '' '24 designs, each compiled completely:'
 show 0 'pe-synth explore pumps/pump_station.spec --pes 1,2,4,8,16,30 --step 50us,25us --solver rk4 --multiplier 25x18,32x32 -o out/sweep'
 figure out/sweep/error_time.svg error_time 'total error against run time of 24 designs'
 figure out/sweep/size_speed.svg size_speed 'size against speed of 24 designs'
