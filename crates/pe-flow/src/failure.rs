@@ -1,4 +1,4 @@
-//! Why a command did not succeed, and the exit code that says so.
+//! Failures of a command, and their exit codes.
 
 use std::fmt::Display;
 use std::path::Path;

@@ -1,16 +1,16 @@
-//! The order of the stages, from the text of a spec to a program that is judged, once for all commands.
+//! The flow from the text of a spec to a judged program, once for all commands.
 //!
 //! ```text
 //! spec       files -> Model
 //! stages     the text of a stage -> all that was decided up to it
 //! pipeline   Model -> Design: step graph, runs, mapping, schedule, program, checkers
-//! report     Design -> what is said of it
+//! report     Design -> the report
 //! explore    points of the design space, compiled in parallel; nothing is computed twice
-//! accuracy   the cheapest point that is right enough
+//! accuracy   the cheapest point that meets an error goal
 //! ```
 //!
-//! Nothing is printed here: results and failures are returned, and a [`watch::Listener`] hears of progress and warnings as they
-//! come up.
+//! Nothing is printed here: results and failures are returned, and a [`watch::Listener`] hears of progress and warnings
+//! as they come up.
 
 pub mod accuracy;
 pub mod bottleneck;

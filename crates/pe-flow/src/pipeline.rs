@@ -1,4 +1,4 @@
-//! The way from model to program, stage after stage.
+//! The flow from model to program, compiler stage by compiler stage.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Reads files whose size nobody can be sure of.
+//! Reads files of unknown size, within a limit.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};

@@ -1,4 +1,4 @@
-//! What the scene needs: which equations are kept and for which output, which are left out.
+//! Which equations are kept and for which output, and which are left out.
 //!
 //! Nothing is decided here; the report shows it as `kept`.
 

@@ -1,4 +1,4 @@
-//! What is asked of all designs of a command.
+//! Settings common to all designs of a command.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Designs that go on from the text of a stage, as `dump` prints it, in place of a spec.
+//! Designs that continue from the text of a compiler stage, as `dump` prints it, instead of a spec.
 //!
 //! A text has the model and each stage up to the last one. What it holds is taken as it is, and proved like what the
 //! compiler makes; the runs over the span take place all the same, for they say how wrong the result is.

@@ -1,4 +1,4 @@
-//! Every variable beside its number format: measured range, limit, headroom, error.
+//! Every variable with its number format: measured range, limit, headroom, error.
 
 use pe_ir::graph::{Role, StepGraph, ValueId};
 use pe_ir::model::Model;

@@ -1,4 +1,4 @@
-//! What a design takes, stage by stage, and who hears of it.
+//! Time of each compiler stage, and the listener that is notified of it.
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! Why an expression has no value, and how much work is left.
+//! Why an expression has no value, and the remaining work budget.
 
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};

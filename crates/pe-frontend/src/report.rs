@@ -1,4 +1,4 @@
-//! Collects diagnostics, with a cap so that a binary file does not yield a million of them.
+//! Collects diagnostics, with a limit on their number.
 
 use crate::fault::Fault;
 use pe_ir::codes;

@@ -1,8 +1,8 @@
-//! Evens out a mapping under the products that its pairs leave.
+//! Balances a mapping under the products that remain with its pairs.
 //!
-//! The annealer counts on all pairs that some mapping could allow. Which ones a mapping does allow depends on where the
-//! neighbours of an equation are, so PEs of many imported neighbours end up with more products than it thought. Moves of
-//! single equations to neighbouring PEs take from the PE with most products, as long as that helps.
+//! The annealer assumes all pairs that some mapping could allow. Which ones a mapping does allow depends on where the
+//! neighbours of an equation are, so PEs of many imported neighbours end up with more products than it thought. Moves
+//! of single equations to neighbouring PEs take from the PE with most products, as long as that helps.
 
 use std::collections::BTreeMap;
 

@@ -1,10 +1,10 @@
-//! Lifting: a model whose equations are polynomials, but for algebraic equations that are functions of one variable.
+//! Lifting: makes all equations of a model polynomial, except algebraic equations that are functions of one variable.
 //!
 //! Every largest part of an equation that reads one variable and is no polynomial becomes an algebraic equation of its
 //! own, named after its text; equal parts share one. A function of several variables gets its argument as an equation
 //! first. `if` on several variables becomes a step function times the difference of its branches. A function has at
-//! most one kink or jump, for a table can hold it exactly only between two segments: where there are more, the parts with
-//! a kink become functions of their own. Lifting a lifted model changes nothing.
+//! most one kink or jump, for a table can hold it exactly only between two segments: where there are more, the parts
+//! with a kink become functions of their own. Lifting a lifted model changes nothing.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 

@@ -1,9 +1,9 @@
-//! Relays of hubs: equations that copy what very many others read.
+//! Relays of hubs: equations that copy values of very high fan-out.
 //!
 //! Where several hubs are on several PEs, nearly every PE has a connection to each of these. A relay gathers them: it
-//! copies all that its readers read of any hub, so each of them needs a connection to the relay alone. A copy is a chain of
-//! one product with the coefficient 1, which is exact in every format, so relays change no result. They cost an issue
-//! slot per copy, and readers wait for a chain more.
+//! copies all that its readers read of any hub, so each of them needs a connection to the relay alone. A copy is a
+//! chain of one product with the coefficient 1, which is exact in every format, so relays change no result. They cost
+//! an issue slot per copy, and readers wait for a chain more.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! The diagnostic codes of all stages, in one table, and their long explanations.
+//! The diagnostic codes of all compiler stages, in one table, and their long explanations.
 
 /// The reference with one section per code, embedded so that the program can print it.
 const REFERENCE: &str = include_str!("../../../docs/diagnostics.md");

@@ -1,4 +1,4 @@
-//! The data that the stages of pe-synth exchange, and the rules that belong to the data alone.
+//! The data that compiler stages exchange, and the rules that belong to the data alone.
 //!
 //! Modules in pipeline order; each uses only those before it: [`index`], [`source`], [`codes`], [`model`],
 //! [`coefficients`], [`place`], [`functions`], [`word`], [`graph`], [`mapping`], [`schedule`], [`memory`], [`program`],

@@ -1,4 +1,4 @@
-//! What memories are made of on a Xilinx 6 or 7 series device: look-up tables or blocks of 18 kbit.
+//! What memories are made of on a Xilinx 6 or 7 series device: LUTs or blocks of 18 kbit.
 //!
 //! The assembler chooses with these figures where coefficients are kept, the report adds them up.
 

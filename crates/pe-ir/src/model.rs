@@ -1,4 +1,4 @@
-//! A model: flat equations with resolved names, as the front end hands them on.
+//! A model: flat equations with resolved names, as the front end produces them.
 //!
 //! Every array element is a variable of its own here; parameters and constants are folded into the expressions.
 

@@ -1,4 +1,4 @@
-//! States that stand for signals of the model: they move exactly, whatever the method, and depend on nothing.
+//! States that represent signals of the model: they move exactly, whatever the method, and depend on nothing.
 
 /// How a state moves that no method approximates. Within a step methods may treat it by its derivative; what it is at the
 /// end of a step is exact but for rounding.

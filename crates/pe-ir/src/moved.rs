@@ -1,4 +1,4 @@
-//! Models with states that stand for signals: what moves them, and with which steps.
+//! Models with states that represent signals: their motion, and its steps.
 
 use crate::index;
 use crate::model::{Expr, Input, Interpolation, Model, Phase, State, Variable, Waveform};

@@ -1,4 +1,4 @@
-//! Quantities that the model conserves, and how far a run lets them drift.
+//! Quantities that the model conserves, and their drift in a run.
 //!
 //! Linear invariants, such as a sum of concentrations, are found: the left null space of the derivatives at random
 //! places near the solution. Others, such as an energy, are named by the user: outputs that shall stay constant.

@@ -1,4 +1,4 @@
-//! By what a design is judged.
+//! Criteria by which a design is judged.
 
 use pe_ir::source::Diagnostic;
 

@@ -1,4 +1,4 @@
-//! Other steps for the beginning of a run, as an option has them.
+//! Other steps for the beginning of a run, as given by an option.
 
 use std::fmt;
 

@@ -1,9 +1,10 @@
-//! What sampled states that take part in what they become ask of the word widths.
+//! Word widths required by sampled states with feedback.
 //!
 //! Such a state is written as what it was plus a change. A change below half an LSB of the whole word is lost, so the
-//! state stands still at up to half the response to one, which bits hidden from the multiplier keep below an LSB of what
-//! the multiplier sees. States that oscillate ring on with a few LSB of what the multiplier sees, however many bits are
-//! hidden; three bits below the storage bits keep that out of sight (`docs/decisions/0035-sampled-parts-at-rest.md`).
+//! state stands still at up to half the response to one, which bits hidden from the multiplier keep below an LSB of
+//! what the multiplier sees. States that oscillate ring on with a few LSB of what the multiplier sees, however many
+//! bits are hidden; three bits below the storage bits keep that out of sight
+//! (`docs/decisions/0035-sampled-parts-at-rest.md`).
 
 use pe_hls::step::coupled;
 use pe_ir::model::Model;

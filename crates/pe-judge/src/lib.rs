@@ -1,7 +1,9 @@
-//! Judges a design by what it computes: runs over the span, the parts of the error, the total error, and the check of the step.
+//! Judges the numbers of a design: runs over the span, the parts of the error, the total error, and the check of the
+//! step.
 //!
-//! [`runs`] chooses formats and measures the parts of the error, [`proof`] proves ranges, [`total`] compares with a reference of
-//! high accuracy, [`check`] says whether the step is stable and what would cure it. Findings are returned, never printed.
+//! [`runs`] chooses formats and measures the parts of the error, [`proof`] proves ranges, [`total`] compares with a
+//! reference of high accuracy, [`check`] says whether the step is stable and what would cure it. Findings are returned,
+//! never printed.
 
 pub mod check;
 pub mod conserved;

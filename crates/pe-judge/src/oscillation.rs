@@ -1,4 +1,4 @@
-//! The period of an oscillation, and how wrong it is in a run.
+//! The period of an oscillation, and its error in a run.
 //!
 //! Periods are counted between upward crossings of the middle between the solution's extremes. Crossings are
 //! interpolated by a cubic through four samples, in the solution and in the run at the same times, so that most of

@@ -1,4 +1,4 @@
-//! Parts of a design point as they are typed.
+//! Parses parts of a design point.
 
 use pe_ir::word::MultiplierPorts;
 /// Parses a time: a number with an optional unit.

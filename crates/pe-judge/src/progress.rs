@@ -1,4 +1,4 @@
-//! Who is told how far long runs are.
+//! Progress of long runs.
 
 use std::sync::Arc;
 

@@ -1,4 +1,5 @@
-//! Coefficients in two slots, where a point asks for them: the runs that they need before the step graph is final.
+//! Coefficients in two issue slots, where a design point requests them: the runs they need before the step graph is
+//! final.
 
 use pe_hls::two_slots;
 use pe_ir::graph::StepGraph;

@@ -1,4 +1,4 @@
-//! Tables in place of the functions of a step: the run that finds their arguments, and what the report says of them.
+//! Function tables of a step: the run that finds their arguments, and their figures in the report.
 
 use pe_hls::functions::Untabled;
 use pe_ir::codes;

@@ -1,4 +1,4 @@
-//! What every PE does in every cycle of a step: products, writes and receives, each in a lane of its own.
+//! What every PE does in every cycle of a step: products, writes and receives, each in its own lane.
 
 use pe_ir::program::{ControlWord, PeProgram, Program};
 

@@ -1,4 +1,4 @@
-//! Two runs compared at every step: running maxima of what one deviates from the other.
+//! Two runs compared at every step: running maxima of their deviation.
 
 use crate::error::{SCALE_FLOOR, Trajectory};
 

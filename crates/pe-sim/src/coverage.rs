@@ -1,5 +1,5 @@
-//! What of a network was at work in a run, told from the data: an item counts when another value of it would have
-//! made a difference that a register or a memory word of the network shows.
+//! Coverage of a network in a run, derived from the data: an item counts if another value of it would have changed a
+//! register or a memory word.
 
 use pe_ir::index::{at, number};
 use pe_ir::program::{Address, CoefficientOperand, ControlWord, FieldName, PeFeatures, PeProgram, Program, Target};

@@ -1,4 +1,4 @@
-//! The inner loops over the lanes of a tile, written so that the compiler forms vectors of them.
+//! The inner loops over the lanes of a tile, written so that the compiler vectorises them.
 
 use crate::tiles::{Factors, LANES, Place, Shared, Tile, Tiles};
 use pe_ir::index;

@@ -1,4 +1,5 @@
-//! What a program does in one step, found by running its control words once on names of words in place of words.
+//! What a program does in one step, found by executing its control words once on names of words instead of words
+//! (symbolic execution).
 //!
 //! The control words alone decide what every register and memory word holds when, so one look at them suffices: what
 //! remains for each step are the sums that reach a result which something reads. Registers and memories are those of

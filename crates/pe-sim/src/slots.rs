@@ -1,4 +1,4 @@
-//! Where the values of a step graph lie while it runs.
+//! Layout of the values of a step graph while it runs.
 
 use std::collections::{BTreeMap, BTreeSet};
 

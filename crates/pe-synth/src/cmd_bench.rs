@@ -1,4 +1,4 @@
-//! `pe-synth bench`: the same model and solver as native code on this computer, beside the hardware's figures.
+//! `pe-synth bench`: the same model and solver as native code on this computer, compared with the hardware.
 
 use std::fmt::Write;
 use std::fs;

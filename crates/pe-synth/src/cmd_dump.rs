@@ -1,4 +1,4 @@
-//! `pe-synth dump`: what a stage hands on, as text.
+//! `pe-synth dump`: the result of a compiler stage, as text.
 
 use pe_hls::mapping::Problem;
 use petgraph::dot::{Config, Dot};

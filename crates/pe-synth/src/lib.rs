@@ -1,4 +1,4 @@
-//! The command line of pe-synth: options, the way through the stages, reports, and everything that touches files.
+//! The command line of pe-synth: options, printing, and everything that touches files.
 //!
 //! A library so that tests and other tools can run single stages; `main.rs` only parses arguments.
 

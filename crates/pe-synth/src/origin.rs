@@ -1,4 +1,4 @@
-//! What generated files tell about the spec that they come from: files, their hashes, statements.
+//! What generated files say about their spec: files, their hashes, statements.
 
 use std::collections::BTreeSet;
 

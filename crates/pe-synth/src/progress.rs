@@ -1,4 +1,4 @@
-//! Stages and long runs on standard error, while they are at work.
+//! Progress of compiler stages and long runs on standard error.
 
 use std::cell::RefCell;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Findings as people read them, with the lines they are about, and as tools read them, in JSON.
+//! Findings as text with source lines, and as JSON.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 use pe_ir::source::{Diagnostic, Position, Severity, Sources, Span};

@@ -1,4 +1,4 @@
-//! Outputs over time as value change dump (VCD), which waveform viewers read.
+//! Outputs over time as value change dump (VCD), for waveform viewers.
 
 use std::io::Write;
 

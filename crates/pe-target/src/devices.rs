@@ -1,4 +1,4 @@
-//! Devices that a design can be held against, with the figures of their data sheets.
+//! Devices that a design can be compared with, with the figures of their data sheets.
 //!
 //! A new device is a row of [`DEVICES`] and a row of the table in `docs/guide.md`.
 

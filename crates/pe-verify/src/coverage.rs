@@ -1,4 +1,4 @@
-//! What of a design was at work in the runs that all engines agreed on, as a table and as JSON.
+//! Coverage of a design in the runs on which all engines agreed, as a table and as JSON.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! A compiled design as it lies in its folder.
+//! A compiled design in its folder.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -1,4 +1,4 @@
-//! What a run does to the handshake, clock by clock, and what the datasheet says that the network answers.
+//! Stimuli of the handshake, clock by clock, and the responses that the datasheet requires.
 
 use std::collections::VecDeque;
 use std::fmt::Write;

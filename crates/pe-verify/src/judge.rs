@@ -1,4 +1,4 @@
-//! Judges a compiled folder: every engine against the simulator, bit for bit, from the files as they lie there.
+//! Judges a compiled folder: every engine against the simulator, bit for bit, from the files in the folder.
 //!
 //! In: a folder that `compile` wrote, or a copy that something was done to. Out: a [`Verdict`], or the first thing that
 //! is wrong. Nothing is emitted anew: other starts than the design's own replace initial words of states in a copy of

@@ -1,7 +1,8 @@
-//! Judges a folder that `compile` wrote by running the files as they lie there, and says what that judgement is worth.
+//! Judges a folder that `compile` wrote by running its files, and measures what that judgement is worth.
 //!
-//! [`judge`] compares every engine with the simulator, bit for bit; [`inject`] damages copies of the folder and counts what is
-//! caught; [`native`] measures the generated native program. [`engines`] builds and runs GHDL, Verilator and the Rust reference.
+//! [`judge`] compares every engine with the simulator, bit for bit; [`inject`] damages copies of the folder and counts
+//! what is caught; [`native`] measures the generated native program. [`engines`] builds and runs GHDL, Verilator and
+//! the Rust reference.
 
 pub mod coverage;
 pub mod engines;

@@ -112,7 +112,7 @@ MARKDOWN
   diff -r --exclude=report-timing.json "$work/before" "$work/after" >&2
   files=$(find "$work/before" -type f ! -name report-timing.json | wc -l)
   echo "lutchen_breathing compiled as its spec says, with \`--observe w\`, and as its spec says again: all $files files of"
-  echo "the third folder are identical to those of the first (\`report-timing.json\` aside, which tells seconds)."
+  echo "the third folder are identical to those of the first (except \`report-timing.json\`, which holds times)."
 } > "$work/leave-out.md"
 mv "$work/leave-out.md" docs/leave-out.md
 echo "wrote docs/leave-out.md" >&2

@@ -1,4 +1,4 @@
-//! The design that `compile --max-error` builds: the cheapest one that is right enough.
+//! The design that `compile --max-error` builds: the cheapest one that meets the goal.
 
 use std::sync::mpsc::channel;
 

@@ -1,4 +1,4 @@
-//! The cheapest point that is right enough, and which points to try next.
+//! The cheapest point that meets the goal, and which points to try next.
 
 use pe_hls::schedule::Bound;
 use pe_ir::codes;

@@ -1,4 +1,4 @@
-//! Error against run time: which points are compared, and which is the cheapest that is right enough.
+//! Error against run time: which points are compared, and which is the cheapest that meets the goal.
 //!
 //! ```text
 //! lists      lists of values -> design points: solvers, steps, word lengths

@@ -1,4 +1,4 @@
-//! How long a sweep takes, roughly, and how much of it each piece of work is.
+//! Estimated time of a sweep, and the share of each piece of work.
 
 use std::time::{Duration, Instant};
 

@@ -1,4 +1,4 @@
-//! What became of a design point.
+//! The outcome of a design point.
 
 use pe_ir::memory::BLOCK_LUTS;
 use pe_ir::model::Solver;

@@ -1,4 +1,4 @@
-//! The report: `report.json` as a type, how it is made of a design, and how a terminal shows it.
+//! The report: `report.json` as a type, how it is built from a design, and how a terminal shows it.
 //!
 //! ```text
 //! types, errors   what the file holds

@@ -1,7 +1,7 @@
 //! The report as a type: what `report.json` holds, key by key.
 //!
-//! Fields are named as keys; `docs/report.md` says what they mean, and the schema in `docs/report.schema.json` is made of these
-//! types. A field that is `None` and marked so is missing in the file; others are null.
+//! Fields are named as keys; `docs/report.md` says what they mean, and the schema in `docs/report.schema.json` is
+//! generated from these types. A field that is `None` and marked so is missing in the file; others are null.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Numbers that JSON has no word for, and keys that may be there and null.
+//! Numbers that JSON cannot represent, and keys that may be present and null.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};

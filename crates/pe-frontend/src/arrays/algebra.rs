@@ -1,5 +1,5 @@
 //! Algebra of whole arrays: finds the shape of an expression that names vectors and matrices without subscripts, and
-//! writes out what one element of it is, as an expression of scalars.
+//! writes out each element as an expression of scalars.
 
 use crate::language::words::{DOT, TIME, TRANSPOSE};
 use crate::names::table::{Names, Symbol};

@@ -1,5 +1,5 @@
 //! Statements that name whole arrays, `x' = A*x + B*u`: before anything else is done they are written with subscripts,
-//! so that no later step knows of them. A spec without such statements stays as it is.
+//! so that no later pass sees them. A spec without such statements stays as it is.
 
 use crate::arrays::algebra::{Algebra, Shape, described, index, misfit, range, visit};
 use crate::context::Context;

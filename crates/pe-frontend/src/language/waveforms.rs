@@ -1,4 +1,4 @@
-//! The signals of the language: their names, arguments, and what they are for given values.
+//! The signals of the language: their names, arguments and values.
 
 use crate::language::measures::{FREQUENCIES, TIMES};
 use crate::syntax::ast::Name;

@@ -1,4 +1,4 @@
-//! Files that a spec names: how paths are resolved, and what is wrong with a file that cannot be taken.
+//! Files that a spec names: how paths are resolved, and why a file cannot be used.
 //!
 //! The front end reads nothing itself; a [`Loader`] gives it the bytes. Paths are relative to the file that names
 //! them and never lead out of the folder of the main file, so a spec can be moved and shared with its folder.

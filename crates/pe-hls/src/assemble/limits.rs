@@ -1,4 +1,4 @@
-//! What no PE may exceed, because fields of the control word end there.
+//! Limits of a PE that follow from the widths of control-word fields.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! Into how many segments the range of a table can be divided.
+//! Numbers of segments into which the range of a table can be divided.
 
 use pe_ir::functions::Segments;
 use pe_ir::word::WordFormat;

@@ -1,5 +1,5 @@
-//! Functions of all kinds over ranges of all widths, with words of all lengths: each has tables that are as right as the
-//! argument's word allows, or is refused for a reason that is right.
+//! Functions of all kinds over ranges of all widths, with words of all lengths: each has tables as accurate as the
+//! argument's word allows, or is refused for the right reason.
 
 use pe_ir::functions::{ScalarFunction, Segments};
 use pe_ir::model::{Expr, Function, Select, Variable};

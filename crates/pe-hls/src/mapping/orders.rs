@@ -1,4 +1,4 @@
-//! Linear orders of the equations in which neighbours in the dependency graph stand close together.
+//! Linear orders of the equations in which neighbours in the dependency graph are close together.
 
 use pe_ir::index::{at, number};
 use std::collections::VecDeque;

@@ -1,8 +1,8 @@
-//! Region moves: the equations of some PEs that are joined to one another are put in an order and cut anew.
+//! Region moves: the equations of some connected PEs are put in an order and cut anew.
 //!
 //! Moves of single equations slide the borders between PEs; they never turn compact regions into strips, or one
-//! arrangement of subtrees into another, for all ways between the two are worse. A region that is cut anew goes there at
-//! once, and is kept by the rule of all moves.
+//! arrangement of subtrees into another, for all ways between the two are worse. A region that is cut anew goes there
+//! at once, and is kept by the rule of all moves.
 
 use pe_ir::index::{self, at};
 use rand_chacha::ChaCha8Rng;

@@ -1,4 +1,4 @@
-//! Mappings to begin with: random, runs of linear orders, and recursive bisection.
+//! Initial mappings: random, runs of linear orders, and recursive bisection.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -1,4 +1,4 @@
-//! Lower bounds of the period: what no mapping or schedule can beat.
+//! Lower bounds of the period (the initiation interval), which no mapping or schedule can beat.
 
 use pe_ir::graph::StepGraph;
 use pe_ir::word::Latency;

@@ -1,4 +1,4 @@
-//! Schedules chains and transfers, all PEs at once, and closes the step into a loop.
+//! Schedules chains and transfers, all PEs at once, and overlaps successive steps (software pipelining).
 //!
 //! A list scheduler places chains in time order, the one with the longest way to the end of the step first. Transfers
 //! cost no issue slot: a value is sent as it is written and received by its own write port. The step then becomes a

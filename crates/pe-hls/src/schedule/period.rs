@@ -1,4 +1,4 @@
-//! Closes a step into a loop.
+//! Closes a step into a loop in which successive steps overlap (software pipelining).
 
 use super::problem::{Placement, Problem};
 use pe_ir::word::Latency;

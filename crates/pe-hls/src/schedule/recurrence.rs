@@ -1,4 +1,4 @@
-//! The bound of the period from what waits for what: how fast steps can follow one another on any number of PEs.
+//! The recurrence bound of the period: how fast steps can follow one another on any number of PEs.
 //!
 //! A step takes the times at which the states are there to those of the next step. What it does to them is a function
 //! `F` that rises with its arguments and commutes with adding a number to all of them, so a loop of period `T` has

@@ -1,4 +1,4 @@
-//! The step graph of a model: which way it is built.
+//! The step graph of a model: selects how it is built.
 
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;

@@ -1,4 +1,4 @@
-//! Leaves out what nothing reads: writes, chains, values and equations.
+//! Dead-code elimination: writes, chains, values and equations that nothing reads.
 
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, ValueId, Write};
 use pe_ir::index::{self, at};

@@ -1,4 +1,4 @@
-//! Which algebraic equations are computed once and shared, and which are put into every equation that reads them.
+//! Which algebraic equations are computed once and shared, and which are inlined into every equation that reads them.
 
 use std::collections::HashMap;
 

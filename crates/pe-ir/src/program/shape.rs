@@ -1,4 +1,4 @@
-//! The shapes of PEs as text: all that the size of a PE depends on.
+//! The shapes of PEs as text: everything that the size of a PE depends on.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! Names that are one of a kind, for what stages name by numbers.
+//! Unique names for values that the representations identify by number.
 
 use std::collections::{HashMap, HashSet};
 

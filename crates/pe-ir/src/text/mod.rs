@@ -1,10 +1,10 @@
-//! Text forms of what the stages hand on: printed, read back, and written by hand for tests.
+//! Text forms of the compiler's representations: printed, read back, and written by hand for tests.
 //!
 //! A file has a section for each stage up to the one it was printed after, in the order of [`Stage::ALL`]. A section
-//! begins with a line `pe-synth STAGE VERSION`; every other line is an item: a word that says what it is, and its fields.
-//! Blank lines and lines that begin with `#` say nothing. Numbers are the shortest decimals that read back exactly; words
-//! of memories are hexadecimal. A name with characters other than letters, digits, `_`, `.`, `~` and subscripts stands in
-//! quotes. What is read has the places of the file's lines.
+//! begins with a line `pe-synth STAGE VERSION`; every other line is an item: a word that says what it is, and its
+//! fields. Blank lines and lines that begin with `#` say nothing. Numbers are the shortest decimals that read back
+//! exactly; words of memories are hexadecimal. A name with characters other than letters, digits, `_`, `.`, `~` and
+//! subscripts stands in quotes. What is read has the places of the file's lines.
 
 pub mod expr;
 pub mod fixed;

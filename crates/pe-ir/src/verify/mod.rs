@@ -1,4 +1,4 @@
-//! Independent checkers: each proves a stage's result from its predecessor, sharing no code with the stage.
+//! Independent checkers: each proves a pass's result from its input, sharing no code with the pass.
 
 pub mod fixed;
 pub mod mapping;

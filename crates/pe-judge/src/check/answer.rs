@@ -1,4 +1,4 @@
-//! What the check tells.
+//! The result of the check.
 
 use pe_ir::source::Diagnostic;
 

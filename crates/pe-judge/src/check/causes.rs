@@ -1,4 +1,4 @@
-//! What a refusal really comes from: a solution that ends, a step that is unstable, a pivot near zero.
+//! The cause behind a refusal: a solution that ends, a step that is unstable, a pivot near zero.
 
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;

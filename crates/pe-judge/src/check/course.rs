@@ -1,4 +1,4 @@
-//! What a run with exact functions shows of its way: jumps that it crosses to and fro, and limits that it takes.
+//! What a run with exact functions shows on its way: jumps that it keeps crossing, and limits of 0/0 that it uses.
 
 use pe_hls::lift;
 use pe_hls::step::{StepOptions, build_with};

@@ -1,4 +1,4 @@
-//! What is asked about a step, and up to which size.
+//! The input of a check, and its size limits.
 
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;

@@ -1,4 +1,4 @@
-//! What becomes of sampled parts in fixed point: poles that rounding moves, and states that do not come to rest.
+//! Sampled parts in fixed point: poles that rounding moves, and states that do not come to rest.
 
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;

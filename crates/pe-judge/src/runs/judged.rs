@@ -1,4 +1,4 @@
-//! What the runs found: errors, and what is kept of each run.
+//! The result of the runs: errors, and the data kept of each run.
 
 use std::sync::Arc;
 

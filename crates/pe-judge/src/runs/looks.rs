@@ -1,4 +1,4 @@
-//! Steps that deserve a look of their own beside evenly spread samples: the first ones, and those after a jump.
+//! Steps that are examined besides the evenly spaced samples: the first ones, and those after a jump.
 
 use std::collections::BTreeSet;
 

@@ -1,5 +1,5 @@
 //! How large states should be, where the step makes them larger: an implicit method that passes over a fast decay may
-//! carry a state to many times of what it ever is, and an error is then no part of that.
+//! carry a state to many times its true magnitude, which is then no measure of an error.
 
 use pe_sim::compared::Rows;
 use pe_sim::error::{SCALE_FLOOR, Trajectory};

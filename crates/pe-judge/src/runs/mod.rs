@@ -1,4 +1,4 @@
-//! The runs over the span: ranges, number formats, and how wrong the result is.
+//! The runs over the span: ranges, number formats, and the errors of the result.
 //!
 //! ```text
 //! double, step h        ranges and magnitudes; refuses what turns non-finite
@@ -8,7 +8,8 @@
 //! double, quantised     coefficient error on its own
 //! double, step h/2      method error
 //! double, step h        with the means of inputs: input-hold error
-//! double, step h/4      for the first steps, to see the order of the method; for all, where right-hand sides have bends
+//! double, step h/4      for the first steps, to see the order of the method; for all, where right-hand sides have
+//! bends
 //! ```
 
 mod comparison;

@@ -1,4 +1,4 @@
-//! What large errors come from that is neither the step's fault nor the word's.
+//! Causes of large errors other than step and word length.
 
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph};

@@ -1,4 +1,4 @@
-//! What a fixed-point run says that met the end of a range.
+//! Findings of a fixed-point run that reached the end of a range.
 
 use pe_ir::codes;
 use pe_ir::functions::Lookup;

@@ -1,4 +1,4 @@
-//! What becomes of a tiny difference of the initial values: whether the model or the last bit decides a trajectory.
+//! The growth of a tiny difference of the initial values: whether the model or the last bit decides a trajectory.
 
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;

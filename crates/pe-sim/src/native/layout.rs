@@ -1,4 +1,4 @@
-//! Where the values of a step lie, and its chains in the order in which they run.
+//! Layout of the values of a step, and its chains in execution order.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! What comes out: the source of a program, and what it costs.
+//! The result: the source of a program, and its cost.
 
 /// A program without its fixed part.
 #[derive(Clone, Debug)]

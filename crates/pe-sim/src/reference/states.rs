@@ -1,4 +1,4 @@
-//! The vector of states as the library wants it.
+//! The vector of states in the form the library requires.
 
 use std::cell::Cell;
 

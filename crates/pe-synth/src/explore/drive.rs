@@ -1,4 +1,4 @@
-//! What sweeps of every kind have in common: their threads, their progress, how they end.
+//! The common part of all sweeps: threads, progress, termination.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 

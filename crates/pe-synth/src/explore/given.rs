@@ -1,4 +1,4 @@
-//! What the user gave, as words of commands.
+//! The options that the user gave, as words of commands.
 
 use pe_flow::explore::row;
 use pe_judge::DesignPoint;

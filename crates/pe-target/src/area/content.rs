@@ -1,4 +1,4 @@
-//! Look-up tables of memories whose words are known: what is left of them when synthesis has made logic of their bits.
+//! LUTs of memories whose words are known, after synthesis has simplified their bits as logic.
 
 use std::collections::BTreeSet;
 

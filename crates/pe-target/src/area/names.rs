@@ -1,16 +1,16 @@
-//! What PEs are counted in, and what the model may not know of them, by name.
+//! Names of the counts of the area model, and of traits that it may not cover.
 
 /// What a PE's look-up tables are counted in.
 pub const LUT_TERMS: [&str; 10] = [
     "tables of memories",
     "bits chosen among parts of memories",
-    "bits of shifts chosen in tables",
+    "bits of shifts chosen in LUTs",
     "bits of the base addition",
     "bits of port choices",
     "buffers that change roles",
     "pre-adder with sums of two operands",
     "bits of sums outside of multiplier blocks",
-    "bits of running sums that start from 0 in tables",
+    "bits of running sums that start from 0 in LUTs",
     "one",
 ];
 

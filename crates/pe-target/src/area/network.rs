@@ -1,4 +1,4 @@
-//! What a network has beside its PEs: sequencer, inputs, ticks and outputs.
+//! Parts of a network besides its PEs: sequencer, inputs, ticks and outputs.
 //!
 //! Counts of the circuit, held against `parts.txt`, which `xtask measure-parts` writes.
 

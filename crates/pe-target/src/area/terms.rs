@@ -1,4 +1,4 @@
-//! What a PE is made of, counted bit by bit, and what a unit of each count takes on a family.
+//! The parts of a PE, counted bit by bit, and the cells per unit of each count on a family.
 
 use std::collections::{BTreeMap, BTreeSet};
 

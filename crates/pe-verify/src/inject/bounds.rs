@@ -1,9 +1,9 @@
-//! Bounds of symbols: what words, operands and sums of a step can be, whatever is stored as it begins and whatever the
-//! inputs are.
+//! Bounds of symbols: ranges of words, operands and sums of a step for any stored words at its beginning and any
+//! inputs.
 //!
-//! A number is a sum of the places that it depends on, each anywhere in its range, and of a remainder (affine arithmetic). So
-//! a state that a step damps is known not to leave its range, though what is added to it may have either sign. By the rules
-//! of the datasheet alone.
+//! A number is a sum of the places that it depends on, each anywhere in its range, and of a remainder (affine
+//! arithmetic). So a state that a step damps is known not to leave its range, though what is added to it may have
+//! either sign. By the rules of the datasheet alone.
 
 use std::collections::{BTreeMap, HashMap};
 

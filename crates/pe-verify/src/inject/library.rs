@@ -1,4 +1,4 @@
-//! Damages of the hand-written VHDL: texts that stand once in a file of `hdl/`, and what takes their place.
+//! Damages of the hand-written VHDL: texts that occur once in a file of `hdl/`, and their replacements.
 
 use super::class::Class;
 use super::datasheet::{Design, Rules};

@@ -1,11 +1,12 @@
-//! A campaign of damage: what `verify` is worth.
+//! Fault injection: measures what `verify` catches.
 //!
-//! In: a folder that `compile` wrote, a number, a seed. Damages of many kinds ([`classes`]) are put into copies of its VHDL,
-//! and each copy is judged as [`crate::judge`] judges a folder. Out: for every damage whether it was caught, and by what,
-//! or why it has no effect. That is never concluded from a simulation: either the rules of the datasheet tell it
-//! ([`symbolic`]), or yosys proves the logic equivalent ([`equivalence`]). A damage that is neither is a failure.
+//! In: a folder that `compile` wrote, a number, a seed. Damages of many kinds ([`classes`]) are put into copies of its
+//! VHDL, and each copy is judged as [`crate::judge`] judges a folder. Out: for every damage whether it was caught, and
+//! by what, or why it has no effect. That is never concluded from a simulation: either the rules of the datasheet tell
+//! it ([`symbolic`]), or yosys proves the logic equivalent ([`equivalence`]). A damage that is neither is a failure.
 //!
-//! Simulation and proof control each other: a damage that is proven to have no effect and is caught is an internal error.
+//! Simulation and proof control each other: a damage that is proven to have no effect and is caught is an internal
+//! error.
 
 pub mod bisimulation;
 mod bounds;
