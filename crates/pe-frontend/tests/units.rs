@@ -22,7 +22,7 @@ fn a_difference_in_size_is_named_and_both_sides_are_shown() {
     let found = findings(text, None);
     assert_eq!(found.len(), 1, "{found:?}");
     assert_eq!((found[0].code, found[0].severity), ("W0701", Severity::Warning));
-    assert_eq!(found[0].message, "[L/s] and [mL/s] are sizes of the same: 1 mL/s is 0.001 L/s");
+    assert_eq!(found[0].message, "[L/s] and [mL/s] differ by a factor: 1 mL/s is 0.001 L/s");
     let labels: Vec<&str> = found[0].labels.iter().map(|(_, text)| text.as_str()).collect();
     assert_eq!(labels, ["[L/s]", "[mL/s]"]);
     assert_eq!(findings(text, Some(Units::Strict))[0].code, "E0701");
@@ -117,6 +117,6 @@ fn headers_of_data_files_have_units_too() {
     };
     assert_eq!(found("u [V]"), Vec::<String>::new());
     assert_eq!(found("u"), Vec::<String>::new());
-    assert_eq!(found("u [mV]"), ["[V] and [mV] are sizes of the same: 1 mV is 0.001 V"]);
+    assert_eq!(found("u [mV]"), ["[V] and [mV] differ by a factor: 1 mV is 0.001 V"]);
     assert_eq!(found("u [furlong]"), ["unknown unit `furlong`"]);
 }

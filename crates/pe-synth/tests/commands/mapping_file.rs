@@ -78,9 +78,9 @@ fn files_that_do_not_fit_are_refused_with_the_line() {
         ("twice", "x 0\ny 1\n x 1\n", "m.map:3:2", "`x` already has a PE"),
         ("missing", "x 0\n", "m.map", "no PE is assigned to `y`"),
         ("gap", "x 0\ny 4294967294\n", "m.map:2:1", "PE 1 has no equation"),
-        ("number", "x 0\ny one\n", "m.map:2:1", "gives no equation a PE"),
-        ("alone", "x\ny 0\n", "m.map:1:1", "gives no equation a PE"),
-        ("negative", "x -1\ny 0\n", "m.map:1:1", "gives no equation a PE"),
+        ("number", "x 0\ny one\n", "m.map:2:1", "does not assign an equation to a PE"),
+        ("alone", "x\ny 0\n", "m.map:1:1", "does not assign an equation to a PE"),
+        ("negative", "x -1\ny 0\n", "m.map:1:1", "does not assign an equation to a PE"),
         ("empty", "# nothing\n", "m.map", "maps no equation"),
     ] {
         let (code, complaint) = mapped(test, text, &[]);

@@ -427,7 +427,7 @@ fn a_solver_that_does_not_suit_is_refused_with_the_reason() {
     let cases = [
         (BRUSSELATOR, Solver::Leapfrog, "reads the"),
         (DAMPED, Solver::Leapfrog, "the velocity `v[1]` reads the velocity `v[1]`"),
-        ("state y = 1\ny' = -y\noutput y\n", Solver::SymplecticEuler, "no positions and velocities"),
+        ("state y = 1\ny' = -y\noutput y\n", Solver::SymplecticEuler, "not pairs of position and velocity"),
         (BRUSSELATOR, Solver::Exact, "not affine"),
         ("state z = 1\nstate x = 0\nz' = 0.3\nx' = 1/z\noutput x\n", Solver::Exact, "not affine"),
         ("state z = 1\nstate x = 0\nz' = -0.3*z\nx' = 2*abs(z) - x\noutput x\n", Solver::Exact, "not affine"),
