@@ -300,7 +300,7 @@ begin
       link_o     => link_{{ pe.index }},
       word_o     => {% if pe.shown %}word_{{ pe.index }}{% else %}open{% endif %},
       overflow_o => overflow({{ pe.index }}),
-      trace_o    => trace_all({{ pe.index + 1 }} * TRACE_BITS - 1 downto {{ pe.index }} * TRACE_BITS)
+      trace_o    => trace_all({{ pe.index.number() + 1 }} * TRACE_BITS - 1 downto {{ pe.index }} * TRACE_BITS)
     );
 {%- endfor %}
 

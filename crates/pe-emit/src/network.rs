@@ -1,7 +1,7 @@
 //! The network entity: PE instances and links, nothing else.
 
 use askama::Template;
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, PeId, at, number};
 use pe_ir::program::{Fold, Layout, LinkSource, Program, index_bits};
 use pe_ir::word::Pipeline;
 
@@ -41,13 +41,13 @@ struct Tick {
 
 struct Output {
     port: Port,
-    pe: u32,
+    pe: PeId,
     word: u32,
     proven: bool,
 }
 
 struct Pe {
-    index: usize,
+    index: PeId,
     equations: String,
     control_bits: u32,
     repeated_bits: u32,
@@ -87,12 +87,12 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
         let unit = unit.as_deref().map_or(String::new(), |unit| format!(" [{}]", comment_text(unit)));
         format!("{}{unit}, LSB 2^{exponent}", comment_text(name))
     };
-    let mut shown = vec![false; program.pes.len()];
+    let mut shown = List::filled(false, program.pes.len());
     for output in &program.outputs {
-        shown[at(output.pe)] = true;
+        shown[output.pe] = true;
     }
     let pes: Vec<Pe> =
-        shown.into_iter().enumerate().map(|(index, shown)| describe(program, &folds[index], index, shown)).collect();
+        shown.numbered().zip(folds).map(|((index, shown), fold)| describe(program, fold, index, *shown)).collect();
     let inputs = program.ports().zip(&names.inputs).enumerate();
     let outputs = program.outputs.iter().zip(&names.outputs).enumerate();
     let network = Network {
@@ -133,7 +133,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
     network.render().expect("templates render into strings")
 }
 
-fn describe(program: &Program, fold: &Fold, index: usize, shown: bool) -> Pe {
+fn describe(program: &Program, fold: &Fold, index: PeId, shown: bool) -> Pe {
     let pe = &program.pes[index];
     let signal = |source: &LinkSource| match source {
         LinkSource::Pe(pe) => format!("link_{pe}"),

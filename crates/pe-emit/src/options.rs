@@ -1,6 +1,7 @@
 //! What the files of a design tell beside its program.
 
 use crate::names::comment_text;
+use pe_ir::index::{List, PeId};
 
 /// What the files tell about their origin, and what the test benches run.
 #[derive(Clone, Debug, Default)]
@@ -25,9 +26,9 @@ pub struct EmitOptions {
 #[derive(Clone, Debug, Default)]
 pub struct Provenance {
     /// The statements of the spec that the equations of each PE come from, with their places.
-    pub statements: Vec<Vec<String>>,
+    pub statements: List<PeId, Vec<String>>,
     /// The coefficient of each control word before it was rounded to a word.
-    pub coefficients: Vec<Vec<Option<f64>>>,
+    pub coefficients: List<PeId, Vec<Option<f64>>>,
 }
 
 /// Lines that open every generated file.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::{Display, Write};
 
 use askama::Template;
-use pe_ir::index;
+use pe_ir::index::{self, PeId};
 use pe_ir::program::{
     CoefficientOperand, ControlWord, Fold, Layout, LinkSource, Note, PeProgram, Program, StateRegister, closed_up,
 };
@@ -38,13 +38,13 @@ struct ProgramPackage<'a> {
 impl ProgramPackage<'_> {
     /// The PEs, described one at a time: the lines of all would take several times the memory of the text.
     fn pes(&self) -> impl Iterator<Item = Pe> {
-        let pes = self.program.pes.iter().enumerate();
+        let pes = self.program.pes.numbered();
         pes.map(|(index, pe)| describe(self, index, pe))
     }
 }
 
 struct Pe {
-    index: usize,
+    index: PeId,
     equations: String,
     /// What the spec says of them, a line each.
     statements: Vec<String>,
@@ -100,8 +100,8 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header,
 
 /// States by the memory words they begin in: sorted (PE, word) and the state's index.
 struct StateWords {
-    own: Vec<((u32, u16), usize)>,
-    imported: Vec<((u32, u16), usize)>,
+    own: Vec<((PeId, u16), usize)>,
+    imported: Vec<((PeId, u16), usize)>,
 }
 
 impl StateWords {
@@ -117,16 +117,16 @@ impl StateWords {
     }
 
     /// The first state of a word.
-    fn find<'p>(words: &[((u32, u16), usize)], place: (u32, u16), program: &'p Program) -> Option<&'p StateRegister> {
+    fn find<'p>(words: &[((PeId, u16), usize)], place: (PeId, u16), program: &'p Program) -> Option<&'p StateRegister> {
         let at = words.partition_point(|(other, _)| *other < place);
         words.get(at).filter(|(other, _)| *other == place).map(|(_, state)| &program.states[*state])
     }
 }
 
-fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
+fn describe(package: &ProgramPackage, index: PeId, pe: &PeProgram) -> Pe {
     let &ProgramPackage { program, folds, ref shown, ref states, provenance, .. } = package;
-    let fold = &folds[index];
-    let numbers = provenance.coefficients.get(index).map_or(&[][..], Vec::as_slice);
+    let fold = &folds[index.index()];
+    let numbers = provenance.coefficients.find(index).map_or(&[][..], Vec::as_slice);
     let exact = |k: usize| numbers.get(k).copied().flatten();
     let layout = Layout::new(&pe.features, &program.format);
     let comment = |text: &mut String, k: usize| {
@@ -166,8 +166,8 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
         text
     });
     let word_bits = program.format.word_bits();
-    let state_comment = |text: &mut String, states: &[((u32, u16), usize)], word: usize, what: &str| {
-        if let Some(state) = StateWords::find(states, (index::number(index), word as u16), program) {
+    let state_comment = |text: &mut String, states: &[((PeId, u16), usize)], word: usize, what: &str| {
+        if let Some(state) = StateWords::find(states, (index, word as u16), program) {
             text.extend([what, " ", &short(&state.name), ", LSB 2^", &state.exponent.to_string()]);
         }
     };
@@ -192,7 +192,7 @@ fn describe(package: &ProgramPackage, index: usize, pe: &PeProgram) -> Pe {
     Pe {
         index,
         equations: comment_text(&list(&pe.equations)),
-        statements: provenance.statements.get(index).into_iter().flatten().map(|text| comment_text(text)).collect(),
+        statements: provenance.statements.find(index).into_iter().flatten().map(|text| comment_text(text)).collect(),
         control_bits: layout.bits,
         parts: [loops, stream].into_iter().filter(|part| part.bits > 0).collect(),
         mask,

@@ -28,8 +28,8 @@ fn design(model: &'static str) -> Vec<Artefact> {
         default_steps: 2,
         files: vec![("x\n.ode".to_owned(), "00ff".to_owned())],
         provenance: pe_emit::Provenance {
-            statements: vec![vec!["x.ode:1: a' = \\\n -a */".to_owned()]],
-            coefficients: vec![vec![Some(-0.1); 3]],
+            statements: vec![vec!["x.ode:1: a' = \\\n -a */".to_owned()]].into(),
+            coefficients: vec![vec![Some(-0.1); 3]].into(),
         },
     };
     emit(&random_program(&case), &options)

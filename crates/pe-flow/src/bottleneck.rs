@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use pe_ir::index::PeId;
 use pe_ir::program::{LinkSource, PeProgram, Program};
 
 use crate::pipeline::Design;
@@ -14,7 +15,7 @@ const NAMED: usize = 5;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bottleneck {
     /// Its index.
-    pub pe: usize,
+    pub pe: PeId,
     /// Control words that read an operand.
     pub busy: u32,
     /// Control words that read none, while operands are under way or other PEs finish.
@@ -29,9 +30,8 @@ impl Bottleneck {
     /// Finds it.
     pub fn of(design: &Design) -> Bottleneck {
         let program = &design.program;
-        let busiest =
-            |best: usize, pe: usize| if busy(&program.pes[pe]) > busy(&program.pes[best]) { pe } else { best };
-        let pe = (0..program.pes.len()).fold(0, busiest);
+        let busiest = |best, pe| if busy(&program.pes[pe]) > busy(&program.pes[best]) { pe } else { best };
+        let pe = program.pes.ids().fold(PeId::new(0), busiest);
         let of_pe = &program.pes[pe];
         let mut sources: BTreeMap<LinkSource, u32> = BTreeMap::new();
         for (port, _) in of_pe.words.iter().filter_map(|word| word.receive) {
@@ -59,7 +59,7 @@ impl Bottleneck {
         let equations = &program.pes[self.pe].equations;
         let main_source = self.main_source.map(|(source, words)| MainSource { from: name(program, source), words });
         Limiting {
-            pe: self.pe,
+            pe: self.pe.index(),
             equations: equations.len(),
             first_equations: equations.iter().take(NAMED).cloned().collect(),
             busy_cycles: self.busy,

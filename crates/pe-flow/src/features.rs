@@ -166,9 +166,9 @@ fn row(program: &Program, feature: &Feature) -> FeatureRow {
         *sizes.entry((feature.size)(&pe.features)).or_default() += 1;
     }
     let without = sizes.get(&feature.nothing).copied().unwrap_or(0);
-    let example = program.pes.iter().position(|pe| (feature.size)(&pe.features) > feature.nothing);
+    let example = program.pes.numbered().find(|(_, pe)| (feature.size)(&pe.features) > feature.nothing);
     let because = match example {
-        Some(pe) => format!("PE {pe}: {}", (feature.need)(program, &program.pes[pe])),
+        Some((index, pe)) => format!("PE {index}: {}", (feature.need)(program, pe)),
         None => "no PE needs it".to_owned(),
     };
     let with = program.pes.len() - without;
@@ -179,13 +179,13 @@ fn row(program: &Program, feature: &Feature) -> FeatureRow {
 fn saturation(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &Mapping) -> FeatureRow {
     let without = program.pes.iter().filter(|pe| pe.features.proven).count();
     let enclosed = judged.proof.as_ref().and_then(|proof| proof.enclosed.as_ref());
-    let saturating = program.pes.iter().position(|pe| !pe.features.proven);
+    let saturating = program.pes.ids().find(|pe| program.saturates(*pe));
     let because = match (saturating, enclosed) {
         (None, _) => "every word is proven to be in range".to_owned(),
         (Some(_), None) if judged.proof.is_none() => "no proof of ranges was asked for".to_owned(),
         (Some(pe), None) => format!("PE {pe}: no bound of its values was found"),
         (Some(pe), Some(enclosed)) => {
-            let own = graph.chains.iter().filter(|chain| mapping.pe_of[chain.equation as usize] as usize == pe);
+            let own = graph.chains.iter().filter(|chain| mapping.pe_of[chain.equation as usize] == pe);
             let mut values = own.flat_map(|chain| chain.writes()).map(|write| write.value);
             match values.find(|value| !enclosed.enclosure.fits(*value)) {
                 Some(value) => format!("PE {pe}: nothing proves that `{}` stays in range", graph.value_name(value)),

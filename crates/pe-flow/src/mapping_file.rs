@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use pe_hls::relay::is_relay;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
+use pe_ir::index::PeId;
 use pe_ir::mapping::Mapping;
 use pe_ir::source::{Diagnostic, Sources, Span};
 use pe_ir::text::mapping::Placed;
@@ -32,7 +33,7 @@ struct Line {
     equation: String,
     /// Of the equation's name.
     span: Span,
-    pe: u32,
+    pe: PeId,
 }
 
 impl MappingFile {
@@ -55,7 +56,7 @@ impl MappingFile {
             }
             let span = |from: usize, to: usize| Span { start: at + from as u32, end: at + to as u32 };
             let words = text.rsplit_once(char::is_whitespace).map(|(name, number)| (name.trim_end(), number));
-            match words.and_then(|(name, number)| Some((name, number.parse().ok().filter(|pe| *pe < u32::MAX)?))) {
+            match words.and_then(|(name, number)| Some((name, number.parse().ok()?))) {
                 Some((name, pe)) => lines.push(Line { equation: name.to_owned(), span: span(0, name.len()), pe }),
                 None => findings.push(
                     Diagnostic::error(
@@ -102,7 +103,7 @@ impl MappingFile {
             );
         }
         findings.extend(gap(&lines));
-        let pes = lines.iter().map(|line| line.pe + 1).max().unwrap_or(0);
+        let pes = lines.iter().map(|line| line.pe.number() + 1).max().unwrap_or(0);
         if findings.is_empty() {
             Ok(MappingFile { sources, lines, pes })
         } else {
@@ -167,10 +168,10 @@ impl MappingFile {
 
 /// The finding about the first PE without an equation among those below the last one.
 fn gap(lines: &[Line]) -> Option<Diagnostic> {
-    let mut used: Vec<u32> = lines.iter().map(|line| line.pe).collect();
+    let mut used: Vec<PeId> = lines.iter().map(|line| line.pe).collect();
     used.sort_unstable();
     used.dedup();
-    let missing = (0..).zip(&used).find(|(expected, pe)| expected != *pe)?.0;
+    let missing = (0..).map(PeId::new).zip(&used).find(|(expected, pe)| expected != *pe)?.0;
     let above = lines.iter().find(|line| line.pe > missing)?;
     let message = format!("`{}` is on PE {}, and PE {missing} has no equation", above.equation, above.pe);
     Some(

@@ -3,6 +3,7 @@
 use pe_hls::mapping::Candidate;
 use pe_hls::schedule;
 use pe_ir::graph::StepGraph;
+use pe_ir::index::List;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
 
@@ -34,9 +35,9 @@ pub fn schedules(
 
 /// The most products of a PE as they are issued: the mapper may have counted on pairs that its mapping does not allow.
 fn load(graph: &StepGraph, candidate: &Candidate) -> u32 {
-    let mut loads = vec![0; candidate.mapping.pes as usize];
+    let mut loads = List::filled(0, candidate.mapping.pes as usize);
     for (load, pe) in graph.loads().iter().zip(&candidate.mapping.pe_of) {
-        loads[*pe as usize] += load;
+        loads[*pe] += load;
     }
     loads.into_iter().max().unwrap_or(0)
 }

@@ -4,10 +4,11 @@
 //! neighbours of an equation are, so PEs of many imported neighbours end up with more products than it thought. Moves
 //! of single equations to neighbouring PEs take from the PE with most products, as long as that helps.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{FixedPoint, StepGraph};
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, PeId, at, number};
 use pe_ir::mapping::Mapping;
 
 use crate::pairs;
@@ -26,10 +27,10 @@ pub fn even(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Mapping
 }
 
 struct State {
-    pe_of: Vec<u32>,
-    members: Vec<Vec<u32>>,
+    pe_of: Vec<PeId>,
+    members: List<PeId, Vec<u32>>,
     /// Products of each PE.
-    loads: Vec<i64>,
+    loads: List<PeId, i64>,
     /// Products of each equation without pairs.
     single: Vec<u32>,
     /// Classes of operands with equal coefficients in the chains of each equation, by the equations that compute them.
@@ -43,8 +44,8 @@ impl State {
         let equations = graph.equations.len();
         let mut state = State {
             pe_of: mapping.pe_of.clone(),
-            members: vec![Vec::new(); at(mapping.pes)],
-            loads: vec![0; at(mapping.pes)],
+            members: List::filled(Vec::new(), at(mapping.pes)),
+            loads: List::filled(0, at(mapping.pes)),
             single: graph.loads(),
             classes: vec![Vec::new(); equations],
             readers: vec![Vec::new(); equations],
@@ -63,15 +64,15 @@ impl State {
         }
         for equation in 0..equations {
             let pe = state.pe_of[equation];
-            state.members[at(pe)].push(number(equation));
+            state.members[pe].push(number(equation));
             let load = state.load(number(equation), &|other| state.pe_of[at(other)]);
-            state.loads[at(pe)] += i64::from(load);
+            state.loads[pe] += i64::from(load);
         }
         state
     }
 
     /// Products of an equation where `pe_of` tells the places.
-    fn load(&self, equation: u32, pe_of: &dyn Fn(u32) -> u32) -> u32 {
+    fn load(&self, equation: u32, pe_of: &dyn Fn(u32) -> PeId) -> u32 {
         let here = pe_of(equation);
         let saved = |class: &Vec<u32>| {
             let own = class.iter().filter(|source| pe_of(**source) == here).count();
@@ -82,7 +83,7 @@ impl State {
     }
 
     /// What a move changes in the loads.
-    fn changes(&self, equation: u32, to: u32) -> BTreeMap<u32, i64> {
+    fn changes(&self, equation: u32, to: PeId) -> BTreeMap<PeId, i64> {
         let before = |other: u32| self.pe_of[at(other)];
         let after = |other: u32| if other == equation { to } else { self.pe_of[at(other)] };
         let mut changes = BTreeMap::new();
@@ -96,21 +97,21 @@ impl State {
 
     /// The move away from the PE with most products that leaves the smallest largest load among the PEs it touches,
     /// then the fewest products; `None` if none of them helps.
-    fn best_move(&self) -> Option<(u32, u32)> {
-        let (worst, load) = self.loads.iter().enumerate().max_by_key(|(pe, load)| (**load, usize::MAX - pe))?;
+    fn best_move(&self) -> Option<(u32, PeId)> {
+        let (worst, load) = self.loads.numbered().max_by_key(|(pe, load)| (**load, Reverse(*pe)))?;
         let members = &self.members[worst];
         if members.len() < 2 {
             return None;
         }
-        let mut best: Option<((i64, i64), (u32, u32))> = None;
+        let mut best: Option<((i64, i64), (u32, PeId))> = None;
         for equation in members {
             let nearby = self.classes[at(*equation)].iter().flatten().chain(&self.readers[at(*equation)]);
-            let mut places: Vec<u32> = nearby.map(|other| self.pe_of[at(*other)]).collect();
+            let mut places: Vec<PeId> = nearby.map(|other| self.pe_of[at(*other)]).collect();
             places.sort_unstable();
             places.dedup();
-            for to in places.into_iter().filter(|to| at(*to) != worst) {
+            for to in places.into_iter().filter(|to| *to != worst) {
                 let changes = self.changes(*equation, to);
-                let loads = changes.iter().map(|(pe, change)| self.loads[at(*pe)] + change);
+                let loads = changes.iter().map(|(pe, change)| self.loads[*pe] + change);
                 let result = (loads.max().unwrap_or(0), changes.values().sum());
                 if result.0 < *load && best.is_none_or(|best| result < best.0) {
                     best = Some((result, (*equation, to)));
@@ -120,12 +121,12 @@ impl State {
         best.map(|(_, chosen)| chosen)
     }
 
-    fn apply(&mut self, equation: u32, to: u32) {
+    fn apply(&mut self, equation: u32, to: PeId) {
         for (pe, change) in self.changes(equation, to) {
-            self.loads[at(pe)] += change;
+            self.loads[pe] += change;
         }
         let from = std::mem::replace(&mut self.pe_of[at(equation)], to);
-        self.members[at(from)].retain(|member| *member != equation);
-        self.members[at(to)].push(equation);
+        self.members[from].retain(|member| *member != equation);
+        self.members[to].push(equation);
     }
 }

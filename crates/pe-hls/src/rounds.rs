@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, PeId, at};
 use pe_ir::schedule::{Schedule, Transfer};
 
 /// What a step is made of: rounds, and the values and chains of one.
@@ -101,7 +101,7 @@ impl<'a> Rounds<'a> {
             }
         }
         // Transfers of each value of a round; the start value of a state is sent as the end value of the round before.
-        let mut receives: BTreeMap<u32, Vec<(u32, u32)>> = BTreeMap::new();
+        let mut receives: BTreeMap<u32, Vec<(PeId, u32)>> = BTreeMap::new();
         for transfer in &round.transfers {
             receives.entry(transfer.value.0).or_default().push((transfer.to, transfer.receive));
         }

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use pe_hls::mapping::{Candidate, MapError, MapOptions, Problem, RANDOM, map};
+use pe_ir::index::PeId;
 use pe_ir::verify::mapping::{Facts, check_facts};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -124,7 +125,7 @@ fn the_graphs_show_both_levels() {
     let problem = Problem::new(vec![2, 3, 4], &[(0, 1), (0, 2), (1, 2)], &[(0, 0)]);
     let ode = problem.ode_graph();
     assert_eq!((ode.node_count(), ode.edge_count()), (3, 3));
-    let mapping = pe_ir::mapping::Mapping { pes: 2, pe_of: vec![0, 0, 1] };
+    let mapping = pe_ir::mapping::Mapping { pes: 2, pe_of: [0, 0, 1].map(PeId::new).to_vec() };
     let pes = problem.pe_graph(&mapping);
     assert_eq!(pes.node_weights().copied().collect::<Vec<_>>(), [5, 4]);
     assert_eq!(pes.edge_weights().copied().collect::<Vec<_>>(), [2]);

@@ -1,6 +1,15 @@
-//! Numbers of things. Lists of values, equations and memory words refer to one another by numbers of 32 bits, which
-//! halve the memory of pointers; as places in lists they are `usize`. These two conversions stand for all casts
-//! between the two.
+//! Numbers of things, a type for each kind. Lists of values, equations and memory words refer to one another by numbers
+//! of 32 bits, which halve the memory of pointers; as places in lists they are `usize`. All conversions between the two
+//! are here.
+//!
+//! A number of one kind is not taken where another kind is wanted, and a [`List`] takes only numbers of its own kind.
+//! None of them is `u32::MAX`, so that an `Option` of one needs no more memory, and says itself that there is none.
+
+use std::fmt;
+use std::marker::PhantomData;
+use std::num::{NonZeroU32, ParseIntError};
+use std::ops::{Deref, DerefMut, Index, IndexMut};
+use std::str::FromStr;
 
 /// The place in a list that a number stands for.
 #[inline]
@@ -17,4 +26,265 @@ pub fn at(number: u32) -> usize {
 #[inline]
 pub fn number(place: usize) -> u32 {
     u32::try_from(place).expect("the limits of a model keep lists below 2^32 members")
+}
+
+/// A number of one kind of thing.
+pub trait Id: Copy + Ord {
+    /// The thing at a place of its list.
+    ///
+    /// # Panics
+    ///
+    /// If the place is 2^32 - 1 or more, which the limits on the size of a model exclude.
+    fn at(place: usize) -> Self;
+
+    /// The place in its list.
+    fn place(self) -> usize;
+}
+
+macro_rules! ids {
+    ($($(#[$doc:meta])* $name:ident)*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub struct $name(NonZeroU32);
+
+        impl $name {
+            /// The thing with a number below 2^32 - 1.
+            #[inline]
+            pub const fn new(number: u32) -> $name {
+                match NonZeroU32::new(number.wrapping_add(1)) {
+                    Some(next) => $name(next),
+                    None => panic!("the limits of a model keep numbers below 2^32 - 1"),
+                }
+            }
+
+            /// The thing at a place of its list.
+            #[inline]
+            pub fn at(place: usize) -> $name {
+                $name::new(number(place))
+            }
+
+            /// The number, from 0.
+            #[inline]
+            pub const fn number(self) -> u32 {
+                self.0.get() - 1
+            }
+
+            /// The place in its list.
+            #[inline]
+            pub fn index(self) -> usize {
+                at(self.number())
+            }
+
+            /// The first so many, in order.
+            #[inline]
+            pub fn all(count: u32) -> impl DoubleEndedIterator<Item = $name> + ExactSizeIterator + Clone {
+                (0..at(count)).map($name::at)
+            }
+        }
+
+        impl Id for $name {
+            #[inline]
+            fn at(place: usize) -> $name {
+                $name::at(place)
+            }
+
+            #[inline]
+            fn place(self) -> usize {
+                self.index()
+            }
+        }
+
+        impl FromStr for $name {
+            type Err = ParseIntError;
+
+            fn from_str(text: &str) -> Result<$name, ParseIntError> {
+                let number: u32 = text.parse()?;
+                // A parse error of the number that the type holds, which is one more.
+                let next: NonZeroU32 = (u64::from(number) + 1).to_string().parse()?;
+                Ok($name(next))
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                fmt::Display::fmt(&self.number(), f)
+            }
+        }
+
+        impl fmt::Debug for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                fmt::Debug::fmt(&self.number(), f)
+            }
+        }
+    )*};
+}
+
+ids! {
+    /// A PE: its place in [`Program::pes`](crate::program::Program::pes).
+    PeId
+}
+
+/// A list that is indexed by numbers of one kind; all else is as with a slice.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct List<I, T> {
+    members: Vec<T>,
+    kind: PhantomData<fn(I) -> I>,
+}
+
+impl<I: Id, T> List<I, T> {
+    /// No members.
+    pub const fn new() -> List<I, T> {
+        List { members: Vec::new(), kind: PhantomData }
+    }
+
+    /// A number of equal members.
+    pub fn filled(member: T, count: usize) -> List<I, T>
+    where
+        T: Clone,
+    {
+        vec![member; count].into()
+    }
+
+    /// Adds a member, and gives its number.
+    pub fn push(&mut self, member: T) -> I {
+        let id = I::at(self.members.len());
+        self.members.push(member);
+        id
+    }
+
+    /// Its numbers, in order.
+    pub fn ids(&self) -> impl DoubleEndedIterator<Item = I> + ExactSizeIterator + Clone + use<I, T> {
+        (0..self.members.len()).map(I::at)
+    }
+
+    /// The members with their numbers.
+    pub fn numbered(&self) -> impl DoubleEndedIterator<Item = (I, &T)> + ExactSizeIterator + Clone {
+        self.members.iter().enumerate().map(|(place, member)| (I::at(place), member))
+    }
+
+    /// The members with their numbers, to be changed.
+    pub fn numbered_mut(&mut self) -> impl DoubleEndedIterator<Item = (I, &mut T)> + ExactSizeIterator {
+        self.members.iter_mut().enumerate().map(|(place, member)| (I::at(place), member))
+    }
+
+    /// The member with a number, if there is one.
+    pub fn find(&self, id: I) -> Option<&T> {
+        self.members.get(id.place())
+    }
+
+    /// The members as a vector.
+    pub fn into_vec(self) -> Vec<T> {
+        self.members
+    }
+
+    /// The vector of its members, for what changes its length.
+    pub fn vec_mut(&mut self) -> &mut Vec<T> {
+        &mut self.members
+    }
+}
+
+impl<I, T> Deref for List<I, T> {
+    type Target = [T];
+
+    #[inline]
+    fn deref(&self) -> &[T] {
+        &self.members
+    }
+}
+
+impl<I, T> DerefMut for List<I, T> {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut [T] {
+        &mut self.members
+    }
+}
+
+impl<I: Id, T> Index<I> for List<I, T> {
+    type Output = T;
+
+    #[inline]
+    fn index(&self, id: I) -> &T {
+        &self.members[id.place()]
+    }
+}
+
+impl<I: Id, T> IndexMut<I> for List<I, T> {
+    #[inline]
+    fn index_mut(&mut self, id: I) -> &mut T {
+        &mut self.members[id.place()]
+    }
+}
+
+impl<I, T> Default for List<I, T> {
+    fn default() -> List<I, T> {
+        Vec::new().into()
+    }
+}
+
+impl<I, T> From<Vec<T>> for List<I, T> {
+    fn from(members: Vec<T>) -> List<I, T> {
+        List { members, kind: PhantomData }
+    }
+}
+
+impl<I, T> FromIterator<T> for List<I, T> {
+    fn from_iter<M: IntoIterator<Item = T>>(members: M) -> List<I, T> {
+        Vec::from_iter(members).into()
+    }
+}
+
+impl<I, T> Extend<T> for List<I, T> {
+    fn extend<M: IntoIterator<Item = T>>(&mut self, members: M) {
+        self.members.extend(members);
+    }
+}
+
+impl<I, T> IntoIterator for List<I, T> {
+    type Item = T;
+    type IntoIter = std::vec::IntoIter<T>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.members.into_iter()
+    }
+}
+
+impl<'a, I, T> IntoIterator for &'a List<I, T> {
+    type Item = &'a T;
+    type IntoIter = std::slice::Iter<'a, T>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.members.iter()
+    }
+}
+
+impl<'a, I, T> IntoIterator for &'a mut List<I, T> {
+    type Item = &'a mut T;
+    type IntoIter = std::slice::IterMut<'a, T>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.members.iter_mut()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_option_of_a_number_takes_no_more_memory_and_none_of_them_is_lost() {
+        assert_eq!(size_of::<Option<PeId>>(), size_of::<u32>());
+        for number in [0, 1, u32::MAX - 1] {
+            assert_eq!((PeId::new(number).number(), PeId::at(at(number)).index()), (number, at(number)));
+            assert_eq!(number.to_string().parse(), Ok(PeId::new(number)));
+        }
+        assert!(PeId::new(7) < PeId::new(8) && None < Some(PeId::new(0)));
+        assert_eq!(format!("{0} {0:?} {0:>3}", PeId::new(7)), "7 7   7");
+    }
+
+    #[test]
+    fn a_number_that_no_list_has_is_no_number() {
+        for text in ["", "-1", "x", "4294967295", "4294967296"] {
+            assert!(text.parse::<PeId>().is_err(), "{text}");
+        }
+    }
 }

@@ -1,12 +1,14 @@
 //! The mapping of equations to PEs.
 
+use crate::index::PeId;
+
 /// For each equation of a step graph its PE.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mapping {
     /// Number of PEs.
     pub pes: u32,
     /// PE of each equation.
-    pub pe_of: Vec<u32>,
+    pub pe_of: Vec<PeId>,
 }
 
 /// What a mapping costs, as the annealer sees it.

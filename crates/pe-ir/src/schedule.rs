@@ -4,6 +4,7 @@
 //! `period` for operands and may exceed it for the writes and receives that finish in the next step's first words.
 
 use crate::graph::ValueId;
+use crate::index::PeId;
 
 /// A word arriving at another PE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -11,7 +12,7 @@ pub struct Transfer {
     /// Value that travels.
     pub value: ValueId,
     /// Receiving PE.
-    pub to: u32,
+    pub to: PeId,
     /// Time of the receive group.
     pub receive: u32,
 }

@@ -3,7 +3,7 @@
 use pe_hls::formats::RANGE_MARGIN;
 use pe_hls::norms::Norms;
 use pe_ir::graph::{Chain, FixedPoint, Role, StepGraph, Term, ValueId};
-use pe_ir::index::at;
+use pe_ir::index::{List, at};
 use pe_ir::mapping::Mapping;
 use pe_ir::program::Program;
 use pe_ir::verify::ranges::{Drift, Enclosure, Measured, Norm, Step};
@@ -104,16 +104,16 @@ impl Proof {
     /// them. A PE needs it if one of its chains writes, or adds in front of the multiplier, a value without proof.
     /// `graph` is the step as it is issued.
     pub fn leave_out(&self, program: &mut Program, graph: &StepGraph, mapping: &Mapping) {
-        let mut needed = vec![self.enclosed.is_none(); program.pes.len()];
+        let mut needed = List::filled(self.enclosed.is_none(), program.pes.len());
         for chain in &graph.chains {
             let joined = graph.chain_terms(chain).iter().filter(|term| term.partner.is_some());
             let mut values = chain.writes().map(|write| write.value).chain(joined.flat_map(Term::operands));
-            needed[at(mapping.pe_of[at(chain.equation)])] |= values.any(|value| !self.fits(value));
+            needed[mapping.pe_of[at(chain.equation)]] |= values.any(|value| !self.fits(value));
         }
         program.pes.iter_mut().zip(needed).for_each(|(pe, needed)| pe.features.proven = !needed);
         let Some(Enclosed { enclosure, .. }) = &self.enclosed else { return };
         for (output, value) in program.outputs.iter_mut().zip(&graph.outputs) {
-            let proven = program.pes[at(output.pe)].features.proven;
+            let proven = program.pes[output.pe].features.proven;
             output.proven = proven && enclosure.shows(*value, &program.format);
         }
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use pe_ir::index::{List, PeId};
 use pe_ir::program::{LinkSource, Program};
 
 use crate::canvas::{Anchor, Canvas, picture};
@@ -23,34 +24,33 @@ const BARS: f64 = 110.0;
 /// A network as it is drawn.
 struct Network {
     /// Share of the cycles in which each PE issues a product.
-    loads: Vec<f64>,
+    loads: List<PeId, f64>,
     /// Words per step between PEs, both directions together, by pairs `(smaller, larger)`.
-    words: BTreeMap<(usize, usize), u64>,
+    words: BTreeMap<(PeId, PeId), u64>,
     /// PEs that read an external input, and PEs that compute an output.
-    reads_input: Vec<bool>,
-    gives_output: Vec<bool>,
+    reads_input: List<PeId, bool>,
+    gives_output: List<PeId, bool>,
 }
 
 impl Network {
     fn of(program: &Program) -> Network {
         let pes = program.pes.len();
         let mut words = BTreeMap::new();
-        let mut reads_input = vec![false; pes];
-        for (to, pe) in program.pes.iter().enumerate() {
+        let mut reads_input = List::filled(false, pes);
+        for (to, pe) in program.pes.numbered() {
             for (port, _) in pe.words.iter().filter_map(|word| word.receive) {
                 match pe.ports[usize::from(port)] {
                     // Words that a PE sends to itself cross no link between PEs.
-                    LinkSource::Pe(from) if from as usize == to => {}
+                    LinkSource::Pe(from) if from == to => {}
                     LinkSource::Pe(from) => {
-                        let from = from as usize;
                         *words.entry((from.min(to), from.max(to))).or_insert(0) += 1;
                     }
                     LinkSource::Input(_) => reads_input[to] = true,
                 }
             }
         }
-        let mut gives_output = vec![false; pes];
-        program.outputs.iter().for_each(|output| gives_output[output.pe as usize] = true);
+        let mut gives_output = List::filled(false, pes);
+        program.outputs.iter().for_each(|output| gives_output[output.pe] = true);
         Network {
             loads: program.pes.iter().map(|pe| load(pe, program.period)).collect(),
             words,
@@ -60,12 +60,12 @@ impl Network {
     }
 
     fn edges(&self) -> Vec<(usize, usize)> {
-        self.words.keys().copied().collect()
+        self.words.keys().map(|(from, to)| (from.index(), to.index())).collect()
     }
 
     /// The PE with most products, the first of them.
-    fn busiest(&self) -> usize {
-        (0..self.loads.len()).fold(0, |best, pe| if self.loads[pe] > self.loads[best] { pe } else { best })
+    fn busiest(&self) -> PeId {
+        self.loads.ids().fold(PeId::new(0), |best, pe| if self.loads[pe] > self.loads[best] { pe } else { best })
     }
 }
 
@@ -153,7 +153,7 @@ fn head(caption: &[String]) -> f64 {
 
 fn nodes(network: &Network, heading: &str, caption: &[String]) -> String {
     let edges = network.edges();
-    let mut places = places(network.loads.len(), &edges);
+    let mut places: List<PeId, _> = places(network.loads.len(), &edges).into();
     let low = places.iter().fold((f64::MAX, f64::MAX), |low, p| (low.0.min(p.0), low.1.min(p.1)));
     let high = places.iter().fold((f64::MIN, f64::MIN), |high, p| (high.0.max(p.0), high.1.max(p.1)));
     let extent = (high.0 - low.0, high.1 - low.1);
@@ -185,7 +185,7 @@ fn nodes(network: &Network, heading: &str, caption: &[String]) -> String {
         for ((a, b), words) in &network.words {
             canvas.path(&[places[*a], places[*b]], (140, 140, 140), width(*words));
         }
-        for (pe, place) in places.iter().enumerate() {
+        for (pe, place) in places.numbered() {
             let load = network.loads[pe];
             let shape = (network.reads_input[pe], network.gives_output[pe]);
             node(canvas, *place, radius, shades.tone(load), shape);
@@ -241,8 +241,8 @@ fn least_distance(places: &[(f64, f64)]) -> f64 {
 fn matrix(network: &Network, heading: &str, caption: &[String]) -> String {
     let pes = network.loads.len();
     let order = close_order(pes, &network.edges());
-    let mut rank = vec![0; pes];
-    order.iter().enumerate().for_each(|(at, pe)| rank[*pe] = at);
+    let mut rank = List::filled(0, pes);
+    order.iter().enumerate().for_each(|(at, pe)| rank[PeId::at(*pe)] = at);
     let cell = (640.0 / pes as f64).clamp(1.6, 18.0);
     let side = cell * pes as f64;
     let top = head(caption) + 36.0;
@@ -274,7 +274,7 @@ fn matrix(network: &Network, heading: &str, caption: &[String]) -> String {
                 canvas.fill((x, y), (x + cell, y + cell), (shade, shade, shade));
             }
         }
-        for (pe, at) in rank.iter().enumerate() {
+        for (pe, at) in rank.numbered() {
             let d = *at as f64 * cell;
             let load = network.loads[pe];
             canvas.fill((left + d, top + d), (left + d + cell, top + d + cell), shades.tone(load));

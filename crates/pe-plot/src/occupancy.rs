@@ -1,5 +1,6 @@
 //! What every PE does in every cycle of a step: products, writes and receives, each in its own lane.
 
+use pe_ir::index::PeId;
 use pe_ir::program::{ControlWord, PeProgram, Program};
 
 use crate::axis::{Axis, Scale};
@@ -56,8 +57,10 @@ pub fn draw(program: &Program) -> String {
     let (pes, period) = (program.pes.len().max(1), program.period.max(1) as usize);
     let row = (1100.0 / pes as f64).clamp(2.7, 26.0);
     let height = row * pes as f64;
-    let busiest = (0..program.pes.len())
-        .fold(0, |best, pe| if load(&program.pes[pe], 1) > load(&program.pes[best], 1) { pe } else { best });
+    let busiest = program
+        .pes
+        .ids()
+        .fold(PeId::new(0), |best, pe| if load(&program.pes[pe], 1) > load(&program.pes[best], 1) { pe } else { best });
     let per_column = period.div_ceil(COLUMNS);
     let several = if per_column == 1 {
         String::new()

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, PeId, at, number};
 use pe_ir::program::{
     Address, CoefficientOperand, ControlWord, FieldName, Fold, Layout, LinkSource, PeFeatures, PeProgram, Program,
 };
@@ -51,11 +51,11 @@ struct Registers {
 /// The whole network.
 pub struct Clocked<'a> {
     program: &'a Program,
-    words: Vec<Vec<ControlWord>>,
-    used: Vec<Vec<bool>>,
-    captures: BTreeMap<(usize, usize), Vec<usize>>,
-    pes: Vec<Registers>,
-    links: Vec<i64>,
+    words: List<PeId, Vec<ControlWord>>,
+    used: List<PeId, Vec<bool>>,
+    captures: BTreeMap<(PeId, usize), Vec<usize>>,
+    pes: List<PeId, Registers>,
+    links: List<PeId, i64>,
     inputs: Vec<i64>,
     captured: Vec<i64>,
     word: usize,
@@ -100,9 +100,9 @@ impl<'a> Clocked<'a> {
             causes: [None; 2],
             unsent: BTreeMap::new(),
         };
-        let mut captures: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        let mut captures: BTreeMap<(PeId, usize), Vec<usize>> = BTreeMap::new();
         for (index, output) in program.outputs.iter().enumerate() {
-            captures.entry((at(output.pe), at(output.word))).or_default().push(index);
+            captures.entry((output.pe, at(output.word))).or_default().push(index);
         }
         let mut network = Clocked {
             program,
@@ -110,7 +110,7 @@ impl<'a> Clocked<'a> {
             used: used_results(program),
             captures,
             pes: program.pes.iter().map(pe).collect(),
-            links: vec![0; program.pes.len()],
+            links: List::filled(0, program.pes.len()),
             inputs: vec![0; program.inputs.len()],
             captured: vec![0; program.outputs.len()],
             word: 0,
@@ -153,8 +153,8 @@ impl<'a> Clocked<'a> {
     }
 
     /// PEs whose sticky flag is set.
-    pub fn flags(&self) -> Vec<u32> {
-        (0..).zip(&self.pes).filter(|(_, pe)| pe.overflow).map(|(index, _)| index).collect()
+    pub fn flags(&self) -> Vec<PeId> {
+        self.pes.numbered().filter(|(_, pe)| pe.overflow).map(|(index, _)| index).collect()
     }
 
     /// The control word, counted as in traces, with which the overflow flag rose.
@@ -183,9 +183,9 @@ impl<'a> Clocked<'a> {
             coverage.raised[source] = true;
         }
         // A flag is compared as the run ends, and that of the network in every clock.
-        for (index, (pe, cover)) in self.pes.iter().zip(&mut coverage.pes).enumerate() {
+        for ((index, pe), cover) in self.pes.numbered().zip(&mut coverage.pes) {
             let [began, all] = pe.causes;
-            let seen = all.or(began.filter(|_| first == Some(index)));
+            let seen = all.or(began.filter(|_| first == Some(index.index())));
             seen.into_iter().for_each(|cause| cover.flagged[cause] = true);
             let hidden = |cycle: u64| pe.overflow && self.overflow_cycle.is_some_and(|first| first <= cycle);
             pe.unsent.iter().filter(|(_, cycle)| !hidden(**cycle)).for_each(|(word, _)| cover.unsent[*word] = true);
@@ -228,9 +228,9 @@ impl<'a> Clocked<'a> {
     fn clock(&mut self, trace: &mut impl FnMut(TraceLine)) {
         let ends_step = self.program.ends_step(number(self.word));
         let links = self.links.clone();
-        for pe in 0..self.pes.len() {
+        for pe in self.pes.ids() {
             if self.execute(pe, ends_step, &links, trace) {
-                self.flag(self.cycle, pe);
+                self.flag(self.cycle, pe.index());
             }
         }
         self.cycle += 1;
@@ -244,7 +244,13 @@ impl<'a> Clocked<'a> {
     }
 
     /// Executes the control word in one PE; whether it sets the PE's flag.
-    fn execute(&mut self, index: usize, ends_step: bool, links: &[i64], trace: &mut impl FnMut(TraceLine)) -> bool {
+    fn execute(
+        &mut self,
+        index: PeId,
+        ends_step: bool,
+        links: &List<PeId, i64>,
+        trace: &mut impl FnMut(TraceLine),
+    ) -> bool {
         let (program, settle) = (self.program, self.settle);
         let (format, features) = (&program.format, &program.pes[index].features);
         let word = &self.words[index][self.word];
@@ -281,7 +287,7 @@ impl<'a> Clocked<'a> {
                 pe.tell_cause(if saturated == 0 { Some(OPERANDS) } else { alone(taken) });
             }
             let source = |source: &LinkSource| match source {
-                LinkSource::Pe(sender) => links[at(*sender)],
+                LinkSource::Pe(sender) => links[*sender],
                 LinkSource::Input(input) => self.inputs[at(*input)],
             };
             fields |= pe.write(&clock, result, cover, trace);
@@ -302,7 +308,7 @@ impl<'a> Clocked<'a> {
 /// A clock of one PE.
 struct Clock<'a> {
     program: &'a Program,
-    pe: usize,
+    pe: PeId,
     word: &'a ControlWord,
     /// Whether anything takes the result whose base and shift the word chooses.
     used: bool,
@@ -490,7 +496,7 @@ impl Registers {
             }
         }
         let value = result as u64 & (u64::MAX >> (64 - format.word_bits()));
-        trace(TraceLine { cycle: clock.cycle, pe: number(clock.pe), address: number(address), value });
+        trace(TraceLine { cycle: clock.cycle, pe: clock.pe, address: number(address), value });
         fields
     }
 
@@ -519,7 +525,7 @@ impl Registers {
         }
         let address = clock.features().write_words() + number(place);
         let value = value as u64 & (u64::MAX >> (64 - clock.program.format.data_bits));
-        trace(TraceLine { cycle: clock.cycle, pe: number(clock.pe), address, value });
+        trace(TraceLine { cycle: clock.cycle, pe: clock.pe, address, value });
         fields
     }
 

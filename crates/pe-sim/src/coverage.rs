@@ -1,7 +1,7 @@
 //! Coverage of a network in a run, derived from the data: an item counts if another value of it would have changed a
 //! register or a memory word.
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, PeId, at, number};
 use pe_ir::program::{Address, CoefficientOperand, ControlWord, FieldName, PeFeatures, PeProgram, Program, Target};
 use pe_ir::word::round_shift;
 
@@ -139,7 +139,7 @@ impl PeCoverage {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
     /// PE by PE.
-    pub pes: Vec<PeCoverage>,
+    pub pes: List<PeId, PeCoverage>,
     /// Input ports: bits that were 1, and bits that were 0.
     pub inputs: Vec<[u64; 2]>,
     /// Input ports that took a word beyond the largest operand.
@@ -201,7 +201,7 @@ impl Coverage {
         let mut coverage = Coverage::none(program);
         let format = &program.format;
         let used = used_results(program);
-        for (index, ((pe, cover), used)) in program.pes.iter().zip(&mut coverage.pes).zip(used).enumerate() {
+        for (((index, pe), cover), used) in program.pes.numbered().zip(&mut coverage.pes).zip(used) {
             let mut kept = vec![false; pe.base_image.len()];
             let targets = pe.words.iter().filter_map(|word| word.write).filter(|target| target.base);
             targets.for_each(|target| kept[pe.features.base_word(target.address.word)] = true);
@@ -311,7 +311,7 @@ impl Coverage {
 }
 
 /// The words of a PE whose result, if it saturates, sets the flag by one of [`FLAGGING`] alone, and which one that is.
-pub fn flags_of(program: &Program, pe: usize) -> Vec<(usize, usize)> {
+pub fn flags_of(program: &Program, pe: PeId) -> Vec<(usize, usize)> {
     let pe = &program.pes[pe];
     let cause = |(k, word): (usize, &ControlWord)| {
         let rests = pe.features.base_last && !program.ends_step(number(k));
@@ -339,11 +339,11 @@ fn set(flags: &[bool]) -> u64 {
 }
 
 /// For each PE and control word, whether anything takes the result whose base and shift the word chooses.
-pub(crate) fn used_results(program: &Program) -> Vec<Vec<bool>> {
+pub(crate) fn used_results(program: &Program) -> List<PeId, Vec<bool>> {
     let delay = at(program.latency().scale_to_write());
     let period = at(program.period);
-    let used = |(index, pe): (usize, &PeProgram)| {
-        let captured = |k: usize| program.outputs.iter().any(|o| (at(o.pe), at(o.word)) == (index, k));
+    let used = |(index, pe): (PeId, &PeProgram)| {
+        let captured = |k: usize| program.outputs.iter().any(|o| (o.pe, at(o.word)) == (index, k));
         let taken: Vec<bool> = (0..period)
             .map(|k| {
                 let word = &pe.words[k];
@@ -352,7 +352,7 @@ pub(crate) fn used_results(program: &Program) -> Vec<Vec<bool>> {
             .collect();
         (0..period).map(|k| taken[(k + delay) % period]).collect()
     };
-    program.pes.iter().enumerate().map(used).collect()
+    program.pes.numbered().map(used).collect()
 }
 
 /// Whether another of the shifts would have given another result.

@@ -3,7 +3,7 @@
 //! A step does the same whatever the numbers, so its control words are followed once ([`crate::record`]) and what they
 //! compute is run for each step, many sums at a time ([`crate::tiles`]).
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, PeId, at, number};
 use pe_ir::program::{ControlWord, Fold, Layout, Program};
 use pe_ir::word::WordFormat;
 
@@ -65,7 +65,7 @@ impl<'a> Machine<'a> {
             let layout = Layout::new(&pe.features, &program.format);
             bits.iter().map(|bits| layout.decode(*bits)).collect()
         };
-        let words: Vec<Vec<ControlWord>> = program.pes.iter().zip(bits).map(decode).collect();
+        let words: List<PeId, Vec<ControlWord>> = program.pes.iter().zip(bits).map(decode).collect();
         let homes = Homes::new(program);
         let network = if program.format.data_bits.max(program.format.coefficient_bits) <= 32 {
             Network::Short(Steps::new(program, &words, &homes))
@@ -131,8 +131,8 @@ impl<'a> Machine<'a> {
     /// Stored word of a state as the next step starts.
     pub fn state(&self, index: usize) -> i64 {
         let (pe, word) = self.program.states[index].own;
-        let word = self.program.pes[at(pe)].features.base_word(word);
-        let slot = at(self.homes.base(at(pe), word));
+        let word = self.program.pes[pe].features.base_word(word);
+        let slot = at(self.homes.base(pe, word));
         on_steps!(&self.network, steps => steps.words.words[slot])
     }
 }
@@ -167,7 +167,7 @@ struct Step<P> {
 }
 
 impl<P: Port> Steps<P> {
-    fn new(program: &Program, words: &[Vec<ControlWord>], homes: &Homes) -> Steps<P> {
+    fn new(program: &Program, words: &List<PeId, Vec<ControlWord>>, homes: &Homes) -> Steps<P> {
         let pause = program.latency().pause();
         let mut kept = KeptSums::default();
         let settling = Stretch { program, words, from: 0, count: pause, parity: false, settle: true };
@@ -332,7 +332,7 @@ fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> V
         recording.outputs.iter().copied().for_each(&mut need);
     }
     for state in &program.states {
-        let (pe, word) = (at(state.own.0), state.own.1);
+        let (pe, word) = state.own;
         need(homes.base(pe, program.pes[pe].features.base_word(word)));
     }
     let moves = recordings.iter().map(|recording| recording.moves(homes));
@@ -356,7 +356,7 @@ fn image<P: Port>(program: &Program, homes: &Homes, slots: usize, has_factors: b
     let mut words = Words::new(program.format, slots, has_factors);
     words.set(at(NULL), 0);
     words.set(at(OFFSET), program.format.data_offset());
-    for (index, pe) in program.pes.iter().enumerate() {
+    for (index, pe) in program.pes.numbered() {
         for (address, operand) in pe.own_image.iter().enumerate() {
             words.set_operand(at(homes.own(index, address)), *operand);
         }

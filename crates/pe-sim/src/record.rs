@@ -12,7 +12,7 @@ use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, List, PeId, at};
 use pe_ir::program::{Address, CoefficientOperand, ControlWord, LinkSource, Program};
 
 use crate::tiles::{Chain, Columns, Factor, Outcome, Term, Write};
@@ -26,7 +26,7 @@ pub(crate) const OFFSET: u32 = 1;
 /// Where the words of a network lie between steps.
 pub(crate) struct Homes {
     inputs: u32,
-    pes: Vec<PeHomes>,
+    pes: List<PeId, PeHomes>,
     pub count: u32,
 }
 
@@ -74,22 +74,22 @@ impl Homes {
     }
 
     /// A word of an own memory.
-    pub fn own(&self, pe: usize, word: usize) -> u32 {
+    pub fn own(&self, pe: PeId, word: usize) -> u32 {
         self.pes[pe].own + index::number(word)
     }
 
     /// A word of a base memory.
-    pub fn base(&self, pe: usize, word: usize) -> u32 {
+    pub fn base(&self, pe: PeId, word: usize) -> u32 {
         self.pes[pe].base + index::number(word)
     }
 
     /// A word of a coefficient memory.
-    pub fn coefficient(&self, pe: usize, word: usize) -> u32 {
+    pub fn coefficient(&self, pe: PeId, word: usize) -> u32 {
         self.pes[pe].coefficients + index::number(word)
     }
 
     /// A word of an imported memory.
-    pub fn imported(&self, pe: usize, word: usize) -> u32 {
+    pub fn imported(&self, pe: PeId, word: usize) -> u32 {
         self.pes[pe].imported + index::number(word)
     }
 }
@@ -97,12 +97,12 @@ impl Homes {
 /// Sums under way between two steps: registers of the same PE that add up to one, as a bit set.
 #[derive(Default)]
 pub(crate) struct KeptSums {
-    indices: BTreeMap<(u32, u64), u32>,
-    pub sums: Vec<(u32, u64)>,
+    indices: BTreeMap<(PeId, u64), u32>,
+    pub sums: Vec<(PeId, u64)>,
 }
 
 impl KeptSums {
-    fn index(&mut self, pe: u32, registers: u64) -> Option<u32> {
+    fn index(&mut self, pe: PeId, registers: u64) -> Option<u32> {
         if registers == 0 {
             return None;
         }
@@ -196,7 +196,7 @@ struct Pe {
 /// Control words to follow: `words` of each PE, from word `from` for `count` words.
 pub(crate) struct Stretch<'a> {
     pub program: &'a Program,
-    pub words: &'a [Vec<ControlWord>],
+    pub words: &'a List<PeId, Vec<ControlWord>>,
     pub from: u32,
     pub count: u32,
     /// Parity at its beginning.
@@ -241,16 +241,16 @@ pub(crate) struct Recording {
     pub columns: Columns,
     /// Where in [`Columns::choices`] the same words stand.
     known_choices: BTreeMap<Vec<u32>, u32>,
-    accumulator_bits: Vec<u32>,
+    accumulator_bits: List<PeId, u32>,
     format: pe_ir::word::WordFormat,
-    pes: Vec<Pe>,
+    pes: List<PeId, Pe>,
 }
 
 impl Recording {
     /// Follows a stretch.
     pub fn new(stretch: &Stretch, homes: &Homes, kept: &mut KeptSums) -> Recording {
         let program = stretch.program;
-        let pe = |index: usize| Pe::new(stretch, &homes.pes[index], index);
+        let pe = |index: PeId| Pe::new(stretch, &homes.pes[index], index);
         let mut recording = Recording {
             chains: Vec::new(),
             terms: Vec::new(),
@@ -265,17 +265,17 @@ impl Recording {
             known_choices: BTreeMap::new(),
             accumulator_bits: program.pes.iter().map(|pe| pe.features.accumulator_bits).collect(),
             format: program.format,
-            pes: (0..program.pes.len()).map(pe).collect(),
+            pes: program.pes.ids().map(pe).collect(),
         };
-        let mut captures: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
+        let mut captures: BTreeMap<(u32, PeId), Vec<usize>> = BTreeMap::new();
         for (index, output) in program.outputs.iter().enumerate() {
             captures.entry((output.word, output.pe)).or_default().push(index);
         }
         let (mut word, mut parity) = (stretch.from, stretch.parity);
         for cycle in 0..stretch.count {
-            let links: Vec<u32> = recording.pes.iter().map(|pe| pe.link).collect();
-            for pe in 0..program.pes.len() {
-                let captured = captures.get(&(word, index::number(pe))).map_or(&[][..], Vec::as_slice);
+            let links: List<PeId, u32> = recording.pes.iter().map(|pe| pe.link).collect();
+            for pe in program.pes.ids() {
+                let captured = captures.get(&(word, pe)).map_or(&[][..], Vec::as_slice);
                 recording.clock(stretch, homes, kept, (cycle, word, parity), pe, &links, captured);
             }
             word += 1;
@@ -297,8 +297,8 @@ impl Recording {
         homes: &Homes,
         kept: &mut KeptSums,
         (cycle, word, parity): (u32, u32, bool),
-        index: usize,
-        links: &[u32],
+        index: PeId,
+        links: &List<PeId, u32>,
         captured: &[usize],
     ) {
         let ends_step = stretch.program.ends_step(word);
@@ -342,13 +342,7 @@ impl Recording {
                 if target.factor {
                     pe.coefficients[program.features.factor_word(target.address.word)] = Factor::Value(slot);
                 }
-                self.writes.push(MemoryWrite {
-                    cycle,
-                    pe: index::number(index),
-                    address: index::number(address),
-                    slot,
-                    own: true,
-                });
+                self.writes.push(MemoryWrite { cycle, pe: index, address: index::number(address), slot, own: true });
             }
             if let Some((address, octaves)) = write_index {
                 let segment = self.lookup(|target| Outcome::Segment { target, argument: slot, octaves });
@@ -367,13 +361,13 @@ impl Recording {
         let pe = &mut self.pes[index];
         if let Some((port, a)) = word.receive.filter(|_| !stretch.settle) {
             let slot = match program.ports[usize::from(port)] {
-                LinkSource::Pe(source) => links[at(source)],
+                LinkSource::Pe(source) => links[source],
                 LinkSource::Input(input) => homes.input(input),
             };
             let address = physical(a, pe.imported.len(), parity);
             pe.imported[address] = slot;
             let address = program.features.write_words() + index::number(address);
-            self.writes.push(MemoryWrite { cycle, pe: index::number(index), address, slot, own: false });
+            self.writes.push(MemoryWrite { cycle, pe: index, address, slot, own: false });
         }
         let scaled = Pending { base: pe.scale.0, held: Rc::clone(&pe.hold), shift: pe.scale.1, slot: None };
         pe.results.push_back(scaled);
@@ -390,7 +384,7 @@ impl Recording {
     }
 
     /// The slot of the base word that a PE reads: with an index, of the one that it chooses.
-    fn base_word(&mut self, index: usize, word: u16) -> u32 {
+    fn base_word(&mut self, index: PeId, word: u16) -> u32 {
         let pe = &self.pes[index];
         if pe.index == NULL {
             return pe.base[usize::from(word)];
@@ -416,7 +410,7 @@ impl Recording {
     }
 
     /// The slot of the word in a PE's result register; from now on something reads it.
-    fn result(&mut self, index: usize, kept: &mut KeptSums) -> u32 {
+    fn result(&mut self, index: PeId, kept: &mut KeptSums) -> u32 {
         let pending = self.pes[index].results[0].clone();
         if let Some(slot) = pending.slot {
             return slot;
@@ -436,12 +430,12 @@ impl Recording {
             return slot;
         }
         pending.held.chain.set(Some(index::number(self.chains.len())));
-        let start = kept.index(index::number(index), pending.held.sum.registers);
+        let start = kept.index(index, pending.held.sum.registers);
         self.chain(index, &pending.held.sum.terms, start, Outcome::Words(write, [None, None]));
         slot
     }
 
-    fn chain(&mut self, pe: usize, terms: &[Term<i64>], start: Option<u32>, outcome: Outcome) {
+    fn chain(&mut self, pe: PeId, terms: &[Term<i64>], start: Option<u32>, outcome: Outcome) {
         let from = index::number(self.terms.len());
         self.terms.extend_from_slice(terms);
         let limit = self.accumulator_bits[pe];
@@ -464,9 +458,9 @@ impl Recording {
     /// Adds chains that keep the sum of some registers of a PE as they are at the end.
     pub fn keep(&mut self, sum: u32, kept: &mut KeptSums) {
         let (pe, registers) = kept.sums[at(sum)];
-        let all = self.pes[at(pe)].sum_of(registers);
+        let all = self.pes[pe].sum_of(registers);
         let start = kept.index(pe, all.registers);
-        self.chain(at(pe), &all.terms, start, Outcome::Kept(sum));
+        self.chain(pe, &all.terms, start, Outcome::Kept(sum));
     }
 
     /// What homes have to take over at the end.
@@ -493,7 +487,7 @@ impl Recording {
 }
 
 impl Pe {
-    fn new(stretch: &Stretch, homes: &PeHomes, index: usize) -> Pe {
+    fn new(stretch: &Stretch, homes: &PeHomes, index: PeId) -> Pe {
         let program = &stretch.program.pes[index];
         let accumulate = u64::from(stretch.program.latency().accumulate());
         // In steady state the word before has filled the scale register, the one before that the sum, and so on.

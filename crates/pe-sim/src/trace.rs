@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, PeId, at, number};
 use pe_ir::word::WordFormat;
 
 /// A data-memory write: `cycle pe address value`, see the datasheet, section "Trace".
@@ -11,7 +11,7 @@ pub struct TraceLine {
     /// Executed control words before this one.
     pub cycle: u64,
     /// Processing element.
-    pub pe: u32,
+    pub pe: PeId,
     /// Own memory word, or own depth plus imported memory word.
     pub address: u32,
     /// The word's bits.
@@ -43,7 +43,7 @@ impl TraceLine {
 pub(crate) struct MemoryWrite {
     /// Control words executed in the step before it.
     pub cycle: u32,
-    pub pe: u32,
+    pub pe: PeId,
     pub address: u32,
     pub slot: u32,
     /// Whether a result is written; otherwise the imported memory takes a data operand.
@@ -81,8 +81,8 @@ struct PeChecksum {
 
 impl Checksums {
     pub fn new(writes: &[MemoryWrite], pes: usize) -> Checksums {
-        let mut of_pe: Vec<Vec<&MemoryWrite>> = vec![Vec::new(); pes];
-        writes.iter().for_each(|write| of_pe[at(write.pe)].push(write));
+        let mut of_pe: List<PeId, Vec<&MemoryWrite>> = List::filled(Vec::new(), pes);
+        writes.iter().for_each(|write| of_pe[write.pe].push(write));
         let mut checksums = Checksums { pes: Vec::with_capacity(pes), own: Vec::new(), imported: Vec::new() };
         for writes in of_pe {
             let (mut factor, mut addresses) = (1u64, 0u64);

@@ -16,6 +16,7 @@ use pe_hls::mapping::{MapOptions, Problem, map};
 use pe_hls::schedule::{Bound, schedule};
 use pe_hls::step::StepOptions;
 use pe_ir::graph::StepGraph;
+use pe_ir::index::PeId;
 use pe_ir::mapping::Mapping;
 use pe_ir::word::{Latency, WordFormat};
 use petgraph::visit::EdgeRef;
@@ -103,6 +104,7 @@ fn run() -> Result<(), String> {
         for pe in &mut pe_of {
             *pe = used.binary_search(pe).expect("taken from it") as u32;
         }
+        let pe_of = pe_of.into_iter().map(PeId::new).collect();
         let mapping = Mapping { pes: used.len() as u32, pe_of };
         let name = PathBuf::from(file).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         let (name, seed) = name.rsplit_once('-').unwrap_or((&name, "-"));

@@ -6,7 +6,7 @@ use pe_emit::Provenance;
 use pe_flow::pipeline::Design;
 use pe_flow::spec::LoadedModel;
 use pe_hls::assemble::coefficients;
-use pe_ir::index::at;
+use pe_ir::index::{List, at};
 use pe_ir::source::{Sources, Span};
 use pe_verify::folder::hash;
 
@@ -27,9 +27,9 @@ pub fn files(sources: &Sources) -> Vec<(String, String)> {
 /// What the words of a design's program come from; the text of a stage has no statements of a spec.
 pub fn provenance(design: &Design, loaded: &LoadedModel) -> Provenance {
     let graph = design.paired.as_ref().map_or(&*design.graph, |paired| &paired.graph);
-    let mut spans = vec![BTreeSet::new(); at(design.mapping.pes)];
+    let mut spans = List::filled(BTreeSet::new(), at(design.mapping.pes));
     for (equation, pe) in graph.equations.iter().zip(&design.mapping.pe_of) {
-        spans[at(*pe)].insert(equation.span);
+        spans[*pe].insert(equation.span);
     }
     let of_pe = |spans: BTreeSet<Span>| {
         let stated = |span: &Span| span.length() > 0 && loaded.stages.is_none();

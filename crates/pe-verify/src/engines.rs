@@ -10,6 +10,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use pe_ir::index::PeId;
 use pe_ir::program::Program;
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
@@ -36,7 +37,7 @@ pub struct Run {
     /// Whether an overflow flag was set.
     pub overflow: bool,
     /// PEs whose sticky flag was set; none if the run does not tell.
-    pub flags: Option<Vec<u32>>,
+    pub flags: Option<Vec<PeId>>,
     /// Changes of the handshake, of runs that were told what to do to it.
     pub events: Vec<Event>,
     /// Clocks in which outputs changed although nothing was published.
@@ -409,7 +410,7 @@ pub fn simulate(program: &Program, stimulus: &[Vec<i64>], steps: u64) -> Run {
 pub fn compare(program: &Program, engine: &str, run: &Run, expected: &Run, expected_writes: u64) -> Result<(), String> {
     for (is, should) in run.trace.iter().zip(&expected.trace) {
         if is != should {
-            let pe = &program.pes[should.pe.min(program.pes.len() as u32 - 1) as usize];
+            let pe = program.pes.find(should.pe).or(program.pes.last()).expect("a program has PEs");
             let word = (should.cycle % u64::from(program.period)) as usize;
             let note = pe.notes[word];
             let value = if should.address < pe.features.write_words() { note.write } else { note.receive };

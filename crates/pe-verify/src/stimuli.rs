@@ -4,6 +4,7 @@
 //!
 //! Several candidates are tried in the simulator, and the one that has most at work that was not before is taken.
 
+use pe_ir::index::PeId;
 use pe_ir::program::Program;
 use pe_sim::clocked::Clocked;
 use pe_sim::coverage::{Coverage, flags_of};
@@ -147,7 +148,7 @@ fn candidate(program: &Program, purpose: Purpose, steps: u64, number: u64, own_w
     let pes = program.pes.len() as u64;
     if !own_words {
         // All states at their limits, or, so that one PE's flag rises alone, those of a PE.
-        let at_limits = (number / 2).checked_sub(1).map(|pe| (pe % pes) as u32);
+        let at_limits = (number / 2).checked_sub(1).map(|pe| PeId::new((pe % pes) as u32));
         for state in program.states.clone() {
             let limited = saturation && at_limits.is_none_or(|pe| pe == state.own.0);
             let scale = if saturation { 6 } else { SCALES[number as usize % SCALES.len()] };
@@ -178,23 +179,23 @@ fn spread(program: &Program, steps: u64, number: u64) -> Candidate {
 
 /// Places of which it was not seen that a word saturates there, and that this alone sets a flag or clamps an output: PE, and
 /// the control word whose base is added.
-fn unseen(program: &Program, seen: &Coverage) -> Vec<(usize, usize)> {
+fn unseen(program: &Program, seen: &Coverage) -> Vec<(PeId, usize)> {
     let period = program.period as usize;
     let scaled = |word: usize| (word + period - program.latency().scale_to_write() as usize) % period;
     let mut places = Vec::new();
-    for (index, _) in program.pes.iter().enumerate().filter(|(_, pe)| !pe.features.proven) {
+    for (index, _) in program.pes.numbered().filter(|(_, pe)| !pe.features.proven) {
         let flagged = &seen.pes[index].flagged;
         let causes = flags_of(program, index);
         places.extend(causes.iter().filter(|(_, cause)| !flagged[*cause]).map(|(word, _)| (index, scaled(*word))));
     }
     let outputs = program.outputs.iter().zip(&seen.shown_clamped).filter(|(output, seen)| !output.proven && !**seen);
-    places.extend(outputs.map(|(output, _)| (output.pe as usize, scaled(output.word as usize))));
+    places.extend(outputs.map(|(output, _)| (output.pe, scaled(output.word as usize))));
     places
 }
 
 /// Like the others, but quiet, with a base at a limit where it is added at one of the places, or at a distance at which another
 /// place is the first one that saturates; operands are at their limits where no base is added.
-fn aimed_at(program: &Program, places: &[(usize, usize)], steps: u64, number: u64, seen: &Coverage) -> Candidate {
+fn aimed_at(program: &Program, places: &[(PeId, usize)], steps: u64, number: u64, seen: &Coverage) -> Candidate {
     let mut random = ChaCha8Rng::seed_from_u64(number << 2 | 2);
     let format = program.format;
     let mut program = program.clone();
@@ -208,7 +209,7 @@ fn aimed_at(program: &Program, places: &[(usize, usize)], steps: u64, number: u6
     }
     let (index, at) = places[number as usize % places.len()];
     // What is added there may have been written in the same step.
-    let states: Vec<u16> = program.states.iter().filter(|s| s.own.0 == index as u32).map(|s| s.own.1).collect();
+    let states: Vec<u16> = program.states.iter().filter(|s| s.own.0 == index).map(|s| s.own.1).collect();
     let pe = &mut program.pes[index];
     // What a state is multiplied as need not be what is added to.
     if random.random_range(0..2) == 0 {

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pe_emit::{EmitOptions, design_name, emit};
+use pe_ir::index::PeId;
 use pe_ir::program::{
     Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
     Target,
@@ -87,7 +88,7 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
 pub fn random_program(case: &Case) -> Program {
     let mut random = Random(case.seed);
     let format = WordFormat::new(case.storage, case.multiplier.0, case.multiplier.1).with_pipeline(case.pipeline);
-    let senders: Vec<u32> = (0..case.pes.len() as u32).filter(|pe| case.pes[*pe as usize].send).collect();
+    let senders: Vec<PeId> = PeId::all(case.pes.len() as u32).filter(|pe| case.pes[pe.index()].send).collect();
     let pes = case.pes.iter().map(|features| random_pe(&mut random, case, &format, features, &senders)).collect();
     let mut program = Program {
         model: case.name.to_owned(),
@@ -120,7 +121,7 @@ pub fn random_program(case: &Case) -> Program {
             }
         }
     }
-    for (index, pe) in (0..case.pes.len() as u32).chain([0]).enumerate() {
+    for (index, pe) in PeId::all(case.pes.len() as u32).chain([PeId::new(0)]).enumerate() {
         // The word before the pause point belongs to the next step already.
         let word = match random.below(u64::from(case.period)) as u32 {
             word if word == pause - 1 => 0,
@@ -137,7 +138,7 @@ fn random_pe(
     case: &Case,
     format: &WordFormat,
     features: &PeFeatures,
-    senders: &[u32],
+    senders: &[PeId],
 ) -> PeProgram {
     let ports = (0..features.ports).map(|port| {
         if case.inputs > 0 && (senders.is_empty() || (port == 0 && random.chance(70))) {

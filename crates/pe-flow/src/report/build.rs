@@ -194,13 +194,12 @@ fn pairs(design: &Design) -> Pairs {
 /// Pairs of PEs joined by a link in either direction.
 fn connections(program: &Program) -> usize {
     let mut pairs = BTreeSet::new();
-    for (to, pe) in program.pes.iter().enumerate() {
+    for (to, pe) in program.pes.numbered() {
         for source in &pe.ports {
             // A PE may send words to itself.
             if let LinkSource::Pe(from) = source
-                && *from != to as u32
+                && *from != to
             {
-                let to = to as u32;
                 pairs.insert((to.min(*from), to.max(*from)));
             }
         }

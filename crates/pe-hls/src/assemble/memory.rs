@@ -7,7 +7,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index;
+use pe_ir::index::{self, List, PeId};
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::depth;
 use pe_ir::schedule::Schedule;
@@ -56,23 +56,23 @@ pub(super) struct Memories {
     /// Places of each value in its own PE.
     pub homes: Vec<Home>,
     /// Depths of each PE's memories.
-    pub depths: Vec<Depths>,
+    pub depths: List<PeId, Depths>,
     /// Columns of tables: PE, first base word, and a value that the column gives.
-    pub columns: Vec<(u32, u32, ValueId)>,
+    pub columns: Vec<(PeId, u32, ValueId)>,
     /// Place of each imported value, by value and PE; start and end value of a state have entries of their
     /// own. Sorted.
-    imported: Vec<((u32, u32), Place)>,
+    imported: Vec<((u32, PeId), Place)>,
 }
 
 impl Memories {
     /// Place of a value imported by a PE.
-    pub fn import(&self, value: ValueId, pe: u32) -> Place {
+    pub fn import(&self, value: ValueId, pe: PeId) -> Place {
         let found = self.imported.binary_search_by_key(&(value.0, pe), |(import, _)| *import);
         self.imported[found.expect("operands from other PEs are imported")].1
     }
 
     /// All imports in order.
-    pub fn imports(&self) -> impl Iterator<Item = (ValueId, u32, Place)> {
+    pub fn imports(&self) -> impl Iterator<Item = (ValueId, PeId, Place)> {
         self.imported.iter().map(|((value, pe), place)| (ValueId(*value), *pe, *place))
     }
 
@@ -83,7 +83,7 @@ impl Memories {
         let pes = index::at(mapping.pes);
         let mut memories = Memories {
             homes: vec![Home::default(); graph.values.len()],
-            depths: vec![Depths::default(); pes],
+            depths: List::filled(Depths::default(), pes),
             columns: Vec::new(),
             imported: Vec::new(),
         };
@@ -95,9 +95,9 @@ impl Memories {
 
     /// Indices live from the word of their argument to the last lookup.
     fn allocate_indices(&mut self, graph: &StepGraph, mapping: &Mapping, period: u32, lives: &Lives) {
-        let mut arcs: Vec<Vec<Arc>> = vec![Vec::new(); self.depths.len()];
+        let mut arcs: List<PeId, Vec<Arc>> = List::filled(Vec::new(), self.depths.len());
         for (argument, last_read) in &lives.indexed {
-            let pe = index::at(mapping.pe_of[index::at(graph.values[index::at(*argument)].equation)]);
+            let pe = mapping.pe_of[index::at(graph.values[index::at(*argument)].equation)];
             let write = lives.own[index::at(*argument)].0;
             arcs[pe].push(Arc { write, last_read: *last_read, key: *argument });
         }
@@ -116,18 +116,18 @@ impl Memories {
         rounds: &Rounds,
         fixed: &FixedPoint,
         mapping: &Mapping,
-        mut ends: Vec<u32>,
-    ) -> Vec<u32> {
+        mut ends: List<PeId, u32>,
+    ) -> List<PeId, u32> {
         let graph = rounds.graph.as_ref();
         let length = index::number(graph.functions.segments.count());
         // Equal columns are stored once.
-        let mut known: HashMap<(u32, u32, u8, i32, bool), u32> = HashMap::new();
+        let mut known: HashMap<(PeId, u32, u8, i32, bool), u32> = HashMap::new();
         for (index, value) in graph.values.iter().enumerate() {
             let Role::Column(lookup, column) = value.role else { continue };
             let pe = mapping.pe_of[index::at(value.equation)];
             let id = rounds.original(ValueId(index::number(index)));
             let table = graph.functions.lookups[index::at(lookup)].table;
-            let end = &mut ends[index::at(pe)];
+            let end = &mut ends[pe];
             let columns = &mut self.columns;
             let place =
                 known.entry((pe, table, column, fixed.exponents[id.index()], value.factor)).or_insert_with(|| {
@@ -145,12 +145,12 @@ impl Memories {
         let graph = rounds.graph.as_ref();
         let swap = graph.swaps();
         let pes = index::at(mapping.pes);
-        let mut layouts: Vec<Layout> = vec![Layout::default(); pes];
-        let mut bases: Vec<u32> = vec![0; pes];
-        let pe_of = |index: usize| index::at(mapping.pe_of[index::at(graph.values[index].equation)]);
+        let mut layouts: List<PeId, Layout> = List::filled(Layout::default(), pes);
+        let mut bases: List<PeId, u32> = List::filled(0, pes);
+        let pe_of = |index: usize| mapping.pe_of[index::at(graph.values[index].equation)];
         let mut slots: Vec<Option<Slot>> = vec![None; graph.values.len()];
         // A state and its running sum are a pair in the base memory: their addresses differ in one bit.
-        let mut base_layouts: Vec<Layout> = vec![Layout::default(); pes];
+        let mut base_layouts: List<PeId, Layout> = List::filled(Layout::default(), pes);
         let mut places: Vec<Option<Slot>> = vec![None; graph.values.len()];
         // Words of both memories come first, at equal indices.
         for (state, _) in &graph.states {
@@ -173,10 +173,10 @@ impl Memories {
                 bases[pe] += 1;
             }
         }
-        let mut constants: HashMap<(usize, bool, i64), u32> = HashMap::new();
-        let mut own_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
-        let mut base_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
-        let mut factor_arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
+        let mut constants: HashMap<(PeId, bool, i64), u32> = HashMap::new();
+        let mut own_arcs: List<PeId, Vec<Arc>> = List::filled(Vec::new(), pes);
+        let mut base_arcs = own_arcs.clone();
+        let mut factor_arcs = own_arcs.clone();
         for (index, value) in graph.values.iter().enumerate() {
             if value.equation == NONE || matches!(value.role, Role::State(_) | Role::Next(_) | Role::Column(..)) {
                 continue;
@@ -211,7 +211,7 @@ impl Memories {
                 (false, false) => own_arcs[pe].push(arc),
             }
         }
-        for pe in 0..pes {
+        for pe in layouts.ids() {
             let (assigned, count) = pack(std::mem::take(&mut own_arcs[pe]), period);
             let first = layouts[pe].single;
             layouts[pe].single += count;
@@ -225,7 +225,7 @@ impl Memories {
             bases[pe] += count;
         }
         let ends = self.allocate_columns(rounds, fixed, mapping, bases.clone());
-        for (pe, depths) in self.depths.iter_mut().enumerate() {
+        for (pe, depths) in self.depths.numbered_mut() {
             base_layouts[pe].single = ends[pe];
             depths.base = base_layouts[pe].depth();
             let (assigned, count) = pack(std::mem::take(&mut factor_arcs[pe]), period);
@@ -264,11 +264,11 @@ impl Memories {
     fn allocate_imported(&mut self, rounds: &Rounds, schedule: &Schedule, lives: &Lives, pes: usize) {
         let graph = rounds.graph.as_ref();
         let swap = graph.swaps();
-        let mut layouts: Vec<Layout> = vec![Layout::default(); pes];
-        let mut arcs: Vec<Vec<Arc>> = vec![Vec::new(); pes];
+        let mut layouts: List<PeId, Layout> = List::filled(Layout::default(), pes);
+        let mut arcs: List<PeId, Vec<Arc>> = List::filled(Vec::new(), pes);
         let mut pairs: Vec<(usize, Slot)> = Vec::new();
         for (index, transfer) in schedule.transfers.iter().enumerate() {
-            let pe = index::at(transfer.to);
+            let pe = transfer.to;
             let last_read = |value: ValueId| lives.last_read(value, transfer.to);
             match graph.value(transfer.value).role {
                 Role::Next(_) if swap => pairs.push((index, layouts[pe].resident(true))),
@@ -289,8 +289,8 @@ impl Memories {
             }
         }
         let mut slots: Vec<(usize, Slot)> = pairs;
-        for (pe, arcs) in arcs.into_iter().enumerate() {
-            let (assigned, count) = pack(arcs, schedule.period);
+        for (pe, arcs) in arcs.numbered_mut() {
+            let (assigned, count) = pack(std::mem::take(arcs), schedule.period);
             let base = layouts[pe].single;
             layouts[pe].single += count;
             slots.extend(
@@ -300,7 +300,7 @@ impl Memories {
         }
         for (index, slot) in slots {
             let transfer = &schedule.transfers[index];
-            let place = layouts[index::at(transfer.to)].place(slot);
+            let place = layouts[transfer.to].place(slot);
             if let Role::Next(s) = graph.value(transfer.value).role {
                 // A word that is read under the name of the end value alone may be another's when the step begins.
                 let start = graph.states[index::at(s)].0;
@@ -369,7 +369,7 @@ struct Lives {
     /// Last read of the index of each argument of a table.
     indexed: BTreeMap<u32, u32>,
     /// By value and PE: last read of the import; sorted.
-    imported: Vec<((u32, u32), u32)>,
+    imported: Vec<((u32, PeId), u32)>,
 }
 
 impl Lives {
@@ -378,7 +378,7 @@ impl Lives {
         let mut bases = vec![false; graph.values.len()];
         let mut operands = vec![false; graph.values.len()];
         let mut indexed: BTreeMap<u32, u32> = BTreeMap::new();
-        let mut imported: Vec<((u32, u32), u32)> = Vec::new();
+        let mut imported: Vec<((u32, PeId), u32)> = Vec::new();
         for (index, chain) in graph.chains.iter().enumerate() {
             let pe = mapping.pe_of[index::at(chain.equation)];
             let start = schedule.starts[index];
@@ -423,7 +423,7 @@ impl Lives {
     }
 
     /// Last read of the import of a value by a PE, if it reads it.
-    fn last_read(&self, value: ValueId, pe: u32) -> Option<u32> {
+    fn last_read(&self, value: ValueId, pe: PeId) -> Option<u32> {
         let found = self.imported.binary_search_by_key(&(value.0, pe), |(import, _)| *import);
         found.ok().map(|at| self.imported[at].1)
     }

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::functions::Lookup;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index;
+use pe_ir::index::{self, List, PeId};
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
@@ -56,7 +56,7 @@ pub fn assemble_rounds(
 ) -> Result<Program, TooLarge> {
     let memories = Memories::allocate(rounds, fixed, mapping, round);
     let schedule = &rounds.unroll(graph, round);
-    let coefficients = vec![BTreeMap::new(); index::at(mapping.pes)];
+    let coefficients = List::filled(BTreeMap::new(), index::at(mapping.pes));
     let latency = Latency::of(&fixed.format);
     let read = graph.chains.iter().flat_map(Chain::writes).filter_map(|write| graph.lookup(write.base?));
     let octaves =
@@ -92,7 +92,7 @@ struct Assembler<'a> {
     schedule: &'a Schedule,
     memories: Memories,
     /// Words of the distinct coefficients of each PE, if it has a coefficient memory.
-    coefficients: Vec<BTreeMap<i64, u32>>,
+    coefficients: List<PeId, BTreeMap<i64, u32>>,
     /// Arguments of tables that are read, and whether their indices count octaves.
     octaves: BTreeMap<ValueId, bool>,
     /// For each value whether sums are added to it, or it is a state of the next step.
@@ -101,19 +101,12 @@ struct Assembler<'a> {
 }
 
 impl Assembler<'_> {
-    fn program(mut self, ports: &[Vec<LinkSource>]) -> Program {
-        let senders: BTreeSet<u32> = ports
-            .iter()
-            .flatten()
-            .filter_map(|source| match source {
-                LinkSource::Pe(pe) => Some(*pe),
-                LinkSource::Input(_) => None,
-            })
-            .collect();
-        let mut pes: Vec<PeProgram> = (0..self.mapping.pes)
+    fn program(mut self, ports: &List<PeId, Vec<LinkSource>>) -> Program {
+        let senders: BTreeSet<PeId> = ports.iter().flatten().filter_map(|source| source.pe()).collect();
+        let mut pes: List<PeId, PeProgram> = PeId::all(self.mapping.pes)
             .map(|pe| {
-                let ports = ports[index::at(pe)].clone();
-                let depths = self.memories.depths[index::at(pe)];
+                let ports = ports[pe].clone();
+                let depths = self.memories.depths[pe];
                 let features = PeFeatures {
                     own_words: depths.own,
                     base_words: depths.base,
@@ -136,7 +129,7 @@ impl Assembler<'_> {
             })
             .collect();
         for (equation, pe) in self.mapping.pe_of.iter().enumerate() {
-            pes[index::at(*pe)].equations.push(self.graph.equations[equation].name.clone());
+            pes[*pe].equations.push(self.graph.equations[equation].name.clone());
         }
         self.collect_features(&mut pes);
         self.place_columns(&mut pes);
@@ -176,7 +169,7 @@ impl Assembler<'_> {
         }
     }
 
-    fn home(&self, value: ValueId) -> Option<u32> {
+    fn home(&self, value: ValueId) -> Option<PeId> {
         match self.graph.value(value).equation {
             NONE => None,
             equation => Some(self.mapping.pe_of[index::at(equation)]),
@@ -184,10 +177,10 @@ impl Assembler<'_> {
     }
 
     /// Links into each PE: other PEs first, then inputs, each in order.
-    fn ports(&self) -> Vec<Vec<LinkSource>> {
-        let mut ports: Vec<BTreeSet<LinkSource>> = vec![BTreeSet::new(); index::at(self.mapping.pes)];
+    fn ports(&self) -> List<PeId, Vec<LinkSource>> {
+        let mut ports: List<PeId, BTreeSet<LinkSource>> = List::filled(BTreeSet::new(), index::at(self.mapping.pes));
         for transfer in &self.schedule.transfers {
-            ports[index::at(transfer.to)].insert(self.source(transfer.value));
+            ports[transfer.to].insert(self.source(transfer.value));
         }
         ports.into_iter().map(|set| set.into_iter().collect()).collect()
     }
@@ -200,10 +193,10 @@ impl Assembler<'_> {
         }
     }
 
-    fn collect_features(&self, pes: &mut [PeProgram]) {
-        let mut shifts: Vec<BTreeSet<u8>> = vec![BTreeSet::new(); pes.len()];
+    fn collect_features(&self, pes: &mut List<PeId, PeProgram>) {
+        let mut shifts: List<PeId, BTreeSet<u8>> = List::filled(BTreeSet::new(), pes.len());
         for (index, chain) in self.graph.chains.iter().enumerate() {
-            let pe = index::at(self.mapping.pe_of[index::at(chain.equation)]);
+            let pe = self.mapping.pe_of[index::at(chain.equation)];
             for (_, shift) in chain.writes().zip(self.fixed.shifts[index]) {
                 shifts[pe].insert(shift);
             }
@@ -220,17 +213,17 @@ impl Assembler<'_> {
 
     /// Decides where the coefficients of each PE stand. Factors need a coefficient memory, which then holds them all;
     /// otherwise the cheaper place is taken: the control word, or a memory of the distinct ones and an index.
-    fn place_coefficients(&mut self, pes: &mut [PeProgram]) {
-        let mut distinct: Vec<Vec<i64>> = vec![Vec::new(); pes.len()];
+    fn place_coefficients(&mut self, pes: &mut List<PeId, PeProgram>) {
+        let mut distinct: List<PeId, Vec<i64>> = List::filled(Vec::new(), pes.len());
         for chain in &self.graph.chains {
-            let pe = index::at(self.mapping.pe_of[index::at(chain.equation)]);
+            let pe = self.mapping.pe_of[index::at(chain.equation)];
             for term in chain.terms.clone() {
                 if let Factor::Coefficient(_) = self.graph.terms[index::at(term)].factor {
                     distinct[pe].push(self.fixed.coefficients[index::at(term)]);
                 }
             }
         }
-        for (number, (pe, mut distinct)) in pes.iter_mut().zip(distinct).enumerate() {
+        for ((number, pe), mut distinct) in pes.numbered_mut().zip(distinct) {
             distinct.sort_unstable();
             distinct.dedup();
             let format = &self.fixed.format;
@@ -265,17 +258,17 @@ impl Assembler<'_> {
     }
 
     /// Writes the columns of tables into the images.
-    fn place_columns(&self, pes: &mut [PeProgram]) {
+    fn place_columns(&self, pes: &mut List<PeId, PeProgram>) {
         let functions = &self.graph.functions;
         for (pe, first, value) in &self.memories.columns {
-            let image = &mut pes[index::at(*pe)].base_image[index::at(*first)..];
+            let image = &mut pes[*pe].base_image[index::at(*first)..];
             for (segment, word) in image.iter_mut().take(functions.segments.count()).enumerate() {
                 *word = self.fixed.column_word(self.graph, *value, segment);
             }
         }
         for lookup in functions.lookups.iter().filter(|lookup| functions.tables[index::at(lookup.table)].octaves) {
             let pe = self.home(lookup.argument).expect("arguments of tables have a PE");
-            pes[index::at(pe)].features.octave_bits = functions.segments.octave_bits;
+            pes[pe].features.octave_bits = functions.segments.octave_bits;
         }
     }
 
@@ -290,14 +283,14 @@ impl Assembler<'_> {
         let (like, swaps) = self.rounds.value(value);
         let place = self.memories.homes[like.index()].own.expect("operands are in the own memory");
         let pe = self.home(value).expect("own values have a PE");
-        self.address((place, swaps), self.memories.depths[index::at(pe)].own, time)
+        self.address((place, swaps), self.memories.depths[pe].own, time)
     }
 
     /// Address of a value in the imported memory of a PE, for an access at `time`.
-    fn imported_address(&self, value: ValueId, pe: u32, time: u32) -> Address {
+    fn imported_address(&self, value: ValueId, pe: PeId, time: u32) -> Address {
         let (like, swaps) = self.rounds.value(value);
         let place = self.memories.import(like, pe);
-        self.address((place, swaps), self.memories.depths[index::at(pe)].imported, time)
+        self.address((place, swaps), self.memories.depths[pe].imported, time)
     }
 
     /// Where a value is written at `time`.
@@ -335,12 +328,12 @@ impl Assembler<'_> {
         Address { word: u16::try_from(word).expect("memory depth"), swap: place.swap }
     }
 
-    fn emit_chain(&self, index: usize, pes: &mut [PeProgram], sent: &[bool]) {
+    fn emit_chain(&self, index: usize, pes: &mut List<PeId, PeProgram>, sent: &[bool]) {
         let chain = &self.graph.chains[index];
         let number = self.mapping.pe_of[index::at(chain.equation)];
         let start = self.schedule.starts[index];
         let last = start + chain.len() - 1;
-        let pe = &mut pes[index::at(number)];
+        let pe = &mut pes[number];
         for (time, position) in (start..).zip(chain.terms.clone()) {
             let term_index = index::at(self.schedule.order[index::at(position)]);
             let term = &self.graph.terms[term_index];
@@ -357,7 +350,7 @@ impl Assembler<'_> {
             word.coefficient = match term.factor {
                 Factor::Coefficient(_) => {
                     let coefficient = self.fixed.coefficients[term_index];
-                    let stored = self.coefficients[index::at(number)].get(&coefficient);
+                    let stored = self.coefficients[number].get(&coefficient);
                     stored.map_or(CoefficientOperand::Coefficient(coefficient), |word| {
                         CoefficientOperand::Stored(*word as u16)
                     })
@@ -390,9 +383,9 @@ impl Assembler<'_> {
         }
     }
 
-    fn emit_receives(&self, pes: &mut [PeProgram]) {
+    fn emit_receives(&self, pes: &mut List<PeId, PeProgram>) {
         for transfer in &self.schedule.transfers {
-            let pe = &mut pes[index::at(transfer.to)];
+            let pe = &mut pes[transfer.to];
             let port = pe.ports.binary_search(&self.source(transfer.value)).expect("collected from all transfers");
             // An input is held over the step: it is received in every round, which makes rounds alike.
             let repeats = match self.graph.value(transfer.value).role {
@@ -410,7 +403,7 @@ impl Assembler<'_> {
     }
 
     /// Registers of the states; writes constants and initial values into the images.
-    fn states(&self, pes: &mut [PeProgram]) -> Vec<StateRegister> {
+    fn states(&self, pes: &mut List<PeId, PeProgram>) -> Vec<StateRegister> {
         for (index, value) in self.rounds.graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
                 let id = self.rounds.original(ValueId(index::number(index)));
@@ -418,10 +411,10 @@ impl Assembler<'_> {
                 let home = self.memories.homes[index];
                 let word = self.fixed.number_word(number, id, value);
                 if let Some(place) = home.own {
-                    pes[index::at(pe)].own_image[index::at(place.word)] = self.fixed.format.data_operand(word);
+                    pes[pe].own_image[index::at(place.word)] = self.fixed.format.data_operand(word);
                 }
                 if let Some(base) = home.base {
-                    pes[index::at(pe)].base_image[index::at(base)] = word;
+                    pes[pe].base_image[index::at(base)] = word;
                 }
             }
         }
@@ -438,7 +431,7 @@ impl Assembler<'_> {
         }
         for (value, pe, place) in self.memories.imports() {
             if let Role::State(state) = self.rounds.graph.value(value).role {
-                let depth = self.memories.depths[index::at(pe)].imported;
+                let depth = self.memories.depths[pe].imported;
                 states[index::at(state)].imported.push((pe, self.address((place, 0), depth, 0).word));
             }
         }

@@ -13,7 +13,7 @@
 //! saves `spread / w`, which is the preference for thin links in the benefit of the size neighbour of Huang, Vahid and
 //! Givargis (2013), doi 10.1145/2514641.2514650, section 5.2.2.
 
-use pe_ir::index::{self, number};
+use pe_ir::index::{self, PeId, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 
 use super::links::{Link, Links};
@@ -80,7 +80,7 @@ impl<'p> State<'p> {
     fn with_links(problem: &'p Problem, mapping: &Mapping, limit: u32, links: Links) -> State<'p> {
         let (pes, equations) = (index::at(mapping.pes), index::at(problem.equations()));
         let places = pes + index::at(problem.inputs());
-        let mut place_of = mapping.pe_of.clone();
+        let mut place_of: Vec<u32> = mapping.pe_of.iter().map(|pe| pe.number()).collect();
         place_of.extend(number(pes)..places as u32);
         let mut harmonics = vec![0.0; HARMONICS + 1];
         for weight in 2..=HARMONICS {
@@ -173,7 +173,10 @@ impl<'p> State<'p> {
 
     /// The mapping as it stands.
     pub(super) fn mapping(&self) -> Mapping {
-        Mapping { pes: number(self.pes), pe_of: self.place_of[..self.position.len()].to_vec() }
+        Mapping {
+            pes: number(self.pes),
+            pe_of: self.place_of[..self.position.len()].iter().copied().map(PeId::new).collect(),
+        }
     }
 
     /// Its cost.
@@ -364,7 +367,7 @@ mod tests {
         let loads = (0..equations).map(|_| any(30) as u32).collect();
         let problem = Problem::new(loads, &arcs, &input_reads);
         let mapping =
-            Mapping { pes: pes as u32, pe_of: (0..equations).map(|equation| (equation % pes) as u32).collect() };
+            Mapping { pes: pes as u32, pe_of: (0..equations).map(|equation| PeId::at(equation % pes)).collect() };
         let fresh = |mapping: &Mapping| {
             let mut state = State::with_links(&problem, mapping, 4, links(pes, pes + inputs));
             state.set_cap(15 * (equations / pes) as u32);

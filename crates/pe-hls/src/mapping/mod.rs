@@ -27,7 +27,7 @@ mod wires;
 use std::fmt;
 
 use pe_ir::graph::StepGraph;
-use pe_ir::index::number;
+use pe_ir::index::{PeId, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -95,7 +95,7 @@ pub enum MapError {
     /// No mapping was found whose in-degrees are all within the limit.
     InDegree {
         /// A PE above the limit in the best mapping.
-        pe: u32,
+        pe: PeId,
         /// The equation on it that reads from most places; an index into the step graph's equations.
         equation: u32,
         /// Its in-degree.
@@ -203,7 +203,7 @@ pub fn given(problem: &Problem, mapping: &Mapping, max_in_degree: u32) -> Result
 fn in_degree_error(problem: &Problem, mapping: &Mapping, limit: u32) -> MapError {
     let sources = problem.sources(mapping);
     let worst = sources.chunk_by(|left, right| left.0 == right.0).max_by_key(|sources| sources.len());
-    let (pe, degree) = worst.map_or((0, 0), |sources| (sources[0].0, number(sources.len())));
+    let (pe, degree) = worst.map_or((PeId::new(0), 0), |sources| (sources[0].0, number(sources.len())));
     let reads =
         |&equation: &usize| problem.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1).count();
     let equations = (0..mapping.pe_of.len()).filter(|&equation| mapping.pe_of[equation] == pe);

@@ -1,8 +1,9 @@
 //! The mapping problem in flat arrays, and its views as petgraph graphs.
 
 use pe_ir::graph::{Role, StepGraph, Term};
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, PeId, at, number};
 use pe_ir::mapping::{Mapping, MappingCost};
+use pe_ir::program::LinkSource;
 use petgraph::graph::DiGraph;
 
 /// What the mapper knows of a step graph: loads, dependencies and reads of external inputs.
@@ -125,17 +126,17 @@ impl Problem {
         self.neighbours(equation).iter().map(|neighbour| neighbour.node()).filter(|&node| node < self.loads.len())
     }
 
-    /// What each PE of a mapping reads, as sorted pairs (PE, other PE or number of PEs + index of an input).
-    pub(super) fn sources(&self, mapping: &Mapping) -> Vec<(u32, u32)> {
-        let mut sources: Vec<(u32, u32)> = Vec::new();
+    /// What each PE of a mapping reads, as sorted pairs (PE, what it reads).
+    pub(super) fn sources(&self, mapping: &Mapping) -> Vec<(PeId, LinkSource)> {
+        let mut sources: Vec<(PeId, LinkSource)> = Vec::new();
         for (equation, &pe) in mapping.pe_of.iter().enumerate() {
             for neighbour in self.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
                 let node = neighbour.node();
                 let source = match node.checked_sub(self.loads.len()) {
-                    Some(input) => mapping.pes + number(input),
-                    None => mapping.pe_of[node],
+                    Some(input) => LinkSource::Input(number(input)),
+                    None => LinkSource::Pe(mapping.pe_of[node]),
                 };
-                if source != pe {
+                if source != LinkSource::Pe(pe) {
                     sources.push((pe, source));
                 }
             }
@@ -147,15 +148,15 @@ impl Problem {
 
     /// The cost of a mapping, computed from nothing.
     pub fn cost(&self, mapping: &Mapping) -> MappingCost {
-        let mut loads = vec![0; at(mapping.pes)];
+        let mut loads = List::filled(0, at(mapping.pes));
         for (&pe, &load) in mapping.pe_of.iter().zip(&self.loads) {
-            loads[at(pe)] += load;
+            loads[pe] += load;
         }
         let sources = self.sources(mapping);
         let degrees = sources.chunk_by(|left, right| left.0 == right.0).map(<[_]>::len);
         let max_in_degree = number(degrees.max().unwrap_or(0));
-        let between_pes = sources.iter().filter(|&&(_, source)| source < mapping.pes);
-        let mut pairs: Vec<(u32, u32)> = between_pes.map(|&(pe, source)| (pe.min(source), pe.max(source))).collect();
+        let between_pes = sources.iter().filter_map(|&(pe, source)| Some((pe, source.pe()?)));
+        let mut pairs: Vec<(PeId, PeId)> = between_pes.map(|(pe, source)| (pe.min(source), pe.max(source))).collect();
         pairs.sort_unstable();
         pairs.dedup();
         MappingCost { max_load: loads.into_iter().max().unwrap_or(0), connections: number(pairs.len()), max_in_degree }
@@ -178,10 +179,10 @@ impl Problem {
     /// The PE-dependency graph of a mapping: PEs weighted by load, links by the number of dependencies they carry.
     pub fn pe_graph(&self, mapping: &Mapping) -> DiGraph<u32, u32> {
         let mut graph = DiGraph::new();
-        let nodes: Vec<_> = (0..mapping.pes).map(|_| graph.add_node(0)).collect();
+        let nodes: List<PeId, _> = (0..mapping.pes).map(|_| graph.add_node(0)).collect();
         let mut arcs = Vec::new();
         for (equation, &pe) in mapping.pe_of.iter().enumerate() {
-            graph[nodes[at(pe)]] += self.loads[equation];
+            graph[nodes[pe]] += self.loads[equation];
             for neighbour in self.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1) {
                 match mapping.pe_of.get(neighbour.node()) {
                     Some(&source) if source != pe => arcs.push((source, pe)),
@@ -192,7 +193,7 @@ impl Problem {
         arcs.sort_unstable();
         for link in arcs.chunk_by(|left, right| left == right) {
             let (source, reader) = link[0];
-            graph.add_edge(nodes[at(source)], nodes[at(reader)], number(link.len()));
+            graph.add_edge(nodes[source], nodes[reader], number(link.len()));
         }
         graph
     }

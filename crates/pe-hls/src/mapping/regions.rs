@@ -144,6 +144,7 @@ impl<'p> Regions<'p> {
 
 #[cfg(test)]
 mod tests {
+    use pe_ir::index::PeId;
     use pe_ir::mapping::Mapping;
     use rand::SeedableRng;
 
@@ -156,7 +157,7 @@ mod tests {
         let right = (0..side * side).filter(|cell| cell % side + 1 < side).map(|cell| (cell, cell + 1));
         let below = (0..side * (side - 1)).map(|cell| (cell, cell + side));
         let arcs: Vec<_> = right.chain(below).flat_map(|(a, b)| [(a, b), (b, a)]).collect();
-        let mapping = Mapping { pes, pe_of: (0..side * side).map(|cell| cell % pes).collect() };
+        let mapping = Mapping { pes, pe_of: (0..side * side).map(|cell| PeId::new(cell % pes)).collect() };
         (Problem::new(vec![3; (side * side) as usize], &arcs, &[]), mapping)
     }
 
@@ -174,7 +175,7 @@ mod tests {
             assert!(effort > 0);
             assert!(kept || state.mapping() == before);
             assert_eq!(state.cost(), problem.cost(&state.mapping()));
-            assert!((0..9).all(|pe| state.mapping().pe_of.contains(&pe)));
+            assert!(PeId::all(9).all(|pe| state.mapping().pe_of.contains(&pe)));
         }
     }
 

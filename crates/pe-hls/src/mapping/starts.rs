@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{PeId, at, number};
 use pe_ir::mapping::Mapping;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -22,9 +22,9 @@ pub(super) fn random(problem: &Problem, pes: u32, seed: u64) -> Mapping {
     for last in (1..order.len()).rev() {
         order.swap(last, below(&mut rng, last + 1));
     }
-    let mut pe_of = vec![0; order.len()];
+    let mut pe_of = vec![PeId::new(0); order.len()];
     for (turn, &equation) in order.iter().enumerate() {
-        pe_of[at(equation)] = number(turn) % pes;
+        pe_of[at(equation)] = PeId::new(number(turn) % pes);
     }
     Mapping { pes, pe_of }
 }
@@ -64,8 +64,8 @@ pub(super) fn structured(problem: &Problem, pes: u32) -> Vec<(&'static str, Mapp
 
 /// Cuts an order of all equations into one run per PE.
 pub(super) fn runs(problem: &Problem, order: &[u32], pes: u32) -> Mapping {
-    let mut pe_of = vec![0; order.len()];
-    for (pe, run) in (0..).zip(cut_evenly(problem, order, at(pes))) {
+    let mut pe_of = vec![PeId::new(0); order.len()];
+    for (pe, run) in PeId::all(pes).zip(cut_evenly(problem, order, at(pes))) {
         order[run].iter().for_each(|&equation| pe_of[at(equation)] = pe);
     }
     Mapping { pes, pe_of }
@@ -143,7 +143,7 @@ fn earliest_ends(loads: &[u64], pes: usize, cap: u64) -> Vec<usize> {
 /// Halves the equations again and again: each part in layers from one of its ends, cut where the loads match the
 /// numbers of PEs.
 fn bisection(problem: &Problem, pes: u32) -> Mapping {
-    let mut pe_of = vec![0; at(problem.equations())];
+    let mut pe_of = vec![PeId::new(0); at(problem.equations())];
     let mut order = orders::breadth_first(problem);
     let mut region = Region::new(problem);
     let mut layered: Vec<u32> = Vec::with_capacity(order.len());
@@ -153,7 +153,7 @@ fn bisection(problem: &Problem, pes: u32) -> Mapping {
         let equations = &mut order[part.clone()];
         if count == 1 {
             for &equation in equations.iter() {
-                pe_of[at(equation)] = number(first);
+                pe_of[at(equation)] = PeId::at(first);
             }
             continue;
         }
@@ -205,7 +205,7 @@ mod tests {
                 let problem = Problem::new(loads.clone(), &[], &[]);
                 let mapping = runs(&problem, &orders::declared(&problem), pes as u32);
                 assert!(mapping.pe_of.is_sorted());
-                assert!((0..pes as u32).all(|pe| mapping.pe_of.contains(&pe)), "{loads:?} {mapping:?}");
+                assert!(PeId::all(pes as u32).all(|pe| mapping.pe_of.contains(&pe)), "{loads:?} {mapping:?}");
                 assert_eq!(problem.cost(&mapping).max_load, smallest(&loads, pes), "{loads:?} {mapping:?}");
             }
         }
@@ -218,7 +218,7 @@ mod tests {
         for pes in [1, 2, 13, 49, 50] {
             let all = structured(&problem, pes).into_iter().chain([("random", random(&problem, pes, 5))]);
             for (name, mapping) in all {
-                assert!((0..pes).all(|pe| mapping.pe_of.contains(&pe)), "{name} on {pes}");
+                assert!(PeId::all(pes).all(|pe| mapping.pe_of.contains(&pe)), "{name} on {pes}");
             }
         }
     }

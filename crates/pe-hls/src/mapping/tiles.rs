@@ -13,7 +13,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use pe_ir::index::{self, number};
+use pe_ir::index::{self, PeId, number};
 use pe_ir::mapping::Mapping;
 
 use super::problem::Problem;
@@ -95,12 +95,12 @@ fn distances(problem: &Problem, from: usize) -> Vec<u32> {
 
 /// Cuts a box into slabs, each into pencils with about so many PEs, and these into tiles.
 fn cut_box(problem: &Problem, axes: &[Vec<u32>], pes: usize, slabs: usize, per_pencil: usize) -> Mapping {
-    let mut pe_of = vec![0; index::at(problem.equations())];
+    let mut pe_of = vec![PeId::new(0); index::at(problem.equations())];
     let mut all: Vec<u32> = (0..problem.equations()).collect();
     let at = |axis: usize, equation: &u32| axes[axis][index::at(*equation)];
     let (second, last) = (1, axes.len() - 1);
     all.sort_by_key(|equation| (at(0, equation), at(second, equation), at(last, equation)));
-    let mut next = 0;
+    let mut rest = PeId::all(number(pes));
     let of_slabs = shares(pes, slabs);
     for (slab, pes) in cut(problem, &all, &of_slabs).into_iter().zip(of_slabs) {
         let slab = &mut all[slab];
@@ -111,10 +111,10 @@ fn cut_box(problem: &Problem, axes: &[Vec<u32>], pes: usize, slabs: usize, per_p
             let pencil = &mut slab[pencil];
             pencil.sort_by_key(|equation| (at(last, equation), at(0, equation), at(second, equation)));
             for tile in cut(problem, pencil, &vec![1; pes]) {
+                let pe = rest.next().expect("a tile for each PE");
                 for equation in &pencil[tile] {
-                    pe_of[index::at(*equation)] = next;
+                    pe_of[index::at(*equation)] = pe;
                 }
-                next += 1;
             }
         }
     }
@@ -190,7 +190,7 @@ mod tests {
         let problem = cells([40, 40, 1]);
         for pes in [10, 97, 400, 1599, 1600] {
             let mapping = tiles(&problem, pes).expect("a rectangle");
-            assert!((0..pes).all(|pe| mapping.pe_of.contains(&pe)), "{pes}");
+            assert!(PeId::all(pes).all(|pe| mapping.pe_of.contains(&pe)), "{pes}");
             let cost = problem.cost(&mapping);
             assert!(cost.connections <= 2 * pes, "{cost:?} on {pes}");
         }

@@ -26,7 +26,8 @@ const ROUNDS: usize = 64;
 pub fn wire_length(problem: &Problem, mapping: &Mapping) -> WireLength {
     let pes = index::at(mapping.pes);
     let sources = problem.sources(mapping);
-    let arcs: Vec<(u32, u32)> = sources.into_iter().filter(|&(_, source)| (index::at(source)) < pes).collect();
+    let arcs: Vec<(u32, u32)> =
+        sources.into_iter().filter_map(|(pe, source)| Some((pe.number(), source.pe()?.number()))).collect();
     let network = Problem::new(vec![1; pes], &arcs, &[]);
     let mut grid = Grid::halved(&network);
     for _ in 0..ROUNDS {
@@ -63,7 +64,7 @@ impl Grid {
     fn halved(network: &Problem) -> Grid {
         let pes = network.equations();
         let side = (1..).find(|side| side * side >= pes).unwrap_or(1);
-        let mut grid = Grid { side, places: vec![(0, 0); index::at(pes)], at: vec![u32::MAX; index::at(pes)] };
+        let mut grid = Grid { side, places: vec![(0, 0); index::at(pes)], at: vec![0; index::at(pes)] };
         let places: Vec<(u32, u32)> = (0..pes).map(|place| (place % side, place / side)).collect();
         let mut region = Region::new(network);
         let mut parts = vec![((0..pes).collect::<Vec<u32>>(), places)];
@@ -151,11 +152,13 @@ impl Grid {
 
 #[cfg(test)]
 mod tests {
+    use pe_ir::index::PeId;
+
     use super::*;
 
     fn lengths(pes: u32, pairs: &[(u32, u32)]) -> WireLength {
         let problem = Problem::new(vec![1; pes as usize], pairs, &[]);
-        wire_length(&problem, &Mapping { pes, pe_of: (0..pes).collect() })
+        wire_length(&problem, &Mapping { pes, pe_of: PeId::all(pes).collect() })
     }
 
     #[test]

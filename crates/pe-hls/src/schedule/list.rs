@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{self, PeId, at, number};
 use pe_ir::word::Latency;
 
 use super::problem::{NONE, Placement, Problem};
@@ -46,7 +46,7 @@ struct Pe {
 
 struct List<'a> {
     problem: &'a Problem<'a>,
-    pes: Vec<Pe>,
+    pes: index::List<PeId, Pe>,
     events: Events,
     waiting: Vec<u32>,
     /// First word that may read each slot; an import's in the step that its current word belongs to.
@@ -62,12 +62,8 @@ struct List<'a> {
 
 impl<'a> List<'a> {
     fn new(problem: &'a Problem, release: &[u32]) -> Self {
-        let mut pes: Vec<Pe> = Vec::new();
-        pes.resize_with(problem.pes, Pe::default);
-        for pe in &mut pes {
-            // Nothing may be written before the pause point, so no chain may end in word 0.
-            pe.next_last = 1;
-        }
+        // Nothing may be written before the pause point, so no chain may end in word 0.
+        let pes = (0..problem.pes).map(|_| Pe { next_last: 1, ..Pe::default() }).collect();
         List {
             problem,
             pes,
@@ -90,7 +86,7 @@ impl<'a> List<'a> {
     fn receive_inputs(&mut self) {
         let first = self.problem.latency.pause() + 1;
         for (index, import) in self.problem.imports.iter().enumerate().filter(|(_, import)| import.is_input) {
-            let receive = self.pes[at(import.pe)].receives.take(first);
+            let receive = self.pes[import.pe].receives.take(first);
             self.placement.receives[index] = receive;
             self.ready[at(import.slot)] = receive + Latency::WRITE_TO_READ;
         }
@@ -122,17 +118,17 @@ impl<'a> List<'a> {
                 start = start.max((self.ready[base.slot()] + base.lag()).saturating_sub(scale));
             }
         }
-        let pe = at(code.pe);
+        let pe = code.pe;
         self.pes[pe].coming.push(Reverse((start, chain)));
         self.wake(pe, start);
     }
 
     /// Has a PE looked at again at `time`.
-    fn wake(&mut self, pe: usize, time: u32) {
+    fn wake(&mut self, pe: PeId, time: u32) {
         self.events.add(pe, time.max(self.pes[pe].free));
     }
 
-    fn visit(&mut self, pe: usize, time: u32) {
+    fn visit(&mut self, pe: PeId, time: u32) {
         while let Some(Reverse((start, chain))) = self.pes[pe].coming.peek().copied() {
             if start > time {
                 break;
@@ -165,7 +161,7 @@ impl<'a> List<'a> {
     }
 
     /// When the hold register, the write port and the link allow a chain to start.
-    fn earliest_start(&self, pe: usize, chain: u32) -> u32 {
+    fn earliest_start(&self, pe: PeId, chain: u32) -> u32 {
         let state = &self.pes[pe];
         let code = &self.problem.chains[at(chain)];
         let last_offset = code.len() - 1;
@@ -177,7 +173,7 @@ impl<'a> List<'a> {
         start
     }
 
-    fn issue(&mut self, pe: usize, chain: u32, start: u32) {
+    fn issue(&mut self, pe: PeId, chain: u32, start: u32) {
         let problem = self.problem;
         let code = &problem.chains[at(chain)];
         let last = start + code.len() - 1;
@@ -236,10 +232,10 @@ impl<'a> List<'a> {
             if code.overwrites {
                 first = first.max(self.last_read[at(import.slot)] + 1);
             }
-            let receive = self.pes[at(import.pe)].receives.take(first);
+            let receive = self.pes[import.pe].receives.take(first);
             self.placement.receives[at(*index)] = receive;
             self.ready[at(import.slot)] = receive + Latency::WRITE_TO_READ;
-            let next_send = &mut self.pes[at(code.pe)].next_send;
+            let next_send = &mut self.pes[code.pe].next_send;
             *next_send = (*next_send).max(receive);
         }
     }
@@ -249,7 +245,7 @@ impl<'a> List<'a> {
 /// nearly every word, so that going through all of them word by word takes less than a heap of the times.
 struct Events {
     /// For each PE the time of its next event, or none.
-    times: Vec<u32>,
+    times: index::List<PeId, u32>,
     now: u32,
     /// No PE before this one is due now.
     next: usize,
@@ -258,24 +254,25 @@ struct Events {
 impl Events {
     /// No events of so many PEs.
     fn new(pes: usize) -> Events {
-        Events { times: vec![NONE; pes], now: 0, next: 0 }
+        Events { times: index::List::filled(NONE, pes), now: 0, next: 0 }
     }
 
     /// Adds an event, not before the one under way; a later one of the same PE is forgotten.
-    fn add(&mut self, pe: usize, time: u32) {
+    fn add(&mut self, pe: PeId, time: u32) {
         self.times[pe] = self.times[pe].min(time);
         if time == self.now {
-            self.next = self.next.min(pe);
+            self.next = self.next.min(pe.index());
         }
     }
 
     /// Takes the next event.
-    fn next(&mut self) -> Option<(u32, usize)> {
+    fn next(&mut self) -> Option<(u32, PeId)> {
         loop {
-            if let Some(waited) = self.times[self.next..].iter().position(|time| *time == self.now) {
+            if let Some(waited) = self.times.iter().skip(self.next).position(|time| *time == self.now) {
                 self.next += waited;
-                self.times[self.next] = NONE;
-                return Some((self.now, self.next));
+                let pe = PeId::at(self.next);
+                self.times[pe] = NONE;
+                return Some((self.now, pe));
             }
             self.now = self.times.iter().copied().min().filter(|time| *time != NONE)?;
             self.next = 0;
@@ -314,18 +311,19 @@ impl Slots {
 
 #[cfg(test)]
 mod tests {
-    use super::{Events, Slots};
+    use super::{Events, PeId, Slots};
 
     #[test]
     fn events_come_by_time_and_by_pe_and_the_earlier_one_counts() {
         let mut events = Events::new(4);
-        [(2, 5), (1, 5), (3, 7), (3, 6), (0, 9)].into_iter().for_each(|(pe, time)| events.add(pe, time));
-        assert_eq!(events.next(), Some((5, 1)));
-        assert_eq!(events.next(), Some((5, 2)));
+        [(2, 5), (1, 5), (3, 7), (3, 6), (0, 9)].into_iter().for_each(|(pe, time)| events.add(PeId::new(pe), time));
+        let next = |events: &mut Events| events.next().map(|(time, pe)| (time, pe.number()));
+        assert_eq!(next(&mut events), Some((5, 1)));
+        assert_eq!(next(&mut events), Some((5, 2)));
         // A PE before the one under way is due at the same time.
-        events.add(0, 5);
-        events.add(2, 5);
-        let rest: Vec<_> = std::iter::from_fn(|| events.next()).collect();
+        events.add(PeId::new(0), 5);
+        events.add(PeId::new(2), 5);
+        let rest: Vec<_> = std::iter::from_fn(|| next(&mut events)).collect();
         assert_eq!(rest, [(5, 0), (5, 2), (6, 3)]);
     }
 

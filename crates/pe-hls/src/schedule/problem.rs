@@ -4,7 +4,7 @@
 //! graph's order, in which a PE also comes to it: chains, operands, and the slots that say when a word is there.
 
 use pe_ir::graph::{Factor, Role, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, PeId, at, number};
 use pe_ir::mapping::Mapping;
 use pe_ir::schedule::{Schedule, Transfer};
 use pe_ir::word::Latency;
@@ -62,7 +62,7 @@ pub(super) struct Import {
     /// The value as its memory word is known: the start value for states.
     resident: ValueId,
     /// The PE that needs it.
-    pub pe: u32,
+    pub pe: PeId,
     /// Its slot.
     pub slot: u32,
     /// Whether it is an external input.
@@ -86,7 +86,7 @@ pub(super) struct Code {
     /// Its terms: a range of [`Problem::operands`].
     pub terms: std::ops::Range<u32>,
     /// Its PE.
-    pub pe: u32,
+    pub pe: PeId,
     /// Length of the longest way from its first operand to the end of the step.
     pub priority: u32,
     /// Number of chains that it waits for.
@@ -152,7 +152,7 @@ pub(super) struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     pub fn new(graph: &'a StepGraph, mapping: &Mapping, latency: Latency) -> Self {
-        let pe_of: Vec<u32> = graph.chains.iter().map(|chain| mapping.pe_of[at(chain.equation)]).collect();
+        let pe_of: Vec<PeId> = graph.chains.iter().map(|chain| mapping.pe_of[at(chain.equation)]).collect();
         let places = Places::new(graph, mapping, &pe_of);
         let mut originals: Vec<u32> = (0..graph.chains.len() as u32).collect();
         originals.sort_by_key(|chain| pe_of[at(*chain)]);
@@ -271,9 +271,9 @@ impl<'a> Problem<'a> {
 
     /// The largest number of issue slots of a PE.
     pub fn load_bound(&self) -> u32 {
-        let mut load = vec![0; self.pes];
+        let mut load = List::filled(0, self.pes);
         for chain in &self.chains {
-            load[at(chain.pe)] += chain.len().max(number(chain.stores().count()));
+            load[chain.pe] += chain.len().max(number(chain.stores().count()));
         }
         load.into_iter().max().unwrap_or(0).max(self.latency.pause() + 1)
     }
@@ -398,8 +398,8 @@ impl<'a> Problem<'a> {
 struct Places {
     /// Slot of each value in its own PE, or none.
     own: Vec<u32>,
-    /// PE of each value, or none.
-    home: Vec<u32>,
+    /// PE of each value; none of inputs.
+    home: Vec<Option<PeId>>,
     /// The start value of a state for its end value; itself for others.
     resident: Vec<u32>,
     /// First import of each PE, and their number.
@@ -409,18 +409,18 @@ struct Places {
 }
 
 impl Places {
-    fn new(graph: &StepGraph, mapping: &Mapping, pe_of: &[u32]) -> Places {
+    fn new(graph: &StepGraph, mapping: &Mapping, pe_of: &[PeId]) -> Places {
         let pes = at(mapping.pes);
         let mut resident: Vec<u32> = (0..graph.values.len() as u32).collect();
         for (state, next) in &graph.states {
             resident[next.index()] = state.0;
         }
-        let of_equation = |equation: u32| mapping.pe_of.get(at(equation)).copied().unwrap_or(NONE);
-        let home: Vec<u32> = graph.values.iter().map(|value| of_equation(value.equation)).collect();
-        let mut needs: Vec<(u32, u32)> = Vec::new();
+        let of_equation = |equation: u32| mapping.pe_of.get(at(equation)).copied();
+        let home: Vec<Option<PeId>> = graph.values.iter().map(|value| of_equation(value.equation)).collect();
+        let mut needs: Vec<(PeId, u32)> = Vec::new();
         for (chain, pe) in graph.chains.iter().zip(pe_of) {
             for term in graph.chain_terms(chain) {
-                if home[term.operand.index()] != *pe {
+                if home[term.operand.index()] != Some(*pe) {
                     needs.push((*pe, resident[term.operand.index()]));
                 }
                 // A partner is read from the imported memory even if the PE computes it itself.
@@ -431,30 +431,30 @@ impl Places {
         needs.dedup();
         let mut first_import = vec![0; pes + 1];
         for (pe, _) in &needs {
-            first_import[at(*pe) + 1] += 1;
+            first_import[pe.index() + 1] += 1;
         }
-        let mut owned = vec![0u32; pes];
-        for pe in home.iter().filter(|pe| **pe != NONE) {
-            owned[at(*pe)] += 1;
+        let mut owned = List::filled(0u32, pes);
+        for pe in home.iter().flatten() {
+            owned[*pe] += 1;
         }
         // Each PE's slots lie together: its own values, then its imports.
-        let mut next_own = vec![0; pes];
-        let mut next_import = vec![0; pes];
+        let mut next_own = List::filled(0, pes);
+        let mut next_import = List::filled(0, pes);
         let mut slots = 0;
-        for pe in 0..pes {
+        for pe in owned.ids() {
             next_own[pe] = slots;
             next_import[pe] = slots + owned[pe];
-            slots += owned[pe] + first_import[pe + 1];
-            first_import[pe + 1] += first_import[pe];
+            slots += owned[pe] + first_import[pe.index() + 1];
+            first_import[pe.index() + 1] += first_import[pe.index()];
         }
         assert!(slots < INDEXED, "more values than slots can be told apart");
-        let take = |pe: u32, next: &mut Vec<u32>| {
-            let slot = &mut next[at(pe)];
+        let take = |pe: PeId, next: &mut List<PeId, u32>| {
+            let slot = &mut next[pe];
             *slot += 1;
             *slot - 1
         };
-        let own = home.iter().map(|pe| if *pe == NONE { NONE } else { take(*pe, &mut next_own) }).collect();
-        let import = |(pe, value): (u32, u32)| {
+        let own = home.iter().map(|pe| pe.map_or(NONE, |pe| take(pe, &mut next_own))).collect();
+        let import = |(pe, value): (PeId, u32)| {
             let is_input = matches!(graph.values[at(value)].role, Role::Input(_));
             Import { resident: ValueId(value), pe, slot: take(pe, &mut next_import), is_input }
         };
@@ -463,26 +463,26 @@ impl Places {
     }
 
     /// Where a PE reads a value.
-    fn operand(&self, graph: &StepGraph, value: ValueId, pe: u32) -> Operand {
+    fn operand(&self, graph: &StepGraph, value: ValueId, pe: PeId) -> Operand {
         let before = if matches!(graph.value(value).role, Role::State(_)) { FROM_BEFORE } else { 0 };
-        if self.home[value.index()] == pe {
+        if self.home[value.index()] == Some(pe) {
             return Operand(self.own[value.index()] | before);
         }
         self.import(graph, value, pe)
     }
 
     /// Where a PE reads a base.
-    fn base(&self, graph: &StepGraph, value: ValueId, pe: u32) -> Operand {
+    fn base(&self, graph: &StepGraph, value: ValueId, pe: PeId) -> Operand {
         let Some((_, lookup)) = graph.lookup(value) else { return self.operand(graph, value, pe) };
-        assert_eq!(self.home[lookup.argument.index()], pe, "lookups and their arguments belong to one equation");
+        assert_eq!(self.home[lookup.argument.index()], Some(pe), "lookups and their arguments belong to one equation");
         Operand(self.own[lookup.argument.index()] | INDEXED)
     }
 
     /// Where a PE reads a value that it imports.
-    fn import(&self, graph: &StepGraph, value: ValueId, pe: u32) -> Operand {
+    fn import(&self, graph: &StepGraph, value: ValueId, pe: PeId) -> Operand {
         let before = if matches!(graph.value(value).role, Role::State(_)) { FROM_BEFORE } else { 0 };
         let resident = ValueId(self.resident[value.index()]);
-        let range = at(self.first_import[at(pe)])..self.first_import[at(pe) + 1] as usize;
+        let range = at(self.first_import[pe.index()])..at(self.first_import[pe.index() + 1]);
         let imports = &self.imports[range];
         let found = imports.binary_search_by_key(&resident, |import| import.resident).expect("an import of the PE");
         Operand(imports[found].slot | before | IMPORTED)

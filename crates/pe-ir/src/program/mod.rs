@@ -12,7 +12,7 @@ pub use shape::{shape, shapes};
 pub use text::read;
 
 use crate::functions::Segments;
-use crate::index::at;
+use crate::index::{List, PeId, at};
 use crate::word::{Latency, WordFormat};
 
 /// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds.
@@ -164,9 +164,19 @@ impl PeFeatures {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum LinkSource {
     /// The output link of another PE.
-    Pe(u32),
+    Pe(PeId),
     /// An external input.
     Input(u32),
+}
+
+impl LinkSource {
+    /// The PE, if it is one.
+    pub fn pe(self) -> Option<PeId> {
+        match self {
+            LinkSource::Pe(pe) => Some(pe),
+            LinkSource::Input(_) => None,
+        }
+    }
 }
 
 /// Where a control word comes from: indices into [`Program::names`], `Note::NONE` where nothing happens.
@@ -253,7 +263,7 @@ pub struct OutputPort {
     /// Unit in the spec, if any.
     pub unit: Option<String>,
     /// The PE that computes it.
-    pub pe: u32,
+    pub pe: PeId,
     /// Index of the control word whose write group holds the value.
     pub word: u32,
     /// The port's LSB is worth `2^exponent`.
@@ -270,9 +280,9 @@ pub struct StateRegister {
     /// The stored word's LSB is worth `2^exponent`.
     pub exponent: i32,
     /// PE and own memory word; the same address, as far as the base memory goes, holds the base word.
-    pub own: (u32, u16),
+    pub own: (PeId, u16),
     /// PEs and imported memory words that hold a copy at the start of a step.
-    pub imported: Vec<(u32, u16)>,
+    pub imported: Vec<(PeId, u16)>,
 }
 
 /// A network of PEs with everything they run.
@@ -287,7 +297,7 @@ pub struct Program {
     /// Rounds of equal length per step; swapping buffers change roles after each.
     pub rounds: u32,
     /// The PEs.
-    pub pes: Vec<PeProgram>,
+    pub pes: List<PeId, PeProgram>,
     /// Inputs: ports, then ticks.
     pub inputs: Vec<InputPort>,
     /// Outputs.
@@ -313,8 +323,8 @@ impl Program {
 
     /// Whether a PE clamps words that are out of range. One that does not was proven to write none over the span, from
     /// the initial states on: started from words that no run over the span has, it may wrap.
-    pub fn saturates(&self, pe: u32) -> bool {
-        !self.pes[at(pe)].features.proven
+    pub fn saturates(&self, pe: PeId) -> bool {
+        !self.pes[pe].features.proven
     }
 
     /// The latency table.
@@ -360,14 +370,14 @@ impl Program {
 
 impl StateRegister {
     /// Writes a stored word into every image that holds the state at the start of a step.
-    pub fn set(&self, pes: &mut [PeProgram], format: &WordFormat, word: i64) {
+    pub fn set(&self, pes: &mut List<PeId, PeProgram>, format: &WordFormat, word: i64) {
         let (pe, address) = self.own;
-        let pe = &mut pes[at(pe)];
+        let pe = &mut pes[pe];
         pe.own_image[usize::from(address)] = format.data_operand(word);
         let base = pe.features.base_word(address);
         pe.base_image[base] = word;
         for (pe, address) in &self.imported {
-            pes[at(*pe)].imported_image[usize::from(*address)] = format.data_operand(word);
+            pes[*pe].imported_image[usize::from(*address)] = format.data_operand(word);
         }
     }
 }

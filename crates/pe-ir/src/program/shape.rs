@@ -4,25 +4,26 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::{Fold, Layout, PeFeatures, Program};
+use crate::index::PeId;
 use crate::word::Pipeline;
 
 /// The text of `<model>_shapes.txt`: one `key=value` line per set of PEs that differ only in content.
 pub fn shapes(program: &Program, folds: &[Fold]) -> String {
-    let mut shapes: BTreeMap<(&PeFeatures, u32, Option<u32>), Vec<usize>> = BTreeMap::new();
-    for (index, (pe, fold)) in program.pes.iter().zip(folds).enumerate() {
+    let mut shapes: BTreeMap<(&PeFeatures, u32, Option<u32>), Vec<PeId>> = BTreeMap::new();
+    for ((index, pe), fold) in program.pes.numbered().zip(folds) {
         shapes.entry((&pe.features, fold.streamed_bits(), fold.variants())).or_default().push(index);
     }
     let mut text = String::new();
     for (number, members) in shapes.values().enumerate() {
         let (count, example) = (members.len(), members[0]);
-        let shape = shape(program, example, &folds[example]);
+        let shape = shape(program, example, &folds[example.index()]);
         writeln!(text, "shape={number} count={count} example={example} {shape}").expect("writing to a string succeeds");
     }
     text
 }
 
 /// Widths, features and program size of a PE as `key=value` words, which say all that its size depends on.
-pub fn shape(program: &Program, index: usize, fold: &Fold) -> String {
+pub fn shape(program: &Program, index: PeId, fold: &Fold) -> String {
     let format = &program.format;
     let features = &program.pes[index].features;
     let shifts = features.shifts.iter().map(u8::to_string).collect::<Vec<_>>().join(",");

@@ -13,7 +13,7 @@ use super::{
     Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
     StateRegister, Target, Tick,
 };
-use crate::index;
+use crate::index::{self, List, PeId};
 use crate::text::{Line, Section, Stage, TextError, fixed, quoted, single};
 use crate::word::WordFormat;
 
@@ -43,14 +43,14 @@ impl Display for Program {
             state.imported.iter().try_for_each(|(pe, word)| write!(f, " imported {pe}:{word}"))?;
             writeln!(f)?;
         }
-        for (index, pe) in self.pes.iter().enumerate() {
+        for (index, pe) in self.pes.numbered() {
             write_pe(f, self, index, pe)?;
         }
         Ok(())
     }
 }
 
-fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: usize, pe: &PeProgram) -> fmt::Result {
+fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: PeId, pe: &PeProgram) -> fmt::Result {
     let features = &pe.features;
     let shifts: Vec<String> = features.shifts.iter().map(u8::to_string).collect();
     write!(f, "pe {index} own {} base {}", features.own_words, features.base_words)?;
@@ -206,7 +206,7 @@ impl Program {
             format: WordFormat::new(0, 0, 0),
             period: 0,
             rounds: 1,
-            pes: Vec::new(),
+            pes: List::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
             states: Vec::new(),
@@ -279,15 +279,15 @@ pub fn read(section: &Section) -> Result<Program, TextError> {
     if !complete || program.pes.is_empty() {
         return Err(section.error("expected as many control words in each PE as the period says"));
     }
-    let pe = |pe: u32| program.pes.get(index::at(pe));
+    let pe = |pe: PeId| program.pes.find(pe);
     let outputs = program.outputs.iter().all(|output| pe(output.pe).is_some() && output.word < program.period);
     let states = program.states.iter().all(|state| {
-        let holds = |at: &(u32, u16)| pe(at.0).is_some_and(|pe| u32::from(at.1) < pe.features.imported_words);
+        let holds = |at: &(PeId, u16)| pe(at.0).is_some_and(|pe| u32::from(at.1) < pe.features.imported_words);
         let own = pe(state.own.0).is_some_and(|pe| u32::from(state.own.1) < pe.features.own_words);
         own && state.imported.iter().all(holds)
     });
     let ports = program.pes.iter().flat_map(|pe| &pe.ports).all(|port| match port {
-        LinkSource::Pe(pe) => (index::at(*pe)) < program.pes.len(),
+        LinkSource::Pe(pe) => program.pes.find(*pe).is_some(),
         LinkSource::Input(input) => (index::at(*input)) < program.inputs.len(),
     });
     match outputs && states && ports {
@@ -568,7 +568,7 @@ impl Parser {
 }
 
 /// A PE and a word in its memory.
-fn place(line: &mut Line) -> Result<(u32, u16), TextError> {
+fn place(line: &mut Line) -> Result<(PeId, u16), TextError> {
     let pe = line.integer()?;
     line.sign(":")?;
     Ok((pe, line.integer()?))

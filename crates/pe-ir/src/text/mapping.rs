@@ -1,7 +1,7 @@
 //! The mapping: a line with the name of each equation and the number of its PE, as in a mapping file.
 
 use crate::graph::StepGraph;
-use crate::index::{at, number};
+use crate::index::{PeId, at, number};
 use crate::mapping::Mapping;
 use crate::source::Span;
 
@@ -16,13 +16,13 @@ pub struct Placed {
     /// The bytes of the name.
     pub span: Span,
     /// Its PE.
-    pub pe: u32,
+    pub pe: PeId,
 }
 
 /// The section of a mapping.
 pub fn print(graph: &StepGraph, mapping: &Mapping) -> String {
     let labels = Labels::of(graph.equations.iter().map(|equation| equation.name.clone()));
-    let line = |(index, pe): (u32, &u32)| format!("{} {pe}\n", labels.text(index));
+    let line = |(index, pe): (u32, &PeId)| format!("{} {pe}\n", labels.text(index));
     Stage::Mapping.header() + "\n" + &(0..).zip(&mapping.pe_of).map(line).collect::<String>()
 }
 
@@ -36,9 +36,6 @@ pub fn lines(section: &Section) -> Result<Vec<Placed>, TextError> {
         let equation = line.name("the name of an equation")?;
         let span = line.last();
         let pe = line.integer()?;
-        if pe == u32::MAX {
-            return Err(line.error("expected the number of a PE"));
-        }
         line.done()?;
         placed.push(Placed { equation, span, pe });
     }
@@ -56,21 +53,21 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<Mapping, TextError> 
     for mut line in section.lines() {
         let equation = labels.read(&mut line, "an equation of the step")?;
         let place = line.last();
-        let pe: u32 = line.integer()?;
+        let pe: PeId = line.integer()?;
         line.done()?;
         // More PEs than equations cannot all have one.
-        if at(pe) >= labels.len() {
+        if pe.index() >= labels.len() {
             return Err(line.error(format!("expected the number of a PE below that of equations, {}", labels.len())));
         }
         if pe_of[at(equation)].replace(pe).is_some() {
             return Err(line.error_at(place, format!("{} already has a PE", labels.text(equation))));
         }
-        pes = pes.max(pe + 1);
+        pes = pes.max(pe.number() + 1);
     }
     if let Some(missing) = pe_of.iter().position(Option::is_none) {
         return Err(section.error(format!("{} has no PE", labels.text(number(missing)))));
     }
-    if let Some(empty) = (0..pes).find(|pe| !pe_of.contains(&Some(*pe))) {
+    if let Some(empty) = PeId::all(pes).find(|pe| !pe_of.contains(&Some(*pe))) {
         return Err(section.error(format!("PE {empty} has no equation")));
     }
     Ok(Mapping { pes, pe_of: pe_of.into_iter().flatten().collect() })

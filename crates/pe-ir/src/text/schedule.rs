@@ -74,7 +74,7 @@ pub fn read(section: &Section, graph: &StepGraph, pes: u32) -> Result<Schedule, 
         if schedule.transfers.last().is_some_and(|last| *last >= transfer) {
             return Err(line.error("expected transfers in the order of values, PEs and times, each once"));
         }
-        if transfer.to >= pes {
+        if transfer.to.number() >= pes {
             return Err(line.error(format!("expected one of {pes} PEs")));
         }
         if u64::from(transfer.receive) >= 2 * u64::from(period) {

@@ -12,7 +12,7 @@
 use std::collections::BTreeSet;
 
 use crate::graph::{Role, StepGraph, Term};
-use crate::index::{at, number};
+use crate::index::{List, PeId, at, number};
 use crate::mapping::{Mapping, MappingCost};
 
 /// What a mapping must be consistent with.
@@ -51,7 +51,7 @@ impl Facts {
 }
 
 /// A set made at once, which is many times faster than one by one.
-fn set(mut members: Vec<(u32, u32)>) -> BTreeSet<(u32, u32)> {
+fn set<T: Ord>(mut members: Vec<T>) -> BTreeSet<T> {
     members.sort_unstable();
     members.dedup();
     members.into_iter().collect()
@@ -67,17 +67,18 @@ pub fn check_facts(facts: &Facts, mapping: &Mapping, claimed: &MappingCost, max_
     if mapping.pe_of.len() != facts.loads.len() {
         return vec![format!("{} equations have a PE, not {}", mapping.pe_of.len(), facts.loads.len())];
     }
-    if let Some(equation) = mapping.pe_of.iter().position(|&pe| pe >= mapping.pes) {
+    if let Some(equation) = mapping.pe_of.iter().position(|&pe| pe.number() >= mapping.pes) {
         return vec![format!("equation {equation} is on PE {} of {}", mapping.pe_of[equation], mapping.pes)];
     }
     let pe = |equation: u32| mapping.pe_of[at(equation)];
     let mut violations = Vec::new();
-    let used: BTreeSet<u32> = mapping.pe_of.iter().copied().collect();
-    violations.extend((0..mapping.pes).filter(|pe| !used.contains(pe)).map(|pe| format!("PE {pe} has no equation")));
+    let used: BTreeSet<PeId> = mapping.pe_of.iter().copied().collect();
+    violations
+        .extend(PeId::all(mapping.pes).filter(|pe| !used.contains(pe)).map(|pe| format!("PE {pe} has no equation")));
 
-    let mut loads = vec![0u64; at(mapping.pes)];
+    let mut loads = List::filled(0u64, at(mapping.pes));
     for (&pe, &load) in mapping.pe_of.iter().zip(&facts.loads) {
-        loads[at(pe)] += u64::from(load);
+        loads[pe] += u64::from(load);
     }
     let max_load = loads.into_iter().max().unwrap_or(0);
     if max_load != u64::from(claimed.max_load) {
@@ -92,15 +93,15 @@ pub fn check_facts(facts: &Facts, mapping: &Mapping, claimed: &MappingCost, max_
     }
 
     let ports = set(facts.input_reads.iter().map(|&(input, reader)| (input, pe(reader))).collect());
-    let mut degrees = vec![0u32; at(mapping.pes)];
-    for &(_, target) in links.iter().chain(&ports) {
-        degrees[at(target)] += 1;
+    let mut degrees = List::filled(0u32, at(mapping.pes));
+    for target in links.iter().map(|&(_, target)| target).chain(ports.iter().map(|&(_, target)| target)) {
+        degrees[target] += 1;
     }
     let largest = degrees.iter().copied().max().unwrap_or(0);
     if largest != claimed.max_in_degree {
         violations.push(format!("largest in-degree is {largest}, not {}", claimed.max_in_degree));
     }
-    for (pe, degree) in degrees.into_iter().enumerate().filter(|&(_, degree)| degree > max_in_degree) {
+    for (pe, degree) in degrees.numbered().filter(|&(_, &degree)| degree > max_in_degree) {
         violations.push(format!("PE {pe} reads {degree} other PEs and inputs, more than {max_in_degree}"));
     }
     violations
@@ -117,7 +118,7 @@ mod tests {
             dependencies: (0..6).map(|equation| (equation, (equation + 1) % 6)).collect(),
             input_reads: BTreeSet::from([(0, 0)]),
         };
-        let mapping = Mapping { pes: 3, pe_of: vec![0, 0, 1, 1, 2, 2] };
+        let mapping = Mapping { pes: 3, pe_of: [0, 0, 1, 1, 2, 2].map(PeId::new).to_vec() };
         (facts, mapping, MappingCost { max_load: 4, connections: 3, max_in_degree: 2 })
     }
 
@@ -138,7 +139,7 @@ mod tests {
     fn every_equation_has_an_existing_pe() {
         let missing = violations(|mapping, _, _| mapping.pe_of.truncate(5));
         assert_eq!(missing, ["5 equations have a PE, not 6"]);
-        let unknown = violations(|mapping, _, _| mapping.pe_of[3] = 3);
+        let unknown = violations(|mapping, _, _| mapping.pe_of[3] = PeId::new(3));
         assert_eq!(unknown, ["equation 3 is on PE 3 of 3"]);
     }
 

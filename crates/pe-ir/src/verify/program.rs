@@ -19,7 +19,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
-use crate::index::{self, number};
+use crate::index::{self, List, PeId};
 use crate::program::{Address, CoefficientOperand, ControlWord, LinkSource, PeProgram, Program, Target};
 use crate::word::Pipeline;
 
@@ -96,7 +96,7 @@ enum IndexRegister {
 pub fn check(program: &Program, graph: &StepGraph, fixed: &FixedPoint, rounds: u32) -> Vec<String> {
     let mut checker = Checker::new(program, graph, fixed);
     for round in 0..rounds {
-        for pe in 0..program.pes.len() {
+        for pe in program.pes.ids() {
             for word in 0..program.period {
                 checker.clock(pe, round, word);
                 if checker.violations.len() > 24 {
@@ -117,8 +117,8 @@ struct Checker<'a> {
     /// Start value of a state for its end value, else none.
     start_of: Vec<u32>,
     /// Outputs by the PE and word in which they are captured, sorted.
-    captures: Vec<((u32, u32), usize)>,
-    pes: Vec<Pe<'a>>,
+    captures: Vec<((PeId, u32), usize)>,
+    pes: List<PeId, Pe<'a>>,
     written: Vec<u32>,
     /// Products of the value under `written_cell`.
     expected: Vec<Product>,
@@ -169,17 +169,17 @@ impl<'a> Checker<'a> {
         };
         for (register, (state, _)) in program.states.iter().zip(&graph.states) {
             let cell = Cell::Value(state.0, 0);
-            let pe = &mut checker.pes[index::at(register.own.0)];
+            let pe = &mut checker.pes[register.own.0];
             pe.own[usize::from(register.own.1)] = cell;
             pe.base[pe.program.features.base_word(register.own.1)] = cell;
             for (pe, word) in &register.imported {
-                checker.pes[index::at(*pe)].imported[usize::from(*word)] = cell;
+                checker.pes[*pe].imported[usize::from(*word)] = cell;
             }
         }
         checker
     }
 
-    fn fail(&mut self, pe: usize, round: u32, word: u32, text: String) {
+    fn fail(&mut self, pe: PeId, round: u32, word: u32, text: String) {
         self.violations.push(format!("round {round}, word {word}, PE {pe}: {text}"));
     }
 
@@ -195,7 +195,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Follows one control word of a PE.
-    fn clock(&mut self, index: usize, round: u32, word: u32) {
+    fn clock(&mut self, index: PeId, round: u32, word: u32) {
         let length = self.program.round_words();
         let parity = (round * self.program.rounds + word / length) % 2 == 1;
         let pause = self.program.latency().pause();
@@ -238,7 +238,7 @@ impl<'a> Checker<'a> {
         }
         if let Some((port, address)) = control.receive.filter(|_| settled) {
             let cell = match self.pes[index].program.ports.get(usize::from(port)) {
-                Some(LinkSource::Pe(source)) => self.link(index::at(*source), round, word),
+                Some(LinkSource::Pe(source)) => self.link(*source, round, word),
                 // Inputs of a step are sampled at its pause point.
                 Some(LinkSource::Input(input)) if word > pause => {
                     Cell::Value(self.graph.inputs[index::at(*input)].0, step)
@@ -263,7 +263,7 @@ impl<'a> Checker<'a> {
     }
 
     /// What the link of a PE carries as a word begins.
-    fn link(&self, pe: usize, round: u32, word: u32) -> Cell {
+    fn link(&self, pe: PeId, round: u32, word: u32) -> Cell {
         let sends = &self.pes[pe].sends;
         let before = sends.partition_point(|(sent, _)| *sent < word);
         let last = match before.checked_sub(1) {
@@ -279,7 +279,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Checks that the pre-adder may join the two operands of a word: no sum of theirs leaves the data port.
-    fn joined(&mut self, pe: usize, round: u32, word: u32, control: &ControlWord, parity: bool) {
+    fn joined(&mut self, pe: PeId, round: u32, word: u32, control: &ControlWord, parity: bool) {
         let joins = self.pes[pe].program.features.pre_adder;
         let (products, _) = self.pes[pe].read(control, parity);
         for product in products.into_iter().flatten() {
@@ -297,7 +297,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Whether a PE's base memory is written in a word of a step.
-    fn takes_base(&self, pe: usize, word: u32) -> bool {
+    fn takes_base(&self, pe: PeId, word: u32) -> bool {
         !self.pes[pe].program.features.base_last || self.program.ends_step(word)
     }
 
@@ -309,11 +309,11 @@ impl<'a> Checker<'a> {
         }
     }
 
-    fn capture(&mut self, pe: usize, round: u32, word: u32, step: i64) {
+    fn capture(&mut self, pe: PeId, round: u32, word: u32, step: i64) {
         if round == 0 && word < self.program.latency().pause() {
             return;
         }
-        let here = (number(pe), word);
+        let here = (pe, word);
         let first = self.captures.partition_point(|(place, _)| *place < here);
         for (_, output) in self.captures[first..].iter().take_while(|(place, _)| *place == here) {
             let noted = self.pes[pe].program.notes[index::at(word)].write;
@@ -326,7 +326,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Checks that the result register holds what the note claims; returns what the memory word becomes.
-    fn written_cell(&mut self, pe: usize, round: u32, word: u32, value: u32, step: i64) -> Cell {
+    fn written_cell(&mut self, pe: PeId, round: u32, word: u32, value: u32, step: i64) -> Cell {
         if value == NONE {
             self.fail(pe, round, word, "writes a value without a name".into());
             return Cell::Unknown;
@@ -380,7 +380,7 @@ impl<'a> Checker<'a> {
     }
 
     /// What the base must be where the graph looks a column up; unknown if the column is not where it is looked up.
-    fn entry(&self, pe: usize, base: ValueId, step: i64) -> Cell {
+    fn entry(&self, pe: PeId, base: ValueId, step: i64) -> Cell {
         let found = self.pes[pe].result.as_ref().and_then(|result| result.base);
         let (Role::Column(lookup, _), Some(Cell::Entry(first, ..))) = (self.graph.value(base).role, found) else {
             return Cell::Unknown;
@@ -408,7 +408,7 @@ impl<'a> Checker<'a> {
         for (index, count) in self.written.iter_mut().enumerate() {
             let expected = u32::from(self.producers[index] != NONE);
             if *count != expected {
-                let name = self.graph.value_name(ValueId(number(index)));
+                let name = self.graph.value_name(ValueId(index::number(index)));
                 self.violations.push(format!("round {round}: `{name}` written {count} times instead of {expected}"));
             }
             *count = 0;

@@ -14,7 +14,7 @@
 use std::collections::BTreeMap;
 
 use crate::graph::{Chain, Factor, Role, StepGraph, ValueId, Write};
-use crate::index::at;
+use crate::index::{List, PeId, at};
 use crate::mapping::Mapping;
 use crate::schedule::Schedule;
 use crate::word::Latency;
@@ -46,7 +46,7 @@ struct Checker<'a> {
     /// Write word of each value that a chain computes, else none.
     written: Vec<u32>,
     /// Receive words by value and PE, sorted.
-    received: Vec<((ValueId, u32), u32)>,
+    received: Vec<((ValueId, PeId), u32)>,
     violations: Vec<String>,
 }
 
@@ -70,7 +70,7 @@ impl<'a> Checker<'a> {
         self.violations
     }
 
-    fn pe(&self, equation: u32) -> u32 {
+    fn pe(&self, equation: u32) -> PeId {
         self.mapping.pe_of[at(equation)]
     }
 
@@ -80,13 +80,13 @@ impl<'a> Checker<'a> {
     }
 
     /// Receive word of a value in a PE.
-    fn received(&self, value: ValueId, pe: u32) -> Option<u32> {
+    fn received(&self, value: ValueId, pe: PeId) -> Option<u32> {
         let found = self.received.binary_search_by_key(&(value, pe), |entry| entry.0);
         found.ok().map(|index| self.received[index].1)
     }
 
     /// No two operations of a kind share a word of a PE.
-    fn apart(&mut self, what: &'static str, mut claims: Vec<(u32, u32)>) {
+    fn apart(&mut self, what: &'static str, mut claims: Vec<(PeId, u32)>) {
         claims.sort_unstable();
         for pair in claims.windows(2).filter(|pair| pair[0] == pair[1]) {
             let (pe, word) = pair[0];
@@ -98,7 +98,7 @@ impl<'a> Checker<'a> {
     fn exclusive(&mut self) {
         let period = self.schedule.period;
         let (mut issues, mut own_writes, mut receives) = (Vec::new(), Vec::new(), Vec::new());
-        let mut ends: Vec<Vec<(u32, u32)>> = vec![Vec::new(); at(self.mapping.pes)];
+        let mut ends: List<PeId, Vec<(u32, u32)>> = List::filled(Vec::new(), at(self.mapping.pes));
         for (index, chain) in self.graph.chains.iter().enumerate() {
             let pe = self.pe(chain.equation);
             let start = self.schedule.starts[index];
@@ -113,18 +113,18 @@ impl<'a> Checker<'a> {
                 self.violations.push(format!("chain {index}: the issue order is not a permutation of its terms"));
             }
             let delays: Vec<u32> = writes(chain, &self.latency).iter().map(|(delay, _)| *delay).collect();
-            ends[at(pe)].push((last, delays.iter().max().map_or(0, |delay| delay + 1)));
+            ends[pe].push((last, delays.iter().max().map_or(0, |delay| delay + 1)));
             for delay in delays {
                 let time = last + self.latency.write() + delay;
                 own_writes.push((pe, time % period));
                 self.in_time(pe, time);
             }
         }
-        for (pe, mut ends) in ends.into_iter().enumerate() {
+        for (pe, ends) in ends.numbered_mut() {
             ends.sort_unstable();
             let first = ends.first().map_or(0, |end| end.0 + period);
             let following: Vec<u32> = ends.iter().skip(1).map(|end| end.0).chain([first]).collect();
-            for ((last, held), next) in ends.into_iter().zip(following) {
+            for (&mut (last, held), next) in ends.iter_mut().zip(following) {
                 if next < last + held {
                     self.violations.push(format!("PE {pe}: the sum of word {last} is lost before its last write"));
                 }
@@ -146,7 +146,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Memory changes lie after this step's pause point and before the next one's.
-    fn in_time(&mut self, pe: u32, time: u32) {
+    fn in_time(&mut self, pe: PeId, time: u32) {
         let pause = self.latency.pause();
         if time < pause || time >= self.schedule.period + pause {
             self.violations.push(format!("PE {pe}: a write in word {time} belongs to no step"));
@@ -185,7 +185,7 @@ impl<'a> Checker<'a> {
     }
 
     /// A read of an entry of a table: the word before fetches the index of its argument.
-    fn read_entry(&mut self, entry: ValueId, lookup: u32, pe: u32, scale: u32) {
+    fn read_entry(&mut self, entry: ValueId, lookup: u32, pe: PeId, scale: u32) {
         let argument = self.graph.functions.lookups[at(lookup)].argument;
         if self.local(entry, pe) && self.local(argument, pe) && self.written(argument).is_some() {
             self.read(argument, (pe, true), scale - 1);
@@ -196,13 +196,13 @@ impl<'a> Checker<'a> {
     }
 
     /// Whether a value is computed by a PE.
-    fn local(&self, value: ValueId, pe: u32) -> bool {
+    fn local(&self, value: ValueId, pe: PeId) -> bool {
         let equation = self.graph.value(value).equation;
         equation != NONE && self.pe(equation) == pe
     }
 
     /// A read of a PE from its own or its imported memory.
-    fn read(&mut self, value: ValueId, (pe, local): (u32, bool), time: u32) {
+    fn read(&mut self, value: ValueId, (pe, local): (PeId, bool), time: u32) {
         let info = *self.graph.value(value);
         let name = || self.graph.value_name(value);
         if let Role::Constant(_) = info.role {
@@ -231,7 +231,7 @@ impl<'a> Checker<'a> {
 
     /// Rule 5.
     fn links(&mut self) {
-        let mut sends: BTreeMap<u32, Vec<(u32, u32)>> = BTreeMap::new();
+        let mut sends: BTreeMap<PeId, Vec<(u32, u32)>> = BTreeMap::new();
         let mut last_receive = vec![NONE; self.graph.values.len()];
         for transfer in &self.schedule.transfers {
             let last = &mut last_receive[transfer.value.index()];

@@ -4,6 +4,7 @@ use crate::support::Family;
 use crate::support::faults::noted;
 use crate::support::flow::{Flow, Placement, format};
 use pe_ir::graph::{Factor, Role};
+use pe_ir::index::PeId;
 use pe_ir::model::Solver;
 use pe_ir::program::{Address, CoefficientOperand, Program, Target};
 use pe_ir::schedule::Schedule;
@@ -57,7 +58,7 @@ fn assert_program_rejected(message: &str, break_it: impl Fn(&Flow, &mut Program)
 }
 
 /// PE of a chain.
-fn pe(flow: &Flow, chain: usize) -> u32 {
+fn pe(flow: &Flow, chain: usize) -> PeId {
     flow.mapping.pe_of[flow.graph.chains[chain].equation as usize]
 }
 
@@ -206,7 +207,7 @@ fn an_entry_is_read_after_the_index_of_its_argument_is_there() {
     }
     let mut mapping = flow.mapping.clone();
     let equation = flow.graph.value(argument).equation as usize;
-    mapping.pe_of[equation] = 1 - mapping.pe_of[equation];
+    mapping.pe_of[equation] = PeId::new(1 - mapping.pe_of[equation].number());
     let mut graph = flow.graph.clone();
     graph.chains[reader].equation = (0..mapping.pe_of.len() as u32)
         .find(|equation| mapping.pe_of[*equation as usize] != mapping.pe_of[graph.value(argument).equation as usize])
@@ -240,7 +241,9 @@ fn an_entry_is_that_of_the_column_and_of_the_argument() {
 #[test]
 fn columns_are_whole_aligned_and_never_overwritten() {
     let first_column = |program: &Program| {
-        let (pe, word) = (0..program.pes.len())
+        let (pe, word) = program
+            .pes
+            .ids()
             .flat_map(|pe| (0..program.period as usize).map(move |word| (pe, word)))
             .find(|(pe, word)| program.pes[*pe].words[*word].index.is_some())
             .expect("a lookup");
@@ -302,7 +305,7 @@ fn a_write_takes_its_shift() {
 #[test]
 fn a_sum_is_closed_in_time() {
     assert_program_rejected("products instead of", |_, program| {
-        let close = program.pes[0].words.iter_mut().find(|word| word.close).expect("a chain ends");
+        let close = program.pes[PeId::new(0)].words.iter_mut().find(|word| word.close).expect("a chain ends");
         close.close = false;
     });
 }
@@ -328,7 +331,7 @@ fn an_operand_is_the_value_of_the_graph() {
 fn no_word_is_overwritten_before_it_is_read() {
     assert_program_rejected("first difference", |_, program| {
         // All results of a PE land in one word.
-        let pe = &mut program.pes[0];
+        let pe = &mut program.pes[PeId::new(0)];
         let first = pe.words.iter().find_map(|word| word.write).expect("a write");
         pe.words.iter_mut().filter(|word| word.write.is_some()).for_each(|word| word.write = Some(first));
     });

@@ -6,6 +6,7 @@ use crate::support::Family;
 use crate::support::bench::run;
 use crate::support::faults::{Fault, KINDS, observe};
 use crate::support::flow::{Flow, Placement, Start, format};
+use pe_ir::index::PeId;
 use pe_ir::model::Solver;
 use pe_ir::verify;
 use pe_ir::word::Pipeline;
@@ -209,7 +210,7 @@ fn the_comparison_refuses_lines_that_are_missing_or_too_many() {
 fn the_comparison_refuses_every_changed_field() {
     assert_refused("a changed value", "first difference", |run| run.trace[7].value ^= 1);
     assert_refused("a changed address", "first difference", |run| run.trace[7].address ^= 1);
-    assert_refused("a changed PE", "first difference", |run| run.trace[7].pe += 1);
+    assert_refused("a changed PE", "first difference", |run| run.trace[7].pe = PeId::new(run.trace[7].pe.number() + 1));
     assert_refused("a changed cycle", "first difference", |run| run.trace[7].cycle += 1);
     assert_refused("a changed output", "output `x[0]`", |run| run.outputs[0].2 ^= 1);
     assert_refused("a missing output", "outputs instead of", |run| run.outputs.truncate(run.outputs.len() - 1));

@@ -136,7 +136,7 @@ fn compare_steps(flow: &Flow, start: &Start) -> u64 {
     for (step, inputs) in start.stimulus.iter().enumerate() {
         reference.step(inputs);
         machine.step(inputs, &mut |line| {
-            checksums[line.pe as usize] = trace::checksum(checksums[line.pe as usize], line.address, line.value);
+            checksums[line.pe.index()] = trace::checksum(checksums[line.pe.index()], line.address, line.value);
             lines += 1;
         });
         untraced.step(inputs, &mut |_| {});

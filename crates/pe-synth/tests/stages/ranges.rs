@@ -5,6 +5,7 @@ use crate::support::{AFFINE_FAMILIES, Family, random_model};
 use clap::Parser;
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{Chain, FixedPoint, StepGraph, ValueId};
+use pe_ir::index::PeId;
 use pe_ir::model::{Model, Solver};
 use pe_ir::verify::ranges::{self, Enclosure, Norm, Step};
 use pe_ir::word::WordFormat;
@@ -284,28 +285,28 @@ fn bounds_hold_in_any_norm_and_a_wrong_inverse_proves_nothing() {
 #[test]
 fn pes_saturate_unless_all_that_they_write_is_proven() {
     let Compiled { design, .. } = compile("rc_ladder", &["--pes", "2", "--tries", "50"]);
-    assert!((0..2).all(|pe| !design.program.saturates(pe)));
+    assert!(PeId::all(2).all(|pe| !design.program.saturates(pe)));
     let text = design.program.to_string();
     assert!(text.lines().filter(|line| line.starts_with("pe ") && line.ends_with(" proven")).count() == 2);
     assert_eq!(text.parse::<pe_ir::program::Program>().unwrap().to_string(), text);
 
     let Compiled { design: kept, .. } = compile("rc_ladder", &["--pes", "2", "--tries", "50", "--widen", "0"]);
-    assert!((0..2).all(|pe| kept.program.saturates(pe)));
+    assert!(PeId::all(2).all(|pe| kept.program.saturates(pe)));
     let enclosed = kept.judged.proof.as_ref().unwrap().enclosed.as_ref().unwrap();
     assert!(ranges::check(&kept.program, kept.issued(), &enclosed.enclosure).is_empty());
     // Left out without a proof.
     let mut wrong = kept.program.clone();
-    wrong.pes[1].features.proven = true;
+    wrong.pes[PeId::new(1)].features.proven = true;
     let violations = ranges::check(&wrong, kept.issued(), &enclosed.enclosure);
     assert!(!violations.is_empty() && violations.iter().all(|text| text.starts_with("PE 1")), "{violations:?}");
 
     let Compiled { design: off, .. } = compile("rc_ladder", &["--pes", "2", "--tries", "50", "--proof", "off"]);
-    assert!(off.judged.proof.is_none() && (0..2).all(|pe| off.program.saturates(pe)));
+    assert!(off.judged.proof.is_none() && PeId::all(2).all(|pe| off.program.saturates(pe)));
     assert_eq!(off.judged.fixed, kept.judged.fixed);
 
     let Compiled { design, .. } = compile("lotka_volterra", &["--pes", "2", "--tries", "50", "--span", "1s"]);
     let proof = design.judged.proof.as_ref().unwrap();
-    assert!(proof.enclosed.is_none() && (0..2).all(|pe| design.program.saturates(pe)));
+    assert!(proof.enclosed.is_none() && PeId::all(2).all(|pe| design.program.saturates(pe)));
     let states = proof.states(&design.graph, &design.judged.fixed, &design.judged.largest);
     assert!(states.iter().all(|(certainty, bound)| *certainty == Certainty::Probable && bound.is_none()));
 }

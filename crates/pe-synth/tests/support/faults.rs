@@ -1,5 +1,6 @@
 //! Faults in programs: what goes wrong, and what a fault-free simulator makes of it.
 
+use pe_ir::index::PeId;
 use pe_ir::program::{ControlWord, Layout, LinkSource, Note, PeProgram, Program};
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
@@ -37,15 +38,15 @@ impl Memory {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// A bit of a control word is inverted.
-    ProgramBit { pe: usize, word: usize, bit: u32 },
+    ProgramBit { pe: PeId, word: usize, bit: u32 },
     /// Bits of an initial word of a memory are inverted.
-    Image { pe: usize, memory: Memory, index: usize, mask: i64 },
+    Image { pe: PeId, memory: Memory, index: usize, mask: i64 },
     /// Two input ports of a PE are swapped.
-    SwappedPorts { pe: usize, ports: (usize, usize) },
+    SwappedPorts { pe: PeId, ports: (usize, usize) },
     /// A port is joined to another PE.
-    OtherSource { pe: usize, port: usize, source: u32 },
+    OtherSource { pe: PeId, port: usize, source: PeId },
     /// Something happens one word later.
-    Latency { pe: usize, word: usize, late: Late },
+    Latency { pe: PeId, word: usize, late: Late },
 }
 
 /// Kinds of faults, drawn evenly.
@@ -65,7 +66,7 @@ impl Fault {
     /// A random fault of a kind that the datasheet gives a meaning; indices beyond a list have none.
     pub fn random(kind: &str, program: &Program, rng: &mut impl Rng) -> Fault {
         loop {
-            let pe = rng.random_range(0..program.pes.len());
+            let pe = PeId::at(rng.random_range(0..program.pes.len()));
             let fault = match kind {
                 "program bit" => Fault::random_bit(program, pe, rng),
                 "image word" => Fault::random_image(program, pe, rng),
@@ -78,7 +79,7 @@ impl Fault {
         }
     }
 
-    fn random_bit(program: &Program, pe: usize, rng: &mut impl Rng) -> Option<Fault> {
+    fn random_bit(program: &Program, pe: PeId, rng: &mut impl Rng) -> Option<Fault> {
         let features = &program.pes[pe].features;
         let layout = Layout::new(features, &program.format);
         let word = rng.random_range(0..program.period as usize);
@@ -90,7 +91,7 @@ impl Fault {
         (shift && port && one_operand).then_some(Fault::ProgramBit { pe, word, bit })
     }
 
-    fn random_image(program: &Program, pe: usize, rng: &mut impl Rng) -> Option<Fault> {
+    fn random_image(program: &Program, pe: PeId, rng: &mut impl Rng) -> Option<Fault> {
         let memory = [Memory::Own, Memory::Base, Memory::Coefficient, Memory::Imported][rng.random_range(0..4)];
         let format = &program.format;
         let bits = match memory {
@@ -106,7 +107,7 @@ impl Fault {
         })
     }
 
-    fn random_link(program: &Program, pe: usize, rng: &mut impl Rng) -> Option<Fault> {
+    fn random_link(program: &Program, pe: PeId, rng: &mut impl Rng) -> Option<Fault> {
         let ports = &program.pes[pe].ports;
         if ports.is_empty() {
             return None;
@@ -116,13 +117,13 @@ impl Fault {
             let other = rng.random_range(0..ports.len());
             (port != other).then_some(Fault::SwappedPorts { pe, ports: (port, other) })
         } else {
-            let source = rng.random_range(0..program.pes.len() as u32);
-            let sends = program.pes[source as usize].features.send;
+            let source = PeId::new(rng.random_range(0..program.pes.len() as u32));
+            let sends = program.pes[source].features.send;
             (sends && ports[port] != LinkSource::Pe(source)).then_some(Fault::OtherSource { pe, port, source })
         }
     }
 
-    fn random_latency(program: &Program, pe: usize, rng: &mut impl Rng) -> Option<Fault> {
+    fn random_latency(program: &Program, pe: PeId, rng: &mut impl Rng) -> Option<Fault> {
         let word = rng.random_range(0..program.period as usize);
         let late = [Late::Write, Late::Receive, Late::Close][rng.random_range(0..3)];
         let (from, to) = (program.pes[pe].words[word], program.pes[pe].words[(word + 1) % program.period as usize]);
@@ -168,7 +169,7 @@ impl Fault {
 }
 
 /// A control word with one of its bits inverted.
-fn flipped(program: &Program, pe: usize, word: usize, bit: u32) -> ControlWord {
+fn flipped(program: &Program, pe: PeId, word: usize, bit: u32) -> ControlWord {
     let layout = Layout::new(&program.pes[pe].features, &program.format);
     layout.decode(layout.encode(&program.pes[pe].words[word]) ^ (1 << bit))
 }
@@ -196,10 +197,10 @@ pub fn observe(program: &Program, stimulus: &[Vec<i64>]) -> (Vec<TraceLine>, Vec
 }
 
 /// Words of a program that carry a note, for tests that break one.
-pub fn noted(program: &Program, which: impl Fn(&Note) -> bool) -> Vec<(usize, usize)> {
-    let words = |(index, pe): (usize, &pe_ir::program::PeProgram)| {
+pub fn noted(program: &Program, which: impl Fn(&Note) -> bool) -> Vec<(PeId, usize)> {
+    let words = |(index, pe): (PeId, &pe_ir::program::PeProgram)| {
         let matching = pe.notes.iter().enumerate().filter(|(_, note)| which(note));
         matching.map(move |(word, _)| (index, word)).collect::<Vec<_>>()
     };
-    program.pes.iter().enumerate().flat_map(words).collect()
+    program.pes.numbered().flat_map(words).collect()
 }

@@ -7,6 +7,7 @@ use pe_hls::relay::relay;
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
+use pe_ir::index::PeId;
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
 use pe_ir::program::Program;
@@ -140,7 +141,7 @@ impl Flow {
         let relayed = relay(graph, mapping.pes, ports, relays)?;
         let numbers = relayed.fixed(graph, fixed)?;
         let mut mapping = mapping.clone();
-        mapping.pe_of.extend((0..relays).map(|relay| relay * 7919 % mapping.pes));
+        mapping.pe_of.extend((0..relays).map(|relay| PeId::new(relay * 7919 % mapping.pes)));
         let graph = StepGraph::clone(&relayed.graph);
         Some(Flow::mapped(format!("{}, {relays} relays", self.label), model.clone(), graph, numbers, mapping))
     }
@@ -242,7 +243,7 @@ fn settled(label: &str, model: &Model, graph: &StepGraph, format: WordFormat) ->
 fn place(label: &str, graph: &StepGraph, pes: u32, placement: Placement) -> Mapping {
     let equations = graph.equations.len() as u32;
     match placement {
-        Placement::Scattered => Mapping { pes, pe_of: (0..equations).map(|e| e * 7919 % pes).collect() },
+        Placement::Scattered => Mapping { pes, pe_of: (0..equations).map(|e| PeId::new(e * 7919 % pes)).collect() },
         Placement::Annealed => {
             let options = MapOptions { pes, seed: 1, tries: 2_000, max_in_degree: MAX_IN_DEGREE };
             let candidates =

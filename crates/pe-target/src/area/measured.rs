@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use pe_ir::index::PeId;
 use pe_ir::memory::MemoryCells;
 use pe_ir::program::{self, Fold, PeFeatures, Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
@@ -53,17 +54,17 @@ impl Measured {
     }
 
     /// The measured shape of each PE that has one.
-    pub(super) fn shapes(&self, program: &Program, family: Family) -> BTreeMap<usize, &MeasuredShape> {
+    pub(super) fn shapes(&self, program: &Program, family: Family) -> BTreeMap<PeId, &MeasuredShape> {
         if self.0.is_empty() {
             return BTreeMap::new();
         }
-        let shape = |index: usize| {
+        let shape = |index: PeId| {
             let fold = Fold::of(program, &program.pes[index]);
             let line = program::shape(program, index, &fold);
             let line = if family.wide_tables() { line } else { format!("{line} family={}", family.name()) };
             self.0.get(&key(&line))
         };
-        (0..program.pes.len()).filter_map(|index| Some((index, shape(index)?))).collect()
+        program.pes.ids().filter_map(|index| Some((index, shape(index)?))).collect()
     }
 }
 

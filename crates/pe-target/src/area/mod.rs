@@ -101,7 +101,7 @@ pub fn size(program: &Program, measured: &Measured, family: Family) -> Area {
         ..Area::default()
     };
     let mut half_blocks = 0;
-    for (index, pe) in program.pes.iter().enumerate() {
+    for (index, pe) in program.pes.numbered() {
         area.pes += 1;
         if let Some(shape) = shapes.get(&index) {
             area.lut += f64::from(shape.lut);

@@ -169,16 +169,14 @@ pub fn check(program: &Program, graph: &StepGraph, enclosure: &Enclosure) -> Vec
     let producers = graph.producers();
     let fits = |value: u32| index::at(value) < enclosure.largest.len() && enclosure.fits(ValueId(value));
     let mut violations = Vec::new();
-    for (index, pe) in program.pes.iter().enumerate().filter(|(_, pe)| pe.features.proven) {
+    for (index, pe) in program.pes.numbered().filter(|(_, pe)| pe.features.proven) {
         for (at, (word, note)) in pe.words.iter().zip(&pe.notes).enumerate() {
             let writes = word.write.is_some() || word.write_index.is_some() || word.send;
             if writes && !fits(note.write) {
                 let name = program.name(note.write);
                 violations.push(format!("PE {index}, word {at}: nothing proves that `{name}` stays in range"));
             }
-            let shown = |output: &&OutputPort| {
-                output.proven && (output.pe, output.word) == (index::number(index), index::number(at))
-            };
+            let shown = |output: &&OutputPort| output.proven && (output.pe, output.word) == (index, index::number(at));
             for output in program.outputs.iter().filter(shown) {
                 if !fits(note.write) || !enclosure.shows(ValueId(note.write), &program.format) {
                     violations.push(format!("output `{}`: nothing proves that it stays in range", output.name));
