@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn relays_have_to_save_something() {
         let candidates = [candidate(100, 50), candidate(100, 40), candidate(100, 35), candidate(100, 10)];
-        let schedule = |period| Schedule { period, starts: Vec::new(), order: Vec::new(), transfers: Vec::new() };
+        let schedule = |period| Schedule { period, starts: List::new(), order: Vec::new(), transfers: Vec::new() };
         let ranked = |periods: [u32; 4]| rank(&candidates, &periods.map(schedule), 1, 2);
         assert_eq!(ranked([100, 101, 100, 120]), [2, 1, 0, 3], "a smaller product, and not too slow");
         assert_eq!(ranked([100, 101, 140, 120])[0], 1, "too slow");

@@ -50,7 +50,7 @@ impl State {
             classes: vec![Vec::new(); equations],
             readers: vec![Vec::new(); equations],
         };
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             for members in pairs::classes(graph, fixed, index) {
                 let source = |term: &u32| graph.value(graph.terms[at(*term)].operand).equation;
                 let sources: Vec<u32> = members.iter().map(source).collect();

@@ -6,7 +6,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, ValueId};
-use pe_ir::index::{self, at};
+use pe_ir::index::{ChainId, List, at};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
@@ -43,7 +43,7 @@ pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<
     let mut restless = 0;
     for _ in 0..64 {
         let mut settled = true;
-        for chain in (0..graph.chains.len()).rev() {
+        for chain in graph.chains.ids().rev() {
             chooser.changed = false;
             chooser.settle(chain)?;
             if chooser.changed {
@@ -80,10 +80,10 @@ struct Chooser<'a> {
     /// For each group whether its exponent is given: full scale of a table's argument is 1.
     pinned: Vec<bool>,
     /// For each value whether it stays within half of full scale.
-    half_scale: Vec<bool>,
-    products: Vec<i32>,
+    headroom: Vec<bool>,
+    products: List<ChainId, i32>,
     /// For each chain of an intermediate stage the chain of the same equation's last stage; itself for others.
-    last_stage: Vec<u32>,
+    last_stage: List<ChainId, ChainId>,
     changed: bool,
     /// Whether an exponent left what numbers have.
     runaway: bool,
@@ -129,8 +129,8 @@ impl<'a> Chooser<'a> {
             group,
             exponent,
             pinned,
-            half_scale,
-            products: vec![0; graph.chains.len()],
+            headroom,
+            products: List::filled(0, graph.chains.len()),
             last_stage: last_stages(graph),
             changed: false,
             runaway: false,
@@ -156,7 +156,7 @@ impl<'a> Chooser<'a> {
     }
 
     /// Settles the product point of a chain and the exponents that it asks for.
-    fn settle(&mut self, index: usize) -> Result<(), Diagnostic> {
+    fn settle(&mut self, index: ChainId) -> Result<(), Diagnostic> {
         let chain = &self.graph.chains[index];
         self.floor(chain);
         let mut product = self.finest_product(chain);
@@ -166,7 +166,7 @@ impl<'a> Chooser<'a> {
         // All stages of an equation share the product point of the last one where theirs is finer: the shifts of a PE
         // become fewer, and what the early stages lose counts little (`docs/decisions/0001-number-path.md`). The last
         // stage is settled first.
-        let last = at(self.last_stage[index]);
+        let last = self.last_stage[index];
         if last != index {
             product = product.max(self.products[last]);
         }
@@ -270,8 +270,8 @@ impl<'a> Chooser<'a> {
     fn finish(self) -> FixedPoint {
         let graph = self.graph;
         let mut coefficients = vec![0; graph.terms.len()];
-        let mut shifts = Vec::with_capacity(graph.chains.len());
-        let mut accumulator_bits = Vec::with_capacity(graph.chains.len());
+        let mut shifts = List::with_capacity(graph.chains.len());
+        let mut accumulator_bits = List::with_capacity(graph.chains.len());
         for (chain, product) in graph.chains.iter().zip(&self.products) {
             for position in chain.terms.clone() {
                 let term = &graph.terms[at(position)];
@@ -310,19 +310,19 @@ fn largest_entries(graph: &StepGraph) -> Vec<Vec<f64>> {
 /// For each chain that computes an intermediate stage of a state the chain of the state's last stage. Real factors are
 /// equals: what the first of them loses the last one does not make small, so each keeps its own product point; so do the
 /// stages of planned methods, which are not alike.
-fn last_stages(graph: &StepGraph) -> Vec<u32> {
+fn last_stages(graph: &StepGraph) -> List<ChainId, ChainId> {
     if graph.form == StageForm::Sums {
         return alike(graph);
     }
     let producers = graph.producers();
-    let last = |(index, chain): (usize, &Chain)| match graph.value(chain.write.value).role {
+    let last = |(index, chain): (ChainId, &Chain)| match graph.value(chain.write.value).role {
         Role::Stage(state, _) if matches!(graph.form, StageForm::Horner | StageForm::Increments) => {
             // What stands for a signal ends without its stages, in front of them.
-            producers[graph.states[at(state)].1.index()].max(index::number(index))
+            producers[graph.states[at(state)].1.index()].map_or(index, |last| last.max(index))
         }
-        _ => index::number(index),
+        _ => index,
     };
-    graph.chains.iter().enumerate().map(last).collect()
+    graph.chains.numbered().map(last).collect()
 }
 
 fn has_factors(graph: &StepGraph, chain: &Chain) -> bool {
@@ -414,7 +414,7 @@ fn groups(graph: &StepGraph) -> Vec<u32> {
         }
     }
     for (chain, like) in graph.chains.iter().zip(alike(graph)) {
-        join(chain.write.value, graph.chains[at(like)].write.value);
+        join(chain.write.value, graph.chains[like].write.value);
     }
     (0..graph.values.len() as u32).map(|index| find(&mut parent, index)).collect()
 }

@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BinaryHeap};
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, Term, ValueId};
-use pe_ir::index::{at, number};
+use pe_ir::index::{ChainId, at, number};
 use pe_ir::mapping::Mapping;
 
 /// Pairs must save one product of so many; otherwise the formats keep their bit.
@@ -98,7 +98,7 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
     // Operands of which so many are still to be sent home.
     let mut lacks: Vec<(Vec<u32>, usize)> = Vec::new();
     let mut lacking: Vec<Vec<u32>> = vec![Vec::new(); graph.values.len()];
-    for (index, chain) in graph.chains.iter().enumerate() {
+    for (index, chain) in graph.chains.numbered() {
         for members in classes(graph, fixed, index) {
             let (own, imported): (Vec<u32>, Vec<u32>) = members.iter().partition(|term| local(chain, **term));
             let wanted = own.len().saturating_sub(imported.len()) / 2;
@@ -137,8 +137,8 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
     sent
 }
 
-/// Terms of a chain that may be paired with one another: one coefficient, one binary point, half of full scale.
-pub(crate) fn classes(graph: &StepGraph, fixed: &FixedPoint, chain: usize) -> Vec<Vec<u32>> {
+/// Terms of a chain that may be paired with one another: one coefficient, one binary point, headroom for the sum.
+pub(crate) fn classes(graph: &StepGraph, fixed: &FixedPoint, chain: ChainId) -> Vec<Vec<u32>> {
     let mut classes: BTreeMap<(i64, i32), Vec<u32>> = BTreeMap::new();
     for index in graph.chains[chain].terms.clone() {
         let term = &graph.terms[at(index)];
@@ -167,7 +167,7 @@ fn merge(
     let mut partner: Vec<Option<ValueId>> = vec![None; graph.terms.len()];
     let mut merged = vec![false; graph.terms.len()];
     let mut pairs = 0;
-    for (index, chain) in graph.chains.iter().enumerate() {
+    for (index, chain) in graph.chains.numbered() {
         for members in classes(graph, fixed, index) {
             for (own, imported) in choose(chain, &members) {
                 partner[at(own)] = Some(graph.terms[at(imported)].operand);

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pe_ir::graph::{Chain, Equation, Factor, FixedPoint, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, ChainId, List, at};
 
 /// A hub is read by more equations than this many times the limit of input ports, and by more than there are PEs.
 const HUB: u32 = 2;
@@ -22,7 +22,7 @@ pub struct Relayed {
     /// For each value of a relay the one that it is a copy of.
     pub copied: Vec<ValueId>,
     /// For each chain the one that it was without relays; none of those that copy.
-    origins: Vec<Option<u32>>,
+    origins: List<ChainId, Option<ChainId>>,
 }
 
 /// The graph with so many relays, each for as many readers of hubs as the others; none where there are no two hubs, or so
@@ -95,8 +95,8 @@ fn woven(
     copied: Vec<ValueId>,
     copies: &BTreeMap<(ValueId, u32), ValueId>,
 ) -> Relayed {
-    let (mut chains, mut terms, mut origins) = (Vec::new(), Vec::new(), Vec::new());
-    let mut add = |chain: Chain, own: &[Term], origin: Option<u32>| {
+    let (mut chains, mut terms, mut origins) = (List::new(), Vec::new(), List::new());
+    let mut add = |chain: Chain, own: &[Term], origin: Option<ChainId>| {
         let first = index::number(terms.len());
         terms.extend_from_slice(own);
         chains.push(Chain { terms: first..terms.len() as u32, ..chain });
@@ -110,11 +110,11 @@ fn woven(
         (chain, [Term::new(original, Factor::Coefficient(1.0))])
     };
     let producers = graph.producers();
-    for ((original, _), value) in copies.iter().filter(|((original, _), _)| producers[original.index()] == u32::MAX) {
+    for ((original, _), value) in copies.iter().filter(|((original, _), _)| producers[original.index()].is_none()) {
         let (chain, own) = copy(*original, *value);
         add(chain, &own, None);
     }
-    for (index, chain) in (0..).zip(&relayed.chains) {
+    for (index, chain) in relayed.chains.numbered() {
         add(chain.clone(), relayed.chain_terms(chain), Some(index));
         for ((original, _), value) in chain.writes().flat_map(|write| copies_of(write.value)) {
             let (chain, own) = copy(*original, *value);
@@ -144,12 +144,12 @@ impl Relayed {
             exponents: self.extended(&fixed.exponents),
             half_scale: self.extended(&fixed.half_scale),
             coefficients: Vec::with_capacity(self.graph.terms.len()),
-            products: Vec::with_capacity(self.graph.chains.len()),
-            shifts: Vec::with_capacity(self.graph.chains.len()),
-            accumulator_bits: Vec::with_capacity(self.graph.chains.len()),
+            products: List::with_capacity(self.graph.chains.len()),
+            shifts: List::with_capacity(self.graph.chains.len()),
+            accumulator_bits: List::with_capacity(self.graph.chains.len()),
         };
         for (chain, origin) in self.graph.chains.iter().zip(&self.origins) {
-            if let Some(origin) = origin.map(at) {
+            if let Some(origin) = *origin {
                 let terms = graph.chains[origin].terms.clone();
                 extended.coefficients.extend_from_slice(&fixed.coefficients[at(terms.start)..terms.end as usize]);
                 extended.products.push(fixed.products[origin]);

@@ -11,7 +11,7 @@
 //! to first order in the step, what the earlier ones have rounded away.
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term};
-use pe_ir::index::{at, number};
+use pe_ir::index::{ChainId, List, at, number};
 
 use crate::alike::alike;
 
@@ -31,7 +31,7 @@ const WAITING: usize = 8_000_000;
 #[derive(Clone, Debug)]
 pub struct Moments {
     /// Start of each chain's lower triangle.
-    offsets: Vec<u32>,
+    offsets: List<ChainId, u32>,
     /// Zero where a term has no coefficient that could be rounded.
     sums: Vec<f64>,
 }
@@ -54,7 +54,7 @@ pub struct Sampling<'a> {
 impl<'a> Sampling<'a> {
     /// No samples yet.
     pub fn new(graph: &'a StepGraph) -> Sampling<'a> {
-        let mut offsets = Vec::with_capacity(graph.chains.len() + 1);
+        let mut offsets = List::with_capacity(graph.chains.len());
         let mut total = 0u32;
         let mut place_of = vec![None; graph.values.len()];
         let (mut operands, mut places) = (Vec::new(), vec![None; graph.terms.len()]);
@@ -74,7 +74,6 @@ impl<'a> Sampling<'a> {
                 places[at(term)] = Some(place);
             }
         }
-        offsets.push(total);
         let batch = (WAITING / operands.len().max(1)).clamp(1, BATCH);
         let waiting = vec![0.0; operands.len() * batch];
         let moments = Moments { offsets, sums: vec![0.0; at(total)] };
@@ -125,7 +124,7 @@ impl<'a> Sampling<'a> {
 
 impl Moments {
     /// Moment of two terms of a chain, by position.
-    fn of(&self, chain: usize, i: usize, j: usize) -> f64 {
+    fn of(&self, chain: ChainId, i: usize, j: usize) -> f64 {
         let (i, j) = (i.max(j), i.min(j));
         self.sums[at(self.offsets[chain]) + i * (i + 1) / 2 + j]
     }
@@ -152,25 +151,24 @@ impl Aim {
 
 /// Improves the roundings of all chains in place.
 pub fn improve(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, aim: Aim) {
-    let mut earlier = match aim {
-        Aim::Chain => Vec::new(),
+    let earlier = match aim {
+        Aim::Chain => List::filled(Vec::new(), graph.chains.len()),
         Aim::Step => earlier_stages(graph),
     };
     // Chains of earlier stages come first.
-    earlier.resize_with(graph.chains.len(), Vec::new);
-    for (chain, earlier) in earlier.iter().enumerate() {
+    for (chain, earlier) in earlier.numbered() {
         if graph.chains[chain].terms.len() <= MAX_TERMS {
             improve_chain(graph, fixed, moments, chain, earlier);
         }
     }
     // Stages that are alike keep the same coefficients, so that they may share their control words.
-    for (chain, like) in alike(graph).into_iter().enumerate().filter(|(chain, like)| *chain != at(*like)) {
-        let (own, model) = (&graph.chains[chain], &graph.chains[at(like)]);
+    for (chain, &like) in alike(graph).numbered().filter(|(chain, like)| chain != *like) {
+        let (own, model) = (&graph.chains[chain], &graph.chains[like]);
         let exact = |(a, b): (&Term, &Term)| {
             fixed.exponents[a.operand.index()] == fixed.exponents[b.operand.index()]
                 && (a.factor == b.factor || matches!(a.factor, Factor::Value(_)))
         };
-        if fixed.products[chain] == fixed.products[at(like)]
+        if fixed.products[chain] == fixed.products[like]
             && graph.chain_terms(own).iter().zip(graph.chain_terms(model)).all(exact)
         {
             fixed.coefficients.copy_within(at(model.terms.start)..model.terms.end as usize, at(own.terms.start));
@@ -185,20 +183,20 @@ pub fn can_balance(graph: &StepGraph) -> bool {
 
 /// For each chain of a last stage the chains that compute the same in earlier stages, with the weights at which those
 /// stages' increments enter the state; nothing for other chains.
-fn earlier_stages(graph: &StepGraph) -> Vec<Vec<(f64, usize)>> {
-    let mut earlier = vec![Vec::new(); graph.chains.len()];
+fn earlier_stages(graph: &StepGraph) -> List<ChainId, Vec<(f64, ChainId)>> {
+    let mut earlier = List::filled(Vec::new(), graph.chains.len());
     if graph.form != StageForm::Increments {
         return earlier;
     }
     let mut own = vec![Vec::new(); graph.equations.len()];
-    for (index, chain) in graph.chains.iter().enumerate() {
+    for (index, chain) in graph.chains.numbered() {
         own[at(chain.equation)].push(index);
     }
     let producers = graph.producers();
-    let role = |chain: &usize| graph.value(graph.chains[*chain].write.value).role;
+    let role = |chain: &ChainId| graph.value(graph.chains[*chain].write.value).role;
     for chains in own {
         // A stage is its inner factors and what it writes at the end.
-        let stages: Vec<&[usize]> =
+        let stages: Vec<&[ChainId]> =
             chains.split_inclusive(|chain| matches!(role(chain), Role::Stage(..) | Role::Next(_))).collect();
         let Some((last, stages)) = stages.split_last() else { continue };
         if !last.last().is_some_and(|chain| matches!(role(chain), Role::Next(_)))
@@ -219,13 +217,13 @@ fn earlier_stages(graph: &StepGraph) -> Vec<Vec<(f64, usize)>> {
 }
 
 /// The chains whose increments a chain adds up through running sums, with their weights.
-fn increments(graph: &StepGraph, producers: &[u32], chain: &Chain) -> Vec<(usize, f64)> {
+fn increments(graph: &StepGraph, producers: &[Option<ChainId>], chain: &Chain) -> Vec<(ChainId, f64)> {
     let mut found = Vec::new();
     for term in graph.chain_terms(chain) {
         let Factor::Coefficient(share) = term.factor else { continue };
         let mut sum = Some(term.operand);
         while let Some(value) = sum.filter(|value| matches!(graph.value(*value).role, Role::Sum(..))) {
-            let producer = at(producers[value.index()]);
+            let producer = producers[value.index()].expect("a chain computes each running sum");
             let mut writes = graph.chains[producer].writes();
             let write = writes.find(|write| write.value == value).expect("it produces the value");
             found.push((producer, libm::scalbn(share, write.weight)));
@@ -236,7 +234,7 @@ fn increments(graph: &StepGraph, producers: &[u32], chain: &Chain) -> Vec<(usize
 }
 
 /// How much larger a coefficient is than its exact value.
-fn rounded_by(graph: &StepGraph, fixed: &FixedPoint, chain: usize, position: usize) -> f64 {
+fn rounded_by(graph: &StepGraph, fixed: &FixedPoint, chain: ChainId, position: usize) -> f64 {
     let index = at(graph.chains[chain].terms.start) + position;
     match graph.terms[index].factor {
         Factor::Coefficient(exact) => {
@@ -264,7 +262,13 @@ struct Class {
 }
 
 /// Improves the roundings of a chain; `earlier` are the chains that compute the same in earlier stages, and their weights.
-fn improve_chain(graph: &StepGraph, fixed: &mut FixedPoint, moments: &Moments, chain: usize, earlier: &[(f64, usize)]) {
+fn improve_chain(
+    graph: &StepGraph,
+    fixed: &mut FixedPoint,
+    moments: &Moments,
+    chain: ChainId,
+    earlier: &[(f64, ChainId)],
+) {
     let start = at(graph.chains[chain].terms.start);
     let mut classes: Vec<Class> = Vec::new();
     // Terms that may be paired.

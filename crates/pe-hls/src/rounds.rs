@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, PeId, at};
+use pe_ir::index::{self, ChainId, List, PeId, at};
 use pe_ir::schedule::{Schedule, Transfer};
 
 /// What a step is made of: rounds, and the values and chains of one.
@@ -21,7 +21,7 @@ pub struct Rounds<'a> {
     /// Values, chains and terms of one round.
     pub graph: Cow<'a, StepGraph>,
     /// For each chain of the step its round and its chain in [`Rounds::graph`].
-    chains: Vec<(u32, u32)>,
+    chains: List<ChainId, (u32, ChainId)>,
     /// For each value of the step its value in [`Rounds::graph`], and for values in swapping buffers the round that
     /// reads it.
     values: Vec<(ValueId, u32)>,
@@ -40,7 +40,7 @@ impl<'a> Rounds<'a> {
         Rounds {
             count: 1,
             graph: Cow::Borrowed(graph),
-            chains: (0..graph.chains.len() as u32).map(|chain| (0, chain)).collect(),
+            chains: graph.chains.ids().map(|chain| (0, chain)).collect(),
             values: (0..).zip(&graph.values).map(|(id, value)| (ValueId(id), next(value.role))).collect(),
             originals: (0..graph.values.len() as u32).map(ValueId).collect(),
             base_last: false,
@@ -78,9 +78,8 @@ impl<'a> Rounds<'a> {
     }
 
     /// The chain of a round that stands for a chain of the step.
-    pub fn chain(&self, chain: usize) -> (u32, usize) {
-        let (round, chain) = self.chains[chain];
-        (round, at(chain))
+    pub fn chain(&self, chain: ChainId) -> (u32, ChainId) {
+        self.chains[chain]
     }
 
     /// The schedule of the step from that of one round.
@@ -89,9 +88,9 @@ impl<'a> Rounds<'a> {
             return round.clone();
         }
         let length = round.period;
-        let mut starts = Vec::with_capacity(step.chains.len());
+        let mut starts = List::with_capacity(step.chains.len());
         let mut order = vec![0; step.terms.len()];
-        for (index, chain) in step.chains.iter().enumerate() {
+        for (index, chain) in step.chains.numbered() {
             let (number, like) = self.chain(index);
             starts.push(number * length + round.starts[like]);
             let first = self.graph.chains[like].terms.start;
@@ -193,15 +192,15 @@ impl Finder<'_> {
         let likes = self.likes()?;
         let rounds = graph.chains.iter().map(|chain| self.round(chain)).collect::<Option<Vec<u32>>>()?;
         let round = self.last_round(&likes, &rounds);
-        let by_target: BTreeMap<ValueId, u32> =
-            (0..).zip(&round.chains).map(|(number, chain)| (chain.write.value, number)).collect();
+        let by_target: BTreeMap<ValueId, ChainId> =
+            round.chains.numbered().map(|(number, chain)| (chain.write.value, number)).collect();
         // Either all rounds add to the state at the start of the step, or each adds to that at its own start.
         let (mut first, mut own) = (true, true);
-        let mut found = vec![0; round.chains.len()];
-        let mut chains = Vec::with_capacity(graph.chains.len());
+        let mut found = List::filled(0, round.chains.len());
+        let mut chains = List::with_capacity(graph.chains.len());
         for (chain, number) in graph.chains.iter().zip(rounds) {
             let model = *by_target.get(&likes.target(graph, chain))?;
-            if !self.alike(&likes, &round, &round.chains[at(model)], (chain, number)) {
+            if !self.alike(&likes, &round, &round.chains[model], (chain, number)) {
                 return None;
             }
             let is_state = |base: &ValueId| matches!(round.value(likes.of(*base)).role, Role::State(_));
@@ -211,7 +210,7 @@ impl Finder<'_> {
                 own &= swaps == number;
             }
             chains.push((number, model));
-            found[at(model)] += 1;
+            found[model] += 1;
         }
         let repeated = |chain: &Chain| {
             !matches!(round.value(chain.write.value).role, Role::Algebraic(_, u8::MAX) | Role::Published(_))
@@ -236,7 +235,7 @@ impl Finder<'_> {
             form: StageForm::Euler,
             stages: 1,
             values: Vec::new(),
-            ..graph.with_chains(Vec::new(), Vec::new())
+            ..graph.with_chains(List::new(), Vec::new())
         };
         let mut known: BTreeMap<(u32, u32, i64, u64), ValueId> = BTreeMap::new();
         let mut values = Vec::with_capacity(graph.values.len());

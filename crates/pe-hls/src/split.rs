@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 
 use pe_ir::graph::{Chain, Equation, Factor, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{at, number};
+use pe_ir::index::{ChainId, List, at, number};
 use pe_ir::word::Latency;
 
 use crate::schedule::Bound;
@@ -111,18 +111,18 @@ struct Splitter<'n> {
     graph: StepGraph,
     /// Products of a partial sum, for each equation that is split.
     lengths: Vec<Option<u32>>,
-    producers: Vec<u32>,
+    producers: Vec<Option<ChainId>>,
     /// Terms of each chain as they will be.
-    terms: Vec<Vec<Term>>,
+    terms: List<ChainId, Vec<Term>>,
     /// Partial sums that each chain reads, to be computed before it.
-    before: Vec<Vec<(Chain, Vec<Term>)>>,
+    before: List<ChainId, Vec<(Chain, Vec<Term>)>>,
     /// Equations of the partial sums of main chains, by equation and position.
     partials: HashMap<(u32, usize), u32>,
     /// For each new equation the one that it is a part of.
     parents: Vec<u32>,
     names: &'n mut Names,
     /// Chains that moved to a new equation.
-    moved: Vec<bool>,
+    moved: List<ChainId, bool>,
 }
 
 impl<'n> Splitter<'n> {
@@ -131,11 +131,11 @@ impl<'n> Splitter<'n> {
         Splitter {
             producers: graph.producers(),
             terms,
-            before: vec![Vec::new(); graph.chains.len()],
+            before: List::filled(Vec::new(), graph.chains.len()),
             partials: HashMap::new(),
             parents: Vec::new(),
             names,
-            moved: vec![false; graph.chains.len()],
+            moved: List::filled(false, graph.chains.len()),
             lengths,
             graph,
         }
@@ -143,7 +143,7 @@ impl<'n> Splitter<'n> {
 
     /// Splits all chains that are to be split; whether there was one. Chains come before the inner sums that they read.
     fn run(&mut self) -> bool {
-        for chain in (0..self.graph.chains.len()).rev() {
+        for chain in self.graph.chains.ids().rev() {
             let length = self.lengths.get(at(self.graph.chains[chain].equation)).copied().flatten();
             if let (Some(length), false) = (length, self.moved[chain]) {
                 self.split(chain, length);
@@ -153,7 +153,7 @@ impl<'n> Splitter<'n> {
     }
 
     /// Cuts the terms of a chain that may leave its equation into partial sums, if that gives more than one.
-    fn split(&mut self, chain: usize, length: u32) {
+    fn split(&mut self, chain: ChainId, length: u32) {
         let equation = self.graph.chains[chain].equation;
         let stays = |term: &Term| self.graph.value(term.operand).equation == equation;
         let (mut home, away): (Vec<Term>, Vec<Term>) = self.terms[chain].iter().partition(|term| stays(term));
@@ -203,8 +203,8 @@ impl<'n> Splitter<'n> {
     fn cost(&self, term: &Term) -> u32 {
         let Factor::Value(factor) = term.factor else { return 1 };
         match self.producers[factor.index()] {
-            u32::MAX => 1,
-            chain => 1 + self.terms[at(chain)].iter().map(|term| self.cost(term)).sum::<u32>(),
+            None => 1,
+            Some(chain) => 1 + self.terms[chain].iter().map(|term| self.cost(term)).sum::<u32>(),
         }
     }
 
@@ -224,11 +224,7 @@ impl<'n> Splitter<'n> {
     /// Gives a factor to another equation, with the chain that computes it and all that is private to that.
     fn move_inner(&mut self, factor: ValueId, equation: u32) {
         self.graph.values[factor.index()].equation = equation;
-        let chain = self.producers[factor.index()];
-        if chain == u32::MAX {
-            return;
-        }
-        let chain = at(chain);
+        let Some(chain) = self.producers[factor.index()] else { return };
         self.moved[chain] = true;
         let from = std::mem::replace(&mut self.graph.chains[chain].equation, equation);
         let bases: Vec<ValueId> = self.graph.chains[chain].writes().filter_map(|write| write.base).collect();
@@ -249,7 +245,7 @@ impl<'n> Splitter<'n> {
     /// The graph with its chains in a new order: partial sums before the chain that reads them.
     fn finish(self) -> StepGraph {
         let Splitter { mut graph, terms: all, before, .. } = self;
-        let (mut chains, mut terms) = (Vec::new(), Vec::new());
+        let (mut chains, mut terms) = (List::new(), Vec::new());
         let mut add = |chain: Chain, own: Vec<Term>| {
             let first = number(terms.len());
             terms.extend(own);

@@ -7,7 +7,7 @@
 //! bits computes with coefficients of about 35, at up to twice the products.
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, ChainId, List, at};
 
 /// Bits that the first slot leaves unused. A value whose range is widened later takes a bit of its chains' coefficients;
 /// with a bit to spare the seen part stays exact.
@@ -19,10 +19,9 @@ const NEGLIGIBLE: f64 = 1.0 / 16.0;
 /// The graph with coefficients in two slots where the rest of one can be seen in what its chain writes; `fixed` are its
 /// formats. None if no chain has such a rest.
 pub fn split(graph: &StepGraph, fixed: &FixedPoint) -> Option<StepGraph> {
-    let mut split = graph.with_chains(Vec::with_capacity(graph.chains.len()), Vec::with_capacity(graph.terms.len()));
+    let mut split = graph.with_chains(List::with_capacity(graph.chains.len()), Vec::with_capacity(graph.terms.len()));
     let mut serial = vec![0u32; graph.equations.len()];
-    for index in 0..graph.chains.len() {
-        let chain = &graph.chains[index];
+    for (index, chain) in graph.chains.numbered() {
         let parts: Vec<(Term, Option<Term>)> =
             chain.terms.clone().map(|term| part(graph, fixed, index, term)).collect();
         let rests: Vec<Term> = parts.iter().filter_map(|(_, rest)| *rest).collect();
@@ -66,7 +65,7 @@ fn can_split(graph: &StepGraph, chain: &Chain) -> bool {
 }
 
 /// A term with what its port sees of the coefficient, and one with the rest if it can be seen in the result.
-fn part(graph: &StepGraph, fixed: &FixedPoint, chain: usize, term: u32) -> (Term, Option<Term>) {
+fn part(graph: &StepGraph, fixed: &FixedPoint, chain: ChainId, term: u32) -> (Term, Option<Term>) {
     let whole = graph.terms[at(term)];
     let Factor::Coefficient(coefficient) = whole.factor else { return (whole, None) };
     let operand = fixed.exponents[whole.operand.index()];

@@ -7,7 +7,7 @@ use std::fmt;
 use std::ops::Range;
 
 use crate::functions::{Functions, Lookup};
-use crate::index::{self, at};
+use crate::index::{self, ChainId, List, at};
 use crate::model::Model;
 use crate::source::Span;
 use crate::word::{Latency, WordFormat};
@@ -256,7 +256,7 @@ pub struct StepGraph {
     /// Values.
     pub values: Vec<Value>,
     /// Chains; each reads only what earlier chains write, states, inputs and constants.
-    pub chains: Vec<Chain>,
+    pub chains: List<ChainId, Chain>,
     /// Terms of all chains.
     pub terms: Vec<Term>,
     /// For each state its value at the start and at the end of the step; the states of the model come first.
@@ -316,7 +316,7 @@ impl StepGraph {
     }
 
     /// The graph with other chains, which write the same values.
-    pub fn with_chains(&self, chains: Vec<Chain>, terms: Vec<Term>) -> StepGraph {
+    pub fn with_chains(&self, chains: List<ChainId, Chain>, terms: Vec<Term>) -> StepGraph {
         StepGraph {
             form: self.form,
             stages: self.stages,
@@ -382,12 +382,12 @@ impl StepGraph {
         }
     }
 
-    /// For each value the chain that writes it; `u32::MAX` for states, inputs and constants.
-    pub fn producers(&self) -> Vec<u32> {
-        let mut producers = vec![u32::MAX; self.values.len()];
-        for (index, chain) in self.chains.iter().enumerate() {
+    /// For each value the chain that writes it; none for states, inputs and constants.
+    pub fn producers(&self) -> Vec<Option<ChainId>> {
+        let mut producers = vec![None; self.values.len()];
+        for (id, chain) in self.chains.numbered() {
             for write in chain.writes() {
-                producers[write.value.index()] = index::number(index);
+                producers[write.value.index()] = Some(id);
             }
         }
         producers
@@ -431,11 +431,11 @@ pub struct FixedPoint {
     /// For each term the quantised coefficient; 0 for products of two values.
     pub coefficients: Vec<i64>,
     /// For each chain the exponent of the product LSB.
-    pub products: Vec<i32>,
+    pub products: List<ChainId, i32>,
     /// For each chain the right shifts of its writes.
-    pub shifts: Vec<[u8; 3]>,
+    pub shifts: List<ChainId, [u8; 3]>,
     /// For each chain the accumulator bits that its sum can need.
-    pub accumulator_bits: Vec<u8>,
+    pub accumulator_bits: List<ChainId, u8>,
 }
 
 impl FixedPoint {
@@ -472,7 +472,7 @@ impl FixedPoint {
     }
 
     /// The real number that a term's quantised coefficient stands for.
-    pub fn coefficient_value(&self, graph: &StepGraph, chain: usize, term: usize) -> f64 {
+    pub fn coefficient_value(&self, graph: &StepGraph, chain: ChainId, term: usize) -> f64 {
         let operand = graph.terms[term].operand.index();
         let operand_exponent = self.exponents[operand] + self.format.data_drop() as i32;
         libm::scalbn(self.coefficients[term] as f64, self.products[chain] - operand_exponent)

@@ -5,11 +5,8 @@
 //! A number of one kind is not taken where another kind is wanted, and a [`List`] takes only numbers of its own kind.
 //! None of them is `u32::MAX`, so that an `Option` of one needs no more memory, and says itself that there is none.
 
-use std::fmt;
 use std::marker::PhantomData;
-use std::num::{NonZeroU32, ParseIntError};
 use std::ops::{Deref, DerefMut, Index, IndexMut};
-use std::str::FromStr;
 
 /// The place in a list that a number stands for.
 #[inline]
@@ -41,17 +38,19 @@ pub trait Id: Copy + Ord {
     fn place(self) -> usize;
 }
 
+/// Types for numbers of kinds of things.
+#[macro_export]
 macro_rules! ids {
-    ($($(#[$doc:meta])* $name:ident)*) => {$(
+    ($($(#[$doc:meta])* $seen:vis $name:ident)*) => {$(
         $(#[$doc])*
         #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        pub struct $name(NonZeroU32);
+        $seen struct $name(std::num::NonZeroU32);
 
         impl $name {
             /// The thing with a number below 2^32 - 1.
             #[inline]
             pub const fn new(number: u32) -> $name {
-                match NonZeroU32::new(number.wrapping_add(1)) {
+                match std::num::NonZeroU32::new(number.wrapping_add(1)) {
                     Some(next) => $name(next),
                     None => panic!("the limits of a model keep numbers below 2^32 - 1"),
                 }
@@ -60,7 +59,7 @@ macro_rules! ids {
             /// The thing at a place of its list.
             #[inline]
             pub fn at(place: usize) -> $name {
-                $name::new(number(place))
+                $name::new($crate::index::number(place))
             }
 
             /// The number, from 0.
@@ -72,17 +71,17 @@ macro_rules! ids {
             /// The place in its list.
             #[inline]
             pub fn index(self) -> usize {
-                at(self.number())
+                $crate::index::at(self.number())
             }
 
             /// The first so many, in order.
             #[inline]
             pub fn all(count: u32) -> impl DoubleEndedIterator<Item = $name> + ExactSizeIterator + Clone {
-                (0..at(count)).map($name::at)
+                (0..$crate::index::at(count)).map($name::at)
             }
         }
 
-        impl Id for $name {
+        impl $crate::index::Id for $name {
             #[inline]
             fn at(place: usize) -> $name {
                 $name::at(place)
@@ -94,34 +93,36 @@ macro_rules! ids {
             }
         }
 
-        impl FromStr for $name {
-            type Err = ParseIntError;
+        impl std::str::FromStr for $name {
+            type Err = std::num::ParseIntError;
 
-            fn from_str(text: &str) -> Result<$name, ParseIntError> {
+            fn from_str(text: &str) -> Result<$name, std::num::ParseIntError> {
                 let number: u32 = text.parse()?;
                 // A parse error of the number that the type holds, which is one more.
-                let next: NonZeroU32 = (u64::from(number) + 1).to_string().parse()?;
+                let next: std::num::NonZeroU32 = (u64::from(number) + 1).to_string().parse()?;
                 Ok($name(next))
             }
         }
 
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                fmt::Display::fmt(&self.number(), f)
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                std::fmt::Display::fmt(&self.number(), f)
             }
         }
 
-        impl fmt::Debug for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                fmt::Debug::fmt(&self.number(), f)
+        impl std::fmt::Debug for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                std::fmt::Debug::fmt(&self.number(), f)
             }
         }
     )*};
 }
 
 ids! {
+    /// A chain of a step: its place in [`StepGraph::chains`](crate::graph::StepGraph::chains).
+    pub ChainId
     /// A PE: its place in [`Program::pes`](crate::program::Program::pes).
-    PeId
+    pub PeId
 }
 
 /// A list that is indexed by numbers of one kind; all else is as with a slice.
@@ -135,6 +136,11 @@ impl<I: Id, T> List<I, T> {
     /// No members.
     pub const fn new() -> List<I, T> {
         List { members: Vec::new(), kind: PhantomData }
+    }
+
+    /// No members, and room for so many.
+    pub fn with_capacity(count: usize) -> List<I, T> {
+        Vec::with_capacity(count).into()
     }
 
     /// A number of equal members.

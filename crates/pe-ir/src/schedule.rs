@@ -4,7 +4,7 @@
 //! `period` for operands and may exceed it for the writes and receives that finish in the next step's first words.
 
 use crate::graph::ValueId;
-use crate::index::PeId;
+use crate::index::{ChainId, List, PeId};
 
 /// A word arriving at another PE.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -23,7 +23,7 @@ pub struct Schedule {
     /// Control words per step.
     pub period: u32,
     /// For each chain the time of its first operand; operands follow in every word.
-    pub starts: Vec<u32>,
+    pub starts: List<ChainId, u32>,
     /// For each chain, at the positions of its terms, the terms in issue order.
     pub order: Vec<u32>,
     /// Transfers between PEs, and of inputs to PEs, sorted.

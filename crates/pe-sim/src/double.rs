@@ -48,7 +48,7 @@ impl<'a> DoubleRun<'a> {
     /// Starts a run with the coefficients as the hardware has them, rounded to their port.
     pub fn quantised(graph: &'a StepGraph, fixed: &FixedPoint) -> Self {
         let mut coefficients = vec![0.0; graph.terms.len()];
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             for term in chain.terms.clone() {
                 coefficients[at(term)] = fixed.coefficient_value(graph, index, at(term));
             }

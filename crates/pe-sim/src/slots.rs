@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::graph::{Chain, Role, StepGraph, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, ChainId, at};
 
 use crate::tiles::{self, Outcome};
 
@@ -174,9 +174,9 @@ impl Slots {
     pub fn arrange<C: Copy + PartialEq>(
         &self,
         graph: &StepGraph,
-        class: impl Fn(usize, &Chain) -> u32,
+        class: impl Fn(ChainId, &Chain) -> u32,
         coefficient: impl Fn(usize) -> C,
-        shift: impl Fn(usize, usize, &Write) -> i32,
+        shift: impl Fn(ChainId, usize, &Write) -> i32,
     ) -> tiles::Tiles<C> {
         let (chains, terms, columns) = self.chains(graph, class, coefficient, shift);
         tiles::Tiles::new(&chains, &terms, self.count(), columns)
@@ -188,16 +188,16 @@ impl Slots {
     pub fn chains<C>(
         &self,
         graph: &StepGraph,
-        class: impl Fn(usize, &Chain) -> u32,
+        class: impl Fn(ChainId, &Chain) -> u32,
         coefficient: impl Fn(usize) -> C,
-        shift: impl Fn(usize, usize, &Write) -> i32,
+        shift: impl Fn(ChainId, usize, &Write) -> i32,
     ) -> (Vec<tiles::Chain>, Vec<tiles::Term<C>>, tiles::Columns) {
         use pe_ir::graph::Factor;
         let mut terms = Vec::with_capacity(graph.terms.len());
         let mut chains = Vec::with_capacity(graph.chains.len());
         let mut looked_up = vec![false; at(self.lookups)];
         let mut chosen: BTreeSet<ValueId> = BTreeSet::new();
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             for base in chain.writes().filter_map(|write| write.base) {
                 let Role::Column(lookup, _) = graph.value(base).role else { continue };
                 let mut look_up = |outcome| {

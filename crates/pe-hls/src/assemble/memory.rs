@@ -379,7 +379,7 @@ impl Lives {
         let mut operands = vec![false; graph.values.len()];
         let mut indexed: BTreeMap<u32, u32> = BTreeMap::new();
         let mut imported: Vec<((u32, PeId), u32)> = Vec::new();
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             let pe = mapping.pe_of[index::at(chain.equation)];
             let start = schedule.starts[index];
             let last = start + chain.len() - 1;

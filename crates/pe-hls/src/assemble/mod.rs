@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::functions::Lookup;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{self, List, PeId};
+use pe_ir::index::{self, ChainId, List, PeId};
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
@@ -135,7 +135,7 @@ impl Assembler<'_> {
         self.place_columns(&mut pes);
         self.place_coefficients(&mut pes);
         let sent = marked(self.graph, self.schedule.transfers.iter().map(|transfer| transfer.value));
-        for chain in 0..self.graph.chains.len() {
+        for chain in self.graph.chains.ids() {
             self.emit_chain(chain, &mut pes, &sent);
         }
         self.emit_receives(&mut pes);
@@ -195,7 +195,7 @@ impl Assembler<'_> {
 
     fn collect_features(&self, pes: &mut List<PeId, PeProgram>) {
         let mut shifts: List<PeId, BTreeSet<u8>> = List::filled(BTreeSet::new(), pes.len());
-        for (index, chain) in self.graph.chains.iter().enumerate() {
+        for (index, chain) in self.graph.chains.numbered() {
             let pe = self.mapping.pe_of[index::at(chain.equation)];
             for (_, shift) in chain.writes().zip(self.fixed.shifts[index]) {
                 shifts[pe].insert(shift);
@@ -328,7 +328,7 @@ impl Assembler<'_> {
         Address { word: u16::try_from(word).expect("memory depth"), swap: place.swap }
     }
 
-    fn emit_chain(&self, index: usize, pes: &mut List<PeId, PeProgram>, sent: &[bool]) {
+    fn emit_chain(&self, index: ChainId, pes: &mut List<PeId, PeProgram>, sent: &[bool]) {
         let chain = &self.graph.chains[index];
         let number = self.mapping.pe_of[index::at(chain.equation)];
         let start = self.schedule.starts[index];
@@ -462,7 +462,7 @@ impl Assembler<'_> {
     fn outputs(&self) -> Vec<OutputPort> {
         let producers = self.graph.producers();
         let output = |(index, value): (usize, &ValueId)| {
-            let chain_index = index::at(producers[value.index()]);
+            let chain_index = producers[value.index()].expect("a chain computes each output");
             let chain = &self.graph.chains[chain_index];
             let (delay, _) =
                 chain.delayed(self.latency).find(|(_, write)| write.value == *value).expect("its producer writes it");

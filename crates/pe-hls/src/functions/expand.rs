@@ -2,7 +2,7 @@
 
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, List, at};
 
 use super::domain::Domain;
 use super::fit::{Fit, Layout};
@@ -96,7 +96,7 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, computed: &[Option<C
     let mut expansion = Expansion {
         graph: StepGraph {
             terms: Vec::with_capacity(graph.terms.len()),
-            chains: Vec::with_capacity(graph.chains.len()),
+            chains: List::with_capacity(graph.chains.len()),
             functions,
             ..graph.clone()
         },

@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use pe_ir::index::{self, PeId, at, number};
 use pe_ir::word::Latency;
 
-use super::problem::{NONE, Placement, Problem};
+use super::problem::{CodeId, NONE, Placement, Problem};
 
 /// How many chains are tried when the most urgent one has to wait for a write or link slot.
 const ALTERNATIVES: usize = 8;
@@ -15,9 +15,9 @@ const ALTERNATIVES: usize = 8;
 pub(super) fn place(problem: &Problem, release: &[u32]) -> Placement {
     let mut list = List::new(problem, release);
     list.receive_inputs();
-    for (index, chain) in problem.chains.iter().enumerate() {
+    for (index, chain) in problem.chains.numbered() {
         if chain.predecessors == 0 {
-            list.make_ready(number(index), 0);
+            list.make_ready(index, 0);
         }
     }
     while let Some((time, pe)) = list.events.next() {
@@ -31,9 +31,9 @@ pub(super) fn place(problem: &Problem, release: &[u32]) -> Placement {
 #[derive(Default)]
 struct Pe {
     /// Chains whose operands will be there: earliest start, chain.
-    coming: BinaryHeap<Reverse<(u32, u32)>>,
+    coming: BinaryHeap<Reverse<(u32, CodeId)>>,
     /// Chains that could start now: priority, chain (earlier chains first).
-    ready: BinaryHeap<(u32, Reverse<u32>)>,
+    ready: BinaryHeap<(u32, Reverse<CodeId>)>,
     /// First word without an operand so far.
     free: u32,
     /// Earliest last operand of the next chain: the writes of the chain before it need the hold register.
@@ -48,7 +48,7 @@ struct List<'a> {
     problem: &'a Problem<'a>,
     pes: index::List<PeId, Pe>,
     events: Events,
-    waiting: Vec<u32>,
+    waiting: index::List<CodeId, u32>,
     /// First word that may read each slot; an import's in the step that its current word belongs to.
     ready: Vec<u32>,
     /// Last read of each imported slot's old word so far.
@@ -56,7 +56,7 @@ struct List<'a> {
     /// Arrival and term of each operand of the chain under `make_ready`.
     arrivals: Vec<(u32, u32)>,
     /// Chains that have to wait in the PE under `visit`.
-    passed: Vec<(u32, Reverse<u32>)>,
+    passed: Vec<(u32, Reverse<CodeId>)>,
     placement: Placement,
 }
 
@@ -74,7 +74,7 @@ impl<'a> List<'a> {
             arrivals: Vec::new(),
             passed: Vec::new(),
             placement: Placement {
-                starts: vec![0; problem.chains.len()],
+                starts: index::List::filled(0, problem.chains.len()),
                 order: vec![0; problem.operands.len()],
                 receives: vec![0; problem.imports.len()],
                 first_reads: vec![u32::MAX; problem.slots],
@@ -93,9 +93,9 @@ impl<'a> List<'a> {
     }
 
     /// A chain's predecessors are placed: orders its terms by arrival and computes its earliest start.
-    fn make_ready(&mut self, chain: u32, now: u32) {
+    fn make_ready(&mut self, chain: CodeId, now: u32) {
         let problem = self.problem;
-        let code = &problem.chains[at(chain)];
+        let code = &problem.chains[chain];
         let arrival = |term: u32| {
             let ready = self.ready[problem.operands[at(term)].slot()];
             let ready = problem.partner(term).map_or(ready, |partner| ready.max(self.ready[partner.slot()]));
@@ -134,7 +134,7 @@ impl<'a> List<'a> {
                 break;
             }
             self.pes[pe].coming.pop();
-            self.pes[pe].ready.push((self.problem.chains[at(chain)].priority, Reverse(chain)));
+            self.pes[pe].ready.push((self.problem.chains[chain].priority, Reverse(chain)));
         }
         let mut earliest = u32::MAX;
         let mut chosen = None;
@@ -161,9 +161,9 @@ impl<'a> List<'a> {
     }
 
     /// When the hold register, the write port and the link allow a chain to start.
-    fn earliest_start(&self, pe: PeId, chain: u32) -> u32 {
+    fn earliest_start(&self, pe: PeId, chain: CodeId) -> u32 {
         let state = &self.pes[pe];
-        let code = &self.problem.chains[at(chain)];
+        let code = &self.problem.chains[chain];
         let last_offset = code.len() - 1;
         let mut start = state.free.max(state.next_last.saturating_sub(last_offset));
         if code.is_sent() {
@@ -173,11 +173,11 @@ impl<'a> List<'a> {
         start
     }
 
-    fn issue(&mut self, pe: PeId, chain: u32, start: u32) {
+    fn issue(&mut self, pe: PeId, chain: CodeId, start: u32) {
         let problem = self.problem;
-        let code = &problem.chains[at(chain)];
+        let code = &problem.chains[chain];
         let last = start + code.len() - 1;
-        self.placement.starts[at(chain)] = start;
+        self.placement.starts[chain] = start;
         self.pes[pe].free = last + 1;
         self.pes[pe].next_last = last + code.held;
         self.note_reads(chain, start);
@@ -188,17 +188,17 @@ impl<'a> List<'a> {
         }
         self.send(chain, last + problem.latency.write() + code.write.delay);
         for successor in problem.successors(chain) {
-            self.waiting[at(*successor)] -= 1;
-            if self.waiting[at(*successor)] == 0 {
+            self.waiting[*successor] -= 1;
+            if self.waiting[*successor] == 0 {
                 self.make_ready(*successor, start);
             }
         }
     }
 
     /// Records reads of words from the step before, and of imports.
-    fn note_reads(&mut self, chain: u32, start: u32) {
+    fn note_reads(&mut self, chain: CodeId, start: u32) {
         let problem = self.problem;
-        let code = &problem.chains[at(chain)];
+        let code = &problem.chains[chain];
         for position in 0..code.len() {
             let term = at(self.placement.order[at(code.terms.start + position)]);
             let time = start + position;
@@ -223,9 +223,9 @@ impl<'a> List<'a> {
     }
 
     /// Places the receives of what a chain sends in word `sent`.
-    fn send(&mut self, chain: u32, sent: u32) {
+    fn send(&mut self, chain: CodeId, sent: u32) {
         let problem = self.problem;
-        let code = &problem.chains[at(chain)];
+        let code = &problem.chains[chain];
         for index in problem.links(chain) {
             let import = &problem.imports[at(*index)];
             let mut first = sent + Latency::SEND_TO_RECEIVE;

@@ -4,17 +4,22 @@
 //! graph's order, in which a PE also comes to it: chains, operands, and the slots that say when a word is there.
 
 use pe_ir::graph::{Factor, Role, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{List, PeId, at, number};
+use pe_ir::index::{ChainId, List, PeId, at, number};
 use pe_ir::mapping::Mapping;
 use pe_ir::schedule::{Schedule, Transfer};
 use pe_ir::word::Latency;
 
 pub(super) const NONE: u32 = u32::MAX;
 
+pe_ir::ids! {
+    /// A chain in the order of [`Problem::chains`], which is not that of the step graph.
+    pub(super) CodeId
+}
+
 /// Times of one step, before it is closed into a loop.
 pub(super) struct Placement {
     /// First operand of each chain.
-    pub starts: Vec<u32>,
+    pub starts: List<CodeId, u32>,
     /// Terms in issue order.
     pub order: Vec<u32>,
     /// Receive time of each import.
@@ -127,9 +132,9 @@ pub(super) struct Problem<'a> {
     pub latency: Latency,
     pub pes: usize,
     /// Chains by PE, those of a PE in the graph's order.
-    pub chains: Vec<Code>,
+    pub chains: List<CodeId, Code>,
     /// Index in the graph of each chain.
-    originals: Vec<u32>,
+    originals: List<CodeId, ChainId>,
     /// Data operand of each term, in the order of the chains.
     pub operands: Vec<Operand>,
     /// Second data operand of each term, an import, or none; empty if no term is a pair.
@@ -143,25 +148,25 @@ pub(super) struct Problem<'a> {
     /// Imports that each chain feeds.
     links: Vec<u32>,
     /// Chains that wait for each chain: data and write-after-read order.
-    successors: Vec<u32>,
+    successors: Vec<CodeId>,
     /// Slot of each state in its own PE, and the chain that writes its end value.
-    states: Vec<(u32, u32)>,
+    states: Vec<(u32, CodeId)>,
     /// Imports of states, each with the sign that its word is that of the step before.
     state_imports: Vec<u32>,
 }
 
 impl<'a> Problem<'a> {
     pub fn new(graph: &'a StepGraph, mapping: &Mapping, latency: Latency) -> Self {
-        let pe_of: Vec<PeId> = graph.chains.iter().map(|chain| mapping.pe_of[at(chain.equation)]).collect();
+        let pe_of: List<ChainId, PeId> = graph.chains.iter().map(|chain| mapping.pe_of[at(chain.equation)]).collect();
         let places = Places::new(graph, mapping, &pe_of);
-        let mut originals: Vec<u32> = (0..graph.chains.len() as u32).collect();
-        originals.sort_by_key(|chain| pe_of[at(*chain)]);
+        let mut originals: List<CodeId, ChainId> = graph.chains.ids().collect();
+        originals.sort_by_key(|chain| pe_of[*chain]);
         let in_place = !graph.swaps();
         let mut operands = Vec::with_capacity(graph.terms.len());
-        let mut chains = Vec::with_capacity(graph.chains.len());
+        let mut chains = List::with_capacity(graph.chains.len());
         for original in &originals {
-            let chain = &graph.chains[at(*original)];
-            let pe = pe_of[at(*original)];
+            let chain = &graph.chains[*original];
+            let pe = pe_of[*original];
             let begin = number(operands.len());
             operands.extend(graph.chain_terms(chain).iter().map(|term| places.operand(graph, term.operand, pe)));
             let own = |base: &ValueId| chain.writes().any(|write| write.value == *base);
@@ -193,14 +198,14 @@ impl<'a> Problem<'a> {
                 Factor::Value(value) => places.own[value.index()],
                 Factor::Coefficient(_) => NONE,
             };
-            let terms = originals.iter().flat_map(|chain| graph.chain_terms(&graph.chains[at(*chain)]));
+            let terms = originals.iter().flat_map(|chain| graph.chain_terms(&graph.chains[*chain]));
             factors = terms.map(slot).collect();
         }
         let mut partners: Vec<Option<Operand>> = Vec::new();
         if graph.terms.iter().any(|term| term.partner.is_some()) {
             for original in &originals {
-                let partner = |term: &Term| Some(places.import(graph, term.partner?, pe_of[at(*original)]));
-                partners.extend(graph.chain_terms(&graph.chains[at(*original)]).iter().map(partner));
+                let partner = |term: &Term| Some(places.import(graph, term.partner?, pe_of[*original]));
+                partners.extend(graph.chain_terms(&graph.chains[*original]).iter().map(partner));
             }
         }
         let mut problem = Problem {
@@ -219,16 +224,16 @@ impl<'a> Problem<'a> {
             states: Vec::new(),
             state_imports: Vec::new(),
         };
-        let mut renumbered = vec![NONE; graph.chains.len()];
-        for (index, original) in (0..).zip(&problem.originals) {
-            renumbered[at(*original)] = index;
+        let mut renumbered: List<ChainId, CodeId> = List::filled(CodeId::new(0), graph.chains.len());
+        for (index, original) in problem.originals.numbered() {
+            renumbered[*original] = index;
         }
         // For each value the chain that writes it.
-        let mut producers = graph.producers();
-        for producer in producers.iter_mut().filter(|producer| **producer != NONE) {
-            *producer = renumbered[at(*producer)];
-        }
-        let end = |state: &(ValueId, ValueId)| (places.own[state.0.index()], producers[state.1.index()]);
+        let producers = graph.producers().into_iter().map(|producer| Some(renumbered[producer?]));
+        let producers: Vec<Option<CodeId>> = producers.collect();
+        let end = |state: &(ValueId, ValueId)| {
+            (places.own[state.0.index()], producers[state.1.index()].expect("every state has an end value"))
+        };
         problem.states = graph.states.iter().map(end).collect();
         problem.link(&producers);
         problem.order(&producers, &renumbered, in_place);
@@ -237,14 +242,14 @@ impl<'a> Problem<'a> {
     }
 
     /// Imports that a chain feeds.
-    pub fn links(&self, chain: u32) -> &[u32] {
-        let (begin, end) = self.chains[at(chain)].links;
+    pub fn links(&self, chain: CodeId) -> &[u32] {
+        let (begin, end) = self.chains[chain].links;
         &self.links[at(begin)..end as usize]
     }
 
     /// Chains that wait for a chain.
-    pub fn successors(&self, chain: u32) -> &[u32] {
-        let (begin, end) = self.chains[at(chain)].successors;
+    pub fn successors(&self, chain: CodeId) -> &[CodeId] {
+        let (begin, end) = self.chains[chain].successors;
         &self.successors[at(begin)..end as usize]
     }
 
@@ -260,11 +265,8 @@ impl<'a> Problem<'a> {
 
     /// Slots of words from the step before: in their own PE with the chain that writes the next step's word, and
     /// imported ones with their import.
-    pub fn returning(&self) -> (impl Iterator<Item = (usize, &Code, usize)>, impl Iterator<Item = (usize, usize)>) {
-        let own = self.states.iter().map(|(slot, chain)| {
-            assert_ne!(*chain, NONE, "every state has an end value");
-            (at(*slot), &self.chains[at(*chain)], at(*chain))
-        });
+    pub fn returning(&self) -> (impl Iterator<Item = (usize, &Code, CodeId)>, impl Iterator<Item = (usize, usize)>) {
+        let own = self.states.iter().map(|(slot, chain)| (at(*slot), &self.chains[*chain], *chain));
         let imported = self.state_imports.iter().map(|import| at(*import));
         (own, imported.map(|import| (at(self.imports[import].slot), import)))
     }
@@ -279,17 +281,15 @@ impl<'a> Problem<'a> {
     }
 
     /// The chain that feeds each import.
-    fn link(&mut self, producers: &[u32]) {
-        let mut fed: Vec<(u32, u32)> = Vec::with_capacity(self.imports.len());
+    fn link(&mut self, producers: &[Option<CodeId>]) {
+        let mut fed: Vec<(CodeId, u32)> = Vec::with_capacity(self.imports.len());
         for (index, import) in (0..).zip(&self.imports) {
             let mut value = import.resident;
             if let Role::State(state) = self.graph.value(value).role {
                 value = self.graph.states[at(state)].1;
                 self.state_imports.push(index);
             }
-            if producers[value.index()] != NONE {
-                fed.push((producers[value.index()], index));
-            }
+            fed.extend(producers[value.index()].map(|producer| (producer, index)));
         }
         let ranges = grouped(fed, self.chains.len(), &mut self.links);
         for (chain, range) in self.chains.iter_mut().zip(ranges) {
@@ -298,23 +298,20 @@ impl<'a> Problem<'a> {
     }
 
     /// Data order, and for values written in place the order "all readers of the old word first".
-    fn order(&mut self, producers: &[u32], renumbered: &[u32], in_place: bool) {
+    fn order(&mut self, producers: &[Option<CodeId>], renumbered: &List<ChainId, CodeId>, in_place: bool) {
         let graph = self.graph;
         // Pairs of a chain and one that waits for it.
-        let mut waits: Vec<(u32, u32)> = Vec::with_capacity(graph.terms.len());
-        let mut of_chain: Vec<(u32, u32)> = Vec::new();
+        let mut waits: Vec<(CodeId, CodeId)> = Vec::with_capacity(graph.terms.len());
+        let mut of_chain: Vec<(CodeId, CodeId)> = Vec::new();
         for (chain, index) in graph.chains.iter().zip(renumbered) {
             let mut read = |value: ValueId| {
-                let producer = producers[value.index()];
-                if producer != NONE {
+                if let Some(producer) = producers[value.index()] {
                     of_chain.push((producer, *index));
                 } else if let Role::State(state) = graph.value(value).role
                     && in_place
                 {
                     let writer = producers[graph.states[at(state)].1.index()];
-                    if writer != *index {
-                        of_chain.push((*index, writer));
-                    }
+                    of_chain.extend(writer.filter(|writer| writer != index).map(|writer| (*index, writer)));
                 }
             };
             for term in graph.chain_terms(chain) {
@@ -332,7 +329,7 @@ impl<'a> Problem<'a> {
             waits.append(&mut of_chain);
         }
         for (_, successor) in &waits {
-            self.chains[at(*successor)].predecessors += 1;
+            self.chains[*successor].predecessors += 1;
         }
         let ranges = grouped(waits, self.chains.len(), &mut self.successors);
         for (chain, range) in self.chains.iter_mut().zip(ranges) {
@@ -344,13 +341,13 @@ impl<'a> Problem<'a> {
     fn prioritise(&mut self) {
         let count = self.chains.len();
         let mut order = Vec::with_capacity(count);
-        let mut waiting: Vec<u32> = self.chains.iter().map(|chain| chain.predecessors).collect();
-        let mut ready: Vec<u32> = (0..count as u32).filter(|chain| waiting[at(*chain)] == 0).collect();
+        let mut waiting: List<CodeId, u32> = self.chains.iter().map(|chain| chain.predecessors).collect();
+        let mut ready: Vec<CodeId> = self.chains.ids().filter(|chain| waiting[*chain] == 0).collect();
         while let Some(chain) = ready.pop() {
             order.push(chain);
             for successor in self.successors(chain) {
-                waiting[at(*successor)] -= 1;
-                if waiting[at(*successor)] == 0 {
+                waiting[*successor] -= 1;
+                if waiting[*successor] == 0 {
                     ready.push(*successor);
                 }
             }
@@ -358,13 +355,13 @@ impl<'a> Problem<'a> {
         assert_eq!(order.len(), count, "the step graph has a cycle");
         let result = self.latency.write() + Latency::WRITE_TO_READ;
         for chain in order.into_iter().rev() {
-            let code = &self.chains[at(chain)];
+            let code = &self.chains[chain];
             let follow = self.successors(chain).iter().map(|successor| {
-                let successor = &self.chains[at(*successor)];
+                let successor = &self.chains[*successor];
                 successor.priority + result + if successor.pe != code.pe { Latency::SEND_TO_RECEIVE } else { 0 }
             });
             let priority = code.len() + follow.max().unwrap_or(0);
-            self.chains[at(chain)].priority = priority;
+            self.chains[chain].priority = priority;
         }
     }
 
@@ -380,11 +377,11 @@ impl<'a> Problem<'a> {
             transfers.push(Transfer { value, to: import.pe, receive: *receive });
         }
         transfers.sort_unstable();
-        let mut starts = vec![0; self.chains.len()];
+        let mut starts = List::filled(0, self.chains.len());
         let mut order = vec![0; self.operands.len()];
         for ((code, original), start) in self.chains.iter().zip(&self.originals).zip(&placement.starts) {
-            starts[at(*original)] = *start;
-            let first = self.graph.chains[at(*original)].terms.start;
+            starts[*original] = *start;
+            let first = self.graph.chains[*original].terms.start;
             for position in 0..code.len() {
                 let term = placement.order[at(code.terms.start + position)];
                 order[at(first + position)] = first + term - code.terms.start;
@@ -409,7 +406,7 @@ struct Places {
 }
 
 impl Places {
-    fn new(graph: &StepGraph, mapping: &Mapping, pe_of: &[PeId]) -> Places {
+    fn new(graph: &StepGraph, mapping: &Mapping, pe_of: &List<ChainId, PeId>) -> Places {
         let pes = at(mapping.pes);
         let mut resident: Vec<u32> = (0..graph.values.len() as u32).collect();
         for (state, next) in &graph.states {
@@ -489,11 +486,11 @@ impl Places {
     }
 }
 
-/// Groups the second members of pairs by their first, a number below `count`, into `members`; the range of each group.
-fn grouped(pairs: Vec<(u32, u32)>, count: usize, members: &mut Vec<u32>) -> Vec<(u32, u32)> {
-    let mut ranges = vec![(0, 0); count];
+/// Groups the second members of pairs by their first, one of `count` chains, into `members`; the range of each group.
+fn grouped<T: Copy>(pairs: Vec<(CodeId, T)>, count: usize, members: &mut Vec<T>) -> List<CodeId, (u32, u32)> {
+    let mut ranges = List::filled((0, 0), count);
     for (group, _) in &pairs {
-        ranges[at(*group)].1 += 1;
+        ranges[*group].1 += 1;
     }
     let mut begin = 0;
     for range in &mut ranges {
@@ -501,9 +498,9 @@ fn grouped(pairs: Vec<(u32, u32)>, count: usize, members: &mut Vec<u32>) -> Vec<
         *range = (begin, begin);
         begin += size;
     }
-    *members = vec![0; pairs.len()];
+    *members = pairs.iter().map(|(_, member)| *member).collect();
     for (group, member) in pairs {
-        let end = &mut ranges[at(group)].1;
+        let end = &mut ranges[group].1;
         members[at(*end)] = member;
         *end += 1;
     }

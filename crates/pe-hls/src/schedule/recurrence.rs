@@ -13,7 +13,7 @@
 //! the chains of the inner sums of a nested product share one PE with the chain that reads them.
 
 use pe_ir::graph::{Factor, Role, StepGraph, ValueId};
-use pe_ir::index::at;
+use pe_ir::index::{ChainId, List};
 use pe_ir::word::Latency;
 
 /// A time that is always past.
@@ -51,17 +51,23 @@ pub(super) fn recurrence(graph: &StepGraph, latency: Latency, known: u32) -> u32
 struct Step<'a> {
     graph: &'a StepGraph,
     latency: Latency,
-    producers: Vec<u32>,
+    producers: Vec<Option<ChainId>>,
     /// When each value can be read.
     ready: Vec<i64>,
     /// When each chain can issue its first operand.
-    starts: Vec<i64>,
+    starts: List<ChainId, i64>,
 }
 
 impl<'a> Step<'a> {
     fn new(graph: &'a StepGraph, latency: Latency) -> Step<'a> {
         let (values, chains) = (graph.values.len(), graph.chains.len());
-        Step { graph, latency, producers: graph.producers(), ready: vec![PAST; values], starts: vec![PAST; chains] }
+        Step {
+            graph,
+            latency,
+            producers: graph.producers(),
+            ready: vec![PAST; values],
+            starts: List::filled(PAST, chains),
+        }
     }
 
     /// The growth of a set of states per step, rounded up, as the module's formula has it.
@@ -82,7 +88,7 @@ impl<'a> Step<'a> {
             self.ready[state.index()] = *time;
         }
         let mut operands: Vec<i64> = Vec::new();
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             operands.clear();
             for term in graph.chain_terms(chain) {
                 let factor = match term.factor {
@@ -122,33 +128,34 @@ impl<'a> Step<'a> {
     }
 
     /// The earliest last operand of a chain whose inner sums are computed one after the other by its own PE.
-    fn inner_sums(&self, chain: usize) -> i64 {
-        let mut sums: Vec<u32> = Vec::new();
+    fn inner_sums(&self, chain: ChainId) -> i64 {
+        let mut sums: Vec<ChainId> = Vec::new();
         self.collect(chain, &mut sums);
         if sums.len() < 2 {
             return PAST;
         }
         sums.sort_unstable();
         sums.dedup();
-        sums.sort_unstable_by_key(|&sum| std::cmp::Reverse(self.starts[at(sum)]));
+        sums.sort_unstable_by_key(|&sum| std::cmp::Reverse(self.starts[sum]));
         let result = i64::from(self.latency.write() + Latency::WRITE_TO_READ);
         let mut slots = 0;
         let ends = sums.iter().map(|&sum| {
-            slots += i64::from(self.graph.chains[at(sum)].len());
-            self.starts[at(sum)] + slots - 1 + result
+            slots += i64::from(self.graph.chains[sum].len());
+            self.starts[sum] + slots - 1 + result
         });
         ends.max().unwrap_or(PAST)
     }
 
     /// Appends the chains of a chain's inner sums, and of theirs.
-    fn collect(&self, chain: usize, sums: &mut Vec<u32>) {
+    fn collect(&self, chain: ChainId, sums: &mut Vec<ChainId>) {
         let is_inner = |value: &ValueId| matches!(self.graph.value(*value).role, Role::Inner(..));
         for term in self.graph.chain_terms(&self.graph.chains[chain]) {
             if let Factor::Value(value) = term.factor
                 && is_inner(&value)
             {
-                sums.push(self.producers[value.index()]);
-                self.collect(at(self.producers[value.index()]), sums);
+                let producer = self.producers[value.index()].expect("a chain computes each inner factor");
+                sums.push(producer);
+                self.collect(producer, sums);
             }
         }
     }
@@ -174,7 +181,7 @@ mod tests {
         let next = (0..count).map(|state| value(Role::Next(state), state, false));
         let sums = inner.iter().enumerate().map(|(serial, sum)| value(Role::Inner(sum.0, serial as u32), sum.0, true));
         let values: Vec<Value> = start.chain(next).chain(sums).collect();
-        let (mut chains, mut terms) = (Vec::new(), Vec::new());
+        let (mut chains, mut terms) = (List::new(), Vec::new());
         let mut chain = |equation: u32, products: Vec<Term>, written: u32, base: Option<u32>| {
             let first = terms.len() as u32;
             terms.extend(products);

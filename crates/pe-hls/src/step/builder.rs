@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use pe_ir::functions::{Functions, ScalarFunction};
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, List, at};
 use pe_ir::model::{Expr, Model, Output, Solver, Variable};
 
 use super::polynomial::{Nested, NestedFactor};
@@ -148,7 +148,7 @@ impl Builder {
             step: model.step,
             equations: Vec::new(),
             values: Vec::new(),
-            chains: Vec::new(),
+            chains: List::new(),
             terms: Vec::new(),
             states: Vec::new(),
             initial: model.states.iter().map(|state| state.initial).collect(),

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use pe_ir::graph::{Factor, FormCost, Role, StageForm, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, ChainId, List, at};
 use pe_ir::model::{Algebraic, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -14,8 +14,6 @@ use super::polynomial::Nested;
 use super::prune::prune;
 use super::sharing;
 use crate::pairs;
-
-const NONE: u32 = u32::MAX;
 
 /// The step graph of a plan.
 ///
@@ -196,17 +194,14 @@ fn equation(
 /// if the graph has it.
 pub(super) fn can_overwrite(graph: &StepGraph) -> bool {
     let producers = graph.producers();
-    let mut arcs: Vec<(u32, u32)> = Vec::new();
-    for (index, chain) in (0..).zip(&graph.chains) {
+    let mut arcs: Vec<(ChainId, ChainId)> = Vec::new();
+    for (index, chain) in graph.chains.numbered() {
         let mut visit = |value: ValueId| match graph.value(value).role {
             Role::State(state) => {
                 let writer = producers[graph.states[at(state)].1.index()];
-                if writer != NONE && writer != index {
-                    arcs.push((index, writer));
-                }
+                arcs.extend(writer.filter(|writer| *writer != index).map(|writer| (index, writer)));
             }
-            _ if producers[value.index()] != NONE => arcs.push((producers[value.index()], index)),
-            _ => {}
+            _ => arcs.extend(producers[value.index()].map(|producer| (producer, index))),
         };
         for term in graph.chain_terms(chain) {
             visit(term.operand);
@@ -218,16 +213,16 @@ pub(super) fn can_overwrite(graph: &StepGraph) -> bool {
     }
     arcs.sort_unstable();
     arcs.dedup();
-    let mut waits = vec![0u32; graph.chains.len()];
-    arcs.iter().for_each(|(_, later)| waits[at(*later)] += 1);
-    let mut ready: Vec<u32> = (0..graph.chains.len() as u32).filter(|chain| waits[at(*chain)] == 0).collect();
+    let mut waits = List::filled(0u32, graph.chains.len());
+    arcs.iter().for_each(|(_, later)| waits[*later] += 1);
+    let mut ready: Vec<ChainId> = graph.chains.ids().filter(|chain| waits[*chain] == 0).collect();
     let mut done = 0;
     while let Some(chain) = ready.pop() {
         done += 1;
         let first = arcs.partition_point(|(earlier, _)| *earlier < chain);
         for (_, later) in arcs[first..].iter().take_while(|(earlier, _)| *earlier == chain) {
-            waits[at(*later)] -= 1;
-            if waits[at(*later)] == 0 {
+            waits[*later] -= 1;
+            if waits[*later] == 0 {
                 ready.push(*later);
             }
         }

@@ -1,7 +1,7 @@
 //! Dead-code elimination: writes, chains, values and equations that nothing reads.
 
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, List, at};
 
 const NONE: u32 = u32::MAX;
 
@@ -14,7 +14,7 @@ pub fn prune(graph: StepGraph) -> StepGraph {
     }));
     let mut owns_chain = vec![false; graph.equations.len()];
     let mut terms = Vec::with_capacity(graph.terms.len());
-    let mut chains = Vec::with_capacity(graph.chains.len());
+    let mut chains = List::with_capacity(graph.chains.len());
     for chain in &graph.chains {
         let is_live = |write: &Write| live[write.value.index()];
         // An interim value lives with what is added to it.

@@ -1,7 +1,7 @@
 //! Number formats: an item for each value of the step graph, and one for each chain.
 
 use crate::graph::{FixedPoint, StepGraph};
-use crate::index::{at, number};
+use crate::index::{List, at, number};
 use crate::verify;
 use crate::word::{Pipeline, WordFormat};
 
@@ -45,7 +45,7 @@ pub fn print(graph: &StepGraph, fixed: &FixedPoint) -> String {
         let half_scale = if fixed.half_scale[index] { " half-scale" } else { "" };
         text += &format!("value {} exponent {exponent}{half_scale}\n", labels.text(number(index)));
     }
-    for (index, chain) in graph.chains.iter().enumerate() {
+    for (index, chain) in graph.chains.numbered() {
         let [first, second, third] = fixed.shifts[index];
         text += &format!(
             "chain {} product {} shifts {first} {second} {third} accumulator {} coefficients",
@@ -77,9 +77,9 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<FixedPoint, TextErro
         exponents: Vec::with_capacity(graph.values.len()),
         half_scale: Vec::with_capacity(graph.values.len()),
         coefficients: Vec::with_capacity(graph.terms.len()),
-        products: Vec::with_capacity(graph.chains.len()),
-        shifts: Vec::with_capacity(graph.chains.len()),
-        accumulator_bits: Vec::with_capacity(graph.chains.len()),
+        products: List::with_capacity(graph.chains.len()),
+        shifts: List::with_capacity(graph.chains.len()),
+        accumulator_bits: List::with_capacity(graph.chains.len()),
     };
     for index in 0..graph.values.len() {
         let label = labels.text(number(index));

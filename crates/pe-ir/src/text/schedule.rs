@@ -1,7 +1,7 @@
 //! The schedule: the first control word of each chain, and the receive of each transfer.
 
 use crate::graph::StepGraph;
-use crate::index::at;
+use crate::index::{List, at};
 use crate::schedule::{Schedule, Transfer};
 
 use super::labels::Labels;
@@ -39,7 +39,7 @@ pub fn read(section: &Section, graph: &StepGraph, pes: u32) -> Result<Schedule, 
         return Err(line.error("expected a number of control words, at least one"));
     }
     line.done()?;
-    let mut schedule = Schedule { period, starts: Vec::new(), order: Vec::new(), transfers: Vec::new() };
+    let mut schedule = Schedule { period, starts: List::new(), order: Vec::new(), transfers: Vec::new() };
     for chain in &graph.chains {
         let label = labels.chain(chain);
         let mut line = lines.next().ok_or_else(|| lines.error(format!("expected the time of the chain {label}")))?;

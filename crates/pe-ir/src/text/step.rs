@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use crate::functions::{Lookup, ScalarFunction, Segments, Table};
 use crate::graph::{Chain, Equation, Factor, FormCost, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use crate::index;
+use crate::index::{self, List};
 use crate::model::Variable;
 use crate::verify;
 
@@ -560,7 +560,7 @@ fn empty(step: f64, form: StageForm, stages: u32) -> StepGraph {
         pre_adder: false,
         equations: Vec::new(),
         values: Vec::new(),
-        chains: Vec::new(),
+        chains: List::new(),
         terms: Vec::new(),
         states: Vec::new(),
         initial: Vec::new(),

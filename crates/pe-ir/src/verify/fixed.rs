@@ -10,7 +10,7 @@
 //! 6. The accumulator holds any sum of the chain, whatever its operands.
 
 use crate::graph::{Factor, FixedPoint, StepGraph};
-use crate::index::at;
+use crate::index::{ChainId, at};
 use crate::word::WordFormat;
 
 /// Furthest that joint rounding moves a coefficient, and the half that nearest rounding does.
@@ -62,11 +62,11 @@ pub fn check(graph: &StepGraph, fixed: &FixedPoint) -> Vec<String> {
             ));
         }
     }
-    (0..chains).for_each(|chain| check_chain(graph, fixed, chain, &mut violations));
+    graph.chains.ids().for_each(|chain| check_chain(graph, fixed, chain, &mut violations));
     violations
 }
 
-fn check_chain(graph: &StepGraph, fixed: &FixedPoint, index: usize, violations: &mut Vec<String>) {
+fn check_chain(graph: &StepGraph, fixed: &FixedPoint, index: ChainId, violations: &mut Vec<String>) {
     let (chain, product, format) = (&graph.chains[index], fixed.products[index], &fixed.format);
     let exponent = |id: crate::graph::ValueId| i64::from(fixed.exponents[id.index()]);
     let (word, port) = (i64::from(format.word_bits()), i64::from(format.coefficient_bits));

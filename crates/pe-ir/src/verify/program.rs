@@ -19,7 +19,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::graph::{Factor, FixedPoint, Role, StepGraph, ValueId};
-use crate::index::{self, List, PeId};
+use crate::index::{self, ChainId, List, PeId};
 use crate::program::{Address, CoefficientOperand, ControlWord, LinkSource, PeProgram, Program, Target};
 use crate::word::Pipeline;
 
@@ -113,7 +113,7 @@ struct Checker<'a> {
     program: &'a Program,
     graph: &'a StepGraph,
     fixed: &'a FixedPoint,
-    producers: Vec<u32>,
+    producers: Vec<Option<ChainId>>,
     /// Start value of a state for its end value, else none.
     start_of: Vec<u32>,
     /// Outputs by the PE and word in which they are captured, sorted.
@@ -332,11 +332,11 @@ impl<'a> Checker<'a> {
             return Cell::Unknown;
         }
         let id = ValueId(value);
-        let producer = index::at(self.producers[id.index()]);
-        let Some(chain) = self.graph.chains.get(producer) else {
+        let Some(producer) = self.producers[id.index()] else {
             self.fail(pe, round, word, format!("`{}` has no chain", self.graph.value_name(id)));
             return Cell::Unknown;
         };
+        let chain = &self.graph.chains[producer];
         let position = chain.writes().position(|write| write.value == id).unwrap_or(0);
         let write = chain.writes().nth(position).expect("position found above");
         let format = self.fixed.format;
@@ -406,7 +406,7 @@ impl<'a> Checker<'a> {
             return;
         }
         for (index, count) in self.written.iter_mut().enumerate() {
-            let expected = u32::from(self.producers[index] != NONE);
+            let expected = u32::from(self.producers[index].is_some());
             if *count != expected {
                 let name = self.graph.value_name(ValueId(index::number(index)));
                 self.violations.push(format!("round {round}: `{name}` written {count} times instead of {expected}"));

@@ -99,7 +99,7 @@ impl<'a> Checker<'a> {
         let period = self.schedule.period;
         let (mut issues, mut own_writes, mut receives) = (Vec::new(), Vec::new(), Vec::new());
         let mut ends: List<PeId, Vec<(u32, u32)>> = List::filled(Vec::new(), at(self.mapping.pes));
-        for (index, chain) in self.graph.chains.iter().enumerate() {
+        for (index, chain) in self.graph.chains.numbered() {
             let pe = self.pe(chain.equation);
             let start = self.schedule.starts[index];
             let last = start + chain.len() - 1;
@@ -156,7 +156,7 @@ impl<'a> Checker<'a> {
     /// Rules 4 and 6.
     fn reads(&mut self) {
         let (graph, schedule) = (self.graph, self.schedule);
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             let pe = self.pe(chain.equation);
             let start = schedule.starts[index];
             for (time, position) in (start..).zip(chain.terms.clone()) {

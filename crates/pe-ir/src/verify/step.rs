@@ -73,7 +73,7 @@ impl Checker<'_> {
             self.require(fits, || format!("value {index} is in no equation"));
         }
         let mut next = 0;
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             let terms = chain.terms.clone();
             self.require(terms.start == next && terms.end > next, || format!("chain {index} has no terms of its own"));
             next = terms.end;

@@ -3,6 +3,7 @@
 use crate::support::flow::{Flow, Placement, format};
 use crate::support::{FAMILIES, Family};
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId, Write};
+use pe_ir::index::ChainId;
 use pe_ir::model::Solver;
 use pe_ir::word::{WordFormat, round_shift};
 use pe_sim::fixed::FixedRun;
@@ -117,7 +118,7 @@ impl Step<'_> {
     }
 
     /// The stored word that a write must give, in exact integers.
-    fn exact(&self, index: usize, chain: &Chain, position: usize, write: &Write) -> i128 {
+    fn exact(&self, index: ChainId, chain: &Chain, position: usize, write: &Write) -> i128 {
         let format = self.fixed.format;
         let bits = format.word_bits();
         let mut sum = 0i128;
@@ -137,7 +138,7 @@ impl Step<'_> {
 
     /// The number that a write should give without any rounding, and a bound of what rounding can change:
     /// half an LSB of the result, of each data operand times its factor, and the rounding of each coefficient.
-    fn real(&self, index: usize, chain: &Chain, write: &Write) -> (f64, f64) {
+    fn real(&self, index: ChainId, chain: &Chain, write: &Write) -> (f64, f64) {
         let format = self.fixed.format;
         let weight = 2f64.powi(write.weight);
         let mut number = write.base.map_or(0.0, |base| self.number(base));
@@ -186,7 +187,7 @@ fn compare(family: Family, solver: Solver, format: WordFormat) -> u64 {
         let inputs = pe_judge::runs::port_words(&flow.model, &run, step);
         run.step(&inputs);
         let step = Step { graph: &flow.graph, fixed: &flow.fixed, run: &run, before: &before };
-        for (index, chain) in flow.graph.chains.iter().enumerate() {
+        for (index, chain) in flow.graph.chains.numbered() {
             for (position, write) in chain.writes().enumerate() {
                 let word = i128::from(run.word(write.value));
                 let name = flow.graph.value_name(write.value);

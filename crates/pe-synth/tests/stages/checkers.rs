@@ -4,7 +4,7 @@ use crate::support::Family;
 use crate::support::faults::noted;
 use crate::support::flow::{Flow, Placement, format};
 use pe_ir::graph::{Factor, Role};
-use pe_ir::index::PeId;
+use pe_ir::index::{ChainId, PeId};
 use pe_ir::model::Solver;
 use pe_ir::program::{Address, CoefficientOperand, Program, Target};
 use pe_ir::schedule::Schedule;
@@ -58,13 +58,15 @@ fn assert_program_rejected(message: &str, break_it: impl Fn(&Flow, &mut Program)
 }
 
 /// PE of a chain.
-fn pe(flow: &Flow, chain: usize) -> PeId {
+fn pe(flow: &Flow, chain: ChainId) -> PeId {
     flow.mapping.pe_of[flow.graph.chains[chain].equation as usize]
 }
 
+const FIRST: ChainId = ChainId::new(0);
+
 /// The first chain that fulfils a condition.
-fn chain(flow: &Flow, which: impl Fn(usize) -> bool) -> usize {
-    (0..flow.graph.chains.len()).find(|index| which(*index)).expect("the design has such a chain")
+fn chain(flow: &Flow, which: impl Fn(ChainId) -> bool) -> ChainId {
+    flow.graph.chains.ids().find(|index| which(*index)).expect("the design has such a chain")
 }
 
 /// The first transfer of a computed value, or of an input.
@@ -77,14 +79,14 @@ fn transfer(flow: &Flow, input: bool) -> usize {
 #[test]
 fn a_pe_issues_one_product_per_word() {
     assert_schedule_rejected("two operations for issue", |flow, schedule| {
-        let second = chain(flow, |index| index > 0 && pe(flow, index) == pe(flow, 0));
-        schedule.starts[second] = schedule.starts[0];
+        let second = chain(flow, |index| index > FIRST && pe(flow, index) == pe(flow, FIRST));
+        schedule.starts[second] = schedule.starts[FIRST];
     });
 }
 
 #[test]
 fn all_issues_lie_within_the_period() {
-    assert_schedule_rejected("issue in word", |_, schedule| schedule.starts[0] = schedule.period);
+    assert_schedule_rejected("issue in word", |_, schedule| schedule.starts[FIRST] = schedule.period);
 }
 
 #[test]
@@ -107,8 +109,8 @@ fn a_sum_stays_in_the_hold_register_until_its_last_write() {
 fn own_writes_of_a_pe_never_share_a_word() {
     assert_schedule_rejected("two operations for write", |flow, schedule| {
         let chains = &flow.graph.chains;
-        let other = chain(flow, |index| index > 0 && pe(flow, index) == pe(flow, 0));
-        schedule.starts[other] = schedule.starts[0] + chains[0].len() - chains[other].len();
+        let other = chain(flow, |index| index > FIRST && pe(flow, index) == pe(flow, FIRST));
+        schedule.starts[other] = schedule.starts[FIRST] + chains[FIRST].len() - chains[other].len();
     });
 }
 
@@ -132,8 +134,8 @@ fn inputs_are_received_after_they_are_sampled() {
 #[test]
 fn operands_are_there_before_they_are_read() {
     assert_schedule_rejected("there after", |flow, schedule| {
-        let value = flow.graph.chains[0].write.value;
-        let reads = |index: usize| {
+        let value = flow.graph.chains[FIRST].write.value;
+        let reads = |index: ChainId| {
             let terms = flow.graph.chain_terms(&flow.graph.chains[index]);
             terms.iter().any(|term| term.operand == value || term.factor == Factor::Value(value))
         };
@@ -185,7 +187,7 @@ fn writes_are_done_before_the_pause_point_of_the_next_step() {
 #[test]
 fn an_entry_is_read_after_the_index_of_its_argument_is_there() {
     let flow = tabled();
-    let lookup = |index: usize| {
+    let lookup = |index: ChainId| {
         let base = flow.graph.chains[index].write.base?;
         Some(flow.graph.lookup(base)?.1.argument)
     };
@@ -193,7 +195,7 @@ fn an_entry_is_read_after_the_index_of_its_argument_is_there() {
     let argument = lookup(reader).expect("chosen so");
     let producer = chain(&flow, |index| flow.graph.chains[index].write.value == argument);
     let latency = latency(&flow);
-    let ends = |schedule: &Schedule, index: usize| schedule.starts[index] + flow.graph.chains[index].len() - 1;
+    let ends = |schedule: &Schedule, index: ChainId| schedule.starts[index] + flow.graph.chains[index].len() - 1;
     // The earliest scale word that the datasheet allows is two words after the argument's write.
     let first = ends(&flow.schedule, producer) + latency.write() + 2 - latency.scale();
     for (last, allowed) in [(first, true), (first - 1, false)] {

@@ -7,6 +7,7 @@ use crate::support::flow::{Flow, Placement, format};
 use crate::support::{FAMILIES, Family};
 use pe_hls::rounding::{self, Aim, Sampling};
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, ValueId};
+use pe_ir::index::ChainId;
 use pe_ir::model::Solver;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
@@ -50,7 +51,7 @@ fn the_formats_put_every_sum_on_the_point_of_its_result() {
         let WordFormat { data_bits, coefficient_bits, .. } = fixed.format;
         // Words beyond the width of products plus two take their sums shifted to the left.
         let lift = (fixed.format.word_bits() as i32 + 2 - (data_bits + coefficient_bits) as i32).max(0);
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             for term in graph.chain_terms(chain) {
                 if let Factor::Value(factor) = term.factor {
                     let data = exponent(term.operand) + fixed.format.data_drop() as i32;
@@ -92,7 +93,7 @@ impl<'a> Bound<'a> {
     }
 
     /// Carries the errors through a chain.
-    fn advance(&mut self, index: usize, chain: &Chain) {
+    fn advance(&mut self, index: ChainId, chain: &Chain) {
         let sum: f64 = chain.terms.clone().map(|term| self.product(index, term as usize)).sum();
         for write in chain.writes() {
             let base = write.base.map_or(0.0, |base| self.bounds[base.index()]);
@@ -102,7 +103,7 @@ impl<'a> Bound<'a> {
     }
 
     /// How far a product can be from its number.
-    fn product(&self, chain: usize, term: usize) -> f64 {
+    fn product(&self, chain: ChainId, term: usize) -> f64 {
         let operand = self.graph.terms[term].operand.index();
         let lsb = scaled(1.0, self.fixed.exponents[operand] + self.fixed.format.data_drop() as i32);
         let (x, dx) = (self.numbers[operand].abs(), self.bounds[operand] + 0.5 * lsb);
@@ -152,7 +153,7 @@ fn check_step(flow: &Flow, run: &mut FixedRun, step: u64) -> f64 {
         _ => double.value(id),
     };
     let mut bound = Bound::new(graph, fixed, (0..graph.values.len()).map(number).collect());
-    for (index, chain) in graph.chains.iter().enumerate() {
+    for (index, chain) in graph.chains.numbered() {
         bound.advance(index, chain);
     }
     let mut used = 0.0f64;

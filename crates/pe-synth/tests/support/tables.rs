@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::index::List;
 use pe_sim::double::DoubleRun;
 
 /// How the tables are divided.
@@ -30,7 +31,7 @@ pub fn tabled(graph: &StepGraph) -> StepGraph {
     let scale = scale.log2().ceil().exp2();
     let mut builder = Builder { graph: graph.clone(), scale, replaced: BTreeMap::new(), serial: 1000 };
     builder.graph.terms.clear();
-    builder.graph.chains.clear();
+    builder.graph.chains = List::new();
     builder.graph.functions = Functions {
         exact: Vec::new(),
         segments: SEGMENTS,

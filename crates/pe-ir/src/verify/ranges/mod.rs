@@ -183,7 +183,7 @@ pub fn check(program: &Program, graph: &StepGraph, enclosure: &Enclosure) -> Vec
                 }
             }
             if word.own.is_some() && word.imported.is_some() {
-                let chain = producers.get(index::at(note.chain)).and_then(|chain| graph.chains.get(index::at(*chain)));
+                let chain = producers.get(index::at(note.chain)).copied().flatten().map(|chain| &graph.chains[chain]);
                 let joined = chain.map_or(&[][..], |chain| graph.chain_terms(chain));
                 let mut joined = joined.iter().filter(|term| term.partner.is_some()).peekable();
                 if joined.peek().is_none() || joined.flat_map(Term::operands).any(|value| !fits(value.0)) {

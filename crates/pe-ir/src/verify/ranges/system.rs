@@ -1,7 +1,7 @@
 //! A step that is affine in states and inputs, as sums of integers.
 
 use crate::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
-use crate::index::at;
+use crate::index::{ChainId, at};
 
 /// Half the distance between neighbouring numbers near one.
 pub(super) const UNIT: f64 = f64::EPSILON / 2.0;
@@ -75,7 +75,7 @@ impl System {
         if graph.values.iter().any(|value| value.factor || matches!(value.role, Role::Column(..))) {
             return None;
         }
-        for (index, chain) in graph.chains.iter().enumerate() {
+        for (index, chain) in graph.chains.numbered() {
             system.add(graph, fixed, index, chain)?;
         }
         for (initial, (start, _)) in graph.initial.iter().zip(&graph.states) {
@@ -91,7 +91,7 @@ impl System {
         Some(system)
     }
 
-    fn add(&mut self, graph: &StepGraph, fixed: &FixedPoint, index: usize, chain: &Chain) -> Option<()> {
+    fn add(&mut self, graph: &StepGraph, fixed: &FixedPoint, index: ChainId, chain: &Chain) -> Option<()> {
         if chain.function.is_some() {
             return None;
         }
