@@ -372,7 +372,7 @@ fn word_comment(
         group(text, "receive ");
         name(text, note.receive, "imported ", &address.word);
         text.push_str(" from ");
-        match pe.ports[usize::from(port)] {
+        match pe.ports[port] {
             LinkSource::Pe(source) => write!(text, "PE {source}").expect("memory takes the comment"),
             LinkSource::Input(input) => {
                 text.push_str("input ");

@@ -35,7 +35,7 @@ impl Bottleneck {
         let of_pe = &program.pes[pe];
         let mut sources: BTreeMap<LinkSource, u32> = BTreeMap::new();
         for (port, _) in of_pe.words.iter().filter_map(|word| word.receive) {
-            *sources.entry(of_pe.ports[usize::from(port)]).or_default() += 1;
+            *sources.entry(of_pe.ports[port]).or_default() += 1;
         }
         let busy = busy(of_pe);
         Bottleneck {

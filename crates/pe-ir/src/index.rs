@@ -5,6 +5,7 @@
 //! A number of one kind is not taken where another kind is wanted, and a [`List`] takes only numbers of its own kind.
 //! None of them is `u32::MAX`, so that an `Option` of one needs no more memory, and says itself that there is none.
 
+use std::fmt;
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut, Index, IndexMut};
 
@@ -123,6 +124,51 @@ ids! {
     pub ChainId
     /// A PE: its place in [`Program::pes`](crate::program::Program::pes).
     pub PeId
+}
+
+/// An input port of a PE: its place in [`PeProgram::ports`](crate::program::PeProgram::ports). A control word has 8 bits
+/// for it, so all of their numbers are used.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PortId(u8);
+
+impl PortId {
+    /// The port at a place of its list.
+    pub fn at(place: usize) -> PortId {
+        PortId(u8::try_from(place).expect("the limits of a PE keep ports below 256"))
+    }
+
+    /// The port with a number.
+    pub const fn new(number: u8) -> PortId {
+        PortId(number)
+    }
+
+    /// The number, from 0.
+    pub const fn number(self) -> u8 {
+        self.0
+    }
+}
+
+impl Id for PortId {
+    fn at(place: usize) -> PortId {
+        PortId::at(place)
+    }
+
+    #[inline]
+    fn place(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
+impl fmt::Debug for PortId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(&self.0, f)
+    }
+}
+
+impl fmt::Display for PortId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.0, f)
+    }
 }
 
 /// A list that is indexed by numbers of one kind; all else is as with a slice.

@@ -39,7 +39,7 @@ impl Network {
         let mut reads_input = List::filled(false, pes);
         for (to, pe) in program.pes.numbered() {
             for (port, _) in pe.words.iter().filter_map(|word| word.receive) {
-                match pe.ports[usize::from(port)] {
+                match pe.ports[port] {
                     // Words that a PE sends to itself cross no link between PEs.
                     LinkSource::Pe(from) if from == to => {}
                     LinkSource::Pe(from) => {

@@ -510,7 +510,6 @@ impl Registers {
     ) -> u32 {
         let Some((port, address)) = clock.word.receive else { return 0 };
         let ports = &clock.program.pes[clock.pe].ports;
-        let port = usize::from(port);
         let value = source(&ports[port]);
         let place = physical(address, self.imported.len(), clock.odd);
         let mut fields = 0;
@@ -519,7 +518,7 @@ impl Registers {
             fields |= bit(FieldName::ReceiveEnable) | bit(FieldName::ReceiveAddress);
             fields |= if address.swap && clock.odd { bit(FieldName::ReceiveSwap) } else { 0 };
         }
-        let mut others = ports.iter().enumerate().filter(|(other, _)| *other != port);
+        let mut others = ports.numbered().filter(|(other, _)| *other != port);
         if ports.len() > 1 && others.all(|(_, other)| source(other) != value) {
             fields |= bit(FieldName::Port);
         }

@@ -1,7 +1,7 @@
 //! Coverage of a network in a run, derived from the data: an item counts if another value of it would have changed a
 //! register or a memory word.
 
-use pe_ir::index::{List, PeId, at, number};
+use pe_ir::index::{List, PeId, PortId, at, number};
 use pe_ir::program::{Address, CoefficientOperand, ControlWord, FieldName, PeFeatures, PeProgram, Program, Target};
 use pe_ir::word::round_shift;
 
@@ -31,7 +31,7 @@ pub struct PeCoverage {
     /// Words of each memory whose content changed.
     pub written: [Vec<bool>; 5],
     /// Ports through which a word came that was another one than the memory word held.
-    pub ports: Vec<bool>,
+    pub ports: List<PortId, bool>,
     /// Shifts of sums that were not 0.
     pub shifts: Vec<bool>,
     /// Whether a result saturated: below, above.
@@ -124,13 +124,13 @@ impl PeCoverage {
     }
 
     /// The port that is received from, and the imported word.
-    fn receive(&mut self, port: u8, address: Address) -> u32 {
+    fn receive(&mut self, port: PortId, address: Address) -> u32 {
         let mut fields = bit(FieldName::ReceiveEnable) | bit(FieldName::ReceiveAddress);
         fields |= if self.ports.len() > 1 { bit(FieldName::Port) } else { 0 };
         fields |= if address.swap { bit(FieldName::ReceiveSwap) } else { 0 };
         let depth = self.written[IMPORTED].len();
         places(address, depth).iter().for_each(|word| self.written[IMPORTED][*word] = true);
-        self.ports[usize::from(port)] = true;
+        self.ports[port] = true;
         fields
     }
 }
@@ -176,7 +176,7 @@ impl Coverage {
                 fields: vec![0; at(program.period)],
                 read: words.clone(),
                 written: words,
-                ports: vec![false; pe.ports.len()],
+                ports: List::filled(false, pe.ports.len()),
                 shifts: vec![false; features.shifts.len()],
                 saturated: [false; 2],
                 too_large: false,

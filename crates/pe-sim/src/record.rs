@@ -360,7 +360,7 @@ impl Recording {
         }
         let pe = &mut self.pes[index];
         if let Some((port, a)) = word.receive.filter(|_| !stretch.settle) {
-            let slot = match program.ports[usize::from(port)] {
+            let slot = match program.ports[port] {
                 LinkSource::Pe(source) => links[source],
                 LinkSource::Input(input) => homes.input(input),
             };

@@ -68,7 +68,7 @@ impl Table {
             let mut items = Vec::new();
             for (index, ((seen, possible), pe)) in pes() {
                 let _: u32 = index;
-                for (port, from) in pe.ports.iter().enumerate().filter(|(port, _)| possible.ports[*port]) {
+                for (port, from) in pe.ports.numbered().filter(|(port, _)| possible.ports[*port]) {
                     let (is_link, from) = source(from);
                     if is_link == linked {
                         items.push((seen.ports[port], format!("PE {index} port {port} from {from}")));

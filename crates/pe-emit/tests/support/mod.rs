@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pe_emit::{EmitOptions, design_name, emit};
-use pe_ir::index::PeId;
+use pe_ir::index::{PeId, PortId};
 use pe_ir::program::{
     Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
     Target,
@@ -211,7 +211,7 @@ fn random_word(random: &mut Random, format: &WordFormat, features: &PeFeatures) 
     word.write = (target.own || target.base || target.factor).then_some(target);
     word.send = features.send && random.chance(50);
     if imports && features.ports > 0 && random.chance(50) {
-        let port = random.below(u64::from(features.ports)) as u8;
+        let port = PortId::new(random.below(u64::from(features.ports)) as u8);
         word.receive = Some((port, address(random, features.imported_words)));
     }
     word

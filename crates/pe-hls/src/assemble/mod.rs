@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::functions::Lookup;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{self, ChainId, List, PeId};
+use pe_ir::index::{self, ChainId, List, PeId, PortId};
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
@@ -101,7 +101,7 @@ struct Assembler<'a> {
 }
 
 impl Assembler<'_> {
-    fn program(mut self, ports: &List<PeId, Vec<LinkSource>>) -> Program {
+    fn program(mut self, ports: &List<PeId, List<PortId, LinkSource>>) -> Program {
         let senders: BTreeSet<PeId> = ports.iter().flatten().filter_map(|source| source.pe()).collect();
         let mut pes: List<PeId, PeProgram> = PeId::all(self.mapping.pes)
             .map(|pe| {
@@ -153,7 +153,7 @@ impl Assembler<'_> {
         }
     }
 
-    fn blank(&self, features: PeFeatures, ports: Vec<LinkSource>) -> PeProgram {
+    fn blank(&self, features: PeFeatures, ports: List<PortId, LinkSource>) -> PeProgram {
         let period = index::at(self.schedule.period);
         // Words nothing is stored in hold the number zero.
         PeProgram {
@@ -177,7 +177,7 @@ impl Assembler<'_> {
     }
 
     /// Links into each PE: other PEs first, then inputs, each in order.
-    fn ports(&self) -> List<PeId, Vec<LinkSource>> {
+    fn ports(&self) -> List<PeId, List<PortId, LinkSource>> {
         let mut ports: List<PeId, BTreeSet<LinkSource>> = List::filled(BTreeSet::new(), index::at(self.mapping.pes));
         for transfer in &self.schedule.transfers {
             ports[transfer.to].insert(self.source(transfer.value));
@@ -396,7 +396,7 @@ impl Assembler<'_> {
                 let receive = transfer.receive + round * (self.schedule.period / self.rounds.count);
                 let address = self.imported_address(transfer.value, transfer.to, receive);
                 let at = self.word(receive);
-                pe.words[at].receive = Some((port as u8, address));
+                pe.words[at].receive = Some((PortId::at(port), address));
                 pe.notes[at].receive = transfer.value.0;
             }
         }

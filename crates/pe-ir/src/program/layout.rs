@@ -1,7 +1,7 @@
 //! Bit layout of the control word, derived from a PE's features.
 
 use super::{Address, CoefficientOperand, ControlWord, PeFeatures, Target};
-use crate::index::number;
+use crate::index::{PortId, number};
 use crate::word::WordFormat;
 
 /// Fields of a control word, from the most significant end.
@@ -196,7 +196,7 @@ impl Layout {
         address(ImportedEnable, ImportedSwap, ImportedAddress, word.imported);
         if let Some((port, place)) = word.receive {
             address(ReceiveEnable, ReceiveSwap, ReceiveAddress, Some(place));
-            put(Port, u64::from(port));
+            put(Port, u64::from(port.number()));
         }
         if let Some(base) = word.base {
             put(BaseEnable, 1);
@@ -282,7 +282,8 @@ impl Layout {
             write: (target.own || target.base || target.factor).then_some(target),
             write_index: (get(WriteIndex) == 1).then(|| (get(WriteIndexAddress) as u16, get(WriteOctave) == 1)),
             send: get(Send) == 1,
-            receive: address(ReceiveEnable, ReceiveSwap, ReceiveAddress).map(|address| (get(Port) as u8, address)),
+            receive: address(ReceiveEnable, ReceiveSwap, ReceiveAddress)
+                .map(|address| (PortId::new(get(Port) as u8), address)),
         }
     }
 

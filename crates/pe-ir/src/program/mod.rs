@@ -12,7 +12,7 @@ pub use shape::{shape, shapes};
 pub use text::read;
 
 use crate::functions::Segments;
-use crate::index::{List, PeId, at};
+use crate::index::{List, PeId, PortId, at};
 use crate::word::{Latency, WordFormat};
 
 /// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds.
@@ -71,7 +71,7 @@ pub struct ControlWord {
     /// Write group: puts the result on the PE's link.
     pub send: bool,
     /// Receive group: input port and imported memory word.
-    pub receive: Option<(u8, Address)>,
+    pub receive: Option<(PortId, Address)>,
 }
 
 impl Default for ControlWord {
@@ -209,7 +209,7 @@ pub struct PeProgram {
     /// Hardware features.
     pub features: PeFeatures,
     /// Wiring of the input ports.
-    pub ports: Vec<LinkSource>,
+    pub ports: List<PortId, LinkSource>,
     /// Names of the equations mapped to this PE.
     pub equations: Vec<String>,
     /// [`Program::period`] control words.

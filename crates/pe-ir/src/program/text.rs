@@ -13,7 +13,7 @@ use super::{
     Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
     StateRegister, Target, Tick,
 };
-use crate::index::{self, List, PeId};
+use crate::index::{self, List, PeId, PortId};
 use crate::text::{Line, Section, Stage, TextError, fixed, quoted, single};
 use crate::word::WordFormat;
 
@@ -244,7 +244,7 @@ fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) -> bool {
         })
         && word.write.is_none_or(target)
         && imported(word.imported)
-        && word.receive.is_none_or(|(port, a)| usize::from(port) < pe.ports.len() && imported(Some(a)))
+        && word.receive.is_none_or(|(port, a)| pe.ports.find(port).is_some() && imported(Some(a)))
         && (features.pre_adder || word.own.is_none() || word.imported.is_none())
         && usize::from(word.shift) < features.shifts.len()
         && (features.send || !word.send)
@@ -492,7 +492,7 @@ impl Parser {
             coefficient_image: vec![0; index::at(coefficient_words)],
             imported_image: vec![0; index::at(imported_words)],
             features,
-            ports: Vec::new(),
+            ports: List::new(),
             equations: Vec::new(),
             words: Vec::new(),
             notes: Vec::new(),
@@ -532,7 +532,7 @@ impl Parser {
                 }
                 "send" => word.send = true,
                 "port" => port = line.integer()?,
-                "receive" => word.receive = Some((port, address(line)?)),
+                "receive" => word.receive = Some((PortId::new(port), address(line)?)),
                 _ => {
                     for slot in [&mut note.operand, &mut note.chain, &mut note.write, &mut note.receive] {
                         *slot = self.note(line)?;

@@ -237,7 +237,7 @@ impl<'a> Checker<'a> {
             self.fail(index, round, word, "sends a value without a name".into());
         }
         if let Some((port, address)) = control.receive.filter(|_| settled) {
-            let cell = match self.pes[index].program.ports.get(usize::from(port)) {
+            let cell = match self.pes[index].program.ports.find(port) {
                 Some(LinkSource::Pe(source)) => self.link(*source, round, word),
                 // Inputs of a step are sampled at its pause point.
                 Some(LinkSource::Input(input)) if word > pause => {

@@ -1,6 +1,6 @@
 //! Faults in programs: what goes wrong, and what a fault-free simulator makes of it.
 
-use pe_ir::index::PeId;
+use pe_ir::index::{PeId, PortId};
 use pe_ir::program::{ControlWord, Layout, LinkSource, Note, PeProgram, Program};
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
@@ -44,7 +44,7 @@ pub enum Fault {
     /// Two input ports of a PE are swapped.
     SwappedPorts { pe: PeId, ports: (usize, usize) },
     /// A port is joined to another PE.
-    OtherSource { pe: PeId, port: usize, source: PeId },
+    OtherSource { pe: PeId, port: PortId, source: PeId },
     /// Something happens one word later.
     Latency { pe: PeId, word: usize, late: Late },
 }
@@ -86,7 +86,7 @@ impl Fault {
         let bit = rng.random_range(0..layout.bits);
         let after = flipped(program, pe, word, bit);
         let shift = usize::from(after.shift) < features.shifts.len();
-        let port = after.receive.is_none_or(|(port, _)| usize::from(port) < program.pes[pe].ports.len());
+        let port = after.receive.is_none_or(|(port, _)| program.pes[pe].ports.find(port).is_some());
         let one_operand = after.own.is_none() || after.imported.is_none();
         (shift && port && one_operand).then_some(Fault::ProgramBit { pe, word, bit })
     }
@@ -112,11 +112,12 @@ impl Fault {
         if ports.is_empty() {
             return None;
         }
-        let port = rng.random_range(0..ports.len());
+        let position = rng.random_range(0..ports.len());
         if rng.random_bool(0.5) {
             let other = rng.random_range(0..ports.len());
-            (port != other).then_some(Fault::SwappedPorts { pe, ports: (port, other) })
+            (position != other).then_some(Fault::SwappedPorts { pe, ports: (position, other) })
         } else {
+            let port = PortId::at(position);
             let source = PeId::new(rng.random_range(0..program.pes.len() as u32));
             let sends = program.pes[source].features.send;
             (sends && ports[port] != LinkSource::Pe(source)).then_some(Fault::OtherSource { pe, port, source })
