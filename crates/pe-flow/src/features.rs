@@ -185,7 +185,7 @@ fn saturation(program: &Program, graph: &StepGraph, judged: &Judged, mapping: &M
         (Some(_), None) if judged.proof.is_none() => "no proof of ranges was asked for".to_owned(),
         (Some(pe), None) => format!("PE {pe}: no bound of its values was found"),
         (Some(pe), Some(enclosed)) => {
-            let own = graph.chains.iter().filter(|chain| mapping.pe_of[chain.equation as usize] == pe);
+            let own = graph.chains.iter().filter(|chain| mapping.pe_of[chain.equation] == pe);
             let mut values = own.flat_map(|chain| chain.writes()).map(|write| write.value);
             match values.find(|value| !enclosed.enclosure.fits(*value)) {
                 Some(value) => format!("PE {pe}: nothing proves that `{}` stays in range", graph.value_name(value)),

@@ -430,7 +430,7 @@ fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Fail
     match error {
         MapError::Pes { .. } => Failure::Usage(error.to_string()),
         MapError::InDegree { pe, equation, degree, limit } => {
-            let equation = &graph.equations[equation as usize];
+            let equation = &graph.equations[equation];
             let message = format!("PE {pe}, which computes `{}`, needs {degree} input ports of {limit}", equation.name);
             let finding = Diagnostic::error(codes::IN_DEGREE, equation.span, message)
                 .with_help("use fewer PEs with `--pes`, or allow more ports with `--max-in-degree`");

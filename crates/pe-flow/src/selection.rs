@@ -90,7 +90,7 @@ mod tests {
 
     fn candidate(max_load: u32, connections: u32) -> Candidate {
         let cost = MappingCost { max_load, connections, max_in_degree: 1 };
-        Candidate { mapping: Mapping { pes: 1, pe_of: Vec::new() }, cost, start: "test", start_cost: cost }
+        Candidate { mapping: Mapping { pes: 1, pe_of: List::new() }, cost, start: "test", start_cost: cost }
     }
 
     #[test]

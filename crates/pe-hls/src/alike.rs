@@ -1,7 +1,7 @@
 //! Which chains of a step compute the same sum in different stages.
 
 use pe_ir::graph::{Role, StageForm, StepGraph};
-use pe_ir::index::{ChainId, List, at};
+use pe_ir::index::{ChainId, EquationId, List, at};
 
 /// For each chain the one of the last stage that computes the same sum; itself where there is none. Only stages by sums
 /// are alike in their coefficients, too.
@@ -10,9 +10,9 @@ pub fn alike(graph: &StepGraph) -> List<ChainId, ChainId> {
     if graph.form != StageForm::Sums {
         return like;
     }
-    let mut of_equation: Vec<Vec<ChainId>> = vec![Vec::new(); graph.equations.len()];
+    let mut of_equation: List<EquationId, Vec<ChainId>> = List::filled(Vec::new(), graph.equations.len());
     for (index, chain) in graph.chains.numbered() {
-        of_equation[at(chain.equation)].push(index);
+        of_equation[chain.equation].push(index);
     }
     let role = |chain: ChainId| graph.value(graph.chains[chain].write.value).role;
     let ends_stage = |chain: &ChainId| match role(*chain) {

@@ -8,7 +8,7 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{FixedPoint, StepGraph};
-use pe_ir::index::{List, PeId, at, number};
+use pe_ir::index::{EquationId, List, PeId, at};
 use pe_ir::mapping::Mapping;
 
 use crate::pairs;
@@ -27,16 +27,16 @@ pub fn even(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Mapping
 }
 
 struct State {
-    pe_of: Vec<PeId>,
-    members: List<PeId, Vec<u32>>,
+    pe_of: List<EquationId, PeId>,
+    members: List<PeId, Vec<EquationId>>,
     /// Products of each PE.
     loads: List<PeId, i64>,
     /// Products of each equation without pairs.
-    single: Vec<u32>,
+    single: List<EquationId, u32>,
     /// Classes of operands with equal coefficients in the chains of each equation, by the equations that compute them.
-    classes: Vec<Vec<Vec<u32>>>,
+    classes: List<EquationId, Vec<Vec<EquationId>>>,
     /// Equations with a class in which an equation occurs.
-    readers: Vec<Vec<u32>>,
+    readers: List<EquationId, Vec<EquationId>>,
 }
 
 impl State {
@@ -47,48 +47,49 @@ impl State {
             members: List::filled(Vec::new(), at(mapping.pes)),
             loads: List::filled(0, at(mapping.pes)),
             single: graph.loads(),
-            classes: vec![Vec::new(); equations],
-            readers: vec![Vec::new(); equations],
+            classes: List::filled(Vec::new(), equations),
+            readers: List::filled(Vec::new(), equations),
         };
         for (index, chain) in graph.chains.numbered() {
             for members in pairs::classes(graph, fixed, index) {
-                let source = |term: &u32| graph.value(graph.terms[at(*term)].operand).equation;
-                let sources: Vec<u32> = members.iter().map(source).collect();
-                sources.iter().for_each(|source| state.readers[at(*source)].push(chain.equation));
-                state.classes[at(chain.equation)].push(sources);
+                let source =
+                    |term: &u32| graph.value(graph.terms[at(*term)].operand).equation.expect("inputs are in no class");
+                let sources: Vec<EquationId> = members.iter().map(source).collect();
+                sources.iter().for_each(|source| state.readers[*source].push(chain.equation));
+                state.classes[chain.equation].push(sources);
             }
         }
         for readers in &mut state.readers {
             readers.sort_unstable();
             readers.dedup();
         }
-        for equation in 0..equations {
+        for equation in graph.equations.ids() {
             let pe = state.pe_of[equation];
-            state.members[pe].push(number(equation));
-            let load = state.load(number(equation), &|other| state.pe_of[at(other)]);
+            state.members[pe].push(equation);
+            let load = state.load(equation, &|other| state.pe_of[other]);
             state.loads[pe] += i64::from(load);
         }
         state
     }
 
     /// Products of an equation where `pe_of` tells the places.
-    fn load(&self, equation: u32, pe_of: &dyn Fn(u32) -> PeId) -> u32 {
+    fn load(&self, equation: EquationId, pe_of: &dyn Fn(EquationId) -> PeId) -> u32 {
         let here = pe_of(equation);
-        let saved = |class: &Vec<u32>| {
+        let saved = |class: &Vec<EquationId>| {
             let own = class.iter().filter(|source| pe_of(**source) == here).count();
             let imported = class.len() - own;
             own.min(imported) + own.saturating_sub(imported) / 2
         };
-        self.single[at(equation)] - self.classes[at(equation)].iter().map(saved).sum::<usize>() as u32
+        self.single[equation] - self.classes[equation].iter().map(saved).sum::<usize>() as u32
     }
 
     /// What a move changes in the loads.
-    fn changes(&self, equation: u32, to: PeId) -> BTreeMap<PeId, i64> {
-        let before = |other: u32| self.pe_of[at(other)];
-        let after = |other: u32| if other == equation { to } else { self.pe_of[at(other)] };
+    fn changes(&self, equation: EquationId, to: PeId) -> BTreeMap<PeId, i64> {
+        let before = |other: EquationId| self.pe_of[other];
+        let after = |other: EquationId| if other == equation { to } else { self.pe_of[other] };
         let mut changes = BTreeMap::new();
         let own = std::iter::once(&equation);
-        for affected in own.chain(self.readers[at(equation)].iter().filter(|reader| **reader != equation)) {
+        for affected in own.chain(self.readers[equation].iter().filter(|reader| **reader != equation)) {
             *changes.entry(before(*affected)).or_default() -= i64::from(self.load(*affected, &before));
             *changes.entry(after(*affected)).or_default() += i64::from(self.load(*affected, &after));
         }
@@ -97,16 +98,16 @@ impl State {
 
     /// The move away from the PE with most products that leaves the smallest largest load among the PEs it touches,
     /// then the fewest products; `None` if none of them helps.
-    fn best_move(&self) -> Option<(u32, PeId)> {
+    fn best_move(&self) -> Option<(EquationId, PeId)> {
         let (worst, load) = self.loads.numbered().max_by_key(|(pe, load)| (**load, Reverse(*pe)))?;
         let members = &self.members[worst];
         if members.len() < 2 {
             return None;
         }
-        let mut best: Option<((i64, i64), (u32, PeId))> = None;
+        let mut best: Option<((i64, i64), (EquationId, PeId))> = None;
         for equation in members {
-            let nearby = self.classes[at(*equation)].iter().flatten().chain(&self.readers[at(*equation)]);
-            let mut places: Vec<PeId> = nearby.map(|other| self.pe_of[at(*other)]).collect();
+            let nearby = self.classes[*equation].iter().flatten().chain(&self.readers[*equation]);
+            let mut places: Vec<PeId> = nearby.map(|other| self.pe_of[*other]).collect();
             places.sort_unstable();
             places.dedup();
             for to in places.into_iter().filter(|to| *to != worst) {
@@ -121,11 +122,11 @@ impl State {
         best.map(|(_, chosen)| chosen)
     }
 
-    fn apply(&mut self, equation: u32, to: PeId) {
+    fn apply(&mut self, equation: EquationId, to: PeId) {
         for (pe, change) in self.changes(equation, to) {
             self.loads[pe] += change;
         }
-        let from = std::mem::replace(&mut self.pe_of[at(equation)], to);
+        let from = std::mem::replace(&mut self.pe_of[equation], to);
         self.members[from].retain(|member| *member != equation);
         self.members[to].push(equation);
     }

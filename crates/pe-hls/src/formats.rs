@@ -6,7 +6,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, ValueId};
-use pe_ir::index::{ChainId, List, at};
+use pe_ir::index::{ChainId, EquationId, List, at};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 
@@ -40,7 +40,7 @@ pub struct Ranges {
 pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<FixedPoint, Diagnostic> {
     let mut chooser = Chooser::new(graph, ranges, format);
     // Raising one exponent can ask for another; 64 rounds would move every point across the whole word.
-    let mut restless = 0;
+    let mut restless = EquationId::new(0);
     for _ in 0..64 {
         let mut settled = true;
         for chain in graph.chains.ids().rev() {
@@ -63,8 +63,8 @@ pub fn choose(graph: &StepGraph, ranges: &Ranges, format: WordFormat) -> Result<
 /// Exponents beyond this are not those of numbers: formats chase one another.
 const LARGEST_EXPONENT: i32 = 10_000;
 
-fn no_format(graph: &StepGraph, restless: u32) -> Diagnostic {
-    let equation = &graph.equations[at(restless)];
+fn no_format(graph: &StepGraph, restless: EquationId) -> Diagnostic {
+    let equation = &graph.equations[restless];
     let message = format!("no number format fits `{}`: one step changes it by more than it can hold", equation.name);
     Diagnostic::error(codes::NO_FORMAT, equation.span, message)
         .with_help("choose a smaller step; if the rates are far beyond those of the rest, check the units")
@@ -180,14 +180,10 @@ impl<'a> Chooser<'a> {
         while self.accumulator_bits(chain, product) > limit {
             product += 1;
             if product > finest + 40 {
-                let name = &self.graph.equations[at(chain.equation)].name;
+                let name = &self.graph.equations[chain.equation].name;
                 let message = format!("the products of `{name}` do not fit the accumulator");
-                return Err(Diagnostic::error(
-                    codes::ACCUMULATOR,
-                    self.graph.equations[at(chain.equation)].span,
-                    message,
-                )
-                .with_help("use a narrower `--multiplier`, which leaves room for more products of two variables"));
+                return Err(Diagnostic::error(codes::ACCUMULATOR, self.graph.equations[chain.equation].span, message)
+                    .with_help("use a narrower `--multiplier`, which leaves room for more products of two variables"));
             }
         }
         // A second factor of a product takes the format that puts the product on the chain's point.
@@ -210,7 +206,7 @@ impl<'a> Chooser<'a> {
 
     /// The argument of a table has a given format; its sum may be too coarse for it.
     fn coarse_argument(&self, chain: &Chain) -> Diagnostic {
-        let equation = &self.graph.equations[at(chain.equation)];
+        let equation = &self.graph.equations[chain.equation];
         let message = format!("the argument of `{}` is too coarse for the range of its table", equation.name);
         Diagnostic::error(codes::NO_FORMAT, equation.span, message)
             .with_help("the variable behind the argument is far larger than its range: shift or scale it")

@@ -71,12 +71,8 @@ pub fn pair(graph: &StepGraph, fixed: &FixedPoint, mapping: &Mapping) -> Option<
     if !graph.pre_adder {
         return None;
     }
-    let home = |value: ValueId| match graph.value(value).equation {
-        u32::MAX => None,
-        equation => Some(mapping.pe_of[at(equation)]),
-    };
-    let local =
-        |chain: &Chain, term: u32| home(graph.terms[at(term)].operand) == Some(mapping.pe_of[at(chain.equation)]);
+    let home = |value: ValueId| graph.value(value).equation.map(|equation| mapping.pe_of[equation]);
+    let local = |chain: &Chain, term: u32| home(graph.terms[at(term)].operand) == Some(mapping.pe_of[chain.equation]);
     let sent_home = sent_home(graph, fixed, &local);
     let mut paired = merge(graph, fixed, &mut |chain, members| {
         let (mut own, mut imported): (Vec<u32>, Vec<u32>) = members.iter().partition(|term| local(chain, **term));

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pe_ir::graph::{Chain, Equation, Factor, FixedPoint, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, ChainId, List, at};
+use pe_ir::index::{self, ChainId, EquationId, List, at};
 
 /// A hub is read by more equations than this many times the limit of input ports, and by more than there are PEs.
 const HUB: u32 = 2;
@@ -29,30 +29,29 @@ pub struct Relayed {
 /// few PEs that each may read all others.
 pub fn relay(graph: &StepGraph, pes: u32, max_in_degree: u32, relays: u32) -> Option<Relayed> {
     let (hubs, readers) = hubs(graph, pes, max_in_degree)?;
-    let mut relay_of: Vec<Option<u32>> = vec![None; graph.equations.len()];
+    let mut relay_of: List<EquationId, Option<u32>> = List::filled(None, graph.equations.len());
     for (position, reader) in (0u64..).zip(&readers) {
-        relay_of[at(*reader)] = Some((position * u64::from(relays) / readers.len() as u64) as u32);
+        relay_of[*reader] = Some((position * u64::from(relays) / readers.len() as u64) as u32);
     }
     let mut relayed = graph.clone();
-    let first = index::number(graph.equations.len());
-    let named = hubs.iter().position(|hub| *hub).expect("two at least");
+    let named = hubs.ids().find(|equation| hubs[*equation]).expect("two at least");
+    let mut equations = Vec::new();
     for number in 1..=relays {
         let Equation { name, span } = &graph.equations[named];
-        relayed.equations.push(Equation { name: format!("{name}{INFIX}{number}"), span: *span });
+        equations.push(relayed.equations.push(Equation { name: format!("{name}{INFIX}{number}"), span: *span }));
     }
     let mut copies: BTreeMap<(ValueId, u32), ValueId> = BTreeMap::new();
     let mut copied = Vec::new();
     for chain in &graph.chains {
-        let Some(relay) = relay_of[at(chain.equation)] else { continue };
+        let Some(relay) = relay_of[chain.equation] else { continue };
         for term in &mut relayed.terms[at(chain.terms.start)..chain.terms.end as usize] {
-            let hub = graph.value(term.operand).equation;
-            if hub == u32::MAX || !hubs[at(hub)] {
+            if !graph.value(term.operand).equation.is_some_and(|equation| hubs[equation]) {
                 continue;
             }
             let original = term.operand;
             term.operand = *copies.entry((original, relay)).or_insert_with(|| {
                 let role = Role::Relayed(original, relay + 1);
-                relayed.values.push(Value { role, equation: first + relay, factor: false });
+                relayed.values.push(Value { role, equation: Some(equations[at(relay)]), factor: false });
                 copied.push(original);
                 ValueId(index::number(relayed.values.len()) - 1)
             });
@@ -70,19 +69,20 @@ pub fn is_relay(name: &str) -> bool {
 }
 
 /// Which equations are hubs, and the others that read one; none if there are no two hubs.
-fn hubs(graph: &StepGraph, pes: u32, max_in_degree: u32) -> Option<(Vec<bool>, Vec<u32>)> {
+fn hubs(graph: &StepGraph, pes: u32, max_in_degree: u32) -> Option<(List<EquationId, bool>, Vec<EquationId>)> {
     if pes <= max_in_degree + 1 {
         return None;
     }
     let arcs = graph.dependencies();
-    let mut readers = vec![0; graph.equations.len()];
-    arcs.iter().for_each(|(read, _)| readers[at(*read)] += 1);
-    let hubs: Vec<bool> = readers.into_iter().map(|count: u32| count > pes.max(HUB * max_in_degree)).collect();
+    let mut readers = List::filled(0, graph.equations.len());
+    arcs.iter().for_each(|(read, _)| readers[*read] += 1);
+    let hubs: List<EquationId, bool> =
+        readers.into_iter().map(|count: u32| count > pes.max(HUB * max_in_degree)).collect();
     if hubs.iter().filter(|hub| **hub).count() < 2 {
         return None;
     }
-    let is_reader = |(read, reader): &&(u32, u32)| hubs[at(*read)] && !hubs[at(*reader)];
-    let mut readers: Vec<u32> = arcs.iter().filter(is_reader).map(|(_, reader)| *reader).collect();
+    let is_reader = |(read, reader): &&(EquationId, EquationId)| hubs[*read] && !hubs[*reader];
+    let mut readers: Vec<EquationId> = arcs.iter().filter(is_reader).map(|(_, reader)| *reader).collect();
     readers.sort_unstable();
     readers.dedup();
     Some((hubs, readers))
@@ -105,7 +105,7 @@ fn woven(
     let copies_of = |value: ValueId| copies.range((value, 0)..=(value, u32::MAX));
     let copy = |original: ValueId, value: ValueId| {
         let write = Write { value, base: None, weight: 0 };
-        let equation = relayed.value(value).equation;
+        let equation = relayed.value(value).equation.expect("of a relay");
         let chain = Chain { equation, terms: 0..0, interim: None, write, second: None, function: None };
         (chain, [Term::new(original, Factor::Coefficient(1.0))])
     };

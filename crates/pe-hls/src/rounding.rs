@@ -11,7 +11,7 @@
 //! to first order in the step, what the earlier ones have rounded away.
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term};
-use pe_ir::index::{ChainId, List, at, number};
+use pe_ir::index::{ChainId, EquationId, List, at, number};
 
 use crate::alike::alike;
 
@@ -188,9 +188,9 @@ fn earlier_stages(graph: &StepGraph) -> List<ChainId, Vec<(f64, ChainId)>> {
     if graph.form != StageForm::Increments {
         return earlier;
     }
-    let mut own = vec![Vec::new(); graph.equations.len()];
+    let mut own = List::<EquationId, _>::filled(Vec::new(), graph.equations.len());
     for (index, chain) in graph.chains.numbered() {
-        own[at(chain.equation)].push(index);
+        own[chain.equation].push(index);
     }
     let producers = graph.producers();
     let role = |chain: &ChainId| graph.value(graph.chains[*chain].write.value).role;

@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, ChainId, List, PeId, at};
+use pe_ir::index::{self, ChainId, EquationId, List, PeId, at};
 use pe_ir::schedule::{Schedule, Transfer};
 
 /// What a step is made of: rounds, and the values and chains of one.
@@ -54,10 +54,10 @@ impl<'a> Rounds<'a> {
         if !alike || graph.stages < 2 {
             return None;
         }
-        let mut inner = vec![0; graph.equations.len()];
+        let mut inner = List::filled(0, graph.equations.len());
         for value in &graph.values {
             if let Role::Inner(equation, _) = value.role {
-                inner[at(equation)] += 1;
+                inner[equation] += 1;
             }
         }
         if inner.iter().any(|count| count % graph.stages != 0) {
@@ -130,7 +130,7 @@ struct Finder<'a> {
     fixed: &'a FixedPoint,
     count: u32,
     /// Inner sums of each equation in one round.
-    inner: Vec<u32>,
+    inner: List<EquationId, u32>,
 }
 
 /// The values of a step, each with the value of one round that stands for it.
@@ -275,7 +275,7 @@ impl Finder<'_> {
             Role::Algebraic(a, _) => (Role::Algebraic(a, 1), 0),
             Role::Sum(s, _) => (Role::Sum(s, 0), 0),
             Role::Interim(s, _) => (Role::Interim(s, 0), 0),
-            Role::Inner(equation, serial) => (Role::Inner(equation, (serial - 1) % self.inner[at(equation)]), 0),
+            Role::Inner(equation, serial) => (Role::Inner(equation, (serial - 1) % self.inner[equation]), 0),
             // Looped stages have no lookups.
             Role::Input(_) | Role::Constant(_) | Role::Published(_) | Role::Column(..) => (role, 0),
             Role::Partial(..) | Role::Relayed(..) | Role::Auxiliary(_) | Role::Pivot(..) => return None,
@@ -290,12 +290,12 @@ impl Finder<'_> {
             Role::Algebraic(a, stage) => (2, a, i64::from(stage), 0),
             Role::Input(i) => (3, i, 0, 0),
             Role::Constant(number) => {
-                (4, value.equation, i64::from(self.fixed.exponents[id.index()]), number.to_bits())
+                (4, value.equation?.number(), i64::from(self.fixed.exponents[id.index()]), number.to_bits())
             }
             Role::Published(o) => (5, o, 0, 0),
             Role::Sum(s, _) => (6, s, 0, 0),
             Role::Interim(s, _) => (7, s, 0, 0),
-            Role::Inner(equation, serial) => (8, equation, i64::from(serial), 0),
+            Role::Inner(equation, serial) => (8, equation.number(), i64::from(serial), 0),
             _ => return None,
         })
     }
@@ -356,7 +356,7 @@ impl Finder<'_> {
     /// The round that an inner sum belongs to.
     fn inner_round(&self, value: ValueId) -> Option<u32> {
         match self.graph.value(value).role {
-            Role::Inner(equation, serial) => Some((serial - 1) / self.inner[at(equation)]),
+            Role::Inner(equation, serial) => Some((serial - 1) / self.inner[equation]),
             _ => None,
         }
     }

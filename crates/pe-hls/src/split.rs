@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 
 use pe_ir::graph::{Chain, Equation, Factor, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{ChainId, List, at, number};
+use pe_ir::index::{ChainId, EquationId, List, number};
 use pe_ir::word::Latency;
 
 use crate::schedule::Bound;
@@ -33,7 +33,7 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
     let tabled = tabled(graph);
     let heavy = pes > 1 && loads.iter().zip(&tabled).any(|(load, tabled)| *load > balanced && !tabled);
     // Whether an equation, or the one that it is a part of, reads from too many places.
-    let mut hubs = vec![false; loads.len()];
+    let mut hubs = List::filled(false, loads.len());
     if pes > ports + 1 && loads.iter().any(|load| *load > HUB * ports) {
         hubs = sources(graph).into_iter().map(|count| count > HUB * ports).collect();
     }
@@ -46,8 +46,8 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
     for _ in 0..LEVELS {
         let current = done.as_ref().unwrap_or(graph);
         let (loads, sources, mains) = (current.loads(), sources(current), main_chains(current));
-        let length = |equation: usize| {
-            if tabled.get(equation).copied().unwrap_or(false) {
+        let length = |equation: EquationId| {
+            if tabled.find(equation).copied().unwrap_or(false) {
                 return None;
             }
             let heavy = pes > 1 && loads[equation] > balanced;
@@ -55,12 +55,12 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
             let by_ports = (hubs[equation] && sources[equation] > ports).then_some(ports * 2 / 3);
             Some(by_load.into_iter().chain(by_ports).min()?.max(SHORTEST))
         };
-        let lengths = (0..loads.len()).map(length).collect();
+        let lengths = loads.ids().map(length).collect();
         let mut splitter = Splitter::new(current.clone(), lengths, &mut names);
         if !splitter.run() {
             break;
         }
-        let inherited: Vec<bool> = splitter.parents.iter().map(|parent| hubs[at(*parent)]).collect();
+        let inherited: Vec<bool> = splitter.parents.iter().map(|parent| hubs[*parent]).collect();
         hubs.extend(inherited);
         done = Some(splitter.finish());
     }
@@ -69,28 +69,28 @@ pub fn split(graph: &StepGraph, pes: u32, max_in_degree: u32, latency: Latency) 
 }
 
 /// Equations with lookups, which stay whole: only the PE that computes the argument of a table can look it up.
-fn tabled(graph: &StepGraph) -> Vec<bool> {
-    let mut tabled = vec![false; graph.equations.len()];
+fn tabled(graph: &StepGraph) -> List<EquationId, bool> {
+    let mut tabled = List::filled(false, graph.equations.len());
     for lookup in &graph.functions.lookups {
-        tabled[at(graph.value(lookup.argument).equation)] = true;
+        tabled[graph.value(lookup.argument).equation.expect("arguments of tables are computed")] = true;
     }
     tabled
 }
 
 /// For each equation the number of others and inputs that it reads.
-fn sources(graph: &StepGraph) -> Vec<u32> {
-    let mut counts = vec![0; graph.equations.len()];
+fn sources(graph: &StepGraph) -> List<EquationId, u32> {
+    let mut counts = List::filled(0, graph.equations.len());
     for (_, reader) in graph.dependencies() {
-        counts[at(reader)] += 1;
+        counts[reader] += 1;
     }
     counts
 }
 
 /// For each equation the number of its chains that are no inner sums.
-fn main_chains(graph: &StepGraph) -> Vec<u32> {
-    let mut counts = vec![0; graph.equations.len()];
+fn main_chains(graph: &StepGraph) -> List<EquationId, u32> {
+    let mut counts = List::filled(0, graph.equations.len());
     for chain in graph.chains.iter().filter(|chain| !is_inner(graph, chain)) {
-        counts[at(chain.equation)] += 1;
+        counts[chain.equation] += 1;
     }
     counts
 }
@@ -102,31 +102,31 @@ fn is_inner(graph: &StepGraph, chain: &Chain) -> bool {
 /// Numbers of what was named so far, by equation: parts, and partial sums.
 #[derive(Default)]
 struct Names {
-    parts: HashMap<u32, u32>,
-    sums: HashMap<u32, u32>,
+    parts: HashMap<EquationId, u32>,
+    sums: HashMap<EquationId, u32>,
 }
 
 /// One level of splitting.
 struct Splitter<'n> {
     graph: StepGraph,
     /// Products of a partial sum, for each equation that is split.
-    lengths: Vec<Option<u32>>,
+    lengths: List<EquationId, Option<u32>>,
     producers: Vec<Option<ChainId>>,
     /// Terms of each chain as they will be.
     terms: List<ChainId, Vec<Term>>,
     /// Partial sums that each chain reads, to be computed before it.
     before: List<ChainId, Vec<(Chain, Vec<Term>)>>,
     /// Equations of the partial sums of main chains, by equation and position.
-    partials: HashMap<(u32, usize), u32>,
+    partials: HashMap<(EquationId, usize), EquationId>,
     /// For each new equation the one that it is a part of.
-    parents: Vec<u32>,
+    parents: Vec<EquationId>,
     names: &'n mut Names,
     /// Chains that moved to a new equation.
     moved: List<ChainId, bool>,
 }
 
 impl<'n> Splitter<'n> {
-    fn new(graph: StepGraph, lengths: Vec<Option<u32>>, names: &'n mut Names) -> Splitter<'n> {
+    fn new(graph: StepGraph, lengths: List<EquationId, Option<u32>>, names: &'n mut Names) -> Splitter<'n> {
         let terms = graph.chains.iter().map(|chain| graph.chain_terms(chain).to_vec()).collect();
         Splitter {
             producers: graph.producers(),
@@ -144,7 +144,7 @@ impl<'n> Splitter<'n> {
     /// Splits all chains that are to be split; whether there was one. Chains come before the inner sums that they read.
     fn run(&mut self) -> bool {
         for chain in self.graph.chains.ids().rev() {
-            let length = self.lengths.get(at(self.graph.chains[chain].equation)).copied().flatten();
+            let length = self.lengths.find(self.graph.chains[chain].equation).copied().flatten();
             if let (Some(length), false) = (length, self.moved[chain]) {
                 self.split(chain, length);
             }
@@ -155,7 +155,7 @@ impl<'n> Splitter<'n> {
     /// Cuts the terms of a chain that may leave its equation into partial sums, if that gives more than one.
     fn split(&mut self, chain: ChainId, length: u32) {
         let equation = self.graph.chains[chain].equation;
-        let stays = |term: &Term| self.graph.value(term.operand).equation == equation;
+        let stays = |term: &Term| self.graph.value(term.operand).equation == Some(equation);
         let (mut home, away): (Vec<Term>, Vec<Term>) = self.terms[chain].iter().partition(|term| stays(term));
         let costs: Vec<u32> = away.iter().map(|term| self.cost(term)).collect();
         let total: u32 = costs.iter().sum();
@@ -188,7 +188,7 @@ impl<'n> Splitter<'n> {
             *serial += 1;
             let role = Role::Partial(equation, *serial);
             let value = ValueId(number(self.graph.values.len()));
-            self.graph.values.push(Value { role, equation: partial, factor: false });
+            self.graph.values.push(Value { role, equation: Some(partial), factor: false });
             let write = Write { value, base: None, weight: 0 };
             self.before[chain].push((
                 Chain { equation: partial, terms: 0..0, interim: None, write, second: None, function: None },
@@ -208,12 +208,11 @@ impl<'n> Splitter<'n> {
         }
     }
 
-    fn new_equation(&mut self, equation: u32, position: Option<usize>) -> u32 {
-        let partial = number(self.graph.equations.len());
-        let Equation { name, span } = self.graph.equations[at(equation)].clone();
+    fn new_equation(&mut self, equation: EquationId, position: Option<usize>) -> EquationId {
+        let Equation { name, span } = self.graph.equations[equation].clone();
         let part = self.names.parts.entry(equation).or_default();
         *part += 1;
-        self.graph.equations.push(Equation { name: format!("{name}.part{part}"), span });
+        let partial = self.graph.equations.push(Equation { name: format!("{name}.part{part}"), span });
         self.parents.push(equation);
         if let Some(position) = position {
             self.partials.insert((equation, position), partial);
@@ -222,19 +221,19 @@ impl<'n> Splitter<'n> {
     }
 
     /// Gives a factor to another equation, with the chain that computes it and all that is private to that.
-    fn move_inner(&mut self, factor: ValueId, equation: u32) {
-        self.graph.values[factor.index()].equation = equation;
+    fn move_inner(&mut self, factor: ValueId, equation: EquationId) {
+        self.graph.values[factor.index()].equation = Some(equation);
         let Some(chain) = self.producers[factor.index()] else { return };
         self.moved[chain] = true;
         let from = std::mem::replace(&mut self.graph.chains[chain].equation, equation);
         let bases: Vec<ValueId> = self.graph.chains[chain].writes().filter_map(|write| write.base).collect();
         for base in bases {
-            self.graph.values[base.index()].equation = equation;
+            self.graph.values[base.index()].equation = Some(equation);
         }
         for term in self.terms[chain].clone() {
             let operand = self.graph.value(term.operand);
-            if operand.equation == from && matches!(operand.role, Role::Constant(_)) {
-                self.graph.values[term.operand.index()].equation = equation;
+            if operand.equation == Some(from) && matches!(operand.role, Role::Constant(_)) {
+                self.graph.values[term.operand.index()].equation = Some(equation);
             }
             if let Factor::Value(inner) = term.factor {
                 self.move_inner(inner, equation);

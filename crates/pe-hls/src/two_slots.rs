@@ -20,7 +20,7 @@ const NEGLIGIBLE: f64 = 1.0 / 16.0;
 /// formats. None if no chain has such a rest.
 pub fn split(graph: &StepGraph, fixed: &FixedPoint) -> Option<StepGraph> {
     let mut split = graph.with_chains(List::with_capacity(graph.chains.len()), Vec::with_capacity(graph.terms.len()));
-    let mut serial = vec![0u32; graph.equations.len()];
+    let mut serial = List::filled(0u32, graph.equations.len());
     for (index, chain) in graph.chains.numbered() {
         let parts: Vec<(Term, Option<Term>)> =
             chain.terms.clone().map(|term| part(graph, fixed, index, term)).collect();
@@ -30,11 +30,11 @@ pub fn split(graph: &StepGraph, fixed: &FixedPoint) -> Option<StepGraph> {
             continue;
         }
         let mut fine = |write: &Write| {
-            let serial = &mut serial[at(chain.equation)];
+            let serial = &mut serial[chain.equation];
             *serial += 1;
             let value = ValueId(index::number(split.values.len()));
             let role = Role::Partial(chain.equation, FIRST_SERIAL + *serial);
-            split.values.push(Value { role, equation: chain.equation, factor: false });
+            split.values.push(Value { role, equation: Some(chain.equation), factor: false });
             (Write { value, ..*write }, Write { base: Some(value), ..*write })
         };
         let (first, then) = fine(&chain.write);

@@ -7,7 +7,7 @@ use std::fmt;
 use std::ops::Range;
 
 use crate::functions::{Functions, Lookup};
-use crate::index::{self, ChainId, List, at};
+use crate::index::{self, ChainId, EquationId, List, at};
 use crate::model::Model;
 use crate::source::Span;
 use crate::word::{Latency, WordFormat};
@@ -99,9 +99,9 @@ pub enum Role {
     /// A shared algebraic variable in a stage (counted from 1).
     Algebraic(u32, u8),
     /// An inner factor of a product, private to its chain: equation and serial number.
-    Inner(u32, u32),
+    Inner(EquationId, u32),
     /// A part of an equation's sum that another equation computes: the equation it is a part of, and serial number.
-    Partial(u32, u32),
+    Partial(EquationId, u32),
     /// A copy that a relay makes of a value of another equation: the value, and the number of the relay.
     Relayed(ValueId, u32),
     /// An external input, held over the step.
@@ -124,8 +124,8 @@ pub enum Role {
 pub struct Value {
     /// What it is.
     pub role: Role,
-    /// The equation that computes or owns it; `u32::MAX` for inputs.
-    pub equation: u32,
+    /// The equation that computes or owns it; none of inputs.
+    pub equation: Option<EquationId>,
     /// Whether the coefficient port reads it; such a value is read by nothing else.
     pub factor: bool,
 }
@@ -178,7 +178,7 @@ pub struct Write {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
     /// The equation it belongs to.
-    pub equation: u32,
+    pub equation: EquationId,
     /// Its terms in [`StepGraph::terms`]; at least one.
     pub terms: Range<u32>,
     /// A write whose value is the base of `write`, which so adds three times the sum, or another sum of two powers of
@@ -252,7 +252,7 @@ pub struct StepGraph {
     /// Whether operands with equal coefficients may be added in front of the multiplier.
     pub pre_adder: bool,
     /// Units of mapping.
-    pub equations: Vec<Equation>,
+    pub equations: List<EquationId, Equation>,
     /// Values.
     pub values: Vec<Value>,
     /// Chains; each reads only what earlier chains write, states, inputs and constants.
@@ -310,6 +310,11 @@ impl StepGraph {
         &self.values[id.index()]
     }
 
+    /// The equation that computes or owns a value; none of inputs.
+    pub fn equation_of(&self, id: ValueId) -> Option<&Equation> {
+        self.value(id).equation.map(|equation| &self.equations[equation])
+    }
+
     /// Terms of a chain.
     pub fn chain_terms(&self, chain: &Chain) -> &[Term] {
         &self.terms[at(chain.terms.start)..chain.terms.end as usize]
@@ -358,8 +363,10 @@ impl StepGraph {
             Role::Interim(s, stage) => format!("{}.interim{stage}", self.names.states[at(s)]),
             Role::Next(s) => format!("{}.next", self.names.states[at(s)]),
             Role::Algebraic(a, stage) => format!("{}.stage{stage}", self.names.algebraics[at(a)]),
-            Role::Inner(_, serial) => format!("{}.factor{serial}", self.equations[at(value.equation)].name),
-            Role::Partial(equation, serial) => format!("{}.partial{serial}", self.equations[at(equation)].name),
+            Role::Inner(equation, serial) => {
+                format!("{}.factor{serial}", self.equations[value.equation.unwrap_or(equation)].name)
+            }
+            Role::Partial(equation, serial) => format!("{}.partial{serial}", self.equations[equation].name),
             Role::Relayed(value, relay) => format!("{}.relayed{relay}", self.value_name(value)),
             Role::Input(i) => self.names.inputs[at(i)].clone(),
             Role::Constant(c) => format!("{c:e}"),
@@ -394,14 +401,12 @@ impl StepGraph {
     }
 
     /// The arcs of the ODE-dependency graph: `(read, reader)` pairs of distinct equations, sorted, without repeats.
-    pub fn dependencies(&self) -> Vec<(u32, u32)> {
-        let mut arcs: Vec<(u32, u32)> = Vec::new();
+    pub fn dependencies(&self) -> Vec<(EquationId, EquationId)> {
+        let mut arcs: Vec<(EquationId, EquationId)> = Vec::new();
         for chain in &self.chains {
             for operand in self.chain_terms(chain).iter().flat_map(Term::operands) {
-                let source = self.value(operand).equation;
-                if source != u32::MAX && source != chain.equation {
-                    arcs.push((source, chain.equation));
-                }
+                let source = self.value(operand).equation.filter(|source| *source != chain.equation);
+                arcs.extend(source.map(|source| (source, chain.equation)));
             }
         }
         arcs.sort_unstable();
@@ -410,10 +415,10 @@ impl StepGraph {
     }
 
     /// Issue slots that each equation needs per step: its products, or its writes where those are more.
-    pub fn loads(&self) -> Vec<u32> {
-        let mut loads = vec![0; self.equations.len()];
+    pub fn loads(&self) -> List<EquationId, u32> {
+        let mut loads = List::filled(0, self.equations.len());
         for chain in &self.chains {
-            loads[at(chain.equation)] += chain.len().max(index::number(chain.writes().count()));
+            loads[chain.equation] += chain.len().max(index::number(chain.writes().count()));
         }
         loads
     }

@@ -122,6 +122,9 @@ macro_rules! ids {
 ids! {
     /// A chain of a step: its place in [`StepGraph::chains`](crate::graph::StepGraph::chains).
     pub ChainId
+    /// An equation of a step, the unit of mapping: its place in
+    /// [`StepGraph::equations`](crate::graph::StepGraph::equations).
+    pub EquationId
     /// A PE: its place in [`Program::pes`](crate::program::Program::pes).
     pub PeId
 }

@@ -1,6 +1,6 @@
 //! The mapping of equations to PEs.
 
-use crate::index::PeId;
+use crate::index::{EquationId, List, PeId};
 
 /// For each equation of a step graph its PE.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -8,7 +8,7 @@ pub struct Mapping {
     /// Number of PEs.
     pub pes: u32,
     /// PE of each equation.
-    pub pe_of: Vec<PeId>,
+    pub pe_of: List<EquationId, PeId>,
 }
 
 /// What a mapping costs, as the annealer sees it.

@@ -66,7 +66,7 @@ pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Opt
         return Err(vec![Diagnostic::error(codes::SMALL_PIVOT, state.span, message).with_help(HELP)]);
     }
     let reciprocals = graph.values.iter().zip(largest).filter_map(|(value, largest)| match value.role {
-        Role::Pivot(state, _) => Some((state, value.equation, 1.0 / largest)),
+        Role::Pivot(state, _) => Some((state, value.equation?, 1.0 / largest)),
         _ => None,
     });
     let Some((state, equation, magnitude)) = reciprocals.min_by(|a, b| a.2.total_cmp(&b.2)) else { return Ok(None) };
@@ -78,6 +78,6 @@ pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Opt
     let message = format!(
         "the pivot of `{state}` falls to {magnitude:.1e} at t = {time:.6e} s: the matrix of the step is nearly singular"
     );
-    let finding = Diagnostic::error(codes::SMALL_PIVOT, graph.equations[at(equation)].span, message);
+    let finding = Diagnostic::error(codes::SMALL_PIVOT, graph.equations[equation].span, message);
     Err(vec![finding.with_help(HELP)])
 }

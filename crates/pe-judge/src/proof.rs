@@ -108,7 +108,7 @@ impl Proof {
         for chain in &graph.chains {
             let joined = graph.chain_terms(chain).iter().filter(|term| term.partner.is_some());
             let mut values = chain.writes().map(|write| write.value).chain(joined.flat_map(Term::operands));
-            needed[mapping.pe_of[at(chain.equation)]] |= values.any(|value| !self.fits(value));
+            needed[mapping.pe_of[chain.equation]] |= values.any(|value| !self.fits(value));
         }
         program.pes.iter_mut().zip(needed).for_each(|(pe, needed)| pe.features.proven = !needed);
         let Some(Enclosed { enclosure, .. }) = &self.enclosed else { return };

@@ -88,7 +88,7 @@ fn pivot_of(graph: &StepGraph, function: usize) -> Option<&str> {
 /// The name of the equation that applies a function.
 fn chain_of(graph: &StepGraph, function: usize) -> Option<String> {
     let chain = graph.chains.iter().find(|chain| chain.function == Some(index::number(function)))?;
-    Some(graph.equations[index::at(chain.equation)].name.clone())
+    Some(graph.equations[chain.equation].name.clone())
 }
 
 /// The variable that is zero within a step, given by the states before and after it, and that an algebraic variable is

@@ -10,6 +10,7 @@ use crate::progress;
 use pe_flow::failure::Failure;
 use pe_flow::pipeline::{self, Prepared};
 use pe_flow::stages;
+use pe_ir::index::EquationId;
 use pe_ir::text;
 
 /// Prints the result of a compiler stage
@@ -80,7 +81,7 @@ impl Dump {
             let graph = pipeline::step(&loaded, &point, &mapping, &mut watch)?;
             if self.stage == Stage::OdeGraph {
                 let named = Problem::of(&graph).ode_graph().map_owned(
-                    |index, load| format!("{} ({load} slots)", graph.equations[index.index()].name),
+                    |index, load| format!("{} ({load} slots)", graph.equations[EquationId::at(index.index())].name),
                     |_, ()| "",
                 );
                 return Ok(Dot::with_config(&named, &[Config::EdgeNoLabel]).to_string());

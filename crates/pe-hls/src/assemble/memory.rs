@@ -16,8 +16,6 @@ use pe_ir::word::Latency;
 use super::registers::{Arc, pack};
 use crate::rounds::Rounds;
 
-const NONE: u32 = u32::MAX;
-
 /// Where a value is kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Place {
@@ -97,7 +95,8 @@ impl Memories {
     fn allocate_indices(&mut self, graph: &StepGraph, mapping: &Mapping, period: u32, lives: &Lives) {
         let mut arcs: List<PeId, Vec<Arc>> = List::filled(Vec::new(), self.depths.len());
         for (argument, last_read) in &lives.indexed {
-            let pe = mapping.pe_of[index::at(graph.values[index::at(*argument)].equation)];
+            let equation = graph.values[index::at(*argument)].equation.expect("arguments of tables have a PE");
+            let pe = mapping.pe_of[equation];
             let write = lives.own[index::at(*argument)].0;
             arcs[pe].push(Arc { write, last_read: *last_read, key: *argument });
         }
@@ -124,7 +123,7 @@ impl Memories {
         let mut known: HashMap<(PeId, u32, u8, i32, bool), u32> = HashMap::new();
         for (index, value) in graph.values.iter().enumerate() {
             let Role::Column(lookup, column) = value.role else { continue };
-            let pe = mapping.pe_of[index::at(value.equation)];
+            let pe = mapping.pe_of[value.equation.expect("columns have a PE")];
             let id = rounds.original(ValueId(index::number(index)));
             let table = graph.functions.lookups[index::at(lookup)].table;
             let end = &mut ends[pe];
@@ -147,7 +146,7 @@ impl Memories {
         let pes = index::at(mapping.pes);
         let mut layouts: List<PeId, Layout> = List::filled(Layout::default(), pes);
         let mut bases: List<PeId, u32> = List::filled(0, pes);
-        let pe_of = |index: usize| mapping.pe_of[index::at(graph.values[index].equation)];
+        let pe_of = |index: usize| mapping.pe_of[graph.values[index].equation.expect("own values have a PE")];
         let mut slots: Vec<Option<Slot>> = vec![None; graph.values.len()];
         // A state and its running sum are a pair in the base memory: their addresses differ in one bit.
         let mut base_layouts: List<PeId, Layout> = List::filled(Layout::default(), pes);
@@ -165,7 +164,7 @@ impl Memories {
         }
         let both = |value: &u32| lives.bases[index::at(*value)] && lives.operands[index::at(*value)];
         for value in (0..graph.values.len() as u32).filter(both) {
-            if slots[index::at(value)].is_none() && graph.values[index::at(value)].equation != NONE {
+            if slots[index::at(value)].is_none() && graph.values[index::at(value)].equation.is_some() {
                 debug_assert!(!swap, "only states are both operands and bases of a one-stage solver");
                 let pe = pe_of(index::at(value));
                 slots[index::at(value)] = Some(layouts[pe].resident(false));
@@ -178,7 +177,7 @@ impl Memories {
         let mut base_arcs = own_arcs.clone();
         let mut factor_arcs = own_arcs.clone();
         for (index, value) in graph.values.iter().enumerate() {
-            if value.equation == NONE || matches!(value.role, Role::State(_) | Role::Next(_) | Role::Column(..)) {
+            if value.equation.is_none() || matches!(value.role, Role::State(_) | Role::Next(_) | Role::Column(..)) {
                 continue;
             }
             if rounds.sums && matches!(value.role, Role::Sum(..)) {
@@ -380,13 +379,13 @@ impl Lives {
         let mut indexed: BTreeMap<u32, u32> = BTreeMap::new();
         let mut imported: Vec<((u32, PeId), u32)> = Vec::new();
         for (index, chain) in graph.chains.numbered() {
-            let pe = mapping.pe_of[index::at(chain.equation)];
+            let pe = mapping.pe_of[chain.equation];
             let start = schedule.starts[index];
             let last = start + chain.len() - 1;
             for (time, position) in (start..).zip(chain.terms.clone()) {
                 let term = &graph.terms[index::at(schedule.order[index::at(position)])];
                 let equation = graph.value(term.operand).equation;
-                if equation != NONE && mapping.pe_of[index::at(equation)] == pe {
+                if equation.is_some_and(|equation| mapping.pe_of[equation] == pe) {
                     let read = &mut own[term.operand.index()].1;
                     *read = (*read).max(time);
                     operands[term.operand.index()] = true;

@@ -26,8 +26,6 @@ pub use provenance::coefficients;
 
 use crate::rounds::Rounds;
 
-const NONE: u32 = u32::MAX;
-
 /// Assembles a scheduled step graph as one round.
 ///
 /// # Errors
@@ -128,7 +126,7 @@ impl Assembler<'_> {
                 self.blank(features, ports)
             })
             .collect();
-        for (equation, pe) in self.mapping.pe_of.iter().enumerate() {
+        for (equation, pe) in self.mapping.pe_of.numbered() {
             pes[*pe].equations.push(self.graph.equations[equation].name.clone());
         }
         self.collect_features(&mut pes);
@@ -170,10 +168,7 @@ impl Assembler<'_> {
     }
 
     fn home(&self, value: ValueId) -> Option<PeId> {
-        match self.graph.value(value).equation {
-            NONE => None,
-            equation => Some(self.mapping.pe_of[index::at(equation)]),
-        }
+        self.graph.value(value).equation.map(|equation| self.mapping.pe_of[equation])
     }
 
     /// Links into each PE: other PEs first, then inputs, each in order.
@@ -196,7 +191,7 @@ impl Assembler<'_> {
     fn collect_features(&self, pes: &mut List<PeId, PeProgram>) {
         let mut shifts: List<PeId, BTreeSet<u8>> = List::filled(BTreeSet::new(), pes.len());
         for (index, chain) in self.graph.chains.numbered() {
-            let pe = self.mapping.pe_of[index::at(chain.equation)];
+            let pe = self.mapping.pe_of[chain.equation];
             for (_, shift) in chain.writes().zip(self.fixed.shifts[index]) {
                 shifts[pe].insert(shift);
             }
@@ -216,7 +211,7 @@ impl Assembler<'_> {
     fn place_coefficients(&mut self, pes: &mut List<PeId, PeProgram>) {
         let mut distinct: List<PeId, Vec<i64>> = List::filled(Vec::new(), pes.len());
         for chain in &self.graph.chains {
-            let pe = self.mapping.pe_of[index::at(chain.equation)];
+            let pe = self.mapping.pe_of[chain.equation];
             for term in chain.terms.clone() {
                 if let Factor::Coefficient(_) = self.graph.terms[index::at(term)].factor {
                     distinct[pe].push(self.fixed.coefficients[index::at(term)]);
@@ -330,7 +325,7 @@ impl Assembler<'_> {
 
     fn emit_chain(&self, index: ChainId, pes: &mut List<PeId, PeProgram>, sent: &[bool]) {
         let chain = &self.graph.chains[index];
-        let number = self.mapping.pe_of[index::at(chain.equation)];
+        let number = self.mapping.pe_of[chain.equation];
         let start = self.schedule.starts[index];
         let last = start + chain.len() - 1;
         let pe = &mut pes[number];
@@ -475,7 +470,7 @@ impl Assembler<'_> {
             OutputPort {
                 name: self.model.outputs[index].name.clone(),
                 unit,
-                pe: self.mapping.pe_of[index::at(chain.equation)],
+                pe: self.mapping.pe_of[chain.equation],
                 word: index::number(self.word(last + self.latency.write() + delay)),
                 exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
                 proven: false,

@@ -10,7 +10,7 @@ use pe_ir::schedule::Schedule;
 pub fn coefficients(graph: &StepGraph, mapping: &Mapping, schedule: &Schedule) -> List<PeId, Vec<Option<f64>>> {
     let mut words = List::filled(vec![None; at(schedule.period)], at(mapping.pes));
     for (chain, start) in graph.chains.iter().zip(&schedule.starts) {
-        let pe = &mut words[mapping.pe_of[at(chain.equation)]];
+        let pe = &mut words[mapping.pe_of[chain.equation]];
         for (time, position) in (*start..).zip(chain.terms.clone()) {
             let term = &graph.terms[at(schedule.order[at(position)])];
             if let Factor::Coefficient(number) = term.factor {

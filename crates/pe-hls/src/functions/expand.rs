@@ -2,7 +2,7 @@
 
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, List, at};
+use pe_ir::index::{self, EquationId, List, at};
 
 use super::domain::Domain;
 use super::fit::{Fit, Layout};
@@ -85,10 +85,10 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, computed: &[Option<C
                 .collect()
         })
         .collect();
-    let mut serials = vec![0; graph.equations.len()];
+    let mut serials = List::filled(0, graph.equations.len());
     for value in &graph.values {
         if let Role::Inner(equation, serial) = value.role {
-            let last: &mut u32 = &mut serials[at(equation)];
+            let last: &mut u32 = &mut serials[equation];
             *last = serial.max(*last);
         }
     }
@@ -128,7 +128,7 @@ struct Argument {
 struct Expansion {
     graph: StepGraph,
     /// Last serial number of the inner values of each equation.
-    serials: Vec<u32>,
+    serials: List<EquationId, u32>,
 }
 
 impl Expansion {
@@ -159,7 +159,7 @@ impl Expansion {
     }
 
     /// The chains of a lookup whose result is a value.
-    fn lookup(&mut self, equation: u32, argument: &Argument, fit: &Fit, table: u32, result: ValueId) {
+    fn lookup(&mut self, equation: EquationId, argument: &Argument, fit: &Fit, table: u32, result: ValueId) {
         let z = self.argument(equation, argument, fit);
         let lookup = index::number(self.graph.functions.lookups.len());
         self.graph.functions.lookups.push(Lookup { argument: z, table });
@@ -196,7 +196,7 @@ impl Expansion {
     }
 
     /// The chain of the argument, mapped to -1 .. 1.
-    fn argument(&mut self, equation: u32, argument: &Argument, fit: &Fit) -> ValueId {
+    fn argument(&mut self, equation: EquationId, argument: &Argument, fit: &Fit) -> ValueId {
         let z = self.inner(equation, false);
         let terms = argument.terms.iter().map(|term| match term.factor {
             Factor::Coefficient(coefficient) => {
@@ -218,25 +218,25 @@ impl Expansion {
     }
 
     /// A chain of one term whose base is a column.
-    fn write(&mut self, equation: u32, term: Term, value: ValueId, (lookup, column): (u32, u8)) {
+    fn write(&mut self, equation: EquationId, term: Term, value: ValueId, (lookup, column): (u32, u8)) {
         let factor = self.graph.value(value).factor;
         let base = Some(self.value(Role::Column(lookup, column), equation, factor));
         self.chain(equation, vec![term], Write { value, base, weight: 0 }, None);
     }
 
-    fn inner(&mut self, equation: u32, factor: bool) -> ValueId {
-        let serial = &mut self.serials[at(equation)];
+    fn inner(&mut self, equation: EquationId, factor: bool) -> ValueId {
+        let serial = &mut self.serials[equation];
         *serial += 1;
         let role = Role::Inner(equation, *serial);
         self.value(role, equation, factor)
     }
 
-    fn value(&mut self, role: Role, equation: u32, factor: bool) -> ValueId {
-        self.graph.values.push(Value { role, equation, factor });
+    fn value(&mut self, role: Role, equation: EquationId, factor: bool) -> ValueId {
+        self.graph.values.push(Value { role, equation: Some(equation), factor });
         ValueId(index::number(self.graph.values.len()) - 1)
     }
 
-    fn chain(&mut self, equation: u32, terms: Vec<Term>, write: Write, second: Option<Write>) {
+    fn chain(&mut self, equation: EquationId, terms: Vec<Term>, write: Write, second: Option<Write>) {
         let start = index::number(self.graph.terms.len());
         self.graph.terms.extend(terms);
         let terms = start..self.graph.terms.len() as u32;

@@ -56,7 +56,7 @@ pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat)
     let mut place: Vec<Option<(&str, Span)>> = vec![None; uses.len()];
     for chain in &graph.chains {
         if let Some(function) = chain.function {
-            let equation = &graph.equations[index::at(chain.equation)];
+            let equation = &graph.equations[chain.equation];
             uses[index::at(function)] += 1;
             place[index::at(function)].get_or_insert((&equation.name, equation.span));
         }

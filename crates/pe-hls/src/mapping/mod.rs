@@ -27,7 +27,7 @@ mod wires;
 use std::fmt;
 
 use pe_ir::graph::StepGraph;
-use pe_ir::index::{PeId, number};
+use pe_ir::index::{EquationId, PeId, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -97,7 +97,7 @@ pub enum MapError {
         /// A PE above the limit in the best mapping.
         pe: PeId,
         /// The equation on it that reads from most places; an index into the step graph's equations.
-        equation: u32,
+        equation: EquationId,
         /// Its in-degree.
         degree: u32,
         /// The limit.
@@ -204,9 +204,10 @@ fn in_degree_error(problem: &Problem, mapping: &Mapping, limit: u32) -> MapError
     let sources = problem.sources(mapping);
     let worst = sources.chunk_by(|left, right| left.0 == right.0).max_by_key(|sources| sources.len());
     let (pe, degree) = worst.map_or((PeId::new(0), 0), |sources| (sources[0].0, number(sources.len())));
-    let reads =
-        |&equation: &usize| problem.neighbours(equation).iter().filter(|neighbour| neighbour.reads() == 1).count();
-    let equations = (0..mapping.pe_of.len()).filter(|&equation| mapping.pe_of[equation] == pe);
-    let equation = number(equations.max_by_key(reads).unwrap_or(0));
+    let reads = |equation: &EquationId| {
+        problem.neighbours(equation.index()).iter().filter(|neighbour| neighbour.reads() == 1).count()
+    };
+    let equations = mapping.pe_of.ids().filter(|&equation| mapping.pe_of[equation] == pe);
+    let equation = equations.max_by_key(reads).unwrap_or(EquationId::new(0));
     MapError::InDegree { pe, equation, degree, limit }
 }

@@ -1,7 +1,7 @@
 //! The mapping problem in flat arrays, and its views as petgraph graphs.
 
 use pe_ir::graph::{Role, StepGraph, Term};
-use pe_ir::index::{List, PeId, at, number};
+use pe_ir::index::{EquationId, List, PeId, at, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 use pe_ir::program::LinkSource;
 use petgraph::graph::DiGraph;
@@ -51,11 +51,12 @@ impl Problem {
         for chain in &graph.chains {
             for operand in graph.chain_terms(chain).iter().flat_map(Term::operands) {
                 if let Role::Input(input) = graph.value(operand).role {
-                    input_reads.push((input, chain.equation));
+                    input_reads.push((input, chain.equation.number()));
                 }
             }
         }
-        Problem::new(graph.loads(), &graph.dependencies(), &input_reads)
+        let arcs = graph.dependencies().into_iter().map(|(read, reader)| (read.number(), reader.number()));
+        Problem::new(graph.loads().into_vec(), &arcs.collect::<Vec<_>>(), &input_reads)
     }
 
     /// The problem with these loads, arcs `(read equation, reader)` and pairs `(input, reader)`; repeats are allowed.
@@ -134,7 +135,7 @@ impl Problem {
                 let node = neighbour.node();
                 let source = match node.checked_sub(self.loads.len()) {
                     Some(input) => LinkSource::Input(number(input)),
-                    None => LinkSource::Pe(mapping.pe_of[node]),
+                    None => LinkSource::Pe(mapping.pe_of[EquationId::at(node)]),
                 };
                 if source != LinkSource::Pe(pe) {
                     sources.push((pe, source));

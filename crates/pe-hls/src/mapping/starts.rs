@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
-use pe_ir::index::{PeId, at, number};
+use pe_ir::index::{EquationId, List, PeId, at, number};
 use pe_ir::mapping::Mapping;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -22,9 +22,9 @@ pub(super) fn random(problem: &Problem, pes: u32, seed: u64) -> Mapping {
     for last in (1..order.len()).rev() {
         order.swap(last, below(&mut rng, last + 1));
     }
-    let mut pe_of = vec![PeId::new(0); order.len()];
+    let mut pe_of = List::filled(PeId::new(0), order.len());
     for (turn, &equation) in order.iter().enumerate() {
-        pe_of[at(equation)] = PeId::new(number(turn) % pes);
+        pe_of[EquationId::new(equation)] = PeId::new(number(turn) % pes);
     }
     Mapping { pes, pe_of }
 }
@@ -64,9 +64,9 @@ pub(super) fn structured(problem: &Problem, pes: u32) -> Vec<(&'static str, Mapp
 
 /// Cuts an order of all equations into one run per PE.
 pub(super) fn runs(problem: &Problem, order: &[u32], pes: u32) -> Mapping {
-    let mut pe_of = vec![PeId::new(0); order.len()];
+    let mut pe_of = List::filled(PeId::new(0), order.len());
     for (pe, run) in PeId::all(pes).zip(cut_evenly(problem, order, at(pes))) {
-        order[run].iter().for_each(|&equation| pe_of[at(equation)] = pe);
+        order[run].iter().for_each(|&equation| pe_of[EquationId::new(equation)] = pe);
     }
     Mapping { pes, pe_of }
 }
@@ -143,7 +143,7 @@ fn earliest_ends(loads: &[u64], pes: usize, cap: u64) -> Vec<usize> {
 /// Halves the equations again and again: each part in layers from one of its ends, cut where the loads match the
 /// numbers of PEs.
 fn bisection(problem: &Problem, pes: u32) -> Mapping {
-    let mut pe_of = vec![PeId::new(0); at(problem.equations())];
+    let mut pe_of = List::filled(PeId::new(0), at(problem.equations()));
     let mut order = orders::breadth_first(problem);
     let mut region = Region::new(problem);
     let mut layered: Vec<u32> = Vec::with_capacity(order.len());
@@ -153,7 +153,7 @@ fn bisection(problem: &Problem, pes: u32) -> Mapping {
         let equations = &mut order[part.clone()];
         if count == 1 {
             for &equation in equations.iter() {
-                pe_of[at(equation)] = PeId::at(first);
+                pe_of[EquationId::new(equation)] = PeId::at(first);
             }
             continue;
         }

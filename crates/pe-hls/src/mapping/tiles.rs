@@ -13,7 +13,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use pe_ir::index::{self, PeId, number};
+use pe_ir::index::{self, EquationId, List, PeId, number};
 use pe_ir::mapping::Mapping;
 
 use super::problem::Problem;
@@ -95,7 +95,7 @@ fn distances(problem: &Problem, from: usize) -> Vec<u32> {
 
 /// Cuts a box into slabs, each into pencils with about so many PEs, and these into tiles.
 fn cut_box(problem: &Problem, axes: &[Vec<u32>], pes: usize, slabs: usize, per_pencil: usize) -> Mapping {
-    let mut pe_of = vec![PeId::new(0); index::at(problem.equations())];
+    let mut pe_of = List::filled(PeId::new(0), index::at(problem.equations()));
     let mut all: Vec<u32> = (0..problem.equations()).collect();
     let at = |axis: usize, equation: &u32| axes[axis][index::at(*equation)];
     let (second, last) = (1, axes.len() - 1);
@@ -113,7 +113,7 @@ fn cut_box(problem: &Problem, axes: &[Vec<u32>], pes: usize, slabs: usize, per_p
             for tile in cut(problem, pencil, &vec![1; pes]) {
                 let pe = rest.next().expect("a tile for each PE");
                 for equation in &pencil[tile] {
-                    pe_of[index::at(*equation)] = pe;
+                    pe_of[EquationId::new(*equation)] = pe;
                 }
             }
         }

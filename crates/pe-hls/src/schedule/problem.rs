@@ -157,7 +157,7 @@ pub(super) struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     pub fn new(graph: &'a StepGraph, mapping: &Mapping, latency: Latency) -> Self {
-        let pe_of: List<ChainId, PeId> = graph.chains.iter().map(|chain| mapping.pe_of[at(chain.equation)]).collect();
+        let pe_of: List<ChainId, PeId> = graph.chains.iter().map(|chain| mapping.pe_of[chain.equation]).collect();
         let places = Places::new(graph, mapping, &pe_of);
         let mut originals: List<CodeId, ChainId> = graph.chains.ids().collect();
         originals.sort_by_key(|chain| pe_of[*chain]);
@@ -412,8 +412,7 @@ impl Places {
         for (state, next) in &graph.states {
             resident[next.index()] = state.0;
         }
-        let of_equation = |equation: u32| mapping.pe_of.get(at(equation)).copied();
-        let home: Vec<Option<PeId>> = graph.values.iter().map(|value| of_equation(value.equation)).collect();
+        let home: Vec<Option<PeId>> = graph.values.iter().map(|value| Some(mapping.pe_of[value.equation?])).collect();
         let mut needs: Vec<(PeId, u32)> = Vec::new();
         for (chain, pe) in graph.chains.iter().zip(pe_of) {
             for term in graph.chain_terms(chain) {

@@ -164,6 +164,7 @@ impl<'a> Step<'a> {
 #[cfg(test)]
 mod tests {
     use pe_ir::graph::{Chain, Equation, Names, StageForm, Term, Value, Write};
+    use pe_ir::index::EquationId;
     use pe_ir::source::Span;
     use pe_ir::word::Pipeline;
 
@@ -177,9 +178,13 @@ mod tests {
     fn graph(states: &[&[u32]], inner: &[(u32, &[u32])]) -> StepGraph {
         let count = states.len() as u32;
         let value = |role, equation, factor| Value { role, equation, factor };
-        let start = (0..count).map(|state| value(Role::State(state), state, false));
-        let next = (0..count).map(|state| value(Role::Next(state), state, false));
-        let sums = inner.iter().enumerate().map(|(serial, sum)| value(Role::Inner(sum.0, serial as u32), sum.0, true));
+        let start = (0..count).map(|state| value(Role::State(state), Some(EquationId::new(state)), false));
+        let next = (0..count).map(|state| value(Role::Next(state), Some(EquationId::new(state)), false));
+        let of_inner = |(serial, sum): (usize, &(u32, &[u32]))| {
+            let equation = EquationId::new(sum.0);
+            value(Role::Inner(equation, serial as u32), Some(equation), true)
+        };
+        let sums = inner.iter().enumerate().map(of_inner);
         let values: Vec<Value> = start.chain(next).chain(sums).collect();
         let (mut chains, mut terms) = (List::new(), Vec::new());
         let mut chain = |equation: u32, products: Vec<Term>, written: u32, base: Option<u32>| {
@@ -187,7 +192,7 @@ mod tests {
             terms.extend(products);
             let write = Write { value: ValueId(written), base: base.map(ValueId), weight: 0 };
             chains.push(Chain {
-                equation,
+                equation: EquationId::new(equation),
                 terms: first..terms.len() as u32,
                 interim: None,
                 write,

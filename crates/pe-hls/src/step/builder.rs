@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use pe_ir::functions::{Functions, ScalarFunction};
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, List, at};
+use pe_ir::index::{self, EquationId, List, at};
 use pe_ir::model::{Expr, Model, Output, Solver, Variable};
 
 use super::polynomial::{Nested, NestedFactor};
@@ -129,9 +129,9 @@ pub(super) struct Operands<'a> {
 pub(super) struct Builder {
     pub graph: StepGraph,
     /// Equation of each algebraic variable that has one.
-    algebraic_equations: HashMap<usize, u32>,
+    algebraic_equations: HashMap<usize, EquationId>,
     /// Number of inner sums of each equation so far.
-    inner_serials: HashMap<u32, u32>,
+    inner_serials: HashMap<EquationId, u32>,
     /// Latest running sum of each state's increments.
     sums: Vec<Option<ValueId>>,
     /// Numbers of the functions so far.
@@ -146,7 +146,7 @@ impl Builder {
             forms: Vec::new(),
             pre_adder: false,
             step: model.step,
-            equations: Vec::new(),
+            equations: List::new(),
             values: Vec::new(),
             chains: List::new(),
             terms: Vec::new(),
@@ -159,14 +159,14 @@ impl Builder {
             names: Names::of(model),
         };
         for (index, state) in model.states.iter().enumerate() {
-            let equation = index::number(index);
-            graph.equations.push(Equation { name: state.name.clone(), span: state.span });
-            let start = push(&mut graph, Role::State(equation), equation, false);
-            let next = push(&mut graph, Role::Next(equation), equation, false);
+            let number = index::number(index);
+            let equation = graph.equations.push(Equation { name: state.name.clone(), span: state.span });
+            let start = push(&mut graph, Role::State(number), equation, false);
+            let next = push(&mut graph, Role::Next(number), equation, false);
             graph.states.push((start, next));
         }
         for index in 0..model.inputs.len() {
-            let value = push(&mut graph, Role::Input(index::number(index)), u32::MAX, false);
+            let value = push(&mut graph, Role::Input(index::number(index)), None, false);
             graph.inputs.push(value);
         }
         for (index, algebraic) in model.algebraics.iter().enumerate() {
@@ -175,7 +175,7 @@ impl Builder {
             debug_assert_eq!(graph.equations.len(), model.states.len() + index + 1);
         }
         let states = model.states.len();
-        let algebraic_equations = (0..model.algebraics.len()).map(|a| (a, index::number(states + a))).collect();
+        let algebraic_equations = (0..model.algebraics.len()).map(|a| (a, EquationId::at(states + a))).collect();
         Builder {
             graph,
             algebraic_equations,
@@ -216,7 +216,7 @@ impl Builder {
 
     /// Chain of a derivative equation in one stage; returns the value that the next stage reads.
     pub(super) fn derivative(&mut self, index: usize, stage: &Stage, nested: &Nested, operands: &Operands) -> ValueId {
-        let equation = index::number(index);
+        let (state, equation) = (index::number(index), of_state(index));
         let (start, next) = self.graph.states[index];
         let mut terms = self.terms(equation, nested, stage.factor, operands);
         if nested.constant != 0.0 {
@@ -233,18 +233,18 @@ impl Builder {
         let value = if stage.last {
             next
         } else {
-            push(&mut self.graph, Role::Stage(equation, stage.number + 1), equation, false)
+            push(&mut self.graph, Role::Stage(state, stage.number + 1), equation, false)
         };
         // The state is in the running sum, or beside it.
         let within = self.graph.form == StageForm::Sums;
         let mut base = if within && stage.last { previous_sum } else { Some(start) };
         let second = stage.sum_weight.map(|weight| {
-            let sum = push(&mut self.graph, Role::Sum(equation, stage.number + 1), equation, false);
+            let sum = push(&mut self.graph, Role::Sum(state, stage.number + 1), equation, false);
             self.sums[index] = Some(sum);
             Write { value: sum, base: previous_sum.or(within.then_some(start)), weight }
         });
         let interim = stage.interim.map(|weight| {
-            let value = push(&mut self.graph, Role::Interim(equation, stage.number + 1), equation, false);
+            let value = push(&mut self.graph, Role::Interim(state, stage.number + 1), equation, false);
             Write { value, base: base.replace(value), weight }
         });
         self.chain(equation, terms, Write { value, base, weight: stage.weight }, second);
@@ -261,7 +261,7 @@ impl Builder {
         rows: &Rows,
         current: &[ValueId],
     ) -> ValueId {
-        let equation = index::number(index);
+        let (state, equation) = (index::number(index), of_state(index));
         let mut terms = Vec::with_capacity(rows.row(index).len().max(1));
         for (column, coefficient) in rows.row(index) {
             let column = at(column);
@@ -278,7 +278,7 @@ impl Builder {
         let value = if last {
             self.graph.states[index].1
         } else {
-            push(&mut self.graph, Role::Stage(equation, number + 1), equation, false)
+            push(&mut self.graph, Role::Stage(state, number + 1), equation, false)
         };
         self.chain(equation, terms, Write { value, base: Some(current[index]), weight: 0 }, None);
         value
@@ -309,8 +309,7 @@ impl Builder {
 
     /// The value to publish of an output that is an input.
     pub(super) fn published_input(&mut self, index: usize, output: &Output, input: u32) -> ValueId {
-        let equation = index::number(self.graph.equations.len());
-        self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
+        let equation = self.graph.equations.push(Equation { name: output.name.clone(), span: output.span });
         let value = push(&mut self.graph, Role::Published(index::number(index)), equation, false);
         let operand = self.graph.inputs[at(input)];
         let terms = vec![Term::new(operand, Factor::Coefficient(1.0))];
@@ -319,7 +318,7 @@ impl Builder {
     }
 
     /// Chain `value := constant + products`.
-    fn sum(&mut self, equation: u32, nested: &Nested, value: ValueId, operands: &Operands) {
+    fn sum(&mut self, equation: EquationId, nested: &Nested, value: ValueId, operands: &Operands) {
         let mut terms = self.terms(equation, nested, 1.0, operands);
         let mut base = None;
         if terms.is_empty() {
@@ -332,13 +331,19 @@ impl Builder {
     }
 
     /// A base constant; it takes the role of port of the value it is the base of.
-    pub(super) fn constant(&mut self, number: f64, equation: u32, destination: ValueId) -> ValueId {
+    pub(super) fn constant(&mut self, number: f64, equation: EquationId, destination: ValueId) -> ValueId {
         let factor = self.graph.value(destination).factor;
         push(&mut self.graph, Role::Constant(number), equation, factor)
     }
 
     /// The products of a nested sum, times `scale`; inner sums get chains of their own.
-    pub(super) fn terms(&mut self, equation: u32, nested: &Nested, scale: f64, operands: &Operands) -> Vec<Term> {
+    pub(super) fn terms(
+        &mut self,
+        equation: EquationId,
+        nested: &Nested,
+        scale: f64,
+        operands: &Operands,
+    ) -> Vec<Term> {
         let mut terms = Vec::with_capacity(nested.products.len() + 2);
         for (variable, factor) in &nested.products {
             let operand = match variable {
@@ -355,7 +360,7 @@ impl Builder {
         terms
     }
 
-    fn inner(&mut self, equation: u32, nested: &Nested, scale: f64, operands: &Operands) -> ValueId {
+    fn inner(&mut self, equation: EquationId, nested: &Nested, scale: f64, operands: &Operands) -> ValueId {
         let terms = self.terms(equation, nested, scale, operands);
         let serial = self.inner_serials.entry(equation).or_default();
         *serial += 1;
@@ -367,7 +372,7 @@ impl Builder {
         value
     }
 
-    pub(super) fn chain(&mut self, equation: u32, terms: Vec<Term>, write: Write, second: Option<Write>) {
+    pub(super) fn chain(&mut self, equation: EquationId, terms: Vec<Term>, write: Write, second: Option<Write>) {
         let start = index::number(self.graph.terms.len());
         self.graph.terms.extend(terms);
         let terms = start..self.graph.terms.len() as u32;
@@ -375,7 +380,18 @@ impl Builder {
     }
 }
 
-pub(super) fn push(graph: &mut StepGraph, role: Role, equation: u32, factor: bool) -> ValueId {
+/// The equation of a state of the model: they come first, in the model's order.
+pub(super) fn of_state(index: usize) -> EquationId {
+    EquationId::at(index)
+}
+
+pub(super) fn push(
+    graph: &mut StepGraph,
+    role: Role,
+    equation: impl Into<Option<EquationId>>,
+    factor: bool,
+) -> ValueId {
+    let equation = equation.into();
     graph.values.push(Value { role, equation, factor });
     ValueId(index::number(graph.values.len()) - 1)
 }

@@ -12,7 +12,7 @@ use pe_ir::index::{self, at};
 use pe_ir::model::{Expr, Model, Solver};
 use pe_ir::motion::{Motion, Source};
 
-use super::builder::{Builder, push};
+use super::builder::{Builder, of_state, push};
 use super::played;
 
 /// The shears of a rotation by an angle: of the cosine, of the sine.
@@ -98,7 +98,7 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
             }
             builder.graph.names.auxiliaries.push(format!("{}.stage{number}", state.name));
             let role = Role::Auxiliary(index::number(builder.graph.names.auxiliaries.len()) - 1);
-            let value = push(&mut builder.graph, role, index::number(index), false);
+            let value = push(&mut builder.graph, role, of_state(index), false);
             match (motion, &state.derivative) {
                 (Motion::Clock, Expr::Constant(rate)) => clock(builder, index, part * rate * model.step, value),
                 (Motion::Sine(rate), _) => turned(builder, index, index + 1, part * rate * model.step, value),
@@ -114,10 +114,10 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
 
 /// `value := state + count`.
 fn clock(builder: &mut Builder, index: usize, count: f64, value: ValueId) {
-    let one = push(&mut builder.graph, Role::Constant(1.0), index::number(index), false);
+    let one = push(&mut builder.graph, Role::Constant(1.0), of_state(index), false);
     let terms = vec![Term::new(one, Factor::Coefficient(count))];
     let base = Some(builder.graph.states[index].0);
-    builder.chain(index::number(index), terms, Write { value, base, weight: 0 }, None);
+    builder.chain(of_state(index), terms, Write { value, base, weight: 0 }, None);
 }
 
 /// `value := state + part (after - before)`.
@@ -128,7 +128,7 @@ fn line(builder: &mut Builder, index: usize, source: Source, part: f64, value: V
         Source::Signal(_) => builder.graph.states[index + 2].0,
     };
     let terms = vec![Term::new(after, Factor::Coefficient(part)), Term::new(before, Factor::Coefficient(-part))];
-    builder.chain(index::number(index), terms, Write { value, base: Some(start), weight: 0 }, None);
+    builder.chain(of_state(index), terms, Write { value, base: Some(start), weight: 0 }, None);
 }
 
 /// `value := state + (cos(angle) - 1) state + sin(angle) other`.
@@ -139,7 +139,7 @@ fn turned(builder: &mut Builder, index: usize, other: usize, angle: f64, value: 
         Term::new(start, Factor::Coefficient(-2.0 * half * half)),
         Term::new(other, Factor::Coefficient(libm::sin(angle))),
     ];
-    builder.chain(index::number(index), terms, Write { value, base: Some(start), weight: 0 }, None);
+    builder.chain(of_state(index), terms, Write { value, base: Some(start), weight: 0 }, None);
 }
 
 /// The ends of a sine and of the cosine behind it.
@@ -150,12 +150,12 @@ fn rotation(builder: &mut Builder, sine: usize, angle: f64) {
     let name = format!("{}.sheared", builder.graph.names.states[cosine]);
     builder.graph.names.auxiliaries.push(name);
     let role = Role::Auxiliary(index::number(builder.graph.names.auxiliaries.len()) - 1);
-    let sheared = push(&mut builder.graph, role, index::number(cosine), false);
+    let sheared = push(&mut builder.graph, role, of_state(cosine), false);
     // Where words come in pairs only states are operands and bases.
     let apart = builder.graph.swaps();
     let mut shear = |equation: usize, operands: &[ValueId], factor: f64, base: ValueId, value: ValueId| {
         let terms = operands.iter().map(|operand| Term::new(*operand, Factor::Coefficient(factor))).collect();
-        builder.chain(index::number(equation), terms, Write { value, base: Some(base), weight: 0 }, None);
+        builder.chain(of_state(equation), terms, Write { value, base: Some(base), weight: 0 }, None);
     };
     shear(cosine, &[s], of_cosine, c, sheared);
     shear(sine, &[sheared], of_sine, s, s_end);

@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 
 use pe_ir::graph::{Factor, FormCost, Role, StageForm, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{self, ChainId, List, at};
+use pe_ir::index::{self, ChainId, EquationId, List, at};
 use pe_ir::model::{Algebraic, Model, Variable};
 use pe_ir::source::Diagnostic;
 
-use super::builder::{Builder, Operands, push};
+use super::builder::{Builder, Operands, of_state, push};
 use super::forms::{self, StepOptions};
 use super::plan::{Plan, Planned, Point};
 use super::polynomial::Nested;
@@ -142,8 +142,8 @@ fn flat(plan: &Plan) -> Model {
 fn memories(builder: &mut Builder, plan: &Plan) {
     let graph = &mut builder.graph;
     for (index, memory) in (index::number(plan.model.states.len())..).zip(&plan.memories) {
-        let start = push(graph, Role::State(index), memory.owner, false);
-        let next = push(graph, Role::Next(index), memory.owner, false);
+        let start = push(graph, Role::State(index), of_state(at(memory.owner)), false);
+        let next = push(graph, Role::Next(index), of_state(at(memory.owner)), false);
         graph.states.push((start, next));
         graph.initial.push(memory.initial);
         graph.names.states.push(memory.name.clone());
@@ -159,10 +159,9 @@ fn equation(
     operands: &mut Operands,
 ) {
     let planned = &plan.equations[at(index)];
-    let states = index::number(plan.model.states.len());
     let number = match (planned.role, planned.owner) {
-        (Role::Algebraic(algebraic, _), _) => states + algebraic,
-        (_, owner) => owner.expect("of a state"),
+        (Role::Algebraic(algebraic, _), _) => EquationId::at(plan.model.states.len() + at(algebraic)),
+        (_, owner) => of_state(at(owner.expect("of a state"))),
     };
     let mut terms = builder.terms(number, nested, 1.0, operands);
     let value = match planned.role {

@@ -1,18 +1,18 @@
 //! Dead-code elimination: writes, chains, values and equations that nothing reads.
 
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{self, List, at};
-
-const NONE: u32 = u32::MAX;
+use pe_ir::index::{self, EquationId, List};
 
 /// Removes dead writes and everything that only they need, and numbers the rest densely in the old order.
 pub fn prune(graph: StepGraph) -> StepGraph {
     let live = live_values(&graph);
-    let values = dense(graph.values.iter().enumerate().map(|(index, value)| {
+    let kept = graph.values.iter().enumerate().map(|(index, value)| {
         // Inputs and states stay: they are ports and memory of the model, read or not.
         live[index] || matches!(value.role, Role::State(_) | Role::Next(_) | Role::Input(_))
-    }));
-    let mut owns_chain = vec![false; graph.equations.len()];
+    });
+    let values: Vec<Option<ValueId>> =
+        dense(kept).map(|place| place.map(|place| ValueId(index::number(place)))).collect();
+    let mut owns_chain = List::filled(false, graph.equations.len());
     let mut terms = Vec::with_capacity(graph.terms.len());
     let mut chains = List::with_capacity(graph.chains.len());
     for chain in &graph.chains {
@@ -22,16 +22,17 @@ pub fn prune(graph: StepGraph) -> StepGraph {
         let mut writes = std::iter::once(chain.write).chain(chain.second).filter(is_live);
         let Some(write) = writes.next() else { continue };
         let second = writes.next();
-        owns_chain[at(chain.equation)] = true;
+        owns_chain[chain.equation] = true;
         let start = index::number(terms.len());
         terms.extend_from_slice(graph.chain_terms(chain));
         chains.push(Chain { terms: start..terms.len() as u32, interim, write, second, ..*chain });
     }
-    let equations = dense(owns_chain.iter().copied());
-    let value_id = |id: ValueId| ValueId(values[id.index()]);
+    let equations: List<EquationId, Option<EquationId>> =
+        dense(owns_chain.iter().copied()).map(|place| place.map(EquationId::at)).collect();
+    let value_id = |id: ValueId| values[id.index()].expect("it is read or written");
     let write_id = |write: Write| Write { value: value_id(write.value), base: write.base.map(value_id), ..write };
     for chain in &mut chains {
-        chain.equation = equations[at(chain.equation)];
+        chain.equation = equations[chain.equation].expect("it owns a chain");
         chain.interim = chain.interim.map(write_id);
         chain.write = write_id(chain.write);
         chain.second = chain.second.map(write_id);
@@ -43,12 +44,12 @@ pub fn prune(graph: StepGraph) -> StepGraph {
         }
     }
     let mut kept = Vec::with_capacity(graph.values.len());
-    for (index, value) in graph.values.iter().enumerate().filter(|(index, _)| values[*index] != NONE) {
-        debug_assert_eq!(at(values[index]), kept.len());
-        let equation = if value.equation == NONE { NONE } else { equations[at(value.equation)] };
-        let role = match value.role {
-            Role::Inner(_, serial) => Role::Inner(equation, serial),
-            role => role,
+    for (index, value) in graph.values.iter().enumerate().filter(|(index, _)| values[*index].is_some()) {
+        debug_assert_eq!(values[index], Some(ValueId(index::number(kept.len()))));
+        let equation = value.equation.and_then(|equation| equations[equation]);
+        let role = match (value.role, equation) {
+            (Role::Inner(_, serial), Some(equation)) => Role::Inner(equation, serial),
+            (role, _) => role,
         };
         kept.push(pe_ir::graph::Value { role, equation, ..*value });
     }
@@ -97,12 +98,12 @@ fn live_values(graph: &StepGraph) -> Vec<bool> {
     live
 }
 
-/// Numbers the kept members; `NONE` for the others.
-fn dense(keep: impl Iterator<Item = bool>) -> Vec<u32> {
+/// Numbers the kept members; none for the others.
+fn dense(keep: impl Iterator<Item = bool>) -> impl Iterator<Item = Option<usize>> {
     let mut next = 0;
-    keep.map(|keep| if keep { (next, next += 1).0 } else { NONE }).collect()
+    keep.map(move |keep| keep.then(|| (next, next += 1).0))
 }
 
-fn keep<T>(items: Vec<T>, numbers: &[u32]) -> Vec<T> {
-    items.into_iter().zip(numbers).filter(|(_, number)| **number != NONE).map(|(item, _)| item).collect()
+fn keep<I, T>(items: List<I, T>, numbers: &List<I, Option<I>>) -> List<I, T> {
+    items.into_iter().zip(numbers).filter(|(_, number)| number.is_some()).map(|(item, _)| item).collect()
 }

@@ -11,8 +11,8 @@ use petgraph::algo::tarjan_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 
 use pe_ir::codes;
-use pe_ir::graph::{Chain, Factor, Role, StageForm, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::graph::{Chain, Factor, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::index::{self, EquationId, List, at};
 use pe_ir::model::{Expr, Model, Rate, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -191,23 +191,19 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
     let (states, terms) = (index::number(graph.states.len()), index::number(graph.terms.len()));
     let (auxiliaries, exact) = (index::number(graph.names.auxiliaries.len()), graph.functions.exact.len());
     // Names of equations are distinct, and none of the rest is lost: only an input that is an output has none here.
-    let known: HashMap<String, u32> = graph.equations.iter().map(|e| e.name.clone()).zip(0..).collect();
-    let equations: Vec<u32> = rest
+    let known: HashMap<String, EquationId> =
+        graph.equations.numbered().map(|(number, equation)| (equation.name.clone(), number)).collect();
+    let equations: List<EquationId, EquationId> = rest
         .equations
         .iter()
-        .map(|equation| {
-            known.get(&equation.name).copied().unwrap_or_else(|| {
-                graph.equations.push(equation.clone());
-                index::number(graph.equations.len()) - 1
-            })
-        })
+        .map(|equation| known.get(&equation.name).copied().unwrap_or_else(|| graph.equations.push(equation.clone())))
         .collect();
-    let equation = |number: u32| if number == u32::MAX { number } else { equations[at(number)] };
+    let owner = |value: &Value| value.equation.map(|equation| equations[equation]);
     let state = |number: u32| if at(number) < continuous { number } else { number + index::number(sampled) };
     let memories: Vec<(ValueId, ValueId)> = (continuous..rest.states.len())
         .map(|memory| {
             let number = state(index::number(memory));
-            let owner = equation(rest.value(rest.states[memory].0).equation);
+            let owner = owner(rest.value(rest.states[memory].0));
             (push(&mut graph, Role::State(number), owner, false), push(&mut graph, Role::Next(number), owner, false))
         })
         .collect();
@@ -230,11 +226,11 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
                     };
                 }
                 Role::Auxiliary(number) => Role::Auxiliary(auxiliaries + number),
-                Role::Inner(number, serial) => Role::Inner(equation(number), serial),
-                Role::Partial(number, serial) => Role::Partial(equation(number), serial),
+                Role::Inner(number, serial) => Role::Inner(equations[number], serial),
+                Role::Partial(number, serial) => Role::Partial(equations[number], serial),
                 role => role,
             };
-            push(&mut graph, role, equation(value.equation), value.factor)
+            push(&mut graph, role, owner(value), value.factor)
         })
         .collect();
     let id = |value: ValueId| values[value.index()];
@@ -256,7 +252,7 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
     }
     for chain in &rest.chains {
         graph.chains.push(Chain {
-            equation: equation(chain.equation),
+            equation: equations[chain.equation],
             terms: chain.terms.start + terms..chain.terms.end + terms,
             interim: chain.interim.map(write),
             write: write(chain.write),

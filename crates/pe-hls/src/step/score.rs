@@ -4,7 +4,7 @@ use pe_ir::graph::{Factor, Role, Term, ValueId, Write};
 use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Variable};
 
-use super::builder::{Builder, push};
+use super::builder::{Builder, of_state, push};
 use super::played::Score;
 
 impl Score for Builder {
@@ -13,8 +13,8 @@ impl Score for Builder {
     fn memory(&mut self, owner: u32, name: String, initial: f64) -> ValueId {
         let graph = &mut self.graph;
         let index = number(graph.states.len());
-        let start = push(graph, Role::State(index), owner, false);
-        let next = push(graph, Role::Next(index), owner, false);
+        let start = push(graph, Role::State(index), of_state(at(owner)), false);
+        let next = push(graph, Role::Next(index), of_state(at(owner)), false);
         graph.states.push((start, next));
         graph.initial.push(initial);
         graph.names.states.push(name);
@@ -29,7 +29,7 @@ impl Score for Builder {
     fn sum(&mut self, owner: u32, name: String, terms: &[(f64, ValueId)], constant: f64) -> ValueId {
         self.graph.names.auxiliaries.push(name);
         let role = Role::Auxiliary(number(self.graph.names.auxiliaries.len()) - 1);
-        let value = push(&mut self.graph, role, owner, false);
+        let value = push(&mut self.graph, role, of_state(at(owner)), false);
         self.scored(owner, terms, constant, value, None);
         value
     }
@@ -64,14 +64,15 @@ impl Builder {
         value: ValueId,
         mut base: Option<ValueId>,
     ) {
+        let equation = of_state(at(owner));
         let factor = |(factor, operand): &(f64, ValueId)| Term::new(*operand, Factor::Coefficient(*factor));
         let mut terms: Vec<Term> = terms.iter().map(factor).collect();
         if constant != 0.0 && base.is_none() && !terms.is_empty() {
-            base = Some(self.constant(constant, owner, value));
+            base = Some(self.constant(constant, equation, value));
         } else if constant != 0.0 {
-            let one = push(&mut self.graph, Role::Constant(1.0), owner, false);
+            let one = push(&mut self.graph, Role::Constant(1.0), equation, false);
             terms.push(Term::new(one, Factor::Coefficient(constant)));
         }
-        self.chain(owner, terms, Write { value, base, weight: 0 }, None);
+        self.chain(equation, terms, Write { value, base, weight: 0 }, None);
     }
 }

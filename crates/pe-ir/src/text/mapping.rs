@@ -1,7 +1,7 @@
 //! The mapping: a line with the name of each equation and the number of its PE, as in a mapping file.
 
 use crate::graph::StepGraph;
-use crate::index::{PeId, at, number};
+use crate::index::{EquationId, List, PeId, number};
 use crate::mapping::Mapping;
 use crate::source::Span;
 
@@ -22,8 +22,8 @@ pub struct Placed {
 /// The section of a mapping.
 pub fn print(graph: &StepGraph, mapping: &Mapping) -> String {
     let labels = Labels::of(graph.equations.iter().map(|equation| equation.name.clone()));
-    let line = |(index, pe): (u32, &PeId)| format!("{} {pe}\n", labels.text(index));
-    Stage::Mapping.header() + "\n" + &(0..).zip(&mapping.pe_of).map(line).collect::<String>()
+    let line = |(equation, pe): (EquationId, &PeId)| format!("{} {pe}\n", labels.text(equation.number()));
+    Stage::Mapping.header() + "\n" + &mapping.pe_of.numbered().map(line).collect::<String>()
 }
 
 /// Reads the lines of a mapping.
@@ -48,10 +48,10 @@ pub fn lines(section: &Section) -> Result<Vec<Placed>, TextError> {
 /// A line is no equation with its PE; an equation is not in the step, has two PEs or none; or a PE has none.
 pub fn read(section: &Section, graph: &StepGraph) -> Result<Mapping, TextError> {
     let labels = Labels::of(graph.equations.iter().map(|equation| equation.name.clone()));
-    let mut pe_of = vec![None; labels.len()];
+    let mut pe_of: List<EquationId, Option<PeId>> = List::filled(None, labels.len());
     let mut pes = 0;
     for mut line in section.lines() {
-        let equation = labels.read(&mut line, "an equation of the step")?;
+        let equation = labels.read(&mut line, "an equation of the step").map(EquationId::new)?;
         let place = line.last();
         let pe: PeId = line.integer()?;
         line.done()?;
@@ -59,8 +59,8 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<Mapping, TextError> 
         if pe.index() >= labels.len() {
             return Err(line.error(format!("expected the number of a PE below that of equations, {}", labels.len())));
         }
-        if pe_of[at(equation)].replace(pe).is_some() {
-            return Err(line.error_at(place, format!("{} already has a PE", labels.text(equation))));
+        if pe_of[equation].replace(pe).is_some() {
+            return Err(line.error_at(place, format!("{} has a PE already", labels.text(equation.number()))));
         }
         pes = pes.max(pe.number() + 1);
     }

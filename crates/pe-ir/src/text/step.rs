@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use crate::functions::{Lookup, ScalarFunction, Segments, Table};
 use crate::graph::{Chain, Equation, Factor, FormCost, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use crate::index::{self, List};
+use crate::index::{self, EquationId, List};
 use crate::model::Variable;
 use crate::verify;
 
@@ -107,8 +107,8 @@ impl Printer<'_> {
         }
         for (index, stored) in graph.values.iter().enumerate() {
             write!(f, "value {} {}", self.values.text(index::number(index)), self.role(stored.role))?;
-            if stored.equation != u32::MAX {
-                write!(f, " in {}", self.equations.text(stored.equation))?;
+            if let Some(equation) = stored.equation {
+                write!(f, " in {}", self.equations.text(equation.number()))?;
             }
             writeln!(f, "{}", if stored.factor { " factor" } else { "" })?;
         }
@@ -124,8 +124,8 @@ impl Printer<'_> {
             Role::Interim(of, stage) => state("interim", of, u32::from(stage)),
             Role::Next(of) => format!("next {}", self.states.text(of)),
             Role::Algebraic(of, stage) => format!("algebraic {} {stage}", self.algebraics.text(of)),
-            Role::Inner(of, serial) => format!("inner {} {serial}", self.equations.text(of)),
-            Role::Partial(of, serial) => format!("partial {} {serial}", self.equations.text(of)),
+            Role::Inner(of, serial) => format!("inner {} {serial}", self.equations.text(of.number())),
+            Role::Partial(of, serial) => format!("partial {} {serial}", self.equations.text(of.number())),
             Role::Relayed(of, relay) => format!("relayed {} {relay}", self.values.value(of)),
             Role::Input(of) => format!("input {}", self.inputs.text(of)),
             Role::Constant(constant) => format!("constant {}", number(constant)),
@@ -183,8 +183,8 @@ impl Printer<'_> {
             }
         }
         write!(f, "chain ")?;
-        if self.graph.value(chain.write.value).equation != chain.equation {
-            write!(f, "in {}: ", self.equations.text(chain.equation))?;
+        if self.graph.value(chain.write.value).equation != Some(chain.equation) {
+            write!(f, "in {}: ", self.equations.text(chain.equation.number()))?;
         }
         let function = chain.function.map_or_else(String::new, |function| format!("function {function} of "));
         writeln!(f, "{}", self.write(&chain.write, &function, &format!("({sum})")))?;
@@ -430,8 +430,8 @@ impl Reader {
             "interim" => Role::Interim(self.states.read(line, "a state")?, line.integer()?),
             "next" => Role::Next(self.states.read(line, "a state")?),
             "algebraic" => Role::Algebraic(self.algebraics.read(line, "an algebraic variable")?, line.integer()?),
-            "inner" => Role::Inner(self.equations.read(line, "an equation")?, line.integer()?),
-            "partial" => Role::Partial(self.equations.read(line, "an equation")?, line.integer()?),
+            "inner" => Role::Inner(self.equation(line)?, line.integer()?),
+            "partial" => Role::Partial(self.equation(line)?, line.integer()?),
             "relayed" => Role::Relayed(self.values.read_value(line)?, line.integer()?),
             "input" => Role::Input(self.inputs.read(line, "an input")?),
             "constant" => Role::Constant(line.number()?),
@@ -440,8 +440,12 @@ impl Reader {
             "pivot" => Role::Pivot(self.states.read(line, "a state")?, line.integer()?),
             _ => Role::Column(line.integer()?, line.integer()?),
         };
-        let equation = if line.take_word("in") { self.equations.read(line, "an equation")? } else { u32::MAX };
+        let equation = if line.take_word("in") { Some(self.equation(line)?) } else { None };
         Ok(Value { role, equation, factor: line.take_word("factor") })
+    }
+
+    fn equation(&self, line: &mut Line) -> Result<EquationId, TextError> {
+        self.equations.read(line, "an equation").map(EquationId::new)
     }
 
     fn function(line: &mut Line) -> Result<ScalarFunction, TextError> {
@@ -458,7 +462,7 @@ impl Reader {
         let mut ahead = line.clone();
         let equation = if ahead.take_word("in") && !ahead.rest().starts_with('=') {
             *line = ahead;
-            let equation = self.equations.read(line, "an equation")?;
+            let equation = self.equation(line)?;
             line.sign(":")?;
             Some(equation)
         } else {
@@ -466,11 +470,10 @@ impl Reader {
         };
         let value = self.values.read_value(line)?;
         let place = line.last();
-        let written = graph.values.get(value.index()).map_or(u32::MAX, |value| value.equation);
-        let equation = equation.unwrap_or(written);
-        if equation == u32::MAX {
+        let written = graph.values.get(value.index()).and_then(|value| value.equation);
+        let Some(equation) = equation.or(written) else {
             return Err(line.error_at(place, "expected a value of an equation"));
-        }
+        };
         line.sign("=")?;
         let mut ahead = line.clone();
         let function = if ahead.take_word("function") && ahead.has_digits() {
@@ -558,7 +561,7 @@ fn empty(step: f64, form: StageForm, stages: u32) -> StepGraph {
         forms: Vec::new(),
         step,
         pre_adder: false,
-        equations: Vec::new(),
+        equations: List::new(),
         values: Vec::new(),
         chains: List::new(),
         terms: Vec::new(),

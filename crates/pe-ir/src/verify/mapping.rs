@@ -12,35 +12,35 @@
 use std::collections::BTreeSet;
 
 use crate::graph::{Role, StepGraph, Term};
-use crate::index::{List, PeId, at, number};
+use crate::index::{EquationId, List, PeId, at, number};
 use crate::mapping::{Mapping, MappingCost};
 
 /// What a mapping must be consistent with.
 #[derive(Clone, Debug, Default)]
 pub struct Facts {
     /// Issue slots of each equation.
-    pub loads: Vec<u32>,
+    pub loads: List<EquationId, u32>,
     /// Pairs `(read equation, reader)`.
-    pub dependencies: BTreeSet<(u32, u32)>,
+    pub dependencies: BTreeSet<(EquationId, EquationId)>,
     /// Pairs `(external input, reader)`.
-    pub input_reads: BTreeSet<(u32, u32)>,
+    pub input_reads: BTreeSet<(u32, EquationId)>,
 }
 
 impl Facts {
     /// The facts of a step graph.
     pub fn of(graph: &StepGraph) -> Facts {
-        let mut facts = Facts { loads: vec![0; graph.equations.len()], ..Facts::default() };
+        let mut facts = Facts { loads: List::filled(0, graph.equations.len()), ..Facts::default() };
         let (mut dependencies, mut input_reads) = (Vec::new(), Vec::new());
         for chain in &graph.chains {
             let terms = graph.chain_terms(chain);
             let writes = 1 + u32::from(chain.second.is_some()) + u32::from(chain.interim.is_some());
-            facts.loads[at(chain.equation)] += writes.max(number(terms.len()));
+            facts.loads[chain.equation] += writes.max(number(terms.len()));
             for operand in terms.iter().flat_map(Term::operands) {
                 let operand = graph.value(operand);
                 if let Role::Input(input) = operand.role {
                     input_reads.push((input, chain.equation));
-                } else if operand.equation != chain.equation {
-                    dependencies.push((operand.equation, chain.equation));
+                } else if let Some(read) = operand.equation.filter(|read| *read != chain.equation) {
+                    dependencies.push((read, chain.equation));
                 }
             }
         }
@@ -67,10 +67,10 @@ pub fn check_facts(facts: &Facts, mapping: &Mapping, claimed: &MappingCost, max_
     if mapping.pe_of.len() != facts.loads.len() {
         return vec![format!("{} equations have a PE, not {}", mapping.pe_of.len(), facts.loads.len())];
     }
-    if let Some(equation) = mapping.pe_of.iter().position(|&pe| pe.number() >= mapping.pes) {
-        return vec![format!("equation {equation} is on PE {} of {}", mapping.pe_of[equation], mapping.pes)];
+    if let Some((equation, pe)) = mapping.pe_of.numbered().find(|(_, pe)| pe.number() >= mapping.pes) {
+        return vec![format!("equation {equation} is on PE {pe} of {}", mapping.pes)];
     }
-    let pe = |equation: u32| mapping.pe_of[at(equation)];
+    let pe = |equation: EquationId| mapping.pe_of[equation];
     let mut violations = Vec::new();
     let used: BTreeSet<PeId> = mapping.pe_of.iter().copied().collect();
     violations
@@ -114,11 +114,13 @@ mod tests {
     /// A ring of six equations on three PEs; equation 0 reads an input.
     fn ring() -> (Facts, Mapping, MappingCost) {
         let facts = Facts {
-            loads: vec![3, 1, 2, 2, 2, 1],
-            dependencies: (0..6).map(|equation| (equation, (equation + 1) % 6)).collect(),
-            input_reads: BTreeSet::from([(0, 0)]),
+            loads: vec![3, 1, 2, 2, 2, 1].into(),
+            dependencies: (0..6)
+                .map(|equation| (EquationId::new(equation), EquationId::new((equation + 1) % 6)))
+                .collect(),
+            input_reads: BTreeSet::from([(0, EquationId::new(0))]),
         };
-        let mapping = Mapping { pes: 3, pe_of: [0, 0, 1, 1, 2, 2].map(PeId::new).to_vec() };
+        let mapping = Mapping { pes: 3, pe_of: [0, 0, 1, 1, 2, 2].map(PeId::new).to_vec().into() };
         (facts, mapping, MappingCost { max_load: 4, connections: 3, max_in_degree: 2 })
     }
 
@@ -137,9 +139,9 @@ mod tests {
 
     #[test]
     fn every_equation_has_an_existing_pe() {
-        let missing = violations(|mapping, _, _| mapping.pe_of.truncate(5));
+        let missing = violations(|mapping, _, _| mapping.pe_of.vec_mut().truncate(5));
         assert_eq!(missing, ["5 equations have a PE, not 6"]);
-        let unknown = violations(|mapping, _, _| mapping.pe_of[3] = PeId::new(3));
+        let unknown = violations(|mapping, _, _| mapping.pe_of[EquationId::new(3)] = PeId::new(3));
         assert_eq!(unknown, ["equation 3 is on PE 3 of 3"]);
     }
 
@@ -162,7 +164,7 @@ mod tests {
     #[test]
     fn both_directions_are_one_connection() {
         let (mut facts, mapping, cost) = ring();
-        facts.dependencies.insert((2, 1));
+        facts.dependencies.insert((EquationId::new(2), EquationId::new(1)));
         assert_eq!(check_facts(&facts, &mapping, &MappingCost { max_in_degree: 3, ..cost }, 3), [""; 0]);
     }
 

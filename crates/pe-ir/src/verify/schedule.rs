@@ -14,7 +14,7 @@
 use std::collections::BTreeMap;
 
 use crate::graph::{Chain, Factor, Role, StepGraph, ValueId, Write};
-use crate::index::{List, PeId, at};
+use crate::index::{EquationId, List, PeId, at};
 use crate::mapping::Mapping;
 use crate::schedule::Schedule;
 use crate::word::Latency;
@@ -70,8 +70,8 @@ impl<'a> Checker<'a> {
         self.violations
     }
 
-    fn pe(&self, equation: u32) -> PeId {
-        self.mapping.pe_of[at(equation)]
+    fn pe(&self, equation: EquationId) -> PeId {
+        self.mapping.pe_of[equation]
     }
 
     /// Write word of a value.
@@ -197,8 +197,7 @@ impl<'a> Checker<'a> {
 
     /// Whether a value is computed by a PE.
     fn local(&self, value: ValueId, pe: PeId) -> bool {
-        let equation = self.graph.value(value).equation;
-        equation != NONE && self.pe(equation) == pe
+        self.graph.value(value).equation.is_some_and(|equation| self.pe(equation) == pe)
     }
 
     /// A read of a PE from its own or its imported memory.
@@ -243,8 +242,8 @@ impl<'a> Checker<'a> {
             }
         }
         for (value, last) in (0..).map(ValueId).zip(last_receive).filter(|(_, last)| *last != NONE) {
-            if let Some(sent) = self.written(value) {
-                let pe = self.pe(self.graph.value(value).equation);
+            if let (Some(sent), Some(equation)) = (self.written(value), self.graph.value(value).equation) {
+                let pe = self.pe(equation);
                 sends.entry(pe).or_default().push((sent, last));
             }
         }

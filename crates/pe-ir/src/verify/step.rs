@@ -67,9 +67,11 @@ impl Checker<'_> {
         });
         for (index, stored) in graph.values.iter().enumerate() {
             let known = self.role_exists(stored.role, index);
-            self.require(known, || format!("value {index} is of something that does not exist"));
-            let exists = at(stored.equation) < graph.equations.len();
-            let fits = exists || (stored.equation == u32::MAX && matches!(stored.role, Role::Input(_)));
+            self.require(known, || format!("value {index} is of something that is not there"));
+            let fits = match stored.equation {
+                Some(equation) => graph.equations.find(equation).is_some(),
+                None => matches!(stored.role, Role::Input(_)),
+            };
             self.require(fits, || format!("value {index} is in no equation"));
         }
         let mut next = 0;
@@ -77,7 +79,7 @@ impl Checker<'_> {
             let terms = chain.terms.clone();
             self.require(terms.start == next && terms.end > next, || format!("chain {index} has no terms of its own"));
             next = terms.end;
-            self.require(at(chain.equation) < graph.equations.len(), || format!("chain {index} is in no equation"));
+            self.require(graph.equations.find(chain.equation).is_some(), || format!("chain {index} is in no equation"));
             let written = chain.writes().flat_map(|write| std::iter::once(write.value).chain(write.base)).all(value);
             self.require(written, || format!("chain {index} writes what does not exist"));
             let light = chain.writes().all(|write| write.weight.unsigned_abs() <= 2_000);
@@ -102,7 +104,7 @@ impl Checker<'_> {
             }
             Role::Pivot(of, _) => state(of),
             Role::Algebraic(of, _) => at(of) < graph.names.algebraics.len(),
-            Role::Inner(of, _) | Role::Partial(of, _) => at(of) < graph.equations.len(),
+            Role::Inner(of, _) | Role::Partial(of, _) => graph.equations.find(of).is_some(),
             Role::Relayed(of, _) => of.index() < index,
             Role::Input(of) => at(of) < graph.inputs.len(),
             Role::Constant(number) => number.is_finite(),
@@ -130,7 +132,7 @@ impl Checker<'_> {
                     Factor::Coefficient(_) => true,
                     Factor::Value(id) => {
                         let value = graph.value(id);
-                        readable(id) && value.factor && value.equation == chain.equation && term.partner.is_none()
+                        readable(id) && value.factor && value.equation == Some(chain.equation) && term.partner.is_none()
                     }
                 };
                 self.require(operands && factor, || format!("the chain of `{}` reads what it cannot", name(chain)));

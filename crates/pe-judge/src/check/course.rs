@@ -109,7 +109,7 @@ fn chattering(model: &Model, algebraic: usize, time: f64) -> Diagnostic {
 fn limit(graph: &StepGraph, function: usize, argument: f64, time: f64) -> Diagnostic {
     let name = &graph.functions.exact[function].name;
     let chain = graph.chains.iter().find(|chain| chain.function == Some(number(function)));
-    let equation = chain.map(|chain| &graph.equations[at(chain.equation)]);
+    let equation = chain.map(|chain| &graph.equations[chain.equation]);
     let message = format!("`{name}` is 0/0 at x = {argument:e}, t = {time:.6e} s: its limit is taken there");
     let help = "this is right where the limit is meant; else keep the argument away with `max`, `min` or `if`";
     let span = equation.map(|equation| equation.span).unwrap_or_default();

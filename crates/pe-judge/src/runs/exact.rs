@@ -154,7 +154,7 @@ const OVERFLOWING: f64 = 500.0;
 
 /// What a run says that met a value that is not finite.
 pub fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnostic {
-    let equation = &graph.equations[at(graph.value(diverged.value).equation)];
+    let equation = graph.equation_of(diverged.value).expect("an equation computes it");
     // An exponential that overflows has a domain; what its argument is has left all bounds.
     let overflows = |(function, argument): &(u32, f64)| {
         let value = graph.functions.exact[at(*function)].evaluate(*argument);

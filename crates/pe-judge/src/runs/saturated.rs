@@ -37,7 +37,7 @@ pub struct Saturated {
 /// The finding for a format that is given and too narrow.
 pub(super) fn too_narrow(graph: &StepGraph, value: ValueId, what: &str) -> Diagnostic {
     let message = format!("`{}` {what} in the formats that are given", graph.value_name(value));
-    let finding = match graph.equations.get(at(graph.value(value).equation)) {
+    let finding = match graph.equation_of(value) {
         Some(equation) => Diagnostic::error(codes::SATURATED, equation.span, message),
         None => Diagnostic::global(codes::SATURATED, message),
     };
@@ -55,7 +55,7 @@ impl Saturated {
     /// The finding for a range that no widening makes wide enough.
     pub fn refusal(&self, model: &Model, graph: &StepGraph) -> Diagnostic {
         if let Some(lookup) = self.argument(graph) {
-            let equation = &graph.equations[at(graph.value(lookup.argument).equation)];
+            let equation = graph.equation_of(lookup.argument).expect("an equation computes it");
             let table = &graph.functions.tables[at(lookup.table)];
             let time = model.time(self.step, 0.0);
             let message = format!(
@@ -66,7 +66,7 @@ impl Saturated {
                 .with_help("rounding moves the argument: try more `--storage` bits or a wider `--multiplier`");
         }
         let value = self.values[0];
-        let equation = &graph.equations[at(graph.value(value).equation)];
+        let equation = graph.equation_of(value).expect("an equation computes it");
         let time = model.time(self.step, 0.0);
         let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", equation.name);
         Diagnostic::error(codes::SATURATED, equation.span, message)

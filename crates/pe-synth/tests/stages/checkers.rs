@@ -59,7 +59,7 @@ fn assert_program_rejected(message: &str, break_it: impl Fn(&Flow, &mut Program)
 
 /// PE of a chain.
 fn pe(flow: &Flow, chain: ChainId) -> PeId {
-    flow.mapping.pe_of[flow.graph.chains[chain].equation as usize]
+    flow.mapping.pe_of[flow.graph.chains[chain].equation]
 }
 
 const FIRST: ChainId = ChainId::new(0);
@@ -208,11 +208,13 @@ fn an_entry_is_read_after_the_index_of_its_argument_is_there() {
         assert_eq!(violations.iter().any(|text| text.contains(&early)), !allowed, "{early}: {violations:#?}");
     }
     let mut mapping = flow.mapping.clone();
-    let equation = flow.graph.value(argument).equation as usize;
+    let equation = flow.graph.value(argument).equation.expect("it has one");
     mapping.pe_of[equation] = PeId::new(1 - mapping.pe_of[equation].number());
     let mut graph = flow.graph.clone();
-    graph.chains[reader].equation = (0..mapping.pe_of.len() as u32)
-        .find(|equation| mapping.pe_of[*equation as usize] != mapping.pe_of[graph.value(argument).equation as usize])
+    graph.chains[reader].equation = mapping
+        .pe_of
+        .ids()
+        .find(|other| mapping.pe_of[*other] != mapping.pe_of[equation])
         .expect("two PEs have equations");
     let violations = verify::schedule::check(&graph, &mapping, &flow.schedule, latency);
     assert_found(&violations, "is looked up where its argument is not computed");

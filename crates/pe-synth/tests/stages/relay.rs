@@ -5,6 +5,7 @@ use crate::support::flow::{Flow, Placement, format};
 use crate::support::hubs::{hub_model, hub_spec};
 use pe_hls::relay::{is_relay, relay};
 use pe_ir::graph::{Factor, Role};
+use pe_ir::index::EquationId;
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::Machine;
 
@@ -53,17 +54,17 @@ fn readers_read_a_relay_in_place_of_every_hub() {
     let flow = flow("rk4", (32, 25, 18), Placement::Annealed, 9);
     let relayed = relay(&flow.graph, 6, PORTS, 2).expect("hubs");
     let (equations, first) = (&relayed.graph.equations, flow.graph.equations.len());
-    let relays: Vec<&str> = equations[first..].iter().map(|equation| equation.name.as_str()).collect();
+    let relays: Vec<&str> = equations.iter().skip(first).map(|equation| equation.name.as_str()).collect();
     assert_eq!(relays, ["a.relay1", "a.relay2"]);
     assert!(relays.iter().all(|name| is_relay(name)) && !is_relay("a.part1") && !is_relay("a.relay"));
     // A unit reads one equation beside its own; the four values in four stages are copied once for each relay.
     let arcs = relayed.graph.dependencies();
-    for (unit, equation) in equations.iter().enumerate().filter(|(_, equation)| equation.name.starts_with('x')) {
-        let sources: Vec<u32> = arcs.iter().filter(|arc| arc.1 as usize == unit).map(|arc| arc.0).collect();
-        assert!(matches!(sources[..], [relay] if relay as usize >= first), "{} reads {sources:?}", equation.name);
+    for (unit, equation) in equations.numbered().filter(|(_, equation)| equation.name.starts_with('x')) {
+        let sources: Vec<EquationId> = arcs.iter().filter(|arc| arc.1 == unit).map(|arc| arc.0).collect();
+        assert!(matches!(sources[..], [relay] if relay.index() >= first), "{} reads {sources:?}", equation.name);
     }
     assert_eq!(relayed.copied.len(), 2 * 4 * 4);
-    for chain in relayed.graph.chains.iter().filter(|chain| chain.equation as usize >= first) {
+    for chain in relayed.graph.chains.iter().filter(|chain| chain.equation.index() >= first) {
         let [term] = relayed.graph.chain_terms(chain) else { panic!("a copy has one product") };
         assert_eq!(term.factor, Factor::Coefficient(1.0));
         let written = relayed.graph.value(chain.write.value).role;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::List;
+use pe_ir::index::{EquationId, List};
 use pe_sim::double::DoubleRun;
 
 /// How the tables are divided.
@@ -107,7 +107,7 @@ impl Builder {
     }
 
     fn look_up(&mut self, value: ValueId) {
-        let equation = self.graph.value(value).equation;
+        let equation = self.graph.value(value).equation.expect("chains compute it");
         let odd = matches!(self.graph.value(value).role, Role::Algebraic(a, _) if a % 2 == 1);
         let coefficient = |number: f64| Factor::Coefficient(number);
         let lookup = self.graph.functions.lookups.len() as u32;
@@ -137,15 +137,15 @@ impl Builder {
         self.replaced.insert(value, result);
     }
 
-    fn value(&mut self, role: Role, equation: u32, factor: bool) -> ValueId {
-        self.graph.values.push(Value { role, equation, factor });
+    fn value(&mut self, role: Role, equation: EquationId, factor: bool) -> ValueId {
+        self.graph.values.push(Value { role, equation: Some(equation), factor });
         ValueId(self.graph.values.len() as u32 - 1)
     }
 
     /// A chain of one product.
     fn chain(
         &mut self,
-        equation: u32,
+        equation: EquationId,
         (operand, by): (ValueId, Factor),
         base: Option<ValueId>,
         factor: bool,
