@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::{Display, Write};
 
 use askama::Template;
-use pe_ir::index::{self, PeId};
+use pe_ir::index::{self, PeId, StateId};
 use pe_ir::program::{
     CoefficientOperand, ControlWord, Fold, Layout, LinkSource, Note, PeProgram, Program, StateRegister, closed_up,
 };
@@ -100,14 +100,14 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header,
 
 /// States by the memory words they begin in: sorted (PE, word) and the state's index.
 struct StateWords {
-    own: Vec<((PeId, u16), usize)>,
-    imported: Vec<((PeId, u16), usize)>,
+    own: Vec<((PeId, u16), StateId)>,
+    imported: Vec<((PeId, u16), StateId)>,
 }
 
 impl StateWords {
     fn of(program: &Program) -> StateWords {
         let (mut own, mut imported) = (Vec::new(), Vec::new());
-        for (index, state) in program.states.iter().enumerate() {
+        for (index, state) in program.states.numbered() {
             own.push((state.own, index));
             imported.extend(state.imported.iter().map(|place| (*place, index)));
         }
@@ -117,7 +117,11 @@ impl StateWords {
     }
 
     /// The first state of a word.
-    fn find<'p>(words: &[((PeId, u16), usize)], place: (PeId, u16), program: &'p Program) -> Option<&'p StateRegister> {
+    fn find<'p>(
+        words: &[((PeId, u16), StateId)],
+        place: (PeId, u16),
+        program: &'p Program,
+    ) -> Option<&'p StateRegister> {
         let at = words.partition_point(|(other, _)| *other < place);
         words.get(at).filter(|(other, _)| *other == place).map(|(_, state)| &program.states[*state])
     }
@@ -166,7 +170,7 @@ fn describe(package: &ProgramPackage, index: PeId, pe: &PeProgram) -> Pe {
         text
     });
     let word_bits = program.format.word_bits();
-    let state_comment = |text: &mut String, states: &[((PeId, u16), usize)], word: usize, what: &str| {
+    let state_comment = |text: &mut String, states: &[((PeId, u16), StateId)], word: usize, what: &str| {
         if let Some(state) = StateWords::find(states, (index, word as u16), program) {
             text.extend([what, " ", &short(&state.name), ", LSB 2^", &state.exponent.to_string()]);
         }

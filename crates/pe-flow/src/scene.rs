@@ -5,6 +5,7 @@
 use std::collections::{HashMap, VecDeque};
 
 use pe_ir::graph::{Role, StepGraph};
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Variable};
 
 use crate::report::types::Kept;
@@ -124,7 +125,7 @@ impl<'a> Scene<'a> {
         }
         while let Some(reader) = waiting.pop_front() {
             let expr = match scene.variable(reader) {
-                Variable::State(index) => &model.states[index as usize].derivative,
+                Variable::State(index) => &model.states[index].derivative,
                 Variable::Algebraic(index) => &model.algebraics[index as usize].expr,
                 Variable::Input(_) => continue,
             };
@@ -145,7 +146,7 @@ impl<'a> Scene<'a> {
 
     fn number(&self, variable: Variable) -> usize {
         match variable {
-            Variable::State(index) => index as usize,
+            Variable::State(index) => index.index(),
             Variable::Algebraic(index) => self.states + index as usize,
             Variable::Input(index) => self.states + self.algebraics + index as usize,
         }
@@ -153,7 +154,7 @@ impl<'a> Scene<'a> {
 
     fn variable(&self, at: usize) -> Variable {
         if at < self.states {
-            Variable::State(at as u32)
+            Variable::State(StateId::at(at))
         } else if at < self.states + self.algebraics {
             Variable::Algebraic((at - self.states) as u32)
         } else {

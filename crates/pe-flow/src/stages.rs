@@ -105,7 +105,7 @@ fn difference(model: &Model, graph: &StepGraph) -> Option<String> {
     if graph.step.to_bits() != model.step.to_bits() {
         return Some(format!("its step is {} s, and the model's {} s", graph.step, model.step));
     }
-    if graph.states.len() < model.states.len() || !states.eq(&graph.names.states[..model.states.len()]) {
+    if graph.states.len() < model.states.len() || !states.eq(graph.names.states.iter().take(model.states.len())) {
         return Some("it does not begin with the model's states".to_owned());
     }
     if !inputs.eq(&graph.names.inputs) {

@@ -92,7 +92,7 @@ fn values_of(graph: &StepGraph, model: &Model) -> [Vec<Vec<ValueId>>; 2] {
         match value.role {
             // Behind the states of the model come those that its method keeps.
             Role::State(state) | Role::Stage(state, _) | Role::Next(state) => {
-                states.get_mut(state as usize).into_iter().for_each(|values| values.push(id));
+                states.get_mut(state.index()).into_iter().for_each(|values| values.push(id));
             }
             Role::Algebraic(algebraic, _) => algebraics[algebraic as usize].push(id),
             _ => {}

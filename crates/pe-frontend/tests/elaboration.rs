@@ -4,6 +4,7 @@ mod common;
 
 use common::{derivatives, model, model_with, source};
 use pe_frontend::{Limits, NoFiles, Overrides, compile, elaborate_within, parse};
+use pe_ir::index::StateId;
 use pe_ir::model::{Expr, Model, Solver, Variable, Waveform};
 use pe_ir::source::Diagnostic;
 use std::time::{Duration, Instant};
@@ -55,8 +56,8 @@ fn a_list_of_steps_is_phases_and_an_input() {
 fn line_ends_of_windows_and_a_byte_order_mark_do_not_matter() {
     let text = spec("state x = 1 +\n  2 // note\nx' = -x\noutput x");
     let other = format!("\u{FEFF}{}", text.replace('\n', "\r\n"));
-    assert_eq!(model(&other).states[0].initial, 3.0);
-    assert_eq!(model(&other).states[0].derivative, model(&text).states[0].derivative);
+    assert_eq!(model(&other).states[StateId::new(0)].initial, 3.0);
+    assert_eq!(model(&other).states[StateId::new(0)].derivative, model(&text).states[StateId::new(0)].derivative);
 }
 
 #[test]
@@ -69,15 +70,17 @@ fn the_same_text_gives_the_same_model() {
 #[test]
 fn parameters_fold_into_coefficients() {
     let model = model(&spec("index b in 1..2\nparam R[b] = 2*b\nstate F[b] = 0\nF[b]' = 1 - R[b]*F[b]/4\noutput F"));
-    let product = Expr::Product(vec![Expr::Constant(-0.5), Expr::Variable(Variable::State(0))]);
-    assert_eq!(model.states[0].derivative, Expr::Sum(vec![product, Expr::Constant(1.0)]));
-    assert_eq!(model.states[1].name, "F[2]");
+    let product = Expr::Product(vec![Expr::Constant(-0.5), Expr::Variable(Variable::State(StateId::new(0)))]);
+    assert_eq!(model.states[StateId::new(0)].derivative, Expr::Sum(vec![product, Expr::Constant(1.0)]));
+    assert_eq!(model.states[StateId::new(1)].name, "F[2]");
 }
 
 #[test]
 fn products_are_not_multiplied_out() {
     let model = model(&spec("state x = 0\nstate y = 0\nx' = 2*(x + y)*(x - 1)^2\ny' = 0\noutput x"));
-    let Expr::Product(factors) = &model.states[0].derivative else { panic!("{:?}", model.states[0].derivative) };
+    let Expr::Product(factors) = &model.states[StateId::new(0)].derivative else {
+        panic!("{:?}", model.states[StateId::new(0)].derivative)
+    };
     assert!(matches!(factors.as_slice(), [Expr::Constant(2.0), Expr::Sum(_), Expr::Power(_, 2)]), "{factors:?}");
 }
 
@@ -121,9 +124,13 @@ fn what_no_output_depends_on_is_left_out_and_numbers_stay_dense() {
     ));
     assert_eq!(model.left_out, ["unused", "spare", "a", "x[1]"]);
     assert_eq!(model.states.len(), 1);
-    let product = Expr::Product(vec![Expr::Variable(Variable::Input(0)), Expr::Variable(Variable::State(0))]);
-    assert_eq!(model.states[0].derivative, product);
-    assert_eq!((model.states[0].quantity, model.outputs[0].variable), (1, Variable::State(0)));
+    let product =
+        Expr::Product(vec![Expr::Variable(Variable::Input(0)), Expr::Variable(Variable::State(StateId::new(0)))]);
+    assert_eq!(model.states[StateId::new(0)].derivative, product);
+    assert_eq!(
+        (model.states[StateId::new(0)].quantity, model.outputs[0].variable),
+        (1, Variable::State(StateId::new(0)))
+    );
 }
 
 #[test]
@@ -174,7 +181,7 @@ fn tables_give_values_to_elements_and_arrays_may_have_many_dimensions() {
     let initial: Vec<f64> = model.states.iter().map(|state| state.initial).collect();
     assert_eq!(initial[..3], [2.0, 8.0, 11.3]);
     assert_eq!(derivatives(&model, &[0.0; 10], &[])[..2], [7.0 + 16.0 + 27.0, 80.0 + 81.0]);
-    assert_eq!((model.states[9].name.as_str(), initial[9]), ("t[2,1,2,1,4]", 22.4));
+    assert_eq!((model.states[StateId::new(9)].name.as_str(), initial[9]), ("t[2,1,2,1,4]", 22.4));
 }
 
 /// Outputs named from outside, as `--observe` does.
@@ -264,7 +271,7 @@ fn a_long_chain_of_definitions_is_no_danger_to_the_stack() {
         "const n = 200000\nparam r[k in 1..n] = if k == n then 1 else r[k + 1]\nstate x = r[1]\nx' = a[1]\na[k] = if k == n then x else a[k + 1] for k in 1..n\noutput x",
     );
     let model = model(&text);
-    assert_eq!((model.states[0].initial, model.algebraics.len()), (1.0, 200_000));
+    assert_eq!((model.states[StateId::new(0)].initial, model.algebraics.len()), (1.0, 200_000));
     assert_eq!(model.algebraics[0].name, "a[200000]");
 }
 
@@ -296,7 +303,7 @@ fn nesting_up_to_the_limit_is_accepted() {
 #[test]
 fn a_sum_of_many_terms_is_as_flat_as_a_short_one() {
     let text = spec(&format!("state x = 0\nx' = {}1\noutput x", "x + 1 - ".repeat(100_000)));
-    assert!(matches!(&model(&text).states[0].derivative, Expr::Sum(terms) if terms.len() == 100_000 + 1));
+    assert!(matches!(&model(&text).states[StateId::new(0)].derivative, Expr::Sum(terms) if terms.len() == 100_000 + 1));
 }
 
 #[test]

@@ -6,6 +6,7 @@
 #![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
 
 use pe_frontend::NoFiles;
+use pe_ir::index::StateId;
 use pe_ir::model::{Expr, Model, Solver, Variable};
 use pe_ir::source::Sources;
 use std::collections::{BTreeMap, BTreeSet};
@@ -41,7 +42,7 @@ fn eval(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[Weighed]) -> 
     let exact = |value: f64| Weighed { value, size: value.abs() };
     match expr {
         Expr::Constant(value) => exact(*value),
-        Expr::Variable(Variable::State(i)) => exact(states[*i as usize]),
+        Expr::Variable(Variable::State(i)) => exact(states[i.index()]),
         Expr::Variable(Variable::Input(i)) => exact(inputs[*i as usize]),
         Expr::Variable(Variable::Algebraic(i)) => algebraics[*i as usize],
         Expr::Sum(terms) => terms.iter().fold(Weighed { value: 0.0, size: 0.0 }, |sum, term| {
@@ -332,7 +333,7 @@ fn specs_agree_with_the_handwritten_equations() {
             .map(|(state, _)| *position.get(state).unwrap_or_else(|| panic!("{name}: no state {state}")))
             .collect();
         for ((state, initial), at) in reference.states.iter().zip(&place) {
-            let ours = model.states[*at].initial;
+            let ours = model.states[StateId::at(*at)].initial;
             assert!(apart(ours, *initial, initial.abs()) <= 1e-12, "{name}: {state} starts at {ours}, not {initial}");
         }
 
@@ -437,7 +438,7 @@ fn own_coefficients(model: &Model, of: &str, at: &str) -> Vec<f64> {
             let value = eval(&algebraic.expr, &states, &inputs, &algebraics);
             algebraics.push(value);
         }
-        coefficients.push(eval(&model.states[*row].derivative, &states, &inputs, &algebraics).value);
+        coefficients.push(eval(&model.states[StateId::at(*row)].derivative, &states, &inputs, &algebraics).value);
         states[column] = 0.0;
     }
     coefficients

@@ -80,7 +80,7 @@ struct Chooser<'a> {
     /// For each group whether its exponent is given: full scale of a table's argument is 1.
     pinned: Vec<bool>,
     /// For each value whether it stays within half of full scale.
-    headroom: Vec<bool>,
+    half_scale: Vec<bool>,
     products: List<ChainId, i32>,
     /// For each chain of an intermediate stage the chain of the same equation's last stage; itself for others.
     last_stage: List<ChainId, ChainId>,
@@ -129,7 +129,7 @@ impl<'a> Chooser<'a> {
             group,
             exponent,
             pinned,
-            headroom,
+            half_scale,
             products: List::filled(0, graph.chains.len()),
             last_stage: last_stages(graph),
             changed: false,
@@ -314,7 +314,7 @@ fn last_stages(graph: &StepGraph) -> List<ChainId, ChainId> {
     let last = |(index, chain): (ChainId, &Chain)| match graph.value(chain.write.value).role {
         Role::Stage(state, _) if matches!(graph.form, StageForm::Horner | StageForm::Increments) => {
             // What stands for a signal ends without its stages, in front of them.
-            producers[graph.states[at(state)].1.index()].map_or(index, |last| last.max(index))
+            producers[graph.states[state].1.index()].map_or(index, |last| last.max(index))
         }
         _ => index,
     };

@@ -460,7 +460,7 @@ impl Lifter<'_> {
     /// A name that no other variable has.
     fn name(&mut self, expr: &Expr) -> String {
         let mut text = expr.text(&|variable, rank| match variable {
-            Variable::State(number) => self.model.states[index::at(number)].name.clone(),
+            Variable::State(number) => self.model.states[number].name.clone(),
             Variable::Input(number) => self.model.inputs[index::at(number)].name.clone(),
             Variable::Algebraic(number) => {
                 let Algebraic { name, expr, .. } = &self.algebraics[index::at(number)];

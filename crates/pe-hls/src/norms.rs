@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use pe_ir::graph::{Factor, FixedPoint, StepGraph, ValueId};
-use pe_ir::index;
+use pe_ir::index::{self, StateId};
 use pe_ir::verify::ranges::Norm;
 
 /// States up to which a norm is made for the model as a whole: the work grows with the third power.
@@ -108,10 +108,11 @@ fn matrix(graph: &StepGraph, fixed: &FixedPoint) -> Option<Matrix> {
             return None;
         }
     }
-    let exponent = |state: usize| fixed.exponents[graph.states[state].0.index()];
+    let exponent = |state: StateId| fixed.exponents[graph.states[state].0.index()];
     let scaled = |(state, (_, end)): (usize, &(ValueId, ValueId))| {
-        let entry =
-            |(of, number): &(u32, f64)| (*of, libm::scalbn(*number, exponent(index::at(*of)) - exponent(state)));
+        let entry = |(of, number): &(u32, f64)| {
+            (*of, libm::scalbn(*number, exponent(StateId::new(*of)) - exponent(StateId::at(state))))
+        };
         rows[end.index()].iter().map(entry).collect()
     };
     Some(graph.states.iter().enumerate().map(scaled).collect())

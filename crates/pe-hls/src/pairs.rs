@@ -133,7 +133,7 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
     sent
 }
 
-/// Terms of a chain that may be paired with one another: one coefficient, one binary point, headroom for the sum.
+/// Terms of a chain that may be paired with one another: one coefficient, one binary point, half of full scale.
 pub(crate) fn classes(graph: &StepGraph, fixed: &FixedPoint, chain: ChainId) -> Vec<Vec<u32>> {
     let mut classes: BTreeMap<(i64, i32), Vec<u32>> = BTreeMap::new();
     for index in graph.chains[chain].terms.clone() {

@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, ChainId, EquationId, List, PeId, at};
+use pe_ir::index::{self, ChainId, EquationId, List, PeId, StateId, at};
 use pe_ir::schedule::{Schedule, Transfer};
 
 /// What a step is made of: rounds, and the values and chains of one.
@@ -110,7 +110,7 @@ impl<'a> Rounds<'a> {
             let (like, swaps) = self.value(id);
             let (sent, number) = match value.role {
                 Role::State(_) | Role::Constant(_) => continue,
-                Role::Stage(s, _) | Role::Next(s) => (self.graph.states[at(s)].1, swaps - 1),
+                Role::Stage(s, _) | Role::Next(s) => (self.graph.states[s].1, swaps - 1),
                 // Outputs are computed beside the last round.
                 Role::Algebraic(_, u8::MAX) => (like, self.count - 1),
                 Role::Algebraic(_, stage) => (like, u32::from(stage) - 1),
@@ -142,9 +142,9 @@ struct Likes {
     /// As [`Rounds::originals`].
     originals: Vec<ValueId>,
     /// The running sum of each state that has one.
-    sums: BTreeMap<u32, ValueId>,
+    sums: BTreeMap<StateId, ValueId>,
     /// The start value of each state in the round.
-    starts: Vec<ValueId>,
+    starts: List<StateId, ValueId>,
 }
 
 impl Likes {
@@ -155,7 +155,7 @@ impl Likes {
     /// What the chain of a round writes that stands for a chain of the step.
     fn target(&self, graph: &StepGraph, chain: &Chain) -> ValueId {
         match graph.value(chain.write.value).role {
-            Role::Stage(s, _) | Role::Next(s) => self.round.states[at(s)].1,
+            Role::Stage(s, _) | Role::Next(s) => self.round.states[s].1,
             _ => self.of(chain.write.value),
         }
     }
@@ -164,7 +164,7 @@ impl Likes {
     /// the same.
     fn base(&self, graph: &StepGraph, write: &Write) -> Option<ValueId> {
         write.base.map(|base| match graph.value(base).role {
-            Role::Sum(s, _) => self.starts[at(s)],
+            Role::Sum(s, _) => self.starts[s],
             _ => self.of(base),
         })
     }
@@ -285,16 +285,16 @@ impl Finder<'_> {
     /// Equal of values that one value of a round stands for.
     fn key(&self, role: Role, value: &Value, id: ValueId) -> Option<(u32, u32, i64, u64)> {
         Some(match role {
-            Role::State(s) => (0, s, 0, 0),
-            Role::Next(s) => (1, s, 0, 0),
+            Role::State(s) => (0, s.number(), 0, 0),
+            Role::Next(s) => (1, s.number(), 0, 0),
             Role::Algebraic(a, stage) => (2, a, i64::from(stage), 0),
             Role::Input(i) => (3, i, 0, 0),
             Role::Constant(number) => {
                 (4, value.equation?.number(), i64::from(self.fixed.exponents[id.index()]), number.to_bits())
             }
             Role::Published(o) => (5, o, 0, 0),
-            Role::Sum(s, _) => (6, s, 0, 0),
-            Role::Interim(s, _) => (7, s, 0, 0),
+            Role::Sum(s, _) => (6, s.number(), 0, 0),
+            Role::Interim(s, _) => (7, s.number(), 0, 0),
             Role::Inner(equation, serial) => (8, equation.number(), i64::from(serial), 0),
             _ => return None,
         })

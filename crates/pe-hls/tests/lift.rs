@@ -1,6 +1,7 @@
 //! Lifted models against the models that they come from, on random expressions.
 
 use pe_hls::lift::lift;
+use pe_ir::index::StateId;
 use pe_ir::model::{Algebraic, Expr, Function, Model, Output, Select, Solver, State, Variable};
 use pe_ir::source::Span;
 use rand::{RngExt, SeedableRng};
@@ -113,7 +114,7 @@ fn text(model: &Model) -> String {
 
 fn look_up(variable: Variable, states: &[f64], algebraics: &[f64]) -> f64 {
     match variable {
-        Variable::State(index) => states[index as usize],
+        Variable::State(index) => states[index.index()],
         Variable::Algebraic(index) => algebraics[index as usize],
         Variable::Input(_) => unreachable!("no inputs"),
     }
@@ -143,7 +144,7 @@ fn lifting_keeps_all_values_and_happens_once() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let (mut compared, mut lifted_functions) = (0, 0);
     for _ in 0..400 {
-        let states: Vec<Variable> = (0..STATES as u32).map(Variable::State).collect();
+        let states: Vec<Variable> = StateId::all(STATES as u32).map(Variable::State).collect();
         let both: Vec<Variable> = states.iter().copied().chain([Variable::Algebraic(0)]).collect();
         let algebraic = expression(&mut rng, 3, &states, true);
         let derivatives = (0..STATES).map(|_| expression(&mut rng, 3, &both, true)).collect();
@@ -176,7 +177,7 @@ fn lifting_keeps_all_values_and_happens_once() {
 
 #[test]
 fn equal_functions_are_one_and_a_gate_rate_is_a_whole() {
-    let v = || Expr::Variable(Variable::State(0));
+    let v = || Expr::Variable(Variable::State(StateId::new(0)));
     let apply = |function, argument| Expr::Apply(function, Box::new(argument));
     let moved = || Expr::sum(vec![v(), Expr::Constant(40.0)]);
     let below = || {
@@ -184,7 +185,7 @@ fn equal_functions_are_one_and_a_gate_rate_is_a_whole() {
         Expr::sum(vec![Expr::Constant(1.0), Expr::scaled(-1.0, fallen)])
     };
     let rate = |scale| Expr::product(vec![Expr::Constant(scale), moved(), apply(Function::Reciprocal, below())]);
-    let gate = |scale, gate| Expr::product(vec![rate(scale), Expr::Variable(Variable::State(gate))]);
+    let gate = |scale, gate| Expr::product(vec![rate(scale), Expr::Variable(Variable::State(StateId::new(gate)))]);
     let lifted = lift(model(vec![gate(0.1, 1), gate(0.2, 2), gate(0.3, 1)], Vec::new()));
     assert_eq!(lifted.algebraics.len(), 1, "{:#?}", lifted.algebraics);
     assert_eq!(lifted.algebraics[0].name, "(x0+40)/(1-exp(-0.1*(x0+40)))");
@@ -192,7 +193,7 @@ fn equal_functions_are_one_and_a_gate_rate_is_a_whole() {
 
 #[test]
 fn a_branch_reads_what_its_condition_compares() {
-    let [x, y] = [0, 1].map(|state| Expr::Variable(Variable::State(state)));
+    let [x, y] = [0, 1].map(|state| Expr::Variable(Variable::State(StateId::new(state))));
     let distance = Expr::sum(vec![x, Expr::scaled(-1.0, y)]);
     let yes = Expr::Apply(Function::Log, Box::new(distance.clone()));
     let select = Select { condition: distance, yes, no: Expr::Constant(0.0) };

@@ -1,10 +1,12 @@
 //! Expressions over the variables of a flat model: evaluation, what they read, and their derivatives.
 
+use crate::index::StateId;
+
 /// A variable of the flat model: indices into the states, inputs and algebraic variables of a [`crate::model::Model`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Variable {
     /// A state variable.
-    State(u32),
+    State(StateId),
     /// An external input.
     Input(u32),
     /// The left-hand side of an algebraic equation.
@@ -452,7 +454,7 @@ pub(crate) mod tests {
         [Function::Reciprocal, Function::RealPower(-1.5)].into_iter().chain(Function::NAMED).collect()
     }
 
-    const X: Variable = Variable::State(0);
+    const X: Variable = Variable::State(StateId::new(0));
 
     fn x() -> Expr {
         Expr::Variable(X)

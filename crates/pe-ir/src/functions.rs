@@ -161,16 +161,18 @@ impl Segments {
 
 #[cfg(test)]
 mod tests {
+    use crate::index::StateId;
+
     use super::*;
     use crate::expr::Function;
 
     fn of(body: Expr) -> ScalarFunction {
-        ScalarFunction { name: String::new(), body, variable: Variable::State(0) }
+        ScalarFunction { name: String::new(), body, variable: Variable::State(StateId::new(0)) }
     }
 
     #[test]
     fn removable_singularities_have_a_value_and_others_none() {
-        let x = || Expr::Variable(Variable::State(0));
+        let x = || Expr::Variable(Variable::State(StateId::new(0)));
         let over = |above: Expr, below: Expr| {
             of(Expr::product(vec![above, Expr::Apply(Function::Reciprocal, Box::new(below))]))
         };

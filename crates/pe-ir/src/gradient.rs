@@ -75,13 +75,15 @@ impl Expr {
 
 #[cfg(test)]
 mod tests {
+    use crate::index::StateId;
+
     use super::*;
     use crate::expr::Select;
     use crate::expr::tests::functions;
 
     #[test]
     fn the_gradient_is_what_the_derivatives_say() {
-        let [x, y] = [0, 1].map(|index| Expr::Variable(Variable::State(index)));
+        let [x, y] = [0, 1].map(|index| Expr::Variable(Variable::State(StateId::new(index))));
         let apply = |function, expr: &Expr| Expr::Apply(function, Box::new(expr.clone()));
         let choice = Select { condition: y.clone(), yes: Expr::power(x.clone(), 3), no: y.clone() };
         let mut exprs = vec![
@@ -95,13 +97,13 @@ mod tests {
         }
         for expr in exprs {
             for point in [[0.3, 0.8], [0.7, 0.2]] {
-                let value = |variable| if variable == Variable::State(0) { point[0] } else { point[1] };
+                let value = |variable| if variable == Variable::State(StateId::new(0)) { point[0] } else { point[1] };
                 let mut sums = [0.0; 2];
                 expr.gradient(&value, 2.0, &mut |variable, partial| {
-                    sums[usize::from(variable == Variable::State(1))] += partial;
+                    sums[usize::from(variable == Variable::State(StateId::new(1)))] += partial;
                 });
                 for (index, sum) in sums.iter().enumerate() {
-                    let exact = 2.0 * expr.derivative(Variable::State(index as u32)).evaluate(&value);
+                    let exact = 2.0 * expr.derivative(Variable::State(StateId::at(index))).evaluate(&value);
                     assert!((sum - exact).abs() < 1e-12 * (1.0 + exact.abs()), "{expr:?} along {index}: {sum} {exact}");
                 }
             }
@@ -110,12 +112,12 @@ mod tests {
 
     #[test]
     fn a_factor_of_zero_leaves_the_slope_of_the_others() {
-        let [x, y] = [0, 1].map(|index| Expr::Variable(Variable::State(index)));
+        let [x, y] = [0, 1].map(|index| Expr::Variable(Variable::State(StateId::new(index))));
         let mut partials = Vec::new();
         Expr::product(vec![x, y]).gradient(&|_| 0.0, 1.0, &mut |_, partial| partials.push(partial));
         assert_eq!(partials, [0.0, 0.0]);
-        let [x, y] = [0, 1].map(|index| Expr::Variable(Variable::State(index)));
-        let value = |variable| if variable == Variable::State(0) { 0.0 } else { 5.0 };
+        let [x, y] = [0, 1].map(|index| Expr::Variable(Variable::State(StateId::new(index))));
+        let value = |variable| if variable == Variable::State(StateId::new(0)) { 0.0 } else { 5.0 };
         let mut partials = Vec::new();
         Expr::product(vec![x, y]).gradient(&value, 1.0, &mut |_, partial| partials.push(partial));
         assert_eq!(partials, [5.0, 0.0]);

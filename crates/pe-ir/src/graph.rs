@@ -7,7 +7,7 @@ use std::fmt;
 use std::ops::Range;
 
 use crate::functions::{Functions, Lookup};
-use crate::index::{self, ChainId, EquationId, List, at};
+use crate::index::{self, ChainId, EquationId, List, StateId, at};
 use crate::model::Model;
 use crate::source::Span;
 use crate::word::{Latency, WordFormat};
@@ -87,15 +87,15 @@ pub struct FormCost {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
     /// A state at the start of the step.
-    State(u32),
+    State(StateId),
     /// A state in an intermediate stage (counted from 2).
-    Stage(u32, u8),
+    Stage(StateId, u8),
     /// Running sum of a state's increments after a stage; with [`StageForm::Sums`] the state is in it.
-    Sum(u32, u8),
+    Sum(StateId, u8),
     /// A state in an intermediate or the next stage, but for the rest of its increment: written and read by one chain.
-    Interim(u32, u8),
+    Interim(StateId, u8),
     /// A state at the end of the step.
-    Next(u32),
+    Next(StateId),
     /// A shared algebraic variable in a stage (counted from 1).
     Algebraic(u32, u8),
     /// An inner factor of a product, private to its chain: equation and serial number.
@@ -113,7 +113,7 @@ pub enum Role {
     /// A quantity of the method, such as a slope or an entry of a matrix: index into [`Names::auxiliaries`].
     Auxiliary(u32),
     /// The reciprocal of a pivot of the method's matrix: the state of its row, and which matrix of the step it is.
-    Pivot(u32, u8),
+    Pivot(StateId, u8),
     /// What a lookup finds in a column of its table: index into [`Functions::lookups`], and the column. Only the base
     /// of a write reads it.
     Column(u32, u8),
@@ -260,9 +260,9 @@ pub struct StepGraph {
     /// Terms of all chains.
     pub terms: Vec<Term>,
     /// For each state its value at the start and at the end of the step; the states of the model come first.
-    pub states: Vec<(ValueId, ValueId)>,
+    pub states: List<StateId, (ValueId, ValueId)>,
     /// Initial value of each state.
-    pub initial: Vec<f64>,
+    pub initial: List<StateId, f64>,
     /// For each input its value.
     pub inputs: Vec<ValueId>,
     /// For each output the value to publish.
@@ -270,7 +270,7 @@ pub struct StepGraph {
     /// Functions of one variable.
     pub functions: Functions,
     /// The pivot of least magnitude among those that are numbers, of implicit methods: its state and the magnitude.
-    pub constant_pivot: Option<(u32, f64)>,
+    pub constant_pivot: Option<(StateId, f64)>,
     /// Names: states, inputs, algebraic variables, outputs. States that the method keeps from step to step, such as
     /// slopes, come after those of the model.
     pub names: Names,
@@ -280,7 +280,7 @@ pub struct StepGraph {
 #[derive(Clone, Debug, Default)]
 pub struct Names {
     /// States.
-    pub states: Vec<String>,
+    pub states: List<StateId, String>,
     /// Inputs.
     pub inputs: Vec<String>,
     /// Algebraic variables.
@@ -357,11 +357,11 @@ impl StepGraph {
     pub fn value_name(&self, id: ValueId) -> String {
         let value = self.value(id);
         match value.role {
-            Role::State(s) => self.names.states[at(s)].clone(),
-            Role::Stage(s, stage) => format!("{}.stage{stage}", self.names.states[at(s)]),
-            Role::Sum(s, stage) => format!("{}.sum{stage}", self.names.states[at(s)]),
-            Role::Interim(s, stage) => format!("{}.interim{stage}", self.names.states[at(s)]),
-            Role::Next(s) => format!("{}.next", self.names.states[at(s)]),
+            Role::State(s) => self.names.states[s].clone(),
+            Role::Stage(s, stage) => format!("{}.stage{stage}", self.names.states[s]),
+            Role::Sum(s, stage) => format!("{}.sum{stage}", self.names.states[s]),
+            Role::Interim(s, stage) => format!("{}.interim{stage}", self.names.states[s]),
+            Role::Next(s) => format!("{}.next", self.names.states[s]),
             Role::Algebraic(a, stage) => format!("{}.stage{stage}", self.names.algebraics[at(a)]),
             Role::Inner(equation, serial) => {
                 format!("{}.factor{serial}", self.equations[value.equation.unwrap_or(equation)].name)
@@ -371,7 +371,7 @@ impl StepGraph {
             Role::Input(i) => self.names.inputs[at(i)].clone(),
             Role::Constant(c) => format!("{c:e}"),
             Role::Auxiliary(a) => self.names.auxiliaries[at(a)].clone(),
-            Role::Pivot(s, matrix) => format!("{}.pivot{matrix}", self.names.states[at(s)]),
+            Role::Pivot(s, matrix) => format!("{}.pivot{matrix}", self.names.states[s]),
             Role::Published(o) => format!("{}.published", self.names.outputs[at(o)]),
             Role::Column(lookup, column) => {
                 let lookup = &self.functions.lookups[at(lookup)];

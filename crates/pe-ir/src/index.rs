@@ -75,6 +75,12 @@ macro_rules! ids {
                 $crate::index::at(self.number())
             }
 
+            /// The one so many places behind.
+            #[inline]
+            pub const fn behind(self, places: u32) -> $name {
+                $name::new(self.number() + places)
+            }
+
             /// The first so many, in order.
             #[inline]
             pub fn all(count: u32) -> impl DoubleEndedIterator<Item = $name> + ExactSizeIterator + Clone {
@@ -125,6 +131,9 @@ ids! {
     /// An equation of a step, the unit of mapping: its place in
     /// [`StepGraph::equations`](crate::graph::StepGraph::equations).
     pub EquationId
+    /// A state of a model or a step: its place in [`Model::states`](crate::model::Model::states), and behind those in
+    /// [`StepGraph::states`](crate::graph::StepGraph::states).
+    pub StateId
     /// A PE: its place in [`Program::pes`](crate::program::Program::pes).
     pub PeId
 }
@@ -267,6 +276,12 @@ impl<I: Id, T> IndexMut<I> for List<I, T> {
     #[inline]
     fn index_mut(&mut self, id: I) -> &mut T {
         &mut self.members[id.place()]
+    }
+}
+
+impl<I, T> AsRef<[T]> for List<I, T> {
+    fn as_ref(&self) -> &[T] {
+        &self.members
     }
 }
 

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use crate::index::{self, at};
+use crate::index::{self, List, StateId, at};
 use crate::motion::Motion;
 use crate::source::Span;
 
@@ -117,7 +117,7 @@ pub struct Model {
     /// Span in seconds over which ranges, error and stability are judged.
     pub span: f64,
     /// State variables with their equations; those with a rate come last.
-    pub states: Vec<State>,
+    pub states: List<StateId, State>,
     /// Rates of the sampled parts.
     pub rates: Vec<Rate>,
     /// Algebraic equations.
@@ -279,7 +279,7 @@ impl Model {
     /// Whether right-hand sides of states that change all the time have bends or jumps, where they are defined as they are
     /// or in algebraic equations.
     pub fn has_bends(&self) -> bool {
-        let derivatives = self.states[..self.continuous_states()].iter().map(|state| &state.derivative);
+        let derivatives = self.states.iter().take(self.continuous_states()).map(|state| &state.derivative);
         let mut waiting: Vec<&Expr> = derivatives.collect();
         let mut seen = vec![false; self.algebraics.len()];
         while let Some(expr) = waiting.pop() {
@@ -376,13 +376,13 @@ impl Model {
         let continuous = self.continuous_states();
         let inputs = self.inputs.len();
         let renamed = |variable: Variable| match variable {
-            Variable::State(state) if at(state) >= continuous => {
-                Variable::Input(index::number(inputs + at(state) - continuous))
+            Variable::State(state) if state.index() >= continuous => {
+                Variable::Input(index::number(inputs + state.index() - continuous))
             }
             other => other,
         };
         let mut model = self.clone();
-        for held in model.states.drain(continuous..) {
+        for held in model.states.vec_mut().drain(continuous..) {
             model.inputs.push(Input {
                 name: held.name,
                 unit: held.unit,
@@ -413,7 +413,7 @@ mod tests {
             step: 0.1,
             phases: vec![Phase { until: 0.4, ratio: 200.0 }],
             span: 40.0,
-            states: Vec::new(),
+            states: List::new(),
             rates: Vec::new(),
             algebraics: Vec::new(),
             inputs: Vec::new(),
@@ -452,7 +452,7 @@ mod tests {
             step: 50e-6,
             phases: Vec::new(),
             span: 12.0,
-            states: Vec::new(),
+            states: List::new(),
             rates: Vec::new(),
             algebraics: Vec::new(),
             inputs: vec![

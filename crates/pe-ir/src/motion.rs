@@ -1,5 +1,7 @@
 //! States that represent signals of the model: they move exactly, whatever the method, and depend on nothing.
 
+use crate::index::StateId;
+
 /// How a state moves that no method approximates. Within a step methods may treat it by its derivative; what it is at the
 /// end of a step is exact but for rounding.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,9 +14,9 @@ pub enum Motion {
     Cosine(f64),
     /// The sine of an angle whose speed in radians per second is a line, the state of this number; the next state is the
     /// cosine.
-    SweptSine(u32),
+    SweptSine(StateId),
     /// The cosine; the state before is the sine.
-    SweptCosine(u32),
+    SweptCosine(StateId),
     /// A signal that jumps, constant over a step: what it is shortly before the middle of the step ([`MIDDLE`]).
     Held(Source),
     /// A signal along a straight line over a step, from what it is at its beginning to what it is at its end. The next

@@ -1,6 +1,6 @@
 //! Models with states that represent signals: their motion, and its steps.
 
-use crate::index;
+use crate::index::{self, StateId};
 use crate::model::{Expr, Input, Interpolation, Model, Phase, State, Variable, Waveform};
 use crate::motion::{MIDDLE, Motion, Source};
 
@@ -16,9 +16,10 @@ impl Model {
         self.step = step;
         self.retime();
         let tick = self.tick();
-        let Some(clock) = self.states.iter().position(|state| state.motion == Some(Motion::Clock)) else { return };
+        let is_clock = |state: &StateId| self.states[*state].motion == Some(Motion::Clock);
+        let Some(clock) = self.states.ids().find(is_clock) else { return };
         self.states[clock].derivative = Expr::Constant(1.0 / tick);
-        let clock = Variable::State(index::number(clock));
+        let clock = Variable::State(clock);
         for algebraic in &mut self.algebraics {
             let mut reads = false;
             algebraic.expr.each_variable(&mut |variable| reads |= variable == clock);
@@ -42,7 +43,7 @@ impl Model {
     /// Makes the states of played signals and of lines those of the present step.
     pub fn retime(&mut self) {
         let first = self.time(0, 1.0);
-        for index in 0..self.states.len() {
+        for index in self.states.ids() {
             let Some(motion) = self.states[index].motion else { continue };
             let at = |model: &Model, source, within: f64, time: f64| model.waveform(source).piece(within, time);
             let slack = 1e-6 * first;
@@ -54,10 +55,10 @@ impl Model {
             };
             self.states[index].initial = initial;
             if let Motion::Line(source) = motion {
-                let before = Variable::State(index::number(index) + 1);
+                let before = Variable::State(index.behind(1));
                 let after = match source {
                     Source::Input(input) => Variable::Input(input),
-                    Source::Signal(_) => Variable::State(index::number(index) + 2),
+                    Source::Signal(_) => Variable::State(index.behind(2)),
                 };
                 let difference = Expr::sum(vec![Expr::Variable(after), Expr::scaled(-1.0, Expr::Variable(before))]);
                 let slope = Expr::scaled(1.0 / self.step, difference);
@@ -131,7 +132,7 @@ impl Model {
             });
         }
         let read = |variable: Variable| match variable {
-            Variable::State(state) => match source_of(self.states[index::at(state)].motion) {
+            Variable::State(state) => match source_of(self.states[state].motion) {
                 Some(Source::Input(input)) => Variable::Input(input),
                 Some(Source::Signal(signal)) => Variable::Input(inputs + signal),
                 None => variable,
@@ -158,7 +159,7 @@ impl Model {
 
     /// What a state that stands for a signal is in the equations at `time`, on the smooth piece that holds at `within`; none
     /// if these tell themselves.
-    pub fn signal_at(&self, state: usize, within: f64, time: f64) -> Option<f64> {
+    pub fn signal_at(&self, state: StateId, within: f64, time: f64) -> Option<f64> {
         let source = self.states[state].motion?.source()?;
         Some(self.waveform(source).piece(within, time))
     }

@@ -26,7 +26,7 @@ impl<'a> Place<'a> {
     /// The number of a variable.
     pub fn number(&self, variable: Variable) -> f64 {
         match variable {
-            Variable::State(index) => self.states[at(index)],
+            Variable::State(index) => self.states[index.index()],
             Variable::Input(index) => self.inputs[at(index)],
             Variable::Algebraic(index) => self.algebraics[at(index)],
         }

@@ -4,6 +4,7 @@
 //! places near the solution. Others, such as an energy, are named by the user: outputs that shall stay constant.
 
 use nalgebra::DMatrix;
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Variable};
 use pe_ir::place::Place;
 use rand::{RngExt, SeedableRng};
@@ -199,7 +200,7 @@ fn formula(model: &Model, weights: &[(usize, f64)]) -> String {
         if weights.len() > SHOWN_TERMS && (SHOWN_TERMS - 1..weights.len() - 1).contains(&position) {
             continue;
         }
-        let name = &model.states[*state].name;
+        let name = &model.states[StateId::at(*state)].name;
         let sign = if *weight < 0.0 { "-" } else { "+" };
         text += &match (position, *weight < 0.0) {
             (0, false) => String::new(),

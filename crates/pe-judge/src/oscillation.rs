@@ -4,6 +4,8 @@
 //! interpolated by a cubic through four samples, in the solution and in the run at the same times, so that most of
 //! what the interpolation costs is the same in both.
 
+use pe_ir::index::StateId;
+
 /// Crossings that make an oscillation, at least.
 const CROSSINGS: usize = 3;
 
@@ -17,7 +19,7 @@ const SPREAD: f64 = 0.05;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Period {
     /// The state.
-    pub state: usize,
+    pub state: StateId,
     /// Mean period of the solution in seconds.
     pub seconds: f64,
     /// Mean period of the run over that of the solution, minus one; infinite if the run oscillates less than twice.
@@ -26,7 +28,7 @@ pub struct Period {
 
 /// The period of a state whose solution and run were sampled at `times`, in seconds; none if the solution does not
 /// oscillate regularly.
-pub fn period(state: usize, times: &[f64], solution: &[f64], run: &[f64]) -> Option<Period> {
+pub fn period(state: StateId, times: &[f64], solution: &[f64], run: &[f64]) -> Option<Period> {
     let (low, high) = solution.iter().fold((f64::MAX, f64::MIN), |(low, high), n| (low.min(*n), high.max(*n)));
     let level = 0.5 * (low + high);
     let crossed = crossings(times, solution, level);
@@ -84,7 +86,7 @@ mod tests {
     #[test]
     fn a_period_that_is_wrong_by_a_millionth_is_found() {
         let times: Vec<f64> = (1..=400).map(|k| f64::from(k) * 0.1).collect();
-        let found = period(0, &times, &sine(&times, 4.0), &sine(&times, 4.0 * (1.0 + 1e-6))).unwrap();
+        let found = period(StateId::new(0), &times, &sine(&times, 4.0), &sine(&times, 4.0 * (1.0 + 1e-6))).unwrap();
         assert!((found.seconds - 4.0).abs() < 1e-5, "{found:?}");
         assert!((found.error - 1e-6).abs() < 2e-8, "{found:?}");
     }
@@ -93,12 +95,12 @@ mod tests {
     fn what_is_irregular_or_sampled_too_rarely_has_no_period() {
         let times: Vec<f64> = (1..=400).map(|k| f64::from(k) * 0.1).collect();
         let chirp: Vec<f64> = times.iter().map(|time| libm::sin(time * time)).collect();
-        assert_eq!(period(0, &times, &chirp, &chirp), None);
+        assert_eq!(period(StateId::new(0), &times, &chirp, &chirp), None);
         let fast = sine(&times, 0.5);
-        assert_eq!(period(0, &times, &fast, &fast), None);
+        assert_eq!(period(StateId::new(0), &times, &fast, &fast), None);
         let constant = vec![1.0; 400];
-        assert_eq!(period(0, &times, &constant, &constant), None);
-        let still = period(0, &times, &sine(&times, 4.0), &constant).unwrap();
+        assert_eq!(period(StateId::new(0), &times, &constant, &constant), None);
+        let still = period(StateId::new(0), &times, &sine(&times, 4.0), &constant).unwrap();
         assert_eq!(still.error, f64::INFINITY);
     }
 }

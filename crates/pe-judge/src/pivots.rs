@@ -5,7 +5,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{Role, StepGraph, ValueId};
-use pe_ir::index::at;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
@@ -27,14 +27,15 @@ pub struct SmallestPivot {
 /// The smallest pivot of a run of at most so many steps, its state and its time in seconds, those that are numbers among
 /// them; none if there is no pivot.
 pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(SmallestPivot, f64)> {
-    let pivots: Vec<(u32, ValueId)> = (0..graph.values.len() as u32)
+    let pivots: Vec<(StateId, ValueId)> = (0..graph.values.len() as u32)
         .filter_map(|index| match graph.value(ValueId(index)).role {
             Role::Pivot(state, _) => Some((state, ValueId(index))),
             _ => None,
         })
         .collect();
     let mut run = DoubleRun::new(graph);
-    let mut smallest: Option<(u32, f64, f64)> = graph.constant_pivot.map(|(state, magnitude)| (state, magnitude, 0.0));
+    let mut smallest: Option<(StateId, f64, f64)> =
+        graph.constant_pivot.map(|(state, magnitude)| (state, magnitude, 0.0));
     for step in 0..if pivots.is_empty() { 0 } else { model.steps().min(steps) } {
         let time = model.time(step, 0.0);
         let finite = run.step(&model.sample_inputs(time)).is_ok();
@@ -49,7 +50,7 @@ pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(Smalles
         }
     }
     let (state, magnitude, time) = smallest?;
-    Some((SmallestPivot { state: graph.names.states[at(state)].clone(), magnitude }, time))
+    Some((SmallestPivot { state: graph.names.states[state].clone(), magnitude }, time))
 }
 
 /// The smallest pivot that varies, from the largest magnitude of each value of the graph; none if there is none.
@@ -58,7 +59,7 @@ pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(Smalles
 /// `E0905` if it, or one that is a number, is below 2^-20.
 pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Option<SmallestPivot>, Vec<Diagnostic>> {
     if let Some((state, magnitude)) = graph.constant_pivot.filter(|(_, magnitude)| *magnitude < SMALLEST) {
-        let state = &model.states[at(state)];
+        let state = &model.states[state];
         let message = format!(
             "the pivot of `{}` is {magnitude:.1e} in every step: the matrix of the step is nearly singular",
             state.name
@@ -70,7 +71,7 @@ pub fn smallest(model: &Model, graph: &StepGraph, largest: &[f64]) -> Result<Opt
         _ => None,
     });
     let Some((state, equation, magnitude)) = reciprocals.min_by(|a, b| a.2.total_cmp(&b.2)) else { return Ok(None) };
-    let state = graph.names.states[at(state)].clone();
+    let state = graph.names.states[state].clone();
     if magnitude >= SMALLEST {
         return Ok(Some(SmallestPivot { state, magnitude }));
     }

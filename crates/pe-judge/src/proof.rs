@@ -3,7 +3,7 @@
 use pe_hls::formats::RANGE_MARGIN;
 use pe_hls::norms::Norms;
 use pe_ir::graph::{Chain, FixedPoint, Role, StepGraph, Term, ValueId};
-use pe_ir::index::{List, at};
+use pe_ir::index::List;
 use pe_ir::mapping::Mapping;
 use pe_ir::program::Program;
 use pe_ir::verify::ranges::{Drift, Enclosure, Measured, Norm, Step};
@@ -142,7 +142,7 @@ impl Proof {
             let bound = self.enclosed.as_ref().filter(|_| certainty == Certainty::Proven).map(|enclosed| {
                 libm::scalbn(enclosed.enclosure.largest[value.index()], fixed.exponents[value.index()])
             });
-            let slot = &mut states[at(state)];
+            let slot = &mut states[state.index()];
             *slot = (slot.0.max(certainty), slot.1.zip(bound).map(|(a, b)| a.max(b)));
         }
         states

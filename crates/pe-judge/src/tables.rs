@@ -3,7 +3,7 @@
 use pe_hls::functions::Untabled;
 use pe_ir::codes;
 use pe_ir::graph::{Role, StepGraph};
-use pe_ir::index;
+use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::place::Place;
 use pe_ir::source::Diagnostic;
@@ -51,14 +51,14 @@ fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic
     let mut run = DoubleRun::new(graph);
     for step in 0..model.steps() {
         let time = model.time(step, 0.0);
-        let before: Vec<f64> = (0..model.states.len()).map(|state| run.state(state)).collect();
+        let before: Vec<f64> = (0..model.states.len()).map(|state| run.state(StateId::at(state))).collect();
         let inputs = model.sample_inputs(time);
         let finite = run.step(&inputs).is_ok();
         let (low, high) = run.arguments()[function];
         if low <= at && at <= high {
             let what = if finding.code == codes::SMALL_PIVOT { "it" } else { "x" };
             finding.message += &format!("; {what} gets there at t = {time:.6e} s");
-            let after: Vec<f64> = (0..model.states.len()).map(|state| run.state(state)).collect();
+            let after: Vec<f64> = (0..model.states.len()).map(|state| run.state(StateId::at(state))).collect();
             let named = chain_of(graph, function).and_then(|name| vanishing(model, &name, (&before, &after), &inputs));
             if let Some(factor) = named.filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
                 finding.message += &format!(", where `{factor}`, which it is multiplied by, is zero as well: 0/0");
@@ -80,7 +80,7 @@ fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic
 fn pivot_of(graph: &StepGraph, function: usize) -> Option<&str> {
     let chain = graph.chains.iter().find(|chain| chain.function == Some(index::number(function)))?;
     match graph.value(chain.write.value).role {
-        Role::Pivot(state, _) => Some(&graph.names.states[index::at(state)]),
+        Role::Pivot(state, _) => Some(&graph.names.states[state]),
         _ => None,
     }
 }
@@ -107,7 +107,7 @@ fn vanishing(model: &Model, name: &str, (before, after): (&[f64], &[f64]), input
     };
     let found = factors.into_iter().find(zero)?;
     Some(match found {
-        Variable::State(index) => model.states[index::at(index)].name.clone(),
+        Variable::State(index) => model.states[index].name.clone(),
         Variable::Input(index) => model.inputs[index::at(index)].name.clone(),
         Variable::Algebraic(index) => model.algebraics[index::at(index)].name.clone(),
     })

@@ -1,7 +1,7 @@
 //! The total error: the hardware's states against the reference solution of the model.
 
 use pe_ir::codes;
-use pe_ir::index::at;
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Variable};
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::{Compared, Rows};
@@ -38,7 +38,7 @@ pub struct Reference {
     /// Magnitudes that errors are relative to.
     scales: Vec<f64>,
     /// States in the order in which their periods are looked for.
-    candidates: Vec<usize>,
+    candidates: Vec<StateId>,
     /// Quantities that the solution conserves.
     conserved: Vec<Conserved>,
     /// Relative difference to a solution with a tolerance `LOOSER` times as large.
@@ -53,7 +53,7 @@ pub struct Reference {
 #[derive(Clone, Copy, Debug)]
 pub struct Worst {
     /// The state.
-    pub state: usize,
+    pub state: StateId,
     /// Error relative to the scale of the state.
     pub error: f64,
 }
@@ -191,7 +191,7 @@ impl Reference {
         let last = self.solution.last();
         let end = |run: &Trajectory| {
             let (state, error) = last.deviation(&run.last()).worst(&self.scales);
-            Worst { state, error }
+            Worst { state: StateId::at(state), error }
         };
         let drift = |conserved: &Conserved| conserved.drift(model, &self.times, &run.samples);
         let unseen = &judged.unseen;
@@ -203,7 +203,7 @@ impl Reference {
         let whole = worst(&compared, &added);
         TotalError {
             whole,
-            between: added[whole.state],
+            between: added[whole.state.index()],
             to_date: compared.to_date().max(judged.errors.largest_to_date()),
             compared: self.all_times.len(),
             end: end(run),
@@ -275,11 +275,11 @@ impl Reference {
     }
 
     fn period(&self, run: &Trajectory) -> Option<Period> {
-        let of = |trajectory: &Trajectory, state: usize| -> Vec<f64> {
-            trajectory.samples.iter().skip(state).step_by(trajectory.states).copied().collect()
+        let of = |trajectory: &Trajectory, state: StateId| -> Vec<f64> {
+            trajectory.samples.iter().skip(state.index()).step_by(trajectory.states).copied().collect()
         };
         let period =
-            |state: &usize| oscillation::period(*state, &self.times, &of(&self.solution, *state), &of(run, *state));
+            |state: &StateId| oscillation::period(*state, &self.times, &of(&self.solution, *state), &of(run, *state));
         self.candidates.iter().find_map(period)
     }
 }
@@ -287,8 +287,10 @@ impl Reference {
 /// The state with the largest error, where `added` comes on top.
 fn worst(compared: &Compared, added: &[f64]) -> Worst {
     let errors = compared.relative().zip(added).map(|(error, added)| error + added).enumerate();
-    let larger = |worst: Worst, (state, error)| if error > worst.error { Worst { state, error } } else { worst };
-    errors.fold(Worst { state: 0, error: 0.0 }, larger)
+    let larger = |worst: Worst, (state, error)| {
+        if error > worst.error { Worst { state: StateId::at(state), error } } else { worst }
+    };
+    errors.fold(Worst { state: StateId::new(0), error: 0.0 }, larger)
 }
 
 /// Times of samples and others in one order, and which of them are samples.
@@ -330,14 +332,14 @@ fn quantities(model: &Model) -> Vec<u32> {
 }
 
 /// The first states, those that are outputs first.
-fn outputs_first(model: &Model) -> Vec<usize> {
+fn outputs_first(model: &Model) -> Vec<StateId> {
     const MOST: usize = 16;
     let outputs = model.outputs.iter().filter_map(|output| match output.variable {
-        Variable::State(state) => Some(at(state)),
+        Variable::State(state) => Some(state),
         _ => None,
     });
-    let mut states: Vec<usize> = Vec::new();
-    for state in outputs.chain(0..model.states.len()) {
+    let mut states: Vec<StateId> = Vec::new();
+    for state in outputs.chain(model.states.ids()) {
         if states.len() < MOST && !states.contains(&state) {
             states.push(state);
         }
@@ -392,7 +394,7 @@ mod tests {
 
     #[test]
     fn methods_that_differ_by_more_than_the_error_are_told() {
-        let worst = Worst { state: 0, error: 1e-9 };
+        let worst = Worst { state: StateId::new(0), error: 1e-9 };
         let total = |difference| TotalError {
             whole: worst,
             between: 0.0,

@@ -1,7 +1,7 @@
 //! The step graph in double precision.
 
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, StateId, at};
 
 use crate::functions::FunctionRun;
 use crate::lanes::{self, DoubleSums, Gathered};
@@ -79,21 +79,21 @@ impl<'a> DoubleRun<'a> {
         values.extend(&tape.numbers);
         let states = slots.states(graph);
         let mut run = DoubleRun { graph, slots, tiles, tape, largest, values, functions, states };
-        for (index, initial) in graph.initial.iter().enumerate() {
+        for (index, initial) in graph.initial.numbered() {
             run.set_state(index, *initial);
         }
         run
     }
 
     /// Sets a state.
-    pub fn set_state(&mut self, index: usize, number: f64) {
+    pub fn set_state(&mut self, index: StateId, number: f64) {
         let slot = at(self.slots.of(self.graph.states[index].0));
         self.values[slot] = number;
         self.largest[slot] = self.largest[slot].max(number.abs());
     }
 
     /// A state at the start of the next step.
-    pub fn state(&self, index: usize) -> f64 {
+    pub fn state(&self, index: StateId) -> f64 {
         self.number(self.graph.states[index].0)
     }
 

@@ -1,7 +1,7 @@
 //! The step graph in fixed point: bit for bit what the hardware computes, without its timing.
 
 use pe_ir::graph::{FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, StateId, at};
 use pe_ir::word::WordFormat;
 
 use crate::slots::Slots;
@@ -46,13 +46,13 @@ impl<'a> FixedRun<'a> {
             let (words, tiles) = prepare(graph, fixed, &slots);
             Ports::Long(words, tiles)
         };
-        let unit = |index: usize| {
+        let unit = |index: StateId| {
             let id = graph.states[index].0;
             (fixed.offset(graph.value(id)), libm::scalbn(1.0, fixed.exponents[id.index()]))
         };
-        let units = slots.states(graph).map(unit).collect();
+        let units = graph.states.ids().map(unit).collect();
         let mut run = FixedRun { graph, fixed, slots, state, units };
-        for (index, initial) in graph.initial.iter().enumerate() {
+        for (index, initial) in graph.initial.numbered() {
             let id = graph.states[index].0;
             let (word, saturated) =
                 fixed.format.encode(*initial, fixed.exponents[id.index()], fixed.format.data_offset());
@@ -69,7 +69,7 @@ impl<'a> FixedRun<'a> {
     }
 
     /// Puts a number in the place of a state's.
-    pub fn set_state(&mut self, index: usize, number: f64) {
+    pub fn set_state(&mut self, index: StateId, number: f64) {
         let id = self.graph.states[index].0;
         let exponent = self.fixed.exponents[id.index()];
         let (word, _) = self.fixed.format.encode(number, exponent, self.fixed.format.data_offset());
@@ -83,7 +83,7 @@ impl<'a> FixedRun<'a> {
     }
 
     /// The number a state stands for at the start of the next step.
-    pub fn state(&self, index: usize) -> f64 {
+    pub fn state(&self, index: StateId) -> f64 {
         self.number(self.graph.states[index].0)
     }
 

@@ -16,7 +16,7 @@ pub fn is_affine(model: &Model) -> bool {
 
 /// Whether what one sample makes of the sampled states is the same everywhere but for a shift.
 pub fn samples_are_affine(model: &Model) -> bool {
-    are_affine(model, &model.states[model.continuous_states()..])
+    are_affine(model, &model.states.as_ref()[model.continuous_states()..])
 }
 
 fn are_affine(model: &Model, states: &[State]) -> bool {
@@ -85,13 +85,13 @@ impl Linearised {
         let slopes = model.states.iter().map(|state| if counts(state) { &state.derivative } else { &still });
         for (index, expr) in all.chain(slopes).enumerate() {
             let value = |variable| match variable {
-                Variable::State(state) => states[index::at(state)],
+                Variable::State(state) => states[state.index()],
                 Variable::Input(input) => inputs[index::at(input)],
                 Variable::Algebraic(algebraic) => algebraics[index::at(algebraic)],
             };
             let start = index::number(entries.len());
             expr.gradient(&value, 1.0, &mut |variable, partial| match variable {
-                Variable::State(state) => entries.push((state, partial)),
+                Variable::State(state) => entries.push((state.number(), partial)),
                 Variable::Algebraic(algebraic) => entries.push((count + algebraic, partial)),
                 Variable::Input(_) => {}
             });
@@ -154,13 +154,15 @@ impl Linearised {
 
 #[cfg(test)]
 mod tests {
+    use pe_ir::index::{List, StateId};
+
     use super::*;
     use pe_ir::model::{Algebraic, Solver};
     use pe_ir::source::Span;
 
     /// x' = a y, y' = 3 a - x with a = x y, whose Jacobian is (y^2, 2 x y; 3 y - 1, 3 x).
     fn model() -> Model {
-        let variable = |index| Expr::Variable(Variable::State(index));
+        let variable = |index| Expr::Variable(Variable::State(StateId::new(index)));
         let product = Expr::product(vec![variable(0), variable(1)]);
         let algebraic = Expr::Variable(Variable::Algebraic(0));
         let state = |name: &str, derivative| State {
@@ -183,10 +185,10 @@ mod tests {
             phases: Vec::new(),
             rates: Vec::new(),
             span: 1.0,
-            states: vec![
+            states: List::from(vec![
                 state("x", Expr::product(vec![algebraic.clone(), variable(1)])),
                 state("y", Expr::sum(vec![Expr::scaled(3.0, algebraic), Expr::scaled(-1.0, variable(0))])),
-            ],
+            ]),
             algebraics: vec![shared],
             inputs: Vec::new(),
             outputs: Vec::new(),
@@ -213,9 +215,10 @@ mod tests {
     #[test]
     fn products_of_variables_are_not_affine_and_sums_are() {
         let mut model = model();
-        model.algebraics[0].expr = Expr::sum(vec![Expr::Variable(Variable::State(0)), Expr::Constant(1.0)]);
+        model.algebraics[0].expr =
+            Expr::sum(vec![Expr::Variable(Variable::State(StateId::new(0))), Expr::Constant(1.0)]);
         assert!(!is_affine(&model));
-        model.states[0].derivative = Expr::scaled(2.0, Expr::Variable(Variable::Algebraic(0)));
+        model.states[StateId::new(0)].derivative = Expr::scaled(2.0, Expr::Variable(Variable::Algebraic(0)));
         assert!(is_affine(&model));
     }
 }

@@ -3,7 +3,7 @@
 //! A step does the same whatever the numbers, so its control words are followed once ([`crate::record`]) and what they
 //! compute is run for each step, many sums at a time ([`crate::tiles`]).
 
-use pe_ir::index::{List, PeId, at, number};
+use pe_ir::index::{List, PeId, StateId, at, number};
 use pe_ir::program::{ControlWord, Fold, Layout, Program};
 use pe_ir::word::WordFormat;
 
@@ -129,7 +129,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Stored word of a state as the next step starts.
-    pub fn state(&self, index: usize) -> i64 {
+    pub fn state(&self, index: StateId) -> i64 {
         let (pe, word) = self.program.states[index].own;
         let word = self.program.pes[pe].features.base_word(word);
         let slot = at(self.homes.base(pe, word));

@@ -258,19 +258,19 @@ pub(crate) const NEXT: u32 = 5;
 
 fn kind(role: &Role) -> InRow {
     match *role {
-        Role::State(state) => (0, 0, state),
+        Role::State(state) => (0, 0, state.number()),
         Role::Input(input) => (1, 0, input),
         Role::Constant(_) => (2, 0, 0),
-        Role::Stage(state, stage) => (COMPUTED, u32::from(stage), state),
-        Role::Sum(state, stage) => (4, u32::from(stage), state),
-        Role::Interim(state, stage) => (13, u32::from(stage), state),
-        Role::Next(state) => (NEXT, 0, state),
+        Role::Stage(state, stage) => (COMPUTED, u32::from(stage), state.number()),
+        Role::Sum(state, stage) => (4, u32::from(stage), state.number()),
+        Role::Interim(state, stage) => (13, u32::from(stage), state.number()),
+        Role::Next(state) => (NEXT, 0, state.number()),
         Role::Algebraic(algebraic, stage) => (6, u32::from(stage), algebraic),
         Role::Inner(equation, serial) => (7, serial, equation.number()),
         Role::Partial(equation, serial) => (8, serial, equation.number()),
         Role::Relayed(value, relay) => (14, relay, value.0),
         Role::Published(output) => (9, 0, output),
-        Role::Pivot(state, matrix) => (12, u32::from(matrix), state),
+        Role::Pivot(state, matrix) => (12, u32::from(matrix), state.number()),
         Role::Auxiliary(auxiliary) => (11, 0, auxiliary),
         Role::Column(lookup, column) => (10, u32::from(column), lookup),
     }

@@ -2,6 +2,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "the tests' own numbers may come from the standard library")]
 
+use pe_ir::index::StateId;
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
 use pe_ir::source::Span;
 use pe_sim::error::Trajectory;
@@ -10,7 +11,7 @@ use pe_sim::reference::{self, Obstacle, TOLERANCE};
 const SPAN: Span = Span { start: 0, end: 0 };
 
 fn state(index: u32) -> Expr {
-    Expr::Variable(Variable::State(index))
+    Expr::Variable(Variable::State(StateId::new(index)))
 }
 
 fn times(coefficient: f64, factors: &[Expr]) -> Expr {
@@ -50,7 +51,7 @@ fn model(states: Vec<(f64, Expr)>, inputs: Vec<Waveform>, algebraics: Vec<Expr>,
         states: states.collect(),
         algebraics: algebraics.into_iter().enumerate().map(algebraic).collect(),
         inputs: inputs.into_iter().enumerate().map(input).collect(),
-        outputs: vec![Output { name: "x0".into(), variable: Variable::State(0), span: SPAN }],
+        outputs: vec![Output { name: "x0".into(), variable: Variable::State(StateId::new(0)), span: SPAN }],
         signals: Vec::new(),
         left_out: Vec::new(),
     }

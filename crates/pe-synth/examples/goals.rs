@@ -28,6 +28,7 @@ use pe_flow::pipeline;
 use pe_flow::watch::Stopwatch;
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Solver};
 use pe_ir::word::MultiplierPorts;
 use pe_judge::runs::port_words;
@@ -131,7 +132,7 @@ fn held_against(design: &pipeline::Design, model: &Model, solver: Solver, halvin
         let (coarse, fine) = (coarse.step(step)?, fine.step(step)?);
         let compared = apart.iter_mut().zip(coarse).zip(fine).enumerate();
         for (state, (((error, difference), coarse), fine)) in compared {
-            *error = error.max((run.state(state) - fine).abs());
+            *error = error.max((run.state(StateId::at(state)) - fine).abs());
             *difference = difference.max((coarse - fine).abs());
         }
     }

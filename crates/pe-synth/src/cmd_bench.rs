@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use pe_ir::graph::StepGraph;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
@@ -125,7 +126,7 @@ fn in_process(model: &Model, graph: &StepGraph, inputs: &[Vec<f64>]) -> Result<(
         }
         fastest = fastest.min(clock.elapsed().as_secs_f64());
         reference = Trajectory::new(model.states.len());
-        reference.push(|state| run.state(state));
+        reference.push(|state| run.state(StateId::at(state)));
     }
     let seconds_per_step = fastest / inputs.len() as f64;
     let precision = "double".to_owned();

@@ -67,7 +67,7 @@ fn outputs(model: &Model, design: &Design) -> String {
 fn output_charts(model: &Model, judged: &Judged, output: usize) -> Vec<Chart> {
     let declared = &model.outputs[output];
     let unit = match declared.variable {
-        model::Variable::State(index) => &model.states[index as usize].unit,
+        model::Variable::State(index) => &model.states[index].unit,
         model::Variable::Algebraic(index) => &model.algebraics[index as usize].unit,
         model::Variable::Input(index) => &model.inputs[index as usize].unit,
     };

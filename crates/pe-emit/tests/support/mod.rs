@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pe_emit::{EmitOptions, design_name, emit};
-use pe_ir::index::{PeId, PortId};
+use pe_ir::index::{List, PeId, PortId};
 use pe_ir::program::{
     Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
     Target,
@@ -98,7 +98,7 @@ pub fn random_program(case: &Case) -> Program {
         pes,
         inputs: Vec::new(),
         outputs: Vec::new(),
-        states: Vec::new(),
+        states: List::new(),
         names: vec!["V[1].u2".to_owned(), "hostile\n\"; end; -- */ \\".to_owned(), "x".repeat(100)],
     };
     for index in 0..case.inputs {

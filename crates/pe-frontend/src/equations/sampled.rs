@@ -7,7 +7,7 @@ use crate::equations::write::{Flat, Row};
 use crate::evaluate::signals::SIGNALS;
 use crate::names::table::Names;
 use crate::syntax::ast::Spec;
-use pe_ir::index::{at, number as number_of};
+use pe_ir::index::{StateId, at, number as number_of};
 use pe_ir::model::{Expr, Output, Variable};
 
 /// Puts states that hold in the place of what blocks compute, wherever it is read outside of its block; gives for each algebraic
@@ -31,7 +31,7 @@ pub(crate) fn hold(flat: &mut Flat, outputs: &mut [Output], spec: &Spec, names: 
                 held.push(number);
                 first + number_of(held.len()) - 1
             });
-            Variable::State(*holder)
+            Variable::State(StateId::new(*holder))
         }
         other => other,
     };

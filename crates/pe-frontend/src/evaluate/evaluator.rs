@@ -12,7 +12,7 @@ use crate::language::waveforms::{Argument, SAMPLES, WAVEFORMS, waveform_of};
 use crate::names::table::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names};
 use crate::syntax::ast::{Connective, Factor, Sign};
 use pe_ir::codes;
-use pe_ir::index::{at, number as number_of};
+use pe_ir::index::{StateId, at, number as number_of};
 use pe_ir::model::{Expr, Formula, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Span};
 use std::sync::Arc;
@@ -192,7 +192,7 @@ impl Evaluator {
                 return if value.is_nan() { Err(Fault::Missing(number, offset)) } else { Ok(Expr::Constant(value)) };
             }
             Kind::Input => Variable::Input(quantity.base + number_of(offset)),
-            Kind::State => Variable::State(quantity.base + number_of(offset)),
+            Kind::State => Variable::State(StateId::new(quantity.base + number_of(offset))),
             Kind::Algebraic if quantity.defined_by[offset] == NO_EQUATION => {
                 return Err(fault(no_such_element(names, number, values, span)));
             }

@@ -125,11 +125,13 @@ fn single_or(mut members: Vec<Expr>, join: fn(Vec<Expr>) -> Expr) -> Expr {
 
 #[cfg(test)]
 mod tests {
+    use pe_ir::index::StateId;
+
     use super::*;
     use pe_ir::model::Variable;
 
     fn x(number: u32) -> Expr {
-        Expr::Variable(Variable::State(number))
+        Expr::Variable(Variable::State(StateId::new(number)))
     }
 
     fn sum(terms: Vec<(Expr, bool)>) -> Expr {

@@ -4,7 +4,7 @@
 //! written out they have numbers from [`SIGNALS`] on; the last pass gives them their places behind the declared states.
 
 use crate::evaluate::fold::{ProductBuilder, SumBuilder};
-use pe_ir::index::{at, number};
+use pe_ir::index::{StateId, at, number};
 use pe_ir::model::{Algebraic, Expr, Function, Interpolation, Samples, Signal, State, Variable, Waveform};
 use pe_ir::motion::{Motion, Source};
 use pe_ir::source::Span;
@@ -20,7 +20,7 @@ const RESIDUE: f64 = 1e-15;
 pub(crate) const TIME: Variable = Variable::Algebraic(SIGNALS);
 
 /// The count of steps.
-const CLOCK: Variable = Variable::State(SIGNALS);
+const CLOCK: Variable = Variable::State(StateId::new(SIGNALS));
 
 /// A state that stands for a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,8 +29,8 @@ enum Slot {
     Sine(f64),
     Cosine(f64),
     /// The sine of an angle whose speed is the state of this number; the cosine is behind it.
-    SweptSine(u32),
-    SweptCosine(u32),
+    SweptSine(StateId),
+    SweptCosine(StateId),
     /// A played signal or an input, in a role.
     Played(Motion),
 }
@@ -64,13 +64,13 @@ impl Signals {
     fn add(&mut self, slots: &[Slot], span: Span) -> Variable {
         let first = SIGNALS + 1 + number(self.slots.len());
         self.slots.extend(slots.iter().map(|slot| (*slot, span)));
-        Variable::State(first)
+        Variable::State(StateId::new(first))
     }
 
     /// The first state of a slot, if there is one.
     fn find(&self, slot: Slot) -> Option<Variable> {
         let place = self.slots.iter().position(|(other, _)| *other == slot)?;
-        Some(Variable::State(SIGNALS + 1 + number(place)))
+        Some(Variable::State(StateId::new(SIGNALS + 1 + number(place))))
     }
 
     /// The state that an interpolated input is.
@@ -101,15 +101,15 @@ impl Signals {
         let Variable::State(state) = variable else {
             return if variable == TIME { vec![CLOCK] } else { Vec::new() };
         };
-        let Some((slot, _)) = (state - SIGNALS).checked_sub(1).map(|slot| self.slots[at(slot)]) else {
+        let Some((slot, _)) = (state.number() - SIGNALS).checked_sub(1).map(|slot| self.slots[at(slot)]) else {
             return Vec::new();
         };
-        let next = |places: u32| Variable::State(state + places);
+        let next = |places: u32| Variable::State(state.behind(places));
         match slot {
             Slot::Sine(_) => vec![next(1)],
-            Slot::Cosine(_) => vec![Variable::State(state - 1)],
+            Slot::Cosine(_) => vec![Variable::State(StateId::new(state.number() - 1))],
             Slot::SweptSine(speed) => vec![next(1), Variable::State(speed)],
-            Slot::SweptCosine(speed) => vec![Variable::State(state - 1), Variable::State(speed)],
+            Slot::SweptCosine(speed) => vec![Variable::State(StateId::new(state.number() - 1)), Variable::State(speed)],
             Slot::Played(Motion::Line(Source::Input(input))) => vec![next(1), Variable::Input(input)],
             Slot::Played(Motion::Line(Source::Signal(_))) => vec![next(1), next(2)],
             Slot::Played(_) => Vec::new(),
@@ -148,26 +148,26 @@ impl Signals {
         };
         let (slot, span) = self.slots[slot];
         let name = |function: &str, frequency: f64| format!("{function}(2*pi*{frequency}*time)");
-        let of_state = |state: u32| Expr::Variable(Variable::State(state));
+        let of_state = |state: u32| Expr::Variable(Variable::State(StateId::new(state)));
         let rate = |frequency: f64| 2.0 * std::f64::consts::PI * frequency;
         match slot {
             Slot::Sine(frequency) => {
-                let (rate, cosine) = (rate(frequency), Expr::Variable(Variable::State(own + 1)));
+                let (rate, cosine) = (rate(frequency), of_state(own + 1));
                 of(name("sin", frequency), 0.0, Expr::scaled(rate, cosine), Motion::Sine(rate), span)
             }
             Slot::Cosine(frequency) => {
-                let (rate, sine) = (rate(frequency), Expr::Variable(Variable::State(own - 1)));
+                let (rate, sine) = (rate(frequency), of_state(own - 1));
                 of(name("cos", frequency), 1.0, Expr::scaled(-rate, sine), Motion::Cosine(rate), span)
             }
             Slot::SweptSine(speed) => {
-                let speed = states[at(speed - SIGNALS)];
+                let speed = states[at(speed.number() - SIGNALS)];
                 let moved = Expr::product(vec![of_state(speed), of_state(own + 1)]);
-                of(format!("sine.{own}"), 0.0, moved, Motion::SweptSine(speed), span)
+                of(format!("sine.{own}"), 0.0, moved, Motion::SweptSine(StateId::new(speed)), span)
             }
             Slot::SweptCosine(speed) => {
-                let speed = states[at(speed - SIGNALS)];
+                let speed = states[at(speed.number() - SIGNALS)];
                 let moved = Expr::product(vec![Expr::Constant(-1.0), of_state(speed), of_state(own - 1)]);
-                of(format!("cosine.{own}"), 1.0, moved, Motion::SweptCosine(speed), span)
+                of(format!("cosine.{own}"), 1.0, moved, Motion::SweptCosine(StateId::new(speed)), span)
             }
             Slot::Played(motion) => {
                 let final_of = |source: Source| match source {
@@ -215,7 +215,7 @@ impl Signals {
         Algebraic {
             name: name.to_owned(),
             unit: Some("s".to_owned()),
-            expr: Expr::Variable(Variable::State(clock)),
+            expr: Expr::Variable(Variable::State(StateId::new(clock))),
             range: None,
             span: self.time_read.unwrap_or_default(),
         }
@@ -278,7 +278,7 @@ impl Signals {
         let parts = [libm::cos(phase), libm::sin(phase)];
         let parts = parts.map(|part| if part.abs() < RESIDUE { 0.0 } else { amplitude * part });
         let Variable::State(number) = sine else { unreachable!("slots are states") };
-        let cosine = Expr::Variable(Variable::State(number + 1));
+        let cosine = Expr::Variable(Variable::State(number.behind(1)));
         sum([scaled(parts[0], Expr::Variable(sine)), scaled(parts[1], cosine), Expr::Constant(offset)])
     }
 

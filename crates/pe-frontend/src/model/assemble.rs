@@ -9,7 +9,7 @@ use crate::language::words;
 use crate::names::table::{Kind, Names, Quantity};
 use crate::report::Report;
 use pe_ir::codes;
-use pe_ir::index::{at, number as number_of};
+use pe_ir::index::{StateId, at, number as number_of};
 use pe_ir::model::{Algebraic, Expr, Input, Interpolation, Model, Output, Rate, State, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -47,8 +47,8 @@ impl Numbers {
     fn of(&mut self, variable: Variable) -> &mut u32 {
         match variable {
             TIME => self.signals.last_mut().expect("time has a place"),
-            Variable::State(i) if i >= SIGNALS => &mut self.signals[at(i - SIGNALS)],
-            Variable::State(i) => &mut self.states[at(i)],
+            Variable::State(i) if i.number() >= SIGNALS => &mut self.signals[at(i.number() - SIGNALS)],
+            Variable::State(i) => &mut self.states[i.index()],
             Variable::Input(i) => &mut self.inputs[at(i)],
             Variable::Algebraic(i) => &mut self.algebraics[at(i)],
         }
@@ -61,7 +61,7 @@ impl Numbers {
     fn renumbered(&mut self, variable: Variable) -> Variable {
         let number = *self.of(variable);
         match variable {
-            Variable::State(_) => Variable::State(number),
+            Variable::State(_) => Variable::State(StateId::new(number)),
             Variable::Input(_) => Variable::Input(number),
             Variable::Algebraic(_) => Variable::Algebraic(number),
         }
@@ -115,7 +115,7 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
         step,
         phases,
         span,
-        states,
+        states: states.into(),
         rates,
         algebraics,
         inputs,
@@ -262,13 +262,18 @@ fn needed(parts: &Parts, signals: &Signals) -> Numbers {
         need(output.variable, &mut waiting);
     }
     while let Some(variable) = waiting.pop() {
-        if matches!(variable, Variable::State(i) | Variable::Algebraic(i) if i >= SIGNALS) {
+        let is_signal = match variable {
+            Variable::State(i) => i.number() >= SIGNALS,
+            Variable::Algebraic(i) => i >= SIGNALS,
+            Variable::Input(_) => false,
+        };
+        if is_signal {
             let reads = signals.reads(variable);
             reads.into_iter().for_each(|read| need(read, &mut waiting));
             continue;
         }
         let row = match variable {
-            Variable::State(i) => &parts.flat.states[at(i)],
+            Variable::State(i) => &parts.flat.states[i.index()],
             Variable::Algebraic(i) => &parts.flat.algebraics[at(i)],
             Variable::Input(_) => continue,
         };

@@ -8,7 +8,7 @@ use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::syntax::ast::{Binder, Expr as Tree, Name};
 use pe_ir::codes;
-use pe_ir::index::number;
+use pe_ir::index::{StateId, number};
 use pe_ir::model::Variable;
 use pe_ir::source::{Diagnostic, Span};
 use std::collections::{HashMap, HashSet};
@@ -139,7 +139,7 @@ impl Quantity<'_> {
     pub(crate) fn variable(&self, offset: usize) -> Variable {
         let flat = self.base + number(offset);
         match self.kind {
-            Kind::State => Variable::State(flat),
+            Kind::State => Variable::State(StateId::new(flat)),
             Kind::Input => Variable::Input(flat),
             _ => Variable::Algebraic(flat),
         }

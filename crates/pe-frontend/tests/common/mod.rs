@@ -61,7 +61,7 @@ pub fn derivatives(model: &Model, states: &[f64], inputs: &[f64]) -> Vec<f64> {
 
 fn evaluate(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[f64]) -> f64 {
     expr.evaluate(&|variable| match variable {
-        Variable::State(i) => states[i as usize],
+        Variable::State(i) => states[i.index()],
         Variable::Input(i) => inputs[i as usize],
         Variable::Algebraic(i) => algebraics[i as usize],
     })

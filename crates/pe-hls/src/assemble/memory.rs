@@ -245,7 +245,7 @@ impl Memories {
             }
             for (index, value) in graph.values.iter().enumerate() {
                 if let Role::Sum(state, _) = value.role {
-                    let place = self.homes[graph.states[index::at(state)].0.index()].base;
+                    let place = self.homes[graph.states[state].0.index()].base;
                     self.homes[index].base = place.map(|word| word + self.depths[pe_of(index)].base / 2);
                 }
             }
@@ -273,7 +273,7 @@ impl Memories {
                 Role::Next(_) if swap => pairs.push((index, layouts[pe].resident(true))),
                 Role::Next(s) => {
                     // The word lives on into the next round, until its last read under the state's own name.
-                    let start = graph.states[index::at(s)].0;
+                    let start = graph.states[s].0;
                     let end = last_read(start).map_or(0, |read| read + schedule.period);
                     let end = end.max(last_read(transfer.value).unwrap_or(0)).max(transfer.receive);
                     // The initial image holds all states at once, so even one that arrives after the wrap owns its
@@ -302,7 +302,7 @@ impl Memories {
             let place = layouts[transfer.to].place(slot);
             if let Role::Next(s) = graph.value(transfer.value).role {
                 // A word that is read under the name of the end value alone may be another's when the step begins.
-                let start = graph.states[index::at(s)].0;
+                let start = graph.states[s].0;
                 if swap || lives.last_read(start, transfer.to).is_some() {
                     self.imported.push(((start.0, transfer.to), place));
                 }

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pe_ir::functions::Lookup;
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{self, ChainId, List, PeId, PortId};
+use pe_ir::index::{self, ChainId, List, PeId, PortId, StateId};
 use pe_ir::mapping::Mapping;
 use pe_ir::memory::{self as cells, depth};
 use pe_ir::model::Model;
@@ -398,7 +398,7 @@ impl Assembler<'_> {
     }
 
     /// Registers of the states; writes constants and initial values into the images.
-    fn states(&self, pes: &mut List<PeId, PeProgram>) -> Vec<StateRegister> {
+    fn states(&self, pes: &mut List<PeId, PeProgram>) -> List<StateId, StateRegister> {
         for (index, value) in self.rounds.graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
                 let id = self.rounds.original(ValueId(index::number(index)));
@@ -413,8 +413,8 @@ impl Assembler<'_> {
                 }
             }
         }
-        let mut states: Vec<StateRegister> = Vec::with_capacity(self.graph.states.len());
-        for (index, (state, _)) in self.graph.states.iter().enumerate() {
+        let mut states: List<StateId, StateRegister> = List::with_capacity(self.graph.states.len());
+        for (index, (state, _)) in self.graph.states.numbered() {
             let pe = self.home(*state).expect("states have a PE");
             let address = self.own_address(*state, 0);
             states.push(StateRegister {
@@ -427,7 +427,7 @@ impl Assembler<'_> {
         for (value, pe, place) in self.memories.imports() {
             if let Role::State(state) = self.rounds.graph.value(value).role {
                 let depth = self.memories.depths[pe].imported;
-                states[index::at(state)].imported.push((pe, self.address((place, 0), depth, 0).word));
+                states[state].imported.push((pe, self.address((place, 0), depth, 0).word));
             }
         }
         for (state, initial) in states.iter().zip(&self.graph.initial) {
@@ -463,7 +463,7 @@ impl Assembler<'_> {
                 chain.delayed(self.latency).find(|(_, write)| write.value == *value).expect("its producer writes it");
             let last = self.schedule.starts[chain_index] + chain.len() - 1;
             let unit = match self.model.outputs[index].variable {
-                pe_ir::model::Variable::State(s) => self.model.states[index::at(s)].unit.clone(),
+                pe_ir::model::Variable::State(s) => self.model.states[s].unit.clone(),
                 pe_ir::model::Variable::Input(i) => self.model.inputs[index::at(i)].unit.clone(),
                 pe_ir::model::Variable::Algebraic(a) => self.model.algebraics[index::at(a)].unit.clone(),
             };

@@ -193,12 +193,14 @@ pub(super) fn bounds(function: &ScalarFunction, low: f64, high: f64) -> Interval
 
 #[cfg(test)]
 mod tests {
+    use pe_ir::index::StateId;
+
     use super::*;
     use pe_ir::model::{Select, Variable};
 
     #[test]
     fn bounds_hold_every_value_and_shrink_with_the_range() {
-        let x = || Expr::Variable(Variable::State(0));
+        let x = || Expr::Variable(Variable::State(StateId::new(0)));
         let apply = |function, argument| Expr::Apply(function, Box::new(argument));
         let moved = |by: f64| Expr::sum(vec![x(), Expr::Constant(by)]);
         let powers = [-1.5, -3.0, 0.3].map(Function::RealPower);

@@ -2,6 +2,7 @@
 //! argument's word allows, or is refused for the right reason.
 
 use pe_ir::functions::{ScalarFunction, Segments};
+use pe_ir::index::StateId;
 use pe_ir::model::{Expr, Function, Select, Variable};
 use pe_ir::word::WordFormat;
 
@@ -11,7 +12,7 @@ use super::fit::Layout;
 use super::{COARSEST, computed, parts};
 
 fn x() -> Expr {
-    Expr::Variable(Variable::State(0))
+    Expr::Variable(Variable::State(StateId::new(0)))
 }
 
 fn apply(function: Function, argument: Expr) -> Expr {
@@ -170,7 +171,7 @@ fn every_function_has_tables_that_are_right_or_a_reason_that_is() {
         if must == Must::Drawback {
             continue;
         }
-        let function = ScalarFunction { name: name.clone(), body, variable: Variable::State(0) };
+        let function = ScalarFunction { name: name.clone(), body, variable: Variable::State(StateId::new(0)) };
         let formats = [WordFormat::new(32, 32, 32), WordFormat::new(32, 35, 25)];
         for format in [formats[number % 2]] {
             let domain = match Domain::of(&function, range, format) {

@@ -1,6 +1,7 @@
 //! Tables against the functions themselves, on dense grids.
 
 use pe_ir::functions::{ScalarFunction, Segments};
+use pe_ir::index::StateId;
 use pe_ir::model::{Expr, Function, Select, Variable};
 use pe_ir::word::WordFormat;
 
@@ -12,7 +13,7 @@ use super::{Planned, plan};
 const POINTS: usize = 20_001;
 
 fn x() -> Expr {
-    Expr::Variable(Variable::State(0))
+    Expr::Variable(Variable::State(StateId::new(0)))
 }
 
 fn apply(function: Function, argument: Expr) -> Expr {
@@ -20,7 +21,7 @@ fn apply(function: Function, argument: Expr) -> Expr {
 }
 
 fn scalar(body: Expr) -> ScalarFunction {
-    ScalarFunction { name: body.text(&|_, _| "x".to_owned()), body, variable: Variable::State(0) }
+    ScalarFunction { name: body.text(&|_, _| "x".to_owned()), body, variable: Variable::State(StateId::new(0)) }
 }
 
 fn planned(function: &ScalarFunction, range: (f64, f64), format: WordFormat) -> (Segments, Planned<'_>) {
@@ -146,7 +147,7 @@ fn a_choice_is_exact_at_its_jump_and_undefined_branches_do_no_harm() {
     let above = Expr::sum(vec![x(), Expr::Constant(-0.3)]);
     for (condition, at_jump) in [(above.clone(), 7.0), (Expr::scaled(-2.0, above), 7.0)] {
         // A logarithm where it is taken, and 7 elsewhere, at 0.3 itself as well.
-        let rising = condition.derivative(Variable::State(0)) == Expr::Constant(1.0);
+        let rising = condition.derivative(Variable::State(StateId::new(0))) == Expr::Constant(1.0);
         let distance = Expr::sum(vec![Expr::scaled(if rising { 1.0 } else { -1.0 }, x()), Expr::Constant(2.0)]);
         let yes = apply(Function::Log, distance.clone());
         let select = Select { condition, yes, no: Expr::Constant(7.0) };

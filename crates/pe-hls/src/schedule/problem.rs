@@ -286,7 +286,7 @@ impl<'a> Problem<'a> {
         for (index, import) in (0..).zip(&self.imports) {
             let mut value = import.resident;
             if let Role::State(state) = self.graph.value(value).role {
-                value = self.graph.states[at(state)].1;
+                value = self.graph.states[state].1;
                 self.state_imports.push(index);
             }
             fed.extend(producers[value.index()].map(|producer| (producer, index)));
@@ -310,7 +310,7 @@ impl<'a> Problem<'a> {
                 } else if let Role::State(state) = graph.value(value).role
                     && in_place
                 {
-                    let writer = producers[graph.states[at(state)].1.index()];
+                    let writer = producers[graph.states[state].1.index()];
                     of_chain.extend(writer.filter(|writer| writer != index).map(|writer| (*index, writer)));
                 }
             };
@@ -371,7 +371,7 @@ impl<'a> Problem<'a> {
         for (import, receive) in self.imports.iter().zip(&placement.receives) {
             // A state's import is fed by its end value.
             let value = match self.graph.value(import.resident).role {
-                Role::State(s) => self.graph.states[at(s)].1,
+                Role::State(s) => self.graph.states[s].1,
                 _ => import.resident,
             };
             transfers.push(Transfer { value, to: import.pe, receive: *receive });

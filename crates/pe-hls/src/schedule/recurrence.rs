@@ -164,7 +164,7 @@ impl<'a> Step<'a> {
 #[cfg(test)]
 mod tests {
     use pe_ir::graph::{Chain, Equation, Names, StageForm, Term, Value, Write};
-    use pe_ir::index::EquationId;
+    use pe_ir::index::{EquationId, StateId};
     use pe_ir::source::Span;
     use pe_ir::word::Pipeline;
 
@@ -178,8 +178,9 @@ mod tests {
     fn graph(states: &[&[u32]], inner: &[(u32, &[u32])]) -> StepGraph {
         let count = states.len() as u32;
         let value = |role, equation, factor| Value { role, equation, factor };
-        let start = (0..count).map(|state| value(Role::State(state), Some(EquationId::new(state)), false));
-        let next = (0..count).map(|state| value(Role::Next(state), Some(EquationId::new(state)), false));
+        let start =
+            (0..count).map(|state| value(Role::State(StateId::new(state)), Some(EquationId::new(state)), false));
+        let next = (0..count).map(|state| value(Role::Next(StateId::new(state)), Some(EquationId::new(state)), false));
         let of_inner = |(serial, sum): (usize, &(u32, &[u32]))| {
             let equation = EquationId::new(sum.0);
             value(Role::Inner(equation, serial as u32), Some(equation), true)
@@ -223,7 +224,7 @@ mod tests {
             chains,
             terms,
             states: (0..count).map(|state| (ValueId(state), ValueId(count + state))).collect(),
-            initial: vec![0.0; count as usize],
+            initial: vec![0.0; count as usize].into(),
             inputs: Vec::new(),
             outputs: Vec::new(),
             functions: pe_ir::functions::Functions::default(),

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use pe_ir::functions::{Functions, ScalarFunction};
 use pe_ir::graph::{Chain, Equation, Factor, FormCost, Names, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, EquationId, List, at};
+use pe_ir::index::{self, EquationId, List, StateId, at};
 use pe_ir::model::{Expr, Model, Output, Solver, Variable};
 
 use super::polynomial::{Nested, NestedFactor};
@@ -150,7 +150,7 @@ impl Builder {
             values: Vec::new(),
             chains: List::new(),
             terms: Vec::new(),
-            states: Vec::new(),
+            states: List::new(),
             initial: model.states.iter().map(|state| state.initial).collect(),
             inputs: Vec::new(),
             outputs: Vec::new(),
@@ -159,7 +159,7 @@ impl Builder {
             names: Names::of(model),
         };
         for (index, state) in model.states.iter().enumerate() {
-            let number = index::number(index);
+            let number = StateId::at(index);
             let equation = graph.equations.push(Equation { name: state.name.clone(), span: state.span });
             let start = push(&mut graph, Role::State(number), equation, false);
             let next = push(&mut graph, Role::Next(number), equation, false);
@@ -203,7 +203,7 @@ impl Builder {
 
     /// The number of a function among those of the graph; equal ones of different variables are one.
     pub(super) fn function(&mut self, function: &Expr) -> u32 {
-        let variable = Variable::State(0);
+        let variable = Variable::State(StateId::new(0));
         let body = function.substituted(&|_| Expr::Variable(variable));
         let next = index::number(self.graph.functions.exact.len());
         let number = *self.functions.entry(format!("{body:?}")).or_insert(next);
@@ -216,8 +216,8 @@ impl Builder {
 
     /// Chain of a derivative equation in one stage; returns the value that the next stage reads.
     pub(super) fn derivative(&mut self, index: usize, stage: &Stage, nested: &Nested, operands: &Operands) -> ValueId {
-        let (state, equation) = (index::number(index), of_state(index));
-        let (start, next) = self.graph.states[index];
+        let (state, equation) = (StateId::at(index), of_state(StateId::at(index)));
+        let (start, next) = self.graph.states[state];
         let mut terms = self.terms(equation, nested, stage.factor, operands);
         if nested.constant != 0.0 {
             let one = push(&mut self.graph, Role::Constant(1.0), equation, false);
@@ -261,7 +261,7 @@ impl Builder {
         rows: &Rows,
         current: &[ValueId],
     ) -> ValueId {
-        let (state, equation) = (index::number(index), of_state(index));
+        let (state, equation) = (StateId::at(index), of_state(StateId::at(index)));
         let mut terms = Vec::with_capacity(rows.row(index).len().max(1));
         for (column, coefficient) in rows.row(index) {
             let column = at(column);
@@ -276,7 +276,7 @@ impl Builder {
             terms.push(Term::new(current[index], Factor::Coefficient(0.0)));
         }
         let value = if last {
-            self.graph.states[index].1
+            self.graph.states[state].1
         } else {
             push(&mut self.graph, Role::Stage(state, number + 1), equation, false)
         };
@@ -299,7 +299,7 @@ impl Builder {
         }
         for (index, output) in model.outputs.iter().enumerate() {
             let value = match output.variable {
-                Variable::State(s) => states[at(s)],
+                Variable::State(s) => states[s.index()],
                 Variable::Algebraic(a) => operands.algebraics[&a],
                 Variable::Input(i) => self.published_input(index, output, i),
             };
@@ -347,7 +347,7 @@ impl Builder {
         let mut terms = Vec::with_capacity(nested.products.len() + 2);
         for (variable, factor) in &nested.products {
             let operand = match variable {
-                Variable::State(s) => operands.states[at(*s)],
+                Variable::State(s) => operands.states[s.index()],
                 Variable::Input(i) => self.graph.inputs[at(*i)],
                 Variable::Algebraic(a) => operands.algebraics[a],
             };
@@ -381,8 +381,8 @@ impl Builder {
 }
 
 /// The equation of a state of the model: they come first, in the model's order.
-pub(super) fn of_state(index: usize) -> EquationId {
-    EquationId::at(index)
+pub(super) fn of_state(state: StateId) -> EquationId {
+    EquationId::new(state.number())
 }
 
 pub(super) fn push(

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use pe_ir::graph::{Factor, Role, Term, ValueId, Write};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, StateId, at};
 use pe_ir::model::{Expr, Model, Solver};
 use pe_ir::motion::{Motion, Source};
 
@@ -66,7 +66,7 @@ pub(super) fn abscissae(solver: Solver) -> &'static [f64] {
 }
 
 /// What states that stand for signals are at parts of the step: bits of the part, state.
-pub(super) type Moved = BTreeMap<(u64, usize), ValueId>;
+pub(super) type Moved = BTreeMap<(u64, StateId), ValueId>;
 
 /// Chains of what all states that stand for signals are at the end of the step, and at some parts of it.
 pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Moved {
@@ -74,7 +74,7 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
     if model.has_played() {
         played::play(builder, model);
     }
-    for (index, state) in model.states.iter().enumerate() {
+    for (index, state) in model.states.numbered() {
         let Some(motion) = state.motion else { continue };
         match (motion, &state.derivative) {
             (Motion::Clock, Expr::Constant(rate)) => {
@@ -87,7 +87,7 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
         moved.insert((1f64.to_bits(), index), builder.graph.states[index].1);
     }
     for (number, part) in (2u8..).zip(parts) {
-        for (index, state) in model.states.iter().enumerate() {
+        for (index, state) in model.states.numbered() {
             if state.motion.is_some_and(Motion::is_swept) {
                 continue;
             }
@@ -101,8 +101,10 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
             let value = push(&mut builder.graph, role, of_state(index), false);
             match (motion, &state.derivative) {
                 (Motion::Clock, Expr::Constant(rate)) => clock(builder, index, part * rate * model.step, value),
-                (Motion::Sine(rate), _) => turned(builder, index, index + 1, part * rate * model.step, value),
-                (Motion::Cosine(rate), _) => turned(builder, index, index - 1, -part * rate * model.step, value),
+                (Motion::Sine(rate), _) => turned(builder, index, index.behind(1), part * rate * model.step, value),
+                (Motion::Cosine(rate), _) => {
+                    turned(builder, index, StateId::new(index.number() - 1), -part * rate * model.step, value)
+                }
                 (Motion::Line(source), _) => line(builder, index, source, *part, value),
                 _ => unreachable!("the derivative of a clock is a number"),
             }
@@ -113,7 +115,7 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
 }
 
 /// `value := state + count`.
-fn clock(builder: &mut Builder, index: usize, count: f64, value: ValueId) {
+fn clock(builder: &mut Builder, index: StateId, count: f64, value: ValueId) {
     let one = push(&mut builder.graph, Role::Constant(1.0), of_state(index), false);
     let terms = vec![Term::new(one, Factor::Coefficient(count))];
     let base = Some(builder.graph.states[index].0);
@@ -121,18 +123,18 @@ fn clock(builder: &mut Builder, index: usize, count: f64, value: ValueId) {
 }
 
 /// `value := state + part (after - before)`.
-fn line(builder: &mut Builder, index: usize, source: Source, part: f64, value: ValueId) {
-    let (start, before) = (builder.graph.states[index].0, builder.graph.states[index + 1].0);
+fn line(builder: &mut Builder, index: StateId, source: Source, part: f64, value: ValueId) {
+    let (start, before) = (builder.graph.states[index].0, builder.graph.states[index.behind(1)].0);
     let after = match source {
         Source::Input(input) => builder.graph.inputs[at(input)],
-        Source::Signal(_) => builder.graph.states[index + 2].0,
+        Source::Signal(_) => builder.graph.states[index.behind(2)].0,
     };
     let terms = vec![Term::new(after, Factor::Coefficient(part)), Term::new(before, Factor::Coefficient(-part))];
     builder.chain(of_state(index), terms, Write { value, base: Some(start), weight: 0 }, None);
 }
 
 /// `value := state + (cos(angle) - 1) state + sin(angle) other`.
-fn turned(builder: &mut Builder, index: usize, other: usize, angle: f64, value: ValueId) {
+fn turned(builder: &mut Builder, index: StateId, other: StateId, angle: f64, value: ValueId) {
     let (start, other) = (builder.graph.states[index].0, builder.graph.states[other].0);
     let half = libm::sin(angle / 2.0);
     let terms = vec![
@@ -143,8 +145,8 @@ fn turned(builder: &mut Builder, index: usize, other: usize, angle: f64, value: 
 }
 
 /// The ends of a sine and of the cosine behind it.
-fn rotation(builder: &mut Builder, sine: usize, angle: f64) {
-    let cosine = sine + 1;
+fn rotation(builder: &mut Builder, sine: StateId, angle: f64) {
+    let cosine = sine.behind(1);
     let (of_cosine, of_sine) = shears(angle);
     let ((s, s_end), (c, c_end)) = (builder.graph.states[sine], builder.graph.states[cosine]);
     let name = format!("{}.sheared", builder.graph.names.states[cosine]);
@@ -153,7 +155,7 @@ fn rotation(builder: &mut Builder, sine: usize, angle: f64) {
     let sheared = push(&mut builder.graph, role, of_state(cosine), false);
     // Where words come in pairs only states are operands and bases.
     let apart = builder.graph.swaps();
-    let mut shear = |equation: usize, operands: &[ValueId], factor: f64, base: ValueId, value: ValueId| {
+    let mut shear = |equation: StateId, operands: &[ValueId], factor: f64, base: ValueId, value: ValueId| {
         let terms = operands.iter().map(|operand| Term::new(*operand, Factor::Coefficient(factor))).collect();
         builder.chain(of_state(equation), terms, Write { value, base: Some(base), weight: 0 }, None);
     };

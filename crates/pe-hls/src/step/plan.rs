@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use pe_ir::graph::Role;
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, List, StateId, at};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::motion::Motion;
 
@@ -20,7 +20,7 @@ pub struct Planned {
     /// What it is. Indices of auxiliaries are those of [`Plan::auxiliaries`], indices of algebraic variables the model's.
     pub role: Role,
     /// The state on whose PE it is computed; none for the model's algebraic variables, which are units of their own.
-    pub owner: Option<u32>,
+    pub owner: Option<StateId>,
     /// What the sum is added to without a loss, in the same number format.
     pub base: Option<Variable>,
     /// The sum.
@@ -35,7 +35,7 @@ pub struct Planned {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Memory {
     /// The state that it belongs to.
-    pub owner: u32,
+    pub owner: StateId,
     /// Name.
     pub name: String,
     /// Value at time zero.
@@ -53,9 +53,9 @@ pub struct Plan<'m> {
     /// Numbers kept from step to step; they count as states behind those of the model.
     pub memories: Vec<Memory>,
     /// For each state and memory its value at the end of the step.
-    pub ends: Vec<Option<Variable>>,
+    pub ends: List<StateId, Option<Variable>>,
     /// The pivot of least magnitude among those that are numbers: its state and the magnitude.
-    pub constant_pivot: Option<(u32, f64)>,
+    pub constant_pivot: Option<(StateId, f64)>,
 }
 
 /// States at some point of a step, and the algebraic variables there.
@@ -81,7 +81,7 @@ impl Point {
     /// What stands for a variable of the model here; its algebraic variables must have been asked for.
     pub fn variable(&self, variable: Variable) -> Variable {
         match variable {
-            Variable::State(state) => self.states[at(state)],
+            Variable::State(state) => self.states[state.index()],
             Variable::Algebraic(algebraic) => self.algebraics[&algebraic],
             input @ Variable::Input(_) => input,
         }
@@ -91,19 +91,19 @@ impl Point {
 impl<'m> Plan<'m> {
     /// A plan without equations.
     pub fn new(model: &'m Model) -> Plan<'m> {
-        let ends = vec![None; model.states.len()];
+        let ends = List::filled(None, model.states.len());
         Plan { model, equations: Vec::new(), auxiliaries: Vec::new(), memories: Vec::new(), ends, constant_pivot: None }
     }
 
     /// The start of the step.
     pub fn start(&self) -> Point {
-        Point::new((0..self.model.states.len() as u32).map(Variable::State).collect(), 1)
+        Point::new(self.model.states.ids().map(Variable::State).collect(), 1)
     }
 
     /// The derivatives of some states at a point.
-    pub fn slopes(&mut self, point: &mut Point, states: &[u32]) -> Vec<Expr> {
+    pub fn slopes(&mut self, point: &mut Point, states: &[StateId]) -> Vec<Expr> {
         let model = self.model;
-        let derivative = |state: &u32| &model.states[at(*state)].derivative;
+        let derivative = |state: &StateId| &model.states[*state].derivative;
         self.algebraics(point, states.iter().map(derivative), false);
         states.iter().map(|state| derivative(state).renamed(&|variable| point.variable(variable))).collect()
     }
@@ -139,8 +139,8 @@ impl<'m> Plan<'m> {
     }
 
     /// A state in an intermediate stage.
-    pub fn stage(&mut self, state: u32, number: u8, base: Variable, sum: Expr) -> Variable {
-        if self.model.states[at(state)].motion.is_some_and(Motion::rests) {
+    pub fn stage(&mut self, state: StateId, number: u8, base: Variable, sum: Expr) -> Variable {
+        if self.model.states[state].motion.is_some_and(Motion::rests) {
             return Variable::State(state);
         }
         let role = Role::Stage(state, number);
@@ -148,19 +148,19 @@ impl<'m> Plan<'m> {
     }
 
     /// A quantity of the method that is computed on the PE of a state. Without `keep` it may be put in place.
-    pub fn auxiliary(&mut self, owner: u32, name: String, sum: Expr, keep: bool) -> Variable {
+    pub fn auxiliary(&mut self, owner: StateId, name: String, sum: Expr, keep: bool) -> Variable {
         let role = self.auxiliary_role(name);
         self.add(Planned { role, owner: Some(owner), base: None, sum, same_sum: None, keep })
     }
 
     /// The same, added to a base.
-    pub fn added(&mut self, owner: u32, name: String, base: Variable, sum: Expr) -> Variable {
+    pub fn added(&mut self, owner: StateId, name: String, base: Variable, sum: Expr) -> Variable {
         let role = self.auxiliary_role(name);
         self.add(Planned { role, owner: Some(owner), base: Some(base), sum, same_sum: None, keep: true })
     }
 
     /// A quantity of the method: the sum of an earlier equation without that equation's base.
-    pub fn increment_of(&mut self, equation: Variable, owner: u32, name: String) -> Variable {
+    pub fn increment_of(&mut self, equation: Variable, owner: StateId, name: String) -> Variable {
         let Variable::Algebraic(number) = equation else { unreachable!("only equations have a sum") };
         let role = self.auxiliary_role(name);
         let sum = Expr::Constant(0.0);
@@ -168,55 +168,54 @@ impl<'m> Plan<'m> {
     }
 
     /// Takes note of a pivot that is a number.
-    pub fn note_pivot(&mut self, state: u32, number: f64) {
+    pub fn note_pivot(&mut self, state: StateId, number: f64) {
         if self.constant_pivot.is_none_or(|(_, least)| number.abs() < least) {
             self.constant_pivot = Some((state, number.abs()));
         }
     }
 
     /// The reciprocal of a pivot in the row of a state of a matrix.
-    pub fn pivot(&mut self, state: u32, matrix: u8, sum: Expr) -> Variable {
+    pub fn pivot(&mut self, state: StateId, matrix: u8, sum: Expr) -> Variable {
         let role = Role::Pivot(state, matrix);
         self.add(Planned { role, owner: Some(state), base: None, sum, same_sum: None, keep: true })
     }
 
     /// A number kept from step to step; the variable is its value at the start of the step.
-    pub fn memory(&mut self, owner: u32, name: String, initial: f64) -> Variable {
+    pub fn memory(&mut self, owner: StateId, name: String, initial: f64) -> Variable {
         self.memories.push(Memory { owner, name, initial });
-        self.ends.push(None);
-        Variable::State(index::number(self.ends.len()) - 1)
+        Variable::State(self.ends.push(None))
     }
 
     /// The end value of a state or memory. That of a state that stands for a signal is exact, whatever is given.
-    pub fn end(&mut self, state: u32, base: Option<Variable>, sum: Expr) -> Variable {
-        match self.model.states.get(at(state)).and_then(|state| state.motion) {
+    pub fn end(&mut self, state: StateId, base: Option<Variable>, sum: Expr) -> Variable {
+        match self.model.states.find(state).and_then(|state| state.motion) {
             None => self.ending(state, base, sum),
             Some(motion) => self.moved(state, motion),
         }
     }
 
     /// The end value of a state that stands for a signal.
-    fn moved(&mut self, state: u32, motion: Motion) -> Variable {
-        if let Some(end) = self.ends[at(state)] {
+    fn moved(&mut self, state: StateId, motion: Motion) -> Variable {
+        if let Some(end) = self.ends[state] {
             return end;
         }
         let model = self.model;
         if motion.source().is_some() || motion.is_swept() {
             played::play(self, model);
-            return self.ends[at(state)].expect("it was played");
+            return self.ends[state].expect("it was played");
         }
         let (sine, rate) = match motion {
             Motion::Clock => {
-                let slope = model.states[at(state)].derivative.as_constant().unwrap_or(0.0);
+                let slope = model.states[state].derivative.as_constant().unwrap_or(0.0);
                 return self.ending(state, Some(Variable::State(state)), motion::of_step(model, |step| slope * step));
             }
             Motion::Sine(rate) => (state, rate),
-            Motion::Cosine(rate) => (state - 1, rate),
+            Motion::Cosine(rate) => (StateId::new(state.number() - 1), rate),
             _ => unreachable!("all others have a source"),
         };
-        let cosine = sine + 1;
+        let cosine = sine.behind(1);
         let (of_cosine, of_sine) = motion::shears_of_step(model, rate);
-        let name = format!("{}.sheared", model.states[at(cosine)].name);
+        let name = format!("{}.sheared", model.states[cosine].name);
         let first = Expr::product(vec![of_cosine.clone(), of(Variable::State(sine))]);
         let sheared = self.added(cosine, name, Variable::State(cosine), first);
         let second = Expr::product(vec![of_sine, of(sheared)]);
@@ -225,12 +224,12 @@ impl<'m> Plan<'m> {
         if state == sine { sine_end } else { cosine_end }
     }
 
-    fn ending(&mut self, state: u32, base: Option<Variable>, sum: Expr) -> Variable {
+    fn ending(&mut self, state: StateId, base: Option<Variable>, sum: Expr) -> Variable {
         let states = self.model.states.len();
-        let owner = at(state).checked_sub(states).map_or(state, |memory| self.memories[memory].owner);
+        let owner = state.index().checked_sub(states).map_or(state, |memory| self.memories[memory].owner);
         let role = Role::Next(state);
         let end = self.add(Planned { role, owner: Some(owner), base, sum, same_sum: None, keep: true });
-        self.ends[at(state)] = Some(end);
+        self.ends[state] = Some(end);
         end
     }
 
@@ -271,24 +270,24 @@ impl<'m> Plan<'m> {
 impl Score for Plan<'_> {
     type Value = Variable;
 
-    fn memory(&mut self, owner: u32, name: String, initial: f64) -> Variable {
+    fn memory(&mut self, owner: StateId, name: String, initial: f64) -> Variable {
         Plan::memory(self, owner, name, initial)
     }
 
-    fn keep(&mut self, _: u32, memory: Variable, terms: &[(f64, Variable)], constant: f64) {
+    fn keep(&mut self, _: StateId, memory: Variable, terms: &[(f64, Variable)], constant: f64) {
         let Variable::State(number) = memory else { unreachable!("memories are states") };
         self.ending(number, Some(memory), Plan::scored(terms, constant));
     }
 
-    fn sum(&mut self, owner: u32, name: String, terms: &[(f64, Variable)], constant: f64) -> Variable {
+    fn sum(&mut self, owner: StateId, name: String, terms: &[(f64, Variable)], constant: f64) -> Variable {
         self.auxiliary(owner, name, Plan::scored(terms, constant), true)
     }
 
-    fn function(&mut self, owner: u32, name: String, argument: Variable, body: Expr) -> Variable {
+    fn function(&mut self, owner: StateId, name: String, argument: Variable, body: Expr) -> Variable {
         self.auxiliary(owner, name, body.substituted(&|_| of(argument)), true)
     }
 
-    fn end(&mut self, state: u32, terms: &[(f64, Variable)], constant: f64) {
+    fn end(&mut self, state: StateId, terms: &[(f64, Variable)], constant: f64) {
         self.ending(state, None, Plan::scored(terms, constant));
     }
 

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use pe_ir::graph::{Factor, FormCost, Role, StageForm, StepGraph, Term, ValueId, Write};
-use pe_ir::index::{self, ChainId, EquationId, List, at};
+use pe_ir::index::{self, ChainId, EquationId, List, StateId, at};
 use pe_ir::model::{Algebraic, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -44,7 +44,7 @@ fn whole(plan: &Plan, published: &Point) -> Result<StepGraph, Vec<Diagnostic>> {
     let ends: Vec<ValueId> = builder.graph.states.iter().map(|(_, next)| *next).collect();
     for (index, output) in model.outputs.iter().enumerate() {
         let value = match output.variable {
-            Variable::State(state) => ends[at(state)],
+            Variable::State(state) => ends[state.index()],
             Variable::Input(input) => builder.published_input(index, output, input),
             Variable::Algebraic(algebraic) => match published.variable(Variable::Algebraic(algebraic)) {
                 Variable::Algebraic(equation) => algebraics[&equation],
@@ -100,7 +100,7 @@ pub(super) fn chains(plan: &Plan) -> Result<(Builder, HashMap<u32, ValueId>), Ve
 /// Plans the outputs that are algebraic variables, at the end of the step.
 fn publish(plan: &mut Plan) -> Point {
     let model = plan.model;
-    let ends = plan.ends[..model.states.len()].iter().map(|end| end.expect("every state has an end")).collect();
+    let ends = plan.ends.iter().take(model.states.len()).map(|end| end.expect("every state has an end")).collect();
     let mut point = Point::new(ends, u8::MAX);
     let wanted: Vec<_> = model.outputs.iter().map(|output| pe_ir::model::Expr::Variable(output.variable)).collect();
     plan.algebraics(&mut point, wanted.iter(), true);
@@ -116,7 +116,7 @@ fn flat(plan: &Plan) -> Model {
                 (algebraic.name.clone(), algebraic.span)
             }
             (_, Some(owner)) => {
-                let state = &plan.model.states[at(owner)];
+                let state = &plan.model.states[owner];
                 (state.name.clone(), state.span)
             }
             (_, None) => unreachable!("only algebraic variables have no owner"),
@@ -127,7 +127,7 @@ fn flat(plan: &Plan) -> Model {
         name: plan.model.name.clone(),
         title: String::new(),
         phases: Vec::new(),
-        states: Vec::new(),
+        states: List::new(),
         rates: Vec::new(),
         algebraics: plan.equations.iter().map(algebraic).collect(),
         inputs: plan.model.inputs.clone(),
@@ -141,9 +141,10 @@ fn flat(plan: &Plan) -> Model {
 /// Adds what the method keeps from step to step as states behind those of the model.
 fn memories(builder: &mut Builder, plan: &Plan) {
     let graph = &mut builder.graph;
-    for (index, memory) in (index::number(plan.model.states.len())..).zip(&plan.memories) {
-        let start = push(graph, Role::State(index), of_state(at(memory.owner)), false);
-        let next = push(graph, Role::Next(index), of_state(at(memory.owner)), false);
+    for memory in &plan.memories {
+        let index = StateId::at(graph.states.len());
+        let start = push(graph, Role::State(index), of_state(memory.owner), false);
+        let next = push(graph, Role::Next(index), of_state(memory.owner), false);
         graph.states.push((start, next));
         graph.initial.push(memory.initial);
         graph.names.states.push(memory.name.clone());
@@ -161,15 +162,15 @@ fn equation(
     let planned = &plan.equations[at(index)];
     let number = match (planned.role, planned.owner) {
         (Role::Algebraic(algebraic, _), _) => EquationId::at(plan.model.states.len() + at(algebraic)),
-        (_, owner) => of_state(at(owner.expect("of a state"))),
+        (_, owner) => of_state(owner.expect("of a state")),
     };
     let mut terms = builder.terms(number, nested, 1.0, operands);
     let value = match planned.role {
-        Role::Next(state) => builder.graph.states[at(state)].1,
+        Role::Next(state) => builder.graph.states[state].1,
         role => push(&mut builder.graph, role, number, false),
     };
     let mut base = planned.base.map(|base| match base {
-        Variable::State(state) => operands.states[at(state)],
+        Variable::State(state) => operands.states[state.index()],
         Variable::Input(input) => builder.graph.inputs[at(input)],
         Variable::Algebraic(equation) => operands.algebraics[&equation],
     });
@@ -197,7 +198,7 @@ pub(super) fn can_overwrite(graph: &StepGraph) -> bool {
     for (index, chain) in graph.chains.numbered() {
         let mut visit = |value: ValueId| match graph.value(value).role {
             Role::State(state) => {
-                let writer = producers[graph.states[at(state)].1.index()];
+                let writer = producers[graph.states[state].1.index()];
                 arcs.extend(writer.filter(|writer| *writer != index).map(|writer| (index, writer)));
             }
             _ => arcs.extend(producers[value.index()].map(|producer| (producer, index))),

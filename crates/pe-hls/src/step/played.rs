@@ -5,7 +5,7 @@
 //! of the model (`docs/decisions/0050-played-signals.md`).
 
 use pe_ir::codes;
-use pe_ir::index;
+use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Function, Interpolation, Model, Pwm, Samples, Select, Variable, Waveform};
 use pe_ir::motion::{MIDDLE, Motion, Source};
 use pe_ir::source::Diagnostic;
@@ -33,21 +33,21 @@ pub(super) trait Score {
     type Value: Copy;
 
     /// A number kept from step to step, as it is at the start of the step.
-    fn memory(&mut self, owner: u32, name: String, initial: f64) -> Self::Value;
+    fn memory(&mut self, owner: StateId, name: String, initial: f64) -> Self::Value;
     /// What a memory becomes: itself and a sum.
-    fn keep(&mut self, owner: u32, memory: Self::Value, terms: &[(f64, Self::Value)], constant: f64);
+    fn keep(&mut self, owner: StateId, memory: Self::Value, terms: &[(f64, Self::Value)], constant: f64);
     /// A sum.
-    fn sum(&mut self, owner: u32, name: String, terms: &[(f64, Self::Value)], constant: f64) -> Self::Value;
+    fn sum(&mut self, owner: StateId, name: String, terms: &[(f64, Self::Value)], constant: f64) -> Self::Value;
     /// A function, whose body reads [`X`], of a value.
-    fn function(&mut self, owner: u32, name: String, argument: Self::Value, body: Expr) -> Self::Value;
+    fn function(&mut self, owner: StateId, name: String, argument: Self::Value, body: Expr) -> Self::Value;
     /// What a state is at the end of the step.
-    fn end(&mut self, state: u32, terms: &[(f64, Self::Value)], constant: f64);
+    fn end(&mut self, state: StateId, terms: &[(f64, Self::Value)], constant: f64);
     /// The start of a state, or an input.
     fn start(&mut self, variable: Variable) -> Self::Value;
 }
 
 /// The argument in bodies of functions.
-pub(super) const X: Variable = Variable::State(0);
+pub(super) const X: Variable = Variable::State(StateId::new(0));
 
 /// `if x > place then above else below`.
 fn step(place: f64, below: Expr, above: Expr) -> Expr {
@@ -237,17 +237,17 @@ pub(super) fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
 /// Writes down what all played signals, and the lines of inputs, are at the end of the step.
 pub(super) fn play<S: Score>(score: &mut S, model: &Model) {
     let mut player = Player { score, model, steps: None, phases: Vec::new() };
-    for (index, state) in (0..).zip(&model.states) {
+    for (index, state) in model.states.numbered() {
         match state.motion {
             Some(Motion::Held(Source::Signal(signal))) => player.held(index, signal),
             Some(Motion::After(Source::Signal(signal))) => player.after(index, signal),
             Some(Motion::Line(source)) => {
                 let end = player.score.start(match source {
                     Source::Input(input) => Variable::Input(input),
-                    Source::Signal(_) => Variable::State(index + 2),
+                    Source::Signal(_) => Variable::State(index.behind(2)),
                 });
                 player.score.end(index, &[(1.0, end)], 0.0);
-                player.score.end(index + 1, &[(1.0, end)], 0.0);
+                player.score.end(index.behind(1), &[(1.0, end)], 0.0);
             }
             Some(Motion::SweptSine(speed)) => player.swept(index, speed),
             _ => {}
@@ -265,12 +265,12 @@ struct Player<'a, S: Score> {
 }
 
 impl<S: Score> Player<'_, S> {
-    fn name(&self, state: u32, what: &str) -> String {
-        format!("{}.{what}", self.model.states[index::at(state)].name)
+    fn name(&self, state: StateId, what: &str) -> String {
+        format!("{}.{what}", self.model.states[state].name)
     }
 
     /// Steps taken before this one.
-    fn steps(&mut self, owner: u32) -> S::Value {
+    fn steps(&mut self, owner: StateId) -> S::Value {
         if let Some(steps) = self.steps {
             return steps;
         }
@@ -282,7 +282,7 @@ impl<S: Score> Player<'_, S> {
     }
 
     /// The phase of the next step, where a signal that jumps is looked at, and the parts of a period that it counts in.
-    fn phase(&mut self, owner: u32, frequency: f64, phase: f64) -> (S::Value, f64) {
+    fn phase(&mut self, owner: StateId, frequency: f64, phase: f64) -> (S::Value, f64) {
         if let Some((.., value, of)) = self.phases.iter().find(|known| (known.0, known.1) == (frequency, phase)) {
             return (*value, *of);
         }
@@ -297,7 +297,7 @@ impl<S: Score> Player<'_, S> {
         (value, of)
     }
 
-    fn held(&mut self, state: u32, signal: u32) {
+    fn held(&mut self, state: StateId, signal: u32) {
         let (model, step) = (self.model, self.model.step);
         // The number of steps before the one in which a time has passed.
         let place = |time: f64| time / step - 1.0 - MIDDLE;
@@ -332,7 +332,7 @@ impl<S: Score> Player<'_, S> {
         }
     }
 
-    fn modulated(&mut self, state: u32, pwm: &Pwm) {
+    fn modulated(&mut self, state: StateId, pwm: &Pwm) {
         let (parts, of, _) = ratio(self.model, pwm.frequency);
         let (phase, _) = self.phase(state, pwm.frequency, 0.0);
         let first = libm::floor(parts / of * (1.0 + MIDDLE));
@@ -352,12 +352,12 @@ impl<S: Score> Player<'_, S> {
     }
 
     /// A sine and the cosine behind it from the angle in turns, which grows by the mean speed of a step.
-    fn swept(&mut self, sine: u32, speed: u32) {
+    fn swept(&mut self, sine: StateId, speed: StateId) {
         let [turns, grown, turn, next, beside] =
             ["turns", "grown", "turn", "next", "beside"].map(|what| self.name(sine, what));
         let part = self.model.step / (4.0 * core::f64::consts::PI);
-        let before = self.score.start(Variable::State(speed + 1));
-        let after = self.score.start(Variable::State(speed + 2));
+        let before = self.score.start(Variable::State(speed.behind(1)));
+        let after = self.score.start(Variable::State(speed.behind(2)));
         let angle = self.score.memory(sine, turns, 0.0);
         let grows = [(part, before), (part, after)];
         let grown = self.score.sum(sine, grown, &[(1.0, angle), grows[0], grows[1]], 0.0);
@@ -369,17 +369,17 @@ impl<S: Score> Player<'_, S> {
         let next = self.score.function(sine, next, grown, of(Function::Sin));
         let beside = self.score.function(sine, beside, grown, of(Function::Cos));
         self.score.end(sine, &[(1.0, next)], 0.0);
-        self.score.end(sine + 1, &[(1.0, beside)], 0.0);
+        self.score.end(sine.behind(1), &[(1.0, beside)], 0.0);
     }
 
-    fn after(&mut self, state: u32, signal: u32) {
+    fn after(&mut self, state: StateId, signal: u32) {
         if let Tune::Samples(samples) = tune(&self.model.signals[index::at(signal)].waveform) {
             self.samples(state, samples, 2.0);
         }
     }
 
     /// Looks samples up, so many steps ahead.
-    fn samples(&mut self, state: u32, samples: &Samples, ahead: f64) {
+    fn samples(&mut self, state: StateId, samples: &Samples, ahead: f64) {
         let (knots, _) = Knots::of(samples, self.model.span);
         let seconds = self.model.step;
         let place = |time: f64| time / seconds - ahead;

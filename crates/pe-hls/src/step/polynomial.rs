@@ -191,10 +191,12 @@ fn most_frequent(terms: &BTreeMap<Monomial, f64>) -> Option<Variable> {
 
 #[cfg(test)]
 mod tests {
+    use pe_ir::index::StateId;
+
     use super::*;
 
     fn state(i: u32) -> Expr {
-        Expr::Variable(Variable::State(i))
+        Expr::Variable(Variable::State(StateId::new(i)))
     }
 
     fn expand(expr: &Expr) -> Polynomial {

@@ -165,7 +165,7 @@ impl Sum {
         for (monomial, coefficient) in polynomial.terms() {
             match monomial.as_slice() {
                 [] => self.add(one, coefficient),
-                [Variable::State(state)] => self.add(*state, coefficient),
+                [Variable::State(state)] => self.add(state.number(), coefficient),
                 [Variable::Input(input)] => self.add(index::number(states) + input, coefficient),
                 [Variable::Algebraic(algebraic)] if functions[at(*algebraic)].is_none() => {
                     algebraics.row(at(*algebraic)).for_each(|(column, n)| self.add(column, coefficient * n));

@@ -12,7 +12,7 @@ use petgraph::graph::{DiGraph, NodeIndex};
 
 use pe_ir::codes;
 use pe_ir::graph::{Chain, Factor, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, EquationId, List, at};
+use pe_ir::index::{self, EquationId, List, StateId, at};
 use pe_ir::model::{Expr, Model, Rate, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -58,7 +58,7 @@ pub fn build(
     let mut graph = joined(first, rest, continuous);
     for (index, output) in model.outputs.iter().enumerate() {
         if let Variable::State(state) = output.variable {
-            graph.outputs[index] = graph.states[at(state)].1;
+            graph.outputs[index] = graph.states[state].1;
         }
     }
     let mut graph = prune(graph);
@@ -96,9 +96,9 @@ fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
 /// step and read one another in a circle are computed apart and moved into place afterwards.
 fn samples(model: &Model, apart: bool) -> Plan<'_> {
     let mut plan = Plan::new(model);
-    let before = (0..model.states.len() as u32).map(Variable::State).collect();
+    let before = model.states.ids().map(Variable::State).collect();
     let mut point = Point::new(before, BEFORE);
-    let sampled = model.continuous_states()..model.states.len();
+    let sampled = model.states.ids().skip(model.continuous_states());
     let ticks: BTreeMap<u32, u32> = model.ticks().map(|(rate, _)| rate).zip(tick_inputs(model)).collect();
     let circles = circles(model);
     for (rate, tick) in &ticks {
@@ -108,28 +108,27 @@ fn samples(model: &Model, apart: bool) -> Plan<'_> {
             ticked::ends(&mut plan, *rate, Variable::Input(*tick));
         }
     }
-    let rest: Vec<usize> = sampled.filter(|index| plan.ends[*index].is_none()).collect();
+    let rest: Vec<StateId> = sampled.filter(|index| plan.ends[*index].is_none()).collect();
     let readers = rest.iter().map(|index| &model.states[*index].derivative);
     plan.algebraics(&mut point, readers, false);
     let mut moved = Vec::new();
     for index in rest {
         let state = &model.states[index];
-        let number = index::number(index);
-        let own = Variable::State(number);
+        let own = Variable::State(index);
         let next = state.derivative.renamed(&|variable| point.variable(variable));
         let change = || Expr::sum(vec![next.clone(), times(-1.0, own)]);
         match state.rate.and_then(|rate| ticks.get(&rate)) {
             Some(tick) => {
-                plan.end(number, Some(own), Expr::product(vec![of(Variable::Input(*tick)), change()]));
+                plan.end(index, Some(own), Expr::product(vec![of(Variable::Input(*tick)), change()]));
             }
-            None if apart && circles[index] > 0 => {
-                moved.push((number, plan.added(number, format!("{}.change", state.name), own, change())));
+            None if apart && circles[index.index()] > 0 => {
+                moved.push((index, plan.added(index, format!("{}.change", state.name), own, change())));
             }
-            None if circles[index] > 0 => {
-                plan.end(number, Some(own), change());
+            None if circles[index.index()] > 0 => {
+                plan.end(index, Some(own), change());
             }
             None => {
-                plan.end(number, None, next);
+                plan.end(index, None, next);
             }
         }
     }
@@ -165,7 +164,7 @@ pub fn coupled(model: &Model) -> Vec<Vec<usize>> {
     let mut arcs = |from: usize, expr: &Expr| {
         expr.each_variable(&mut |variable| {
             let to = match variable {
-                Variable::State(state) if at(state) >= first => at(state),
+                Variable::State(state) if state.index() >= first => state.index(),
                 Variable::Algebraic(algebraic) => states + at(algebraic),
                 _ => return,
             };
@@ -199,17 +198,20 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
         .map(|equation| known.get(&equation.name).copied().unwrap_or_else(|| graph.equations.push(equation.clone())))
         .collect();
     let owner = |value: &Value| value.equation.map(|equation| equations[equation]);
-    let state = |number: u32| if at(number) < continuous { number } else { number + index::number(sampled) };
-    let memories: Vec<(ValueId, ValueId)> = (continuous..rest.states.len())
-        .map(|memory| {
-            let number = state(index::number(memory));
-            let owner = owner(rest.value(rest.states[memory].0));
+    let state = |state: StateId| if state.index() < continuous { state } else { state.behind(index::number(sampled)) };
+    let memories: Vec<(ValueId, ValueId)> = rest
+        .states
+        .numbered()
+        .skip(continuous)
+        .map(|(memory, (start, _))| {
+            let number = state(memory);
+            let owner = owner(rest.value(*start));
             (push(&mut graph, Role::State(number), owner, false), push(&mut graph, Role::Next(number), owner, false))
         })
         .collect();
     graph.states.extend(memories);
-    graph.initial.extend(&rest.initial[continuous..]);
-    graph.names.states.extend_from_slice(&rest.names.states[continuous..]);
+    graph.initial.extend(rest.initial.iter().skip(continuous).copied());
+    graph.names.states.extend(rest.names.states.iter().skip(continuous).cloned());
     graph.names.auxiliaries.extend_from_slice(&rest.names.auxiliaries);
     debug_assert_eq!(at(states), continuous + sampled);
     let values: Vec<ValueId> = rest
@@ -217,12 +219,12 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
         .iter()
         .map(|value| {
             let role = match value.role {
-                Role::State(number) => return graph.states[at(state(number))].0,
-                Role::Next(number) => return graph.states[at(state(number))].1,
+                Role::State(number) => return graph.states[state(number)].0,
+                Role::Next(number) => return graph.states[state(number)].1,
                 Role::Input(number) => {
                     return match at(number).checked_sub(inputs) {
                         None => graph.inputs[at(number)],
-                        Some(held) => graph.states[continuous + held].1,
+                        Some(held) => graph.states[StateId::at(continuous + held)].1,
                     };
                 }
                 Role::Auxiliary(number) => Role::Auxiliary(auxiliaries + number),

@@ -123,7 +123,7 @@ fn sharing_pays(
         let mut cost = if share { Nested::of(own).cost() } else { 0 };
         for reader in readers {
             let expr = match *reader {
-                Variable::State(s) => &model.states[at(s)].derivative,
+                Variable::State(s) => &model.states[s].derivative,
                 Variable::Algebraic(a) => &model.algebraics[at(a)].expr,
                 Variable::Input(_) => continue,
             };
@@ -159,8 +159,8 @@ impl Readers {
         for (index, algebraic) in model.algebraics.iter().enumerate() {
             visit(&algebraic.expr, Variable::Algebraic(number(index)));
         }
-        for (index, state) in model.states.iter().enumerate() {
-            visit(&state.derivative, Variable::State(number(index)));
+        for (index, state) in model.states.numbered() {
+            visit(&state.derivative, Variable::State(index));
         }
         Readers { readers }
     }

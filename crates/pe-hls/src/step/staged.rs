@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::graph::{StageForm, StepGraph, ValueId};
-use pe_ir::index::{self, at};
+use pe_ir::index::{self, StateId, at};
 use pe_ir::model::{Model, Solver, Variable};
 use pe_ir::motion::Motion;
 use pe_ir::source::Diagnostic;
@@ -65,11 +65,11 @@ pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diag
     let mut current: Vec<ValueId> = builder.graph.states.iter().map(|(state, _)| *state).collect();
     let parts = if form.cost.form == StageForm::Increments { motion::abscissae(model.solver) } else { &[] };
     let moved = motion::chains(&mut builder, model, parts);
-    let rests = |index: usize| model.states[index].motion.is_some_and(Motion::rests);
-    let swept = |index: usize| model.states[index].motion.is_some_and(Motion::is_swept);
+    let rests = |index: usize| model.states[StateId::at(index)].motion.is_some_and(Motion::rests);
+    let swept = |index: usize| model.states[StateId::at(index)].motion.is_some_and(Motion::is_swept);
     for (number, rows) in (1..).zip(&form.stages) {
         let last = number == form.stages.len() as u8;
-        let row = |index: usize| match moved.get(&(1f64.to_bits(), index)).filter(|_| last) {
+        let row = |index: usize| match moved.get(&(1f64.to_bits(), StateId::at(index))).filter(|_| last) {
             Some(end) => *end,
             None if rests(index) => current[index],
             None => builder.row(index, (number, last), rows, &current),
@@ -91,7 +91,7 @@ pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diag
                     return builder.derivative(index, &stage, &derivatives[index], &operands);
                 }
                 let part = if stage.last { Some(&1.0) } else { parts.get(usize::from(stage.number) - 1) };
-                match part.and_then(|part| moved.get(&(part.to_bits(), index))) {
+                match part.and_then(|part| moved.get(&(part.to_bits(), StateId::at(index)))) {
                     Some(value) => *value,
                     None => builder.derivative(index, &stage, &derivatives[index], &operands),
                 }

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use pe_ir::index::at;
+use pe_ir::index::{StateId, at};
 use pe_ir::model::{Expr, Model, Variable};
 
 use super::plan::{Plan, of, times};
@@ -33,20 +33,20 @@ pub fn ends(plan: &mut Plan, rate: u32, tick: Variable) -> bool {
     }
     for state in sampled(model, rate) {
         let own = Variable::State(state);
-        let next = ticked.expr(&model.states[at(state)].derivative);
+        let next = ticked.expr(&model.states[state].derivative);
         plan.end(state, Some(own), Expr::sum(vec![next, times(-1.0, ticked.known[&own])]));
     }
     true
 }
 
 /// The states of a rate.
-fn sampled(model: &Model, rate: u32) -> impl Iterator<Item = u32> + '_ {
-    (0..).zip(&model.states).filter(move |(_, state)| state.rate == Some(rate)).map(|(number, _)| number)
+fn sampled(model: &Model, rate: u32) -> impl Iterator<Item = StateId> + '_ {
+    model.states.numbered().filter(move |(_, state)| state.rate == Some(rate)).map(|(number, _)| number)
 }
 
 fn name(model: &Model, variable: Variable) -> &str {
     match variable {
-        Variable::State(state) => &model.states[at(state)].name,
+        Variable::State(state) => &model.states[state].name,
         Variable::Input(input) => &model.inputs[at(input)].name,
         Variable::Algebraic(algebraic) => &model.algebraics[at(algebraic)].name,
     }
@@ -56,9 +56,9 @@ fn name(model: &Model, variable: Variable) -> &str {
 /// computed.
 struct Readers {
     /// States and inputs.
-    leaves: BTreeMap<Variable, u32>,
+    leaves: BTreeMap<Variable, StateId>,
     /// Algebraic variables, in dependency order.
-    algebraics: BTreeMap<u32, u32>,
+    algebraics: BTreeMap<u32, StateId>,
 }
 
 impl Readers {
@@ -67,7 +67,7 @@ impl Readers {
         let mut readers = Readers { leaves: BTreeMap::new(), algebraics: BTreeMap::new() };
         let mut states = 0;
         for state in sampled(model, rate) {
-            let row = &model.states[at(state)].derivative;
+            let row = &model.states[state].derivative;
             if !is_affine(row) {
                 return None;
             }
@@ -88,7 +88,7 @@ impl Readers {
         (readers.leaves.len() <= READ_PER_STATE * states).then_some(readers)
     }
 
-    fn visit(&mut self, expr: &Expr, reader: u32) {
+    fn visit(&mut self, expr: &Expr, reader: StateId) {
         expr.each_variable(&mut |variable| {
             let owner = match variable {
                 Variable::Algebraic(algebraic) => self.algebraics.entry(algebraic).or_insert(reader),

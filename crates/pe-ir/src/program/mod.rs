@@ -12,7 +12,7 @@ pub use shape::{shape, shapes};
 pub use text::read;
 
 use crate::functions::Segments;
-use crate::index::{List, PeId, PortId, at};
+use crate::index::{List, PeId, PortId, StateId, at};
 use crate::word::{Latency, WordFormat};
 
 /// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds.
@@ -303,7 +303,7 @@ pub struct Program {
     /// Outputs.
     pub outputs: Vec<OutputPort>,
     /// Registers of the states.
-    pub states: Vec<StateRegister>,
+    pub states: List<StateId, StateRegister>,
     /// Names of values, for notes.
     pub names: Vec<String>,
 }

@@ -209,7 +209,7 @@ impl Program {
             pes: List::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
-            states: Vec::new(),
+            states: List::new(),
             names: Vec::new(),
         }
     }

@@ -60,7 +60,7 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<Mapping, TextError> 
             return Err(line.error(format!("expected the number of a PE below that of equations, {}", labels.len())));
         }
         if pe_of[equation].replace(pe).is_some() {
-            return Err(line.error_at(place, format!("{} has a PE already", labels.text(equation.number()))));
+            return Err(line.error_at(place, format!("{} already has a PE", labels.text(equation.number()))));
         }
         pes = pes.max(pe.number() + 1);
     }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::index;
+use crate::index::{self, List, StateId};
 use crate::model::{
     Algebraic, Expr, Input, Interpolation, Model, Output, Phase, Rate, Signal, Solver, State, Variable,
 };
@@ -47,7 +47,7 @@ impl Printer<'_> {
 
     fn variable(&self, variable: Variable) -> String {
         match variable {
-            Variable::State(state) => self.states.text(state).to_owned(),
+            Variable::State(state) => self.states.text(state.number()).to_owned(),
             Variable::Input(input) => self.inputs.text(input).to_owned(),
             Variable::Algebraic(algebraic) => self.algebraics.text(algebraic).to_owned(),
         }
@@ -69,8 +69,8 @@ impl Printer<'_> {
             Motion::Clock => "clock".to_owned(),
             Motion::Sine(speed) => format!("sine {}", number(speed)),
             Motion::Cosine(speed) => format!("cosine {}", number(speed)),
-            Motion::SweptSine(state) => format!("swept_sine {}", self.states.text(state)),
-            Motion::SweptCosine(state) => format!("swept_cosine {}", self.states.text(state)),
+            Motion::SweptSine(state) => format!("swept_sine {}", self.states.text(state.number())),
+            Motion::SweptCosine(state) => format!("swept_cosine {}", self.states.text(state.number())),
             Motion::Held(source) => format!("held {}", self.source(source)),
             Motion::Line(source) => format!("line {}", self.source(source)),
             Motion::Before(source) => format!("before {}", self.source(source)),
@@ -236,7 +236,7 @@ impl Reader {
     }
 
     fn variable(&self, label: &str) -> Option<Variable> {
-        let state = self.states.find(label).map(Variable::State);
+        let state = self.states.find(label).map(|state| Variable::State(StateId::new(state)));
         let input = || self.inputs.find(label).map(Variable::Input);
         state.or_else(input).or_else(|| self.algebraics.find(label).map(Variable::Algebraic))
     }
@@ -252,6 +252,10 @@ impl Reader {
         Ok(expr)
     }
 
+    fn state_named(&self, line: &mut Line) -> Result<StateId, TextError> {
+        self.states.read(line, "a state").map(StateId::new)
+    }
+
     fn source(&self, line: &mut Line) -> Result<Source, TextError> {
         match line.one_of(&["input", "signal"])? {
             0 => self.inputs.read(line, "an input").map(Source::Input),
@@ -264,8 +268,8 @@ impl Reader {
             "clock" => Motion::Clock,
             "sine" => Motion::Sine(line.number()?),
             "cosine" => Motion::Cosine(line.number()?),
-            "swept_sine" => Motion::SweptSine(self.states.read(line, "a state")?),
-            "swept_cosine" => Motion::SweptCosine(self.states.read(line, "a state")?),
+            "swept_sine" => Motion::SweptSine(self.state_named(line)?),
+            "swept_cosine" => Motion::SweptCosine(self.state_named(line)?),
             "held" => Motion::Held(self.source(line)?),
             "line" => Motion::Line(self.source(line)?),
             "before" => Motion::Before(self.source(line)?),
@@ -370,7 +374,7 @@ impl Reader {
         let label = line.name("a name")?;
         let variable = if line.take_word("of") {
             match line.one_of(&["state", "input", "algebraic"])? {
-                0 => Variable::State(self.states.read(line, "a state")?),
+                0 => Variable::State(self.state_named(line)?),
                 1 => Variable::Input(self.inputs.read(line, "an input")?),
                 _ => Variable::Algebraic(self.algebraics.read(line, "an algebraic variable")?),
             }
@@ -394,7 +398,7 @@ fn empty() -> Model {
         step: 0.0,
         phases: Vec::new(),
         span: 0.0,
-        states: Vec::new(),
+        states: List::new(),
         rates: Vec::new(),
         algebraics: Vec::new(),
         inputs: Vec::new(),

@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use crate::functions::{Lookup, ScalarFunction, Segments, Table};
 use crate::graph::{Chain, Equation, Factor, FormCost, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
-use crate::index::{self, EquationId, List};
+use crate::index::{self, EquationId, List, StateId};
 use crate::model::Variable;
 use crate::verify;
 
@@ -81,11 +81,11 @@ impl Printer<'_> {
             writeln!(f, "pre_adder")?;
         }
         if let Some((state, magnitude)) = graph.constant_pivot {
-            writeln!(f, "constant_pivot {} magnitude {}", self.states.text(state), number(magnitude))?;
+            writeln!(f, "constant_pivot {} magnitude {}", self.states.text(state.number()), number(magnitude))?;
         }
         let value = |value: ValueId| self.values.value(value);
-        for (index, ((start, end), initial)) in graph.states.iter().zip(&graph.initial).enumerate() {
-            let label = called(&self.states, index, &graph.names.states[index]);
+        for ((index, (start, end)), initial) in graph.states.numbered().zip(&graph.initial) {
+            let label = called(&self.states, index.index(), &graph.names.states[index]);
             writeln!(f, "state {label} initial {} start {} end {}", number(*initial), value(*start), value(*end))?;
         }
         for (index, input) in graph.inputs.iter().enumerate() {
@@ -116,13 +116,14 @@ impl Printer<'_> {
     }
 
     fn role(&self, role: Role) -> String {
-        let state = |kind: &str, state, number| format!("{kind} {} {number}", self.states.text(state));
+        let state =
+            |kind: &str, state: StateId, number| format!("{kind} {} {number}", self.states.text(state.number()));
         match role {
-            Role::State(of) => format!("state {}", self.states.text(of)),
+            Role::State(of) => format!("state {}", self.states.text(of.number())),
             Role::Stage(of, stage) => state("stage", of, u32::from(stage)),
             Role::Sum(of, stage) => state("sum", of, u32::from(stage)),
             Role::Interim(of, stage) => state("interim", of, u32::from(stage)),
-            Role::Next(of) => format!("next {}", self.states.text(of)),
+            Role::Next(of) => format!("next {}", self.states.text(of.number())),
             Role::Algebraic(of, stage) => format!("algebraic {} {stage}", self.algebraics.text(of)),
             Role::Inner(of, serial) => format!("inner {} {serial}", self.equations.text(of.number())),
             Role::Partial(of, serial) => format!("partial {} {serial}", self.equations.text(of.number())),
@@ -140,7 +141,7 @@ impl Printer<'_> {
         let functions = &self.graph.functions;
         for function in &functions.exact {
             let (kind, of) = match function.variable {
-                Variable::State(of) => ("state", of),
+                Variable::State(of) => ("state", of.number()),
                 Variable::Input(of) => ("input", of),
                 Variable::Algebraic(of) => ("algebraic", of),
             };
@@ -366,7 +367,7 @@ impl Reader {
             }
             "pre_adder" => graph.pre_adder = true,
             "constant_pivot" => {
-                graph.constant_pivot = Some((self.states.read(line, "a state")?, line.keyed_number("magnitude")?));
+                graph.constant_pivot = Some((self.state(line)?, line.keyed_number("magnitude")?));
             }
             "state" => {
                 graph.names.states.push(read_called(line)?);
@@ -424,11 +425,11 @@ impl Reader {
 
     fn value(&self, line: &mut Line) -> Result<Value, TextError> {
         let role = match ROLES[line.one_of(&ROLES)?] {
-            "state" => Role::State(self.states.read(line, "a state")?),
-            "stage" => Role::Stage(self.states.read(line, "a state")?, line.integer()?),
-            "sum" => Role::Sum(self.states.read(line, "a state")?, line.integer()?),
-            "interim" => Role::Interim(self.states.read(line, "a state")?, line.integer()?),
-            "next" => Role::Next(self.states.read(line, "a state")?),
+            "state" => Role::State(self.state(line)?),
+            "stage" => Role::Stage(self.state(line)?, line.integer()?),
+            "sum" => Role::Sum(self.state(line)?, line.integer()?),
+            "interim" => Role::Interim(self.state(line)?, line.integer()?),
+            "next" => Role::Next(self.state(line)?),
             "algebraic" => Role::Algebraic(self.algebraics.read(line, "an algebraic variable")?, line.integer()?),
             "inner" => Role::Inner(self.equation(line)?, line.integer()?),
             "partial" => Role::Partial(self.equation(line)?, line.integer()?),
@@ -437,11 +438,15 @@ impl Reader {
             "constant" => Role::Constant(line.number()?),
             "published" => Role::Published(self.outputs.read(line, "an output")?),
             "auxiliary" => Role::Auxiliary(self.auxiliaries.read(line, "an auxiliary quantity")?),
-            "pivot" => Role::Pivot(self.states.read(line, "a state")?, line.integer()?),
+            "pivot" => Role::Pivot(self.state(line)?, line.integer()?),
             _ => Role::Column(line.integer()?, line.integer()?),
         };
         let equation = if line.take_word("in") { Some(self.equation(line)?) } else { None };
         Ok(Value { role, equation, factor: line.take_word("factor") })
+    }
+
+    fn state(&self, line: &mut Line) -> Result<StateId, TextError> {
+        self.states.read(line, "a state").map(StateId::new)
     }
 
     fn equation(&self, line: &mut Line) -> Result<EquationId, TextError> {
@@ -450,9 +455,11 @@ impl Reader {
 
     fn function(line: &mut Line) -> Result<ScalarFunction, TextError> {
         let name = line.name("the name of a function")?;
-        let kind = line.one_of(&["state", "input", "algebraic"])?;
-        let of = line.integer()?;
-        let variable = [Variable::State(of), Variable::Input(of), Variable::Algebraic(of)][kind];
+        let variable = match line.one_of(&["state", "input", "algebraic"])? {
+            0 => Variable::State(line.integer()?),
+            1 => Variable::Input(line.integer()?),
+            _ => Variable::Algebraic(line.integer()?),
+        };
         line.sign("=")?;
         let body = expr::read(line, &|name| (name == ARGUMENT).then_some(variable))?;
         Ok(ScalarFunction { name, body, variable })
@@ -565,8 +572,8 @@ fn empty(step: f64, form: StageForm, stages: u32) -> StepGraph {
         values: Vec::new(),
         chains: List::new(),
         terms: Vec::new(),
-        states: Vec::new(),
-        initial: Vec::new(),
+        states: List::new(),
+        initial: List::new(),
         inputs: Vec::new(),
         outputs: Vec::new(),
         functions: Default::default(),

@@ -2,6 +2,7 @@
 
 use crate::expr::tests::functions;
 use crate::graph::StepGraph;
+use crate::index::StateId;
 use crate::model::{Expr, Function, Model, Select, Variable};
 
 use super::labels::distinct;
@@ -24,7 +25,7 @@ fn random(seed: &mut u64, depth: u32) -> Expr {
     let many = |seed: &mut u64| (0..next(seed) % 4).map(|_| random(seed, depth - 1)).collect();
     match kind {
         0 => Expr::Constant(NUMBERS[next(seed) as usize % NUMBERS.len()]),
-        1 => Expr::Variable(Variable::State(next(seed) as u32 % NAMES.len() as u32)),
+        1 => Expr::Variable(Variable::State(StateId::new(next(seed) as u32 % NAMES.len() as u32))),
         2 => Expr::Sum(many(seed)),
         3 => Expr::Product(many(seed)),
         4 => Expr::Power(Box::new(random(seed, depth - 1)), 2 + next(seed) as u32 % 5),
@@ -38,7 +39,7 @@ fn random(seed: &mut u64, depth: u32) -> Expr {
 
 fn text_of(expr: &Expr) -> String {
     expr::print(expr, &|variable| match variable {
-        Variable::State(state) => name(NAMES[state as usize]),
+        Variable::State(state) => name(NAMES[state.index()]),
         other => panic!("{other:?}"),
     })
 }
@@ -46,7 +47,7 @@ fn text_of(expr: &Expr) -> String {
 #[test]
 fn expressions_are_read_as_they_were_printed() {
     let mut seed = 1;
-    let known = |name: &str| Some(Variable::State(NAMES.iter().position(|known| *known == name)? as u32));
+    let known = |name: &str| Some(Variable::State(StateId::at(NAMES.iter().position(|known| *known == name)?)));
     for _ in 0..20_000 {
         let expr = random(&mut seed, 4);
         let text = format!("pe-synth model 1\n{}\n", text_of(&expr));
@@ -61,7 +62,7 @@ fn expressions_are_read_as_they_were_printed() {
 
 #[test]
 fn expressions_look_like_those_of_a_spec() {
-    let x = || Expr::Variable(Variable::State(0));
+    let x = || Expr::Variable(Variable::State(StateId::new(0)));
     let recip = |inner| Expr::Apply(Function::Reciprocal, Box::new(inner));
     for (expr, text) in [
         (Expr::Sum(vec![Expr::scaled(-2.0, x()), Expr::Constant(-1.0)]), "-2*x - 1"),

@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::index;
+use crate::index::{self, StateId};
 use crate::model::{Expr, Function, Model, Variable, Waveform, step_count_problem};
 use crate::motion::{Motion, Source};
 
@@ -88,7 +88,7 @@ impl Checker<'_> {
 
     fn exists(&self, variable: Variable, algebraics: usize) -> bool {
         match variable {
-            Variable::State(state) => (index::at(state)) < self.model.states.len(),
+            Variable::State(state) => self.model.states.find(state).is_some(),
             Variable::Input(input) => (index::at(input)) < self.model.inputs.len(),
             Variable::Algebraic(algebraic) => (index::at(algebraic)) < algebraics,
         }
@@ -104,10 +104,10 @@ impl Checker<'_> {
     fn states(&mut self) {
         let model = self.model;
         let continuous = model.states.iter().take_while(|state| state.rate.is_none()).count();
-        for (index, state) in model.states.iter().enumerate() {
+        for (index, state) in model.states.numbered() {
             let name = &state.name;
             self.require(state.initial.is_finite(), || format!("`{name}` does not begin with a finite number"));
-            self.require(index < continuous || state.rate.is_some(), || {
+            self.require(index.index() < continuous || state.rate.is_some(), || {
                 format!("`{name}` comes behind sampled states")
             });
             let has_rate = state.rate.is_none_or(|rate| (index::at(rate)) < model.rates.len());
@@ -119,21 +119,19 @@ impl Checker<'_> {
         }
     }
 
-    fn motion(&self, index: usize, motion: Motion) -> bool {
+    fn motion(&self, index: StateId, motion: Motion) -> bool {
         let model = self.model;
         let at = |index: Option<usize>| index.and_then(|index| model.states.get(index)).and_then(|state| state.motion);
         let source = |source: Source| match source {
             Source::Input(input) => (index::at(input)) < model.inputs.len(),
             Source::Signal(signal) => (index::at(signal)) < model.signals.len(),
         };
-        let (next, before) = (at(Some(index + 1)), at(index.checked_sub(1)));
+        let (next, before) = (at(Some(index.index() + 1)), at(index.index().checked_sub(1)));
         match motion {
             Motion::Clock => matches!(model.states[index].derivative, Expr::Constant(_)),
             Motion::Sine(speed) => speed.is_finite() && next == Some(Motion::Cosine(speed)),
             Motion::Cosine(speed) => before == Some(Motion::Sine(speed)),
-            Motion::SweptSine(line) => {
-                (index::at(line)) < model.states.len() && next == Some(Motion::SweptCosine(line))
-            }
+            Motion::SweptSine(line) => model.states.find(line).is_some() && next == Some(Motion::SweptCosine(line)),
             Motion::SweptCosine(line) => before == Some(Motion::SweptSine(line)),
             Motion::Held(of) | Motion::After(of) => source(of),
             Motion::Line(of) => source(of) && next == Some(Motion::Before(of)),

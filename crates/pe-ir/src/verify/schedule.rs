@@ -212,7 +212,7 @@ impl<'a> Checker<'a> {
         }
         // A state's word was written by the step before.
         let (source, earlier) = match info.role {
-            Role::State(s) => (self.graph.states[at(s)].1, self.schedule.period),
+            Role::State(s) => (self.graph.states[s].1, self.schedule.period),
             _ => (value, 0),
         };
         let arrival = if local { self.written(source) } else { self.received(source, pe) };

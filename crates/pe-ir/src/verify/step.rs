@@ -12,7 +12,7 @@
 //! 8. Every equation has a chain or a value.
 
 use crate::graph::{Chain, Factor, Role, StepGraph, ValueId};
-use crate::index::{self, at};
+use crate::index::{self, StateId, at};
 use crate::model::Expr;
 
 /// Returns what is wrong with a step graph; empty if nothing is.
@@ -56,7 +56,7 @@ impl Checker<'_> {
         self.require(graph.initial.iter().all(|number| number.is_finite()), || "a state has no start".to_owned());
         let pivot = graph
             .constant_pivot
-            .is_none_or(|(state, magnitude)| at(state) < graph.states.len() && magnitude.is_finite());
+            .is_none_or(|(state, magnitude)| graph.states.find(state).is_some() && magnitude.is_finite());
         self.require(pivot, || "its constant pivot is none".to_owned());
         let value = |id: ValueId| id.index() < graph.values.len();
         let ends = graph.states.iter().flat_map(|(start, end)| [*start, *end]);
@@ -67,7 +67,7 @@ impl Checker<'_> {
         });
         for (index, stored) in graph.values.iter().enumerate() {
             let known = self.role_exists(stored.role, index);
-            self.require(known, || format!("value {index} is of something that is not there"));
+            self.require(known, || format!("value {index} is of something that does not exist"));
             let fits = match stored.equation {
                 Some(equation) => graph.equations.find(equation).is_some(),
                 None => matches!(stored.role, Role::Input(_)),
@@ -97,7 +97,7 @@ impl Checker<'_> {
 
     fn role_exists(&self, role: Role, index: usize) -> bool {
         let graph = self.graph;
-        let state = |of: u32| at(of) < graph.states.len();
+        let state = |of: StateId| graph.states.find(of).is_some();
         match role {
             Role::State(of) | Role::Stage(of, _) | Role::Sum(of, _) | Role::Interim(of, _) | Role::Next(of) => {
                 state(of)

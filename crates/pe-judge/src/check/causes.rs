@@ -79,7 +79,7 @@ pub(super) fn near_singular(model: &Model, graph: &StepGraph, refusal: &Diagnost
     if magnitude >= NEAR_ZERO {
         return None;
     }
-    let index = model.states.iter().position(|own| own.name == state)?;
+    let index = model.states.ids().find(|own| model.states[*own].name == state)?;
     let place = match graph.constant_pivot {
         Some((_, constant)) if constant <= magnitude => format!("is {magnitude:.1e} in every step"),
         _ => format!("falls to {magnitude:.1e} at t = {time:.6e} s"),

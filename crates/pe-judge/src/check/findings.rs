@@ -1,6 +1,7 @@
 //! Findings from what the check found.
 
 use pe_ir::codes;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::linear::is_affine;
@@ -93,7 +94,7 @@ impl Check {
     /// The step is close to where runs leave the solution.
     fn near_limit(&self, model: &Model) -> Option<Diagnostic> {
         let found = self.found.filter(|found| found.unstable.is_some() && model.step > NEAR * found.stable)?;
-        let state = self.prediction.limit.as_ref().map_or(0, |limit| limit.state);
+        let state = self.prediction.limit.as_ref().map_or(StateId::new(0), |limit| limit.state);
         let message = format!(
             "the step of {:e} s is {:.2} of the largest stable one, {:.2e} s; `{}` would diverge first",
             model.step,
@@ -219,7 +220,7 @@ impl Check {
             .filter(|()| causes::is_symptom(&refusal))
             .and_then(|()| causes::end_of_solution(model, trusted, std::slice::from_ref(&refusal)))
         {
-            return solution_ends(model, state, time);
+            return solution_ends(model, StateId::at(state), time);
         }
         let certain = is_affine(model)
             || observed::is_still(model, trusted)
@@ -297,7 +298,7 @@ pub fn factor(logarithm: f64) -> String {
 }
 
 /// The solution itself ends within the span.
-pub(super) fn solution_ends(model: &Model, state: usize, time: f64) -> Diagnostic {
+pub(super) fn solution_ends(model: &Model, state: StateId, time: f64) -> Diagnostic {
     let state = &model.states[state];
     let message = format!("the solution ends at t = {time:.6e} s: `{}` leaves all bounds there", state.name);
     let help = format!(

@@ -19,6 +19,7 @@ mod trials;
 mod trusted;
 
 use pe_ir::codes;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 
@@ -118,7 +119,7 @@ impl Check {
         }
         let trusted = Trusted::of(model, None);
         if let Some((time, state)) = causes::end_of_solution(model, &trusted, &refusals) {
-            return vec![findings::solution_ends(model, state, time)];
+            return vec![findings::solution_ends(model, StateId::at(state), time)];
         }
         let prediction = Prediction::of(model, &trusted);
         let found =

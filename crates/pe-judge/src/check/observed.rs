@@ -2,7 +2,7 @@
 //! sensitivity to the last bit.
 
 use pe_ir::graph::{FixedPoint, StepGraph};
-use pe_ir::index;
+use pe_ir::index::{self, StateId};
 use pe_ir::model::{Model, State, Variable};
 use pe_ir::place::Place;
 use pe_sim::double::DoubleRun;
@@ -45,7 +45,7 @@ const PRODUCTS: u64 = 400_000_000;
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeadBand {
     /// The state.
-    pub state: usize,
+    pub state: StateId,
     /// First time at which its increment is lost, in seconds.
     pub time: f64,
     /// Part of the run in which increments are below one LSB.
@@ -58,8 +58,9 @@ pub struct DeadBand {
 pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted: &Trusted) -> Vec<DeadBand> {
     let states = model.states.len();
     let points = trusted.points((NUMBERS / states.max(1)).clamp(FEWEST_POINTS, POINTS));
-    let mut found: Vec<DeadBand> =
-        (0..states).map(|state| DeadBand { state, time: f64::INFINITY, part: 0.0, loss: 0.0 }).collect();
+    let mut found: Vec<DeadBand> = (0..states)
+        .map(|state| DeadBand { state: StateId::at(state), time: f64::INFINITY, part: 0.0, loss: 0.0 })
+        .collect();
     let mut largest = vec![0.0f64; states];
     let weight = 1.0 / points.len() as f64;
     for point in &points {
@@ -73,7 +74,7 @@ pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted:
         for (state, dead) in found.iter_mut().enumerate() {
             largest[state] = largest[state].max(at[state].abs());
             let increment = (step * linear.derivatives[state]).abs();
-            let lsb = libm::scalbn(1.0, fixed.exponents[graph.states[state].0.index()]);
+            let lsb = libm::scalbn(1.0, fixed.exponents[graph.states[StateId::at(state)].0.index()]);
             if increment > 0.0 && increment < lsb {
                 dead.part += weight;
                 if increment < 0.5 * lsb {
@@ -83,7 +84,7 @@ pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted:
             }
         }
     }
-    found.iter_mut().for_each(|dead| dead.loss /= largest[dead.state].max(f64::MIN_POSITIVE));
+    found.iter_mut().for_each(|dead| dead.loss /= largest[dead.state.index()].max(f64::MIN_POSITIVE));
     found.retain(|dead| dead.part > DEAD_PART && dead.loss > DEAD_LOSS);
     found.sort_by(|a, b| b.loss.total_cmp(&a.loss).then(a.state.cmp(&b.state)));
     found
@@ -163,9 +164,9 @@ fn magnitudes(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, po
     let inputs: Vec<Vec<f64>> = (0..model.tick_cycle()?).map(input).collect();
     let step = |at: &[f64]| {
         let mut run = run.borrow_mut();
-        at.iter().enumerate().for_each(|(index, number)| run.set_state(index, *number));
+        at.iter().enumerate().for_each(|(index, number)| run.set_state(StateId::at(index), *number));
         let finite = inputs.iter().all(|inputs| run.step(inputs).is_ok());
-        (0..states).map(|index| if finite { run.state(index) } else { f64::NAN }).collect::<Vec<f64>>()
+        (0..states).map(|index| if finite { run.state(StateId::at(index)) } else { f64::NAN }).collect::<Vec<f64>>()
     };
     // An affine step is the same everywhere; of others a difference quotient around the point is taken.
     let at = if affine { vec![0.0; states] } else { trusted.at(point).to_vec() };
@@ -176,8 +177,13 @@ fn magnitudes(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, po
         let moved: Vec<f64> = (0..states).map(|i| at[i] + size * scales[i] * vector[i]).collect();
         let after = step(&moved);
         // No mode of the model moves states that stand for signals.
-        let moved =
-            |i: usize| if model.states[i].motion.is_none() { (after[i] - origin[i]) / (size * scales[i]) } else { 0.0 };
+        let moved = |i: usize| {
+            if model.states[StateId::at(i)].motion.is_none() {
+                (after[i] - origin[i]) / (size * scales[i])
+            } else {
+                0.0
+            }
+        };
         (0..states).map(moved).collect()
     };
     let values = if states <= COLUMNS {
@@ -223,7 +229,8 @@ pub fn may_be_sensitive(graph: &StepGraph, judged: &Judged, trusted: &Trusted) -
     let (scales, fixed) = (scales(trusted), &judged.fixed);
     // The lowest bit that a data port sees: below it words are rounded whenever they are read.
     let lsb = |(index, scale): (usize, &f64)| {
-        libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()] + fixed.format.data_drop() as i32) / scale
+        libm::scalbn(1.0, fixed.exponents[graph.states[StateId::at(index)].0.index()] + fixed.format.data_drop() as i32)
+            / scale
     };
     let coarsest = scales.iter().enumerate().map(lsb).fold(0.0, f64::max);
     if judged.errors.word_length < MULTIPLIED * SENSITIVE * coarsest {
@@ -263,7 +270,9 @@ pub fn chaos(
 ) -> Option<Chaos> {
     let (scales, rate) = (scales(trusted), sensitivity.rate?);
     let of = |fixed: &FixedPoint| {
-        let lsb = |index: usize| libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()]) / scales[index];
+        let lsb = |index: usize| {
+            libm::scalbn(1.0, fixed.exponents[graph.states[StateId::at(index)].0.index()]) / scales[index]
+        };
         (0..scales.len()).map(lsb).fold(0.0, f64::max)
     };
     let lsb = fixed.map_or(libm::scalbn(1.0, -31), of);

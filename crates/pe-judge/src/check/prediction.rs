@@ -1,5 +1,6 @@
 //! What the eigenvalues of the Jacobian say about steps.
 
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Solver};
 use pe_sim::linear::{Linearised, is_affine};
 use pe_sim::spectrum::{eigenvalues, outer_eigenvalues};
@@ -68,7 +69,7 @@ pub struct Limit {
     /// Real and imaginary part of the eigenvalue, in 1/s.
     pub eigenvalue: (f64, f64),
     /// The state that moves most in the fastest mode at that time.
-    pub state: usize,
+    pub state: StateId,
 }
 
 /// What is known from the model linearised along a trajectory.
@@ -244,7 +245,7 @@ fn damped(values: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 }
 
 /// The state that moves most when the fastest mode of a linearised model decays; no mode grows faster than `rightmost`.
-fn fastest_state(linear: &Linearised, rightmost: f64) -> usize {
+fn fastest_state(linear: &Linearised, rightmost: f64) -> StateId {
     let mut vector: Vec<f64> = (0..linear.states()).map(|index| 1.0 + 0.1 * libm::sin(index as f64)).collect();
     for _ in 0..POWER_STEPS {
         let mut next = linear.product(&vector);
@@ -257,7 +258,7 @@ fn fastest_state(linear: &Linearised, rightmost: f64) -> usize {
         vector = next.into_iter().map(|number| number / largest).collect();
     }
     let largest = vector.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    largest.map_or(0, |(index, _)| index)
+    StateId::at(largest.map_or(0, |(index, _)| index))
 }
 
 /// An eigenvalue in words.

@@ -5,6 +5,7 @@
 //! from states of the run, until the slowest pole has passed below half an LSB.
 
 use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_sim::fixed::FixedRun;
 use pe_sim::linear::{Linearised, samples_are_affine};
@@ -44,7 +45,7 @@ pub enum Rest {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ringing {
     /// The state.
-    pub state: usize,
+    pub state: StateId,
     /// Largest magnitude in LSB of the storage bits.
     pub lsb: i64,
     /// Steps after which all words repeat; none if that takes longer than was watched.
@@ -96,8 +97,10 @@ pub(super) fn settled(
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let small = (0..STARTS as i32).map(|start| {
         let mut scaled = |value: &f64| libm::scalbn(*value * random.random_range(-1.0..1.0), SMALL - start);
-        graph.states[..model.states.len()]
+        graph
+            .states
             .iter()
+            .take(model.states.len())
             .map(|(state, _)| scaled(&judged.largest[state.index()]))
             .collect::<Vec<f64>>()
     });
@@ -125,7 +128,7 @@ impl<'a> Quiet<'a> {
     fn from(model: &'a Model, graph: &'a StepGraph, fixed: &'a FixedPoint, states: &[f64]) -> Quiet<'a> {
         let mut run = FixedRun::new(graph, fixed);
         for (index, number) in states.iter().enumerate() {
-            run.set_state(index, *number);
+            run.set_state(StateId::at(index), *number);
         }
         Quiet { model, graph, fixed, run, steps: 0 }
     }
@@ -134,7 +137,7 @@ impl<'a> Quiet<'a> {
         // Memories of the method stand behind the states of the model.
         let continuous = 0..self.model.continuous_states();
         for index in continuous.chain(self.model.states.len()..self.graph.states.len()) {
-            self.run.set_state(index, 0.0);
+            self.run.set_state(StateId::at(index), 0.0);
         }
         let ticks = self.model.ticks().map(|(_, steps)| f64::from(u8::from(self.steps.is_multiple_of(steps))));
         let numbers = self.model.inputs.iter().map(|_| 0.0).chain(ticks);
@@ -147,7 +150,7 @@ impl<'a> Quiet<'a> {
     /// Words of the sampled states.
     fn words(&self) -> Vec<i64> {
         let states = self.model.continuous_states()..self.model.states.len();
-        states.map(|index| self.run.word(self.graph.states[index].0)).collect()
+        states.map(|index| self.run.word(self.graph.states[StateId::at(index)].0)).collect()
     }
 
     /// The state that is farthest from zero while it is watched after a quiet time.
@@ -157,7 +160,7 @@ impl<'a> Quiet<'a> {
         let half = if format.guard_bits == 0 { 0 } else { 1i64 << (format.guard_bits - 1) };
         let lsb = |word: &i64| ((word - format.data_offset() + half) >> format.guard_bits).abs();
         let (first, phase) = (self.words(), self.steps);
-        let mut worst = Ringing { state: 0, lsb: 0, period: None };
+        let mut worst = Ringing { state: StateId::new(0), lsb: 0, period: None };
         let cycle = self.model.tick_cycle().unwrap_or(u64::MAX);
         for _ in 0..watched {
             self.step();
@@ -165,7 +168,7 @@ impl<'a> Quiet<'a> {
             for (index, word) in words.iter().enumerate() {
                 if lsb(word) > worst.lsb {
                     worst.lsb = lsb(word);
-                    worst.state = self.model.continuous_states() + index;
+                    worst.state = StateId::at(self.model.continuous_states() + index);
                 }
             }
             let done = self.steps - phase;

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
-use pe_ir::index;
+use pe_ir::index::{self, StateId};
 use pe_ir::model::{Model, Solver};
 use pe_sim::double::DoubleRun;
 
@@ -183,7 +183,7 @@ impl<'a> Trials<'a> {
             let time = model.time(done - 1, 0.0);
             let finite = run.step(&model.sample_inputs(time)).is_ok();
             let looks = done % stride == 0 || done == steps;
-            let inside = |index| (self.low[index]..=self.high[index]).contains(&run.state(index));
+            let inside = |index: usize| (self.low[index]..=self.high[index]).contains(&run.state(StateId::at(index)));
             if !finite || (looks && !(0..self.low.len()).all(inside)) {
                 return Outcome::Unstable(time);
             }

@@ -2,6 +2,7 @@
 //! reference solution where it does, or where there is no run.
 
 use pe_ir::graph::StepGraph;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_sim::error::Trajectory;
 use pe_sim::reference::{self, ReferenceError};
@@ -43,8 +44,8 @@ impl Trusted {
         if let Some((graph, judged)) = judged.filter(|(_, judged)| judged.errors.method <= TRUSTED_ERROR) {
             let mut trusted = Trusted::start(model, true);
             trusted.append(&judged.times, &judged.hardware);
-            let states = &graph.states[..model.states.len()];
-            trusted.states.largest = states.iter().map(|(state, _)| judged.largest[state.index()]).collect();
+            let states = graph.states.iter().take(model.states.len());
+            trusted.states.largest = states.map(|(state, _)| judged.largest[state.index()]).collect();
             return trusted;
         }
         let terms = (model.states.len() + model.algebraics.len()).max(1) as u64;
@@ -72,7 +73,7 @@ impl Trusted {
 
     fn start(model: &Model, own: bool) -> Trusted {
         let mut states = Trajectory::new(model.states.len());
-        states.push(|state| model.states[state].initial);
+        states.push(|state| model.states[StateId::at(state)].initial);
         Trusted { times: vec![0.0], states, own, end: None }
     }
 

@@ -8,6 +8,7 @@ use std::sync::mpsc::SyncSender;
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
 use pe_ir::graph::{StageForm, StepGraph};
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::{Compared, Rows};
@@ -139,7 +140,7 @@ impl Comparison {
             None => ("half", &self.halved),
         };
         let (worst, difference) = compared.worst();
-        let state = &model.states[worst];
+        let state = &model.states[StateId::at(worst)];
         let time = model.time(compared.since(PART * difference), 0.0);
         let message = format!(
             "the step is too large for `{}`: from t = {time:.6e} s on {part} of it changes the result by up to {difference:.1e}",

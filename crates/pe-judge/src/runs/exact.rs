@@ -6,7 +6,7 @@ use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim, Moments, Sampling};
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
-use pe_ir::index::{at, number};
+use pe_ir::index::{StateId, at, number};
 use pe_ir::model::{Model, Variable};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
@@ -135,12 +135,12 @@ fn reference_run(model: &Model, graph: &StepGraph, plan: &Plan) -> Result<Refere
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
         if samples.next_if_eq(&&done).is_some() {
-            reference.push(|state| run.state(state));
+            reference.push(|state| run.state(StateId::at(state)));
             curves.double.push(|output| run.output(output));
             sampling.add(|value| run.value(value));
         }
         if looked_at.next_if_eq(&&done).is_some() {
-            looks.push(|state| run.state(state));
+            looks.push(|state| run.state(StateId::at(state)));
         }
     }
     let largest = run.largest();

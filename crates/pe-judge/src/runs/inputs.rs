@@ -1,7 +1,7 @@
 //! Inputs: what a step sees of their signals, and signals that leave the range that the spec states for them.
 
 use pe_ir::codes;
-use pe_ir::index;
+use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Input, Interpolation, Model, State, Unseen, Variable, Waveform};
 use pe_ir::motion::{MIDDLE, Motion, Source};
 use pe_ir::source::Diagnostic;
@@ -118,14 +118,14 @@ pub(super) fn cause(model: &Model) -> Option<Cause> {
 pub(super) struct Blindness {
     /// Relative to the largest magnitude that the state has in either run.
     pub error: f64,
-    state: usize,
+    state: StateId,
 }
 
 impl Blindness {
     /// From the comparison of a run that sees inputs as the hardware does with one that sees their means.
     pub fn of(compared: &Compared) -> Blindness {
         let (state, error) = compared.worst();
-        Blindness { error, state }
+        Blindness { error, state: StateId::at(state) }
     }
 
     /// What is said about it, if it is worth a word.
@@ -193,7 +193,7 @@ pub(super) fn too_fast(model: &Model) -> Option<Diagnostic> {
     let frequency = |state: &State| match state.motion {
         Some(Motion::Sine(rate)) => Some(rate.abs() / (2.0 * core::f64::consts::PI)),
         Some(Motion::SweptSine(speed)) => {
-            let source = model.states[index::at(speed)].motion.and_then(Motion::source)?;
+            let source = model.states[speed].motion.and_then(Motion::source)?;
             Some(model.waveform(source).bounds().1 / (2.0 * core::f64::consts::PI))
         }
         _ => None,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use pe_hls::rounding::Aim;
 use pe_ir::graph::FixedPoint;
+use pe_ir::index::StateId;
 use pe_ir::source::Diagnostic;
 use pe_sim::error::Trajectory;
 
@@ -14,7 +15,7 @@ use crate::proof::Proof;
 #[derive(Clone, Copy, Debug)]
 pub struct Errors {
     /// State with the largest word-length error.
-    pub worst_state: usize,
+    pub worst_state: StateId,
     /// Fixed point against double precision with exact coefficients, same step: rounding and coefficients together.
     pub word_length: f64,
     /// The part of it that quantised coefficients alone cause.

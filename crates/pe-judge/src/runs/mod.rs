@@ -31,6 +31,7 @@ use std::sync::mpsc::sync_channel;
 
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Severity};
 use pe_ir::word::WordFormat;
@@ -148,7 +149,7 @@ impl Exact {
             input_hold: hold_to_date,
         };
         let errors = Errors {
-            worst_state,
+            worst_state: StateId::at(worst_state),
             word_length,
             coefficient: quantised.worst().1,
             at_end: (word.at_end(), quantised.at_end()),
@@ -233,7 +234,7 @@ impl Exact {
         if errors.word_length <= WORD_ERROR_WARNED {
             return None;
         }
-        if let Some(finding) = reasons::too_small(model, errors.worst_state, self.scales[errors.worst_state]) {
+        if let Some(finding) = reasons::too_small(model, errors.worst_state, self.scales[errors.worst_state.index()]) {
             return Some(finding);
         }
         let state = &model.states[errors.worst_state];

@@ -2,6 +2,7 @@
 
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::error::Trajectory;
@@ -32,7 +33,8 @@ pub(super) fn chaotic(
     (scales, rate): (&[f64], f64),
     (double, hardware): (&Trajectory, &Trajectory),
 ) -> Option<Diagnostic> {
-    let lsb = |index: usize| libm::scalbn(1.0, fixed.exponents[graph.states[index].0.index()]) / scales[index];
+    let lsb =
+        |index: usize| libm::scalbn(1.0, fixed.exponents[graph.states[StateId::at(index)].0.index()]) / scales[index];
     let largest = (0..scales.len()).map(lsb).fold(f64::MIN_POSITIVE, f64::max);
     let divergence = libm::log(APART / largest) / rate;
     // The state whose statistics differ most.
@@ -47,18 +49,22 @@ pub(super) fn chaotic(
         "the model is chaotic: a difference of one LSB grows by e every {:.2e} s, so that values mean nothing after t = {divergence:.3e} s; \
          {verdict}: `{}` has mean {:.3e} and standard deviation {:.3e} in double precision, {:.3e} and {:.3e} in fixed point",
         1.0 / rate,
-        model.states[worst].name,
+        model.states[StateId::at(worst)].name,
         should.0,
         should.1,
         is.0,
         is.1
     );
     let help = format!("judge trajectories over `--span {:.1e}` at most, and longer runs by averages", divergence);
-    Some(Diagnostic::error(codes::CHAOTIC, model.states[worst].span, message).with_help(help).into_warning())
+    Some(
+        Diagnostic::error(codes::CHAOTIC, model.states[StateId::at(worst)].span, message)
+            .with_help(help)
+            .into_warning(),
+    )
 }
 
 /// The refusal of a state whose numbers are so small that double precision itself does not hold them.
-pub(super) fn too_small(model: &Model, state: usize, scale: f64) -> Option<Diagnostic> {
+pub(super) fn too_small(model: &Model, state: StateId, scale: f64) -> Option<Diagnostic> {
     if scale == 0.0 || scale >= libm::scalbn(f64::MIN_POSITIVE, -LOST_BITS) {
         return None;
     }

@@ -2,6 +2,7 @@
 
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::graph::StepGraph;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_sim::double::DoubleRun;
 use pe_sim::linear::is_affine;
@@ -61,10 +62,11 @@ impl Sensitivity {
             let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
             let part = if state.motion.is_none() { sign * DISTURBANCE } else { 0.0 };
             let disturbed = state.initial * (1.0 + part);
-            [&mut pair, &mut fine].into_iter().for_each(|[_, other]| other.set_state(index, disturbed));
+            [&mut pair, &mut fine].into_iter().for_each(|[_, other]| other.set_state(StateId::at(index), disturbed));
         }
         let difference = |run: &DoubleRun, other: &DoubleRun| {
-            let of = |index: usize| (run.state(index) - other.state(index)).abs() / scales[index];
+            let of =
+                |index: usize| (run.state(StateId::at(index)) - other.state(StateId::at(index))).abs() / scales[index];
             (0..scales.len()).map(of).fold(0.0, f64::max)
         };
         let first = difference(&pair[0], &pair[1]);
@@ -114,7 +116,7 @@ fn disturbed_growth(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<
     let mut pair = [DoubleRun::new(graph), DoubleRun::new(graph)];
     for (index, state) in model.states.iter().enumerate() {
         let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
-        pair[1].set_state(index, state.initial * (1.0 + sign * DISTURBANCE));
+        pair[1].set_state(StateId::at(index), state.initial * (1.0 + sign * DISTURBANCE));
     }
     let stride = model.steps().div_ceil(LOOKS);
     let mut largest: f64 = 0.0;
@@ -124,7 +126,9 @@ fn disturbed_growth(model: &Model, graph: &StepGraph, scales: &[f64]) -> Option<
             run.step(&inputs).ok()?;
         }
         if done % stride == 0 || done == model.steps() {
-            let apart = |index: usize| (pair[0].state(index) - pair[1].state(index)).abs() / scales[index];
+            let apart = |index: usize| {
+                (pair[0].state(StateId::at(index)) - pair[1].state(StateId::at(index))).abs() / scales[index]
+            };
             largest = (0..scales.len()).map(apart).fold(largest, f64::max);
             if largest / DISTURBANCE >= SENSITIVE {
                 break;

@@ -188,7 +188,7 @@ impl<'a> Elements<'a> {
             let Some(reader) = elements.number(name) else { continue };
             right.each_variable(&mut |variable| {
                 let read = match variable {
-                    Variable::State(state) => model.states[at(state)].name.as_str(),
+                    Variable::State(state) => model.states[state].name.as_str(),
                     Variable::Algebraic(algebraic) => model.algebraics[at(algebraic)].name.as_str(),
                     _ => return,
                 };

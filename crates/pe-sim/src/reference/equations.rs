@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use differential_equations::linalg::Matrix;
 use differential_equations::ode::ODE;
-use pe_ir::index;
+use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Input, Model, Rate, Variable};
 
 use super::states::States;
@@ -33,7 +33,7 @@ pub(super) struct Equations<'a> {
     /// Number of states that are not sampled.
     continuous: usize,
     /// States that follow signals.
-    played: Vec<usize>,
+    played: Vec<StateId>,
     sums: Vec<Sum>,
     terms: Vec<Term>,
     factors: Vec<u32>,
@@ -62,8 +62,8 @@ impl<'a> Equations<'a> {
         let Builder { sums, terms, factors, .. } = builder;
         let continuous = model.continuous_states();
         let inputs = &model.inputs;
-        let follows = |state: &usize| model.states[*state].motion.is_some_and(|motion| motion.source().is_some());
-        let played = (0..model.states.len()).filter(follows).collect();
+        let follows = |state: &StateId| model.states[*state].motion.is_some_and(|motion| motion.source().is_some());
+        let played = model.states.ids().filter(follows).collect();
         Equations { model, inputs, states, continuous, played, sums, terms, factors, derivatives, slots }
     }
 
@@ -73,7 +73,7 @@ impl<'a> Equations<'a> {
         let slots = &mut *self.slots.borrow_mut();
         slots[..states.len()].copy_from_slice(states);
         for state in &self.played {
-            slots[*state] = self.model.signal_at(*state, within, time).unwrap_or_default();
+            slots[state.index()] = self.model.signal_at(*state, within, time).unwrap_or_default();
         }
         for (slot, declared) in slots[states.len()..].iter_mut().zip(self.inputs) {
             *slot = input(declared);
@@ -95,7 +95,7 @@ impl<'a> Equations<'a> {
         for (derivative, slot) in derivatives.iter_mut().zip(&self.derivatives) {
             *derivative = slots[index::at(*slot)];
         }
-        self.played.iter().for_each(|state| derivatives[*state] = 0.0);
+        self.played.iter().for_each(|state| derivatives[state.index()] = 0.0);
     }
 }
 
@@ -164,7 +164,7 @@ impl Builder {
 /// Slot of a variable of a model with so many states and inputs.
 fn slot(variable: Variable, states: u32, inputs: u32) -> u32 {
     match variable {
-        Variable::State(index) => index,
+        Variable::State(index) => index.number(),
         Variable::Input(index) => states + index,
         Variable::Algebraic(index) => states + inputs + index,
     }
@@ -207,9 +207,9 @@ impl Piece<'_> {
     }
 
     /// A state at a time of the piece: as it was integrated, or what the signal is that it follows.
-    pub fn state(&self, state: usize, time: f64, states: &States) -> f64 {
+    pub fn state(&self, state: StateId, time: f64, states: &States) -> f64 {
         let followed = self.equations.model.signal_at(state, self.middle(), time);
-        followed.unwrap_or(states.0[state])
+        followed.unwrap_or(states.0[state.index()])
     }
 
     /// Whether all derivatives are finite.
@@ -229,7 +229,7 @@ impl ODE<f64, States> for Piece<'_> {
     fn jacobian(&self, time: f64, states: &States, jacobian: &mut Matrix<f64>) {
         let model = self.equations.model;
         let inputs: Vec<f64> = model.inputs.iter().map(|input| input.waveform.piece(self.middle(), time)).collect();
-        let at: Vec<f64> = (0..states.0.len()).map(|state| self.state(state, time, states)).collect();
+        let at: Vec<f64> = self.equations.model.states.ids().map(|state| self.state(state, time, states)).collect();
         let columns = Linearised::with_signals(model, &at, &inputs).dense();
         let count = states.0.len();
         for (index, number) in columns.into_iter().enumerate() {

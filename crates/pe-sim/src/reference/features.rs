@@ -29,7 +29,7 @@ impl Timed<'_> {
             Variable::Input(_) => true,
             Variable::Algebraic(index) => self.algebraics.get(at(index)).is_some_and(|timed| *timed),
             Variable::State(index) => {
-                let state = &self.model.states[at(index)];
+                let state = &self.model.states[index];
                 // A state that nothing but numbers moves is a clock.
                 state.motion.is_some() || (state.rate.is_none() && state.derivative.as_constant().is_some())
             }

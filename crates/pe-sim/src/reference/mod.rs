@@ -20,6 +20,7 @@ use differential_equations::methods::{
 };
 use differential_equations::ode::OrdinaryNumericalMethod;
 use differential_equations::status::Status;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 
 use self::equations::{Equations, Piece};
@@ -209,7 +210,7 @@ impl Integration<'_> {
             let mut method: M = self.start(&piece, piece.from, &states, self.model.step)?;
             for time in in_piece {
                 self.advance(&mut method, &piece, *time, progress)?;
-                samples.push(|state| piece.state(state, *time, method.y()));
+                samples.push(|state| piece.state(StateId::at(state), *time, method.y()));
             }
             self.advance(&mut method, &piece, piece.to, progress)?;
             states = method.y().clone();

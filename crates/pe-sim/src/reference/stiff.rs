@@ -3,6 +3,7 @@
 use differential_equations::methods::{ImplicitRungeKutta, Ordinary, Radau};
 use differential_equations::ode::OrdinaryNumericalMethod;
 use differential_equations::status::Status;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 
 use super::equations::{Equations, Piece};
@@ -68,7 +69,7 @@ impl<'a> Stiff<'a> {
             for target in in_piece {
                 states = self.advance(&piece, (time, *target), states, &mut step, progress)?;
                 time = *target;
-                samples.push(|state| piece.state(state, *target, &states));
+                samples.push(|state| piece.state(StateId::at(state), *target, &states));
             }
             states = self.advance(&piece, (time, piece.to), states, &mut step, progress)?;
         }

@@ -5,6 +5,7 @@ use std::process::Command;
 
 use pe_hls::step::{self, StepOptions};
 use pe_ir::graph::StageForm;
+use pe_ir::index::StateId;
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use pe_verify::native;
@@ -77,7 +78,7 @@ fn compare(name: &str, text: Option<&str>, form: Option<StageForm>) -> f64 {
     let mut run = DoubleRun::new(&graph);
     inputs.iter().for_each(|inputs| run.step(inputs).unwrap());
     let mut reference = Trajectory::new(model.states.len());
-    reference.push(|state| run.state(state));
+    reference.push(|state| run.state(StateId::at(state)));
     let folder = std::env::temp_dir().join(format!("pe-synth-native-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let measurement = native::measure(&model, &graph, &inputs, &reference, (&folder, &[]));

@@ -107,7 +107,7 @@ struct Step<'a> {
 impl Step<'_> {
     fn word(&self, id: ValueId) -> i128 {
         i128::from(match self.graph.value(id).role {
-            Role::State(state) => self.before[state as usize],
+            Role::State(state) => self.before[state.index()],
             _ => self.run.word(id),
         })
     }

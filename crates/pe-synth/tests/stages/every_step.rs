@@ -8,6 +8,7 @@ use std::fmt::Write;
 use crate::support::bench::Folder;
 use crate::support::models::{Compiled, compile_file};
 use nalgebra::DMatrix;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_judge::runs;
 use pe_judge::total::Reference;
@@ -128,7 +129,7 @@ fn errors(linear: &Linear, folder: &Folder, name: &str, (solver, step, span): (&
     for (step, row) in (0..).zip(&solution) {
         run.step(&runs::port_words(model, &run, step));
         for state in 0..count {
-            let wrong = (run.state(state) - row[state]).abs();
+            let wrong = (run.state(StateId::at(state)) - row[state]).abs();
             so_far[state] = so_far[state].max(row[state].abs());
             truth = truth.max(wrong / scales[state]);
             to_date = to_date.max(wrong / so_far[state].max(1e-6 * scales[state]));

@@ -1,5 +1,6 @@
 //! Stated errors of nonlinear models against the truth at every step, which steps 64 times as fine give.
 
+use pe_ir::index::StateId;
 use std::fmt::Write;
 
 use crate::support::bench::Folder;
@@ -114,7 +115,7 @@ fn errors(case: &Case, folder: &Folder, name: &str, (solver, step, span): (&str,
         }
         for (state, truth) in truth.iter().enumerate() {
             scales[state] = scales[state].max(truth.abs());
-            wrong[state] = wrong[state].max((run.state(state) - truth).abs());
+            wrong[state] = wrong[state].max((run.state(StateId::at(state)) - truth).abs());
         }
     }
     let wrong = wrong.iter().zip(&scales).map(|(wrong, scale)| wrong / scale).fold(0.0, f64::max);

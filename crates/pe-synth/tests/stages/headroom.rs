@@ -3,6 +3,7 @@
 use crate::support::models::{Compiled, compile};
 use pe_flow::variables::{self, variables};
 use pe_ir::graph::Role;
+use pe_ir::index::StateId;
 use pe_sim::double::DoubleRun;
 
 #[test]
@@ -17,13 +18,13 @@ fn every_variable_is_measured_against_its_format() {
     let mut largest = vec![0.0f64; model.states.len()];
     for step in 0..model.steps() {
         run.step(&model.sample_inputs(step as f64 * model.step)).expect("a stable model");
-        largest.iter_mut().enumerate().for_each(|(state, most)| *most = most.max(run.state(state).abs()));
+        largest.iter_mut().enumerate().for_each(|(state, most)| *most = most.max(run.state(StateId::at(state)).abs()));
     }
     for (index, variable) in variables.iter().take(model.states.len()).enumerate() {
         assert!(variable.largest >= largest[index] && variable.largest < 1.5 * largest[index], "{}", variable.name);
-        let exponent = design.judged.fixed.exponents[design.graph.states[index].0.index()];
+        let exponent = design.judged.fixed.exponents[design.graph.states[StateId::at(index)].0.index()];
         assert_eq!(variable.limit, (2f64.powi(39) - 1.0) * 2f64.powi(exponent), "{}", variable.name);
-        assert!(matches!(design.graph.value(design.graph.states[index].0).role, Role::State(_)));
+        assert!(matches!(design.graph.value(design.graph.states[StateId::at(index)].0).role, Role::State(_)));
         // The margin of the formats is 1.2.
         assert!(variable.headroom() > 0.26 && variable.word_length.is_some_and(|error| error < 1e-6));
     }

@@ -6,6 +6,7 @@ use crate::support::flow::{Flow, Placement, Start, format};
 use crate::support::models::compile_file;
 use pe_frontend::{NoFiles, Overrides};
 use pe_ir::graph::StageForm;
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Solver};
 use pe_ir::program::Program;
 use pe_ir::source::{Diagnostic, Sources};
@@ -137,7 +138,7 @@ fn end(model: &Model) -> Vec<f64> {
     for step in 0..model.steps() {
         run.step(&model.sample_inputs(model.time(step, 0.0))).expect("the step is stable");
     }
-    (0..model.states.len()).map(|state| run.state(state)).collect()
+    (0..model.states.len()).map(|state| run.state(StateId::at(state))).collect()
 }
 
 /// Logarithmic slope of the error over the step, from a step and its quarter.
@@ -192,7 +193,7 @@ fn limit(body: &str, solver: Solver, mut high: f64) -> f64 {
         let model = model(body, solver, step, 4000.0 * step);
         let graph = pe_hls::step::build(&model).expect("the solver suits the model");
         let mut run = DoubleRun::new(&graph);
-        (0..4000).all(|_| run.step(&[]).is_ok() && run.state(0).abs() < 1e3)
+        (0..4000).all(|_| run.step(&[]).is_ok() && run.state(StateId::new(0)).abs() < 1e3)
     };
     let mut low = 0.0;
     for _ in 0..12 {
@@ -325,7 +326,7 @@ fn compare(flow: &Flow, start: &Start) -> u64 {
         machine.step(inputs, &mut |_| {});
         for (index, (state, _)) in flow.graph.states.iter().enumerate() {
             let place = format!("{}, {}, step {step}, state {index}", flow.label, start.name);
-            assert_eq!(machine.state(index), reference.word(*state), "{place}");
+            assert_eq!(machine.state(StateId::at(index)), reference.word(*state), "{place}");
             compared += 1;
         }
         for (output, value) in flow.graph.outputs.iter().enumerate() {

@@ -3,6 +3,7 @@
 use crate::support::flow::{Flow, Placement, Start, format};
 use crate::support::{AFFINE_FAMILIES, FAMILIES, Family};
 use pe_ir::graph::StageForm;
+use pe_ir::index::StateId;
 use pe_ir::model::Solver;
 use pe_ir::program::{Layout, Program};
 use pe_ir::word::Pipeline;
@@ -142,7 +143,7 @@ fn compare_steps(flow: &Flow, start: &Start) -> u64 {
         untraced.step(inputs, &mut |_| {});
         for (index, (state, _)) in flow.graph.states.iter().enumerate() {
             let place = format!("{}, {}, step {step}, state {index}", flow.label, start.name);
-            assert_eq!(machine.state(index), reference.word(*state), "{place}");
+            assert_eq!(machine.state(StateId::at(index)), reference.word(*state), "{place}");
             compared += 1;
         }
         for (output, value) in flow.graph.outputs.iter().enumerate() {

@@ -5,7 +5,7 @@ use crate::support::flow::{Flow, Placement, format};
 use crate::support::hubs::{hub_model, hub_spec};
 use pe_hls::relay::{is_relay, relay};
 use pe_ir::graph::{Factor, Role};
-use pe_ir::index::EquationId;
+use pe_ir::index::{EquationId, StateId};
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::Machine;
 
@@ -40,7 +40,12 @@ fn relays_change_no_bit_and_pass_every_checker() {
                     assert_eq!(with.word(value), without.word(value), "{}: `{name}` in step {step}", relayed.label);
                 }
                 for (index, (state, _)) in plain.graph.states.iter().enumerate() {
-                    assert_eq!(machine.state(index), without.word(*state), "{}, step {step}", relayed.label);
+                    assert_eq!(
+                        machine.state(StateId::at(index)),
+                        without.word(*state),
+                        "{}, step {step}",
+                        relayed.label
+                    );
                     compared += 1;
                 }
             }

@@ -6,6 +6,7 @@ use pe_frontend::{NoFiles, Overrides};
 use pe_hls::formats::{self, Ranges};
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph, ValueId};
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Solver};
 use pe_ir::program::Program;
 use pe_ir::source::Sources;
@@ -125,7 +126,7 @@ fn errors(model: &Model) -> (f64, f64) {
             run.step(&model.sample_inputs(model.time(step, 0.0))).expect("finite");
             if (step + 1).is_multiple_of(each) {
                 let row = ((step + 1) / each - 1) as usize * states;
-                let of = |state: usize| (run.state(state) - reference.samples[row + state]).abs();
+                let of = |state: usize| (run.state(StateId::at(state)) - reference.samples[row + state]).abs();
                 worst = (0..states).map(of).fold(worst, f64::max);
             }
         }
@@ -171,7 +172,10 @@ fn ends(flow: &Flow) -> (Vec<f64>, Vec<f64>) {
     }
     let fixed = flow.fixed_run(25);
     let states = 0..flow.model.states.len();
-    (states.clone().map(|state| run.state(state)).collect(), states.map(|state| fixed.state(state)).collect())
+    (
+        states.clone().map(|state| run.state(StateId::at(state))).collect(),
+        states.map(|state| fixed.state(StateId::at(state))).collect(),
+    )
 }
 
 #[test]
@@ -241,7 +245,7 @@ fn ticks_lose_nothing_of_coupled_states() {
     let words = |model: &Model, held: u64| {
         let flow = Flow::of("filter".to_owned(), model.clone(), 1, format(32, 32, 32), Placement::Annealed);
         let run = flow.fixed_run(20 * held);
-        (0..2).map(|state| run.word(flow.graph.states[state].0)).collect::<Vec<i64>>()
+        (0..2).map(|state| run.word(flow.graph.states[StateId::new(state)].0)).collect::<Vec<i64>>()
     };
     assert_eq!(words(&every, 1), words(&second, 2));
 }
@@ -398,7 +402,7 @@ fn rest(model: &Model, mut run: FixedRun, graph: &StepGraph, fixed: &FixedPoint,
         if step >= quiet {
             output = output.max(lsb(graph.outputs[0], run.output(0)));
             for (index, (state, _)) in graph.states.iter().enumerate() {
-                states = states.max(lsb(*state, run.state(index)));
+                states = states.max(lsb(*state, run.state(StateId::at(index))));
             }
         }
     }
@@ -448,7 +452,9 @@ fn stable_filters_come_to_rest_at_zero() {
                     _ => {
                         let scale = libm::exp2(8.0 * random.next() - 20.0);
                         let states = largest.iter().enumerate();
-                        states.for_each(|(index, largest)| run.set_state(index, scale * largest * random.next()));
+                        states.for_each(|(index, largest)| {
+                            run.set_state(StateId::at(index), scale * largest * random.next())
+                        });
                     }
                 }
                 if let Some((output, states)) = rest(&model, run, &graph, &fixed, quiet) {
@@ -476,7 +482,7 @@ fn short_words_hold_a_slow_filter_away_from_zero() {
         for _ in 0..20 {
             let mut run = FixedRun::new(&graph, &fixed);
             for (index, largest) in largest.iter().enumerate() {
-                run.set_state(index, 1e-6 * largest * random.next());
+                run.set_state(StateId::at(index), 1e-6 * largest * random.next());
             }
             worst = worst.max(rest(&model, run, &graph, &fixed, 12_000).expect("no saturation").0);
         }

@@ -5,6 +5,7 @@ use std::process::Command;
 
 use crate::support::bench::Folder;
 use pe_frontend::Overrides;
+use pe_ir::index::StateId;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Sources;
 use pe_sim::double::DoubleRun;
@@ -41,7 +42,7 @@ fn error(model: &Model, solver: Solver, step: f64) -> f64 {
     }
     let solution =
         reference::solve_with_limit(&model, &[model.span], 1e-13, 1_000_000, &mut |_| {}).expect("it exists");
-    (0..2).map(|state| (run.state(state) - solution.states.samples[state]).abs()).fold(0.0, f64::max)
+    (0..2).map(|state| (run.state(StateId::at(state)) - solution.states.samples[state]).abs()).fold(0.0, f64::max)
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use crate::support::models::{Compiled, compile};
 use pe_ir::graph::StepGraph;
+use pe_ir::index::StateId;
 use pe_sim::double::DoubleRun;
 
 fn designs(model: &str, options: &[&str]) -> [Compiled; 2] {
@@ -14,7 +15,7 @@ fn states(graph: &StepGraph) -> Vec<f64> {
     let mut run = DoubleRun::new(graph);
     let inputs = vec![0.25; graph.inputs.len()];
     (0..50).for_each(|_| run.step(&inputs).expect("finite"));
-    (0..graph.states.len()).map(|state| run.state(state)).collect()
+    (0..graph.states.len()).map(|state| run.state(StateId::at(state))).collect()
 }
 
 #[test]

@@ -4,6 +4,7 @@ use crate::support::flow::stage_by_stage;
 use crate::support::{AFFINE_FAMILIES, FAMILIES, Family, random_model};
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{StageForm, StepGraph};
+use pe_ir::index::StateId;
 use pe_ir::model::{Algebraic, Expr, Model, Solver, Variable};
 use pe_ir::source::Span;
 use pe_sim::double::DoubleRun;
@@ -26,7 +27,7 @@ fn value(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[f64]) -> f64
     let of = |expr: &Expr| value(expr, states, inputs, algebraics);
     match expr {
         Expr::Constant(number) => *number,
-        Expr::Variable(Variable::State(index)) => states[*index as usize],
+        Expr::Variable(Variable::State(index)) => states[index.index()],
         Expr::Variable(Variable::Input(index)) => inputs[*index as usize],
         Expr::Variable(Variable::Algebraic(index)) => algebraics[*index as usize],
         Expr::Sum(members) => members.iter().map(of).sum(),
@@ -69,7 +70,7 @@ fn compare(label: &str, model: &Model, graph: &StepGraph) -> u32 {
         states = textbook_step(model, &states, &inputs);
         run.step(&inputs).expect("random models are stable");
         for (index, expected) in states.iter().enumerate() {
-            let is = run.state(index);
+            let is = run.state(StateId::at(index));
             let scale = expected.abs().max(1e-3);
             assert!((is - expected).abs() < 1e-12 * scale, "{label}: {is:e} is not {expected:e}");
             compared += 1;
@@ -83,7 +84,8 @@ fn affine_model(family: Family, solver: Solver) -> Model {
     let mut model = random_model(family, 9, solver, 5);
     let scaled = |factor, variable| Expr::Product(vec![Expr::Constant(factor), Expr::Variable(variable)]);
     for index in 0..2 {
-        let mut sum: Vec<Expr> = (0..4).map(|state| scaled(0.1 + 0.2 * state as f64, Variable::State(state))).collect();
+        let mut sum: Vec<Expr> =
+            (0..4).map(|state| scaled(0.1 + 0.2 * state as f64, Variable::State(StateId::new(state)))).collect();
         sum.push(scaled(0.5, Variable::Input(0)));
         sum.push(Expr::Constant(0.25));
         sum.extend((0..index).map(|earlier| scaled(0.3, Variable::Algebraic(earlier))));

@@ -4,6 +4,7 @@ use crate::support::flow::{Flow, Placement, format};
 use pe_hls::schedule::Bound;
 use pe_hls::split::split;
 use pe_ir::graph::StepGraph;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_ir::source::Sources;
 use pe_ir::word::{Latency, Pipeline};
@@ -58,7 +59,7 @@ fn model(text: &str) -> Model {
 fn states(graph: &StepGraph) -> Vec<f64> {
     let mut run = DoubleRun::new(graph);
     (0..20).for_each(|_| run.step(&[]).expect("finite"));
-    (0..graph.states.len()).map(|state| run.state(state)).collect()
+    (0..graph.states.len()).map(|state| run.state(StateId::at(state))).collect()
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::support::flow::{Flow, Placement, format};
 use crate::support::{FAMILIES, Family};
 use pe_hls::rounding::{self, Aim, Sampling};
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, ValueId};
-use pe_ir::index::ChainId;
+use pe_ir::index::{ChainId, StateId};
 use pe_ir::model::Solver;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
@@ -142,14 +142,14 @@ fn check_step(flow: &Flow, run: &mut FixedRun, step: u64) -> f64 {
     let (graph, fixed) = (&flow.graph, &flow.fixed);
     // The double run starts from the very numbers that the words stand for.
     let mut double = DoubleRun::new(graph);
-    let before: Vec<f64> = (0..graph.states.len()).map(|index| run.state(index)).collect();
-    before.iter().enumerate().for_each(|(index, number)| double.set_state(index, *number));
+    let before: Vec<f64> = (0..graph.states.len()).map(|index| run.state(StateId::at(index))).collect();
+    before.iter().enumerate().for_each(|(index, number)| double.set_state(StateId::at(index), *number));
     let ports = flow.inputs(run, step);
     run.step(&ports);
     let input = |id: &ValueId| scaled(run.word(*id) as f64, fixed.exponents[id.index()]);
     double.step(&graph.inputs.iter().map(input).collect::<Vec<f64>>()).expect("the model is stable");
     let number = |id: usize| match graph.values[id].role {
-        Role::State(state) => before[state as usize],
+        Role::State(state) => before[state.index()],
         _ => double.value(id),
     };
     let mut bound = Bound::new(graph, fixed, (0..graph.values.len()).map(number).collect());
@@ -158,9 +158,9 @@ fn check_step(flow: &Flow, run: &mut FixedRun, step: u64) -> f64 {
     }
     let mut used = 0.0f64;
     for (state, (_, next)) in graph.states.iter().enumerate() {
-        let error = (run.state(state) - double.state(state)).abs();
+        let error = (run.state(StateId::at(state)) - double.state(StateId::at(state))).abs();
         // Double precision rounds as well, by far less.
-        let limit = bound.bounds[next.index()] + double.state(state).abs() * 1e-13;
+        let limit = bound.bounds[next.index()] + double.state(StateId::at(state)).abs() * 1e-13;
         assert!(error <= limit, "{}, step {step}, state {state}: off by {error:e}, bound {limit:e}", flow.label);
         used = used.max(error / limit);
     }
@@ -172,12 +172,13 @@ fn check_step(flow: &Flow, run: &mut FixedRun, step: u64) -> f64 {
 fn increment_error(graph: &StepGraph, fixed: &FixedPoint, inputs: &[f64]) -> f64 {
     let after = |mut run: DoubleRun| -> Vec<f64> {
         run.step(inputs).unwrap();
-        (0..graph.states.len()).map(|state| run.state(state)).collect()
+        (0..graph.states.len()).map(|state| run.state(StateId::at(state))).collect()
     };
     let before = DoubleRun::new(graph);
     let exact = after(DoubleRun::new(graph));
     let quantised = after(DoubleRun::quantised(graph, fixed));
-    let largest = exact.iter().enumerate().map(|(s, end)| (end - before.state(s)).abs()).fold(0.0, f64::max);
+    let largest =
+        exact.iter().enumerate().map(|(s, end)| (end - before.state(StateId::at(s))).abs()).fold(0.0, f64::max);
     let squares: f64 = exact.iter().zip(&quantised).map(|(a, b)| ((a - b) / largest).powi(2)).sum();
     (squares / exact.len() as f64).sqrt()
 }

@@ -11,6 +11,7 @@ pub mod hubs;
 pub mod models;
 pub mod tables;
 
+use pe_ir::index::{List, StateId};
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
 use pe_ir::source::Span;
 use rand::{Rng, RngExt, SeedableRng};
@@ -54,7 +55,7 @@ pub const AFFINE_FAMILIES: [Family; 5] =
     [Family::Affine, Family::OneProduct, Family::Hub, Family::Scales, Family::Grid];
 
 fn state(index: usize) -> Expr {
-    Expr::Variable(Variable::State(index as u32))
+    Expr::Variable(Variable::State(StateId::new(index as u32)))
 }
 
 fn scaled(factor: f64, expr: Expr) -> Expr {
@@ -75,7 +76,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
         phases: Vec::new(),
         rates: Vec::new(),
         span: 0.5,
-        states: Vec::new(),
+        states: List::new(),
         algebraics: Vec::new(),
         inputs: vec![Input {
             name: "drive".into(),
@@ -125,8 +126,11 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
         });
     }
     for index in [0, states - 1] {
-        let output =
-            Output { name: format!("x[{index}]"), variable: Variable::State(index as u32), span: Span::default() };
+        let output = Output {
+            name: format!("x[{index}]"),
+            variable: Variable::State(StateId::new(index as u32)),
+            span: Span::default(),
+        };
         model.outputs.push(output);
     }
     if let Some(last) = model.algebraics.len().checked_sub(1) {

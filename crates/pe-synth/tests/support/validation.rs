@@ -14,6 +14,7 @@ use pe_flow::failure::Failure;
 use pe_flow::pipeline::{self, Design};
 use pe_flow::watch::Stopwatch;
 use pe_ir::graph::StepGraph;
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_judge::progress::silent;
 use pe_judge::runs::port_words;
@@ -374,7 +375,7 @@ fn whole(model: &Model, design: &Design, reference: &Reference) -> Whole {
     for (step, row) in (0..).zip(solution.samples.chunks_exact(solution.states)) {
         run.step(&port_words(model, &run, step));
         for (state, (number, scale)) in row.iter().zip(&scales).enumerate() {
-            let wrong = (run.state(state) - number).abs() / scale;
+            let wrong = (run.state(StateId::at(state)) - number).abs() / scale;
             truth = if wrong.is_nan() { f64::INFINITY } else { truth.max(wrong) };
         }
     }
@@ -404,7 +405,7 @@ fn in_double_precision(model: &Model, graph: &StepGraph, reference: &Reference) 
         if let Some(time) = time {
             return run.step(&model.sample_inputs(time)).is_ok();
         }
-        samples.push(|state| run.state(state));
+        samples.push(|state| run.state(StateId::at(state)));
         true
     })
 }
@@ -418,7 +419,7 @@ fn in_fixed_point(model: &Model, design: &Design, reference: &Reference) -> f64 
             let words: Vec<i64> = inputs.map(|(index, number)| run.encode_input(index, number).0).collect();
             run.step(&words);
         } else {
-            samples.push(|state| run.state(state));
+            samples.push(|state| run.state(StateId::at(state)));
         }
         true
     });

@@ -5,7 +5,7 @@
 //! few steps.
 
 use pe_ir::coefficients::adams;
-use pe_ir::index::at;
+use pe_ir::index::StateId;
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::place::Place;
 
@@ -17,11 +17,11 @@ const SUBSTEPS: u32 = 8;
 /// The step of a model.
 pub fn plan(model: &Model) -> Plan<'_> {
     let weights = adams(model.solver);
-    let states: Vec<u32> = (0..model.states.len() as u32).collect();
+    let states: Vec<StateId> = model.states.ids().collect();
     let history = slopes_before(model, weights.len() - 1);
     let mut plan = Plan::new(model);
-    let (signals, states): (Vec<u32>, Vec<u32>) =
-        states.into_iter().partition(|state| model.states[at(*state)].motion.is_some());
+    let (signals, states): (Vec<StateId>, Vec<StateId>) =
+        states.into_iter().partition(|state| model.states[*state].motion.is_some());
     for state in signals {
         plan.end(state, None, Expr::Constant(0.0));
     }
@@ -29,8 +29,8 @@ pub fn plan(model: &Model) -> Plan<'_> {
     let memories: Vec<Vec<Variable>> = states
         .iter()
         .map(|state| {
-            let name = &model.states[at(*state)].name;
-            let memory = |(age, slopes): (usize, &Vec<f64>)| (format!("{name}.before{age}"), slopes[at(*state)]);
+            let name = &model.states[*state].name;
+            let memory = |(age, slopes): (usize, &Vec<f64>)| (format!("{name}.before{age}"), slopes[state.index()]);
             let memories: Vec<(String, f64)> = (1..).zip(&history).map(memory).collect();
             memories.into_iter().map(|(name, slope)| plan.memory(*state, name, model.step * slope)).collect()
         })

@@ -5,14 +5,14 @@
 //! multiplied: `d_j = mu_j d_{j-1} + nu_j d_{j-2} + h (mu~_j f_{j-1} + gamma~_j f_0)`.
 
 use pe_ir::coefficients::chebyshev;
-use pe_ir::index::at;
+use pe_ir::index::{StateId, at};
 use pe_ir::model::{Expr, Model, Variable};
 
 use crate::step::plan::{Plan, Point, of};
 
 /// The step of a model.
 pub fn plan(model: &Model) -> Plan<'_> {
-    let states: Vec<u32> = (0..model.states.len() as u32).collect();
+    let states: Vec<StateId> = model.states.ids().collect();
     let mut plan = Plan::new(model);
     let mut point = plan.start();
     let mut first: Vec<Expr> = Vec::new();
@@ -24,8 +24,8 @@ pub fn plan(model: &Model) -> Plan<'_> {
         let last = usize::from(number) == stages.len() + 1;
         let (mut next, mut increments) = (Vec::new(), Vec::new());
         for (state, slope) in states.iter().zip(slopes) {
-            let index = at(*state);
-            let name = &model.states[index].name;
+            let index = state.index();
+            let name = &model.states[*state].name;
             let mut terms = Vec::new();
             if number == 2 {
                 // The first slope is read by all stages.

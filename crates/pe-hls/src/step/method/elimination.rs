@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pe_ir::index::{self, at};
+use pe_ir::index::{List, StateId};
 use pe_ir::model::{Expr, Function};
 use pe_ir::source::Diagnostic;
 
@@ -20,13 +20,13 @@ const LARGEST: usize = 1 << 22;
 /// Both triangles of a matrix, ready to solve systems with it.
 pub struct Factors {
     /// States in the order of their elimination.
-    order: Vec<u32>,
+    order: Vec<StateId>,
     /// For each state the multiples of earlier rows that were subtracted from its own.
-    lower: Vec<Vec<(u32, Expr)>>,
+    lower: List<StateId, Vec<(StateId, Expr)>>,
     /// For each state the entries right of its pivot.
-    upper: Vec<Vec<(u32, Expr)>>,
+    upper: List<StateId, Vec<(StateId, Expr)>>,
     /// Reciprocals of the pivots.
-    reciprocals: Vec<Expr>,
+    reciprocals: List<StateId, Expr>,
     /// Whether all entries are numbers.
     pub constant: bool,
 }
@@ -35,40 +35,44 @@ pub struct Factors {
 ///
 /// # Errors
 /// `E0806` if a pivot that is a number is zero, or the triangles have too many entries.
-pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Result<Factors, Vec<Diagnostic>> {
+pub fn factor(
+    plan: &mut Plan,
+    jacobian: List<StateId, Row>,
+    scale: f64,
+    matrix: u8,
+) -> Result<Factors, Vec<Diagnostic>> {
     let model = plan.model;
     let count = jacobian.len();
-    let mut rows: Vec<Row> = Vec::with_capacity(count);
-    let mut columns: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); count];
-    for (index, row) in (0..).zip(jacobian) {
+    let mut rows: List<StateId, Row> = List::with_capacity(count);
+    let mut columns: List<StateId, BTreeSet<StateId>> = List::filled(BTreeSet::new(), count);
+    for (index, row) in model.states.ids().zip(jacobian) {
         let mut row: Row = row.into_iter().map(|(column, expr)| (column, Expr::scaled(-scale, expr))).collect();
         let diagonal = row.remove(&index).unwrap_or(Expr::Constant(0.0));
         let ratio = model.step_ratio().map_or(Expr::Constant(1.0), of);
         row.insert(index, Expr::sum(vec![ratio, diagonal]));
         row.keys().for_each(|column| {
-            columns[at(*column)].insert(index);
+            columns[*column].insert(index);
         });
         rows.push(row);
     }
     let mut factors = Factors {
         order: Vec::with_capacity(count),
-        lower: vec![Vec::new(); count],
-        upper: vec![Vec::new(); count],
-        reciprocals: vec![Expr::Constant(0.0); count],
+        lower: List::filled(Vec::new(), count),
+        upper: List::filled(Vec::new(), count),
+        reciprocals: List::filled(Expr::Constant(0.0), count),
         constant: rows.iter().flat_map(BTreeMap::values).all(|entry| entry.as_constant().is_some()),
     };
-    let mut prices = vec![0; count];
-    let mut queue: BTreeSet<(usize, u32)> = BTreeSet::new();
-    for state in 0..count {
+    let mut prices = List::filled(0, count);
+    let mut queue: BTreeSet<(usize, StateId)> = BTreeSet::new();
+    for state in rows.ids() {
         prices[state] = price(&rows[state], &columns[state]);
-        queue.insert((prices[state], index::number(state)));
+        queue.insert((prices[state], state));
     }
     let mut entries = 0;
     while let Some((_, state)) = queue.pop_first() {
-        let pivot = at(state);
-        let mut row = std::mem::take(&mut rows[pivot]);
+        let mut row = std::mem::take(&mut rows[state]);
         let diagonal = row.remove(&state).expect("the identity is in the matrix");
-        let name = &model.states[pivot].name;
+        let name = &model.states[state].name;
         let reciprocal = match diagonal {
             Expr::Constant(number) if number == 0.0 || !number.is_finite() => {
                 let reason = format!("the matrix of its step is singular at `{name}`");
@@ -83,31 +87,31 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
                 of(plan.pivot(state, matrix, Expr::Apply(Function::Reciprocal, Box::new(of(divisor)))))
             }
         };
-        let upper: Vec<(u32, Expr)> = row
+        let upper: Vec<(StateId, Expr)> = row
             .into_iter()
             .map(|(column, expr)| {
-                columns[at(column)].remove(&state);
-                let other = &model.states[at(column)].name;
+                columns[column].remove(&state);
+                let other = &model.states[column].name;
                 (column, simple(plan, state, || format!("{name}.upper({other})"), expr))
             })
             .collect();
-        let mut below = std::mem::take(&mut columns[pivot]);
+        let mut below = std::mem::take(&mut columns[state]);
         below.remove(&state);
         for other in below.iter().copied() {
-            let own = &model.states[at(other)].name;
-            let entry = rows[at(other)].remove(&state).expect("columns mirror rows");
+            let own = &model.states[other].name;
+            let entry = rows[other].remove(&state).expect("columns mirror rows");
             let multiple = Expr::product(vec![entry, reciprocal.clone()]);
             let multiple = simple(plan, other, || format!("{own}.lower({name})"), multiple);
             for (column, expr) in &upper {
                 let product = Expr::product(vec![Expr::Constant(-1.0), multiple.clone(), expr.clone()]);
-                let sum = match rows[at(other)].remove(column) {
+                let sum = match rows[other].remove(column) {
                     Some(entry) => Expr::sum(vec![entry, product]),
                     None => product,
                 };
-                rows[at(other)].insert(*column, sum);
-                columns[at(*column)].insert(other);
+                rows[other].insert(*column, sum);
+                columns[*column].insert(other);
             }
-            factors.lower[at(other)].push((state, multiple));
+            factors.lower[other].push((state, multiple));
         }
         entries += upper.len() + 1;
         if entries > LARGEST {
@@ -116,25 +120,24 @@ pub fn factor(plan: &mut Plan, jacobian: Vec<Row>, scale: f64, matrix: u8) -> Re
         }
         below.extend(upper.iter().map(|(column, _)| *column));
         factors.order.push(state);
-        factors.upper[pivot] = upper;
-        factors.reciprocals[pivot] = reciprocal;
+        factors.upper[state] = upper;
+        factors.reciprocals[state] = reciprocal;
         for state in below {
-            let index = at(state);
-            queue.remove(&(prices[index], state));
-            prices[index] = price(&rows[index], &columns[index]);
-            queue.insert((prices[index], state));
+            queue.remove(&(prices[state], state));
+            prices[state] = price(&rows[state], &columns[state]);
+            queue.insert((prices[state], state));
         }
     }
     Ok(factors)
 }
 
 /// Entries that an elimination can fill in.
-fn price(row: &Row, column: &BTreeSet<u32>) -> usize {
+fn price(row: &Row, column: &BTreeSet<StateId>) -> usize {
     (row.len() - 1) * (column.len() - 1)
 }
 
 /// An expression that is a number or a variable: others get an equation of their own.
-fn simple(plan: &mut Plan, owner: u32, name: impl Fn() -> String, expr: Expr) -> Expr {
+fn simple(plan: &mut Plan, owner: StateId, name: impl Fn() -> String, expr: Expr) -> Expr {
     match expr {
         Expr::Constant(_) | Expr::Variable(_) => expr,
         expr => of(plan.auxiliary(owner, name(), expr, true)),
@@ -145,23 +148,23 @@ impl Factors {
     /// The solution for a right-hand side, a number per state; `name` is what its parts are called.
     pub fn solve(&self, plan: &mut Plan, right: Vec<Expr>, name: &str) -> Vec<Expr> {
         let model = plan.model;
-        let mut reduced: Vec<Expr> = vec![Expr::Constant(0.0); right.len()];
-        let mut right: Vec<Option<Expr>> = right.into_iter().map(Some).collect();
+        let mut reduced: List<StateId, Expr> = List::filled(Expr::Constant(0.0), right.len());
+        let mut right: List<StateId, Option<Expr>> = right.into_iter().map(Some).collect();
         for state in &self.order {
-            let index = at(*state);
+            let index = *state;
             let mut terms = vec![right[index].take().expect("each state is eliminated once")];
             for (row, multiple) in &self.lower[index] {
-                terms.push(Expr::product(vec![Expr::Constant(-1.0), multiple.clone(), reduced[at(*row)].clone()]));
+                terms.push(Expr::product(vec![Expr::Constant(-1.0), multiple.clone(), reduced[*row].clone()]));
             }
             let own = &model.states[index].name;
             reduced[index] = simple(plan, *state, || format!("{own}.reduced.{name}"), Expr::sum(terms));
         }
-        let mut solution: Vec<Expr> = vec![Expr::Constant(0.0); reduced.len()];
+        let mut solution: List<StateId, Expr> = List::filled(Expr::Constant(0.0), reduced.len());
         for state in self.order.iter().rev() {
-            let index = at(*state);
+            let index = *state;
             let mut terms = vec![reduced[index].clone()];
             for (column, entry) in &self.upper[index] {
-                let product = vec![Expr::Constant(-1.0), entry.clone(), solution[at(*column)].clone()];
+                let product = vec![Expr::Constant(-1.0), entry.clone(), solution[*column].clone()];
                 terms.push(Expr::product(product));
             }
             let own = &model.states[index].name;
@@ -175,6 +178,6 @@ impl Factors {
             };
             solution[index] = simple(plan, *state, || format!("{own}.{name}"), expr);
         }
-        solution
+        solution.into_vec()
     }
 }

@@ -4,7 +4,7 @@
 //! gate is a state `x' = a(V) - b(V) x` whose rates are functions of one other state. With `V` held over the step its
 //! solution is `x+ = x + p(V) (a(V)/b(V) - x)`, `p = 1 - exp(-h b)`; both `p` and `p a/b` are functions of `V` alone.
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, StateId, at};
 use pe_ir::model::{Expr, Function, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -19,16 +19,16 @@ const LONGEST: usize = 2_000;
 /// # Errors
 /// `E0806` if no state is a gate.
 pub fn plan(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
-    let gates: Vec<Option<Gate>> = (0..model.states.len()).map(|state| Gate::of(model, state)).collect();
+    let gates: List<StateId, Option<Gate>> = model.states.ids().map(|state| Gate::of(model, state)).collect();
     if gates.iter().all(Option::is_none) {
         let reason = "no state is a gate, `x' = a(V)*(1 - x) - b(V)*x` or `(x_inf(V) - x)/tau(V)`";
         return Err(unsuitable(model, reason, "try `rk4`, or `rodas3` if the model is stiff"));
     }
     let mut plan = Plan::new(model);
     let mut start = plan.start();
-    let others: Vec<u32> = (0..).zip(&gates).filter(|(_, gate)| gate.is_none()).map(|(state, _)| state).collect();
+    let others: Vec<StateId> = gates.ids().filter(|state| gates[*state].is_none()).collect();
     let mut slopes = plan.slopes(&mut start, &others).into_iter();
-    for (state, gate) in (0..).zip(gates) {
+    for (state, gate) in model.states.ids().zip(gates) {
         let sum = match gate {
             None => Expr::scaled(model.step, slopes.next().expect("a slope for each state that is no gate")),
             Some(gate) => gate.increment(&mut plan, state),
@@ -45,8 +45,8 @@ struct Gate {
 }
 
 impl Gate {
-    fn of(model: &Model, state: usize) -> Option<Gate> {
-        let own = Variable::State(number(state));
+    fn of(model: &Model, state: StateId) -> Option<Gate> {
+        let own = Variable::State(state);
         let mut parts = LONGEST;
         let whole = put_in(model, &model.states[state].derivative, &mut parts)?;
         let mut other = None;
@@ -68,8 +68,8 @@ impl Gate {
     }
 
     /// `p a/b - p x`.
-    fn increment(self, plan: &mut Plan, state: u32) -> Expr {
-        let name = plan.model.states[at(state)].name.clone();
+    fn increment(self, plan: &mut Plan, state: StateId) -> Expr {
+        let name = plan.model.states[state].name.clone();
         let decay = Expr::Apply(Function::Exp, Box::new(Expr::scaled(-plan.model.step, self.rate.clone())));
         let part = match &self.rate {
             Expr::Constant(rate) => Expr::Constant(-libm::expm1(-plan.model.step * rate)),

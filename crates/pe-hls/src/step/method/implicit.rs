@@ -11,7 +11,7 @@
 //!   problems II, Atmospheric Environment 31 (1997); third order, stiffly accurate.
 
 use pe_ir::coefficients::ROS2_GAMMA;
-use pe_ir::index::at;
+use pe_ir::index::StateId;
 use pe_ir::model::{Expr, Model};
 use pe_ir::source::Diagnostic;
 
@@ -23,19 +23,19 @@ use crate::step::plan::{Plan, Point, of};
 /// diverges where the first step is large.
 const ITERATIONS: u8 = 2;
 
-fn states(model: &Model) -> Vec<u32> {
-    (0..model.states.len() as u32).collect()
+fn states(model: &Model) -> Vec<StateId> {
+    model.states.ids().collect()
 }
 
 /// Slopes of all states that several stages read, each computed once.
 fn kept(plan: &mut Plan, slopes: Vec<Expr>) -> Vec<Expr> {
     let model = plan.model;
-    let name = |state: u32| format!("{}.slope", model.states[at(state)].name);
-    let mut keep = |(state, slope): (u32, Expr)| match slope {
+    let name = |state: StateId| format!("{}.slope", model.states[state].name);
+    let mut keep = |(state, slope): (StateId, Expr)| match slope {
         Expr::Constant(0.0) => slope,
         slope => of(plan.auxiliary(state, name(state), slope, true)),
     };
-    (0..).zip(slopes).map(&mut keep).collect()
+    model.states.ids().zip(slopes).map(&mut keep).collect()
 }
 
 /// The matrix at a point whose slopes have been asked for.
@@ -67,14 +67,14 @@ fn carried(plan: &Plan, sum: Vec<Expr>) -> Vec<Expr> {
 
 /// A point at which all states have moved from a point on.
 fn moved(plan: &mut Plan, from: &Point, increments: Vec<Expr>, stage: u8) -> Point {
-    let states = (0..).zip(increments);
-    let states = states.map(|(state, sum)| plan.stage(state, stage, from.states[at(state)], sum)).collect();
+    let states = plan.model.states.ids().zip(increments);
+    let states = states.map(|(state, sum)| plan.stage(state, stage, from.states[state.index()], sum)).collect();
     Point::new(states, stage)
 }
 
 fn end(plan: &mut Plan, from: &Point, increments: Vec<Expr>) {
-    for (state, sum) in (0..).zip(increments) {
-        plan.end(state, Some(from.states[at(state)]), sum);
+    for (state, sum) in plan.model.states.ids().zip(increments) {
+        plan.end(state, Some(from.states[state.index()]), sum);
     }
 }
 

@@ -2,18 +2,18 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, StateId, at, number};
 use pe_ir::model::{Expr, Variable};
 use pe_ir::motion::Motion;
 
 use crate::step::plan::{Plan, Point, of};
 
 /// Entries of a row by column.
-pub type Row = BTreeMap<u32, Expr>;
+pub type Row = BTreeMap<StateId, Expr>;
 
 /// For each state the derivatives of its right-hand side by the states, at a point whose slopes have been asked for.
 /// Algebraic variables are differentiated by the chain rule; what is no number and read more than once has a name.
-pub fn jacobian(plan: &mut Plan, point: &Point) -> Vec<Row> {
+pub fn jacobian(plan: &mut Plan, point: &Point) -> List<StateId, Row> {
     let model = plan.model;
     let mut algebraics: Vec<Row> = Vec::with_capacity(model.algebraics.len());
     for (index, algebraic) in model.algebraics.iter().enumerate() {
@@ -30,8 +30,8 @@ pub fn jacobian(plan: &mut Plan, point: &Point) -> Vec<Row> {
 
 /// Gives names to entries that are neither numbers nor variables.
 fn named(plan: &mut Plan, name: &str, row: Row) -> Row {
-    let entry = |(column, expr): (u32, Expr)| {
-        let state = &plan.model.states[at(column)].name;
+    let entry = |(column, expr): (StateId, Expr)| {
+        let state = &plan.model.states[column].name;
         let expr = match expr {
             Expr::Constant(_) | Expr::Variable(_) => expr,
             expr => of(plan.auxiliary(column, format!("{name}.by({state})"), expr, false)),
@@ -44,7 +44,7 @@ fn named(plan: &mut Plan, name: &str, row: Row) -> Row {
 /// Total derivatives of an expression of the model by the states.
 fn gradient(plan: &mut Plan, point: &Point, expr: &Expr, algebraics: &[Row]) -> Row {
     let model = plan.model;
-    let mut terms: BTreeMap<u32, Vec<Expr>> = BTreeMap::new();
+    let mut terms: BTreeMap<StateId, Vec<Expr>> = BTreeMap::new();
     let members = match expr {
         Expr::Sum(members) => members.as_slice(),
         expr => std::slice::from_ref(expr),
@@ -59,7 +59,7 @@ fn gradient(plan: &mut Plan, point: &Point, expr: &Expr, algebraics: &[Row]) -> 
             match (variable, partial) {
                 (_, Expr::Constant(0.0)) | (Variable::Input(_), _) => {}
                 // What rests over the step moves nothing.
-                (Variable::State(state), _) if model.states[at(state)].motion.is_some_and(Motion::rests) => {}
+                (Variable::State(state), _) if model.states[state].motion.is_some_and(Motion::rests) => {}
                 (Variable::State(state), partial) => {
                     let partial = of_function(plan, state, partial);
                     terms.entry(state).or_default().push(partial);
@@ -80,10 +80,10 @@ fn gradient(plan: &mut Plan, point: &Point, expr: &Expr, algebraics: &[Row]) -> 
 }
 
 /// An expression that may stand in a product: functions get equations of their own.
-fn of_function(plan: &mut Plan, owner: u32, expr: Expr) -> Expr {
+fn of_function(plan: &mut Plan, owner: StateId, expr: Expr) -> Expr {
     if expr.is_polynomial() {
         return expr;
     }
-    let name = format!("{}.derivative{}", plan.model.states[at(owner)].name, plan.auxiliaries.len());
+    let name = format!("{}.derivative{}", plan.model.states[owner].name, plan.auxiliaries.len());
     of(plan.auxiliary(owner, name, expr, true))
 }

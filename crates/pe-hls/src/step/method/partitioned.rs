@@ -3,7 +3,7 @@
 //! Hairer, Lubich, Wanner, Geometric Numerical Integration, sections I.1.2 and I.1.4. Which states are positions is found
 //! from who reads whom: velocities read positions, positions read velocities.
 
-use pe_ir::index::{at, number};
+use pe_ir::index::{List, StateId, at};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
@@ -49,11 +49,11 @@ enum Move {
 }
 
 /// Moves some states from a point on by their slopes there.
-fn moved(plan: &mut Plan, point: &mut Point, states: &[u32], step: f64, to: Move) -> Vec<Variable> {
+fn moved(plan: &mut Plan, point: &mut Point, states: &[StateId], step: f64, to: Move) -> Vec<Variable> {
     let slopes = plan.slopes(point, states);
     let mut next = Vec::with_capacity(states.len());
     for (state, slope) in states.iter().zip(slopes) {
-        let (base, sum) = (point.states[at(*state)], Expr::scaled(step, slope));
+        let (base, sum) = (point.states[state.index()], Expr::scaled(step, slope));
         next.push(match to {
             Move::Stage => plan.stage(*state, 2, base, sum),
             Move::End => plan.end(*state, Some(base), sum),
@@ -63,10 +63,10 @@ fn moved(plan: &mut Plan, point: &mut Point, states: &[u32], step: f64, to: Move
 }
 
 /// The point at which some states have moved.
-fn after(point: Point, states: &[u32], values: &[Variable], stage: u8) -> Point {
+fn after(point: Point, states: &[StateId], values: &[Variable], stage: u8) -> Point {
     let mut all = point.states;
     for (state, value) in states.iter().zip(values) {
-        all[at(*state)] = *value;
+        all[state.index()] = *value;
     }
     Point::new(all, stage)
 }
@@ -74,10 +74,10 @@ fn after(point: Point, states: &[u32], values: &[Variable], stage: u8) -> Point 
 /// Positions and velocities.
 #[derive(Debug)]
 struct Parts {
-    positions: Vec<u32>,
-    velocities: Vec<u32>,
+    positions: Vec<StateId>,
+    velocities: Vec<StateId>,
     /// For each state those that its derivative reads, ascending.
-    reads: Vec<Vec<u32>>,
+    reads: List<StateId, Vec<StateId>>,
 }
 
 const NONE: u8 = u8::MAX;
@@ -89,22 +89,22 @@ impl Parts {
             let reason = "its states are not pairs of position and velocity";
             unsuitable(model, reason, "it needs pairs such as `x' = v`, `v' = f(x)`; try `rk4`")
         })?;
-        let of_kind = |kind: bool| (0..).zip(&position).filter(move |(_, p)| **p == kind).map(|(state, _)| state);
+        let of_kind = |kind: bool| position.numbered().filter(move |(_, p)| **p == kind).map(|(state, _)| state);
         let (positions, velocities) = (of_kind(true).collect(), of_kind(false).collect());
         Ok(Parts { positions, velocities, reads })
     }
 
     /// Whether positions read velocities only, and velocities positions only.
     fn check_separate(&self, model: &Model) -> Result<(), Vec<Diagnostic>> {
-        let name = |state: u32| &model.states[at(state)].name;
+        let name = |state: StateId| &model.states[state].name;
         for (part, what) in [(&self.positions, "position"), (&self.velocities, "velocity")] {
             for state in part {
-                let other = self.reads[at(*state)].iter().find(|read| part.binary_search(read).is_ok());
+                let other = self.reads[*state].iter().find(|read| part.binary_search(read).is_ok());
                 let Some(other) = other else { continue };
                 let reason = format!("the {what} `{}` reads the {what} `{}`", name(*state), name(*other));
                 let help = "try `symplectic_euler`, which takes damping at first order, or `rk4`";
                 let mut findings = unsuitable(model, &reason, help);
-                findings[0].span = Some(model.states[at(*state)].span);
+                findings[0].span = Some(model.states[*state].span);
                 return Err(findings);
             }
         }
@@ -113,9 +113,9 @@ impl Parts {
 }
 
 /// For each state those that its derivative reads, directly or through algebraic variables; ascending.
-fn reads(model: &Model) -> Vec<Vec<u32>> {
-    let mut algebraics: Vec<Vec<u32>> = Vec::with_capacity(model.algebraics.len());
-    let of = |expr: &Expr, algebraics: &[Vec<u32>]| {
+fn reads(model: &Model) -> List<StateId, Vec<StateId>> {
+    let mut algebraics: Vec<Vec<StateId>> = Vec::with_capacity(model.algebraics.len());
+    let of = |expr: &Expr, algebraics: &[Vec<StateId>]| {
         let mut states = Vec::new();
         expr.each_variable(&mut |variable| match variable {
             Variable::State(state) => states.push(state),
@@ -133,29 +133,29 @@ fn reads(model: &Model) -> Vec<Vec<u32>> {
 }
 
 /// Whether the derivative of a state is nothing but another state times a number.
-fn follows(model: &Model, reads: &[Vec<u32>], state: usize) -> bool {
+fn follows(model: &Model, reads: &List<StateId, Vec<StateId>>, state: StateId) -> bool {
     let plain = |expr: &Expr| matches!(expr, Expr::Constant(_) | Expr::Variable(Variable::State(_)));
     let single = match &model.states[state].derivative {
         Expr::Product(members) | Expr::Sum(members) => members.iter().all(plain),
         expr => plain(expr),
     };
-    single && matches!(reads[state].as_slice(), [other] if at(*other) != state)
+    single && matches!(reads[state].as_slice(), [other] if *other != state)
 }
 
 /// The positions if all states fall into two parts that read only one another, or themselves. The part with more states
 /// that follow another one holds the positions; of equals the part of the first state.
-fn two_coloured(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
+fn two_coloured(model: &Model, reads: &List<StateId, Vec<StateId>>) -> Option<List<StateId, bool>> {
     let count = reads.len();
-    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); count];
-    for (state, others) in reads.iter().enumerate() {
-        for other in others.iter().filter(|other| at(**other) != state) {
+    let mut neighbours: List<StateId, Vec<StateId>> = List::filled(Vec::new(), count);
+    for (state, others) in reads.numbered() {
+        for other in others.iter().filter(|other| **other != state) {
             neighbours[state].push(*other);
-            neighbours[at(*other)].push(number(state));
+            neighbours[*other].push(state);
         }
     }
-    let mut colour = vec![NONE; count];
-    let mut positions = vec![false; count];
-    for root in 0..count {
+    let mut colour = List::filled(NONE, count);
+    let mut positions = List::filled(false, count);
+    for root in reads.ids() {
         if colour[root] != NONE {
             continue;
         }
@@ -164,7 +164,7 @@ fn two_coloured(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
         let mut seen = 0;
         while let Some(state) = part.get(seen).copied() {
             seen += 1;
-            for other in neighbours[state].iter().map(|other| at(*other)) {
+            for other in neighbours[state].iter().copied() {
                 if colour[other] == NONE {
                     colour[other] = 1 - colour[state];
                     part.push(other);
@@ -185,9 +185,9 @@ fn two_coloured(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
 }
 
 /// The positions if some states follow velocities, `x' = v`, whatever the velocities read.
-fn followers(model: &Model, reads: &[Vec<u32>]) -> Option<Vec<bool>> {
-    let follows: Vec<bool> = (0..reads.len()).map(|state| follows(model, reads, state)).collect();
-    let position = |state: usize| follows[state] && !follows[at(reads[state][0])];
-    let positions: Vec<bool> = (0..reads.len()).map(position).collect();
+fn followers(model: &Model, reads: &List<StateId, Vec<StateId>>) -> Option<List<StateId, bool>> {
+    let follows: List<StateId, bool> = reads.ids().map(|state| follows(model, reads, state)).collect();
+    let position = |state: StateId| follows[state] && !follows[reads[state][0]];
+    let positions: List<StateId, bool> = reads.ids().map(position).collect();
     positions.contains(&true).then_some(positions)
 }
