@@ -2,19 +2,19 @@
 //!
 //! The assembler chooses with these figures where coefficients are kept, the report adds them up.
 
-/// Equivalent look-up tables of a block RAM of 18 kbit: half of the 360 of one of 36 kbit.
+/// Equivalent LUTs of a block RAM of 18 kbit: half of the 360 of one of 36 kbit.
 pub const BLOCK_LUTS: f64 = 180.0;
 
 /// Shapes of a block RAM of 18 kbit: words and bits.
 const BLOCK_SHAPES: [(u32, u32); 6] = [(512, 36), (1024, 18), (2048, 9), (4096, 4), (8192, 2), (16384, 1)];
 
-/// Programs and tables of at most this many words are look-up tables, one for each bit.
+/// Programs and tables of at most this many words are LUTs, one for each bit.
 pub const LUT_ROM_WORDS: u32 = 64;
 
 /// Cells of a memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MemoryCells {
-    /// Look-up tables.
+    /// LUTs.
     pub lut: f64,
     /// Flip-flops of the read register; a block has it inside.
     pub ff: f64,
@@ -55,7 +55,7 @@ pub fn rom(words: u32, bits: u32) -> MemoryCells {
     }
 }
 
-/// A memory without a write port that is look-up tables at any depth.
+/// A memory without a write port that is LUTs at any depth.
 pub fn tables(words: u32, bits: u32) -> MemoryCells {
     if words == 0 {
         return MemoryCells::default();

@@ -156,8 +156,8 @@ impl Fit {
         let ([lut, ff], [deep_lut, deep_ff]) = (self.deviations(false), self.deviations(true));
         let percent = |value: f64| 100.0 * value;
         let mut page = format!(
-            "## {}\n\n{} PEs with the short pipeline, root mean square of the relative residuals: {:.1} % of the look-up \
-             tables, worst {:.1} %;\n{:.1} % of the flip-flops, worst {:.1} %. {} with the deep one, fitted after the \
+            "## {}\n\n{} PEs with the short pipeline, root mean square of the relative residuals: {:.1} % of the \
+             LUTs, worst {:.1} %;\n{:.1} % of the flip-flops, worst {:.1} %. {} with the deep one, fitted after the \
              others, whose coefficients stay: {:.1} % of the\nLUTs, worst {:.1} %; {:.1} % of the flip-flops, \
              worst {:.1} %. Bits that a deep pipeline chooses in LUTs of their\nown take {} LUTs each, bits of second \
              registers {} flip-flops. Registers of program memories are counted.\n\n",

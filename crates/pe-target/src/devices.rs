@@ -11,7 +11,7 @@ pub struct Device {
     pub name: &'static str,
     /// Who makes it.
     pub vendor: &'static str,
-    /// Look-up tables.
+    /// LUTs.
     pub luts: u32,
     /// Family that sizes are estimated for.
     pub family: Family,

@@ -96,7 +96,7 @@ pub struct Word {
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub struct Cells {
-    /// Look-up tables.
+    /// LUTs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lut: Option<f64>,
     /// Flip-flops.

@@ -329,9 +329,9 @@ pub struct DeviceFit {
     pub fitting_pes: u64,
     /// Family.
     pub family: String,
-    /// Inputs of its look-up tables.
+    /// Inputs of its LUTs.
     pub lut_inputs: u32,
-    /// Look-up tables.
+    /// LUTs.
     pub lut: Use,
     /// Flip-flops.
     pub ff: Use,

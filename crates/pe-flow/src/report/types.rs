@@ -20,7 +20,7 @@ pub struct Report {
     pub model: String,
     /// Differential equations.
     pub odes: usize,
-    /// What differs from point to point of a sweep.
+    /// Figures that differ from point to point of a sweep.
     #[serde(flatten)]
     pub figures: Figures,
     /// Whether the number of PEs was chosen by the compiler.
@@ -29,7 +29,7 @@ pub struct Report {
     pub forms: Vec<Form>,
     /// Steps for the beginning of the run.
     pub early_steps: Vec<EarlyStep>,
-    /// Products that add operands in front of the multiplier.
+    /// Products that add two operands in the pre-adder.
     pub pairs: Pairs,
     /// The PE that limits the step.
     pub bottleneck: Limiting,
@@ -37,11 +37,11 @@ pub struct Report {
     pub wire_length: WireLength,
     /// Memory writes of all PEs in a step.
     pub writes_per_step: u64,
-    /// Programs that differ when coefficients are left aside.
+    /// Programs that differ in more than coefficients.
     pub distinct_programs: usize,
-    /// Mappings that were scheduled, the one that was taken first.
+    /// Mappings that were scheduled, the chosen one first.
     pub starts: Vec<Start>,
-    /// Relays in the step that was taken; only where relays were tried.
+    /// Relays in the chosen step; only where relays were tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relays: Option<u32>,
     /// Control words of a PE.
@@ -60,13 +60,13 @@ pub struct Report {
     pub kept: Vec<Kept>,
     /// Which hardware the PEs have, and why.
     pub features: Features,
-    /// Rates of sampled blocks; only of models with some.
+    /// Rates of sampled blocks; only for models with sampled blocks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rates: Option<Vec<SampleRate>>,
-    /// What is proven of ranges; missing where no proof was asked for.
+    /// Proof of ranges; missing where no proof was requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ranges: Option<Ranges>,
-    /// Tables of functions.
+    /// Function tables.
     pub functions: Vec<FunctionTable>,
     /// The check of the step; null for large models.
     pub stability: Option<Stability>,
@@ -79,9 +79,9 @@ pub struct Report {
     /// How the design was chosen; only where it was.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub choice: Option<Chosen>,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// The command that makes this report.
+    /// The command that writes this report.
     pub command: String,
     /// SHA-256 of every file beside the report.
     #[serde(default)]
@@ -121,17 +121,17 @@ pub struct Figures {
     pub area: Area,
     /// The clock.
     pub clock: Clock,
-    /// Milliseconds that the network takes for a second of the model.
+    /// Milliseconds that the network takes per simulated second.
     #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub time_per_simulated_second_ms: f64,
-    /// How wrong the design is.
+    /// Errors of the design.
     pub error: Errors,
     /// Fixed-point runs that saturated and were repeated with wider ranges.
     pub widenings: usize,
 }
 
-/// A form of the step, and what it would cost.
+/// A form of the step, and its estimated cost.
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Form {
     /// Its name.
@@ -157,7 +157,7 @@ pub struct EarlyStep {
     pub step_s: f64,
 }
 
-/// Products that add two operands with equal coefficients in front of the multiplier.
+/// Products that add two operands with equal coefficients in the pre-adder.
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Pairs {
     /// In a step.
@@ -215,7 +215,7 @@ pub struct WireLength {
 /// A mapping that was scheduled.
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Start {
-    /// Where annealing began.
+    /// Initial mapping of the annealing.
     pub start: String,
     /// Cost before annealing.
     pub before: MappingCost,
@@ -233,7 +233,7 @@ pub struct Start {
 pub struct MappingCost {
     /// Issue slots of the most loaded PE.
     pub max_load: u32,
-    /// Pairs of PEs that exchange words.
+    /// Pairs of PEs joined by a link.
     pub connections: u32,
     /// Input ports of the PE that has most.
     pub max_in_degree: u32,
@@ -260,7 +260,7 @@ pub struct Word {
     pub coefficient_slots: u32,
     /// Where the rounding errors of coefficients are made to cancel.
     pub rounding: String,
-    /// Registers that an operation passes.
+    /// Pipeline: `short` or `deep`.
     pub pipeline: String,
 }
 
@@ -269,17 +269,17 @@ pub struct Word {
 pub struct Cells {
     /// The family.
     pub family: String,
-    /// Look-up tables.
+    /// LUTs.
     #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub lut: f64,
-    /// What they may be off by.
+    /// Possible deviation of that number, to either side.
     pub lut_error: f64,
     /// Flip-flops.
     #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub ff: f64,
-    /// What they may be off by.
+    /// Possible deviation of that number, to either side.
     pub ff_error: f64,
     /// Multiplier blocks.
     pub dsp: u32,
@@ -297,20 +297,20 @@ pub struct Area {
     pub basis: String,
     /// PEs with a measured shape.
     pub measured_pes: u32,
-    /// Where the cells are.
+    /// Breakdown by parts of the network.
     pub split: AreaSplit,
     /// For each family that networks were measured on.
     pub families: Vec<Cells>,
 }
 
-/// What a network is made of.
+/// Breakdown of a network by parts.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 pub struct AreaSplit {
-    /// PEs with their data memories and tables of functions; measured ones with their programs.
+    /// PEs with their data memories and function tables; measured ones with their programs.
     pub pes: AreaPart,
-    /// Of these the tables of functions.
+    /// Of these the function tables.
     pub function_tables: AreaPart,
-    /// Memories of control words and of coefficients that nothing writes.
+    /// Program ROMs, and memories of coefficients that nothing writes.
     pub programs: AreaPart,
     /// Inputs, ticks and outputs.
     pub inputs_outputs: LogicPart,
@@ -322,19 +322,19 @@ pub struct AreaSplit {
     pub sequencer: LogicPart,
 }
 
-/// Look-up tables and block RAMs of a part.
+/// LUTs and block RAMs of a part.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 pub struct AreaPart {
-    /// Look-up tables.
+    /// LUTs.
     pub lut: f64,
     /// Block RAMs of 18 kbit.
     pub bram18: u32,
 }
 
-/// Look-up tables and flip-flops of a part without memories.
+/// LUTs and flip-flops of a part without memories.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 pub struct LogicPart {
-    /// Look-up tables.
+    /// LUTs.
     pub lut: f64,
     /// Flip-flops.
     pub ff: f64,
@@ -347,7 +347,7 @@ pub struct Clock {
     pub mhz: f64,
     /// `given`, `estimated` or `assumed`.
     pub basis: String,
-    /// What an estimate may be off by; only of one.
+    /// Possible deviation of an estimate; only for estimates.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_mhz: Option<f64>,
 }
@@ -357,7 +357,7 @@ pub struct Clock {
 pub struct Pivot {
     /// The state.
     pub state: String,
-    /// The pivot's magnitude beside the 1 of the identity.
+    /// The pivot's magnitude, relative to the 1 of the identity.
     pub magnitude: f64,
 }
 
@@ -397,14 +397,14 @@ pub struct Kept {
     pub chain: Vec<String>,
 }
 
-/// Which hardware there is, and why.
+/// Hardware features, and why they exist.
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Features {
     /// Of the PEs.
     pub pe: Vec<Feature>,
     /// Fields of the control words.
     pub control_word: Vec<Field>,
-    /// How programs are kept.
+    /// Program memories.
     pub program: Folds,
 }
 
@@ -424,7 +424,7 @@ pub struct Feature {
     pub sizes: Histogram,
     /// What needs it.
     pub because: String,
-    /// PEs of which it is proven that they do without; only of saturation.
+    /// PEs proven not to need it; only for saturation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub provable: Option<usize>,
 }
@@ -442,18 +442,18 @@ pub struct Field {
     pub bits: Histogram,
 }
 
-/// How programs are kept.
+/// Program memories.
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Folds {
     /// Rounds of a step.
     pub rounds: u32,
     /// Control words of a round.
     pub round_words: u32,
-    /// Bits that PEs keep for each word of a round.
+    /// Bits that PEs store for each word of a round.
     pub loop_bits: Histogram,
-    /// Bits that they keep for each word of a step.
+    /// Bits that they store for each word of a step.
     pub stream_bits: Histogram,
-    /// Variants of rounds in place of those; only if there are some.
+    /// Variants in place of those; only if there are some.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub variants: Option<Histogram>,
 }
@@ -469,43 +469,43 @@ pub struct SampleRate {
     pub states: usize,
 }
 
-/// What is proven of ranges.
+/// Proof of ranges.
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Ranges {
-    /// States by how sure their ranges are.
+    /// Number of states by certainty of their ranges.
     pub states: Certainties,
     /// PEs that write proven words only.
     pub pes_without_saturation: usize,
-    /// Bits by which formats became wider for the proof.
+    /// Bits by which formats were widened for the proof.
     pub widened_bits: i32,
     /// The word-length error without that, where it was measured.
     pub word_length_before: Option<f64>,
     /// Why there is no bound at all; the keys below are missing then.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// Whether what is proven holds after the span.
+    /// Whether the proof also holds after the span.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub for_ever: Option<bool>,
-    /// The norm that bounds what rounding does.
+    /// The norm that bounds the effect of rounding.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub norm: Option<String>,
-    /// What a step multiplies it by at most.
+    /// The largest factor by which a step multiplies it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub growth: Option<f64>,
-    /// Most by which rounding moves a value, relative to the largest word.
+    /// Largest deviation of a value by rounding, relative to the largest word.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rounding: Option<f64>,
-    /// Bits by which formats would have to be wider still.
+    /// Further bits by which formats would have to be widened.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub missing_bits: Option<i32>,
 }
 
-/// States by how sure it is that they stay in range.
+/// Number of states by how certain it is that they stay in range.
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Certainties {
     /// Proven.
     pub proven: usize,
-    /// Measured, with the head room of formats.
+    /// Measured, with the margin of formats.
     pub probable: usize,
     /// Measured, with less.
     pub unknown: usize,
@@ -532,7 +532,7 @@ pub struct FunctionTable {
     pub lookups: u64,
     /// Largest error of approximation.
     pub bound: f64,
-    /// The same in units of the lowest bit that a data port sees of the result.
+    /// The same in units of the lowest bit of the result that a data port sees.
     #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub bound_lsb: f64,

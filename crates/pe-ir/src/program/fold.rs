@@ -10,7 +10,7 @@ use crate::index::{at, number};
 use crate::memory::{MemoryCells, rom, tables};
 use crate::word::Pipeline;
 
-/// Most words of a variant memory, which is made of look-up tables.
+/// Most words of a variant memory, which is made of LUTs.
 const VARIANT_WORDS: usize = 256;
 
 /// The memories of a PE's program.

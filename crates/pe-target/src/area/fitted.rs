@@ -5,9 +5,9 @@ use super::{FF_TERMS, LUT_TERMS, TRAITS};
 /// What was fitted to the measured PEs of a family.
 #[derive(Debug)]
 pub struct Fitted {
-    /// Look-up tables per unit of each of [`LUT_TERMS`].
+    /// LUTs per unit of each of [`LUT_TERMS`].
     pub lut: [f64; LUT_TERMS.len()],
-    /// Root mean square of the relative residuals of look-up tables.
+    /// Root mean square of the relative residuals of LUTs.
     pub lut_deviation: f64,
     /// Flip-flops per unit of each of [`FF_TERMS`].
     pub ff: [f64; FF_TERMS.len()],
@@ -15,9 +15,9 @@ pub struct Fitted {
     pub ff_deviation: f64,
     /// Measured PEs with each of [`TRAITS`].
     pub shapes: [u32; TRAITS.len()],
-    /// Look-up tables per bit that a deep pipeline chooses in tables of their own.
+    /// LUTs per bit that a deep pipeline chooses in LUTs of their own.
     pub deep_lut: f64,
-    /// Root mean square of the relative residuals of the look-up tables of deep PEs.
+    /// Root mean square of the relative residuals of the LUTs of deep PEs.
     pub deep_lut_deviation: f64,
     /// Flip-flops per bit of second registers of a deep pipeline.
     pub deep_ff: f64,
@@ -25,7 +25,7 @@ pub struct Fitted {
     pub deep_ff_deviation: f64,
 }
 
-/// Xilinx 6 and 7 series, and tables of UltraScale+.
+/// Xilinx 6 and 7 series, and LUTs of UltraScale+.
 pub const XC6V: Fitted = Fitted {
     lut: [0.99, 1.0, 0.997, 1.064, 0.972, 4.001, 1.999, 0.837, 1.0, 16.001],
     lut_deviation: 0.0197,

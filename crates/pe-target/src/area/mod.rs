@@ -33,7 +33,7 @@ pub struct Area {
     pub family: Family,
     /// Look-up tables, memories in LUTs included.
     pub lut: f64,
-    /// What the look-up tables may be off by, to either side; 0 if all PEs were measured.
+    /// What the LUTs may be off by, to either side; 0 if all PEs were measured.
     pub lut_error: f64,
     /// Flip-flops.
     pub ff: f64,
@@ -47,7 +47,7 @@ pub struct Area {
     pub measured_pes: u32,
     /// All PEs.
     pub pes: u32,
-    /// Where the look-up tables and blocks are.
+    /// Where the LUTs and blocks are.
     pub split: Split,
 }
 
@@ -60,11 +60,11 @@ pub struct Split {
     pub function_tables: (f64, u32),
     /// Memories of control words and of coefficients that nothing writes.
     pub programs: (f64, u32),
-    /// Inputs and ticks: look-up tables and flip-flops.
+    /// Inputs and ticks: LUTs and flip-flops.
     pub inputs: (f64, f64),
-    /// Outputs: look-up tables and flip-flops.
+    /// Outputs: LUTs and flip-flops.
     pub outputs: (f64, f64),
-    /// The sequencer and what joins the sticky flags: look-up tables and flip-flops.
+    /// The sequencer and what joins the sticky flags: LUTs and flip-flops.
     pub sequencer: (f64, f64),
 }
 
@@ -134,7 +134,7 @@ pub fn size(program: &Program, measured: &Measured, family: Family) -> Area {
     area
 }
 
-/// What a PE would be smaller without its tables of functions: look-up tables and block RAMs of 18 kbit.
+/// What a PE would be smaller without its tables of functions: LUTs and block RAMs of 18 kbit.
 fn function_tables(program: &Program, pe: &PeProgram, family: Family) -> (f64, u32) {
     let (features, format) = (&pe.features, &program.format);
     if features.index_words == 0 {

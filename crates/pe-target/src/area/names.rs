@@ -1,6 +1,6 @@
 //! Names of the counts of the area model, and of traits that it may not cover.
 
-/// What a PE's look-up tables are counted in.
+/// What a PE's LUTs are counted in.
 pub const LUT_TERMS: [&str; 10] = [
     "tables of memories",
     "bits chosen among parts of memories",

@@ -56,7 +56,7 @@ pub fn pe(features: &PeFeatures, format: &WordFormat, family: Family) -> (f64, f
     )
 }
 
-/// What the estimate of a PE may be off by, relative to it: look-up tables and flip-flops.
+/// What the estimate of a PE may be off by, relative to it: LUTs and flip-flops.
 pub(super) fn errors(features: &PeFeatures, format: &WordFormat, family: Family) -> (f64, f64) {
     let floor = if rare(features, format, family) { RARE_ERROR } else { 0.0 };
     let fitted = family.fitted();
@@ -131,7 +131,7 @@ fn outside(features: &PeFeatures, format: &WordFormat, family: Family) -> (f64, 
     (operand + sum + partial + joined + logic, sum + f64::from(registers))
 }
 
-/// The look-up tables of a PE without its program memory, counted.
+/// The LUTs of a PE without its program memory, counted.
 pub fn lut_terms(features: &PeFeatures, format: &WordFormat, family: Family) -> [f64; LUT_TERMS.len()] {
     let (shifted, sum) = sum_bits(features, format);
     let (memories, choices) = memories(features, format, family);
