@@ -43,11 +43,11 @@ pub struct ModelArgs {
     #[arg(long, value_name = "NAME[,NAME...]", help_heading = "Model")]
     pub observe: Vec<String>,
     /// Inputs between two samples, unless the spec says: hold or linear
-    #[arg(long, value_name = "MODE", value_parser = between)]
+    #[arg(long, value_name = "MODE", value_parser = between, help_heading = "Model")]
     pub inputs: Option<Interpolation>,
 
     /// How strictly units are checked: strict, warn or off; overrides the spec
-    #[arg(long, value_name = "MODE", value_parser = units)]
+    #[arg(long, value_name = "MODE", value_parser = units, help_heading = "Model")]
     pub units: Option<pe_frontend::Units>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Mapping")]
