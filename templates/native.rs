@@ -92,8 +92,8 @@ fn fma(a: R, b: R, c: R) -> R {
     if cfg!(any(target_feature = "fma", target_arch = "aarch64")) { a.mul_add(b, c) } else { a * b + c }
 }
 
-// No call writes a slot that it reads, and calls of one level none that another one writes, or reads but to multiply it by
-// zero.
+// No call writes a slot that it reads, and calls of one level none that another one writes, or reads but to multiply it
+// by zero.
 unsafe fn row<'a>(v: *mut R, first: u32, lanes: usize) -> &'a [R] {
     std::slice::from_raw_parts(v.add(first as usize), lanes)
 }

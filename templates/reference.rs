@@ -8,8 +8,9 @@
 //! control-word bits of the network's memories and follows the hardware datasheet.
 //!
 //! Build with `rustc -O --edition 2021`. Arguments: `--stimulus FILE`, `--steps N`, `--images FILE` (initial words in
-//! place of some of those below), `--quiet` (outputs and a checksum of all memory writes instead of the writes). Prints lines `t cycle pe address value` (memory writes),
-//! `o step index value` (outputs), `v pe` and `v any` (overflow flags), `c clocks` (clocks per step) and `checks count`.
+//! place of some of those below), `--quiet` (outputs and a checksum of all memory writes instead of the writes). Prints
+//! lines `t cycle pe address value` (memory writes), `o step index value` (outputs), `v pe` and `v any` (overflow
+//! flags), `c clocks` (clocks per step) and `checks count`.
 
 use std::io::{BufWriter, Write};
 
@@ -34,8 +35,8 @@ const DEFAULT_STEPS: u64 = {{ default_steps }};
 const INPUT_COUNT: usize = {{ input_count }};
 {%- if !ticks.is_empty() %}
 
-/// Inputs that the network makes itself, behind the ports: number, steps from one sample to the next, those that are done
-/// as the run starts, and the operand of 1.0.
+/// Inputs that the network makes itself, behind the ports: number, steps from one sample to the next, those that are
+/// done as the run starts, and the operand of 1.0.
 const TICKS: &[(usize, u64, u64, i64)] = &[{{ ticks }}];
 {%- endif %}
 
@@ -160,7 +161,8 @@ struct Pe {
     accumulator_bits: u32,
     pre_adder: bool,
     proven: bool,
-    /// Whether an operand of the sum in front of the multiplier, {% if deep %}two words{% else %}one word{% endif %} ago, was beyond half of full scale.
+    /// Whether an operand of the sum in front of the multiplier, {% if deep %}two words{% else %}one word{% endif %}
+    /// ago, was beyond half of full scale.
     too_large: bool,
 {%- if deep %}
     /// The same of the word that was executed last.
@@ -262,7 +264,8 @@ impl Network {
         }
     }
 
-    /// Takes initial words from a file: lines `pe memory address word`, all decimal, memory `own`, `base` or `imported`.
+    /// Takes initial words from a file: lines `pe memory address word`, all decimal, memory `own`, `base` or
+    /// `imported`.
     fn start_from(&mut self, name: &str) {
         for line in read(name).lines() {
             let fields: Vec<&str> = line.split_ascii_whitespace().collect();

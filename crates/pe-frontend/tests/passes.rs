@@ -1,5 +1,5 @@
-//! Every pass of the front end by what it does to small specs: `tests/passes/PASS/CASE.spec`, and the model or the findings
-//! that come out, `CASE.expect`.
+//! Every pass of the front end by what it does to small specs: `tests/passes/PASS/CASE.spec`, and the model or the
+//! findings that come out, `CASE.expect`.
 //!
 //! `UPDATE_EXPECT=1 cargo test -p pe-frontend --test passes` writes what comes out now.
 

@@ -1,8 +1,8 @@
 //! Prints what the mapper makes of synthetic problems shaped like the models of Huang, Vahid and Givargis (2013),
 //! doi 10.1145/2514641.2514650: a lung tree, a chain, a wave grid and an atrial cube.
 //!
-//! `cargo run --release -p pe-hls --example mapping_quality [name [seeds]]`; with a number of seeds, how the random start
-//! ends beside the best of the others, in the mean.
+//! `cargo run --release -p pe-hls --example mapping_quality [name [seeds]]`; with a number of seeds, how the random
+//! start ends beside the best of the others, in the mean.
 
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! From model to program: step graph, number formats, mapping, schedule, assembly.
 //!
-//! [`PASSES`] has the passes in the order in which `pe-flow` runs them. Each is a function of its module, and each has cases of its
-//! own in `tests/passes`.
+//! [`PASSES`] has the passes in the order in which `pe-flow` runs them. Each is a function of its module, and each has
+//! cases of its own in `tests/passes`.
 
 mod alike;
 pub mod assemble;

@@ -17,7 +17,8 @@ const fn pass(name: &'static str, reads: &'static str, makes: &'static str, purp
     Pass { name, reads, makes, purpose }
 }
 
-/// All passes. Runs over the span lie between `step` and `functions`, and between `split` and `formats`: ranges come from them.
+/// All passes. Runs over the span lie between `step` and `functions`, and between `split` and `formats`: ranges come
+/// from them.
 pub const PASSES: &[Pass] = &[
     pass("lift", "Model", "Model", "makes functions of one variable equations of their own"),
     pass("step", "Model", "StepGraph", "writes one step of the method as chains of products"),

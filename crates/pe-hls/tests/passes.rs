@@ -1,4 +1,5 @@
-//! Every pass alone, from text to text: `tests/passes/PASS` has small inputs, `CASE.txt`, and what comes out, `CASE.expect`.
+//! Every pass alone, from text to text: `tests/passes/PASS` has small inputs, `CASE.txt`, and what comes out,
+//! `CASE.expect`.
 //!
 //! An input is made of [stage texts](../../../docs/stages.md); lines that begin with `#:` give the pass its options.
 //! `UPDATE_EXPECT=1 cargo test -p pe-hls --test passes` writes what comes out now. All results go through the checkers.

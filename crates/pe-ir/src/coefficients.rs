@@ -40,8 +40,8 @@ fn polynomials(degree: usize, x: f64) -> Vec<[f64; 3]> {
     all
 }
 
-/// The stages of the Runge-Kutta-Chebyshev method of second order with damping 2/13: Sommeijer, Shampine, Verwer, RKC: an
-/// explicit solver for parabolic PDEs, J. Comput. Appl. Math. 88 (1997), equations 2.1 to 2.7.
+/// The stages of the Runge-Kutta-Chebyshev method of second order with damping 2/13: Sommeijer, Shampine, Verwer, RKC:
+/// an explicit solver for parabolic PDEs, J. Comput. Appl. Math. 88 (1997), equations 2.1 to 2.7.
 pub fn chebyshev(stages: usize) -> Vec<ChebyshevStage> {
     const DAMPING: f64 = 2.0 / 13.0;
     let w0 = 1.0 + DAMPING / (stages * stages) as f64;

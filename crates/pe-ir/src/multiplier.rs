@@ -1,7 +1,7 @@
 //! Products of a PE's multiplier and the multiplier blocks of a device that form them.
 //!
-//! `hdl/pe_multiplier.vhd` cuts wide operands into parts; synthesis tiles the product of two parts with blocks. The rule
-//! of the tiles is that of yosys 0.70 (`mul2dsp`).
+//! `hdl/pe_multiplier.vhd` cuts wide operands into parts; synthesis tiles the product of two parts with blocks. The
+//! rule of the tiles is that of yosys 0.70 (`mul2dsp`).
 
 use crate::word::{Pipeline, WordFormat};
 
@@ -60,8 +60,8 @@ impl WordFormat {
         self.products().into_iter().map(|(data, coefficient)| tiled(data, coefficient, tiles).halves).sum()
     }
 
-    /// Bits that logic adds for the parts of products that are too small for a block: a row for each bit of the narrower
-    /// operand.
+    /// Bits that logic adds for the parts of products that are too small for a block: a row for each bit of the
+    /// narrower operand.
     pub fn logic_bits(&self, tiles: &[Tile]) -> u32 {
         self.products().into_iter().map(|(data, coefficient)| tiled(data, coefficient, tiles).logic_bits).sum()
     }

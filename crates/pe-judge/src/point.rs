@@ -200,8 +200,8 @@ impl DesignPoint {
     }
 }
 
-/// Ports of the multiplier unless the user says otherwise: where sampled states may ring they see some bits below those that
-/// are stored.
+/// Ports of the multiplier unless the user says otherwise: where sampled states may ring they see some bits below those
+/// that are stored.
 pub fn default_ports(model: &Model, storage: u32) -> MultiplierPorts {
     let rings = Feedback::of(model).is_some_and(|feedback| feedback.rings);
     let bits = if rings { (storage + VISIBLE_BITS).clamp(PORT_BITS, WIDEST_PORT) } else { PORT_BITS };

@@ -11,8 +11,8 @@ pub fn processor_seconds() -> Option<f64> {
     None
 }
 
-/// Processor time of this thread so far in seconds, which other work on the machine does not lengthen; where the system does
-/// not tell, time since the first question.
+/// Processor time of this thread so far in seconds, which other work on the machine does not lengthen; where the system
+/// does not tell, time since the first question.
 pub fn thread_seconds() -> f64 {
     #[cfg(target_os = "linux")]
     {

@@ -1,7 +1,8 @@
 //! Places for the nodes of a graph, chosen by its structure.
 //!
-//! A chain becomes a snake, a tree, or what is nearly one, grows outwards from its centre, anything else is laid out so that distances in the
-//! plane are those in the graph (stress majorisation). Parts that are not connected stand beside each other.
+//! A chain becomes a snake, a tree, or what is nearly one, grows outwards from its centre, anything else is laid out so
+//! that distances in the plane are those in the graph (stress majorisation). Parts that are not connected stand beside
+//! each other.
 
 use std::collections::VecDeque;
 

@@ -174,8 +174,8 @@ impl Compared {
         }
     }
 
-    /// The same with larger scales, where the run that is compared with has larger magnitudes. `quantity` is that of each
-    /// column, as in [`Trajectory::scales`].
+    /// The same with larger scales, where the run that is compared with has larger magnitudes. `quantity` is that of
+    /// each column, as in [`Trajectory::scales`].
     pub fn in_scale(mut self, quantity: &[u32]) -> Compared {
         let whole = Trajectory { largest: self.magnitudes.clone(), ..Trajectory::new(self.scales.len()) };
         for (scale, larger) in self.scales.iter_mut().zip(whole.scales(quantity)) {
@@ -220,8 +220,8 @@ impl Compared {
         self.course[ended..].iter().map(|(_, worst)| *worst).fold(0.0, f64::max)
     }
 
-    /// Steps done at the beginning of the first block in which some relative deviation is above a limit; of the first of all
-    /// if there is none.
+    /// Steps done at the beginning of the first block in which some relative deviation is above a limit; of the first
+    /// of all if there is none.
     pub fn since(&self, limit: f64) -> u64 {
         let beyond = self.course.iter().find(|(_, worst)| *worst > limit);
         beyond.or(self.course.first()).map_or(0, |(done, _)| *done)

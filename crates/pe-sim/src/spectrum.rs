@@ -31,9 +31,9 @@ pub fn eigenvalues(order: usize, columns: &[f64]) -> Option<Vec<(f64, f64)>> {
     Some(schur.complex_eigenvalues().iter().map(|value| (value.re * scale, value.im * scale)).collect())
 }
 
-/// How far a lasting disturbance of one moves the states that `x = A x + disturbance` settles at, in units that suit all
-/// of them best: the largest eigenvalue of the magnitudes of (1 - A)^-1. The matrix A is given column after column; `None`
-/// if 1 - A is singular.
+/// How far a lasting disturbance of one moves the states that `x = A x + disturbance` settles at, in units that suit
+/// all of them best: the largest eigenvalue of the magnitudes of (1 - A)^-1. The matrix A is given column after column;
+/// `None` if 1 - A is singular.
 pub fn largest_response(order: usize, columns: &[f64]) -> Option<f64> {
     let rest = DMatrix::identity(order, order) - DMatrix::from_column_slice(order, order, columns);
     let magnitudes = rest.try_inverse()?.abs();

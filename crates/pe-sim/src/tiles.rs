@@ -2,8 +2,8 @@
 //!
 //! What goes in are the chains of a step, in slots of a value memory, each slot written at most once; what comes out is
 //! an order of execution that respects all dependencies. Chains that do not depend on each other and are of one shape
-//! form a group; a group is cut into tiles of at most [`LANES`] chains, where operands stop lying in a row. A lane's sum
-//! is formed term by term in the order of its chain, so that a sum does not depend on how the tiles are cut.
+//! form a group; a group is cut into tiles of at most [`LANES`] chains, where operands stop lying in a row. A lane's
+//! sum is formed term by term in the order of its chain, so that a sum does not depend on how the tiles are cut.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;

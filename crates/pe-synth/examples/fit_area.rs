@@ -4,9 +4,9 @@
 //!
 //! Reads `crates/pe-target/src/area/measured.txt` and the lines of each FILE, all written by `xtask measure-area`; of
 //! two lines for the same shape the later one counts. Writes `measured.txt` again, `fitted.rs` beside it and
-//! `docs/area-model.md`. `xtask fit-area` measures and fits. Residuals are weighted by the measured size, so that small PEs count as much as large ones.
-//! Terms that the measured PEs do not tell apart stay near what a count of the circuit says, a table or flip-flop per
-//! unit: a deviation from it costs as a residual does, times [`PULL`].
+//! `docs/area-model.md`. `xtask fit-area` measures and fits. Residuals are weighted by the measured size, so that small
+//! PEs count as much as large ones. Terms that the measured PEs do not tell apart stay near what a count of the circuit
+//! says, a table or flip-flop per unit: a deviation from it costs as a residual does, times [`PULL`].
 
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -79,8 +79,8 @@ pub struct Compile {
     reference: bool,
     #[command(flatten)]
     conserved: ConservedArgs,
-    /// Chooses solver, step, multiplier and storage that meet this total error with the shortest run time; options that are
-    /// given are kept
+    /// Chooses solver, step, multiplier and storage that meet this total error with the shortest run time; options that
+    /// are given are kept
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
     max_error: Option<f64>,
     /// Longest time between two outputs of the design that `--max-error` chooses: its step divides this time
@@ -309,7 +309,8 @@ fn step_question<'a>(
     Ok(judge::Question { model, graph, point, criteria, format, goal: None })
 }
 
-/// The first of some candidates that works out, with its place; if the model refuses all of them, why it refused the first.
+/// The first of some candidates that works out, with its place; if the model refuses all of them, why it refused the
+/// first.
 fn first_that_works<P, T>(
     candidates: &[P],
     mut build: impl FnMut(&P) -> Result<T, Failure>,

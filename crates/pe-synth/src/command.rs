@@ -10,8 +10,8 @@ pub fn quoted(word: &str) -> String {
     if plain { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
-/// A path as outputs show it: an absolute one is reduced to its last name, since the folders of the machine that wrote an
-/// output are of no use on another one.
+/// A path as outputs show it: an absolute one is reduced to its last name, since the folders of the machine that wrote
+/// an output are of no use on another one.
 pub fn shown_path(path: &str) -> &str {
     match Path::new(path).file_name().and_then(|name| name.to_str()) {
         Some(name) if Path::new(path).is_absolute() => name,

@@ -137,8 +137,8 @@ fn refused(error: &clap::Error) -> ExitCode {
     Failure::Usage(String::new()).exit_code()
 }
 
-/// The command as it can be typed again in the folder of an absolute path, without the output folder: that does not change
-/// the result.
+/// The command as it can be typed again in the folder of an absolute path, without the output folder: that does not
+/// change the result.
 fn command_line() -> String {
     let mut words = vec!["pe-synth".to_owned()];
     let mut arguments = std::env::args().skip(1);

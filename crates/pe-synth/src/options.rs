@@ -199,8 +199,8 @@ impl ModelArgs {
     }
 }
 
-/// An option that asks for what a text of stages has decided already, in words. `span` says whether a longer span is asked
-/// for than the model of the text has.
+/// An option that asks for what a text of stages has decided already, in words. `span` says whether a longer span is
+/// asked for than the model of the text has.
 fn conflict(stages: &Stages, point: &DesignPoint, mapping: &MappingOptions, span: bool) -> Option<String> {
     let decided = |option: &str, stage: Stage| {
         Some(format!("`{option}` comes too late: the text continues to `{}`, which has decided it", stage.name()))

@@ -130,7 +130,8 @@ const SMALL: u32 = 16;
 /// Measured networks of a kind and size from which on an estimate has the smaller error.
 const ENOUGH: usize = 3;
 
-/// Least errors of an estimate, relative to it, from enough networks and from fewer: seeds of one network differ by 8 %.
+/// Least errors of an estimate, relative to it, from enough networks and from fewer: seeds of one network differ by 8
+/// %.
 const LEAST_ERROR: f64 = 0.1;
 const FEW_ERROR: f64 = 0.2;
 

@@ -101,8 +101,8 @@ const TABLES: u64 = 6;
 /// Steps of a run that saturates: what saturates soon stays there.
 const SATURATING: u64 = 5;
 
-/// Runs that saturate, at most: a PE often saturates on one side only, and the first flag hides the others. Large designs
-/// get fewer.
+/// Runs that saturate, at most: a PE often saturates on one side only, and the first flag hides the others. Large
+/// designs get fewer.
 const SATURATIONS: u64 = 10;
 
 /// Judges a folder; every line of the result goes to `say` as it is found.
@@ -160,8 +160,8 @@ impl Plan {
         Ok(Plan { design: folder.design, runs })
     }
 
-    /// Judges the VHDL of a copy of the folder in GHDL, as [`judge`] does, up to the first run that fails: number of the
-    /// runs before it, where it starts, and what is wrong.
+    /// Judges the VHDL of a copy of the folder in GHDL, as [`judge`] does, up to the first run that fails: number of
+    /// the runs before it, where it starts, and what is wrong.
     ///
     /// # Errors
     /// If the copy cannot be judged.

@@ -170,8 +170,8 @@ pub fn measure(
     Ok(Measurement { runs, work: Some(program.work), kernel })
 }
 
-/// Widths of vectors that are worth a try, with the compiler's option: the widest ones that there are, and narrower ones,
-/// which cross the lines of the cache less often.
+/// Widths of vectors that are worth a try, with the compiler's option: the widest ones that there are, and narrower
+/// ones, which cross the lines of the cache less often.
 fn widths() -> impl Iterator<Item = (&'static str, Option<&'static str>)> {
     #[cfg(target_arch = "x86_64")]
     let wide = std::is_x86_feature_detected!("avx512f");

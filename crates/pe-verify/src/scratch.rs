@@ -27,8 +27,8 @@ impl Scratch {
         std::env::temp_dir().join(format!("pe-synth-{}", std::process::id()))
     }
 
-    /// Removes all temporary folders of the process, for one that is about to end: what other threads, and the programs that they
-    /// run, write from here on has no place any more.
+    /// Removes all temporary folders of the process, for one that is about to end: what other threads, and the programs
+    /// that they run, write from here on has no place any more.
     pub fn remove_all() {
         let all = Self::all();
         for _ in 0..100 {

@@ -3,10 +3,10 @@
 #
 #   cargo run -p xtask -- baseline
 #
-# Needs cargo and gcc. The C programs are in the folder baseline, one per model of the paper, built with -O3 -march=native.
-# `pe-synth bench --against` runs all programs in turn and takes the fastest of many repetitions of each, so that other
-# work on the machine meets all of them. $PE_SYNTH names a binary to use in place of building one. Exit code 4: a
-# program computes something else, or a generated one is slower than its rival.
+# Needs cargo and gcc. The C programs are in the folder baseline, one per model of the paper, built with -O3
+# -march=native. `pe-synth bench --against` runs all programs in turn and takes the fastest of many repetitions of each,
+# so that other work on the machine meets all of them. $PE_SYNTH names a binary to use in place of building one. Exit
+# code 4: a program computes something else, or a generated one is slower than its rival.
 set -euo pipefail
 
 source "$(dirname "$(realpath "$0")")/../common.sh"

@@ -3,9 +3,9 @@
 #
 #   cargo run -p xtask -- fit-area [DESIGN_FOLDER...]
 #
-# Measures the single PEs that xtask single_pes writes, in out/pes-SET, and the PEs of each design folder, for each family, half
-# a minute each. Needs what xtask measure-area needs. Rewrites measured.txt and fitted.rs in crates/pe-target/src/area and
-# docs/area-model.md.
+# Measures the single PEs that xtask single_pes writes, in out/pes-SET, and the PEs of each design folder, for each
+# family, half a minute each. Needs what xtask measure-area needs. Rewrites measured.txt and fitted.rs in
+# crates/pe-target/src/area and docs/area-model.md.
 set -euo pipefail
 
 source "$(dirname "$(realpath "$0")")/../common.sh"

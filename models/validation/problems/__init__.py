@@ -2,7 +2,8 @@
 
 import numpy as np
 
-# Two solutions agree to this part of a state's largest magnitude, unless a case says that its own sensitivity forbids it.
+# Two solutions agree to this part of a state's largest magnitude, unless a case says that its own sensitivity forbids
+# it.
 LIMIT = 1e-10
 CASES = {}
 

@@ -12,8 +12,8 @@ const PARTS: [f64; 5] = [4.0, 16.0, 64.0, 256.0, 1024.0];
 /// The same of a further step behind a list.
 const FURTHER: [f64; 2] = [4.0, 16.0];
 
-/// Last steps in the span, at least; where there are many, their number is a multiple of this one, so that a longer step
-/// finds room.
+/// Last steps in the span, at least; where there are many, their number is a multiple of this one, so that a longer
+/// step finds room.
 const FEWEST_STEPS: f64 = 10.0;
 const MULTIPLE: f64 = 16.0;
 
@@ -47,9 +47,9 @@ impl Method {
     }
 }
 
-/// Lists of two steps: about that of a method in the beginning, and one that is `scale` times 4, 16 or 64 times as long;
-/// `suitable` gives the longest step up to one that goes with span and outputs. The beginning ends with a step of the last
-/// length, so that all of these fall where they would without it.
+/// Lists of two steps: about that of a method in the beginning, and one that is `scale` times 4, 16 or 64 times as
+/// long; `suitable` gives the longest step up to one that goes with span and outputs. The beginning ends with a step of
+/// the last length, so that all of these fall where they would without it.
 pub fn single(method: Method, span: f64, scale: f64, suitable: impl Fn(f64) -> Option<f64>) -> Vec<Method> {
     let mut lists = Vec::new();
     for ratio in LONGER.map(|ratio| scale * ratio) {

@@ -51,14 +51,14 @@ const FINALISTS: usize = 4;
 const CLOSE_TIME: f64 = 1.5;
 const SHORT_OF_BITS: usize = 4;
 
-/// Solvers that are tried with lists of steps, how much longer than the shortest the run time with the first step for all
-/// of the span may be, of stiff models and of others, and rounds of them.
+/// Solvers that are tried with lists of steps, how much longer than the shortest the run time with the first step for
+/// all of the span may be, of stiff models and of others, and rounds of them.
 const LISTED_SOLVERS: usize = 2;
 const LISTED_STIFF: f64 = 64.0;
 const LISTED: f64 = 4.0;
 
-/// Steps over the span for the sake of stability from which on a model counts as stiff: over a beginning that is not smooth
-/// accuracy may ask for as many, which says nothing of what follows.
+/// Steps over the span for the sake of stability from which on a model counts as stiff: over a beginning that is not
+/// smooth accuracy may ask for as many, which says nothing of what follows.
 const MANY_STEPS: f64 = 2000.0;
 const LIST_ROUNDS: u32 = 3;
 
@@ -135,8 +135,8 @@ impl<'a> Search<'a> {
         Search { model, mapping, lists, solvers, free_steps, words, word, limit, next: Stage::Steps(0) }
     }
 
-    /// The points that a search begins with: solvers and steps at one word. Where a run with the spec's steps takes more
-    /// products than the first round allows, steps are as much longer: which shorter ones are worth it shows then.
+    /// The points that a search begins with: solvers and steps at one word. Where a run with the spec's steps takes
+    /// more products than the first round allows, steps are as much longer: which shorter ones are worth it shows then.
     pub fn begin(&self, plan: &Plan) -> Vec<DesignPoint> {
         let at_word = |point: &&DesignPoint| Word::of(point) == self.word;
         let points = plan.points.iter().filter(at_word);
@@ -145,8 +145,8 @@ impl<'a> Search<'a> {
         points
     }
 
-    /// A point with a step that is longer by a power of two, as long as the first round asks for; none if it need not be, or
-    /// cannot be.
+    /// A point with a step that is longer by a power of two, as long as the first round asks for; none if it need not
+    /// be, or cannot be.
     fn affordable(&self, point: DesignPoint) -> Option<DesignPoint> {
         let (solver, step) = point.solver.zip(point.step).filter(|_| self.free_steps)?;
         let doublings = libm::ceil(libm::log2(self.products(self.single(solver, step)) / FIRST_PRODUCTS));
@@ -353,7 +353,8 @@ impl<'a> Search<'a> {
         DesignPoint { early_steps: method.early, ..self.lists.point(method.solver, method.step, word) }
     }
 
-    /// Lists of steps for the solvers that take them: first one short step for the beginning, then another one behind it.
+    /// Lists of steps for the solvers that take them: first one short step for the beginning, then another one behind
+    /// it.
     fn lists_of_steps(&self, rows: &[Row], round: u32) -> Vec<DesignPoint> {
         let model = self.model;
         if !self.free_steps || !model.phases.is_empty() || !model.rates.is_empty() {

@@ -86,8 +86,8 @@ pub struct Lists {
     pub solver: Vec<Solver>,
     /// Steps in seconds; the spec's and some around it if there are none.
     pub step: Vec<f64>,
-    /// Bits of the multiplier's ports; with a list of these, of storage or of coefficients every solver and step is combined with
-    /// every word length.
+    /// Bits of the multiplier's ports; with a list of these, of storage or of coefficients every solver and step is
+    /// combined with every word length.
     pub multiplier: Vec<MultiplierPorts>,
     /// Bits of a stored word, without its guard bits.
     pub storage: Vec<u32>,

@@ -1,5 +1,5 @@
-//! The figures of a report that are compared over time, whatever else it holds: those of another version, or of a golden folder,
-//! may lack some.
+//! The figures of a report that are compared over time, whatever else it holds: those of another version, or of a
+//! golden folder, may lack some.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Number;

@@ -121,7 +121,8 @@ fn duration(ms: f64) -> String {
     }
 }
 
-/// Cells; blocks of programs are named, because synthesis may make logic of them, and so are outputs that are most of a design.
+/// Cells; blocks of programs are named, because synthesis may make logic of them, and so are outputs that are most of a
+/// design.
 fn cells(area: &Area) -> String {
     let (all, split) = (&area.cells, &area.split);
     let error = if all.lut_error > 0.0 { format!(" ± {:.0}", all.lut_error) } else { String::new() };

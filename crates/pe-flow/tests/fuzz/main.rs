@@ -1,8 +1,8 @@
 //! Fuzz targets: spec text, stage texts, and program text.
 //!
-//! Each target begins with a corpus and damages it again and again. A text that is accepted, or refused for a reason not
-//! seen before, joins the pool that is damaged further. Nothing depends on time or threads: a seed and a number of texts
-//! give the same texts on every machine.
+//! Each target begins with a corpus and damages it again and again. A text that is accepted, or refused for a reason
+//! not seen before, joins the pool that is damaged further. Nothing depends on time or threads: a seed and a number of
+//! texts give the same texts on every machine.
 //!
 //! `PE_FUZZ_COUNT` is the number of texts of a target, `PE_FUZZ_SEED` the seed. A text that fails is kept in
 //! `target/tmp/fuzz`; once mended, it belongs into `tests/fuzz/corpus`.

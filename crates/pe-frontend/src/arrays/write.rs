@@ -33,8 +33,8 @@ impl Written {
     }
 }
 
-/// Writes out whole arrays, whose sizes it finds on a copy of all names; `None` if there is nothing to do. What is wrong
-/// with sizes is reported by the passes that compute them for good.
+/// Writes out whole arrays, whose sizes it finds on a copy of all names; `None` if there is nothing to do. What is
+/// wrong with sizes is reported by the passes that compute them for good.
 pub(crate) fn write_out(
     spec: &Spec,
     overrides: &[(String, f64)],

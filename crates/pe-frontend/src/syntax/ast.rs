@@ -32,7 +32,8 @@ impl Spec {
     }
 }
 
-/// What is known of a statement that could not be parsed, or whose data file could not be read; keeps one mistake from being reported many times.
+/// What is known of a statement that could not be parsed, or whose data file could not be read; keeps one mistake from
+/// being reported many times.
 #[derive(Clone, Debug, Default)]
 pub struct Broken {
     /// The keyword it begins with, empty for an equation.

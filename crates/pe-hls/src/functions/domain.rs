@@ -43,7 +43,8 @@ pub(super) struct Domain<'a> {
     pub removable: Vec<f64>,
     /// Whether scales are powers of two: coefficients are too short for others.
     binary: bool,
-    /// Whether it is a part of another one, whose argument is counted from an end of it: zero is no place of its own then.
+    /// Whether it is a part of another one, whose argument is counted from an end of it: zero is no place of its own
+    /// then.
     pub is_part: bool,
 }
 
@@ -222,8 +223,8 @@ impl<'a> Domain<'a> {
         Some(Map { slope, offset: -place * slope })
     }
 
-    /// What distances up to `reach` are multiplied by. A power of two is exact: the mapped argument then has the bits of the
-    /// argument itself.
+    /// What distances up to `reach` are multiplied by. A power of two is exact: the mapped argument then has the bits
+    /// of the argument itself.
     fn scale(&self, reach: f64, whole: bool) -> f64 {
         let reach = reach * (1.0 + SLACK);
         let power = libm::exp2(libm::ceil(libm::log2(reach)));

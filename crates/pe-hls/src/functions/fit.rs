@@ -184,8 +184,8 @@ pub(super) fn piece_holds(domain: &Domain, low: f64, high: f64, excess: f64) -> 
     Piece::of(domain, map, place, HIGHEST_DEGREE).blurred_excess <= excess
 }
 
-/// The function at a place of a segment. Right beside a removable singularity, where rounding makes nonsense of 0/0, what
-/// two places further inside lead to stands in for it.
+/// The function at a place of a segment. Right beside a removable singularity, where rounding makes nonsense of 0/0,
+/// what two places further inside lead to stands in for it.
 fn smooth(domain: &Domain, argument: &impl Fn(f64) -> f64, u: f64) -> f64 {
     const APART: f64 = 1e-4;
     let (one, other) = (argument(-3.0), argument(3.0));

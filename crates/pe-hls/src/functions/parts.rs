@@ -1,9 +1,9 @@
 //! Functions that one table does not hold, as sums of parts that each have a table of their own.
 //!
 //! A range of arguments is cut where one table ends to hold the function; between two cuts the argument is clamped, so
-//! that outside of its part each term stays what it is at the end: `f(x) = f(min(x, c)) + f(max(x, c)) - f(c)`. Parts in which
-//! the function does not move are left out. A table counts as holding a function as far as the data port tells arguments
-//! apart; see `docs/decisions/0044-reasons.md`.
+//! that outside of its part each term stays what it is at the end: `f(x) = f(min(x, c)) + f(max(x, c)) - f(c)`. Parts
+//! in which the function does not move are left out. A table counts as holding a function as far as the data port tells
+//! arguments apart; see `docs/decisions/0044-reasons.md`.
 
 use pe_ir::functions::ScalarFunction;
 use pe_ir::model::{Expr, Select};

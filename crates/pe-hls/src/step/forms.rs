@@ -25,8 +25,8 @@ const HELD: u32 = 5;
 const CONTROL_BITS: u32 = 64;
 const PE_LUTS: f64 = 600.0;
 
-/// What counts as fewer cycles: one part in so many. Denser matrices have to save that, for their wider halo costs links
-/// and memory; shared control words may cost it.
+/// What counts as fewer cycles: one part in so many. Denser matrices have to save that, for their wider halo costs
+/// links and memory; shared control words may cost it.
 const WORTHWHILE: u64 = 32;
 
 /// Entries of a matrix that the user asked for; an estimate stops where a form has lost.

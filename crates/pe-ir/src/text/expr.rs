@@ -1,8 +1,9 @@
-//! Expressions: sums, products, powers, functions and choices as a spec has them, and exactly the tree that was printed.
+//! Expressions: sums, products, powers, functions and choices as a spec has them, and exactly the tree that was
+//! printed.
 //!
-//! A minus sign belongs to the number behind it; in front of anything else it is read as a factor of -1. `1/x` is the reciprocal, `a/b` a product with one, `(1)/b` a product of
-//! the number one; `x^3` is an integer power and `x^(0.5)` any other; sums and products of fewer than two members have a name,
-//! `sum(x)`.
+//! A minus sign belongs to the number behind it; in front of anything else it is read as a factor of -1. `1/x` is the
+//! reciprocal, `a/b` a product with one, `(1)/b` a product of the number one; `x^3` is an integer power and `x^(0.5)`
+//! any other; sums and products of fewer than two members have a name, `sum(x)`.
 
 use std::fmt::Write;
 

@@ -17,8 +17,8 @@ pub fn ratio(stable: f64, (step, error): (f64, f64), goal: f64, solver: Solver) 
     step / stable * reserve
 }
 
-/// Steps over the span that stability asks of RK4, at least, whatever the model's own method; none where [`explicit`] has
-/// none.
+/// Steps over the span that stability asks of RK4, at least, whatever the model's own method; none where [`explicit`]
+/// has none.
 pub fn steps(model: &Model) -> Option<f64> {
     let model = Model { solver: Solver::Rk4, phases: Vec::new(), ..model.clone() };
     let small = model.states.len() <= MATRIX_STATES;

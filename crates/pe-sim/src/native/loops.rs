@@ -1,8 +1,8 @@
 //! Chains as loops: equations of array elements that differ only in where they are, side by side.
 //!
-//! A *run* is a number of chains that write slots one after another and read at the same distances from what they write.
-//! Runs that follow each other become one where a product more in every lane costs less than another loop: a lane that
-//! has no such product gets the coefficient zero. What is in no loop that pays is left over.
+//! A *run* is a number of chains that write slots one after another and read at the same distances from what they
+//! write. Runs that follow each other become one where a product more in every lane costs less than another loop: a
+//! lane that has no such product gets the coefficient zero. What is in no loop that pays is left over.
 
 use pe_ir::index::{self, at};
 use std::collections::{BTreeMap, BTreeSet};

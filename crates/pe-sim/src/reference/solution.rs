@@ -1,4 +1,5 @@
-//! What a reference solution is, or why there is none; its times, and the magnitudes of states that errors are measured by.
+//! What a reference solution is, or why there is none; its times, and the magnitudes of states that errors are measured
+//! by.
 
 use differential_equations::ode::ODE;
 use differential_equations::traits::State;
@@ -138,8 +139,8 @@ pub(super) fn after(time: f64, other: f64) -> bool {
     time - other > TIME_RESOLUTION * time.abs()
 }
 
-/// Zero, the breakpoints of the signals and the samples before `end`, and `end`, ascending. Every piece takes a step, so
-/// that more breakpoints of a signal than `steps` are never reached.
+/// Zero, the breakpoints of the signals and the samples before `end`, and `end`, ascending. Every piece takes a step,
+/// so that more breakpoints of a signal than `steps` are never reached.
 pub(super) fn pieces(model: &Model, end: f64, steps: u64) -> Vec<f64> {
     let of_signal = |signal: &Waveform| signal.breakpoints(end).take(steps as usize).collect::<Vec<f64>>();
     let mut breakpoints: Vec<f64> = model.waveforms().flat_map(of_signal).collect();

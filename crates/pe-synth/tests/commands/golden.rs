@@ -1,8 +1,8 @@
 //! The shipped models against what is kept of them in `models/NAME/golden`, and the comparison itself against injected
 //! differences.
 //!
-//! `UPDATE_GOLDEN=1 cargo test -p pe-synth --test commands golden` keeps what is there now: a change of cycles, size, error or
-//! bits of a shipped model is a visible decision.
+//! `UPDATE_GOLDEN=1 cargo test -p pe-synth --test commands golden` keeps what is there now: a change of cycles, size,
+//! error or bits of a shipped model is a visible decision.
 
 use std::fs;
 use std::path::{Path, PathBuf};

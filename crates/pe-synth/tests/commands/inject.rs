@@ -30,8 +30,8 @@ const DAMAGES: usize = 150;
 /// Steps of its runs.
 const STEPS: u64 = 8;
 
-/// Small designs that have every feature between them: swapped buffers, factors, looped stages, variants, tables, a deep
-/// pipeline, pairs.
+/// Small designs that have every feature between them: swapped buffers, factors, looped stages, variants, tables, a
+/// deep pipeline, pairs.
 fn designs() -> Vec<Flow> {
     let flow = |family, size, solver, (storage, data, coefficient), seed| {
         Flow::random(family, size, solver, format(storage, data, coefficient), Placement::Scattered, seed)

@@ -1,4 +1,5 @@
-//! The report as a type: files are read back to the byte, the schema is that of the types, and the page names every key.
+//! The report as a type: files are read back to the byte, the schema is that of the types, and the page names every
+//! key.
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -221,8 +221,9 @@ fn coefficients_in_two_slots_and_words_of_48_bits_agree() {
     report("two slots, 48 bits", sum);
 }
 
-/// What `docs/hardware.md` says about inputs beyond the range stated for them: a word that the port can carry is computed
-/// with, the flag rises where rounding to the data operand clamps it, and a number beyond all words is clamped before.
+/// What `docs/hardware.md` says about inputs beyond the range stated for them: a word that the port can carry is
+/// computed with, the flag rises where rounding to the data operand clamps it, and a number beyond all words is clamped
+/// before.
 #[test]
 fn inputs_at_the_ends_of_their_words_agree() {
     let text = "model m\nsolver rk4\nstep 10 ms\nspan 1 s\ninput u = sine(0.9, 1 Hz) in -1 .. 1\n\

@@ -92,8 +92,8 @@ impl Family {
     }
 }
 
-/// Tables of four inputs that choose one of so many bits: two of them and a multiplexer beside choose among four by five
-/// inputs; synthesis takes one for each input of a tree of such.
+/// Tables of four inputs that choose one of so many bits: two of them and a multiplexer beside choose among four by
+/// five inputs; synthesis takes one for each input of a tree of such.
 fn choices(banks: u32) -> f64 {
     match banks {
         0 | 1 => 0.0,

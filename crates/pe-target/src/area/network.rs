@@ -65,9 +65,9 @@ pub(super) fn tick(steps: u32, family: Family) -> (f64, f64) {
     (if family.wide_tables() { bits + 1.0 } else { 2.0 * bits + 3.0 }, bits + 1.0)
 }
 
-/// An output: recognition of its control word, and, unless stored words carry the offset that rounds to the port anyway,
-/// addition of another and, if it is not proven to be needless, saturation, between a register of the word and one of the
-/// port's width.
+/// An output: recognition of its control word, and, unless stored words carry the offset that rounds to the port
+/// anyway, addition of another and, if it is not proven to be needless, saturation, between a register of the word and
+/// one of the port's width.
 pub(super) fn output(format: &WordFormat, index_bits: u32, saturates: bool, family: Family) -> (f64, f64) {
     let compare = match family.wide_tables() {
         true => (f64::from(index_bits + 4) / 5.0).floor(),

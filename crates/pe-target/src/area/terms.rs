@@ -67,10 +67,10 @@ pub(super) fn errors(features: &PeFeatures, format: &WordFormat, family: Family)
     (floor.max(2.0 * lut), floor.max(2.0 * ff))
 }
 
-/// What a deep pipeline adds. Bits that are chosen in tables of their own, because a register follows: the operand, which
-/// no pre-adder makes then, and among groups of shift positions, which the tables of the addition choose otherwise. And
-/// bits of second registers, behind memories and shifts, and of the operands where multiplier blocks have none that
-/// synthesis uses.
+/// What a deep pipeline adds. Bits that are chosen in tables of their own, because a register follows: the operand,
+/// which no pre-adder makes then, and among groups of shift positions, which the tables of the addition choose
+/// otherwise. And bits of second registers, behind memories and shifts, and of the operands where multiplier blocks
+/// have none that synthesis uses.
 pub fn deeper(features: &PeFeatures, format: &WordFormat, family: Family) -> (f64, f64) {
     if format.pipeline == Pipeline::Short {
         return (0.0, 0.0);
@@ -167,8 +167,8 @@ pub fn ff_terms(features: &PeFeatures, format: &WordFormat, family: Family) -> [
     ]
 }
 
-/// Data memories: base words, operands, imported words, and factors that have a memory; and the tables that choose among
-/// their parts. Coefficients that are never written are not among them: what they take depends on what they are.
+/// Data memories: base words, operands, imported words, and factors that have a memory; and the tables that choose
+/// among their parts. Coefficients that are never written are not among them: what they take depends on what they are.
 pub fn memories(features: &PeFeatures, format: &WordFormat, family: Family) -> (MemoryCells, f64) {
     let factors = if features.factor { features.coefficient_words } else { 0 };
     let all = [
@@ -180,7 +180,8 @@ pub fn memories(features: &PeFeatures, format: &WordFormat, family: Family) -> (
     ];
     let cells = all.map(|(words, bits)| family.ram(words, bits));
     let mut sum: MemoryCells = cells.iter().map(|(cells, _)| *cells).sum();
-    // In the control word they have a register in the PE, which is one of the multiplier block where synthesis uses that.
+    // In the control word they have a register in the PE, which is one of the multiplier block where synthesis uses
+    // that.
     if features.coefficient_words == 0 && !family.wide_tables() {
         sum.ff += f64::from(format.coefficient_bits);
     }
@@ -233,9 +234,9 @@ fn shift_tables(shifts: &[u8]) -> f64 {
     patterns.iter().map(|pattern| (pattern.len() as f64 - 1.0) / 3.0).map(f64::ceil).sum()
 }
 
-/// Tables of four inputs that choose the shift of a sum of so many bits: each chooses between two, with one for all choices
-/// between positions as far apart; no table of the addition has room for the choice among groups. Where all that is
-/// chosen among is the sign, nothing is.
+/// Tables of four inputs that choose the shift of a sum of so many bits: each chooses between two, with one for all
+/// choices between positions as far apart; no table of the addition has room for the choice among groups. Where all
+/// that is chosen among is the sign, nothing is.
 fn shift_choices(shifts: &[u8], bits: f64) -> f64 {
     let below = |first: u8| (bits - f64::from(first - shifts[0])).max(0.0);
     let groups = shift_groups(shifts);

@@ -1,10 +1,10 @@
 //! Whether two netlists are the same logic up to names: the coarsest bisimulation of their registers.
 //!
 //! Logic of single bits is a function of registers, inputs and the results of all other cells: a decision diagram
-//! ([`super::diagram`]), whose number is the same for the same function. Such bits are of one class if cells of the same kind
-//! and parameters drive them, from the same functions of classes; registers begin with the same value. Classes are split until
-//! that holds. Two bits of a class then have the same value in every clock, by induction over clocks and over the depth of
-//! the logic.
+//! ([`super::diagram`]), whose number is the same for the same function. Such bits are of one class if cells of the
+//! same kind and parameters drive them, from the same functions of classes; registers begin with the same value.
+//! Classes are split until that holds. Two bits of a class then have the same value in every clock, by induction over
+//! clocks and over the depth of the logic.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -15,8 +15,8 @@ use super::diagram::{Diagrams, FALSE, Function, TRUE};
 /// What drives a bit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Driver {
-    /// A cell whose function is not looked into, a register, an input: what its class depends on, and the bits that it is
-    /// made of.
+    /// A cell whose function is not looked into, a register, an input: what its class depends on, and the bits that it
+    /// is made of.
     Cell { label: String, inputs: Vec<usize> },
     /// Logic of single bits.
     Logic { gate: Gate, inputs: Vec<usize> },

@@ -29,8 +29,8 @@ enum Kind {
     Sum,
 }
 
-/// `center + sum of factor * place + remainder`, each place between -1 and 1, the remainder at most that; and between limits,
-/// which may be narrower.
+/// `center + sum of factor * place + remainder`, each place between -1 and 1, the remainder at most that; and between
+/// limits, which may be narrower.
 #[derive(Clone, Debug, Default)]
 struct Form {
     center: f64,
@@ -152,7 +152,8 @@ impl<'a> Bounds<'a> {
         !(small(own) && small(imported))
     }
 
-    /// Whether a number, and something more, is in the range of words (0), of halves of operands (1), operands (2), sums (3).
+    /// Whether a number, and something more, is in the range of words (0), of halves of operands (1), operands (2),
+    /// sums (3).
     fn within(&self, form: &Form, what: usize, more: f64) -> bool {
         let bits = [self.widths[0], self.widths[1] - 1, self.widths[1], self.widths[3]][what];
         let full = power(bits as i32 - 1);

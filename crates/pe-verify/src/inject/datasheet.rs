@@ -150,8 +150,8 @@ impl Fields {
 pub enum Source {
     /// The link register of a PE.
     Link(usize),
-    /// An input or a tick, by what it is made of, and whether it takes what is at its port in every word, and not just when a
-    /// step begins.
+    /// An input or a tick, by what it is made of, and whether it takes what is at its port in every word, and not just
+    /// when a step begins.
     Input(String, bool),
 }
 
@@ -390,8 +390,8 @@ pub fn shifts(instance: &Instance) -> Result<Vec<u32>, String> {
     list.ok_or_else(|| format!("{}: SHIFTS is `{text}`", instance.label))
 }
 
-/// What each operand of an input or a tick is made of, by its signal, and whether it is made in every word. That is told only
-/// of inputs that are not `late`: clamped, or with a second register.
+/// What each operand of an input or a tick is made of, by its signal, and whether it is made in every word. That is
+/// told only of inputs that are not `late`: clamped, or with a second register.
 fn inputs(network: &Network, late: bool) -> BTreeMap<String, (String, bool)> {
     let of = |instance: &Instance| {
         let sample = instance.ports.get("sample_i").map(|port| port.value.as_str());

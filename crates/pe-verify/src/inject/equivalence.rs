@@ -1,5 +1,5 @@
-//! Proof that a damaged network is the same logic: GHDL synthesises both, yosys flattens them and takes away what has no
-//! effect, and the rest is compared up to names and the form of logic ([`bisimulation`]).
+//! Proof that a damaged network is the same logic: GHDL synthesises both, yosys flattens them and takes away what has
+//! no effect, and the rest is compared up to names and the form of logic ([`bisimulation`]).
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -2,10 +2,10 @@
 //!
 //! Two networks, the design's and the damaged one, execute the control words of a step side by side with symbols in
 //! place of numbers: a product, a sum, a rounded word is a symbol made of those that it depends on, and means the same
-//! number in both if it is the same symbol. It is an induction over steps. What is stored between two steps is first taken for
-//! constant, then for equal, then for different, until a step keeps what was supposed; the proof holds if all memory writes,
-//! outputs and words that may saturate are the same symbols then. Nothing is computed, so it holds for all states, inputs and
-//! times, also for those that no run reaches.
+//! number in both if it is the same symbol. It is an induction over steps. What is stored between two steps is first
+//! taken for constant, then for equal, then for different, until a step keeps what was supposed; the proof holds if all
+//! memory writes, outputs and words that may saturate are the same symbols then. Nothing is computed, so it holds for
+//! all states, inputs and times, also for those that no run reaches.
 
 use std::collections::BTreeSet;
 
@@ -396,8 +396,8 @@ pub fn equal(design: &Design, damaged: &Design) -> Result<(), String> {
         run.execute(symbols, 0, pause);
     }
     difference(&runs, symbols)?;
-    // Of the first step it is known what it begins with. Of the others, what was begun in front of it is not, so that what
-    // may be clamped is looked at in the second one of two.
+    // Of the first step it is known what it begins with. Of the others, what was begun in front of it is not, so that
+    // what may be clamped is looked at in the second one of two.
     let mut first = runs.each_ref().map(|run| Run { state: run.state.clone(), seen: BTreeSet::new(), ..*run });
     for run in &mut first {
         run.execute(symbols, pause, pause + design.period);

@@ -11,11 +11,11 @@ const FILL: usize = 1 << 24;
 /// A matrix by rows: columns in ascending order, and numbers.
 pub(super) type Sparse = Vec<Vec<(u32, f64)>>;
 
-/// The smallest of a few numbers that provably is no less than the largest singular value of `matrix`, which has as many
-/// columns as rows.
+/// The smallest of a few numbers that provably is no less than the largest singular value of `matrix`, which has as
+/// many columns as rows.
 ///
-/// `s^2 - G'G` is positive semidefinite, if the factorisation of it less a shift comes to its end and the shift is larger
-/// than what rounding can have done (S. M. Rump, Verification of positive definiteness, BIT 46, 2006).
+/// `s^2 - G'G` is positive semidefinite, if the factorisation of it less a shift comes to its end and the shift is
+/// larger than what rounding can have done (S. M. Rump, Verification of positive definiteness, BIT 46, 2006).
 pub(super) fn largest_singular_value(matrix: &Sparse) -> Option<f64> {
     let square = Square::of(matrix)?;
     let candidates = candidates();
