@@ -22,9 +22,9 @@ pub(crate) const TIME: Variable = Variable::Algebraic(SIGNALS);
 /// The count of steps.
 const CLOCK: Variable = Variable::State(StateId::new(SIGNALS));
 
-/// A state that stands for a signal.
+/// A state that represents a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Slot {
+enum SignalState {
     /// The sine of a frequency in hertz; the cosine is behind it.
     Sine(f64),
     Cosine(f64),
@@ -42,41 +42,41 @@ pub(crate) struct Signals {
     pub(crate) span: f64,
     /// Where time is read first.
     time_read: Option<Span>,
-    /// States behind the clock, each with the place where it occurs first.
-    slots: Vec<(Slot, Span)>,
+    /// States after the clock, each with the place where it occurs first.
+    entries: Vec<(SignalState, Span)>,
     /// What the network plays, each once, with its name.
     pub(crate) played: Vec<(Signal, String)>,
 }
 
 impl Default for Signals {
     fn default() -> Self {
-        Signals { span: 1.0, time_read: None, slots: Vec::new(), played: Vec::new() }
+        Signals { span: 1.0, time_read: None, entries: Vec::new(), played: Vec::new() }
     }
 }
 
 impl Signals {
-    /// Number of states that stand for signals: the clock, which may be unused, and all others.
+    /// Number of states that represent signals: the clock, which may be unused, and all others.
     pub(crate) fn states(&self) -> usize {
-        1 + self.slots.len()
+        1 + self.entries.len()
     }
 
-    /// The state of the latest slots that are added, the first of them.
-    fn add(&mut self, slots: &[Slot], span: Span) -> Variable {
-        let first = SIGNALS + 1 + number(self.slots.len());
-        self.slots.extend(slots.iter().map(|slot| (*slot, span)));
+    /// The state of the latest entries that are added, the first of them.
+    fn add(&mut self, entries: &[SignalState], span: Span) -> Variable {
+        let first = SIGNALS + 1 + number(self.entries.len());
+        self.entries.extend(entries.iter().map(|entry| (*entry, span)));
         Variable::State(StateId::new(first))
     }
 
-    /// The first state of a slot, if there is one.
-    fn find(&self, slot: Slot) -> Option<Variable> {
-        let place = self.slots.iter().position(|(other, _)| *other == slot)?;
+    /// The first state of a entry, if there is one.
+    fn find(&self, entry: SignalState) -> Option<Variable> {
+        let place = self.entries.iter().position(|(other, _)| *other == entry)?;
         Some(Variable::State(StateId::new(SIGNALS + 1 + number(place))))
     }
 
     /// The state that an interpolated input is.
     pub(crate) fn line(&mut self, input: u32, span: Span) -> Variable {
         let source = Source::Input(input);
-        self.add(&[Slot::Played(Motion::Line(source)), Slot::Played(Motion::Before(source))], span)
+        self.add(&[SignalState::Played(Motion::Line(source)), SignalState::Played(Motion::Before(source))], span)
     }
 
     /// The state that a played signal is.
@@ -87,13 +87,13 @@ impl Signals {
             true => &[Motion::Line(source), Motion::Before(source), Motion::After(source)][..],
             false => &[Motion::Held(source)],
         };
-        let slots: Vec<Slot> = states.iter().map(|motion| Slot::Played(*motion)).collect();
-        if let Some(state) = self.find(slots[0]) {
+        let entries: Vec<SignalState> = states.iter().map(|motion| SignalState::Played(*motion)).collect();
+        if let Some(state) = self.find(entries[0]) {
             return state;
         }
         let name = format!("{name}.{}", self.played.len() + 1);
         self.played.push((Signal { waveform, span }, name));
-        self.add(&slots, span)
+        self.add(&entries, span)
     }
 
     /// What a signal reads, by its variable: the states that move with it, the clock, an input.
@@ -101,18 +101,20 @@ impl Signals {
         let Variable::State(state) = variable else {
             return if variable == TIME { vec![CLOCK] } else { Vec::new() };
         };
-        let Some((slot, _)) = (state.number() - SIGNALS).checked_sub(1).map(|slot| self.slots[at(slot)]) else {
+        let Some((entry, _)) = (state.number() - SIGNALS).checked_sub(1).map(|entry| self.entries[at(entry)]) else {
             return Vec::new();
         };
         let next = |places: u32| Variable::State(state.behind(places));
-        match slot {
-            Slot::Sine(_) => vec![next(1)],
-            Slot::Cosine(_) => vec![Variable::State(StateId::new(state.number() - 1))],
-            Slot::SweptSine(speed) => vec![next(1), Variable::State(speed)],
-            Slot::SweptCosine(speed) => vec![Variable::State(StateId::new(state.number() - 1)), Variable::State(speed)],
-            Slot::Played(Motion::Line(Source::Input(input))) => vec![next(1), Variable::Input(input)],
-            Slot::Played(Motion::Line(Source::Signal(_))) => vec![next(1), next(2)],
-            Slot::Played(_) => Vec::new(),
+        match entry {
+            SignalState::Sine(_) => vec![next(1)],
+            SignalState::Cosine(_) => vec![Variable::State(StateId::new(state.number() - 1))],
+            SignalState::SweptSine(speed) => vec![next(1), Variable::State(speed)],
+            SignalState::SweptCosine(speed) => {
+                vec![Variable::State(StateId::new(state.number() - 1)), Variable::State(speed)]
+            }
+            SignalState::Played(Motion::Line(Source::Input(input))) => vec![next(1), Variable::Input(input)],
+            SignalState::Played(Motion::Line(Source::Signal(_))) => vec![next(1), next(2)],
+            SignalState::Played(_) => Vec::new(),
         }
     }
 
@@ -136,7 +138,7 @@ impl Signals {
             motion: Some(motion),
             span,
         };
-        let Some(slot) = place.checked_sub(1) else {
+        let Some(entry) = place.checked_sub(1) else {
             // The model's step is put in when it is known.
             return of(
                 "time.steps".to_owned(),
@@ -146,30 +148,30 @@ impl Signals {
                 self.time_read.unwrap_or_default(),
             );
         };
-        let (slot, span) = self.slots[slot];
+        let (entry, span) = self.entries[entry];
         let name = |function: &str, frequency: f64| format!("{function}(2*pi*{frequency}*time)");
         let of_state = |state: u32| Expr::Variable(Variable::State(StateId::new(state)));
         let rate = |frequency: f64| 2.0 * std::f64::consts::PI * frequency;
-        match slot {
-            Slot::Sine(frequency) => {
+        match entry {
+            SignalState::Sine(frequency) => {
                 let (rate, cosine) = (rate(frequency), of_state(own + 1));
                 of(name("sin", frequency), 0.0, Expr::scaled(rate, cosine), Motion::Sine(rate), span)
             }
-            Slot::Cosine(frequency) => {
+            SignalState::Cosine(frequency) => {
                 let (rate, sine) = (rate(frequency), of_state(own - 1));
                 of(name("cos", frequency), 1.0, Expr::scaled(-rate, sine), Motion::Cosine(rate), span)
             }
-            Slot::SweptSine(speed) => {
+            SignalState::SweptSine(speed) => {
                 let speed = states[at(speed.number() - SIGNALS)];
                 let moved = Expr::product(vec![of_state(speed), of_state(own + 1)]);
                 of(format!("sine.{own}"), 0.0, moved, Motion::SweptSine(StateId::new(speed)), span)
             }
-            Slot::SweptCosine(speed) => {
+            SignalState::SweptCosine(speed) => {
                 let speed = states[at(speed.number() - SIGNALS)];
                 let moved = Expr::product(vec![Expr::Constant(-1.0), of_state(speed), of_state(own - 1)]);
                 of(format!("cosine.{own}"), 1.0, moved, Motion::SweptCosine(StateId::new(speed)), span)
             }
-            Slot::Played(motion) => {
+            SignalState::Played(motion) => {
                 let final_of = |source: Source| match source {
                     Source::Input(input) => (Source::Input(inputs[at(input)]), names[at(inputs[at(input)])].clone()),
                     Source::Signal(signal) => (Source::Signal(played[at(signal)]), self.played[at(signal)].1.clone()),
@@ -194,11 +196,11 @@ impl Signals {
         }
     }
 
-    /// The played signals of which a state is needed, and their final numbers; `needed` tells of slots.
+    /// The played signals of which a state is needed, and their final numbers; `needed` tells of entries.
     pub(crate) fn played(&self, needed: impl Fn(usize) -> bool) -> (Vec<Signal>, Vec<u32>) {
         let mut kept = vec![false; self.played.len()];
-        for (place, (slot, _)) in (1..).zip(&self.slots) {
-            if let Slot::Played(motion) = slot
+        for (place, (entry, _)) in (1..).zip(&self.entries) {
+            if let SignalState::Played(motion) = entry
                 && let Some(Source::Signal(signal)) = motion.source()
             {
                 kept[at(signal)] |= needed(place);
@@ -235,8 +237,8 @@ impl Signals {
                 if frequency == 0.0 {
                     return Expr::Constant(offset + amplitude * libm::sin(phase));
                 }
-                let known = self.find(Slot::Sine(frequency));
-                let pair = [Slot::Sine(frequency), Slot::Cosine(frequency)];
+                let known = self.find(SignalState::Sine(frequency));
+                let pair = [SignalState::Sine(frequency), SignalState::Cosine(frequency)];
                 let sine = known.unwrap_or_else(|| self.add(&pair, span));
                 self.turned(sine, amplitude, phase, offset)
             }
@@ -264,8 +266,8 @@ impl Signals {
                 let Variable::State(speed) = self.play(samples, true, name, span) else {
                     unreachable!("what is played is a state")
                 };
-                let known = self.find(Slot::SweptSine(speed));
-                let pair = [Slot::SweptSine(speed), Slot::SweptCosine(speed)];
+                let known = self.find(SignalState::SweptSine(speed));
+                let pair = [SignalState::SweptSine(speed), SignalState::SweptCosine(speed)];
                 let sine = known.unwrap_or_else(|| self.add(&pair, span));
                 self.turned(sine, chirp.amplitude, chirp.phase, chirp.offset)
             }
@@ -277,7 +279,7 @@ impl Signals {
     fn turned(&self, sine: Variable, amplitude: f64, phase: f64, offset: f64) -> Expr {
         let parts = [libm::cos(phase), libm::sin(phase)];
         let parts = parts.map(|part| if part.abs() < RESIDUE { 0.0 } else { amplitude * part });
-        let Variable::State(number) = sine else { unreachable!("slots are states") };
+        let Variable::State(number) = sine else { unreachable!("entries are states") };
         let cosine = Expr::Variable(Variable::State(number.behind(1)));
         sum([scaled(parts[0], Expr::Variable(sine)), scaled(parts[1], cosine), Expr::Constant(offset)])
     }

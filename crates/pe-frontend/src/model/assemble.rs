@@ -134,19 +134,19 @@ fn number_all(numbers: &mut Numbers, blocks: &[Option<usize>], order: &[u32], si
     let (continuous, discrete): (Vec<_>, Vec<_>) =
         numbers.states.iter_mut().zip(blocks).partition(|(_, block)| block.is_none());
     let (signals, time) = numbers.signals.split_at_mut(signals);
-    let discrete = discrete.into_iter().map(|(slot, _)| slot);
-    number(continuous.into_iter().map(|(slot, _)| slot).chain(signals).chain(discrete));
+    let discrete = discrete.into_iter().map(|(entry, _)| entry);
+    number(continuous.into_iter().map(|(entry, _)| entry).chain(signals).chain(discrete));
     number(numbers.inputs.iter_mut());
-    let kept = |slot: &u32| *slot != LEFT_OUT;
+    let kept = |entry: &u32| *entry != LEFT_OUT;
     let mut next = 0;
-    for slot in time.iter_mut().filter(|slot| kept(slot)) {
-        *slot = next;
+    for entry in time.iter_mut().filter(|entry| kept(entry)) {
+        *entry = next;
         next += 1;
     }
     for equation in order {
-        let slot = &mut numbers.algebraics[at(*equation)];
-        if kept(slot) {
-            *slot = next;
+        let entry = &mut numbers.algebraics[at(*equation)];
+        if kept(entry) {
+            *entry = next;
             next += 1;
         }
     }
@@ -252,9 +252,9 @@ fn needed(parts: &Parts, signals: &Signals) -> Numbers {
     };
     let mut waiting: Vec<Variable> = Vec::new();
     let mut need = |variable: Variable, waiting: &mut Vec<Variable>| {
-        let slot = numbers.of(variable);
-        if *slot == LEFT_OUT {
-            *slot = 0;
+        let entry = numbers.of(variable);
+        if *entry == LEFT_OUT {
+            *entry = 0;
             waiting.push(variable);
         }
     };
@@ -351,9 +351,9 @@ fn state_numbers(names: &Names) -> Vec<u32> {
 }
 
 /// Gives dense numbers to what is kept.
-fn number<'a>(slots: impl Iterator<Item = &'a mut u32>) {
-    for (next, slot) in slots.filter(|slot| **slot != LEFT_OUT).enumerate() {
-        *slot = number_of(next);
+fn number<'a>(entries: impl Iterator<Item = &'a mut u32>) {
+    for (next, entry) in entries.filter(|entry| **entry != LEFT_OUT).enumerate() {
+        *entry = number_of(next);
     }
 }
 
