@@ -15,9 +15,10 @@ library work;
 
 -- Purpose:  The {{ model }} network: {% if pe_count == 1 %}one processing element{% else %}{{ pe_count }} processing elements and their links{% endif %}.
 -- Generics: TRACE is for test benches; synthesis leaves it false.
--- Timing:   A step begins, and takes the inputs, with an enabled clock in which busy_o = 0 and step_i = 1. Its outputs change
+-- Timing:   A step begins, and samples the inputs, in an enabled clock with busy_o = 0 and step_i = 1. Its outputs change
 --           with the rising edge of done_o, which is 1 for one enabled clock. A step is PERIOD control words; with step_i
---           held at 1 the next one begins at once. Words are fixed-point numbers, their binary points stand at the ports.
+--           held at 1 the next one follows immediately. Words are fixed-point numbers; the comment of each port gives its
+--           binary point.
 
 entity {{ model }} is
   generic (

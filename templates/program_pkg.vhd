@@ -10,9 +10,9 @@ library ieee;
 library pe_lib;
   use pe_lib.pe_pkg.all;
 
--- Programs and memory images of the {{ model }} network: one line per control word or memory word. Beside a control word
--- stands what it does: a product as operand, coefficient (and the number that it was rounded from) and the value whose sum
--- it belongs to. Memory words stand for integers times the LSB of their value.
+-- Programs and memory images of the {{ model }} network: one line per control word or memory word. The comment of a control
+-- word says what it does: a product is shown as operand, coefficient (and the number that it was rounded from) and the value
+-- whose sum it belongs to. Memory words are integers, in units of the LSB of their value.
 
 package {{ model }}_program_pkg is
 
