@@ -12,6 +12,9 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_trace_pkg.all;
 
+library work;
+  use work.check_pkg.all;
+
 -- Products of both latencies and pipelines against the operator, with clock enable and extreme operands.
 
 entity pe_multiplier_tb is
@@ -191,28 +194,13 @@ begin
       wait until falling_edge(clk);
       wait until falling_edge(clk);
 
-      assert narrow = (own(31 downto 7) + imported(31 downto 7)) * coefficient(31 downto 14)
-        report "25x18 product"
-        severity failure;
+      check(checks, "25x18 product", narrow = (own(31 downto 7) + imported(31 downto 7)) * coefficient(31 downto 14));
+      check(checks, "32x32 product", wide = wide_products(2));
+      check(checks, "32x32 product of a sum", joined = joined_products(2));
+      check(checks, "32x32 product of a deep pipeline", deep = joined_products(3));
+      check(checks, "25x18 product of a deep pipeline", deep_narrow = narrow_products(1));
 
-      assert wide = wide_products(2)
-        report "32x32 product"
-        severity failure;
-
-      assert joined = joined_products(2)
-        report "32x32 product of a sum"
-        severity failure;
-
-      assert deep = joined_products(3)
-        report "32x32 product of a deep pipeline"
-        severity failure;
-
-      assert deep_narrow = narrow_products(1)
-        report "25x18 product of a deep pipeline"
-        severity failure;
-
-      checks := checks + 5;
-      ce     <= '1';
+      ce <= '1';
 
     end loop;
 

@@ -12,6 +12,9 @@ library pe_lib;
   use pe_lib.pe_write_pkg.all;
   use pe_lib.pe_trace_pkg.all;
 
+library work;
+  use work.check_pkg.all;
+
 -- Functions of pe_pkg and pe_write_pkg: layout, selection, latency, segments.
 
 entity pe_pkg_tb is
@@ -30,51 +33,37 @@ begin
     variable octave   : natural;
     variable mantissa : natural;
 
-    procedure check (
-      constant what  : in string;
-      constant holds : in boolean
-    ) is
-    begin
-
-      checks := checks + 1;
-
-      assert holds
-        report what
-        severity failure;
-
-    end procedure check;
-
   begin
 
     checks := 0;
 
     -- Widths
-    check("index_bits(1)", index_bits(1) = 0);
-    check("index_bits(2)", index_bits(2) = 1);
-    check("index_bits(5)", index_bits(5) = 3);
-    check("index_bits(64)", index_bits(64) = 6);
+    check(checks, "index_bits(1)", index_bits(1) = 0);
+    check(checks, "index_bits(2)", index_bits(2) = 1);
+    check(checks, "index_bits(5)", index_bits(5) = 3);
+    check(checks, "index_bits(64)", index_bits(64) = 6);
 
     -- own 1+5, imported 1+5, coefficient 18, close 1, base 1+5, shift 2, write 2+5, send 1, receive 1+5, port 2
     layout := control_layout(32, 32, 0, 32, 4, 4, 18, false, false, true, 0, false);
-    check("plain layout", layout.bits = 55);
-    check("own_enable is the top bit", layout.own.enable.lsb = 54 and layout.own.enable.width = 1);
-    check("port is at the bottom", layout.port_index.lsb = 0 and layout.port_index.width = 2);
-    check("coefficient", layout.coefficient.lsb = 25 and layout.coefficient.width = 18);
-    check("absent coefficient memory", layout.coefficient_address.width = 0 and layout.write_factor.width = 0);
-    check("absent flag reads 0", flag((54 downto 0 => '1'), layout.write_factor) = '0');
+    check(checks, "plain layout", layout.bits = 55);
+    check(checks, "own_enable is the top bit", layout.own.enable.lsb = 54 and layout.own.enable.width = 1);
+    check(checks, "port is at the bottom", layout.port_index.lsb = 0 and layout.port_index.width = 2);
+    check(checks, "coefficient", layout.coefficient.lsb = 25 and layout.coefficient.width = 18);
+    check(checks, "absent coefficient memory", layout.coefficient_address.width = 0 and layout.write_factor.width = 0);
+    check(checks, "absent flag reads 0", flag((54 downto 0 => '1'), layout.write_factor) = '0');
     layout := control_layout(32, 16, 16, 32, 4, 4, 18, true, true, true, 0, false);
-    check("full layout", layout.bits = 45);
+    check(checks, "full layout", layout.bits = 45);
     layout := control_layout(2, 2, 0, 0, 0, 1, 25, false, false, false, 0, false);
-    check("smallest layout", layout.bits = 2 + 25 + 1 + 2 + 3);
+    check(checks, "smallest layout", layout.bits = 2 + 25 + 1 + 2 + 3);
     layout := control_layout(2, 2, 0, 0, 0, 1, 25, false, false, false, 8, false);
-    check("layout with indices", layout.bits = 2 + 25 + 1 + 2 + 3 + 2 * (1 + 3) and layout.write_octave.width = 0);
+    check(checks, "layout with indices", layout.bits = 2 + 25 + 1 + 2 + 3 + 2 * (1 + 3) and layout.write_octave.width = 0);
     layout := control_layout(2, 2, 0, 0, 0, 1, 25, false, false, false, 8, true);
-    check("layout with octaves", layout.bits = 2 + 25 + 1 + 2 + 3 + 2 * (1 + 3) + 1);
+    check(checks, "layout with octaves", layout.bits = 2 + 25 + 1 + 2 + 3 + 2 * (1 + 3) + 1);
 
     -- Indices: words of ten bits, counted down from the largest in steps that the definition says.
     for i in -512 to 511 loop
 
-      check("equal segment", to_integer(unsigned(equal_segment(std_ulogic_vector(to_signed(i, 10)), 3))) = (i + 512) / 128);
+      check(checks, "equal segment", to_integer(unsigned(equal_segment(std_ulogic_vector(to_signed(i, 10)), 3))) = (i + 512) / 128);
 
       octave := 0;
       while (octave < 3 and i < 2 ** (8 - octave)) loop
@@ -88,7 +77,7 @@ begin
         mantissa := (i - 2 ** (8 - octave)) / 2 ** (6 - octave);
       end if;
 
-      check("octave segment",
+      check(checks, "octave segment",
             to_integer(unsigned(octave_segment(std_ulogic_vector(to_signed(i, 10)), 4, 2))) = 4 * octave + mantissa);
 
     end loop;
@@ -104,8 +93,8 @@ begin
 
       for i in 0 to count - 1 loop
 
-        check("chosen", chosen(entries(count * 4 - 1 downto 0),
-                               std_ulogic_vector(to_unsigned(i, larger(index_bits(count), 1))), 4)
+        check(checks, "chosen", chosen(entries(count * 4 - 1 downto 0),
+                                       std_ulogic_vector(to_unsigned(i, larger(index_bits(count), 1))), 4)
               = std_ulogic_vector(to_unsigned(15 - i, 4)));
 
       end loop;
@@ -113,12 +102,12 @@ begin
     end loop;
 
     -- Latency
-    check("single block", multiplier_latency(25, 18) = 1 and multiplier_latency(18, 25) = 1);
-    check("several blocks", multiplier_latency(32, 18) = 3 and multiplier_latency(25, 25) = 3);
-    check("pause word", pause_word(1) = 7 and pause_word(3) = 9);
+    check(checks, "single block", multiplier_latency(25, 18) = 1 and multiplier_latency(18, 25) = 1);
+    check(checks, "several blocks", multiplier_latency(32, 18) = 3 and multiplier_latency(25, 25) = 3);
+    check(checks, "pause word", pause_word(1) = 7 and pause_word(3) = 9);
 
     -- Text
-    check("hex", hex("0000000000101111") = "2f" and hex("00000") = "0" and hex("1000000000000000000000000") = "1000000");
+    check(checks, "hex", hex("0000000000101111") = "2f" and hex("00000") = "0" and hex("1000000000000000000000000") = "1000000");
 
     print("checks " & integer'image(checks));
     finish;

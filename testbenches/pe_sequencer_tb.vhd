@@ -11,6 +11,9 @@ library pe_lib;
   use pe_lib.pe_pkg.all;
   use pe_lib.pe_trace_pkg.all;
 
+library work;
+  use work.check_pkg.all;
+
 -- Word order, pause, settle, parity and handshake of the sequencer, in free run and with waits; with
 -- DEEP the same three clocks later, enabled or not.
 
@@ -174,20 +177,6 @@ begin
     variable finished : natural;
     variable round    : natural;
 
-    procedure check (
-      constant what  : in string;
-      constant holds : in boolean
-    ) is
-    begin
-
-      checks := checks + 1;
-
-      assert holds
-        report what & " after " & integer'image(executed) & " words"
-        severity failure;
-
-    end procedure check;
-
   begin
 
     checks   := 0;
@@ -201,29 +190,29 @@ begin
 
       if (advance = '1') then
         round    := executed / (PERIOD / ROUNDS);
-        check("word index", to_integer(unsigned(index)) = executed mod PERIOD);
-        check("next word", to_integer(unsigned(address)) = (executed + 1) mod PERIOD);
-        check("parity", (parity = '1') = (round mod 2 = 1));
-        check("word within the round", to_integer(unsigned(place)) = (executed + 1) mod (PERIOD / ROUNDS));
-        check("last", (last = '1') = (executed >= PAUSE and (executed - PAUSE) / (PERIOD / ROUNDS) mod ROUNDS = ROUNDS - 1));
-        check("settle", (settle = '1') = (executed < PAUSE));
-        check("sample at the pause point", (sample = '1') = (executed mod PERIOD = PAUSE));
-        check("publish before it", (publish = '1') = (executed mod PERIOD = PAUSE - 1 and executed > PAUSE));
-        check("idle only at the pause point", (busy = '0') = (executed mod PERIOD = PAUSE));
-        check("enabled", ce = '1');
+        check(checks, "word index", to_integer(unsigned(index)) = executed mod PERIOD);
+        check(checks, "next word", to_integer(unsigned(address)) = (executed + 1) mod PERIOD);
+        check(checks, "parity", (parity = '1') = (round mod 2 = 1));
+        check(checks, "word within the round", to_integer(unsigned(place)) = (executed + 1) mod (PERIOD / ROUNDS));
+        check(checks, "last", (last = '1') = (executed >= PAUSE and (executed - PAUSE) / (PERIOD / ROUNDS) mod ROUNDS = ROUNDS - 1));
+        check(checks, "settle", (settle = '1') = (executed < PAUSE));
+        check(checks, "sample at the pause point", (sample = '1') = (executed mod PERIOD = PAUSE));
+        check(checks, "publish before it", (publish = '1') = (executed mod PERIOD = PAUSE - 1 and executed > PAUSE));
+        check(checks, "idle only at the pause point", (busy = '0') = (executed mod PERIOD = PAUSE));
+        check(checks, "enabled", ce = '1');
         executed := executed + 1;
 
         if (sample = '1') then
           samples := samples + 1;
         end if;
       else
-        check("nothing sampled", sample = '0');
+        check(checks, "nothing sampled", sample = '0');
       end if;
 
       if (ce = '1' and done = '1') then
         finished := finished + 1;
-        check("one step finished per sample", finished = samples or finished = samples - 1);
-        check("at the pause point", busy = '0');
+        check(checks, "one step finished per sample", finished = samples or finished = samples - 1);
+        check(checks, "at the pause point", busy = '0');
       end if;
 
       -- Free run, then pseudo-random enable and step.
@@ -243,7 +232,7 @@ begin
 
     end loop;
 
-    check("steps were made", finished > 30);
+    check(checks, "steps were made", finished > 30);
     print("checks " & integer'image(checks));
     finish;
 

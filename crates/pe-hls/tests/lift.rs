@@ -56,17 +56,10 @@ fn expression(rng: &mut ChaCha8Rng, depth: u32, variables: &[Variable], choices:
 
 fn model(derivatives: Vec<Expr>, algebraics: Vec<Expr>) -> Model {
     let span = Span::default();
-    let states = derivatives.into_iter().enumerate().map(|(index, derivative)| State {
-        name: format!("x{index}"),
-        quantity: index as u32,
-        initial: 0.0,
-        range: None,
-        unit: None,
-        derivative,
-        rate: None,
-        motion: None,
-        span,
-    });
+    let states = derivatives
+        .into_iter()
+        .enumerate()
+        .map(|(index, derivative)| State { quantity: index as u32, ..State::new(format!("x{index}"), derivative) });
     let named = |(index, expr)| Algebraic { name: format!("a{index}"), unit: None, expr, range: None, span };
     let algebraics: Vec<Algebraic> = algebraics.into_iter().enumerate().map(named).collect();
     let outputs = (0..algebraics.len()).map(|index| Output {
@@ -75,19 +68,10 @@ fn model(derivatives: Vec<Expr>, algebraics: Vec<Expr>) -> Model {
         span,
     });
     Model {
-        name: "m".to_owned(),
-        title: String::new(),
-        solver: Solver::Rk4,
-        step: 1e-3,
-        phases: Vec::new(),
-        rates: Vec::new(),
-        span: 1.0,
         states: states.collect(),
         outputs: outputs.collect(),
         algebraics,
-        inputs: Vec::new(),
-        signals: Vec::new(),
-        left_out: Vec::new(),
+        ..Model::new("m", Solver::Rk4, 1e-3, 1.0)
     }
 }
 

@@ -166,7 +166,57 @@ pub fn step_count_problem(step: f64, span: f64) -> Option<String> {
     }
 }
 
+impl State {
+    /// A quantity of its own that starts at zero, without a range or unit, which no spec declares.
+    pub fn new(name: impl Into<String>, derivative: Expr) -> State {
+        State {
+            name: name.into(),
+            quantity: 0,
+            initial: 0.0,
+            range: None,
+            unit: None,
+            derivative,
+            rate: None,
+            motion: None,
+            span: Span::default(),
+        }
+    }
+}
+
 impl Model {
+    /// A model that has no variables yet. `step` and `span` in seconds.
+    pub fn new(name: impl Into<String>, solver: Solver, step: f64, span: f64) -> Model {
+        Model {
+            name: name.into(),
+            title: String::new(),
+            solver,
+            step,
+            phases: Vec::new(),
+            span,
+            states: List::new(),
+            rates: Vec::new(),
+            algebraics: Vec::new(),
+            inputs: Vec::new(),
+            signals: Vec::new(),
+            outputs: Vec::new(),
+            left_out: Vec::new(),
+        }
+    }
+
+    /// The same as if it came from no spec: two models that differ only in where they are written become equal.
+    #[must_use]
+    pub fn without_spans(&self) -> Model {
+        let mut model = self.clone();
+        let none = Span::default();
+        model.states.iter_mut().for_each(|state| state.span = none);
+        model.algebraics.iter_mut().for_each(|algebraic| algebraic.span = none);
+        model.inputs.iter_mut().for_each(|input| input.span = none);
+        model.outputs.iter_mut().for_each(|output| output.span = none);
+        model.signals.iter_mut().for_each(|signal| signal.span = none);
+        model.rates.iter_mut().for_each(|rate| rate.span = none);
+        model
+    }
+
     /// Number of steps over the span, at least one.
     pub fn steps(&self) -> u64 {
         let (mut steps, mut from) = (0, 0.0);
@@ -406,21 +456,8 @@ mod tests {
 
     #[test]
     fn a_list_of_steps_has_their_times() {
-        let mut model = Model {
-            name: "m".to_owned(),
-            title: String::new(),
-            solver: Solver::Rodas3,
-            step: 0.1,
-            phases: vec![Phase { until: 0.4, ratio: 200.0 }],
-            span: 40.0,
-            states: List::new(),
-            rates: Vec::new(),
-            algebraics: Vec::new(),
-            inputs: Vec::new(),
-            signals: Vec::new(),
-            outputs: Vec::new(),
-            left_out: Vec::new(),
-        };
+        let mut model = Model::new("m", Solver::Rodas3, 0.1, 40.0);
+        model.phases = vec![Phase { until: 0.4, ratio: 200.0 }];
         model.add_step_ratio();
         assert_eq!(model.steps(), 800 + 396);
         for (step, part, time) in
@@ -445,24 +482,11 @@ mod tests {
             between: Interpolation::Hold,
             span: Span::default(),
         };
-        let model = Model {
-            name: "m".to_owned(),
-            title: String::new(),
-            solver: Solver::Rk4,
-            step: 50e-6,
-            phases: Vec::new(),
-            span: 12.0,
-            states: List::new(),
-            rates: Vec::new(),
-            algebraics: Vec::new(),
-            inputs: vec![
-                input(Waveform::Pulse { height: 1.0, start: 2.5, width: 0.15, offset: 0.0, period: f64::INFINITY }),
-                input(Waveform::Square { amplitude: 1.0, frequency: 0.25, offset: 0.0, duty: 0.4 }),
-            ],
-            signals: Vec::new(),
-            outputs: Vec::new(),
-            left_out: Vec::new(),
-        };
+        let mut model = Model::new("m", Solver::Rk4, 50e-6, 12.0);
+        model.inputs = vec![
+            input(Waveform::Pulse { height: 1.0, start: 2.5, width: 0.15, offset: 0.0, period: f64::INFINITY }),
+            input(Waveform::Square { amplitude: 1.0, frequency: 0.25, offset: 0.0, duty: 0.4 }),
+        ];
         for step in 0..model.steps() {
             let inputs = model.sample_inputs(step as f64 * model.step);
             assert_eq!(inputs[0] > 0.0, (50_000..53_000).contains(&step), "pulse, step {step}");

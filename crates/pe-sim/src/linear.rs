@@ -165,35 +165,14 @@ mod tests {
         let variable = |index| Expr::Variable(Variable::State(StateId::new(index)));
         let product = Expr::product(vec![variable(0), variable(1)]);
         let algebraic = Expr::Variable(Variable::Algebraic(0));
-        let state = |name: &str, derivative| State {
-            name: name.to_owned(),
-            quantity: 0,
-            initial: 0.0,
-            range: None,
-            unit: None,
-            derivative,
-            rate: None,
-            motion: None,
-            span: Span::default(),
-        };
         let shared = Algebraic { name: "a".to_owned(), unit: None, expr: product, range: None, span: Span::default() };
         Model {
-            name: "m".to_owned(),
-            title: String::new(),
-            solver: Solver::Rk4,
-            step: 0.1,
-            phases: Vec::new(),
-            rates: Vec::new(),
-            span: 1.0,
             states: List::from(vec![
-                state("x", Expr::product(vec![algebraic.clone(), variable(1)])),
-                state("y", Expr::sum(vec![Expr::scaled(3.0, algebraic), Expr::scaled(-1.0, variable(0))])),
+                State::new("x", Expr::product(vec![algebraic.clone(), variable(1)])),
+                State::new("y", Expr::sum(vec![Expr::scaled(3.0, algebraic), Expr::scaled(-1.0, variable(0))])),
             ]),
             algebraics: vec![shared],
-            inputs: Vec::new(),
-            outputs: Vec::new(),
-            signals: Vec::new(),
-            left_out: Vec::new(),
+            ..Model::new("m", Solver::Rk4, 0.1, 1.0)
         }
     }
 

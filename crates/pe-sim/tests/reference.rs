@@ -21,15 +21,9 @@ fn times(coefficient: f64, factors: &[Expr]) -> Expr {
 /// A model with a quantity for each state: initial values and derivatives.
 fn model(states: Vec<(f64, Expr)>, inputs: Vec<Waveform>, algebraics: Vec<Expr>, step: f64, span: f64) -> Model {
     let states = states.into_iter().enumerate().map(|(index, (initial, derivative))| State {
-        name: format!("x{index}"),
         quantity: index as u32,
         initial,
-        range: None,
-        unit: None,
-        derivative,
-        rate: None,
-        motion: None,
-        span: SPAN,
+        ..State::new(format!("x{index}"), derivative)
     });
     let input = |(index, waveform)| Input {
         name: format!("u{index}"),
@@ -41,19 +35,11 @@ fn model(states: Vec<(f64, Expr)>, inputs: Vec<Waveform>, algebraics: Vec<Expr>,
     };
     let algebraic = |(index, expr)| Algebraic { name: format!("a{index}"), unit: None, range: None, expr, span: SPAN };
     Model {
-        name: "test".into(),
-        title: String::new(),
-        solver: Solver::Rk4,
-        step,
-        phases: Vec::new(),
-        rates: Vec::new(),
-        span,
         states: states.collect(),
         algebraics: algebraics.into_iter().enumerate().map(algebraic).collect(),
         inputs: inputs.into_iter().enumerate().map(input).collect(),
         outputs: vec![Output { name: "x0".into(), variable: Variable::State(StateId::new(0)), span: SPAN }],
-        signals: Vec::new(),
-        left_out: Vec::new(),
+        ..Model::new("test", Solver::Rk4, step, span)
     }
 }
 

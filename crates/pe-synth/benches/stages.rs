@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use pe_flow::pipeline::{self, Design};
+use pe_flow::pipeline;
 use pe_flow::spec::LoadedModel;
 use pe_flow::watch::Stopwatch;
 use pe_hls::mapping::{self, MapOptions, Problem};
@@ -18,7 +18,7 @@ use pe_judge::runs;
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::Machine;
-use pe_synth::options::{MappingArgs, ModelArgs, PointArgs};
+use pe_synth::options::DesignArgs;
 
 /// Models, and the PEs of the smaller of the paper's two networks of each.
 const MODELS: [(&str, &str); 2] = [("weibel11", "64"), ("atrial15", "63")];
@@ -26,41 +26,22 @@ const MODELS: [(&str, &str); 2] = [("weibel11", "64"), ("atrial15", "63")];
 /// Steps of a simulated stretch.
 const STEPS: u64 = 20;
 
-#[derive(Parser)]
-struct Options {
-    #[command(flatten)]
-    model: ModelArgs,
-    #[command(flatten)]
-    point: PointArgs,
-    #[command(flatten)]
-    mapping: MappingArgs,
-}
-
-impl Options {
-    /// The command line of a model, with a span of ten steps.
-    fn of(model: &str, pes: &str) -> Options {
-        let spec = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../../models/{model}/{model}.spec"));
-        let options = ["--pes", pes, "--step", "100us", "--span", "1ms", "--multiplier", "25x18", "--allow", "E0903"];
-        let words = ["bench".into(), spec.into_os_string()].into_iter().chain(options.iter().map(Into::into));
-        Options::parse_from(words)
-    }
-
-    fn load(&self) -> LoadedModel {
-        self.model.load(&self.point.point()).expect("the model is read")
-    }
-
-    fn design(&self, loaded: &LoadedModel) -> Design {
-        let watch = &mut Stopwatch::silent();
-        pipeline::design(loaded, &self.model.settings(&self.mapping), &self.point.point(), watch)
-            .expect("the model compiles")
-    }
+/// The command line of a model, with a span of ten steps.
+fn options(model: &str, pes: &str) -> DesignArgs {
+    let spec = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../../models/{model}/{model}.spec"));
+    let options = ["--pes", pes, "--step", "100us", "--span", "1ms", "--multiplier", "25x18", "--allow", "E0903"];
+    let words = ["bench".into(), spec.into_os_string()].into_iter().chain(options.iter().map(Into::into));
+    DesignArgs::parse_from(words)
 }
 
 fn stages(criterion: &mut Criterion) {
     for (model, pes) in MODELS {
-        let options = Options::of(model, pes);
-        let loaded = options.load();
-        let design = options.design(&loaded);
+        let options = options(model, pes);
+        let load = || options.load().expect("the model is read");
+        let compile =
+            |loaded: &LoadedModel| options.design(loaded, &mut Stopwatch::silent()).expect("the model compiles");
+        let loaded = load();
+        let design = compile(&loaded);
         let (graph, fixed, program) = (&design.graph, &design.judged.fixed, &design.program);
         let (issued, issued_fixed) = (design.issued(), design.paired.as_ref().map_or(fixed, |paired| &paired.fixed));
         let mut bench = |stage: &str, amount: Throughput, work: &mut dyn FnMut()| {
@@ -71,7 +52,7 @@ fn stages(criterion: &mut Criterion) {
         };
         let equations = Throughput::Elements(graph.equations.len() as u64);
         let products = |steps: u64| Throughput::Elements(graph.macs() * steps);
-        bench("parse", equations.clone(), &mut || drop(options.load()));
+        bench("parse", equations.clone(), &mut || drop(load()));
         let step_options = pe_flow::settings::step_options(&options.point.point(), &options.mapping.options());
         bench("step", equations.clone(), &mut || {
             drop(pe_hls::step::build_with(&loaded.model, &step_options).expect("built before"));
@@ -120,7 +101,7 @@ fn stages(criterion: &mut Criterion) {
             let judged = runs::judge(&loaded.model, graph, fixed.format, &options.model.criteria(), silent());
             assert!(judged.is_ok(), "judged before");
         });
-        bench("end to end", equations, &mut || drop(options.design(&options.load())));
+        bench("end to end", equations, &mut || drop(compile(&load())));
     }
 }
 

@@ -84,30 +84,15 @@ impl Fit {
         let ff = fit(&ffs, &FF_COUNTS);
         // Deep PEs do not move the coefficients of short ones.
         let weigh = |terms: &[f64], by: &[f64]| terms.iter().zip(by).map(|(term, weight)| term * weight).sum::<f64>();
-        let deep_luts: Vec<_> = deep
-            .iter()
-            .map(|s| {
-                (
-                    area::deeper(&s.features, &s.format, family).0,
-                    weigh(&lut_terms(s), &lut) + s.program.lut,
-                    f64::from(s.lut),
-                )
-            })
-            .collect();
-        let deep_ffs: Vec<_> = deep
-            .iter()
-            .map(|s| {
-                (
-                    area::deeper(&s.features, &s.format, family).1,
-                    weigh(&ff_terms(s), &ff) + s.program.ff,
-                    f64::from(s.ff),
-                )
-            })
-            .collect();
+        let known_lut = |s: &MeasuredShape| weigh(&lut_terms(s), &lut) + s.program.lut;
+        let known_ff = |s: &MeasuredShape| weigh(&ff_terms(s), &ff) + s.program.ff;
+        let deeper = |s: &MeasuredShape| area::deeper(&s.features, &s.format, family);
+        let deep_luts: Vec<_> = deep.iter().map(|s| (deeper(s).0, known_lut(s), f64::from(s.lut))).collect();
+        let deep_ffs: Vec<_> = deep.iter().map(|s| (deeper(s).1, known_ff(s), f64::from(s.ff))).collect();
         let (deep_lut, deep_ff) = (rest(&deep_luts), rest(&deep_ffs));
         let off = |(term, known, all): &(f64, f64, f64), by: f64| (known + by * term) / all - 1.0;
-        let lut_off = |s: &MeasuredShape| (weigh(&lut_terms(s), &lut) + s.program.lut) / f64::from(s.lut) - 1.0;
-        let ff_off = |s: &MeasuredShape| (weigh(&ff_terms(s), &ff) + s.program.ff) / f64::from(s.ff) - 1.0;
+        let lut_off = |s: &MeasuredShape| known_lut(s) / f64::from(s.lut) - 1.0;
+        let ff_off = |s: &MeasuredShape| known_ff(s) / f64::from(s.ff) - 1.0;
         let residuals = [
             short.iter().map(|s| (lut_off(s), ff_off(s))).collect(),
             deep_luts.iter().zip(&deep_ffs).map(|(l, f)| (off(l, deep_lut), off(f, deep_ff))).collect(),

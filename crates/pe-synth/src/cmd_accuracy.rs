@@ -9,13 +9,12 @@ use serde_json::{Map, Value, json};
 use crate::accuracy::files;
 use crate::accuracy::options::ListArgs;
 use crate::accuracy::view::View;
-use crate::cmd_compile::positive;
 use crate::console;
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::record::{Kind, Record};
 use crate::messages::MessageFormat;
-use crate::options::{ConservedArgs, MappingArgs, ModelArgs};
+use crate::options::{ConservedArgs, ModelArgs, SweepArgs, positive};
 use crate::output::OutputFolder;
 use pe_flow::accuracy::goal::Search;
 use pe_flow::accuracy::lists::Plan;
@@ -24,8 +23,6 @@ use pe_flow::explore::family;
 use pe_flow::explore::steps::hit;
 use pe_flow::explore::sweep::Sweep;
 use pe_flow::failure::Failure;
-use pe_target::clock::ClockSource;
-use pe_target::devices::Device;
 
 /// Plots error against run time for many solvers, steps and word lengths of a model
 ///
@@ -46,25 +43,13 @@ pub struct Accuracy {
     #[command(flatten)]
     lists: ListArgs,
     #[command(flatten)]
-    mapping: MappingArgs,
-    /// Output folder; replaced if pe-synth wrote it [default: out/MODEL_accuracy]
-    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
-    output: Option<PathBuf>,
-    /// Clock for the run time [default: an estimate for some devices, else 150, marked as assumed]
-    #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
-    clock: Option<f64>,
-    /// Estimates the clock for this device, if networks were measured on its family
-    #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
-    device: Option<&'static Device>,
+    sweep: SweepArgs,
     /// Picks the cheapest point with at most this total error, trying more steps and words; points that miss it show only
     /// their error
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Points")]
     max_error: Option<f64>,
     #[command(flatten)]
     conserved: ConservedArgs,
-    /// Points compiled at the same time; the result does not depend on it [default: one per core]
-    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Points")]
-    jobs: Option<u16>,
     #[command(flatten)]
     model: ModelArgs,
     /// Prints errors and warnings only
@@ -85,17 +70,17 @@ impl Accuracy {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        let (lists, settings) = (self.lists.lists(), self.model.settings(&self.mapping));
+        let (lists, settings) = (self.lists.lists(), self.model.settings(&self.sweep.mapping));
         settings.mapping.of_many()?;
         let loaded = self.model.read()?;
         let model = &loaded.model;
         let folder = || PathBuf::from("out").join(format!("{}_accuracy", model.name));
-        let target = self.output.clone().unwrap_or_else(folder);
+        let target = self.sweep.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
         let conserved = self.conserved.of(model)?;
         hit(&lists.step, lists.sample)?;
         let plan = lists.plan(model, &settings.mapping);
-        let clock = ClockSource { given: self.clock, device: self.device };
+        let clock = self.sweep.clock.source();
         let row = |point: DesignPoint| (point, self.given.command(&point), None);
         let mut record = Record {
             kind: Kind { store: "accuracy.json", files: files::files },
@@ -115,7 +100,7 @@ impl Accuracy {
             clock,
             estimate: estimate.clone(),
         };
-        let threads = Driver::threads(self.jobs);
+        let threads = Driver::threads(self.sweep.jobs);
         if !quiet {
             let seconds =
                 estimate.total(&family::families(record.pending(), family::has_functions(model))) / threads as f64;

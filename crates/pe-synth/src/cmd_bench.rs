@@ -12,10 +12,9 @@ use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use serde_json::{Value, json};
 
-use crate::cmd_compile::positive;
 use crate::console;
 use crate::messages::MessageFormat;
-use crate::options::{MappingArgs, ModelArgs, PointArgs};
+use crate::options::{MappingArgs, ModelArgs, PointArgs, positive};
 use crate::progress;
 use pe_flow::failure::Failure;
 use pe_flow::pipeline::{self, Design};

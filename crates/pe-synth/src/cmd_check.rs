@@ -37,7 +37,7 @@ pub struct Check {
     #[command(flatten)]
     mapping: MappingArgs,
     /// Method error for which the accuracy step is computed
-    #[arg(long, value_name = "E", default_value_t = pe_judge::check::ACCURACY, value_parser = crate::cmd_compile::positive, help_heading = "Numbers")]
+    #[arg(long, value_name = "E", default_value_t = pe_judge::check::ACCURACY, value_parser = crate::options::positive, help_heading = "Numbers")]
     max_error: f64,
     /// Shows the ranges of all variables, not only those with the least headroom
     #[arg(long, help_heading = "Output")]

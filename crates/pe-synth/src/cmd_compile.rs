@@ -15,7 +15,7 @@ use crate::check;
 use crate::command::shown_path;
 use crate::console;
 use crate::messages::MessageFormat;
-use crate::options::{ConservedArgs, MappingArgs, ModelArgs, PointArgs};
+use crate::options::{ClockArgs, ConservedArgs, MappingArgs, ModelArgs, PointArgs, positive};
 use crate::origin;
 use crate::output::OutputFolder;
 use crate::progress;
@@ -34,7 +34,7 @@ use pe_judge::parse::duration;
 use pe_judge::total::{Reference, TotalError};
 use pe_target::area::{self, Measured};
 use pe_target::clock::ClockSource;
-use pe_target::devices::{Device, Fit};
+use pe_target::devices::Fit;
 
 /// Lines of the reference trace that is written with a design, roughly.
 const TRACE_LINES: u64 = 120_000;
@@ -62,12 +62,8 @@ pub struct Compile {
     /// Output folder; replaced if pe-synth wrote it [default: out/MODEL]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
-    /// Clock for the speed in the report [default: an estimate for some devices, else 150, marked as assumed]
-    #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
-    clock: Option<f64>,
-    /// Compares the size with a device, and estimates the clock if networks were measured on its family
-    #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
-    device: Option<&'static Device>,
+    #[command(flatten)]
+    clock: ClockArgs,
     /// Uses measured sizes of PEs instead of estimates, from a file that `cargo run -p xtask -- measure-area` wrote
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     area_from: Option<PathBuf>,
@@ -93,14 +89,6 @@ pub struct Compile {
     quiet: bool,
 }
 
-/// Parses a positive number.
-pub fn positive(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|number: &f64| number.is_finite() && *number > 0.0)
-        .ok_or("expected a positive number".into())
-}
-
 impl Compile {
     /// Form of messages.
     pub fn message_format(&self) -> MessageFormat {
@@ -122,7 +110,7 @@ impl Compile {
                 Err(_) => "refused".to_owned(),
             },
         )?;
-        let clock = ClockSource { given: self.clock, device: self.device };
+        let clock = self.clock.source();
         let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.model.name));
         OutputFolder::permitted(&target)?;
         let conserved = self.conserved.of(&loaded.model)?;
@@ -159,7 +147,7 @@ impl Compile {
         let model = &loaded.model;
         let area = area::size(&design.program, &measured, clock.family());
         let pes = design.program.pes.len() as u32;
-        let fit = self.device.map(|device| Fit::of(device, &area));
+        let fit = self.clock.device.map(|device| Fit::of(device, &area));
         let silicon = Silicon { area, clock: clock.of(&design.program.format, pes) };
         let variables = variables(model, &design.graph, &design.judged);
         let told = Told { variables: &variables, silicon, total: &total, seed: self.model.seed, command };

@@ -7,7 +7,6 @@ use indicatif::HumanDuration;
 use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
 
-use crate::cmd_compile::positive;
 use crate::console;
 use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::given::{Given, Sweeping};
@@ -16,7 +15,7 @@ use crate::explore::record::{Kind, Record};
 use crate::explore::sheet::Sheet;
 use crate::explore::show;
 use crate::messages::MessageFormat;
-use crate::options::{MappingArgs, ModelArgs};
+use crate::options::{ModelArgs, SweepArgs, positive};
 use crate::output::OutputFolder;
 use pe_flow::explore::axes::{Axes, Completed};
 use pe_flow::explore::estimate::Estimate;
@@ -24,8 +23,6 @@ use pe_flow::explore::family;
 use pe_flow::explore::steps::hit;
 use pe_flow::explore::sweep::Sweep;
 use pe_flow::failure::Failure;
-use pe_target::clock::ClockSource;
-use pe_target::devices::Device;
 
 /// Compiles many design points of a model and shows the trade-off between size, speed and accuracy
 ///
@@ -46,25 +43,13 @@ pub struct Explore {
     #[command(flatten)]
     axes: AxesArgs,
     #[command(flatten)]
-    mapping: MappingArgs,
-    /// Output folder; replaced if pe-synth wrote it [default: out/MODEL_explore]
-    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
-    output: Option<PathBuf>,
-    /// Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]
-    #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
-    clock: Option<f64>,
-    /// Estimates the clock for this device, if networks were measured on its family
-    #[arg(long, value_name = "NAME", value_parser = crate::options::device(), ignore_case = true, help_heading = "Output")]
-    device: Option<&'static Device>,
+    sweep: SweepArgs,
     /// Largest total error of points that compete in size and speed [default: any]
     #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
     max_error: Option<f64>,
     /// Continues the sweep in the output folder: points that it holds are not compiled again
     #[arg(long, help_heading = "Sweep")]
     resume: bool,
-    /// Points compiled at the same time; the result does not depend on it [default: one per core]
-    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Sweep")]
-    jobs: Option<u16>,
     #[command(flatten)]
     model: ModelArgs,
     /// Prints errors and warnings only
@@ -85,17 +70,17 @@ impl Explore {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        let settings = self.model.settings(&self.mapping);
+        let settings = self.model.settings(&self.sweep.mapping);
         settings.mapping.of_many()?;
         let loaded = self.model.read()?;
         let model = &loaded.model;
         let folder = || PathBuf::from("out").join(format!("{}_explore", model.name));
-        let target = self.output.clone().unwrap_or_else(folder);
+        let target = self.sweep.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
         let axes = self.axes.axes();
         hit(&axes.step, axes.sample)?;
         let Completed { axes, graphs, stiffness } = axes.complete(model);
-        let clock = ClockSource { given: self.clock, device: self.device };
+        let clock = self.sweep.clock.source();
         let points = axes.formed(model, &settings.mapping).into_iter();
         let mut record = Record {
             head: self.head(model, &axes),
@@ -110,7 +95,7 @@ impl Explore {
             record.resume()?;
         }
         let jobs = record.pending();
-        let threads = Driver::threads(self.jobs);
+        let threads = Driver::threads(self.sweep.jobs);
         let estimate = Estimate::of(model, &graphs, &settings.mapping);
         let seconds = estimate.total(&family::families(jobs.clone(), family::has_functions(model)));
         if !quiet {

@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser};
 use pe_flow::failure::Failure;
+use pe_flow::pipeline::{self, Design};
 use pe_flow::settings::{MappingOptions, Settings, StageLoop};
 use pe_flow::spec::{self, LoadedModel};
 use pe_flow::stages::Stages;
+use pe_flow::watch::Stopwatch;
 use pe_hls::mapping::MapOptions;
 use pe_hls::two_slots;
 use pe_ir::codes;
@@ -18,6 +20,7 @@ use pe_judge::conserved::Conserved;
 use pe_judge::early::{self, Early};
 use pe_judge::parse::{duration, multiplier};
 use pe_judge::{Coefficients, Criteria, DesignPoint, FormChoice, MOST_STORAGE, ProofMode};
+use pe_target::clock::ClockSource;
 use pe_target::devices::{self, DEVICES, Device};
 use pe_verify::engines::Engine;
 
@@ -137,6 +140,74 @@ pub struct MappingArgs {
     /// One round of control words for all stages of a step
     #[arg(long = "loop", value_name = "MODE", default_value = "auto", value_parser = stage_loop(), help_heading = "Mapping")]
     pub stage_loop: StageLoop,
+}
+
+/// All options that say what a design is, for programs that compile one beside the commands: the design point, how it is mapped,
+/// the model. Commands put their own options between these.
+#[derive(Clone, Debug, Parser)]
+pub struct DesignArgs {
+    /// The design point.
+    #[command(flatten)]
+    pub point: PointArgs,
+    /// How it is mapped.
+    #[command(flatten)]
+    pub mapping: MappingArgs,
+    /// The model.
+    #[command(flatten)]
+    pub model: ModelArgs,
+}
+
+impl DesignArgs {
+    /// The model of the design point.
+    ///
+    /// # Errors
+    /// Those of the spec, and steps that the model cannot be run with.
+    pub fn load(&self) -> Result<LoadedModel, Failure> {
+        self.model.load(&self.point.point())
+    }
+
+    /// Compiles that model.
+    ///
+    /// # Errors
+    /// Those of the stages.
+    pub fn design(&self, loaded: &LoadedModel, watch: &mut Stopwatch) -> Result<Design, Failure> {
+        pipeline::design(loaded, &self.model.settings(&self.mapping), &self.point.point(), watch)
+    }
+}
+
+/// The clock that speeds are told for.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct ClockArgs {
+    /// Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]
+    #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
+    pub clock: Option<f64>,
+    /// Estimates the clock for this device, if networks were measured on its family; `compile` compares the size with it
+    #[arg(long, value_name = "NAME", value_parser = device(), ignore_case = true, help_heading = "Output")]
+    pub device: Option<&'static Device>,
+}
+
+/// What sweeps over points take beside the points.
+#[derive(Args, Clone, Debug)]
+pub struct SweepArgs {
+    /// How points are mapped.
+    #[command(flatten)]
+    pub mapping: MappingArgs,
+    /// Output folder; replaced if pe-synth wrote it [default: out/MODEL_COMMAND]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
+    pub output: Option<PathBuf>,
+    /// The clock.
+    #[command(flatten)]
+    pub clock: ClockArgs,
+    /// Points compiled at the same time; the result does not depend on it [default: one per core]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Output")]
+    pub jobs: Option<u16>,
+}
+
+impl ClockArgs {
+    /// Where the clock comes from.
+    pub fn source(self) -> ClockSource {
+        ClockSource { given: self.clock, device: self.device }
+    }
 }
 
 impl ModelArgs {
@@ -345,4 +416,12 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
         return Err(format!("`{name}` must be finite"));
     }
     Ok((name.trim().to_owned(), value))
+}
+
+/// Parses a positive number.
+pub fn positive(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite() && *number > 0.0)
+        .ok_or("expected a positive number".into())
 }

@@ -4,6 +4,7 @@
 //! `c` and the clocks between the last two steps; those with a handshake also `h` and its changes, and `u` and a clock in
 //! which outputs changed although nothing was published.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
@@ -386,17 +387,28 @@ fn output_line(text: &str) -> Option<(u64, usize, u64)> {
     fields.next().is_none().then_some((step, index, word))
 }
 
+/// Inputs of every step; the last line of the stimulus stays.
+pub(crate) fn played<'a>(program: &Program, stimulus: &'a [Vec<i64>]) -> impl Iterator<Item = Cow<'a, [i64]>> {
+    let last = stimulus.last().map_or_else(|| Cow::Owned(vec![0; program.inputs.len()]), |last| Cow::from(&last[..]));
+    stimulus.iter().map(|line| Cow::from(&line[..])).chain(std::iter::repeat(last))
+}
+
+impl Run {
+    /// Adds the words that the outputs show after a step.
+    pub(crate) fn publish(&mut self, program: &Program, step: u64, words: &[i64]) {
+        let mask = u64::MAX >> (64 - program.format.storage_bits);
+        let words = words.iter().enumerate();
+        self.outputs.extend(words.map(|(index, word)| (step, index, *word as u64 & mask)));
+    }
+}
+
 /// Runs the program in the simulator of this process.
 pub fn simulate(program: &Program, stimulus: &[Vec<i64>], steps: u64) -> Run {
     let mut machine = Machine::new(program);
     let mut run = Run::default();
-    let mask = u64::MAX >> (64 - program.format.storage_bits);
-    let idle = vec![0; program.inputs.len()];
-    for step in 0..steps {
-        let inputs = stimulus.get(step as usize).or(stimulus.last()).unwrap_or(&idle);
-        machine.step(inputs, &mut |line| run.trace.push(line));
-        let outputs = machine.outputs().iter().enumerate();
-        run.outputs.extend(outputs.map(|(index, word)| (step, index, *word as u64 & mask)));
+    for (step, inputs) in (0..steps).zip(played(program, stimulus)) {
+        machine.step(&inputs, &mut |line| run.trace.push(line));
+        run.publish(program, step, machine.outputs());
     }
     run.trace.sort_unstable();
     run.overflow = machine.overflow();

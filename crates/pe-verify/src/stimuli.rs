@@ -12,7 +12,7 @@ use pe_sim::trace::TraceLine;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::engines::Run;
+use crate::engines::{Run, played};
 
 /// What the simulator knows of a run.
 pub struct Observed {
@@ -32,13 +32,9 @@ pub struct Observed {
 pub fn observe(program: &Program, stimulus: &[Vec<i64>], steps: u64) -> Observed {
     let mut network = Clocked::new(program);
     let mut run = Run::default();
-    let mask = u64::MAX >> (64 - program.format.storage_bits);
-    let idle = vec![0; program.inputs.len()];
-    for step in 0..steps {
-        let inputs = stimulus.get(step as usize).or(stimulus.last()).unwrap_or(&idle);
-        network.step(inputs, &mut |line: TraceLine| run.trace.push(line));
-        let outputs = network.outputs().into_iter().enumerate();
-        run.outputs.extend(outputs.map(|(index, word)| (step, index, word as u64 & mask)));
+    for (step, inputs) in (0..steps).zip(played(program, stimulus)) {
+        network.step(&inputs, &mut |line: TraceLine| run.trace.push(line));
+        run.publish(program, step, &network.outputs());
     }
     run.trace.sort_unstable();
     let (flags, overflow_cycle) = (network.flags(), network.overflow_cycle());

@@ -34,6 +34,20 @@ pub enum Outcome {
     Failed(Reason),
 }
 
+impl Outcome {
+    /// The columns of a table: status, codes of warnings, code and message of the failure.
+    pub fn columns(&self) -> [String; 4] {
+        match self {
+            Outcome::Compiled(compiled) => {
+                ["compiled".to_owned(), compiled.warnings.join(" "), String::new(), String::new()]
+            }
+            Outcome::Failed(Reason { code, message, .. }) => {
+                ["failed".to_owned(), String::new(), code.clone().unwrap_or_default(), message.clone()]
+            }
+        }
+    }
+}
+
 /// A compiled point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compiled {

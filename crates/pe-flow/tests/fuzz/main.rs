@@ -46,25 +46,21 @@ const LARGEST_TEXT: usize = 20_000;
 
 #[test]
 fn spec_text() {
-    let mut corpus = files("tests/fuzz/corpus/spec", "spec");
-    corpus.extend(files("../pe-frontend/tests/passes", "spec"));
-    corpus.extend(files("../../models", "spec"));
-    fuzz("spec", corpus, 12_000, |text, _| targets::spec(text));
+    let corpus = ["tests/fuzz/corpus/spec", "../pe-frontend/tests/passes", "../../models"];
+    fuzz("spec", &corpus.map(|folder| (folder, "spec")), 12_000, |text, _| targets::spec(text));
 }
 
 #[test]
 fn stage_texts() {
-    let mut corpus = files("tests/fuzz/corpus/stages", "txt");
-    corpus.extend(files("../pe-hls/tests/passes", "txt"));
-    fuzz("stages", corpus, 20_000, targets::stages);
+    let corpus = ["tests/fuzz/corpus/stages", "../pe-hls/tests/passes"];
+    fuzz("stages", &corpus.map(|folder| (folder, "txt")), 20_000, targets::stages);
 }
 
 #[test]
 fn program_text() {
-    let mut corpus = files("tests/fuzz/corpus/program", "txt");
-    corpus.extend(files("../pe-hls/tests/passes/fold", "txt"));
-    corpus.extend(files("../pe-hls/tests/passes/assemble", "expect"));
-    fuzz("program", corpus, 50_000, |text, _| targets::program(text));
+    let (fold, assemble) = ("../pe-hls/tests/passes/fold", "../pe-hls/tests/passes/assemble");
+    let corpus = [("tests/fuzz/corpus/program", "txt"), (fold, "txt"), (assemble, "expect")];
+    fuzz("program", &corpus, 50_000, |text, _| targets::program(text));
 }
 
 /// All files below a folder of this crate with that extension, in the order of their paths.
@@ -90,14 +86,15 @@ fn setting<T: FromStr<Err: Debug>>(name: &str, default: T) -> T {
     std::env::var(name).map_or(default, |text| text.parse().unwrap_or_else(|error| panic!("{name}={text}: {error:?}")))
 }
 
-/// Runs a target on its corpus, then on as many damaged texts.
+/// Runs a target on its corpus, folders with the extensions of their files, then on as many damaged texts.
 fn fuzz(
     target: &'static str,
-    corpus: Vec<String>,
+    corpus: &[(&str, &str)],
     count: usize,
     check: impl Fn(&str, &Path) -> Verdict + Send + 'static,
 ) {
     limit_memory();
+    let corpus: Vec<String> = corpus.iter().flat_map(|(folder, extension)| files(folder, extension)).collect();
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fuzz");
     fs::create_dir_all(&folder).unwrap();
     let (count, seed) = (setting("PE_FUZZ_COUNT", count), setting("PE_FUZZ_SEED", 1));

@@ -118,20 +118,8 @@ fn inside(span: Span, text: &str) {
 fn valid_model(model: &Model) {
     assert_eq!(verify::model::check(model), Vec::<String>::new());
     let printed = model.to_string();
-    assert_eq!(without_places(&same::<Model>(&printed)), without_places(model), "{printed}");
-}
-
-/// A model in full, without places in its text.
-fn without_places(model: &Model) -> String {
-    let mut model = model.clone();
-    let none = Span::default();
-    model.states.iter_mut().for_each(|state| state.span = none);
-    model.algebraics.iter_mut().for_each(|algebraic| algebraic.span = none);
-    model.inputs.iter_mut().for_each(|input| input.span = none);
-    model.outputs.iter_mut().for_each(|output| output.span = none);
-    model.signals.iter_mut().for_each(|signal| signal.span = none);
-    model.rates.iter_mut().for_each(|rate| rate.span = none);
-    format!("{model:?}")
+    let in_full = |model: &Model| format!("{:?}", model.without_spans());
+    assert_eq!(in_full(&same(&printed)), in_full(model), "{printed}");
 }
 
 fn valid_step(graph: &StepGraph) {

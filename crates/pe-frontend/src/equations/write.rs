@@ -48,6 +48,18 @@ struct BoundEquation<'a> {
     instances: Vec<(usize, usize)>,
 }
 
+impl BoundEquation<'_> {
+    /// Reports the fault of an element unless it has been, and says whether to go on with the next one.
+    fn tell(&self, context: &mut Context, seen: &mut Seen, fault: Fault) -> bool {
+        let (new, go_on) = seen.judge(&fault);
+        if new {
+            let frame = context.evaluator.frame.clone();
+            context.report.settle::<()>(Err(fault), |error| self.pattern.explain(error, self.target, &frame));
+        }
+        go_on
+    }
+}
+
 /// All flat equations.
 pub(crate) fn write_out(context: &mut Context) -> Flat {
     let (mut equations, mut lost) = (Vec::new(), Vec::new());
@@ -294,13 +306,7 @@ fn define(
             }
             Err(fault) => {
                 context.names.quantities[bound.pattern.quantity].broken = true;
-                let (new, go_on) = seen.judge(&fault);
-                if new {
-                    let frame = context.evaluator.frame.clone();
-                    let explain = |error| bound.pattern.explain(error, bound.target, &frame);
-                    context.report.settle::<()>(Err(fault), explain);
-                }
-                if !go_on {
+                if !bound.tell(context, &mut seen, fault) {
                     break;
                 }
             }
@@ -368,13 +374,7 @@ fn right_sides<'a>(context: &mut Context<'a>, equations: impl Iterator<Item = Bo
                     rows[base + offset] = Some(row);
                 }
                 Err(fault) => {
-                    let (new, go_on) = seen.judge(&fault);
-                    if new {
-                        let frame = context.evaluator.frame.clone();
-                        let explain = |error| equation.pattern.explain(error, equation.target, &frame);
-                        context.report.settle::<()>(Err(fault), explain);
-                    }
-                    if !go_on {
+                    if !equation.tell(context, &mut seen, fault) {
                         break;
                     }
                 }

@@ -6,7 +6,7 @@ use pe_ir::model::{Expr, Function, Select, Variable};
 use pe_ir::word::WordFormat;
 
 use super::domain::Domain;
-use super::fit::Layout;
+use super::fit::{Fit, Layout};
 use super::{Planned, plan};
 
 /// Points of a dense grid.
@@ -30,11 +30,15 @@ fn planned(function: &ScalarFunction, range: (f64, f64), format: WordFormat) -> 
     (segments, planned.remove(0).expect("a table"))
 }
 
-/// What the PE computes from a table, in exact arithmetic; written from the decision record, not from the expansion.
 fn looked_up(planned: &Planned, segments: Segments, x: f64) -> f64 {
     let fit = &planned.fit;
     let z = fit.map.slope * x + fit.map.offset;
     assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z}");
+    interpolated(fit, segments, z)
+}
+
+/// What the PE computes from a table, in exact arithmetic; written from the decision record, not from the expansion.
+pub(super) fn interpolated(fit: &Fit, segments: Segments, z: f64) -> f64 {
     let octaves = fit.layout == Layout::Octaves;
     let entry = |column: usize| fit.columns[column][segments.index_of(z, octaves)];
     if fit.columns.len() == 1 {

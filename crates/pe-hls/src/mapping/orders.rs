@@ -18,14 +18,7 @@ pub(super) fn breadth_first(problem: &Problem) -> Vec<u32> {
     let all = declared(problem);
     let mut region = Region::new(problem);
     region.enter(&all);
-    let mut order = Vec::with_capacity(all.len());
-    for &equation in &all {
-        if region.is_unseen(equation) {
-            let end = region.far_end(equation);
-            region.layers(end, &mut order);
-        }
-    }
-    order
+    region.layers_of_all(&all)
 }
 
 /// Depth first from the end of each component, equations before (`after` = false) or after what is reached through
@@ -153,6 +146,18 @@ impl<'p> Region<'p> {
             end = self.search(end, self.searches, |_| {});
         }
         end
+    }
+
+    /// All equations of the region in layers from the end of each component.
+    pub(super) fn layers_of_all(&mut self, equations: &[u32]) -> Vec<u32> {
+        let mut order = Vec::with_capacity(equations.len());
+        for &equation in equations {
+            if self.is_unseen(equation) {
+                let end = self.far_end(equation);
+                self.layers(end, &mut order);
+            }
+        }
+        order
     }
 
     /// Appends the component of an equation in layers and marks it as seen.

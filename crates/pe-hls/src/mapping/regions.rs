@@ -152,42 +152,41 @@ mod tests {
 
     const WEIGHTS: Weights = Weights { spread: 0.1, overload: 1.0, excess: 2.0 };
 
-    /// A grid of cells that read their neighbours, on PEs in turn.
-    fn grid(side: u32, pes: u32) -> (Problem, Mapping) {
+    /// Cuts a grid of 12 x 12 cells that read their neighbours, on PEs in turn.
+    fn on_a_grid(pes: u32, cut: impl FnOnce(&Problem, &mut Regions, &mut State, &mut ChaCha8Rng)) {
+        let side = 12;
         let right = (0..side * side).filter(|cell| cell % side + 1 < side).map(|cell| (cell, cell + 1));
         let below = (0..side * (side - 1)).map(|cell| (cell, cell + side));
         let arcs: Vec<_> = right.chain(below).flat_map(|(a, b)| [(a, b), (b, a)]).collect();
         let mapping = Mapping { pes, pe_of: (0..side * side).map(|cell| PeId::new(cell % pes)).collect() };
-        (Problem::new(vec![3; (side * side) as usize], &arcs, &[]), mapping)
+        let problem = Problem::new(vec![3; (side * side) as usize], &arcs, &[]);
+        let mut state = State::new(&problem, &mapping, 15);
+        cut(&problem, &mut Regions::new(&problem, at(pes)), &mut state, &mut ChaCha8Rng::seed_from_u64(1));
     }
 
     #[test]
     fn a_region_keeps_every_pe_in_use_and_what_is_refused_is_undone() {
-        let (problem, mapping) = grid(12, 9);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut regions = Regions::new(&problem, 9);
-        let mut state = State::new(&problem, &mapping, 15);
-        for trial in 0..60 {
-            let before = state.mapping();
-            let kept = trial % 3 > 0;
-            let threshold = if kept { f64::INFINITY } else { f64::NEG_INFINITY };
-            let effort = regions.cut_anew(&mut state, 1 + trial % 9, &WEIGHTS, threshold, &mut rng);
-            assert!(effort > 0);
-            assert!(kept || state.mapping() == before);
-            assert_eq!(state.cost(), problem.cost(&state.mapping()));
-            assert!(PeId::all(9).all(|pe| state.mapping().pe_of.contains(&pe)));
-        }
+        on_a_grid(9, |problem, regions, state, rng| {
+            for trial in 0..60 {
+                let before = state.mapping();
+                let kept = trial % 3 > 0;
+                let threshold = if kept { f64::INFINITY } else { f64::NEG_INFINITY };
+                let effort = regions.cut_anew(state, 1 + trial % 9, &WEIGHTS, threshold, rng);
+                assert!(effort > 0);
+                assert!(kept || state.mapping() == before);
+                assert_eq!(state.cost(), problem.cost(&state.mapping()));
+                assert!(PeId::all(9).all(|pe| state.mapping().pe_of.contains(&pe)));
+            }
+        });
     }
 
     #[test]
     fn the_whole_grid_cut_anew_is_strips() {
-        let (problem, mapping) = grid(12, 6);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut regions = Regions::new(&problem, 6);
-        let mut state = State::new(&problem, &mapping, 15);
-        for _ in 0..20 {
-            regions.cut_anew(&mut state, 6, &WEIGHTS, 0.0, &mut rng);
-        }
-        assert_eq!(state.cost().connections, 5);
+        on_a_grid(6, |_, regions, state, rng| {
+            for _ in 0..20 {
+                regions.cut_anew(state, 6, &WEIGHTS, 0.0, rng);
+            }
+            assert_eq!(state.cost().connections, 5);
+        });
     }
 }

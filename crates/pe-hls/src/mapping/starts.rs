@@ -146,7 +146,6 @@ fn bisection(problem: &Problem, pes: u32) -> Mapping {
     let mut pe_of = List::filled(PeId::new(0), at(problem.equations()));
     let mut order = orders::breadth_first(problem);
     let mut region = Region::new(problem);
-    let mut layered: Vec<u32> = Vec::with_capacity(order.len());
     // Parts of `order` with their first PE and number of PEs.
     let mut parts = vec![(0..order.len(), 0, at(pes))];
     while let Some((part, first, count)) = parts.pop() {
@@ -158,13 +157,7 @@ fn bisection(problem: &Problem, pes: u32) -> Mapping {
             continue;
         }
         region.enter(equations);
-        layered.clear();
-        for &equation in equations.iter() {
-            if region.is_unseen(equation) {
-                let end = region.far_end(equation);
-                region.layers(end, &mut layered);
-            }
-        }
+        let layered = region.layers_of_all(equations);
         region.leave(equations);
         equations.copy_from_slice(&layered);
         let half = count / 2;

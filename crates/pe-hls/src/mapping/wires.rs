@@ -74,13 +74,7 @@ impl Grid {
                 continue;
             }
             region.enter(&part);
-            let mut layered = Vec::with_capacity(part.len());
-            for &pe in &part {
-                if region.is_unseen(pe) {
-                    let end = region.far_end(pe);
-                    region.layers(end, &mut layered);
-                }
-            }
+            let mut layered = region.layers_of_all(&part);
             region.leave(&part);
             let extent = |of: fn(&(u32, u32)) -> u32| {
                 places.iter().map(of).max().unwrap_or(0) - places.iter().map(of).min().unwrap_or(0)

@@ -123,18 +123,11 @@ fn flat(plan: &Plan) -> Model {
         };
         Algebraic { name, unit: None, expr: planned.sum.clone(), range: None, span }
     };
+    let Model { ref name, solver, step, span, .. } = *plan.model;
     Model {
-        name: plan.model.name.clone(),
-        title: String::new(),
-        phases: Vec::new(),
-        states: List::new(),
-        rates: Vec::new(),
         algebraics: plan.equations.iter().map(algebraic).collect(),
         inputs: plan.model.inputs.clone(),
-        signals: Vec::new(),
-        outputs: Vec::new(),
-        left_out: Vec::new(),
-        ..*plan.model
+        ..Model::new(name, solver, step, span)
     }
 }
 

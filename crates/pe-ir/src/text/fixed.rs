@@ -93,12 +93,7 @@ pub fn read(section: &Section, graph: &StepGraph) -> Result<FixedPoint, TextErro
         line.done()?;
     }
     for chain in &graph.chains {
-        let label = labels.chain(chain);
-        let mut line = lines.next().ok_or_else(|| lines.error(format!("expected the formats of the chain {label}")))?;
-        line.word("chain")?;
-        if labels.read_value(&mut line)? != chain.write.value {
-            return Err(line.error(format!("expected {label}: chains are in the order of the step")));
-        }
+        let mut line = labels.line_of(chain, "formats", &mut lines)?;
         fixed.products.push(line.keyed("product")?);
         line.word("shifts")?;
         fixed.shifts.push([line.integer()?, line.integer()?, line.integer()?]);

@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use crate::graph::{Chain, StepGraph, ValueId};
 use crate::index::{self, at};
 
-use super::{Line, TextError, name};
+use super::{Line, Lines, TextError, name};
 
 /// Different names for all members of a list: their own, with `~2` and so on behind those that were there before.
 pub fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
@@ -98,6 +98,21 @@ impl Labels {
     pub fn read(&self, line: &mut Line, what: &str) -> Result<u32, TextError> {
         let label = line.name(&format!("the name of {what}"))?;
         self.find(&label).ok_or_else(|| line.error(format!("`{label}` is not the name of {what}")))
+    }
+
+    /// The line of the next chain, behind its label; `what` stands in it.
+    ///
+    /// # Errors
+    /// There is no further line, or it is another chain's.
+    pub fn line_of<'a>(&self, chain: &Chain, what: &str, lines: &mut Lines<'a>) -> Result<Line<'a>, TextError> {
+        let label = self.chain(chain);
+        let mut line = lines.next().ok_or_else(|| lines.error(format!("expected the {what} of the chain {label}")))?;
+        line.word("chain")?;
+        if self.read_value(&mut line)? == chain.write.value {
+            Ok(line)
+        } else {
+            Err(line.error(format!("expected {label}: chains are in the order of the step")))
+        }
     }
 
     /// Reads the name of a value.

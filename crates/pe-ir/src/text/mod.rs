@@ -129,6 +129,17 @@ impl<'a> Section<'a> {
         TextError::at(self.text, self.header.clone(), message.into())
     }
 
+    /// What was read from it, unless its checker found a problem; `what` it is.
+    ///
+    /// # Errors
+    /// The first problem.
+    fn accept<T>(&self, read: T, what: &str, check: impl Fn(&T) -> Vec<String>) -> Result<T, TextError> {
+        match check(&read).first() {
+            None => Ok(read),
+            Some(problem) => Err(self.error(format!("this is no valid {what}: {problem}"))),
+        }
+    }
+
     /// The bytes of its header.
     pub fn span(&self) -> Span {
         Span { start: index::number(self.header.start), end: index::number(self.header.end) }

@@ -175,10 +175,7 @@ pub fn read(section: &Section) -> Result<Model, TextError> {
     let mut reader = Reader::default();
     reader.declare(section)?;
     let model = reader.items(section)?;
-    match verify::model::check(&model).first() {
-        None => Ok(model),
-        Some(problem) => Err(section.error(format!("this is no valid model: {problem}"))),
-    }
+    section.accept(model, "model", verify::model::check)
 }
 
 #[derive(Default)]
@@ -279,7 +276,7 @@ impl Reader {
 
     fn items(&mut self, section: &Section) -> Result<Model, TextError> {
         let (mut model_name, mut title, mut solver, mut step, mut span) = (None, String::new(), None, None, None);
-        let mut model = empty();
+        let mut model = Model::new("", Solver::Rk4, 0.0, 0.0);
         let mut lines = section.lines();
         while let Some(mut line) = lines.next() {
             let whole = line.span();
@@ -388,22 +385,4 @@ impl Reader {
 fn positive(line: &mut Line) -> Result<f64, TextError> {
     let number = line.number()?;
     if number > 0.0 { Ok(number) } else { Err(line.error("expected a positive number")) }
-}
-
-fn empty() -> Model {
-    Model {
-        name: String::new(),
-        title: String::new(),
-        solver: Solver::Rk4,
-        step: 0.0,
-        phases: Vec::new(),
-        span: 0.0,
-        states: List::new(),
-        rates: Vec::new(),
-        algebraics: Vec::new(),
-        inputs: Vec::new(),
-        signals: Vec::new(),
-        outputs: Vec::new(),
-        left_out: Vec::new(),
-    }
 }

@@ -41,12 +41,7 @@ pub fn read(section: &Section, graph: &StepGraph, pes: u32) -> Result<Schedule, 
     line.done()?;
     let mut schedule = Schedule { period, starts: List::new(), order: Vec::new(), transfers: Vec::new() };
     for chain in &graph.chains {
-        let label = labels.chain(chain);
-        let mut line = lines.next().ok_or_else(|| lines.error(format!("expected the time of the chain {label}")))?;
-        line.word("chain")?;
-        if labels.read_value(&mut line)? != chain.write.value {
-            return Err(line.error(format!("expected {label}: chains are in the order of the step")));
-        }
+        let mut line = labels.line_of(chain, "time", &mut lines)?;
         let start = line.keyed("start")?;
         if start >= period {
             return Err(line.error("expected a control word within the period"));

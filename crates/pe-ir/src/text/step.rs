@@ -21,8 +21,7 @@ const ARGUMENT: &str = "x";
 impl fmt::Display for StepGraph {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let of = |names: &[String]| Labels::of(names.iter().cloned());
-        let printer = Printer {
-            graph: self,
+        let labels = Lists {
             states: of(&self.names.states),
             inputs: of(&self.names.inputs),
             algebraics: of(&self.names.algebraics),
@@ -31,6 +30,7 @@ impl fmt::Display for StepGraph {
             equations: Labels::of(self.equations.iter().map(|equation| equation.name.clone())),
             values: Labels::of_values(self),
         };
+        let printer = Printer { graph: self, labels };
         printer.declarations(f)?;
         printer.functions(f)?;
         self.chains.iter().try_for_each(|chain| printer.chain(f, chain))
@@ -55,8 +55,9 @@ fn called(labels: &Labels, index: usize, own: &str) -> String {
     }
 }
 
-struct Printer<'a> {
-    graph: &'a StepGraph,
+/// What the items of each list are called in the text.
+#[derive(Default)]
+struct Lists {
     states: Labels,
     inputs: Labels,
     algebraics: Labels,
@@ -64,6 +65,11 @@ struct Printer<'a> {
     outputs: Labels,
     equations: Labels,
     values: Labels,
+}
+
+struct Printer<'a> {
+    graph: &'a StepGraph,
+    labels: Lists,
 }
 
 impl Printer<'_> {
@@ -81,34 +87,34 @@ impl Printer<'_> {
             writeln!(f, "pre_adder")?;
         }
         if let Some((state, magnitude)) = graph.constant_pivot {
-            writeln!(f, "constant_pivot {} magnitude {}", self.states.text(state.number()), number(magnitude))?;
+            writeln!(f, "constant_pivot {} magnitude {}", self.labels.states.text(state.number()), number(magnitude))?;
         }
-        let value = |value: ValueId| self.values.value(value);
+        let value = |value: ValueId| self.labels.values.value(value);
         for ((index, (start, end)), initial) in graph.states.numbered().zip(&graph.initial) {
-            let label = called(&self.states, index.index(), &graph.names.states[index]);
+            let label = called(&self.labels.states, index.index(), &graph.names.states[index]);
             writeln!(f, "state {label} initial {} start {} end {}", number(*initial), value(*start), value(*end))?;
         }
         for (index, input) in graph.inputs.iter().enumerate() {
-            let label = called(&self.inputs, index, &graph.names.inputs[index]);
+            let label = called(&self.labels.inputs, index, &graph.names.inputs[index]);
             writeln!(f, "input {label} value {}", value(*input))?;
         }
         for (index, algebraic) in graph.names.algebraics.iter().enumerate() {
-            writeln!(f, "algebraic {}", called(&self.algebraics, index, algebraic))?;
+            writeln!(f, "algebraic {}", called(&self.labels.algebraics, index, algebraic))?;
         }
         for (index, auxiliary) in graph.names.auxiliaries.iter().enumerate() {
-            writeln!(f, "auxiliary {}", called(&self.auxiliaries, index, auxiliary))?;
+            writeln!(f, "auxiliary {}", called(&self.labels.auxiliaries, index, auxiliary))?;
         }
         for (index, output) in graph.outputs.iter().enumerate() {
-            let label = called(&self.outputs, index, &graph.names.outputs[index]);
+            let label = called(&self.labels.outputs, index, &graph.names.outputs[index]);
             writeln!(f, "output {label} value {}", value(*output))?;
         }
         for (index, equation) in graph.equations.iter().enumerate() {
-            writeln!(f, "equation {}", called(&self.equations, index, &equation.name))?;
+            writeln!(f, "equation {}", called(&self.labels.equations, index, &equation.name))?;
         }
         for (index, stored) in graph.values.iter().enumerate() {
-            write!(f, "value {} {}", self.values.text(index::number(index)), self.role(stored.role))?;
+            write!(f, "value {} {}", self.labels.values.text(index::number(index)), self.role(stored.role))?;
             if let Some(equation) = stored.equation {
-                write!(f, " in {}", self.equations.text(equation.number()))?;
+                write!(f, " in {}", self.labels.equations.text(equation.number()))?;
             }
             writeln!(f, "{}", if stored.factor { " factor" } else { "" })?;
         }
@@ -117,21 +123,21 @@ impl Printer<'_> {
 
     fn role(&self, role: Role) -> String {
         let state =
-            |kind: &str, state: StateId, number| format!("{kind} {} {number}", self.states.text(state.number()));
+            |kind: &str, state: StateId, number| format!("{kind} {} {number}", self.labels.states.text(state.number()));
         match role {
-            Role::State(of) => format!("state {}", self.states.text(of.number())),
+            Role::State(of) => format!("state {}", self.labels.states.text(of.number())),
             Role::Stage(of, stage) => state("stage", of, u32::from(stage)),
             Role::Sum(of, stage) => state("sum", of, u32::from(stage)),
             Role::Interim(of, stage) => state("interim", of, u32::from(stage)),
-            Role::Next(of) => format!("next {}", self.states.text(of.number())),
-            Role::Algebraic(of, stage) => format!("algebraic {} {stage}", self.algebraics.text(of)),
-            Role::Inner(of, serial) => format!("inner {} {serial}", self.equations.text(of.number())),
-            Role::Partial(of, serial) => format!("partial {} {serial}", self.equations.text(of.number())),
-            Role::Relayed(of, relay) => format!("relayed {} {relay}", self.values.value(of)),
-            Role::Input(of) => format!("input {}", self.inputs.text(of)),
+            Role::Next(of) => format!("next {}", self.labels.states.text(of.number())),
+            Role::Algebraic(of, stage) => format!("algebraic {} {stage}", self.labels.algebraics.text(of)),
+            Role::Inner(of, serial) => format!("inner {} {serial}", self.labels.equations.text(of.number())),
+            Role::Partial(of, serial) => format!("partial {} {serial}", self.labels.equations.text(of.number())),
+            Role::Relayed(of, relay) => format!("relayed {} {relay}", self.labels.values.value(of)),
+            Role::Input(of) => format!("input {}", self.labels.inputs.text(of)),
             Role::Constant(constant) => format!("constant {}", number(constant)),
-            Role::Published(of) => format!("published {}", self.outputs.text(of)),
-            Role::Auxiliary(of) => format!("auxiliary {}", self.auxiliaries.text(of)),
+            Role::Published(of) => format!("published {}", self.labels.outputs.text(of)),
+            Role::Auxiliary(of) => format!("auxiliary {}", self.labels.auxiliaries.text(of)),
             Role::Pivot(of, matrix) => state("pivot", of, u32::from(matrix)),
             Role::Column(lookup, column) => format!("column {lookup} {column}"),
         }
@@ -168,7 +174,7 @@ impl Printer<'_> {
             }
         }
         for Lookup { argument, table } in &functions.lookups {
-            writeln!(f, "lookup {} table {table}", self.values.value(*argument))?;
+            writeln!(f, "lookup {} table {table}", self.labels.values.value(*argument))?;
         }
         Ok(())
     }
@@ -185,7 +191,7 @@ impl Printer<'_> {
         }
         write!(f, "chain ")?;
         if self.graph.value(chain.write.value).equation != Some(chain.equation) {
-            write!(f, "in {}: ", self.equations.text(chain.equation.number()))?;
+            write!(f, "in {}: ", self.labels.equations.text(chain.equation.number()))?;
         }
         let function = chain.function.map_or_else(String::new, |function| format!("function {function} of "));
         writeln!(f, "{}", self.write(&chain.write, &function, &format!("({sum})")))?;
@@ -197,19 +203,19 @@ impl Printer<'_> {
     }
 
     fn write(&self, write: &Write, function: &str, sum: &str) -> String {
-        let base = write.base.map_or_else(String::new, |base| format!("{} + ", self.values.value(base)));
+        let base = write.base.map_or_else(String::new, |base| format!("{} + ", self.labels.values.value(base)));
         let weight = if write.weight == 0 { String::new() } else { format!("2^{}*", write.weight) };
-        format!("{} = {function}{base}{weight}{sum}", self.values.value(write.value))
+        format!("{} = {function}{base}{weight}{sum}", self.labels.values.value(write.value))
     }
 
     fn term(&self, term: &Term) -> String {
         let factor = match term.factor {
             Factor::Coefficient(coefficient) => number(coefficient),
-            Factor::Value(value) => self.values.value(value).to_owned(),
+            Factor::Value(value) => self.labels.values.value(value).to_owned(),
         };
-        let operand = self.values.value(term.operand);
+        let operand = self.labels.values.value(term.operand);
         match term.partner {
-            Some(partner) => format!("{factor}*({operand} + {})", self.values.value(partner)),
+            Some(partner) => format!("{factor}*({operand} + {})", self.labels.values.value(partner)),
             None => format!("{factor}*{operand}"),
         }
     }
@@ -220,13 +226,10 @@ impl Printer<'_> {
 /// # Errors
 /// An item is not one of a step graph, or they make no valid one.
 pub fn read(section: &Section) -> Result<StepGraph, TextError> {
-    let mut reader = Reader::default();
-    reader.declare(section)?;
-    let graph = reader.items(section)?;
-    match verify::step::check(&graph).first() {
-        None => Ok(graph),
-        Some(problem) => Err(section.error(format!("this is no valid step graph: {problem}"))),
-    }
+    let mut lists = Lists::default();
+    lists.declare(section)?;
+    let graph = lists.items(section)?;
+    section.accept(graph, "step graph", verify::step::check)
 }
 
 const ITEMS: [&str; 16] = [
@@ -272,18 +275,7 @@ fn read_called(line: &mut Line) -> Result<String, TextError> {
     if line.take_word("called") { line.name("a name") } else { Ok(label) }
 }
 
-#[derive(Default)]
-struct Reader {
-    states: Labels,
-    inputs: Labels,
-    algebraics: Labels,
-    auxiliaries: Labels,
-    outputs: Labels,
-    equations: Labels,
-    values: Labels,
-}
-
-impl Reader {
+impl Lists {
     /// Finds all names, which items may have before they are declared.
     fn declare(&mut self, section: &Section) -> Result<(), TextError> {
         for mut line in section.lines() {
@@ -324,7 +316,7 @@ impl Reader {
                     return Err(line.error("there is an item `step` already"));
                 }
                 let step = line.number()?;
-                let form = Reader::form(&mut line)?;
+                let form = Lists::form(&mut line)?;
                 graph = Some(empty(step, form, line.keyed("stages")?));
                 line.done()?;
                 continue;
@@ -399,7 +391,7 @@ impl Reader {
                 let value = self.value(line)?;
                 graph.values.push(value);
             }
-            "function" => graph.functions.exact.push(Reader::function(line)?),
+            "function" => graph.functions.exact.push(Lists::function(line)?),
             "segments" => {
                 graph.functions.segments =
                     Segments { index_bits: line.keyed("index_bits")?, octave_bits: line.keyed("octave_bits")? };

@@ -237,12 +237,20 @@ impl Samples {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use std::sync::Arc;
 
     fn pulse(start: f64, width: f64) -> Waveform {
         Waveform::Pulse { height: 2.0, start, width, offset: 1.0, period: f64::INFINITY }
+    }
+
+    /// The mean is that of many values.
+    pub(in crate::waveform) fn assert_mean(signal: &Waveform, begin: f64, end: f64) {
+        const COUNT: u32 = 200_000;
+        let at = |k: u32| signal.at(begin + (end - begin) * (f64::from(k) + 0.5) / f64::from(COUNT));
+        let mean = (0..COUNT).map(at).sum::<f64>() / f64::from(COUNT);
+        assert!((signal.mean(begin, end) - mean).abs() < 1e-4, "{signal:?} from {begin} to {end}: {mean}");
     }
 
     #[test]
@@ -259,10 +267,7 @@ mod tests {
         ];
         for signal in &signals {
             for (begin, end) in [(0.0, 1.0), (0.2, 0.45), (0.3, 0.301), (0.31, 0.9)] {
-                const COUNT: u32 = 200_000;
-                let at = |k: u32| signal.at(begin + (end - begin) * (f64::from(k) + 0.5) / f64::from(COUNT));
-                let mean = (0..COUNT).map(at).sum::<f64>() / f64::from(COUNT);
-                assert!((signal.mean(begin, end) - mean).abs() < 1e-4, "{signal:?} from {begin} to {end}: {mean}");
+                assert_mean(signal, begin, end);
             }
         }
     }

@@ -251,6 +251,7 @@ impl Waveform {
 
 #[cfg(test)]
 mod tests {
+    use super::mean::tests::assert_mean;
     use super::*;
     use crate::expr::Expr;
     use crate::model::Variable;
@@ -303,10 +304,7 @@ mod tests {
                 }
             }
             for (begin, end) in [(0.0, 5.0), (0.2, 0.45), (0.9, 1.7)] {
-                const COUNT: u32 = 200_000;
-                let at = |k: u32| signal.at(begin + (end - begin) * (f64::from(k) + 0.5) / f64::from(COUNT));
-                let mean = (0..COUNT).map(at).sum::<f64>() / f64::from(COUNT);
-                assert!((signal.mean(begin, end) - mean).abs() < 1e-4, "{signal:?} from {begin} to {end}: {mean}");
+                assert_mean(signal, begin, end);
             }
         }
     }

@@ -80,6 +80,14 @@ pub fn judge(
 /// Blocks that one run in double precision may be ahead of those that listen to it.
 const BLOCKS_AHEAD: usize = 4;
 
+/// The results of both, the second from a thread of its own.
+fn side_by_side<A, B: Send>(own: impl FnOnce() -> A, other: impl FnOnce() -> B + Send) -> (A, B) {
+    std::thread::scope(|scope| {
+        let other = scope.spawn(other);
+        (own(), other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })
+}
+
 impl Exact {
     /// The other runs, in the formats that are proposed if there are such.
     ///
@@ -94,12 +102,11 @@ impl Exact {
         proposal: Option<&Proposal>,
     ) -> Result<Judged, Vec<Diagnostic>> {
         // They depend on this run alone, so they share the machine's cores; each is deterministic.
-        let (settled, comparison) = std::thread::scope(|scope| {
-            let (sender, blocks) = sync_channel(BLOCKS_AHEAD);
-            let comparison = scope.spawn(|| self.compare_telling(model, graph, Some(sender)));
-            let settled = self.settle_listening(model, graph, format, proposal, Some(blocks));
-            (settled, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-        });
+        let (sender, blocks) = sync_channel(BLOCKS_AHEAD);
+        let (settled, comparison) = side_by_side(
+            || self.settle_listening(model, graph, format, proposal, Some(blocks)),
+            || self.compare_telling(model, graph, Some(sender)),
+        );
         self.conclude(model, graph, settled, comparison, criteria)
     }
 
@@ -114,11 +121,10 @@ impl Exact {
         fixed: &FixedPoint,
         criteria: &Criteria,
     ) -> Result<Judged, Vec<Diagnostic>> {
-        let (settled, comparison) = std::thread::scope(|scope| {
-            let comparison = scope.spawn(|| self.compare_telling(model, graph, None));
-            let settled = self.settle_given(model, graph, fixed, criteria.proof);
-            (settled, comparison.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-        });
+        let (settled, comparison) = side_by_side(
+            || self.settle_given(model, graph, fixed, criteria.proof),
+            || self.compare_telling(model, graph, None),
+        );
         self.conclude(model, graph, settled, comparison, criteria)
     }
 

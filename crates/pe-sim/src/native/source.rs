@@ -65,41 +65,36 @@ struct Kernel {
 }
 
 impl Kernel {
-    fn argument(&mut self) -> String {
+    /// A parameter; `given` is what the call gives for it, made of its argument.
+    fn parameter(&mut self, name: &str, kind: &str, given: impl FnOnce(String) -> String) {
         self.arguments += 1;
-        format!("a[{}]", self.arguments - 1)
+        let given = given(format!("a[{}]", self.arguments - 1));
+        let _ = write!(self.call, ", {given}");
+        let _ = write!(self.parameters, ", {name}: {kind}");
     }
 
     /// A number for each lane, from slots or from the table of numbers.
     fn row(&mut self, name: &str, from: &str) -> String {
-        let argument = self.argument();
-        let _ = write!(self.call, ", {from}, {argument}, n)");
-        let _ = write!(self.parameters, ", {name}: &[R]");
+        self.parameter(name, "&[R]", |argument| format!("{from}, {argument}, n)"));
         let _ = writeln!(self.rows, "    let {name} = &{name}[..n];");
         format!("{name}[i]")
     }
 
     fn target(&mut self, name: &str) -> String {
-        let argument = self.argument();
-        let _ = write!(self.call, ", row_mut(v, {argument}, n)");
-        let _ = write!(self.parameters, ", {name}: &mut [R]");
+        self.parameter(name, "&mut [R]", |argument| format!("row_mut(v, {argument}, n)"));
         let _ = writeln!(self.rows, "    let {name} = &mut {name}[..n];");
         format!("{name}[i]")
     }
 
     /// The number in a slot, for all lanes.
     fn slot(&mut self, name: &str) -> String {
-        let argument = self.argument();
-        let _ = write!(self.call, ", *v.add({argument} as usize)");
-        let _ = write!(self.parameters, ", {name}: R");
+        self.parameter(name, "R", |argument| format!("*v.add({argument} as usize)"));
         name.to_owned()
     }
 
     /// A number of the table, for all lanes.
     fn number(&mut self, name: &str) -> String {
-        let argument = self.argument();
-        let _ = write!(self.call, ", number(t, {argument})");
-        let _ = write!(self.parameters, ", {name}: R");
+        self.parameter(name, "R", |argument| format!("number(t, {argument})"));
         name.to_owned()
     }
 }

@@ -182,6 +182,31 @@ impl Driven for Bdf {
     fn shorten(&mut self, _: f64) {}
 }
 
+/// The states at time zero.
+fn beginning(model: &Model) -> States {
+    States(model.states.iter().map(|state| state.initial).collect())
+}
+
+/// Goes through the pieces up to the last of the times: `cross` is given a piece, the times within it and the states at its
+/// beginning, and gives those at its end. `steps` may be tried altogether.
+fn piece_by_piece(
+    model: &Model,
+    equations: &Equations,
+    (times, steps): (&[f64], u64),
+    mut cross: impl FnMut(&Piece, &[f64], States) -> Result<States, ReferenceError>,
+) -> Result<(), ReferenceError> {
+    let Some(end) = times.last() else { return Ok(()) };
+    let (mut states, mut pending) = (beginning(model), times);
+    for bounds in pieces(model, *end, steps).windows(2) {
+        let piece = Piece { from: bounds[0], to: bounds[1], equations };
+        let (in_piece, later) = pending.split_at(pending.partition_point(|time| !after(*time, piece.to)));
+        pending = later;
+        piece.sample(&mut states);
+        states = cross(&piece, in_piece, states)?;
+    }
+    Ok(())
+}
+
 /// One way through the times.
 struct Integration<'a> {
     model: &'a Model,
@@ -196,25 +221,19 @@ struct Integration<'a> {
 
 impl Integration<'_> {
     fn run<M: Driven>(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
-        let mut samples = Trajectory::new(self.model.states.len());
-        let Some(end) = times.last().copied() else { return Ok(samples) };
-        let mut states = States(self.model.states.iter().map(|state| state.initial).collect());
-        self.scales.include(&states);
-        let mut pending = times;
-        for bounds in pieces(self.model, end, self.steps).windows(2) {
-            let piece = Piece { from: bounds[0], to: bounds[1], equations: self.equations };
-            let (in_piece, later) = pending.split_at(pending.partition_point(|time| !after(*time, piece.to)));
-            pending = later;
-            piece.sample(&mut states);
+        let (model, equations, steps) = (self.model, self.equations, self.steps);
+        let mut samples = Trajectory::new(model.states.len());
+        self.scales.include(&beginning(model));
+        piece_by_piece(model, equations, (times, steps), |piece, times, states| {
             self.scales.include(&states);
-            let mut method: M = self.start(&piece, piece.from, &states, self.model.step)?;
-            for time in in_piece {
-                self.advance(&mut method, &piece, *time, progress)?;
+            let mut method: M = self.start(piece, piece.from, &states, model.step)?;
+            for time in times {
+                self.advance(&mut method, piece, *time, progress)?;
                 samples.push(|state| piece.state(StateId::at(state), *time, method.y()));
             }
-            self.advance(&mut method, &piece, piece.to, progress)?;
-            states = method.y().clone();
-        }
+            self.advance(&mut method, piece, piece.to, progress)?;
+            Ok(method.y().clone())
+        })?;
         samples.largest.clone_from(&self.scales.own);
         Ok(samples)
     }

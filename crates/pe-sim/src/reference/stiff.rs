@@ -7,8 +7,9 @@ use pe_ir::index::StateId;
 use pe_ir::model::Model;
 
 use super::equations::{Equations, Piece};
-use super::solution::{Obstacle, ReferenceError, Scales, TIME_RESOLUTION, after, pieces};
+use super::solution::{Obstacle, ReferenceError, Scales, TIME_RESOLUTION, after};
 use super::states::States;
+use super::{beginning, piece_by_piece};
 use crate::error::Trajectory;
 
 /// States of the largest model for it: its matrices are dense.
@@ -53,26 +54,19 @@ impl<'a> Stiff<'a> {
     /// # Errors
     /// As of [`super::solve`].
     pub fn run(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
-        let mut samples = Trajectory::new(self.model.states.len());
-        let Some(end) = times.last().copied() else { return Ok(samples) };
-        let mut states = States(self.model.states.iter().map(|state| state.initial).collect());
-        self.scales.include(&states);
-        let mut pending = times;
-        for bounds in pieces(self.model, end, self.steps).windows(2) {
-            let piece = Piece { from: bounds[0], to: bounds[1], equations: self.equations };
-            let (in_piece, later) = pending.split_at(pending.partition_point(|time| !after(*time, piece.to)));
-            pending = later;
-            piece.sample(&mut states);
+        let (model, equations, steps) = (self.model, self.equations, self.steps);
+        let mut samples = Trajectory::new(model.states.len());
+        self.scales.include(&beginning(model));
+        piece_by_piece(model, equations, (times, steps), |piece, times, mut states| {
             self.scales.include(&states);
-            let mut time = piece.from;
-            let mut step = self.model.step;
-            for target in in_piece {
-                states = self.advance(&piece, (time, *target), states, &mut step, progress)?;
+            let (mut time, mut step) = (piece.from, model.step);
+            for target in times {
+                states = self.advance(piece, (time, *target), states, &mut step, progress)?;
                 time = *target;
                 samples.push(|state| piece.state(StateId::at(state), *target, &states));
             }
-            states = self.advance(&piece, (time, piece.to), states, &mut step, progress)?;
-        }
+            self.advance(piece, (time, piece.to), states, &mut step, progress)
+        })?;
         Ok(samples)
     }
 

@@ -30,14 +30,7 @@ pub fn work_precision(view: &View) -> String {
 
 fn caption(view: &View) -> String {
     let sheet = view.sheet;
-    let failed = sheet.rows.iter().filter(|row| row.figures().is_none()).count();
-    let mut text = format!("{} points", sheet.rows.len());
-    if sheet.rows.len() < sheet.total {
-        text += &format!(" of {}, the study was interrupted", sheet.total);
-    }
-    if failed > 0 {
-        text += &format!("; {failed} diverged or failed and are not shown");
-    }
+    let text = sheet.points("study", "diverged or failed");
     let chosen = match (view.chosen, sheet.max_error) {
         (None, _) => String::new(),
         (Some(_), Some(limit)) => format!(" Ring: the cheapest point with an error of at most {limit:e}."),

@@ -3,7 +3,7 @@
 use pe_flow::explore::row;
 use serde_json::{Map, Value, json};
 
-use crate::explore::files::{cell, plain};
+use crate::explore::files::{cell, plain, table};
 use crate::explore::sheet::Sheet;
 use pe_flow::accuracy::goal::cheapest;
 use pe_flow::accuracy::lists::Word;
@@ -201,14 +201,8 @@ impl<'a> View<'a> {
             "message",
             "command",
         ];
-        let mut writer = csv::Writer::from_writer(Vec::new());
-        let mut record = |fields: &[String]| writer.write_record(fields).expect("memory takes every record");
-        record(&HEAD.map(str::to_owned));
-        for (index, (row, place)) in self.sheet.rows.iter().zip(&self.sheet.places).enumerate() {
-            record(&self.fields(index, row, *place));
-        }
-        let bytes = writer.into_inner().expect("memory takes every record");
-        String::from_utf8(bytes).expect("fields are text")
+        let rows = self.sheet.rows.iter().zip(&self.sheet.places).enumerate();
+        table(HEAD, rows.map(|(index, (row, place))| self.fields(index, row, *place)))
     }
 
     fn fields(&self, index: usize, row: &Row, place: usize) -> [String; 50] {
@@ -229,15 +223,10 @@ impl<'a> View<'a> {
             let all = row.figures().and_then(|figures| figures.error.of_total.as_ref()).map(|total| &total.conserved);
             all.into_iter().flatten().map(|drift| plain(&of(drift))).collect::<Vec<_>>().join("; ")
         };
-        let (status, warnings, code, message) = match &row.outcome {
-            Outcome::Compiled(compiled) => ("compiled", compiled.warnings.join(" "), String::new(), String::new()),
-            Outcome::Failed(reason) => {
-                ("failed", String::new(), reason.code.clone().unwrap_or_default(), reason.message.clone())
-            }
-        };
+        let [status, warnings, code, message] = row.outcome.columns();
         [
             place.to_string(),
-            status.to_owned(),
+            status,
             point.solver.map_or("", |solver| solver.name()).to_owned(),
             point.step.map_or(String::new(), |step| format!("{step:e}")),
             number(steps(self.sheet, row)),

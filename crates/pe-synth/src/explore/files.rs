@@ -100,65 +100,50 @@ impl Sheet {
             "message",
             "command",
         ];
-        let mut writer = csv::Writer::from_writer(Vec::new());
-        let mut record = |fields: &[String]| writer.write_record(fields).expect("memory takes every record");
-        record(&HEAD.map(str::to_owned));
-        for (index, (row, place)) in self.rows.iter().zip(&self.places).enumerate() {
-            let point = &row.point;
-            let field = |of: fn(&Figures) -> Value| cell(row.figures().map(of));
-            let on = |front: &Front| (front.rows.contains(&index) as u8).to_string();
-            let (status, warnings, code, message) = match &row.outcome {
-                Outcome::Compiled(compiled) => ("compiled", compiled.warnings.join(" "), String::new(), String::new()),
-                Outcome::Failed(reason) => {
-                    ("failed", String::new(), reason.code.clone().unwrap_or_default(), reason.message.clone())
-                }
-            };
-            record(&[
-                place.to_string(),
-                status.to_owned(),
-                point.solver.map_or("", |solver| solver.name()).to_owned(),
-                point.step.map_or(String::new(), |step| format!("{step:e}")),
-                point.pes.map_or(String::new(), |pes| pes.to_string()),
-                row::multiplier(point),
-                point.storage.to_string(),
-                field(|of| json!(of.cycles_per_step)),
-                field(|of| json!(of.bound_cycles)),
-                field(|of| json!(of.time_per_simulated_second_ms)),
-                field(|of| json!(of.area.cells.lut)),
-                field(|of| json!(of.area.cells.ff)),
-                field(|of| json!(of.area.cells.dsp)),
-                field(|of| json!(of.area.cells.bram18)),
-                row.figures().map(|figures| figures.equivalent_lut().to_string()).unwrap_or_default(),
-                field(|of| json!(of.connections)),
-                field(|of| json!(of.error.total)),
-                field(|of| json!(of.error.method)),
-                field(|of| json!(of.error.word_length)),
-                field(|of| json!(of.error.coefficient)),
-                field(|of| json!(of.error.input_hold)),
-                field(|of| json!(of.error.worst_state)),
-                on(&fronts[0]),
-                on(&fronts[1]),
-                warnings,
-                code,
-                message,
-                row.command.clone(),
-            ]);
-        }
-        let bytes = writer.into_inner().expect("memory takes every record");
-        String::from_utf8(bytes).expect("fields are text")
+        table(
+            HEAD,
+            self.rows.iter().zip(&self.places).enumerate().map(|(index, (row, place))| {
+                let point = &row.point;
+                let field = |of: fn(&Figures) -> Value| cell(row.figures().map(of));
+                let on = |front: &Front| (front.rows.contains(&index) as u8).to_string();
+                let [status, warnings, code, message] = row.outcome.columns();
+                [
+                    place.to_string(),
+                    status,
+                    point.solver.map_or("", |solver| solver.name()).to_owned(),
+                    point.step.map_or(String::new(), |step| format!("{step:e}")),
+                    point.pes.map_or(String::new(), |pes| pes.to_string()),
+                    row::multiplier(point),
+                    point.storage.to_string(),
+                    field(|of| json!(of.cycles_per_step)),
+                    field(|of| json!(of.bound_cycles)),
+                    field(|of| json!(of.time_per_simulated_second_ms)),
+                    field(|of| json!(of.area.cells.lut)),
+                    field(|of| json!(of.area.cells.ff)),
+                    field(|of| json!(of.area.cells.dsp)),
+                    field(|of| json!(of.area.cells.bram18)),
+                    row.figures().map(|figures| figures.equivalent_lut().to_string()).unwrap_or_default(),
+                    field(|of| json!(of.connections)),
+                    field(|of| json!(of.error.total)),
+                    field(|of| json!(of.error.method)),
+                    field(|of| json!(of.error.word_length)),
+                    field(|of| json!(of.error.coefficient)),
+                    field(|of| json!(of.error.input_hold)),
+                    field(|of| json!(of.error.worst_state)),
+                    on(&fronts[0]),
+                    on(&fronts[1]),
+                    warnings,
+                    code,
+                    message,
+                    row.command.clone(),
+                ]
+            }),
+        )
     }
 
     /// What a picture says about its points.
     fn caption(&self, more: &str) -> String {
-        let failed = self.rows.iter().filter(|row| row.figures().is_none()).count();
-        let mut text = format!("{} points", self.rows.len());
-        if self.rows.len() < self.total {
-            text += &format!(" of {}, the sweep was interrupted", self.total);
-        }
-        if failed > 0 {
-            text += &format!("; {failed} failed and are not shown");
-        }
-        format!("{text}. Clock {}. {more}", self.clock)
+        format!("{}. Clock {}. {more}", self.points("sweep", "failed"), self.clock)
     }
 
     fn error_time(&self, front: &Front) -> String {
@@ -288,6 +273,16 @@ impl Sheet {
         };
         page.render()
     }
+}
+
+/// A table as a CSV file.
+pub fn table<const N: usize>(head: [&str; N], rows: impl Iterator<Item = [String; N]>) -> String {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for fields in std::iter::once(head.map(str::to_owned)).chain(rows) {
+        writer.write_record(fields).expect("memory takes every record");
+    }
+    let bytes = writer.into_inner().expect("memory takes every record");
+    String::from_utf8(bytes).expect("fields are text")
 }
 
 /// A value as a cell of a table: nothing where there is none.

@@ -36,6 +36,20 @@ pub struct Front {
 }
 
 impl Sheet {
+    /// How many points there are, in words: `run` is what may have been interrupted, `failed` what became of those that a
+    /// picture lacks.
+    pub fn points(&self, run: &str, failed: &str) -> String {
+        let mut text = format!("{} points", self.rows.len());
+        if self.rows.len() < self.total {
+            text += &format!(" of {}, the {run} was interrupted", self.total);
+        }
+        let lacking = self.rows.iter().filter(|row| row.figures().is_none()).count();
+        if lacking > 0 {
+            text += &format!("; {lacking} {failed} and are not shown");
+        }
+        text
+    }
+
     /// Both fronts.
     pub fn fronts(&self) -> [Front; 2] {
         let of = |key, title: String, pair: Pair, rows: Vec<usize>| {

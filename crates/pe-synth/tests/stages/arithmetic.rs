@@ -1,6 +1,6 @@
 //! The arithmetic of the datasheet against exact integers and against real numbers, written apart from the product.
 
-use crate::support::flow::{Flow, Placement, format};
+use crate::support::flow::{FORMATS, Flow, Placement};
 use crate::support::{FAMILIES, Family};
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId, Write};
 use pe_ir::index::ChainId;
@@ -39,17 +39,6 @@ fn lift(format: &WordFormat) -> u32 {
     let (word, product) = (format.storage_bits + format.guard_bits, format.data_bits + format.coefficient_bits);
     (word + 2).saturating_sub(product)
 }
-
-/// With and without dropped bits, up to the largest that the command line takes.
-const FORMATS: [WordFormat; 7] = [
-    format(32, 32, 32),
-    format(32, 25, 18),
-    format(32, 18, 25),
-    format(18, 18, 18),
-    format(17, 25, 18),
-    format(40, 35, 35),
-    format(32, 18, 18),
-];
 
 #[test]
 fn words_are_shifted_added_and_clamped_as_the_datasheet_says() {

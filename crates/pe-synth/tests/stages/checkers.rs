@@ -27,9 +27,12 @@ fn tabled() -> Flow {
 
 /// Breaks the program of a design with tables and asserts that the checker says so.
 fn assert_tables_rejected(message: &str, break_it: impl Fn(&Flow, &mut Program)) {
-    let flow = tabled();
+    assert_broken_program_rejected(&tabled(), message, break_it);
+}
+
+fn assert_broken_program_rejected(flow: &Flow, message: &str, break_it: impl Fn(&Flow, &mut Program)) {
     let mut program = flow.program.clone();
-    break_it(&flow, &mut program);
+    break_it(flow, &mut program);
     assert_ne!(program, flow.program, "nothing was broken");
     assert_found(&verify::program::check(&program, &flow.graph, &flow.fixed, 3), message);
 }
@@ -50,11 +53,7 @@ fn assert_schedule_rejected(message: &str, break_it: impl Fn(&Flow, &mut Schedul
 
 /// Breaks the program and asserts that the checker says so.
 fn assert_program_rejected(message: &str, break_it: impl Fn(&Flow, &mut Program)) {
-    let flow = flow();
-    let mut program = flow.program.clone();
-    break_it(&flow, &mut program);
-    assert_ne!(program, flow.program, "nothing was broken");
-    assert_found(&verify::program::check(&program, &flow.graph, &flow.fixed, 3), message);
+    assert_broken_program_rejected(&flow(), message, break_it);
 }
 
 /// PE of a chain.
@@ -125,13 +124,6 @@ fn a_pe_receives_one_word_at_a_time() {
 }
 
 #[test]
-fn inputs_are_received_after_they_are_sampled() {
-    assert_schedule_rejected("input received in word", |flow, schedule| {
-        schedule.transfers[transfer(flow, true)].receive = latency(flow).pause();
-    });
-}
-
-#[test]
 fn operands_are_there_before_they_are_read() {
     assert_schedule_rejected("there after", |flow, schedule| {
         let value = flow.graph.chains[FIRST].write.value;
@@ -150,18 +142,22 @@ fn operands_of_other_pes_are_received() {
     });
 }
 
+/// An input is received after it is sampled, a word after it is sent and as long as the link carries it, and in its own step.
 #[test]
-fn a_word_is_received_after_it_is_sent() {
-    assert_schedule_rejected("received before it is sent", |flow, schedule| {
-        schedule.transfers[transfer(flow, false)].receive = latency(flow).pause();
-    });
-}
-
-#[test]
-fn a_link_carries_a_word_until_its_last_receiver_has_it() {
-    assert_schedule_rejected("is replaced in", |flow, schedule| {
-        schedule.transfers[transfer(flow, false)].receive = schedule.period + latency(flow).pause() - 1;
-    });
+fn words_are_received_while_they_are_on_the_link() {
+    for (message, input, later) in [
+        ("input received in word", true, 0),
+        ("received before it is sent", false, 0),
+        ("is replaced in", false, -1),
+        ("belongs to no step", false, 0),
+    ] {
+        let next_step = message == "is replaced in" || message == "belongs to no step";
+        assert_schedule_rejected(message, |flow, schedule| {
+            let begin = if next_step { schedule.period } else { 0 };
+            schedule.transfers[transfer(flow, input)].receive =
+                (begin + latency(flow).pause()).saturating_add_signed(later);
+        });
+    }
 }
 
 #[test]
@@ -175,10 +171,7 @@ fn a_state_is_overwritten_after_its_last_read() {
 
 #[test]
 fn writes_are_done_before_the_pause_point_of_the_next_step() {
-    assert_schedule_rejected("belongs to no step", |flow, schedule| {
-        schedule.transfers[transfer(flow, false)].receive = schedule.period + latency(flow).pause();
-    });
-    // A result of this step must not fall before this step's pause point either.
+    // A result of this step must not fall before this step's pause point.
     assert_schedule_rejected("belongs to no step", |flow, schedule| {
         schedule.starts[chain(flow, |index| flow.graph.chains[index].len() == 1)] = 0;
     });

@@ -26,6 +26,16 @@ fn compile(name: &str, model: &str, options: &[&str]) -> (Option<i32>, Option<Va
     (output.status.code(), report, String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
+/// The report of a design with a total error of at most 1e-4, that error, and standard error.
+fn found(name: &str, model: &str, options: &[&str]) -> (Value, f64, String) {
+    let (exit, report, messages) = compile(name, model, &[&["--max-error", "1e-4"], options].concat());
+    assert_eq!(exit, Some(0), "{messages}");
+    let report = report.expect("a report");
+    let total = report["error"]["total"].as_f64().expect("a total error");
+    assert!(total <= 1e-4, "{total}");
+    (report, total, messages)
+}
+
 /// Whether a time is a whole number of steps.
 fn divides(step: f64, time: f64) -> bool {
     let steps = time / step;
@@ -34,12 +44,7 @@ fn divides(step: f64, time: f64) -> bool {
 
 #[test]
 fn a_goal_that_takes_longer_words_is_met() {
-    let options = ["--set", "e=0.9", "--max-error", "1e-4", "--solver", "rk4"];
-    let (exit, report, messages) = compile("goal_words", "kepler", &options);
-    assert_eq!(exit, Some(0), "{messages}");
-    let report = report.expect("a report");
-    let total = report["error"]["total"].as_f64().expect("a total error");
-    assert!(total <= 1e-4, "{total}");
+    let (report, _, messages) = found("goal_words", "kepler", &["--set", "e=0.9", "--solver", "rk4"]);
     let step = report["step_s"].as_f64().expect("a step");
     assert!(divides(step, 20.0) && !messages.contains("W0910"), "{step} {messages}");
     assert!(report["word"]["storage_bits"].as_u64() > Some(32), "{}", report["word"]);
@@ -70,12 +75,7 @@ fn a_refusal_says_what_came_closest_and_what_limits_it() {
 
 #[test]
 fn a_stiff_model_gets_a_list_of_steps_that_can_be_given_again() {
-    let goal = ["--max-error", "1e-4", "--solver", "rodas3", "--span", "10s"];
-    let (exit, report, messages) = compile("goal_list", "validation/robertson", &goal);
-    assert_eq!(exit, Some(0), "{messages}");
-    let report = report.expect("a report");
-    let total = report["error"]["total"].as_f64().expect("a total error");
-    assert!(total <= 1e-4, "{total}");
+    let (report, total, _) = found("goal_list", "validation/robertson", &["--solver", "rodas3", "--span", "10s"]);
     let early = report["early_steps"].as_array().expect("a list");
     assert!(!early.is_empty(), "{report}");
     let number = |value: &Value| value.as_f64().expect("a number");

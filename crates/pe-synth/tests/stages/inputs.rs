@@ -78,45 +78,47 @@ fn what_steps_do_not_see_has_a_code_of_its_own() {
     assert_eq!(exact.error["input_hold"], 0.0);
 }
 
-/// A number from 0 to 1.
-fn part(random: &mut ChaCha8Rng) -> f64 {
-    random.next_u64() as f64 / u64::MAX as f64
+/// Numbers of cases with a solver and two numbers from 0 to 1.
+fn random_cases(seed: u64, count: usize) -> impl Iterator<Item = (usize, &'static str, f64, f64)> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut part = move || random.next_u64() as f64 / u64::MAX as f64;
+    (0..count).map(move |case| (case, ["rk4", "heun", "rodas3", "ab3"][case / 4 % 4], part(), part()))
+}
+
+/// Asserts that the parts of the error come to nearly the true one; `label` is for messages.
+fn assert_not_flattering(answer: &Answer, label: &str) {
+    let number = |key: &str| answer.error[key].as_f64().unwrap_or_else(|| panic!("{label}: {key}: {:?}", answer.codes));
+    let (stated, truth) = (number("input_hold") + number("method"), number("double"));
+    println!("{label}: {stated:.1e}, truth {truth:.1e}");
+    assert!(stated > 0.4 * truth - 1e-6, "{label}: {stated:e} is not {truth:e}");
+    assert_eq!(answer.exit, Some(0), "{label}");
 }
 
 #[test]
 fn the_stated_error_of_inputs_is_never_far_below_the_true_one() {
     let folder = Folder::new("stated");
-    let mut random = ChaCha8Rng::seed_from_u64(14);
-    for case in 0..24 {
-        let (first, second) = (part(&mut random), part(&mut random));
+    for (case, solver, first, second) in random_cases(14, 24) {
         let input = match case % 4 {
             0 => format!("pulse(1, {} ms, 9 s)", 20.0 * first),
             1 => format!("pulse({}, {} ms, {} ms)", 1.0 + 9.0 * second, 20.0 * first, 2.0 * second),
             2 => format!("square(1, {} Hz, 0, {})", 5.0 + 300.0 * first, 0.1 + 0.8 * second),
             _ => format!("sine(1, {} Hz, 0, {})", 5.0 + 300.0 * first, 6.0 * second),
         };
-        let solver = ["rk4", "heun", "rodas3", "ab3"][case / 4 % 4];
         let answer = compile(&folder.0, &lag(solver, "0.01", &input), &[]);
-        let number = |key: &str| answer.error[key].as_f64().unwrap_or_else(|| panic!("{input}: {key}"));
-        let stated = number("input_hold") + number("method");
-        assert!(stated > 0.4 * number("double") - 1e-6, "{solver}, {input}: {stated:e} is not {:e}", number("double"));
-        assert_eq!(answer.exit, Some(0), "{input}");
+        assert_not_flattering(&answer, &format!("{solver}, {input}"));
     }
 }
 
 #[test]
 fn the_stated_error_of_lines_and_played_signals_is_never_far_below_the_true_one() {
     let folder = Folder::new("stated_lines");
-    let mut random = ChaCha8Rng::seed_from_u64(15);
-    for case in 0..20 {
-        let (first, second) = (part(&mut random), part(&mut random));
+    for (case, solver, first, second) in random_cases(15, 20) {
         let signal = match case % 4 {
             0 => format!("pulse(1, {} ms, {} ms)", 20.0 * first, 1.0 + 20.0 * second),
             1 => format!("square(1, {} Hz, 0, {})", 5.0 + 60.0 * first, 0.1 + 0.8 * second),
             2 => format!("sine(1, {} Hz, 0, {})", 5.0 + 200.0 * first, 6.0 * second),
             _ => format!("pwm(-1, 1, {} Hz, 0.5 + 0.3*sine(1, 20 Hz))", 10.0 + 60.0 * first),
         };
-        let solver = ["rk4", "heun", "rodas3", "ab3"][case / 4 % 4];
         let mut spec = lag(solver, "0.01", &signal);
         let played = case % 4 != 2 && case % 8 < 4;
         spec = match played {
@@ -127,12 +129,7 @@ fn the_stated_error_of_lines_and_played_signals_is_never_far_below_the_true_one(
             spec = spec.replace("x' = (u - x)", "x' = (u*(1 - 0.2*x) - x)");
         }
         let answer = compile(&folder.0, &spec, &[]);
-        let number =
-            |key: &str| answer.error[key].as_f64().unwrap_or_else(|| panic!("{spec}: {key}: {:?}", answer.codes));
-        let stated = number("input_hold") + number("method");
-        println!("{solver}, {signal}, played {played}: {stated:.1e}, truth {:.1e}", number("double"));
-        assert!(stated > 0.4 * number("double") - 1e-6, "{solver}, {signal}: {stated:e} is not {:e}", number("double"));
-        assert_eq!(answer.exit, Some(0), "{signal}");
+        assert_not_flattering(&answer, &format!("{solver}, {signal}, played {played}"));
     }
 }
 
@@ -152,8 +149,6 @@ fn signals_add_scale_and_modulate() {
             |key: &str| answer.error[key].as_f64().unwrap_or_else(|| panic!("{input}: {key}: {:?}", answer.codes));
         let codes = answer.codes.iter().filter(|code| *code == "W0921").count();
         assert_eq!(codes, usize::from(wanted.is_some() && number("input_hold") > 0.02), "{input}: {:?}", answer.codes);
-        let stated = number("input_hold") + number("method");
-        assert!(stated > 0.4 * number("double") - 1e-6, "{input}: {stated:e} is not {:e}", number("double"));
-        assert_eq!(answer.exit, Some(0), "{input}");
+        assert_not_flattering(&answer, input);
     }
 }

@@ -141,16 +141,7 @@ fn compare_steps(flow: &Flow, start: &Start) -> u64 {
             lines += 1;
         });
         untraced.step(inputs, &mut |_| {});
-        for (index, (state, _)) in flow.graph.states.iter().enumerate() {
-            let place = format!("{}, {}, step {step}, state {index}", flow.label, start.name);
-            assert_eq!(machine.state(StateId::at(index)), reference.word(*state), "{place}");
-            compared += 1;
-        }
-        for (output, value) in flow.graph.outputs.iter().enumerate() {
-            let word = pe_sim::machine::output_word(&flow.fixed.format, reference.word(*value));
-            assert_eq!(machine.outputs()[output], word, "{}, {}, output {output}", flow.label, start.name);
-            compared += 1;
-        }
+        compared += flow.assert_words(&machine, &reference, &format!("{}, step {step}", start.name));
     }
     let expected = start.program.writes_per_step() * start.stimulus.len() as u64;
     assert_eq!(lines, expected, "{}: memory writes", flow.label);

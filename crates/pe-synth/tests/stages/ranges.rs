@@ -16,20 +16,12 @@ use pe_judge::runs::{Exact, Judged};
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 use pe_sim::machine::Machine;
-use pe_synth::options::{ModelArgs, PointArgs};
+use pe_synth::options::DesignArgs;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-#[derive(Parser)]
-struct Options {
-    #[command(flatten)]
-    model: ModelArgs,
-    #[command(flatten)]
-    point: PointArgs,
-}
-
 fn options(words: &[&str]) -> Criteria {
-    Options::parse_from(["test"].iter().chain(words)).model.criteria()
+    DesignArgs::parse_from(["test"].iter().chain(words)).model.criteria()
 }
 
 /// A model whose ranges were proven as `compile` does it.
@@ -206,8 +198,8 @@ fn overflow_of_the_shipped_affine_models_is_impossible() {
     let folder = spec("validation").with_file_name("");
     let small = validation.map(|name| (name, folder.join(format!("{name}.spec"))));
     for (name, path) in AFFINE.map(|name| (name, spec(name))).into_iter().chain(small) {
-        let options = Options::parse_from(["test".as_ref(), path.as_os_str()]);
-        let loaded = options.model.load(&options.point.point()).unwrap_or_else(|failure| panic!("{name}: {failure:?}"));
+        let options = DesignArgs::parse_from(["test".as_ref(), path.as_os_str()]);
+        let loaded = options.load().unwrap_or_else(|failure| panic!("{name}: {failure:?}"));
         let format = options.point.point().format(&loaded.model).expect("a word");
         let proven = Proven::of(name.to_owned(), loaded.model, format, &options.model.criteria());
         assert!(proven.all_fit(), "{name}: {:?}", proven.judged.proof);

@@ -3,7 +3,7 @@
 //! The bound is derived per model: half an LSB wherever a word or an operand is rounded, and what each coefficient
 //! lost to its port, carried through all chains of the step.
 
-use crate::support::flow::{Flow, Placement, format};
+use crate::support::flow::{FORMATS, Flow, Placement, format};
 use crate::support::{FAMILIES, Family};
 use pe_hls::rounding::{self, Aim, Sampling};
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StageForm, StepGraph, ValueId};
@@ -12,17 +12,6 @@ use pe_ir::model::Solver;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
-
-/// With and without dropped bits, up to the largest that the command line takes.
-const FORMATS: [WordFormat; 7] = [
-    format(32, 32, 32),
-    format(32, 25, 18),
-    format(18, 18, 25),
-    format(18, 18, 18),
-    format(17, 25, 18),
-    format(40, 35, 35),
-    format(32, 18, 18),
-];
 
 /// Steps of each run.
 const STEPS: u64 = 12;

@@ -45,15 +45,7 @@ fn load(spec: &Path) -> Model {
 
 /// A model without places in its spec, in full.
 fn bare(model: &Model) -> String {
-    let mut model = model.clone();
-    let none = Span::default();
-    model.states.iter_mut().for_each(|state| state.span = none);
-    model.algebraics.iter_mut().for_each(|algebraic| algebraic.span = none);
-    model.inputs.iter_mut().for_each(|input| input.span = none);
-    model.outputs.iter_mut().for_each(|output| output.span = none);
-    model.signals.iter_mut().for_each(|signal| signal.span = none);
-    model.rates.iter_mut().for_each(|rate| rate.span = none);
-    format!("{model:?}")
+    format!("{:?}", model.without_spans())
 }
 
 fn bare_graph(graph: &StepGraph) -> String {

@@ -7,6 +7,7 @@ use pe_hls::relay::relay;
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
+use pe_ir::index::StateId;
 use pe_ir::index::PeId;
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
@@ -17,6 +18,7 @@ use pe_ir::word::{Latency, WordFormat};
 use pe_judge::runs;
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
+use pe_sim::machine::{self, Machine};
 
 use super::{Family, random_model, tables};
 
@@ -24,6 +26,17 @@ use super::{Family, random_model, tables};
 pub const fn format(storage_bits: u32, data_bits: u32, coefficient_bits: u32) -> WordFormat {
     WordFormat::new(storage_bits, data_bits, coefficient_bits)
 }
+
+/// With and without dropped bits, up to the largest that the command line takes.
+pub const FORMATS: [WordFormat; 7] = [
+    format(32, 32, 32),
+    format(32, 25, 18),
+    format(18, 18, 25),
+    format(18, 18, 18),
+    format(17, 25, 18),
+    format(40, 35, 35),
+    format(32, 18, 18),
+];
 
 /// How equations get to PEs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -186,6 +199,24 @@ impl Flow {
         program.start_ticks(MIDDLE);
         let stimulus = (MIDDLE..MIDDLE + steps).map(|step| self.inputs(&run, step)).collect();
         Start { name: "middle", program, stimulus, step: MIDDLE }
+    }
+
+    /// Both.
+    pub fn starts(&self, steps: u64) -> [Start; 2] {
+        [self.beginning(steps), self.middle(steps)]
+    }
+
+    /// Asserts that the machine has the words of the fixed-point run in states and outputs; how many it compared. `when` is for
+    /// messages.
+    pub fn assert_words(&self, machine: &Machine, run: &FixedRun, when: &str) -> u64 {
+        for (index, (state, _)) in self.graph.states.iter().enumerate() {
+            assert_eq!(machine.state(StateId::at(index)), run.word(*state), "{}, {when}, state {index}", self.label);
+        }
+        for (output, value) in self.graph.outputs.iter().enumerate() {
+            let word = machine::output_word(&self.fixed.format, run.word(*value));
+            assert_eq!(machine.outputs()[output], word, "{}, {when}, output {output}", self.label);
+        }
+        (self.graph.states.len() + self.graph.outputs.len()) as u64
     }
 
     /// The fixed-point run after some steps.

@@ -69,15 +69,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
         .map(|_| if family == Family::Scales { 10f64.powf(rng.random_range(-3.0..3.0)) } else { 1.0 })
         .collect();
     let mut model = Model {
-        name: format!("random_{}", format!("{family:?}").to_lowercase()),
         title: format!("random {family:?} model, seed {seed}"),
-        solver,
-        step: 0.01,
-        phases: Vec::new(),
-        rates: Vec::new(),
-        span: 0.5,
-        states: List::new(),
-        algebraics: Vec::new(),
         inputs: vec![Input {
             name: "drive".into(),
             unit: None,
@@ -86,9 +78,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
             between: pe_ir::model::Interpolation::Hold,
             span: Span::default(),
         }],
-        outputs: Vec::new(),
-        signals: Vec::new(),
-        left_out: Vec::new(),
+        ..Model::new(format!("random_{family:?}").to_lowercase(), solver, 0.01, 0.5)
     };
     if family == Family::Shared {
         for index in 0..states.div_ceil(4) {
@@ -114,15 +104,8 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
             terms.push(scaled(rng.random_range(0.5..2.0) * scale[index], Expr::Variable(Variable::Input(0))));
         }
         model.states.push(State {
-            name: format!("x[{index}]"),
-            quantity: 0,
             initial: rng.random_range(0.2..1.0) * scale[index] * if rng.random_bool(0.5) { 1.0 } else { -1.0 },
-            range: None,
-            unit: None,
-            derivative: Expr::Sum(terms),
-            rate: None,
-            motion: None,
-            span: Span::default(),
+            ..State::new(format!("x[{index}]"), Expr::Sum(terms))
         });
     }
     for index in [0, states - 1] {

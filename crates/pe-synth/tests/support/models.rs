@@ -6,19 +6,9 @@ use clap::Parser;
 use pe_flow::pipeline::{self, Design};
 use pe_flow::spec::LoadedModel;
 use pe_flow::watch::Stopwatch;
-use pe_synth::options::{MappingArgs, ModelArgs, PointArgs};
+use pe_synth::options::DesignArgs;
 
 use super::flow::Start;
-
-#[derive(Parser)]
-struct Options {
-    #[command(flatten)]
-    model: ModelArgs,
-    #[command(flatten)]
-    point: PointArgs,
-    #[command(flatten)]
-    mapping: MappingArgs,
-}
 
 /// A compiled model.
 pub struct Compiled {
@@ -40,17 +30,12 @@ pub fn compile(model: &str, options: &[&str]) -> Compiled {
 pub fn compile_file(spec: &Path, options: &[&str]) -> Compiled {
     let model = spec.display();
     let words = ["test".into(), spec.as_os_str().to_owned()].into_iter().chain(options.iter().map(Into::into));
-    let options = Options::parse_from(words);
-    let failed = |failure| panic!("{model}: {failure:?}");
-    let loaded = options.model.load(&options.point.point()).unwrap_or_else(failed);
-    let design = pipeline::design(
-        &loaded,
-        &options.model.settings(&options.mapping),
-        &options.point.point(),
-        &mut Stopwatch::silent(),
-    );
-    let failed = |failure| panic!("{model}: {failure:?}");
-    Compiled { design: design.unwrap_or_else(failed), loaded }
+    let options = DesignArgs::parse_from(words);
+    let compiled = options.load().and_then(|loaded| {
+        let design = options.design(&loaded, &mut Stopwatch::silent())?;
+        Ok(Compiled { loaded, design })
+    });
+    compiled.unwrap_or_else(|failure| panic!("{model}: {failure:?}"))
 }
 
 impl Compiled {
@@ -58,6 +43,11 @@ impl Compiled {
     pub fn beginning(&self, steps: u64) -> Start {
         let stimulus = pipeline::stimulus(&self.loaded.model, &self.design, 0, steps);
         Start { name: "beginning", program: self.design.program.clone(), stimulus, step: 0 }
+    }
+
+    /// Both.
+    pub fn starts(&self, steps: u64) -> [Start; 2] {
+        [self.beginning(steps), self.middle(steps)]
     }
 
     /// The run from the middle of the span.

@@ -22,7 +22,7 @@ use pe_judge::total;
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
-use pe_synth::options::{MappingArgs, ModelArgs, PointArgs};
+use pe_synth::options::DesignArgs;
 
 /// Times closer than this part of the last one are the same.
 const SAME_TIME: f64 = 1e-9;
@@ -129,16 +129,6 @@ impl Figures {
     pub fn stated_of_truth(&self) -> Option<f64> {
         self.truth().zip(self.whole).map(|(truth, whole)| whole.stated / truth)
     }
-}
-
-#[derive(Parser)]
-struct Options {
-    #[command(flatten)]
-    model: ModelArgs,
-    #[command(flatten)]
-    point: PointArgs,
-    #[command(flatten)]
-    mapping: MappingArgs,
 }
 
 /// The folder of all models.
@@ -271,17 +261,16 @@ impl Case {
         let clock = Instant::now();
         let spec = models().join(&self.spec).into_os_string();
         let words = ["validation".into(), spec].into_iter().chain(words(&self.options).into_iter().map(Into::into));
-        let options = Options::try_parse_from(words).unwrap_or_else(|error| panic!("{}: {error}", self.name));
+        let options = DesignArgs::try_parse_from(words).unwrap_or_else(|error| panic!("{}: {error}", self.name));
         let reference = (!self.reference.is_empty()).then(|| Reference::read(&self.reference));
         let (mut method, mut seconds) = (None, None);
-        let design = options.model.load(&options.point.point()).and_then(|loaded| {
+        let design = options.load().and_then(|loaded| {
             let watch = &mut Stopwatch::silent();
             if let Some(reference) = &reference {
                 let graph = pipeline::build(&loaded, &options.point.point(), &options.mapping.options(), watch)?;
                 method = in_double_precision(&loaded.model, &graph, reference);
             }
-            let design =
-                pipeline::design(&loaded, &options.model.settings(&options.mapping), &options.point.point(), watch)?;
+            let design = options.design(&loaded, watch)?;
             seconds = Some(clock.elapsed().as_secs_f64());
             Ok((figures(&loaded.model, &design, reference.as_ref(), everywhere), design))
         });

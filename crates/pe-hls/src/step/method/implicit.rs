@@ -78,11 +78,17 @@ fn end(plan: &mut Plan, from: &Point, increments: Vec<Expr>) {
     }
 }
 
-/// `(I - h J) u = h f(y)`, `y+ = y + u`.
-pub fn implicit_euler(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
+/// A plan with the point at which the step starts and the slopes there.
+fn begun(model: &Model) -> (Plan<'_>, Point, Vec<Expr>) {
     let mut plan = Plan::new(model);
     let mut start = plan.start();
     let slopes = plan.slopes(&mut start, &states(model));
+    (plan, start, slopes)
+}
+
+/// `(I - h J) u = h f(y)`, `y+ = y + u`.
+pub fn implicit_euler(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
+    let (mut plan, start, slopes) = begun(model);
     let matrix = factors(&mut plan, &start, model.step, 1)?;
     let u = matrix.solve(&mut plan, scaled(model.step, &slopes), "u");
     end(&mut plan, &start, u);
@@ -94,9 +100,7 @@ pub fn ros2(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
     let gamma = ROS2_GAMMA;
     let h = model.step;
     let states = states(model);
-    let mut plan = Plan::new(model);
-    let mut start = plan.start();
-    let slopes = plan.slopes(&mut start, &states);
+    let (mut plan, start, slopes) = begun(model);
     let matrix = factors(&mut plan, &start, gamma * h, 1)?;
     let u1 = matrix.solve(&mut plan, scaled(h, &slopes), "u1");
     let mut second = moved(&mut plan, &start, u1.clone(), 2);
@@ -112,9 +116,7 @@ pub fn ros2(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
 pub fn rodas3(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
     let half = model.step / 2.0;
     let states = states(model);
-    let mut plan = Plan::new(model);
-    let mut start = plan.start();
-    let slopes = plan.slopes(&mut start, &states);
+    let (mut plan, start, slopes) = begun(model);
     let first = kept(&mut plan, scaled(half, &slopes));
     let matrix = factors(&mut plan, &start, half, 1)?;
     let u1 = matrix.solve(&mut plan, first.clone(), "u1");
@@ -138,9 +140,7 @@ pub fn rodas3(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
 pub fn trapezoidal(model: &Model) -> Result<Plan<'_>, Vec<Diagnostic>> {
     let half = model.step / 2.0;
     let states = states(model);
-    let mut plan = Plan::new(model);
-    let mut point = plan.start();
-    let slopes = plan.slopes(&mut point, &states);
+    let (mut plan, mut point, slopes) = begun(model);
     let matrix = factors(&mut plan, &point, half, 1)?;
     if matrix.constant {
         let e = matrix.solve(&mut plan, scaled(model.step, &slopes), "u");
