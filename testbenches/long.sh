@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The long suite, beside test-all.sh: damage in six designs and that of a random model, and netlists after technology
-# mapping in three families; hours of fuzzing; known weaknesses of dependencies.
+# mapping in three families; models on hundreds of PEs in GHDL; hours of fuzzing; known weaknesses of dependencies.
 #
 #   testbenches/long.sh [DAMAGES [SEED]]
 #
@@ -32,6 +32,9 @@ for fuzzed in spec_text:1000000 stage_texts:8000000 program_text:16000000; do
   PE_FUZZ_SEED=$seed PE_FUZZ_COUNT=${fuzzed#*:} \
     cargo test --workspace --locked --quiet --test fuzz -- --exact "${fuzzed%:*}" --nocapture || failed+=("${fuzzed%:*}")
 done
+
+printf '\n== models on hundreds of PEs (%d s)\n' "$SECONDS"
+PE_LONG=1 cargo test --workspace --locked --quiet --test stages full_size -- --nocapture || failed+=(full_size)
 
 # A chain of states that fall, with random couplings and products, and an input.
 random_model() {

@@ -63,7 +63,8 @@ begin
     -- Indices: words of ten bits, counted down from the largest in steps that the definition says.
     for i in -512 to 511 loop
 
-      check(checks, "equal segment", to_integer(unsigned(equal_segment(std_ulogic_vector(to_signed(i, 10)), 3))) = (i + 512) / 128);
+      check(checks, "equal segment",
+            to_integer(unsigned(equal_segment(std_ulogic_vector(to_signed(i, 10)), 3))) = (i + 512) / 128);
 
       octave := 0;
       while (octave < 3 and i < 2 ** (8 - octave)) loop

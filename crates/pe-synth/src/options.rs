@@ -142,8 +142,8 @@ pub struct MappingArgs {
     pub stage_loop: StageLoop,
 }
 
-/// All options that say what a design is, for programs that compile one beside the commands: the design point, how it is mapped,
-/// the model. Commands put their own options between these.
+/// All options that say what a design is, for programs that compile one beside the commands: the design point, how it
+/// is mapped, the model. Commands put their own options between these.
 #[derive(Clone, Debug, Parser)]
 pub struct DesignArgs {
     /// The design point.
@@ -181,7 +181,8 @@ pub struct ClockArgs {
     /// Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]
     #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
     pub clock: Option<f64>,
-    /// Estimates the clock for this device, if networks were measured on its family; `compile` compares the size with it
+    /// Estimates the clock for this device, if networks were measured on its family; `compile` compares the size with
+    /// it
     #[arg(long, value_name = "NAME", value_parser = device(), ignore_case = true, help_heading = "Output")]
     pub device: Option<&'static Device>,
 }

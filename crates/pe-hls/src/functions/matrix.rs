@@ -8,7 +8,7 @@ use pe_ir::word::WordFormat;
 
 use super::domain::Domain;
 use super::expand::{Computed, Planned};
-use super::fit::Layout;
+use super::tests::interpolated;
 use super::{COARSEST, computed, parts};
 
 fn x() -> Expr {
@@ -139,14 +139,7 @@ fn looked_up(computed: &Computed, segments: Segments, x: f64) -> f64 {
         let fit = &planned.fit;
         let z = fit.map.slope * x + fit.map.offset;
         assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z} by {}", planned.domain.function.name);
-        let octaves = fit.layout == Layout::Octaves;
-        let entry = |column: usize| fit.columns[column][segments.index_of(z, octaves)];
-        if fit.columns.len() == 1 {
-            return entry(0);
-        }
-        let scale = if octaves { entry(1) } else { segments.count() as f64 };
-        let u = entry(0) + scale * z;
-        (if octaves { 2 } else { 1 }..fit.columns.len()).fold(0.0, |sum, column| entry(column) + u * sum)
+        interpolated(fit, segments, z)
     };
     let parts = computed.parts.iter();
     parts.map(|part| table(&part.table, part.clamps.iter().fold(x, |x, clamp| table(clamp, x)))).sum()
@@ -163,70 +156,90 @@ fn arguments((low, high): (f64, f64)) -> Vec<f64> {
     all
 }
 
-#[test]
-fn every_function_has_tables_that_are_right_or_a_reason_that_is() {
-    let mut failures = Vec::new();
-    let (mut run, mut divided, mut steep, mut poles) = (0, 0, 0, 0);
-    for (number, Case { name, body, range, must }) in cases().into_iter().enumerate() {
-        if must == Must::Drawback {
-            continue;
-        }
+/// What became of functions.
+#[derive(Default)]
+struct Tally {
+    failures: Vec<String>,
+    run: usize,
+    divided: usize,
+    steep: usize,
+    poles: usize,
+}
+
+impl Tally {
+    fn add(&mut self, Case { name, body, range, must }: Case, format: WordFormat) {
         let function = ScalarFunction { name: name.clone(), body, variable: Variable::State(StateId::new(0)) };
-        let formats = [WordFormat::new(32, 32, 32), WordFormat::new(32, 35, 25)];
-        for format in [formats[number % 2]] {
-            let domain = match Domain::of(&function, range, format) {
-                Ok(domain) => domain,
-                Err(place) => {
-                    poles += 1;
-                    // A removable place is none without bounds.
-                    let right = matches!(must, Must::Pole(at) if (at - place).abs() <= 1e-3 * (range.1 - range.0));
-                    failures.extend((!right).then(|| format!("{name}: no bounded values at {place:e}")));
-                    continue;
-                }
-            };
-            if let Must::Pole(place) = must {
-                failures.push(format!("{name}: the pole at {place:e} is not found"));
+        let domain = match Domain::of(&function, range, format) {
+            Ok(domain) => domain,
+            Err(place) => {
+                self.poles += 1;
+                // A removable place is none without bounds.
+                let right = matches!(must, Must::Pole(at) if (at - place).abs() <= 1e-3 * (range.1 - range.0));
+                self.failures.extend((!right).then(|| format!("{name}: no bounded values at {place:e}")));
+                return;
+            }
+        };
+        if let Must::Pole(place) = must {
+            self.failures.push(format!("{name}: the pole at {place:e} is not found"));
+            return;
+        }
+        let (largest, tolerance, blur) = (domain.largest, domain.tolerance, domain.blur);
+        let (segments, mut all) = computed(vec![Some(domain)], &[1], format);
+        let computed = all.remove(0).expect("a function in use");
+        if let Some((at, error)) = computed.misses(COARSEST, parts::COARSE) {
+            self.steep += 1;
+            let message = || format!("{name}: too steep at {at:e}, {error:e}, {} parts", computed.parts());
+            self.failures.extend((must == Must::Run).then(message));
+            return;
+        }
+        self.run += 1;
+        self.divided += usize::from(computed.parts() > 1 || !computed.parts[0].clamps.is_empty());
+        let mut worst = (0.0f64, 0.0);
+        for x in arguments(range) {
+            let exact = function.evaluate(x);
+            // Right beside 0/0 what is computed from the formula is rounding noise.
+            if name.contains('/') && name.contains(" on (") && [0.0, 1.0].iter().any(|at| (x - at).abs() < 1e-4) {
                 continue;
             }
-            let (largest, tolerance, blur) = (domain.largest, domain.tolerance, domain.blur);
-            let (segments, mut all) = computed(vec![Some(domain)], &[1], format);
-            let computed = all.remove(0).expect("a function in use");
-            if let Some((at, error)) = computed.misses(COARSEST, parts::COARSE) {
-                steep += 1;
-                let message = || format!("{name}: too steep at {at:e}, {error:e}, {} parts", computed.parts());
-                failures.extend((must == Must::Run).then(message));
-                continue;
+            let near = |by: f64| function.evaluate((x + by).clamp(range.0, range.1));
+            let jumps = (near(1e-12) - near(-1e-12)).abs() > 0.1;
+            let blurred = (near(blur) - exact).abs().max((near(-blur) - exact).abs());
+            // Parts that are small are cut where they are as good as flat.
+            let allowed = COARSEST * largest.min(1e300);
+            let difference = (looked_up(&computed, segments, x) - exact).abs();
+            let excess = difference / (32.0 * tolerance + 32.0 * blurred + 1e-11 * largest);
+            if difference.is_nan() || difference > allowed + 16.0 * blurred {
+                self.failures.push(format!("{name}: off by {difference:e} of {largest:e} at {x:e}"));
+                break;
             }
-            run += 1;
-            divided += usize::from(computed.parts() > 1 || !computed.parts[0].clamps.is_empty());
-            let mut worst = (0.0f64, 0.0);
-            for x in arguments(range) {
-                let exact = function.evaluate(x);
-                // Right beside 0/0 what is computed from the formula is rounding noise.
-                if name.contains('/') && name.contains(" on (") && [0.0, 1.0].iter().any(|at| (x - at).abs() < 1e-4) {
-                    continue;
-                }
-                let near = |by: f64| function.evaluate((x + by).clamp(range.0, range.1));
-                let jumps = (near(1e-12) - near(-1e-12)).abs() > 0.1;
-                let blurred = (near(blur) - exact).abs().max((near(-blur) - exact).abs());
-                // Parts that are small are cut where they are as good as flat.
-                let allowed = COARSEST * largest.min(1e300);
-                let difference = (looked_up(&computed, segments, x) - exact).abs();
-                let excess = difference / (32.0 * tolerance + 32.0 * blurred + 1e-11 * largest);
-                if difference.is_nan() || difference > allowed + 16.0 * blurred {
-                    failures.push(format!("{name}: off by {difference:e} of {largest:e} at {x:e}"));
-                    break;
-                }
-                if excess > worst.0 && !jumps {
-                    worst = (excess, x);
-                }
+            if excess > worst.0 && !jumps {
+                worst = (excess, x);
             }
-            let fine = computed.parts.iter().all(|part| part.table.fit.blurred_excess <= parts::COARSE);
-            if worst.0 > 1.0 && fine {
-                failures.push(format!("{name}: {:e} times what is excused at {:e}", worst.0, worst.1));
-            }
+        }
+        let fine = computed.parts.iter().all(|part| part.table.fit.blurred_excess <= parts::COARSE);
+        if worst.0 > 1.0 && fine {
+            self.failures.push(format!("{name}: {:e} times what is excused at {:e}", worst.0, worst.1));
         }
     }
+}
+
+#[test]
+fn every_function_has_tables_that_are_right_or_a_reason_that_is() {
+    let formats = [WordFormat::new(32, 32, 32), WordFormat::new(32, 35, 25)];
+    // Each format has every other case, and a thread of its own.
+    let of_format = |remainder: usize| {
+        let mut tally = Tally::default();
+        let of_it = cases().into_iter().enumerate().filter(|(number, _)| number % 2 == remainder);
+        of_it.filter(|(_, case)| case.must != Must::Drawback).for_each(|(_, case)| tally.add(case, formats[remainder]));
+        tally
+    };
+    let (first, second) = std::thread::scope(|scope| {
+        let second = scope.spawn(|| of_format(1));
+        (of_format(0), second.join().expect("no case panics"))
+    });
+    let failures = [first.failures, second.failures].concat();
+    let (run, divided) = (first.run + second.run, first.divided + second.divided);
+    let (steep, poles) = (first.steep + second.steep, first.poles + second.poles);
     println!("{run} run, {divided} of them divided, {steep} too steep, {poles} poles");
     assert!(failures.is_empty(), "{} failures\n{}", failures.len(), failures.join("\n"));
     assert!(run > 180 && divided > 50 && poles > 30, "{run} {divided} {poles}");

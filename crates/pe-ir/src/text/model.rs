@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::index::{self, List, StateId};
+use crate::index::{self, StateId};
 use crate::model::{
     Algebraic, Expr, Input, Interpolation, Model, Output, Phase, Rate, Signal, Solver, State, Variable,
 };

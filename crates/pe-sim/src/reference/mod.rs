@@ -187,8 +187,8 @@ fn beginning(model: &Model) -> States {
     States(model.states.iter().map(|state| state.initial).collect())
 }
 
-/// Goes through the pieces up to the last of the times: `cross` is given a piece, the times within it and the states at its
-/// beginning, and gives those at its end. `steps` may be tried altogether.
+/// Goes through the pieces up to the last of the times: `cross` is given a piece, the times within it and the states
+/// at its beginning, and gives those at its end. `steps` may be tried altogether.
 fn piece_by_piece(
     model: &Model,
     equations: &Equations,

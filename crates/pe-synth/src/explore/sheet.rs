@@ -36,8 +36,8 @@ pub struct Front {
 }
 
 impl Sheet {
-    /// How many points there are, in words: `run` is what may have been interrupted, `failed` what became of those that a
-    /// picture lacks.
+    /// How many points there are, in words: `run` is what may have been interrupted, `failed` what became of those
+    /// that a picture lacks.
     pub fn points(&self, run: &str, failed: &str) -> String {
         let mut text = format!("{} points", self.rows.len());
         if self.rows.len() < self.total {

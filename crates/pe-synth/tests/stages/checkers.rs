@@ -142,7 +142,8 @@ fn operands_of_other_pes_are_received() {
     });
 }
 
-/// An input is received after it is sampled, a word after it is sent and as long as the link carries it, and in its own step.
+/// An input is received after it is sampled, a word after it is sent and as long as the link carries it, and in its
+/// own step.
 #[test]
 fn words_are_received_while_they_are_on_the_link() {
     for (message, input, later) in [

@@ -9,7 +9,7 @@ use pe_frontend::{NoFiles, Overrides};
 use pe_ir::graph::StageForm;
 use pe_ir::model::Solver;
 use pe_ir::source::Sources;
-use pe_ir::word::Pipeline;
+use pe_ir::word::{Pipeline, WordFormat};
 use pe_verify::engines::{self, Engine};
 
 /// Steps of every comparison of small designs.
@@ -22,36 +22,36 @@ fn report(what: &str, sum: Agreement) {
     println!("{what}: {runs} runs, {writes} memory writes and {outputs} outputs equal, {seconds:.1} s in the engines");
 }
 
+/// Designs, each from the beginning and from the middle.
+fn assert_all_agree(what: &str, flows: impl Iterator<Item = Flow>) {
+    let mut sum = Agreement::default();
+    flows.for_each(|flow| sum += assert_agreement(&flow.label, &flow.starts(STEPS), &ENGINES));
+    report(what, sum);
+}
+
 /// A random model from the beginning and from the middle.
 fn agree(family: Family, size: (usize, u32), solver: Solver, widths: (u32, u32, u32), seed: u64) -> Agreement {
     let flow = Flow::random(family, size, solver, format(widths.0, widths.1, widths.2), Placement::Annealed, seed);
-    let mut sum = assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
-    sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
-    sum
+    assert_agreement(&flow.label, &flow.starts(STEPS), &ENGINES)
 }
 
 #[test]
 fn looped_stages_agree() {
-    let mut sum = Agreement::default();
+    let looped = |flow: Flow| flow.looped().unwrap_or_else(|| panic!("{}: stages are not alike", flow.label));
     // With three rounds the buffers' roles run on from step to step.
     let designs = [(Family::Affine, Solver::Heun), (Family::Affine, Solver::Heun3), (Family::Grid, Solver::Heun3)];
-    for (seed, (family, solver)) in (41..).zip(designs) {
-        let flow = Flow::random(family, (10, 4), solver, format(32, 25, 18), Placement::Annealed, seed);
-        let flow = flow.looped().unwrap_or_else(|| panic!("{}: stages are not alike", flow.label));
+    let plain = (41..).zip(designs).map(|(seed, (family, solver))| {
+        let flow = looped(Flow::random(family, (10, 4), solver, format(32, 25, 18), Placement::Annealed, seed));
         assert_eq!(flow.pairs > 0, family == Family::Grid, "{}: {} pairs", flow.label, flow.pairs);
-        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
-        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
-    }
+        flow
+    });
     // Sums of one scale: nested products, and pairs of operands.
     let designs = [(Family::Polynomial, Solver::Rk4), (Family::Stencil, Solver::Rk4), (Family::Stencil, Solver::Heun)];
-    for (seed, (family, solver)) in (44..).zip(designs) {
+    let sums = (44..).zip(designs).map(|(seed, (family, solver))| {
         let form = (family, StageForm::Sums);
-        let flow = Flow::formed(form, (10, 4), solver, format(32, 25, 18), Placement::Annealed, seed);
-        let flow = flow.looped().unwrap_or_else(|| panic!("{}: stages are not alike", flow.label));
-        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
-        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
-    }
-    report("looped", sum);
+        looped(Flow::formed(form, (10, 4), solver, format(32, 25, 18), Placement::Annealed, seed))
+    });
+    assert_all_agree("looped", plain.chain(sums));
 }
 
 #[test]
@@ -68,83 +68,69 @@ fn stages_that_are_alike_agree_beside_outputs_that_are_sent_and_equations_that_a
         let compiled = compile_file(&path, &[options, &["--loop", "on", "--tries", "2000"]].concat());
         assert_eq!(compiled.design.program.rounds, rounds, "{}", path.display());
         let label = path.display().to_string();
-        sum += assert_agreement(&label, &compiled.middle(STEPS), &ENGINES);
+        sum += assert_agreement(&label, &[compiled.middle(STEPS)], &ENGINES);
     }
     report("looped stages beside others", sum);
     assert!(sum.runs == 4 && sum.writes > 500, "{} runs, {} writes", sum.runs, sum.writes);
 }
 
+/// A model of each family, with one Runge-Kutta method after the other.
+fn families_agree(what: &str, size: (usize, u32), widths: (u32, u32, u32), first_seed: u64) {
+    let format = format(widths.0, widths.1, widths.2);
+    let flows = (first_seed..).zip(FAMILIES).map(|(seed, family)| {
+        let solver = Solver::RUNGE_KUTTA[seed as usize % Solver::RUNGE_KUTTA.len()];
+        Flow::random(family, size, solver, format, Placement::Annealed, seed)
+    });
+    assert_all_agree(what, flows);
+}
+
 #[test]
 fn random_models_on_a_single_multiplier_block_agree() {
-    let mut sum = Agreement::default();
-    for (seed, family) in (11..).zip(FAMILIES) {
-        let solver = Solver::RUNGE_KUTTA[seed as usize % Solver::RUNGE_KUTTA.len()];
-        sum += agree(family, (10, 4), solver, (32, 25, 18), seed);
-    }
-    report("25x18", sum);
+    families_agree("25x18", (10, 4), (32, 25, 18), 11);
 }
 
 #[test]
 fn designs_with_relays_agree() {
-    let mut sum = Agreement::default();
-    for (seed, (solver, widths)) in (81..).zip([("rk4", (32, 25, 18)), ("heun", (18, 18, 25)), ("euler", (32, 32, 32))])
-    {
-        let label = format!("hubs, {solver}, {widths:?}, seed {seed}");
-        let format = format(widths.0, widths.1, widths.2);
+    let designs = [("rk4", format(32, 25, 18)), ("heun", format(18, 18, 25)), ("euler", format(32, 32, 32))];
+    let flows = (81..).zip(designs).map(|(seed, (solver, format))| {
+        let label = format!("hubs, {solver}, {}x{}, seed {seed}", format.data_bits, format.coefficient_bits);
         let flow = Flow::of(label, hub_model(12, solver, seed), 5, format, Placement::Annealed);
-        let flow = flow.relayed(3, 2).unwrap_or_else(|| panic!("{}: no hubs", flow.label));
-        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
-        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
-    }
-    report("relays", sum);
+        flow.relayed(3, 2).unwrap_or_else(|| panic!("{}: no hubs", flow.label))
+    });
+    assert_all_agree("relays", flows);
 }
 
 #[test]
 fn designs_with_tables_agree() {
-    let mut sum = Agreement::default();
     let designs = [
-        (Solver::Rk4, (32, 25, 18)),
-        (Solver::Euler, (32, 32, 32)),
-        (Solver::Heun, (18, 18, 25)),
-        (Solver::Heun3, (40, 35, 35)),
+        (Solver::Rk4, format(32, 25, 18)),
+        (Solver::Euler, format(32, 32, 32)),
+        (Solver::Heun, format(18, 18, 25)),
+        (Solver::Heun3, format(40, 35, 35)),
     ];
-    for (seed, (solver, (storage, data, coefficient))) in (61..).zip(designs) {
-        let flow = Flow::tabled((9, 3), solver, format(storage, data, coefficient), Placement::Annealed, seed);
-        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
-        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
-    }
-    report("tables", sum);
+    let tabled = |(seed, (solver, format))| Flow::tabled((9, 3), solver, format, Placement::Annealed, seed);
+    assert_all_agree("tables", (61..).zip(designs).map(tabled));
 }
 
 #[test]
 fn deep_pipelines_agree() {
-    let mut sum = Agreement::default();
+    let deep = |format: WordFormat| format.with_pipeline(Pipeline::Deep);
     let designs = [
-        (Family::Shared, Solver::Euler, (32, 18, 18)),
-        (Family::Polynomial, Solver::Rk4, (32, 32, 32)),
-        (Family::Grid, Solver::Heun3, (32, 25, 18)),
+        (Family::Shared, Solver::Euler, format(32, 18, 18)),
+        (Family::Polynomial, Solver::Rk4, format(32, 32, 32)),
+        (Family::Grid, Solver::Heun3, format(32, 25, 18)),
     ];
-    for (seed, (family, solver, (storage, data, coefficient))) in (81..).zip(designs) {
-        let format = format(storage, data, coefficient).with_pipeline(Pipeline::Deep);
-        let flow = Flow::random(family, (9, 3), solver, format, Placement::Annealed, seed);
-        let flow = flow.looped().unwrap_or(flow);
-        sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
-        sum += assert_agreement(&flow.label, &flow.middle(STEPS), &ENGINES);
-    }
-    let format = format(32, 25, 18).with_pipeline(Pipeline::Deep);
-    let flow = Flow::tabled((9, 3), Solver::Heun, format, Placement::Annealed, 84);
-    sum += assert_agreement(&flow.label, &flow.beginning(STEPS), &ENGINES);
-    report("deep", sum);
+    let plain = (81..).zip(designs).map(|(seed, (family, solver, format))| {
+        let flow = Flow::random(family, (9, 3), solver, deep(format), Placement::Annealed, seed);
+        flow.looped().unwrap_or(flow)
+    });
+    let tabled = Flow::tabled((9, 3), Solver::Heun, deep(format(32, 25, 18)), Placement::Annealed, 84);
+    assert_all_agree("deep", plain.chain([tabled]));
 }
 
 #[test]
 fn random_models_on_wide_multipliers_agree() {
-    let mut sum = Agreement::default();
-    for (seed, family) in (21..).zip(FAMILIES) {
-        let solver = Solver::RUNGE_KUTTA[seed as usize % Solver::RUNGE_KUTTA.len()];
-        sum += agree(family, (9, 3), solver, (32, 32, 32), seed);
-    }
-    report("32x32", sum);
+    families_agree("32x32", (9, 3), (32, 32, 32), 21);
 }
 
 #[test]
@@ -161,9 +147,7 @@ fn agree_on_model(model: &str, options: &[&str]) -> Agreement {
     let compiled = compile(model, options);
     // Tests run side by side: each design has a name of its own.
     let label = format!("{model} {}", options.join(" ").replace("--", ""));
-    let mut sum = assert_agreement(&label, &compiled.beginning(STEPS), &ENGINES);
-    sum += assert_agreement(&label, &compiled.middle(STEPS), &ENGINES);
-    sum
+    assert_agreement(&label, &compiled.starts(STEPS), &ENGINES)
 }
 
 #[test]
@@ -241,14 +225,14 @@ fn inputs_at_the_ends_of_their_words_agree() {
         // A little beyond the stated range is a number like others.
         let (beyond, clamped) = run.encode_input(0, 1.01);
         assert!(!clamped && run.encode_input(0, 1.0).0 < beyond && beyond < most, "{beyond}");
-        for (words, flag) in
-            [([beyond, least, -beyond, 0, beyond, least], false), ([0, beyond, most, 1, -1, most], clamps)]
-        {
+        let starts = [([beyond, least, -beyond, 0, beyond, least], false), ([0, beyond, most, 1, -1, most], clamps)];
+        let starts = starts.map(|(words, flag)| {
             let start = Start { stimulus: words.iter().map(|word| vec![*word]).collect(), ..flow.beginning(0) };
             let simulated = engines::simulate(&start.program, &start.stimulus, words.len() as u64);
             assert_eq!(simulated.overflow, flag, "{}: {words:?}", flow.label);
-            sum += assert_agreement(&flow.label, &start, &ENGINES);
-        }
+            start
+        });
+        sum += assert_agreement(&flow.label, &starts, &ENGINES);
     }
     report("inputs", sum);
 }

@@ -3,7 +3,6 @@
 use crate::support::flow::{Flow, Placement, Start, format};
 use crate::support::{AFFINE_FAMILIES, FAMILIES, Family};
 use pe_ir::graph::StageForm;
-use pe_ir::index::StateId;
 use pe_ir::model::Solver;
 use pe_ir::program::{Layout, Program};
 use pe_ir::word::Pipeline;

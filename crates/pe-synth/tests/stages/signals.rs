@@ -1,15 +1,18 @@
 //! Signals that are part of the model: orders of all methods, words that agree in all engines, long runs.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::process::Command;
 
-use crate::support::bench::Folder;
+use crate::support::bench::{Folder, assert_lively_agreement};
+use crate::support::models::compile_file;
 use pe_frontend::Overrides;
 use pe_ir::index::StateId;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Sources;
 use pe_sim::double::DoubleRun;
 use pe_sim::reference;
+use pe_verify::engines::Engine;
 use serde_json::Value;
 
 /// Samples of a smooth signal every 200 ms, with a kink and a jump at each.
@@ -194,61 +197,101 @@ fn run(folder: &Folder, arguments: &[&str]) -> (Option<i32>, String, String) {
     (output.status.code(), text(&output.stdout), text(&output.stderr))
 }
 
-#[test]
-fn all_engines_compute_the_same_words() {
-    let folder = Folder::new("signals_agree");
-    let linear = "state x = 0.2\nstate v = 0\nx' = v\nv' = -4*x - 0.2*v + u\noutput x, u\n";
-    let sampled = "state x = 0\nx' = u - x\nevery 40 ms {\n  u = sine(1, 2 Hz) + 0.1*time - x\n}\noutput x, u\n";
-    let cases = [
-        ("sine_rk4", "rk4", "10 ms", format!("{linear}u = sine(1, 0.5 Hz, 0.2, 0.5)\n")),
-        ("sine_heun3", "heun3", "10 ms", format!("{linear}u = sine(1, 0.5 Hz)*(1 - 0.3*x)\n")),
-        ("sine_euler", "euler", "1 ms", format!("{linear}u = sine(1, 0.5 Hz)\n")),
-        ("sine_exact", "exact", "10 ms", format!("{linear}u = sine(1, 0.5 Hz) + 0.1*time\n")),
-        ("ramp", "rk4", "10 ms", format!("{linear}u = ramp(0, 1, 0.1 s, 0.2 s)\n")),
-        ("function", "rk4", "10 ms", format!("{linear}u = exp(-time) - 0.1*x^3\n")),
-        (
-            "leapfrog",
-            "leapfrog",
-            "10 ms",
-            "state x = 1\nstate v = 0\nx' = v\nv' = sine(1, 1 Hz) - 4*x\noutput x\n".to_owned(),
-        ),
-        ("rosenbrock", "rodas3", "10 ms", format!("{linear}u = sine(1, 0.5 Hz) + exp(-time)\n")),
-        ("list", "ros2", "1 ms until 20 ms, then 10 ms", format!("{linear}u = sine(1, 0.5 Hz) + 0.1*time - 0.1*x^3\n")),
-        ("adams", "ab3", "10 ms", format!("{linear}u = sine(1, 0.5 Hz) + 0.1*time\n")),
-        ("chebyshev", "rkc5", "10 ms", format!("{linear}u = sine(1, 0.5 Hz) + 0.1*time\n")),
-        ("sampled", "heun", "10 ms", sampled.to_owned()),
-        (
-            "square",
-            "rk4",
-            "10 ms",
-            format!("{linear}u = square(1, 5 Hz)*(1 - 0.3*x) + samples(\"s.csv\", \"p\", hold)\n"),
-        ),
-        (
-            "pulse",
-            "euler",
-            "10 ms",
-            format!("{linear}u = pulse(1, 180 ms, 50 ms, 0.1, 0.2) + pulse(1, 0.1 s, 0.3 s)\n"),
-        ),
-        ("pwm", "ros2", "10 ms", format!("{linear}u = pwm(-1, 1, 10 Hz, 0.5 + 0.4*sine(1, 1 Hz))\n")),
-        ("chirp", "rk4", "10 ms", format!("{linear}u = chirp(1, 1 Hz, 5 Hz, 0.6 s)\n")),
-        ("samples", "ab3", "10 ms", format!("{linear}u = samples(\"s.csv\", \"p\", linear)\n")),
-        ("line", "rk4", "10 ms", format!("{linear}input u = sine(1, 2 Hz), linear\n")),
-        ("lines", "ros2", "1 ms until 20 ms, then 10 ms", format!("{linear}input u = sine(1, 2 Hz), linear\n")),
-        ("blocks", "rkc5", "10 ms", sampled.replace("sine(1, 2 Hz)", "square(1, 2 Hz)")),
-    ];
+/// Statements of a driven oscillator.
+const LINEAR: &str = "state x = 0.2\nstate v = 0\nx' = v\nv' = -4*x - 0.2*v + u\noutput x, u\n";
+
+/// Statements of a part that is sampled every 40 ms.
+const SAMPLED: &str = "state x = 0\nx' = u - x\nevery 40 ms {\n  u = sine(1, 2 Hz) + 0.1*time - x\n}\noutput x, u\n";
+
+const SHORT: &str = "10 ms";
+const LISTED: &str = "1 ms until 20 ms, then 10 ms";
+
+/// Writes the spec of a case: a name, which is the form of the step if there is such a form; solver, steps and
+/// statements.
+fn written(
+    folder: &Folder,
+    (name, solver, step, statements): (&str, &str, &str, &str),
+) -> (PathBuf, Vec<&'static str>) {
     std::fs::write(folder.0.join("s.csv"), samples()).expect("samples can be written");
-    let forms = ["horner", "factors", "full"].map(|form| (form, "rk4", "10 ms", cases[0].3.clone()));
-    for (name, solver, step, statements) in cases.into_iter().chain(forms) {
-        let text = format!("model m\nsolver {solver}\nstep {step}\nspan 1.02 s\n{statements}");
-        std::fs::write(folder.0.join("m.spec"), text).expect("the spec can be written");
-        let form: &[&str] = if ["horner", "factors", "full"].contains(&name) { &["--form", name] } else { &[] };
-        let (exit, _, messages) =
-            run(&folder, &[&["compile", "m.spec", "-o", name, "--pes", "2", "--no-pictures"], form].concat());
+    let path = folder.0.join(format!("{name}.spec"));
+    let text = format!("model m\nsolver {solver}\nstep {step}\nspan 1.02 s\n{statements}");
+    std::fs::write(&path, text).expect("the spec can be written");
+    let form = ["horner", "factors", "full"].into_iter().find(|form| *form == name);
+    (path, form.map_or(vec!["--pes", "2"], |form| vec!["--pes", "2", "--form", form]))
+}
+
+/// GHDL computes the words of the simulator from the beginning and from the middle.
+fn assert_same_words(folder: &str, cases: &[(&str, &str, &str, &str)]) {
+    let folder = Folder::new(folder);
+    for case in cases {
+        let (name, solver, step, signal) = *case;
+        let (path, options) = written(&folder, (name, solver, step, &format!("{LINEAR}{signal}\n")));
+        let starts = compile_file(&path, &options).starts(30);
+        assert_lively_agreement(&format!("signals {name}"), &starts, &[Engine::Ghdl], HELD);
+    }
+}
+
+/// Part of the words that change at the least where a signal is held for many steps.
+const HELD: f64 = 0.4;
+
+#[test]
+fn ghdl_computes_the_same_words_of_smooth_signals() {
+    let sine = "u = sine(1, 0.5 Hz, 0.2, 0.5)";
+    assert_same_words(
+        "signals_smooth",
+        &[
+            ("sine_rk4", "rk4", SHORT, sine),
+            ("sine_heun3", "heun3", SHORT, "u = sine(1, 0.5 Hz)*(1 - 0.3*x)"),
+            ("sine_euler", "euler", "1 ms", "u = sine(1, 0.5 Hz)"),
+            ("sine_exact", "exact", SHORT, "u = sine(1, 0.5 Hz) + 0.1*time"),
+            ("ramp", "rk4", SHORT, "u = ramp(0, 1, 0.1 s, 0.2 s)"),
+            ("function", "rk4", SHORT, "u = exp(-time) - 0.1*x^3"),
+            ("rosenbrock", "rodas3", SHORT, "u = sine(1, 0.5 Hz) + exp(-time)"),
+            ("adams", "ab3", SHORT, "u = sine(1, 0.5 Hz) + 0.1*time"),
+            ("chebyshev", "rkc5", SHORT, "u = sine(1, 0.5 Hz) + 0.1*time"),
+            ("horner", "rk4", SHORT, sine),
+            ("factors", "rk4", SHORT, sine),
+            ("full", "rk4", SHORT, sine),
+        ],
+    );
+}
+
+#[test]
+fn ghdl_computes_the_same_words_of_signals_with_jumps_and_of_lines() {
+    assert_same_words(
+        "signals_jumps",
+        &[
+            ("pulse", "euler", SHORT, "u = pulse(1, 180 ms, 50 ms, 0.1, 0.2) + pulse(1, 0.1 s, 0.3 s)"),
+            ("pwm", "ros2", SHORT, "u = pwm(-1, 1, 10 Hz, 0.5 + 0.4*sine(1, 1 Hz))"),
+            ("chirp", "rk4", SHORT, "u = chirp(1, 1 Hz, 5 Hz, 0.6 s)"),
+            ("samples", "ab3", SHORT, "u = samples(\"s.csv\", \"p\", linear)"),
+            ("line", "rk4", SHORT, "input u = sine(1, 2 Hz), linear"),
+        ],
+    );
+}
+
+#[test]
+fn verify_finds_the_same_words_from_all_its_starts() {
+    let folder = Folder::new("signals_verified");
+    let linear = |signal: &str| format!("{LINEAR}{signal}\n");
+    let positions = "state x = 1\nstate v = 0\nx' = v\nv' = sine(1, 1 Hz) - 4*x\noutput x\n";
+    let cases = [
+        ("leapfrog", "leapfrog", SHORT, positions.to_owned()),
+        ("list", "ros2", LISTED, linear("u = sine(1, 0.5 Hz) + 0.1*time - 0.1*x^3")),
+        ("lines", "ros2", LISTED, linear("input u = sine(1, 2 Hz), linear")),
+        ("square", "rk4", SHORT, linear("u = square(1, 5 Hz)*(1 - 0.3*x) + samples(\"s.csv\", \"p\", hold)")),
+        ("sampled", "heun", SHORT, SAMPLED.to_owned()),
+        ("blocks", "rkc5", SHORT, SAMPLED.replace("sine(1, 2 Hz)", "square(1, 2 Hz)")),
+    ];
+    for (name, solver, step, statements) in &cases {
+        let (_, options) = written(&folder, (name, solver, step, statements));
+        let spec = format!("{name}.spec");
+        let compile = [&["compile", &spec, "-o", name, "--no-pictures"], &options[..]].concat();
+        let (exit, _, messages) = run(&folder, &compile);
         assert_eq!(exit, Some(0), "{name}: {messages}");
         // A program to build takes longer than all else.
-        let sure = ["list", "square"].contains(&name);
-        let (exit, said, messages) =
-            run(&folder, &["verify", name, "--steps", "30", "--engines", if sure { "reference,ghdl" } else { "ghdl" }]);
+        let engines = if ["list", "square"].contains(name) { "reference,ghdl" } else { "ghdl" };
+        let (exit, said, messages) = run(&folder, &["verify", name, "--steps", "30", "--engines", engines]);
         assert_eq!(exit, Some(0), "{name}: {said}{messages}");
     }
 }

@@ -34,7 +34,7 @@ fn swaps(program: &Program) -> bool {
 
 fn check(flow: &Flow) {
     assert_uses_every_feature(flow);
-    let sum = assert_agreement(&flow.label, &flow.middle(STEPS), &[Engine::Verilator]);
+    let sum = assert_agreement(&flow.label, &[flow.middle(STEPS)], &[Engine::Verilator]);
     println!("{}: {} memory writes and {} outputs equal", flow.label, sum.writes, sum.outputs);
 }
 
@@ -71,5 +71,5 @@ fn the_netlist_keeps_an_image_of_64_bits_whose_lower_half_is_0() {
     shrink(&mut start.program);
     let lost = |pe: &PeProgram| pe.imported_image.len() == 2 && pe.imported_image[0] == 0 && pe.imported_image[1] != 0;
     assert!(start.program.pes.iter().any(lost), "no PE has such an image");
-    assert_agreement(&format!("{}, small memories", flow.label), &start, &[Engine::Verilator]);
+    assert_agreement(&format!("{}, small memories", flow.label), &[start], &[Engine::Verilator]);
 }

@@ -8,6 +8,7 @@ use pe_emit::EmitOptions;
 use pe_flow::failure::Failure;
 use pe_ir::program::Program;
 use pe_verify::engines::{self, Bench, Engine, Job, Run};
+use pe_verify::package;
 
 use super::flow::Start;
 
@@ -64,67 +65,108 @@ impl std::ops::AddAssign for Agreement {
     }
 }
 
-/// Writes the files of a design.
-pub fn emit(program: &Program, stimulus: &[Vec<i64>], folder: &Path) {
-    let options = EmitOptions {
+/// A design as files and what engines have built of them.
+struct Built {
+    program: Program,
+    bench: Bench,
+    /// Stays if the caller finds a run to be wrong and panics while holding it.
+    folder: Folder,
+}
+
+impl Built {
+    fn new(program: &Program, stimulus: &[Vec<i64>], name: &str) -> Built {
+        let folder = Folder::new(name);
+        let (files, scratch) = (folder.sub("design"), folder.sub("scratch"));
+        emit(program, stimulus, &files);
+        let bench = Bench::new(&files, &pe_emit::design_name(program), &scratch);
+        let bench = bench.unwrap_or_else(|failure| panic!("{name}: {failure:?}"));
+        Built { program: program.clone(), bench, folder }
+    }
+
+    /// Whether the other program differs from this one's in nothing but initial words, which engines take as they
+    /// start.
+    fn starts(&self, other: &Program) -> bool {
+        let mut program = self.program.clone();
+        for (pe, other) in program.pes.iter_mut().zip(&other.pes) {
+            pe.own_image.clone_from(&other.own_image);
+            pe.base_image.clone_from(&other.base_image);
+            pe.imported_image.clone_from(&other.imported_image);
+        }
+        program == *other
+    }
+
+    /// Runs one engine; a missing engine is a failure of the test that says what to install.
+    fn run(&mut self, engine: Engine, program: &Program, stimulus: &[Vec<i64>]) -> Run {
+        let words = package::differences(&self.program, program);
+        let files = pe_emit::emit(program, &options(program, stimulus));
+        let lines = files.iter().find(|file| file.path.ends_with("_stimulus.txt")).expect("a design has a stimulus");
+        let steps = stimulus.len() as u64;
+        match self.bench.run(engine, &Job { steps, words: &words, stimulus: Some(&lines.text), control: None }) {
+            Ok(run) => run,
+            Err(Failure::MissingTool(text)) => panic!("{text}"),
+            Err(failure) => panic!("{}: {failure:?}", self.folder.0.display()),
+        }
+    }
+}
+
+fn options(program: &Program, stimulus: &[Vec<i64>]) -> EmitOptions {
+    EmitOptions {
         command: "cargo test".into(),
         spec: program.model.clone(),
         version: "0".into(),
         stimulus: stimulus.to_vec(),
         default_steps: stimulus.len() as u32,
         ..EmitOptions::default()
-    };
-    for artefact in pe_emit::emit(program, &options) {
+    }
+}
+
+/// Writes the files of a design.
+pub fn emit(program: &Program, stimulus: &[Vec<i64>], folder: &Path) {
+    for artefact in pe_emit::emit(program, &options(program, stimulus)) {
         let path = folder.join(&artefact.path);
         fs::create_dir_all(path.parent().expect("artefacts are in a folder")).expect("the test folder takes folders");
         fs::write(path, artefact.text).expect("the test folder takes files");
     }
 }
 
-/// Runs one engine on a program; a missing engine is a failure of the test that says what to install.
-///
-/// The folder with the design stays if the caller finds the run to be wrong and panics while holding it.
+/// Runs one engine on a program; the folder with the design stays if the caller panics while holding it.
 pub fn run(engine: Engine, program: &Program, stimulus: &[Vec<i64>], name: &str) -> (Run, Folder) {
-    let folder = Folder::new(&format!("{name}-{}", engine.name()));
-    let files = folder.sub("design");
-    emit(program, stimulus, &files);
-    let scratch = folder.sub("scratch");
-    let design = pe_emit::design_name(program);
-    let job = Job { steps: stimulus.len() as u64, words: &[], stimulus: None, control: None };
-    let ran = Bench::new(&files, &design, &scratch).and_then(|mut bench| bench.run(engine, &job));
-    match ran {
-        Ok(run) => (run, folder),
-        Err(Failure::MissingTool(text)) => panic!("{text}"),
-        Err(failure) => panic!("{name}: {failure:?}"),
-    }
+    let mut built = Built::new(program, stimulus, &format!("{name}-{}", engine.name()));
+    (built.run(engine, program, stimulus), built.folder)
 }
 
-/// Asserts that engines print for a start what the simulator computes, and that nearly all words change.
-pub fn assert_agreement(label: &str, start: &Start, engines: &[Engine]) -> Agreement {
-    assert_lively_agreement(label, start, engines, LIVELINESS)
+/// Asserts that engines print for all starts of a design what the simulator computes, and that nearly all words change.
+pub fn assert_agreement(label: &str, starts: &[Start], engines: &[Engine]) -> Agreement {
+    assert_lively_agreement(label, starts, engines, LIVELINESS)
 }
 
-/// The same where so large a part of the words changes.
-pub fn assert_lively_agreement(label: &str, start: &Start, engines: &[Engine], part: f64) -> Agreement {
-    let steps = start.stimulus.len() as u64;
-    let label = format!("{label}, from the {}", start.name);
-    let expected = engines::simulate(&start.program, &start.stimulus, steps);
-    let liveliness = engines::liveliness(&expected);
-    assert!(liveliness >= part, "{label}: only {:.1} % of the words change", 100.0 * liveliness);
-    let writes = start.program.writes_per_step() * steps;
+/// The same where so large a part of the words changes. Starts that differ in words alone share what engines build.
+pub fn assert_lively_agreement(label: &str, starts: &[Start], engines: &[Engine], part: f64) -> Agreement {
     let mut agreement = Agreement::default();
-    for engine in engines {
-        let clock = Instant::now();
-        let (run, _folder) = run(*engine, &start.program, &start.stimulus, &label);
-        engines::compare(&start.program, engine.name(), &run, &expected, writes)
-            .unwrap_or_else(|difference| panic!("{label}: {difference}"));
-        assert!(!run.trace.is_empty() && !run.outputs.is_empty(), "{label}: nothing was compared");
-        agreement += Agreement {
-            runs: 1,
-            writes: run.trace.len() as u64,
-            outputs: run.outputs.len() as u64,
-            seconds: clock.elapsed().as_secs_f64(),
-        };
+    let mut last: Option<Built> = None;
+    for start in starts {
+        let steps = start.stimulus.len() as u64;
+        let label = format!("{label}, from the {}", start.name);
+        let expected = engines::simulate(&start.program, &start.stimulus, steps);
+        let liveliness = engines::liveliness(&expected);
+        assert!(liveliness >= part, "{label}: only {:.1} % of the words change", 100.0 * liveliness);
+        let writes = start.program.writes_per_step() * steps;
+        let built = last.take().filter(|built| built.starts(&start.program));
+        let mut built = built.unwrap_or_else(|| Built::new(&start.program, &start.stimulus, &label));
+        for engine in engines {
+            let clock = Instant::now();
+            let run = built.run(*engine, &start.program, &start.stimulus);
+            engines::compare(&start.program, engine.name(), &run, &expected, writes)
+                .unwrap_or_else(|difference| panic!("{label}: {difference}"));
+            assert!(!run.trace.is_empty() && !run.outputs.is_empty(), "{label}: nothing was compared");
+            agreement += Agreement {
+                runs: 1,
+                writes: run.trace.len() as u64,
+                outputs: run.outputs.len() as u64,
+                seconds: clock.elapsed().as_secs_f64(),
+            };
+        }
+        last = Some(built);
     }
     agreement
 }

@@ -7,8 +7,8 @@ use pe_hls::relay::relay;
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
-use pe_ir::index::StateId;
 use pe_ir::index::PeId;
+use pe_ir::index::StateId;
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
 use pe_ir::program::Program;
@@ -206,8 +206,8 @@ impl Flow {
         [self.beginning(steps), self.middle(steps)]
     }
 
-    /// Asserts that the machine has the words of the fixed-point run in states and outputs; how many it compared. `when` is for
-    /// messages.
+    /// Asserts that the machine has the words of the fixed-point run in states and outputs; how many it compared.
+    /// `when` is for messages.
     pub fn assert_words(&self, machine: &Machine, run: &FixedRun, when: &str) -> u64 {
         for (index, (state, _)) in self.graph.states.iter().enumerate() {
             assert_eq!(machine.state(StateId::at(index)), run.word(*state), "{}, {when}, state {index}", self.label);

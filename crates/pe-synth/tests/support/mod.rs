@@ -11,7 +11,7 @@ pub mod hubs;
 pub mod models;
 pub mod tables;
 
-use pe_ir::index::{List, StateId};
+use pe_ir::index::StateId;
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
 use pe_ir::source::Span;
 use rand::{Rng, RngExt, SeedableRng};
