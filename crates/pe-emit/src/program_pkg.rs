@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::{Display, Write};
 
 use askama::Template;
-use pe_ir::index::{self, PeId, StateId};
+use pe_ir::index::{self, List, PeId, StateId, ValueId};
 use pe_ir::program::{
     CoefficientOperand, ControlWord, Fold, Layout, LinkSource, Note, PeProgram, Program, StateRegister, closed_up,
 };
@@ -30,7 +30,7 @@ struct ProgramPackage<'a> {
     program: &'a Program,
     folds: &'a [Fold],
     /// Names of values as comments show them.
-    shown: Vec<String>,
+    shown: List<ValueId, String>,
     states: StateWords,
     provenance: &'a Provenance,
 }
@@ -314,7 +314,7 @@ fn columns(layout: &Layout, last_index: usize) -> Vec<String> {
 fn word_comment(
     text: &mut String,
     program: &Program,
-    shown: &[String],
+    shown: &List<ValueId, String>,
     pe: &PeProgram,
     (word, exact): (&ControlWord, Option<f64>),
     note: &Note,
@@ -326,9 +326,9 @@ fn word_comment(
         }
         text.push_str(what);
     };
-    let shown = |id: u32| shown.get(index::at(id)).map_or("", String::as_str);
+    let shown = |id: Option<ValueId>| id.and_then(|id| shown.find(id)).map_or("", String::as_str);
     // A value, or the place of one that has no name.
-    let name = |text: &mut String, id: u32, place: &str, number: &dyn Display| match shown(id) {
+    let name = |text: &mut String, id: Option<ValueId>, place: &str, number: &dyn Display| match shown(id) {
         "" => write!(text, "{place}{number}").expect("memory takes the comment"),
         name => text.push_str(name),
     };

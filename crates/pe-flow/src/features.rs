@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use pe_ir::graph::StepGraph;
+use pe_ir::index::ValueId;
 use pe_ir::mapping::Mapping;
 use pe_ir::program::{ControlWord, FieldName, Fold, Layout, Note, PeFeatures, PeProgram, Program};
 
@@ -146,8 +147,13 @@ fn multiplies(word: &ControlWord) -> bool {
 }
 
 /// Name of a value noted beside the first control word of a kind.
-fn first(program: &Program, pe: &PeProgram, kind: fn(&ControlWord) -> bool, value: fn(&Note) -> u32) -> String {
-    let note = pe.words.iter().position(kind).map_or(Note::NONE, |at| value(&pe.notes[at]));
+fn first(
+    program: &Program,
+    pe: &PeProgram,
+    kind: fn(&ControlWord) -> bool,
+    value: fn(&Note) -> Option<ValueId>,
+) -> String {
+    let note = pe.words.iter().position(kind).and_then(|at| value(&pe.notes[at]));
     format!("`{}`", program.name(note))
 }
 

@@ -9,9 +9,10 @@ use std::sync::Arc;
 use pe_frontend::LoadError;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
+use pe_ir::index::List;
 use pe_ir::mapping::Mapping;
 use pe_ir::model::Model;
-use pe_ir::program::{self, Note, Program};
+use pe_ir::program::{self, Program};
 use pe_ir::schedule::Schedule;
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::text::labels::{Labels, distinct};
@@ -152,11 +153,11 @@ pub fn schedule(
 
 /// A program whose notes tell apart values that have one name: as it is printed to be read back.
 pub fn with_labels(program: &Program, graph: &StepGraph) -> Program {
-    Program { names: distinct(value_names(graph)), ..program.clone() }
+    Program { names: distinct(value_names(graph)).into(), ..program.clone() }
 }
 
 fn value_names(graph: &StepGraph) -> impl Iterator<Item = String> {
-    (0..graph.values.len() as u32).map(|value| graph.value_name(ValueId(value)))
+    (0..graph.values.len() as u32).map(|value| graph.value_name(ValueId::new(value)))
 }
 
 /// Gives notes the numbers of the values that they name.
@@ -165,11 +166,11 @@ fn value_names(graph: &StepGraph) -> impl Iterator<Item = String> {
 /// A name that no value has.
 fn renumbered(program: &mut Program, graph: &StepGraph) -> Result<(), String> {
     let labels = Labels::of_values(graph);
-    let number = |name: &String| labels.find(name).ok_or_else(|| name.clone());
-    let numbers: Vec<u32> = program.names.iter().map(number).collect::<Result<_, _>>()?;
+    let number = |name: &String| labels.find(name).map(ValueId::new).ok_or_else(|| name.clone());
+    let numbers: List<ValueId, ValueId> = program.names.iter().map(number).collect::<Result<_, _>>()?;
     for note in program.pes.iter_mut().flat_map(|pe| &mut pe.notes) {
         for slot in [&mut note.operand, &mut note.chain, &mut note.write, &mut note.receive] {
-            *slot = numbers.get(*slot as usize).copied().unwrap_or(Note::NONE);
+            *slot = slot.and_then(|value| numbers.find(value).copied());
         }
     }
     program.names = value_names(graph).collect();

@@ -88,7 +88,7 @@ fn values_of(graph: &StepGraph, model: &Model) -> [Vec<Vec<ValueId>>; 2] {
     let mut states = vec![Vec::new(); model.states.len()];
     let mut algebraics = vec![Vec::new(); model.algebraics.len()];
     for (index, value) in graph.values.iter().enumerate() {
-        let id = ValueId(index as u32);
+        let id = ValueId::new(index as u32);
         match value.role {
             // Behind the states of the model come those that its method keeps.
             Role::State(state) | Role::Stage(state, _) | Role::Next(state) => {

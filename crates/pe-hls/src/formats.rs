@@ -398,7 +398,7 @@ fn find(parent: &mut [u32], mut x: u32) -> u32 {
 fn groups(graph: &StepGraph) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..graph.values.len() as u32).collect();
     let mut join = |a: ValueId, b: ValueId| {
-        let (a, b) = (find(&mut parent, a.0), find(&mut parent, b.0));
+        let (a, b) = (find(&mut parent, a.number()), find(&mut parent, b.number()));
         parent[at(a.max(b))] = a.min(b);
     };
     for (state, next) in &graph.states {

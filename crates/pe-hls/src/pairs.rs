@@ -99,7 +99,7 @@ fn sent_home(graph: &StepGraph, fixed: &FixedPoint, local: &impl Fn(&Chain, u32)
             let (own, imported): (Vec<u32>, Vec<u32>) = members.iter().partition(|term| local(chain, **term));
             let wanted = own.len().saturating_sub(imported.len()) / 2;
             if wanted > 0 {
-                let own: Vec<u32> = own.iter().map(|term| graph.terms[at(*term)].operand.0).collect();
+                let own: Vec<u32> = own.iter().map(|term| graph.terms[at(*term)].operand.number()).collect();
                 own.iter().for_each(|value| lacking[at(*value)].push(number(lacks.len())));
                 lacks.push((own, wanted));
             }

@@ -53,7 +53,7 @@ pub fn relay(graph: &StepGraph, pes: u32, max_in_degree: u32, relays: u32) -> Op
                 let role = Role::Relayed(original, relay + 1);
                 relayed.values.push(Value { role, equation: Some(equations[at(relay)]), factor: false });
                 copied.push(original);
-                ValueId(index::number(relayed.values.len()) - 1)
+                ValueId::at(relayed.values.len() - 1)
             });
         }
     }

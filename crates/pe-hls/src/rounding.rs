@@ -69,7 +69,7 @@ impl<'a> Sampling<'a> {
                 let Term { operand, factor: Factor::Coefficient(_), .. } = graph.terms[at(term)] else { continue };
                 let place = *place_of[operand.index()].get_or_insert(number(operands.len()));
                 if at(place) == operands.len() {
-                    operands.push(operand.0);
+                    operands.push(operand.number());
                 }
                 places[at(term)] = Some(place);
             }

@@ -41,8 +41,8 @@ impl<'a> Rounds<'a> {
             count: 1,
             graph: Cow::Borrowed(graph),
             chains: graph.chains.ids().map(|chain| (0, chain)).collect(),
-            values: (0..).zip(&graph.values).map(|(id, value)| (ValueId(id), next(value.role))).collect(),
-            originals: (0..graph.values.len() as u32).map(ValueId).collect(),
+            values: (0..).zip(&graph.values).map(|(id, value)| (ValueId::new(id), next(value.role))).collect(),
+            originals: (0..graph.values.len() as u32).map(ValueId::new).collect(),
             base_last: false,
             sums: false,
         }
@@ -100,13 +100,13 @@ impl<'a> Rounds<'a> {
             }
         }
         // Transfers of each value of a round; the start value of a state is sent as the end value of the round before.
-        let mut receives: BTreeMap<u32, Vec<(PeId, u32)>> = BTreeMap::new();
+        let mut receives: BTreeMap<ValueId, Vec<(PeId, u32)>> = BTreeMap::new();
         for transfer in &round.transfers {
-            receives.entry(transfer.value.0).or_default().push((transfer.to, transfer.receive));
+            receives.entry(transfer.value).or_default().push((transfer.to, transfer.receive));
         }
         let mut transfers: Vec<Transfer> = Vec::new();
         for (index, value) in step.values.iter().enumerate() {
-            let id = ValueId(index::number(index));
+            let id = ValueId::at(index);
             let (like, swaps) = self.value(id);
             let (sent, number) = match value.role {
                 Role::State(_) | Role::Constant(_) => continue,
@@ -116,7 +116,7 @@ impl<'a> Rounds<'a> {
                 Role::Algebraic(_, stage) => (like, u32::from(stage) - 1),
                 _ => (like, 0),
             };
-            for (to, receive) in receives.get(&sent.0).into_iter().flatten() {
+            for (to, receive) in receives.get(&sent).into_iter().flatten() {
                 transfers.push(Transfer { value: id, to: *to, receive: number * length + receive });
             }
         }
@@ -241,12 +241,12 @@ impl Finder<'_> {
         let mut values = Vec::with_capacity(graph.values.len());
         let mut originals = Vec::new();
         let mut sums = BTreeMap::new();
-        for (id, value) in (0..).map(ValueId).zip(&graph.values) {
+        for (id, value) in (0..).map(ValueId::new).zip(&graph.values) {
             let (role, swaps) = self.role(value.role)?;
             let like = *known.entry(self.key(role, value, id)?).or_insert_with(|| {
                 round.values.push(Value { role, ..*value });
                 originals.push(id);
-                ValueId(index::number(round.values.len()) - 1)
+                ValueId::at(round.values.len() - 1)
             });
             if let Role::Sum(state, _) = role {
                 sums.insert(state, like);

@@ -187,7 +187,7 @@ impl<'n> Splitter<'n> {
             let serial = self.names.sums.entry(equation).or_default();
             *serial += 1;
             let role = Role::Partial(equation, *serial);
-            let value = ValueId(number(self.graph.values.len()));
+            let value = ValueId::at(self.graph.values.len());
             self.graph.values.push(Value { role, equation: Some(partial), factor: false });
             let write = Write { value, base: None, weight: 0 };
             self.before[chain].push((

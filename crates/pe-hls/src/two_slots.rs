@@ -32,7 +32,7 @@ pub fn split(graph: &StepGraph, fixed: &FixedPoint) -> Option<StepGraph> {
         let mut fine = |write: &Write| {
             let serial = &mut serial[chain.equation];
             *serial += 1;
-            let value = ValueId(index::number(split.values.len()));
+            let value = ValueId::at(split.values.len());
             let role = Role::Partial(chain.equation, FIRST_SERIAL + *serial);
             split.values.push(Value { role, equation: Some(chain.equation), factor: false });
             (Write { value, ..*write }, Write { base: Some(value), ..*write })

@@ -3,9 +3,8 @@
 //! A lookup takes the upper bits of its argument's word as the index into all columns of its table; the columns are the
 //! coefficients of a polynomial in the lower bits, and reach the PE as base words. See `docs/decisions/0024`.
 
-use crate::index;
+use crate::index::{self, ValueId};
 use crate::model::{Expr, Variable};
-use crate::value::ValueId;
 
 /// Functions of a step graph.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -12,7 +12,7 @@ use crate::model::Model;
 use crate::source::Span;
 use crate::word::{Latency, WordFormat};
 
-pub use crate::value::ValueId;
+pub use crate::index::ValueId;
 
 /// How the stages of a step are arranged; see `docs/decisions/0001-number-path.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -136,6 +136,8 @@ ids! {
     pub StateId
     /// A PE: its place in [`Program::pes`](crate::program::Program::pes).
     pub PeId
+    /// A value of a step: its place in [`StepGraph::values`](crate::graph::StepGraph::values).
+    pub ValueId
 }
 
 /// An input port of a PE: its place in [`PeProgram::ports`](crate::program::PeProgram::ports). A control word has 8 bits

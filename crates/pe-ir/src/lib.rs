@@ -25,7 +25,6 @@ mod solver;
 pub mod source;
 mod stability;
 pub mod text;
-mod value;
 pub mod verify;
 mod waveform;
 pub mod word;

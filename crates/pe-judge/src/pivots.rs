@@ -28,8 +28,8 @@ pub struct SmallestPivot {
 /// them; none if there is no pivot.
 pub fn over_run(model: &Model, graph: &StepGraph, steps: u64) -> Option<(SmallestPivot, f64)> {
     let pivots: Vec<(StateId, ValueId)> = (0..graph.values.len() as u32)
-        .filter_map(|index| match graph.value(ValueId(index)).role {
-            Role::Pivot(state, _) => Some((state, ValueId(index))),
+        .filter_map(|index| match graph.value(ValueId::new(index)).role {
+            Role::Pivot(state, _) => Some((state, ValueId::new(index))),
             _ => None,
         })
         .collect();

@@ -65,7 +65,7 @@ impl<'a> DoubleRun<'a> {
         let mut values = vec![0.0; slots.count()];
         for (index, value) in graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
-                values[at(slots.of(ValueId(index::number(index))))] = number;
+                values[at(slots.of(ValueId::at(index)))] = number;
             }
         }
         for (value, segment, slot) in slots.column_entries(graph) {
@@ -104,7 +104,7 @@ impl<'a> DoubleRun<'a> {
 
     /// A value by its index: of the latest step, but for states, which are those of the next.
     pub fn value(&self, index: usize) -> f64 {
-        self.number(ValueId(index::number(index)))
+        self.number(ValueId::at(index))
     }
 
     /// A published output after a step.

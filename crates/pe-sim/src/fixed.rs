@@ -1,7 +1,7 @@
 //! The step graph in fixed point: bit for bit what the hardware computes, without its timing.
 
 use pe_ir::graph::{FixedPoint, Role, StepGraph, ValueId};
-use pe_ir::index::{self, StateId, at};
+use pe_ir::index::{StateId, at};
 use pe_ir::word::WordFormat;
 
 use crate::slots::Slots;
@@ -138,7 +138,7 @@ fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots) -> (Wo
     let mut words = Words::new(fixed.format, slots.count(), has_factors);
     words.set(at(slots.zero()), fixed.format.data_offset());
     for (index, value) in graph.values.iter().enumerate() {
-        let id = ValueId(index::number(index));
+        let id = ValueId::at(index);
         if let Role::Constant(_) = value.role {
             words.set(at(slots.of(id)), fixed.constant_word(graph, id));
         }

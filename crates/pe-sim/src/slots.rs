@@ -49,7 +49,7 @@ impl Slots {
         (align, tail, row): (u32, u32, impl Fn(ValueId, InRow) -> (InRow, bool)),
     ) -> Slots {
         let kinds = graph.values.iter().map(|value| kind(&value.role));
-        let rows: Vec<(InRow, bool)> = (0..).zip(kinds).map(|(index, kind)| row(ValueId(index), kind)).collect();
+        let rows: Vec<(InRow, bool)> = (0..).zip(kinds).map(|(index, kind)| row(ValueId::new(index), kind)).collect();
         let mut order: Vec<u32> = (0..graph.values.len() as u32).collect();
         order.sort_by_key(|index| (rows[at(*index)].0, *index));
         let (mut of, mut zero, mut given) = (vec![0; order.len()], 0u32, 0);
@@ -87,9 +87,9 @@ impl Slots {
             if let Role::Column(lookup, column) = value.role {
                 let table = graph.functions.lookups[at(lookup)].table;
                 let next = index::number(slots.columns.len());
-                let number = *known.entry((table, column, column_kind(ValueId(index)))).or_insert(next);
+                let number = *known.entry((table, column, column_kind(ValueId::new(index)))).or_insert(next);
                 if number == next {
-                    slots.columns.push((ValueId(index), slots.entries));
+                    slots.columns.push((ValueId::new(index), slots.entries));
                     slots.entries += index::number(graph.functions.segments.count());
                 }
                 slots.column_of.insert(index, number);
@@ -107,7 +107,7 @@ impl Slots {
 
     /// All values with what is their row unless it is changed.
     pub fn kinds<'a>(graph: &'a StepGraph) -> impl Iterator<Item = (ValueId, InRow)> + 'a {
-        (0..).zip(&graph.values).map(|(index, value)| (ValueId(index), kind(&value.role)))
+        (0..).zip(&graph.values).map(|(index, value)| (ValueId::new(index), kind(&value.role)))
     }
 
     /// The slot of a value.
@@ -212,7 +212,7 @@ impl Slots {
                     look_up(Outcome::Segment { target: segment, argument: self.of(lookup.argument), octaves });
                 }
                 if chosen.insert(base) {
-                    let among = self.columns[at(self.column_of[&base.0])].1;
+                    let among = self.columns[at(self.column_of[&base.number()])].1;
                     look_up(Outcome::Choice { target: self.of(base), segment, among });
                 }
             }
@@ -268,7 +268,7 @@ fn kind(role: &Role) -> InRow {
         Role::Algebraic(algebraic, stage) => (6, u32::from(stage), algebraic),
         Role::Inner(equation, serial) => (7, serial, equation.number()),
         Role::Partial(equation, serial) => (8, serial, equation.number()),
-        Role::Relayed(value, relay) => (14, relay, value.0),
+        Role::Relayed(value, relay) => (14, relay, value.number()),
         Role::Published(output) => (9, 0, output),
         Role::Pivot(state, matrix) => (12, u32::from(matrix), state.number()),
         Role::Auxiliary(auxiliary) => (11, 0, auxiliary),

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pe_emit::{EmitOptions, design_name, emit};
-use pe_ir::index::{List, PeId, PortId};
+use pe_ir::index::{List, PeId, PortId, ValueId};
 use pe_ir::program::{
     Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
     Target,
@@ -99,7 +99,7 @@ pub fn random_program(case: &Case) -> Program {
         inputs: Vec::new(),
         outputs: Vec::new(),
         states: List::new(),
-        names: vec!["V[1].u2".to_owned(), "hostile\n\"; end; -- */ \\".to_owned(), "x".repeat(100)],
+        names: vec!["V[1].u2".to_owned(), "hostile\n\"; end; -- */ \\".to_owned(), "x".repeat(100)].into(),
     };
     for index in 0..case.inputs {
         let unit = (index == 0).then(|| "mV\n".to_owned());
@@ -150,8 +150,8 @@ fn random_pe(
     let ports = ports.collect();
     let words = (0..case.period).map(|_| random_word(random, format, features)).collect();
     let note = |random: &mut Random| match random.below(4) {
-        3 => Note::NONE,
-        id => id as u32,
+        3 => None,
+        id => Some(ValueId::new(id as u32)),
     };
     let notes = (0..case.period).map(|_| Note {
         operand: note(random),

@@ -59,19 +59,19 @@ pub(super) struct Memories {
     pub columns: Vec<(PeId, u32, ValueId)>,
     /// Place of each imported value, by value and PE; start and end value of a state have entries of their
     /// own. Sorted.
-    imported: Vec<((u32, PeId), Place)>,
+    imported: Vec<((ValueId, PeId), Place)>,
 }
 
 impl Memories {
     /// Place of a value imported by a PE.
     pub fn import(&self, value: ValueId, pe: PeId) -> Place {
-        let found = self.imported.binary_search_by_key(&(value.0, pe), |(import, _)| *import);
+        let found = self.imported.binary_search_by_key(&(value, pe), |(import, _)| *import);
         self.imported[found.expect("operands from other PEs are imported")].1
     }
 
     /// All imports in order.
     pub fn imports(&self) -> impl Iterator<Item = (ValueId, PeId, Place)> {
-        self.imported.iter().map(|((value, pe), place)| (ValueId(*value), *pe, *place))
+        self.imported.iter().map(|((value, pe), place)| (*value, *pe, *place))
     }
 
     /// Places the values of one round.
@@ -95,10 +95,10 @@ impl Memories {
     fn allocate_indices(&mut self, graph: &StepGraph, mapping: &Mapping, period: u32, lives: &Lives) {
         let mut arcs: List<PeId, Vec<Arc>> = List::filled(Vec::new(), self.depths.len());
         for (argument, last_read) in &lives.indexed {
-            let equation = graph.values[index::at(*argument)].equation.expect("arguments of tables have a PE");
+            let equation = graph.value(*argument).equation.expect("arguments of tables have a PE");
             let pe = mapping.pe_of[equation];
-            let write = lives.own[index::at(*argument)].0;
-            arcs[pe].push(Arc { write, last_read: *last_read, key: *argument });
+            let write = lives.own[argument.index()].0;
+            arcs[pe].push(Arc { write, last_read: *last_read, key: argument.number() });
         }
         for (depths, arcs) in self.depths.iter_mut().zip(arcs) {
             let (assigned, count) = pack(arcs, period);
@@ -124,7 +124,7 @@ impl Memories {
         for (index, value) in graph.values.iter().enumerate() {
             let Role::Column(lookup, column) = value.role else { continue };
             let pe = mapping.pe_of[value.equation.expect("columns have a PE")];
-            let id = rounds.original(ValueId(index::number(index)));
+            let id = rounds.original(ValueId::at(index));
             let table = graph.functions.lookups[index::at(lookup)].table;
             let end = &mut ends[pe];
             let columns = &mut self.columns;
@@ -190,7 +190,7 @@ impl Memories {
             }
             if let Role::Constant(number) = value.role {
                 // Equal words are stored once.
-                let word = fixed.number_word(number, rounds.original(ValueId(index::number(index))), value);
+                let word = fixed.number_word(number, rounds.original(ValueId::at(index)), value);
                 let count = if is_base { &mut bases[pe] } else { &mut layouts[pe].single };
                 let slot = *constants.entry((pe, is_base, word)).or_insert_with(|| {
                     *count += 1;
@@ -304,10 +304,10 @@ impl Memories {
                 // A word that is read under the name of the end value alone may be another's when the step begins.
                 let start = graph.states[s].0;
                 if swap || lives.last_read(start, transfer.to).is_some() {
-                    self.imported.push(((start.0, transfer.to), place));
+                    self.imported.push(((start, transfer.to), place));
                 }
             }
-            self.imported.push(((transfer.value.0, transfer.to), place));
+            self.imported.push(((transfer.value, transfer.to), place));
         }
         self.imported.sort_unstable_by_key(|(import, _)| *import);
     }
@@ -366,9 +366,9 @@ struct Lives {
     /// For each value whether it is an operand in its own PE.
     operands: Vec<bool>,
     /// Last read of the index of each argument of a table.
-    indexed: BTreeMap<u32, u32>,
+    indexed: BTreeMap<ValueId, u32>,
     /// By value and PE: last read of the import; sorted.
-    imported: Vec<((u32, PeId), u32)>,
+    imported: Vec<((ValueId, PeId), u32)>,
 }
 
 impl Lives {
@@ -376,8 +376,8 @@ impl Lives {
         let mut own = vec![(0, 0); graph.values.len()];
         let mut bases = vec![false; graph.values.len()];
         let mut operands = vec![false; graph.values.len()];
-        let mut indexed: BTreeMap<u32, u32> = BTreeMap::new();
-        let mut imported: Vec<((u32, PeId), u32)> = Vec::new();
+        let mut indexed: BTreeMap<ValueId, u32> = BTreeMap::new();
+        let mut imported: Vec<((ValueId, PeId), u32)> = Vec::new();
         for (index, chain) in graph.chains.numbered() {
             let pe = mapping.pe_of[chain.equation];
             let start = schedule.starts[index];
@@ -390,10 +390,10 @@ impl Lives {
                     *read = (*read).max(time);
                     operands[term.operand.index()] = true;
                 } else {
-                    imported.push(((term.operand.0, pe), time));
+                    imported.push(((term.operand, pe), time));
                 }
                 if let Some(partner) = term.partner {
-                    imported.push(((partner.0, pe), time));
+                    imported.push(((partner, pe), time));
                 }
                 if let Factor::Value(value) = term.factor {
                     let read = &mut own[value.index()].1;
@@ -404,7 +404,7 @@ impl Lives {
                 let scale = last + latency.scale() + delay;
                 if let Some(base) = write.base {
                     if let Some((_, lookup)) = graph.lookup(base) {
-                        let read = indexed.entry(lookup.argument.0).or_insert(0);
+                        let read = indexed.entry(lookup.argument).or_insert(0);
                         *read = (*read).max(scale - Latency::INDEX_TO_SCALE);
                     } else {
                         let read = &mut own[base.index()].1;
@@ -423,7 +423,7 @@ impl Lives {
 
     /// Last read of the import of a value by a PE, if it reads it.
     fn last_read(&self, value: ValueId, pe: PeId) -> Option<u32> {
-        let found = self.imported.binary_search_by_key(&(value.0, pe), |(import, _)| *import);
+        let found = self.imported.binary_search_by_key(&(value, pe), |(import, _)| *import);
         found.ok().map(|at| self.imported[at].1)
     }
 }

@@ -147,7 +147,7 @@ impl Assembler<'_> {
             inputs: self.inputs(),
             outputs: self.outputs(),
             states,
-            names: (0..self.graph.values.len() as u32).map(|id| self.graph.value_name(ValueId(id))).collect(),
+            names: (0..self.graph.values.len() as u32).map(|id| self.graph.value_name(ValueId::new(id))).collect(),
         }
     }
 
@@ -356,8 +356,8 @@ impl Assembler<'_> {
                     CoefficientOperand::Stored(word as u16)
                 }
             };
-            pe.notes[at].operand = term.operand.0;
-            pe.notes[at].chain = chain.write.value.0;
+            pe.notes[at].operand = Some(term.operand);
+            pe.notes[at].chain = Some(chain.write.value);
         }
         pe.words[self.word(last + self.latency.close())].close = true;
         for ((delay, write), shift) in chain.delayed(self.latency).zip(self.fixed.shifts[index]) {
@@ -374,7 +374,7 @@ impl Assembler<'_> {
             word.write_index = self.octaves.get(&write.value).map(|o| (self.index_word(write.value), *o));
             word.write = Some(self.target(write.value, store));
             word.send = write.value == chain.write.value && sent[write.value.index()];
-            pe.notes[self.word(store)].write = write.value.0;
+            pe.notes[self.word(store)].write = Some(write.value);
         }
     }
 
@@ -392,7 +392,7 @@ impl Assembler<'_> {
                 let address = self.imported_address(transfer.value, transfer.to, receive);
                 let at = self.word(receive);
                 pe.words[at].receive = Some((PortId::at(port), address));
-                pe.notes[at].receive = transfer.value.0;
+                pe.notes[at].receive = Some(transfer.value);
             }
         }
     }
@@ -401,7 +401,7 @@ impl Assembler<'_> {
     fn states(&self, pes: &mut List<PeId, PeProgram>) -> List<StateId, StateRegister> {
         for (index, value) in self.rounds.graph.values.iter().enumerate() {
             if let Role::Constant(number) = value.role {
-                let id = self.rounds.original(ValueId(index::number(index)));
+                let id = self.rounds.original(ValueId::at(index));
                 let pe = self.home(id).expect("constants have a PE");
                 let home = self.memories.homes[index];
                 let word = self.fixed.number_word(number, id, value);

@@ -233,7 +233,7 @@ impl Expansion {
 
     fn value(&mut self, role: Role, equation: EquationId, factor: bool) -> ValueId {
         self.graph.values.push(Value { role, equation: Some(equation), factor });
-        ValueId(index::number(self.graph.values.len()) - 1)
+        ValueId::at(self.graph.values.len() - 1)
     }
 
     fn chain(&mut self, equation: EquationId, terms: Vec<Term>, write: Write, second: Option<Write>) {

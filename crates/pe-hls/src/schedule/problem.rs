@@ -410,7 +410,7 @@ impl Places {
         let pes = at(mapping.pes);
         let mut resident: Vec<u32> = (0..graph.values.len() as u32).collect();
         for (state, next) in &graph.states {
-            resident[next.index()] = state.0;
+            resident[next.index()] = state.number();
         }
         let home: Vec<Option<PeId>> = graph.values.iter().map(|value| Some(mapping.pe_of[value.equation?])).collect();
         let mut needs: Vec<(PeId, u32)> = Vec::new();
@@ -452,7 +452,7 @@ impl Places {
         let own = home.iter().map(|pe| pe.map_or(NONE, |pe| take(pe, &mut next_own))).collect();
         let import = |(pe, value): (PeId, u32)| {
             let is_input = matches!(graph.values[at(value)].role, Role::Input(_));
-            Import { resident: ValueId(value), pe, slot: take(pe, &mut next_import), is_input }
+            Import { resident: ValueId::new(value), pe, slot: take(pe, &mut next_import), is_input }
         };
         let imports = needs.into_iter().map(import).collect();
         Places { own, home, resident, first_import, imports, slots: at(slots) }
@@ -477,7 +477,7 @@ impl Places {
     /// Where a PE reads a value that it imports.
     fn import(&self, graph: &StepGraph, value: ValueId, pe: PeId) -> Operand {
         let before = if matches!(graph.value(value).role, Role::State(_)) { FROM_BEFORE } else { 0 };
-        let resident = ValueId(self.resident[value.index()]);
+        let resident = ValueId::new(self.resident[value.index()]);
         let range = at(self.first_import[pe.index()])..at(self.first_import[pe.index() + 1]);
         let imports = &self.imports[range];
         let found = imports.binary_search_by_key(&resident, |import| import.resident).expect("an import of the PE");

@@ -191,7 +191,7 @@ mod tests {
         let mut chain = |equation: u32, products: Vec<Term>, written: u32, base: Option<u32>| {
             let first = terms.len() as u32;
             terms.extend(products);
-            let write = Write { value: ValueId(written), base: base.map(ValueId), weight: 0 };
+            let write = Write { value: ValueId::new(written), base: base.map(ValueId::new), weight: 0 };
             chains.push(Chain {
                 equation: EquationId::new(equation),
                 terms: first..terms.len() as u32,
@@ -201,14 +201,14 @@ mod tests {
                 function: None,
             });
         };
-        let plain = |operand: &u32| Term::new(ValueId(*operand), Factor::Coefficient(0.5));
+        let plain = |operand: &u32| Term::new(ValueId::new(*operand), Factor::Coefficient(0.5));
         for (serial, (state, operands)) in inner.iter().enumerate() {
             chain(*state, operands.iter().map(plain).collect(), 2 * count + serial as u32, None);
         }
         for (state, operands) in states.iter().enumerate() {
             let own = inner.iter().enumerate().filter(|(_, sum)| sum.0 == state as u32);
-            let factor = |(serial, _)| Factor::Value(ValueId(2 * count + serial as u32));
-            let nested = own.map(factor).map(|factor| Term::new(ValueId(state as u32), factor));
+            let factor = |(serial, _)| Factor::Value(ValueId::new(2 * count + serial as u32));
+            let nested = own.map(factor).map(|factor| Term::new(ValueId::new(state as u32), factor));
             let products = operands.iter().map(plain).chain(nested).collect();
             chain(state as u32, products, count + state as u32, Some(state as u32));
         }
@@ -223,7 +223,7 @@ mod tests {
             values,
             chains,
             terms,
-            states: (0..count).map(|state| (ValueId(state), ValueId(count + state))).collect(),
+            states: (0..count).map(|state| (ValueId::new(state), ValueId::new(count + state))).collect(),
             initial: vec![0.0; count as usize].into(),
             inputs: Vec::new(),
             outputs: Vec::new(),

@@ -393,5 +393,5 @@ pub(super) fn push(
 ) -> ValueId {
     let equation = equation.into();
     graph.values.push(Value { role, equation, factor });
-    ValueId(index::number(graph.values.len()) - 1)
+    ValueId::at(graph.values.len() - 1)
 }

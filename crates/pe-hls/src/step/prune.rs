@@ -10,8 +10,7 @@ pub fn prune(graph: StepGraph) -> StepGraph {
         // Inputs and states stay: they are ports and memory of the model, read or not.
         live[index] || matches!(value.role, Role::State(_) | Role::Next(_) | Role::Input(_))
     });
-    let values: Vec<Option<ValueId>> =
-        dense(kept).map(|place| place.map(|place| ValueId(index::number(place)))).collect();
+    let values: Vec<Option<ValueId>> = dense(kept).map(|place| place.map(ValueId::at)).collect();
     let mut owns_chain = List::filled(false, graph.equations.len());
     let mut terms = Vec::with_capacity(graph.terms.len());
     let mut chains = List::with_capacity(graph.chains.len());
@@ -45,7 +44,7 @@ pub fn prune(graph: StepGraph) -> StepGraph {
     }
     let mut kept = Vec::with_capacity(graph.values.len());
     for (index, value) in graph.values.iter().enumerate().filter(|(index, _)| values[*index].is_some()) {
-        debug_assert_eq!(values[index], Some(ValueId(index::number(kept.len()))));
+        debug_assert_eq!(values[index], Some(ValueId::at(kept.len())));
         let equation = value.equation.and_then(|equation| equations[equation]);
         let role = match (value.role, equation) {
             (Role::Inner(_, serial), Some(equation)) => Role::Inner(equation, serial),

@@ -12,7 +12,7 @@ pub use shape::{shape, shapes};
 pub use text::read;
 
 use crate::functions::Segments;
-use crate::index::{List, PeId, PortId, StateId, at};
+use crate::index::{List, PeId, PortId, StateId, ValueId, at};
 use crate::word::{Latency, WordFormat};
 
 /// A word of a PE's own or imported memory. With `swap`, the top address bit is inverted in odd rounds.
@@ -179,28 +179,17 @@ impl LinkSource {
     }
 }
 
-/// Where a control word comes from: indices into [`Program::names`], `Note::NONE` where nothing happens.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Where a control word comes from: values in [`Program::names`], none where nothing happens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Note {
     /// Value on the data port.
-    pub operand: u32,
+    pub operand: Option<ValueId>,
     /// Value whose chain the product belongs to (its first write).
-    pub chain: u32,
+    pub chain: Option<ValueId>,
     /// Value that the write group stores.
-    pub write: u32,
+    pub write: Option<ValueId>,
     /// Value that the receive group stores.
-    pub receive: u32,
-}
-
-impl Note {
-    /// No value.
-    pub const NONE: u32 = u32::MAX;
-}
-
-impl Default for Note {
-    fn default() -> Self {
-        Note { operand: Self::NONE, chain: Self::NONE, write: Self::NONE, receive: Self::NONE }
-    }
+    pub receive: Option<ValueId>,
 }
 
 /// Program and memory images of one PE.
@@ -305,7 +294,7 @@ pub struct Program {
     /// Registers of the states.
     pub states: List<StateId, StateRegister>,
     /// Names of values, for notes.
-    pub names: Vec<String>,
+    pub names: List<ValueId, String>,
 }
 
 impl Program {
@@ -356,9 +345,9 @@ impl Program {
         segments.max_by_key(|segments| (segments.index_bits, segments.octave_bits)).unwrap_or_default()
     }
 
-    /// Name of a noted value; empty for [`Note::NONE`].
-    pub fn name(&self, note: u32) -> &str {
-        self.names.get(at(note)).map_or("", String::as_str)
+    /// Name of a noted value; empty for none.
+    pub fn name(&self, note: Option<ValueId>) -> &str {
+        note.and_then(|value| self.names.find(value)).map_or("", String::as_str)
     }
 
     /// Memory writes in each step, own and imported: the length of a trace, known without running anything.

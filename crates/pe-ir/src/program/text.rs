@@ -13,7 +13,7 @@ use super::{
     Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
     StateRegister, Target, Tick,
 };
-use crate::index::{self, List, PeId, PortId};
+use crate::index::{self, List, PeId, PortId, ValueId};
 use crate::text::{Line, Section, Stage, TextError, fixed, quoted, single};
 use crate::word::WordFormat;
 
@@ -210,7 +210,7 @@ impl Program {
             inputs: Vec::new(),
             outputs: Vec::new(),
             states: List::new(),
-            names: Vec::new(),
+            names: List::new(),
         }
     }
 }
@@ -297,7 +297,7 @@ pub fn read(section: &Section) -> Result<Program, TextError> {
 }
 
 struct Parser {
-    names: HashMap<String, u32>,
+    names: HashMap<String, ValueId>,
     program: Program,
 }
 
@@ -555,15 +555,12 @@ impl Parser {
         Ok(())
     }
 
-    fn note(&mut self, line: &mut Line) -> Result<u32, TextError> {
+    fn note(&mut self, line: &mut Line) -> Result<Option<ValueId>, TextError> {
         if line.is_done() || line.take_sign("- ") || line.rest() == "-" && line.take_sign("-") {
-            return Ok(Note::NONE);
+            return Ok(None);
         }
         let name = read_name(line)?;
-        Ok(*self.names.entry(name).or_insert_with_key(|name| {
-            self.program.names.push(name.clone());
-            index::number(self.program.names.len()) - 1
-        }))
+        Ok(Some(*self.names.entry(name).or_insert_with_key(|name| self.program.names.push(name.clone()))))
     }
 }
 

@@ -45,7 +45,7 @@ impl Labels {
 
     /// Of the values of a step graph.
     pub fn of_values(graph: &StepGraph) -> Labels {
-        Labels::of((0..graph.values.len() as u32).map(|value| graph.value_name(ValueId(value))))
+        Labels::of((0..graph.values.len() as u32).map(|value| graph.value_name(ValueId::new(value))))
     }
 
     /// One more; false if there is one of this name.
@@ -78,7 +78,7 @@ impl Labels {
 
     /// The text of a value.
     pub fn value(&self, value: ValueId) -> &str {
-        self.text(value.0)
+        self.text(value.number())
     }
 
     /// The text of a chain: that of its write that may be sent.
@@ -120,6 +120,6 @@ impl Labels {
     /// # Errors
     /// No value has it.
     pub fn read_value(&self, line: &mut Line) -> Result<ValueId, TextError> {
-        self.read(line, "a value").map(ValueId)
+        self.read(line, "a value").map(ValueId::new)
     }
 }

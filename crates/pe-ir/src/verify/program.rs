@@ -23,8 +23,6 @@ use crate::index::{self, ChainId, List, PeId};
 use crate::program::{Address, CoefficientOperand, ControlWord, LinkSource, PeProgram, Program, Target};
 use crate::word::Pipeline;
 
-const NONE: u32 = u32::MAX;
-
 /// What a register or memory word holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Cell {
@@ -33,13 +31,13 @@ enum Cell {
     /// A word of the initial image.
     Image(i64),
     /// A value of a step. The end value of a state is its start value in the next step.
-    Value(u32, i64),
+    Value(ValueId, i64),
     /// The base word, from this one on, that the segment of a value of a step tells; whether octaves are counted.
-    Entry(u16, u32, i64, bool),
+    Entry(u16, ValueId, i64, bool),
 }
 
 /// What a word of the index memory tells the segment of: value, step, and whether octaves are counted.
-type Index = (u32, i64, bool);
+type Index = (ValueId, i64, bool);
 
 /// A product: data operand and second factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -77,7 +75,7 @@ struct Pe<'a> {
     added: VecDeque<Option<Result>>,
     result: Option<Result>,
     /// Words that send, in order, each with the value that it claims to send.
-    sends: Vec<(u32, u32)>,
+    sends: Vec<(u32, Option<ValueId>)>,
     /// Index memory, and its read register; none is nothing known.
     indices: Vec<Option<Index>>,
     index: IndexRegister,
@@ -115,7 +113,7 @@ struct Checker<'a> {
     fixed: &'a FixedPoint,
     producers: Vec<Option<ChainId>>,
     /// Start value of a state for its end value, else none.
-    start_of: Vec<u32>,
+    start_of: Vec<Option<ValueId>>,
     /// Outputs by the PE and word in which they are captured, sorted.
     captures: Vec<((PeId, u32), usize)>,
     pes: List<PeId, Pe<'a>>,
@@ -132,9 +130,9 @@ impl<'a> Checker<'a> {
             Pipeline::Short => 1,
             Pipeline::Deep => 2,
         };
-        let mut start_of = vec![NONE; graph.values.len()];
+        let mut start_of = vec![None; graph.values.len()];
         for (state, next) in &graph.states {
-            start_of[next.index()] = state.0;
+            start_of[next.index()] = Some(*state);
         }
         let places = program.outputs.iter().map(|output| (output.pe, output.word));
         let mut captures: Vec<_> = places.zip(0..).collect();
@@ -168,7 +166,7 @@ impl<'a> Checker<'a> {
             violations: Vec::new(),
         };
         for (register, (state, _)) in program.states.iter().zip(&graph.states) {
-            let cell = Cell::Value(state.0, 0);
+            let cell = Cell::Value(*state, 0);
             let pe = &mut checker.pes[register.own.0];
             pe.own[usize::from(register.own.1)] = cell;
             pe.base[pe.program.features.base_word(register.own.1)] = cell;
@@ -188,8 +186,8 @@ impl<'a> Checker<'a> {
         match self.graph.value(value).role {
             Role::Constant(_) => Cell::Image(seen(self.fixed.constant_word(self.graph, value))),
             _ => match self.start_of[value.index()] {
-                NONE => Cell::Value(value.0, step),
-                state => Cell::Value(state, step + 1),
+                None => Cell::Value(value, step),
+                Some(state) => Cell::Value(state, step + 1),
             },
         }
     }
@@ -207,7 +205,7 @@ impl<'a> Checker<'a> {
         if control.own.is_some() && control.imported.is_some() {
             self.joined(index, round, word, &control, parity);
         }
-        if note.write != NONE && control.write.is_none() && control.write_index.is_none() {
+        if note.write.is_some() && control.write.is_none() && control.write_index.is_none() {
             self.fail(index, round, word, "a noted write is missing".into());
         }
         let operands = self.pes[index].read(&control, parity);
@@ -233,7 +231,7 @@ impl<'a> Checker<'a> {
             self.pes[index].indices[usize::from(address)] = known;
         }
         // Whatever is sent may set the overflow flag, received or not.
-        if control.send && note.write == NONE {
+        if control.send && note.write.is_none() {
             self.fail(index, round, word, "sends a value without a name".into());
         }
         if let Some((port, address)) = control.receive.filter(|_| settled) {
@@ -241,13 +239,12 @@ impl<'a> Checker<'a> {
                 Some(LinkSource::Pe(source)) => self.link(*source, round, word),
                 // Inputs of a step are sampled at its pause point.
                 Some(LinkSource::Input(input)) if word > pause => {
-                    Cell::Value(self.graph.inputs[index::at(*input)].0, step)
+                    Cell::Value(self.graph.inputs[index::at(*input)], step)
                 }
                 _ => Cell::Unknown,
             };
-            if note.receive == NONE
-                || cell != self.cell(ValueId(note.receive), self.received_step(note.receive, finishing, step), |w| w)
-            {
+            let noted = note.receive.map(|value| self.cell(value, self.received_step(value, finishing, step), |w| w));
+            if noted != Some(cell) {
                 let name = self.program.name(note.receive).to_owned();
                 self.fail(index, round, word, format!("receives {cell:?} instead of `{name}`"));
             }
@@ -271,9 +268,7 @@ impl<'a> Checker<'a> {
             None => sends.last().copied().zip(round.checked_sub(1)),
         };
         match last {
-            Some(((sent, value), round)) if value != NONE => {
-                self.cell(ValueId(value), self.finishing(round, sent), |word| word)
-            }
+            Some(((sent, Some(value)), round)) => self.cell(value, self.finishing(round, sent), |word| word),
             _ => Cell::Unknown,
         }
     }
@@ -287,7 +282,7 @@ impl<'a> Checker<'a> {
                 self.fail(pe, round, word, "two operands".into());
             }
             let room = match product.operand {
-                Cell::Value(value, _) => self.fixed.half_scale[index::at(value)],
+                Cell::Value(value, _) => self.fixed.half_scale[value.index()],
                 Cell::Image(_) | Cell::Entry(..) | Cell::Unknown => false,
             };
             if !room {
@@ -302,8 +297,8 @@ impl<'a> Checker<'a> {
     }
 
     /// Inputs belong to the running step, everything else to the step whose writes are under way.
-    fn received_step(&self, value: u32, finishing: i64, step: i64) -> i64 {
-        match self.graph.values.get(index::at(value)).map(|value| value.role) {
+    fn received_step(&self, value: ValueId, finishing: i64, step: i64) -> i64 {
+        match self.graph.values.get(value.index()).map(|value| value.role) {
             Some(Role::Input(_)) => step,
             _ => finishing,
         }
@@ -317,7 +312,7 @@ impl<'a> Checker<'a> {
         let first = self.captures.partition_point(|(place, _)| *place < here);
         for (_, output) in self.captures[first..].iter().take_while(|(place, _)| *place == here) {
             let noted = self.pes[pe].program.notes[index::at(word)].write;
-            if self.graph.outputs.get(*output) != Some(&ValueId(noted)) {
+            if noted.is_none() || self.graph.outputs.get(*output).copied() != noted {
                 let name = &self.program.outputs[*output].name;
                 let text = format!("output `{name}` captured from another value, step {step}");
                 self.violations.push(format!("round {round}, word {word}, PE {pe}: {text}"));
@@ -326,12 +321,11 @@ impl<'a> Checker<'a> {
     }
 
     /// Checks that the result register holds what the note claims; returns what the memory word becomes.
-    fn written_cell(&mut self, pe: PeId, round: u32, word: u32, value: u32, step: i64) -> Cell {
-        if value == NONE {
+    fn written_cell(&mut self, pe: PeId, round: u32, word: u32, value: Option<ValueId>, step: i64) -> Cell {
+        let Some(id) = value else {
             self.fail(pe, round, word, "writes a value without a name".into());
             return Cell::Unknown;
-        }
-        let id = ValueId(value);
+        };
         let Some(producer) = self.producers[id.index()] else {
             self.fail(pe, round, word, format!("`{}` has no chain", self.graph.value_name(id)));
             return Cell::Unknown;
@@ -408,7 +402,7 @@ impl<'a> Checker<'a> {
         for (index, count) in self.written.iter_mut().enumerate() {
             let expected = u32::from(self.producers[index].is_some());
             if *count != expected {
-                let name = self.graph.value_name(ValueId(index::number(index)));
+                let name = self.graph.value_name(ValueId::at(index));
                 self.violations.push(format!("round {round}: `{name}` written {count} times instead of {expected}"));
             }
             *count = 0;
@@ -483,7 +477,7 @@ impl Pe<'_> {
 }
 
 /// The words of a PE that send, and what they claim to send.
-fn sends(pe: &PeProgram) -> Vec<(u32, u32)> {
+fn sends(pe: &PeProgram) -> Vec<(u32, Option<ValueId>)> {
     let words = (0..).zip(pe.words.iter().zip(&pe.notes));
     words.filter(|(_, (control, _))| control.send).map(|(word, (_, note))| (word, note.write)).collect()
 }

@@ -241,7 +241,7 @@ impl<'a> Checker<'a> {
                 self.violations.push(format!("`{}` received before it is sent", self.graph.value_name(transfer.value)));
             }
         }
-        for (value, last) in (0..).map(ValueId).zip(last_receive).filter(|(_, last)| *last != NONE) {
+        for (value, last) in (0..).map(ValueId::new).zip(last_receive).filter(|(_, last)| *last != NONE) {
             if let (Some(sent), Some(equation)) = (self.written(value), self.graph.value(value).equation) {
                 let pe = self.pe(equation);
                 sends.entry(pe).or_default().push((sent, last));

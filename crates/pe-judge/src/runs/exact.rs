@@ -6,7 +6,7 @@ use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim, Moments, Sampling};
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
-use pe_ir::index::{StateId, at, number};
+use pe_ir::index::{StateId, at};
 use pe_ir::model::{Model, Variable};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
@@ -192,7 +192,7 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
         };
         if let Variable::Algebraic(algebraic) = variable {
             let range = model.algebraics[at(algebraic)].range;
-            range.into_iter().for_each(|range| include(ValueId(number(index)), range));
+            range.into_iter().for_each(|range| include(ValueId::at(index), range));
         }
     }
 }

@@ -6,7 +6,6 @@ use std::sync::mpsc::Receiver;
 use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim};
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
-use pe_ir::index;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
@@ -165,11 +164,7 @@ impl Exact {
             fixed.half_scale[*value] && libm::scalbn(self.largest[*value], -fixed.exponents[*value]) > half
         });
         if let Some(value) = cramped {
-            return Err(vec![saturated::too_narrow(
-                graph,
-                ValueId(index::number(value)),
-                "uses more than half of its range",
-            )]);
+            return Err(vec![saturated::too_narrow(graph, ValueId::at(value), "uses more than half of its range")]);
         }
         let measured = match self.measure(model, graph, fixed, self.source(graph)) {
             Ok(measured) => measured,
@@ -299,7 +294,7 @@ impl<'a> FixedPass<'a> {
         let words = port_words(model, run, step);
         if run.step(&words) || (step == 0 && run.saturations().iter().any(|count| *count > 0)) {
             let values = run.saturations().into_iter().enumerate().filter(|(_, count)| *count > 0);
-            let values = values.map(|(index, _)| ValueId(index::number(index))).collect();
+            let values = values.map(|(index, _)| ValueId::at(index)).collect();
             return Err(Saturated { values, step });
         }
         rows.add(run.states().take(*states).chain((0..*outputs).map(|output| run.output(output))));

@@ -39,7 +39,7 @@ impl Layout {
         let mut constants = vec![None; slots.count()];
         let mut shared = vec![false; slots.count()];
         for (index, value) in (0..).zip(&graph.values) {
-            let slot = at(slots.of(ValueId(index)));
+            let slot = at(slots.of(ValueId::new(index)));
             match value.role {
                 Role::Constant(number) => (constants[slot], shared[slot]) = (Some(number), true),
                 Role::Input(_) => shared[slot] = true,
@@ -58,7 +58,7 @@ impl Layout {
         for range in &ranges {
             free[at(range.start)..range.end as usize].fill(true);
         }
-        for slot in (0..graph.values.len() as u32).map(|value| slots.of(ValueId(value))) {
+        for slot in (0..graph.values.len() as u32).map(|value| slots.of(ValueId::new(value))) {
             free[at(slot)] = false;
         }
         free[at(slots.zero())..].fill(false);

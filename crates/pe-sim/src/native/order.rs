@@ -15,7 +15,7 @@ pub(super) struct Order {
     algebraics: Vec<u32>,
     equations: Vec<u32>,
     /// For each value the state that it is at the end of the step, if it is one.
-    next: BTreeMap<u32, u32>,
+    next: BTreeMap<ValueId, u32>,
     /// Free slots before and behind each row of array elements.
     pub edge: u32,
 }
@@ -77,14 +77,14 @@ impl Order {
             states: places(&mut graph.names.states.iter().map(String::as_str)),
             algebraics: places(&mut graph.names.algebraics.iter().map(String::as_str)),
             equations: places(&mut graph.equations.iter().map(|equation| equation.name.as_str())),
-            next: (0..).zip(&graph.states).map(|(state, (_, next))| (next.0, state)).collect(),
+            next: (0..).zip(&graph.states).map(|(state, (_, next))| (*next, state)).collect(),
             edge,
         }
     }
 
     /// The row of a value and its place there, and whether that is exact.
     pub fn row(&self, graph: &StepGraph, value: ValueId, (kind, stage, member): InRow) -> (InRow, bool) {
-        if let Some(state) = self.next.get(&value.0) {
+        if let Some(state) = self.next.get(&value) {
             return ((NEXT, 0, self.states[at(*state)]), true);
         }
         let place = match graph.value(value).role {

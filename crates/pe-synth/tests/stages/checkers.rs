@@ -268,7 +268,7 @@ fn columns_are_whole_aligned_and_never_overwritten() {
 #[test]
 fn a_write_stores_exactly_the_products_of_its_chain() {
     assert_program_rejected("first difference", |_, program| {
-        let (pe, word) = noted(program, |note| note.operand != u32::MAX)[0];
+        let (pe, word) = noted(program, |note| note.operand.is_some())[0];
         match &mut program.pes[pe].words[word].coefficient {
             CoefficientOperand::Coefficient(value) => *value ^= 1,
             CoefficientOperand::Stored(index) => {
@@ -278,7 +278,7 @@ fn a_write_stores_exactly_the_products_of_its_chain() {
         }
     });
     assert_program_rejected("products instead of", |_, program| {
-        let (pe, word) = noted(program, |note| note.operand != u32::MAX)[0];
+        let (pe, word) = noted(program, |note| note.operand.is_some())[0];
         program.pes[pe].words[word].own = None;
         program.pes[pe].words[word].imported = None;
     });
@@ -359,17 +359,17 @@ fn a_received_word_is_the_one_on_the_link() {
 #[test]
 fn every_value_is_written_once_per_step() {
     assert_program_rejected("a noted write is missing", |_, program| {
-        let (pe, word) = noted(program, |note| note.write != u32::MAX)[0];
+        let (pe, word) = noted(program, |note| note.write.is_some())[0];
         program.pes[pe].words[word].write = None;
     });
     assert_program_rejected("written 0 times instead of 1", |_, program| {
         // Neither the operation nor its note, as if the value had been forgotten.
-        let (pe, word) = noted(program, |note| note.write != u32::MAX)[0];
+        let (pe, word) = noted(program, |note| note.write.is_some())[0];
         program.pes[pe].words[word].write = None;
-        program.pes[pe].notes[word].write = u32::MAX;
+        program.pes[pe].notes[word].write = None;
     });
     assert_program_rejected("writes a value without a name", |_, program| {
-        let (pe, word) = noted(program, |note| note.write == u32::MAX).into_iter().next_back().expect("a free word");
+        let (pe, word) = noted(program, |note| note.write.is_none()).into_iter().next_back().expect("a free word");
         program.pes[pe].words[word].write = Some(Target { own: true, ..Target::default() });
     });
 }

@@ -35,7 +35,7 @@ fn relays_change_no_bit_and_pass_every_checker() {
                 with.step(&inputs);
                 machine.step(&inputs, &mut |_| {});
                 for value in 0..plain.graph.values.len() {
-                    let value = pe_ir::graph::ValueId(value as u32);
+                    let value = pe_ir::graph::ValueId::new(value as u32);
                     let name = plain.graph.value_name(value);
                     assert_eq!(with.word(value), without.word(value), "{}: `{name}` in step {step}", relayed.label);
                 }

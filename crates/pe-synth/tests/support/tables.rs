@@ -139,7 +139,7 @@ impl Builder {
 
     fn value(&mut self, role: Role, equation: EquationId, factor: bool) -> ValueId {
         self.graph.values.push(Value { role, equation: Some(equation), factor });
-        ValueId(self.graph.values.len() as u32 - 1)
+        ValueId::new(self.graph.values.len() as u32 - 1)
     }
 
     /// A chain of one product.

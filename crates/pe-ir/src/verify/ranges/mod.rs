@@ -18,9 +18,8 @@ mod runs;
 mod system;
 
 use crate::graph::{FixedPoint, StepGraph, Term};
-use crate::index;
+use crate::index::{self, ValueId};
 use crate::program::{OutputPort, Program};
-use crate::value::ValueId;
 use crate::word::WordFormat;
 
 pub use norm::{Measured, Norm};
@@ -122,7 +121,7 @@ impl Step {
         let responses = Responses::run(&self.system, measured, steps);
         let over_span = self.enclosure(measured, &responses, Some(steps));
         let for_ever = self.enclosure(measured, &responses, None);
-        let mut values = (0..self.system.values as u32).map(ValueId);
+        let mut values = (0..self.system.values as u32).map(ValueId::new);
         let lasts = values.all(|value| for_ever.fits(value) || !over_span.fits(value));
         Enclosure { lasts, ..over_span }
     }
@@ -167,26 +166,28 @@ impl Step {
 /// step as it is issued.
 pub fn check(program: &Program, graph: &StepGraph, enclosure: &Enclosure) -> Vec<String> {
     let producers = graph.producers();
-    let fits = |value: u32| index::at(value) < enclosure.largest.len() && enclosure.fits(ValueId(value));
+    let fits = |value: ValueId| value.index() < enclosure.largest.len() && enclosure.fits(value);
     let mut violations = Vec::new();
     for (index, pe) in program.pes.numbered().filter(|(_, pe)| pe.features.proven) {
         for (at, (word, note)) in pe.words.iter().zip(&pe.notes).enumerate() {
             let writes = word.write.is_some() || word.write_index.is_some() || word.send;
-            if writes && !fits(note.write) {
+            if writes && !note.write.is_some_and(fits) {
                 let name = program.name(note.write);
                 violations.push(format!("PE {index}, word {at}: nothing proves that `{name}` stays in range"));
             }
             let shown = |output: &&OutputPort| output.proven && (output.pe, output.word) == (index, index::number(at));
             for output in program.outputs.iter().filter(shown) {
-                if !fits(note.write) || !enclosure.shows(ValueId(note.write), &program.format) {
+                let proven = |value: ValueId| fits(value) && enclosure.shows(value, &program.format);
+                if !note.write.is_some_and(proven) {
                     violations.push(format!("output `{}`: nothing proves that it stays in range", output.name));
                 }
             }
             if word.own.is_some() && word.imported.is_some() {
-                let chain = producers.get(index::at(note.chain)).copied().flatten().map(|chain| &graph.chains[chain]);
+                let producer = note.chain.and_then(|value| *producers.get(value.index())?);
+                let chain = producer.map(|chain| &graph.chains[chain]);
                 let joined = chain.map_or(&[][..], |chain| graph.chain_terms(chain));
                 let mut joined = joined.iter().filter(|term| term.partner.is_some()).peekable();
-                if joined.peek().is_none() || joined.flat_map(Term::operands).any(|value| !fits(value.0)) {
+                if joined.peek().is_none() || joined.flat_map(Term::operands).any(|value| !fits(value)) {
                     violations.push(format!("PE {index}, word {at}: nothing proves that a sum of operands fits"));
                 }
             }

@@ -1,8 +1,8 @@
 //! Responses of an affine step to its initial states, and to an impulse at each input.
 
 use super::norm::Measured;
-use super::system::{NONE, System};
-use crate::index::at;
+use super::system::System;
+use crate::index::{ValueId, at};
 
 /// Responses that are computed side by side: that to the initial states, and those to inputs.
 const LANES: usize = 4;
@@ -43,7 +43,7 @@ impl Responses {
             cut: 0.0,
         };
         // One lane of the first run has the initial states; those of others are at rest.
-        let mut inputs: &[u32] = &system.inputs;
+        let mut inputs: &[ValueId] = &system.inputs;
         let mut first = true;
         while first || !inputs.is_empty() {
             let (these, others) = inputs.split_at(inputs.len().min(if first { LANES - 1 } else { LANES }));
@@ -72,23 +72,23 @@ struct Run<'a, const L: usize> {
     /// Sums of magnitudes of all values, over steps and inputs.
     sums: Vec<f64>,
     peaks: Vec<f64>,
-    inputs: &'a [u32],
+    inputs: &'a [ValueId],
     first: bool,
 }
 
 impl<'a, const L: usize> Run<'a, L> {
-    fn new(system: &'a System, inputs: &'a [u32], first: bool) -> Self {
+    fn new(system: &'a System, inputs: &'a [ValueId], first: bool) -> Self {
         let mut numbers = vec![[0.0; L]; system.values];
         if first {
             for ((start, _), initial) in system.states.iter().zip(&system.initial) {
-                numbers[at(*start)][L - 1] = *initial;
+                numbers[start.index()][L - 1] = *initial;
             }
             for (constant, number) in &system.constants {
                 numbers[at(*constant)][L - 1] = *number;
             }
         }
         for (lane, input) in inputs.iter().enumerate() {
-            numbers[at(*input)][lane] = system.input;
+            numbers[input.index()][lane] = system.input;
         }
         let sums = vec![0.0; system.values];
         let peaks = numbers.iter().map(|lanes| lanes[L - 1].abs()).collect();
@@ -116,15 +116,15 @@ impl<'a, const L: usize> Run<'a, L> {
         }
         let mut sums = self.sums;
         for input in &self.system.inputs {
-            sums[at(*input)] = 0.0;
+            sums[input.index()] = 0.0;
         }
         for input in self.inputs {
-            sums[at(*input)] = self.system.input;
-            self.peaks[at(*input)] = self.system.input;
+            sums[input.index()] = self.system.input;
+            self.peaks[input.index()] = self.system.input;
         }
         for (start, end) in &self.system.states {
-            sums[at(*start)] = sums[at(*end)];
-            self.peaks[at(*start)] = self.peaks[at(*start)].max(self.peaks[at(*end)]);
+            sums[start.index()] = sums[end.index()];
+            self.peaks[start.index()] = self.peaks[start.index()].max(self.peaks[end.index()]);
         }
         let cut = CUT * (done * L as u64) as f64;
         Responses { peaks: self.peaks, sums, steps: done, last: changes, cut }
@@ -136,17 +136,17 @@ impl<'a, const L: usize> Run<'a, L> {
         for sum in &system.sums {
             let mut total = [0.0; L];
             for (operand, coefficient) in &system.terms[sum.terms.clone()] {
-                let numbers = &self.numbers[at(*operand)];
+                let numbers = &self.numbers[operand.index()];
                 for lane in 0..L {
                     total[lane] += coefficient * numbers[lane];
                 }
             }
             for store in &system.stores[sum.stores.clone()] {
                 let mut word = [0.0; L];
-                if store.base != NONE {
-                    word = self.numbers[at(store.base)];
+                if let Some(base) = store.base {
+                    word = self.numbers[base.index()];
                 }
-                let target = at(store.target);
+                let target = store.target.index();
                 for lane in 0..L {
                     word[lane] += store.scale * total[lane];
                 }
@@ -163,26 +163,26 @@ impl<'a, const L: usize> Run<'a, L> {
     /// The impulses are over.
     fn rest(&mut self) {
         for (lane, input) in self.inputs.iter().enumerate() {
-            self.numbers[at(*input)][lane] = 0.0;
+            self.numbers[input.index()][lane] = 0.0;
         }
     }
 
     /// The states of the end are those of the next start. If they are looked at, what still moves is put down.
     fn finish(&mut self, changes: &mut [f64], looks: bool) {
         for ((start, end), change) in self.system.states.iter().zip(changes) {
-            let mut next = self.numbers[at(*end)];
+            let mut next = self.numbers[end.index()];
             for number in &mut next {
                 if number.abs() < CUT {
                     *number = 0.0;
                 }
             }
             if looks {
-                let before = self.numbers[at(*start)];
+                let before = self.numbers[start.index()];
                 let of_inputs: f64 = next[..L - usize::from(self.first)].iter().map(|number| number.abs()).sum();
                 let of_start = if self.first { (next[L - 1] - before[L - 1]).abs() } else { 0.0 };
                 *change = of_inputs + of_start;
             }
-            self.numbers[at(*start)] = next;
+            self.numbers[start.index()] = next;
         }
     }
 }

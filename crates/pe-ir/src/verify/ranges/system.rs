@@ -6,9 +6,6 @@ use crate::index::{ChainId, at};
 /// Half the distance between neighbouring numbers near one.
 pub(super) const UNIT: f64 = f64::EPSILON / 2.0;
 
-/// No base.
-pub(super) const NONE: u32 = u32::MAX;
-
 /// An upper bound of what was computed with so many roundings, all of numbers that are not negative.
 pub(super) fn up(computed: f64, roundings: usize) -> f64 {
     computed * (1.0 + 2.0 * (roundings as f64 + 2.0) * UNIT) + f64::MIN_POSITIVE
@@ -17,8 +14,8 @@ pub(super) fn up(computed: f64, roundings: usize) -> f64 {
 /// `number(target) := number(base) + scale * sum`.
 #[derive(Clone, Copy)]
 pub(super) struct Store {
-    pub target: u32,
-    pub base: u32,
+    pub target: ValueId,
+    pub base: Option<ValueId>,
     /// A power of two.
     pub scale: f64,
     /// Most by which rounding moves the number.
@@ -36,15 +33,15 @@ pub(super) struct Sum {
 pub(super) struct System {
     pub sums: Vec<Sum>,
     /// Operand and coefficient; exact.
-    pub terms: Vec<(u32, f64)>,
+    pub terms: Vec<(ValueId, f64)>,
     pub stores: Vec<Store>,
     /// Number of values.
     pub values: usize,
     /// Values of the states at the start and at the end of the step.
-    pub states: Vec<(u32, u32)>,
+    pub states: Vec<(ValueId, ValueId)>,
     /// For each state its initial number, rounded to a double.
     pub initial: Vec<f64>,
-    pub inputs: Vec<u32>,
+    pub inputs: Vec<ValueId>,
     /// Constants and their numbers.
     pub constants: Vec<(u32, f64)>,
     /// Largest magnitude that an input port can show.
@@ -65,9 +62,9 @@ impl System {
             terms: Vec::with_capacity(graph.terms.len()),
             stores: Vec::with_capacity(graph.chains.len()),
             values: graph.values.len(),
-            states: graph.states.iter().map(|(start, end)| (start.0, end.0)).collect(),
+            states: graph.states.to_vec(),
             initial: Vec::new(),
-            inputs: graph.inputs.iter().map(|input| input.0).collect(),
+            inputs: graph.inputs.clone(),
             constants: Vec::new(),
             input: libm::scalbn(1.0, format.word_bits() as i32 - 1),
             seen: format.data_offset() as f64,
@@ -84,7 +81,7 @@ impl System {
         }
         for (index, value) in (0..).zip(&graph.values) {
             if let Role::Constant(_) = value.role {
-                let word = fixed.constant_word(graph, ValueId(index));
+                let word = fixed.constant_word(graph, ValueId::new(index));
                 system.constants.push((index, (word - format.data_offset()) as f64));
             }
         }
@@ -100,7 +97,7 @@ impl System {
             let Factor::Coefficient(_) = graph.terms[at(term)].factor else { return None };
             // A pair has one coefficient for two operands.
             for operand in graph.terms[at(term)].operands() {
-                self.terms.push((operand.0, fixed.coefficients[at(term)] as f64));
+                self.terms.push((operand, fixed.coefficients[at(term)] as f64));
             }
         }
         let (left, drop) = (fixed.format.left_shift() as i32, fixed.format.data_drop() as i32);
@@ -110,8 +107,8 @@ impl System {
             }
             let shift = left - i32::from(shift);
             self.stores.push(Store {
-                target: write.value.0,
-                base: write.base.map_or(NONE, |base| base.0),
+                target: write.value,
+                base: write.base,
                 // Terms count in units of the words' LSB, of which the port drops some bits.
                 scale: libm::scalbn(1.0, shift - drop),
                 rounding: if shift < 0 { 0.5 } else { 0.0 },
@@ -127,22 +124,22 @@ impl System {
     pub fn errors(&self, states: &[f64], rounds: bool, moved: Option<&[f64]>) -> Vec<f64> {
         let mut errors = vec![0.0; self.values];
         for ((start, _), error) in self.states.iter().zip(states) {
-            errors[at(*start)] = *error;
+            errors[start.index()] = *error;
         }
         let seen = if rounds { self.seen } else { 0.0 };
         for sum in &self.sums {
             let terms = &self.terms[sum.terms.clone()];
             let (mut error, mut size) = (0.0, 0.0);
             for (operand, coefficient) in terms {
-                error += coefficient.abs() * (errors[at(*operand)] + seen);
-                size += moved.map_or(0.0, |moved| coefficient.abs() * moved[at(*operand)]);
+                error += coefficient.abs() * (errors[operand.index()] + seen);
+                size += moved.map_or(0.0, |moved| coefficient.abs() * moved[operand.index()]);
             }
             for store in &self.stores[sum.stores.clone()] {
-                let base = |of: &[f64]| if store.base == NONE { 0.0 } else { of[at(store.base)] };
+                let base = |of: &[f64]| store.base.map_or(0.0, |base| of[base.index()]);
                 let magnitude = moved.map_or(0.0, &base) + store.scale * size;
                 let arithmetic = 2.0 * (terms.len() as f64 + 3.0) * UNIT * magnitude;
                 let rounding = if rounds { store.rounding } else { 0.0 };
-                errors[at(store.target)] =
+                errors[store.target.index()] =
                     up(base(&errors) + store.scale * error + rounding + arithmetic, terms.len() + 6);
             }
         }
@@ -153,26 +150,26 @@ impl System {
     pub fn untouched(&self, leaves: impl Fn(ValueId) -> bool) -> Vec<bool> {
         let mut stays = vec![true; self.values];
         for store in &self.stores {
-            stays[at(store.target)] &= !leaves(ValueId(store.target));
+            stays[store.target.index()] &= !leaves(store.target);
         }
         // Values that leave their words touch what reads them, and not themselves.
         let mut untouched = vec![true; self.values];
         loop {
             let mut settled = true;
-            let mut set = |untouched: &mut Vec<bool>, value: u32, now: bool| {
-                settled &= now == untouched[at(value)];
-                untouched[at(value)] = now;
+            let mut set = |untouched: &mut Vec<bool>, value: ValueId, now: bool| {
+                settled &= now == untouched[value.index()];
+                untouched[value.index()] = now;
             };
             for sum in &self.sums {
-                let passes = |untouched: &[bool], value: u32| untouched[at(value)] && stays[at(value)];
+                let passes = |untouched: &[bool], value: ValueId| untouched[value.index()] && stays[value.index()];
                 let terms = self.terms[sum.terms.clone()].iter().all(|(operand, _)| passes(&untouched, *operand));
                 for store in &self.stores[sum.stores.clone()] {
-                    let now = terms && (store.base == NONE || passes(&untouched, store.base));
+                    let now = terms && store.base.is_none_or(|base| passes(&untouched, base));
                     set(&mut untouched, store.target, now);
                 }
             }
             for (start, end) in &self.states {
-                let now = untouched[at(*end)] && stays[at(*end)];
+                let now = untouched[end.index()] && stays[end.index()];
                 set(&mut untouched, *start, now);
             }
             if settled {
@@ -183,7 +180,7 @@ impl System {
 
     /// What the errors of a step are for the states at its end.
     pub fn at_end(&self, of_values: &[f64]) -> Vec<f64> {
-        self.states.iter().map(|(_, end)| of_values[at(*end)]).collect()
+        self.states.iter().map(|(_, end)| of_values[end.index()]).collect()
     }
 
     /// The states at the end of a step as sums over the states at its start, and the most roundings on the way to one.
@@ -192,7 +189,7 @@ impl System {
         let mut rows: Vec<Row> = vec![Row::new(); self.values];
         let mut roundings = vec![0usize; self.values];
         for (state, (start, _)) in (0..).zip(&self.states) {
-            rows[at(*start)] = vec![(state, 1.0, 1.0)];
+            rows[start.index()] = vec![(state, 1.0, 1.0)];
         }
         let mut scratch = vec![(0.0f64, 0.0f64); self.states.len()];
         let mut touched: Vec<u32> = Vec::new();
@@ -200,8 +197,8 @@ impl System {
         for sum in &self.sums {
             let mut deepest = 0;
             for (operand, coefficient) in &self.terms[sum.terms.clone()] {
-                deepest = deepest.max(roundings[at(*operand)]);
-                for (state, number, magnitude) in &rows[at(*operand)] {
+                deepest = deepest.max(roundings[operand.index()]);
+                for (state, number, magnitude) in &rows[operand.index()] {
                     let slot = &mut scratch[at(*state)];
                     if slot.1 == 0.0 {
                         touched.push(*state);
@@ -214,20 +211,20 @@ impl System {
             touched.dedup();
             let count = self.terms[sum.terms.clone()].len() + 2;
             for store in &self.stores[sum.stores.clone()] {
-                let base = if store.base == NONE { &[][..] } else { &rows[at(store.base)] };
+                let base = store.base.map_or(&[][..], |base| &rows[base.index()]);
                 let row = merged(base, &touched, &scratch, store.scale);
-                let before = if store.base == NONE { 0 } else { roundings[at(store.base)] };
-                roundings[at(store.target)] = deepest.max(before) + count;
+                let before = store.base.map_or(0, |base| roundings[base.index()]);
+                roundings[store.target.index()] = deepest.max(before) + count;
                 entries += row.len();
-                rows[at(store.target)] = row;
+                rows[store.target.index()] = row;
             }
             touched.drain(..).for_each(|state| scratch[at(state)] = (0.0, 0.0));
             if entries > limit {
                 return None;
             }
         }
-        let of_states = self.states.iter().map(|(_, end)| rows[at(*end)].clone()).collect();
-        Some((of_states, self.states.iter().map(|(_, end)| roundings[at(*end)]).max().unwrap_or(0)))
+        let of_states = self.states.iter().map(|(_, end)| rows[end.index()].clone()).collect();
+        Some((of_states, self.states.iter().map(|(_, end)| roundings[end.index()]).max().unwrap_or(0)))
     }
 }
 
