@@ -1,4 +1,15 @@
-//! The flow from model to program, compiler stage by compiler stage.
+//! The flow from model to program, compiler stage by compiler stage: the one order of `compile`, of sweeps and of goals.
+//!
+//! ```text
+//! build       solver, step, form; with functions the ports    step graph
+//! split       PEs, where equations are heavy                   step graph
+//! run         as its step graph                                run in double precision
+//! formats     multiplier, storage, coefficients                formats, judged
+//! implement   PEs, mapping                                     design
+//! ```
+//!
+//! In the middle is what decides a stage beside the stages before it. [`design`] does all of them for one point;
+//! [`crate::explore::sweep`] calls them for many and keeps what several points share.
 
 use std::sync::Arc;
 
@@ -25,12 +36,11 @@ use crate::settings::{MappingOptions, Settings, StageLoop, step_options};
 use crate::spec::LoadedModel;
 use crate::stages::{self, CHECKED_ROUNDS};
 use crate::watch::Stopwatch;
-use pe_judge::progress::silent;
 use pe_judge::proof;
-use pe_judge::runs::{self, Judged};
+use pe_judge::runs::{self, Comparison, Exact, Judged};
 use pe_judge::slots;
 use pe_judge::tables;
-use pe_judge::{Coefficients, DesignPoint, ProofMode};
+use pe_judge::{Coefficients, Criteria, DesignPoint, ProofMode};
 use pe_target::area::{self, Family};
 
 /// What annealing made of one start.
@@ -120,46 +130,83 @@ pub fn prepare(
     watch: &mut Stopwatch,
 ) -> Result<Prepared, Failure> {
     let Settings { criteria, mapping: mapping_options, seed } = settings;
-    let format = point.format(&loaded.model).map_err(Failure::Usage)?;
     let (file, pes) = given_mapping(loaded, mapping_options, point.pes)?;
     let graph = step_for(loaded, point, mapping_options, pes, watch)?;
     let given = file.map(|file| candidates::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
-    let fixed = loaded.stages.as_ref().and_then(|stages| stages.fixed.as_ref());
-    let graph = match point.coefficients {
-        Coefficients::TwoSlot | Coefficients::Auto if fixed.is_none() => {
-            two_slots(loaded, graph, format, point.coefficients, watch)?
-        }
-        _ => graph,
-    };
-    let graph = Arc::new(graph);
-    let network = Network { pes, seed: *seed, given };
+    let stepped = run(loaded, graph, watch)?;
+    let (graph, judged) = formats(loaded, criteria, point, &stepped, None, watch)?;
+    Ok(Prepared { graph, judged: Arc::new(judged), network: Network { pes, seed: *seed, given } })
+}
+
+/// A step and its run in double precision: what designs that differ in their words share.
+pub struct Stepped {
+    /// The step.
+    pub graph: Arc<StepGraph>,
+    /// Its run.
+    pub exact: Exact,
+}
+
+/// Runs a step in double precision.
+///
+/// # Errors
+/// Those of the run.
+pub fn run(loaded: &LoadedModel, graph: StepGraph, watch: &mut Stopwatch) -> Result<Stepped, Failure> {
     let progress = watch.progress("runs");
+    let exact = watch.part("runs", || Exact::run(&loaded.model, &graph, progress));
+    let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    Ok(Stepped { graph: Arc::new(graph), exact })
+}
+
+/// What runs in double precision say about the method, or why they are refused.
+pub type Compared = Result<Comparison, Vec<Diagnostic>>;
+
+/// Number formats of a step, and the errors of its runs in them: of the step that was run, or of that with coefficients in two
+/// slots. `compared` is given where the same step is run in several formats; else the runs that it needs share the machine with
+/// those in fixed point.
+///
+/// # Errors
+/// Those of the runs, and words that no hardware has.
+pub fn formats(
+    loaded: &LoadedModel,
+    criteria: &Criteria,
+    point: &DesignPoint,
+    stepped: &Stepped,
+    compared: Option<&Compared>,
+    watch: &mut Stopwatch,
+) -> Result<(Arc<StepGraph>, Judged), Failure> {
+    let model = &loaded.model;
+    let format = point.format(model).map_err(Failure::Usage)?;
     let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
-    let exact = watch.part("runs", || runs::Exact::run(&loaded.model, &graph, progress)).map_err(refused)?;
-    if let Some(fixed) = fixed {
-        let figure = |judged: &Result<Judged, _>| runs_figure(judged.as_ref());
-        let judge = || exact.judge_given(&loaded.model, &graph, fixed, criteria);
+    let figure = |judged: &Result<Judged, _>| runs_figure(judged.as_ref());
+    if let Some(fixed) = loaded.stages.as_ref().and_then(|stages| stages.fixed.as_ref()) {
+        let judge = || stepped.exact.judge_given(model, &stepped.graph, fixed, criteria);
         let judged = watch.timed("runs", judge, figure).map_err(refused)?;
         watch.warn(&judged.warnings, &loaded.sources);
-        return Ok(Prepared { graph, judged: Arc::new(judged), network });
+        return Ok((Arc::clone(&stepped.graph), judged));
     }
+    let refined = match point.coefficients {
+        Coefficients::OneSlot => None,
+        Coefficients::TwoSlot | Coefficients::Auto => two_slots(loaded, stepped, format, point.coefficients, watch)?,
+    };
+    let Stepped { graph, exact } = refined.as_ref().unwrap_or(stepped);
     let proposal = match criteria.proof {
         ProofMode::Off => None,
         ProofMode::Ranges => watch.stage(
             "ranges",
-            || exact.propose(&loaded.model, &graph, format, criteria),
-            |proposal| proposal.as_ref().map_or("no formats".to_owned(), |proposal| proposal.figure(&graph)),
+            || exact.propose(model, graph, format, criteria),
+            |proposal| proposal.as_ref().map_or("no formats".to_owned(), |proposal| proposal.figure(graph)),
         ),
     };
-    let judged = watch
-        .timed(
-            "runs",
-            || exact.judge(&loaded.model, &graph, format, criteria, proposal.as_ref()),
-            |judged| runs_figure(judged.as_ref()),
-        )
-        .map_err(refused)?;
+    let judge = || match compared {
+        None => exact.judge(model, graph, format, criteria, proposal.as_ref()),
+        Some(compared) => {
+            let settled = exact.settle_proven(model, graph, format, proposal.as_ref());
+            exact.conclude(model, graph, settled, compared.clone(), criteria)
+        }
+    };
+    let judged = watch.timed("runs", judge, figure).map_err(refused)?;
     watch.warn(&judged.warnings, &loaded.sources);
-    Ok(Prepared { graph, judged: Arc::new(judged), network })
+    Ok((Arc::clone(graph), judged))
 }
 
 /// The mapping of the text that the model comes from, or that of the options; and the number of PEs.
@@ -385,29 +432,26 @@ pub fn build(
     tabulated.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))
 }
 
-/// Puts coefficients in two slots.
+/// The step with coefficients in two slots, and its run; none if one slot is to be taken.
 fn two_slots(
     loaded: &LoadedModel,
-    graph: StepGraph,
+    stepped: &Stepped,
     format: WordFormat,
     coefficients: Coefficients,
     watch: &mut Stopwatch,
-) -> Result<StepGraph, Failure> {
-    let products = graph.macs();
+) -> Result<Option<Stepped>, Failure> {
+    let Stepped { graph, exact } = stepped;
     let refined = watch.stage(
         "slots",
-        || {
-            let exact = runs::Exact::run(&loaded.model, &graph, silent())?;
-            slots::refine(&loaded.model, &graph, &exact, format, coefficients)
-        },
+        || slots::refine(&loaded.model, graph, exact, format, coefficients),
         |refined| match refined {
             Ok(Some((split, _))) => format!("two for coefficients, {} products per step", split.macs()),
-            Ok(None) => format!("one for coefficients, {products} products per step"),
+            Ok(None) => format!("one for coefficients, {} products per step", graph.macs()),
             Err(_) => "refused".to_owned(),
         },
     );
     let refined = refined.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
-    Ok(refined.map_or(graph, |(split, _)| split))
+    Ok(refined.map(|(split, exact)| Stepped { graph: Arc::new(split), exact }))
 }
 
 fn runs_figure(judged: Result<&Judged, &Vec<Diagnostic>>) -> String {

@@ -16,7 +16,7 @@ use pe_ir::program::{self, Program};
 use pe_ir::schedule::Schedule;
 use pe_ir::source::{Diagnostic, Sources};
 use pe_ir::text::labels::{Labels, distinct};
-use pe_ir::text::{self, Section, Stage, TextError};
+use pe_ir::text::{self, Place, Section, Stage, TextError};
 use pe_ir::verify;
 use pe_ir::word::Latency;
 
@@ -38,8 +38,12 @@ pub struct Stages {
     pub fixed: Option<FixedPoint>,
     /// The mapping.
     pub mapping: Option<MappingFile>,
+    /// Where the schedule is, which can be read when the step is known as it is issued.
+    schedule: Option<Place>,
     /// The program; its notes have numbers of their own.
     pub program: Option<Program>,
+    /// Where the program is.
+    of_program: Option<Place>,
 }
 
 /// Reads the text of a stage, with all stages before it.
@@ -90,9 +94,19 @@ impl Stages {
         }
         let fixed = section(Stage::Fixed).zip(graph.as_ref()).map(|(section, graph)| text::fixed::read(section, graph));
         let mapping = section(Stage::Mapping).map(|section| MappingFile::of_section(section, sources)).transpose()?;
+        let schedule = section(Stage::Schedule).map(Section::place);
         let program = section(Stage::Program).map(program::read).transpose()?;
+        let of_program = section(Stage::Program).map(Section::place);
         let last = sections.last().expect("one at least").stage;
-        let stages = Stages { last, graph: graph.map(Arc::new), fixed: fixed.transpose()?, mapping, program };
+        let stages = Stages {
+            last,
+            graph: graph.map(Arc::new),
+            fixed: fixed.transpose()?,
+            mapping,
+            schedule,
+            program,
+            of_program,
+        };
         Ok((model, stages))
     }
 }
@@ -118,12 +132,6 @@ fn difference(model: &Model, graph: &StepGraph) -> Option<String> {
     (!outputs.eq(&graph.names.outputs)).then(|| "it has other outputs".to_owned())
 }
 
-/// The section of a stage.
-fn section(sources: &Sources, stage: Stage) -> Option<Section<'_>> {
-    let sections = text::sections(sources.text()).ok()?;
-    sections.into_iter().find(|section| section.stage == stage)
-}
-
 fn refused(sources: &Sources, section: &Section, violation: &str) -> Failure {
     let message = format!("this {} is wrong: {violation}", section.stage.name());
     let finding = Diagnostic::error(codes::BAD_STAGE_TEXT, section.span(), message)
@@ -141,8 +149,8 @@ pub fn schedule(
     mapping: &Mapping,
     latency: Latency,
 ) -> Result<Option<Schedule>, Failure> {
-    let Some((_, sources)) = given else { return Ok(None) };
-    let Some(section) = section(sources, Stage::Schedule) else { return Ok(None) };
+    let Some((stages, sources)) = given else { return Ok(None) };
+    let Some(section) = stages.schedule.as_ref().map(|place| place.section(sources.text())) else { return Ok(None) };
     let schedule = text::schedule::read(&section, issued, mapping.pes)
         .map_err(|error| Failure::Spec(vec![error.finding()], sources.clone()))?;
     match verify::schedule::check(issued, mapping, &schedule, latency).first() {
@@ -188,8 +196,8 @@ pub fn program(
     mapping: &Mapping,
 ) -> Result<Option<Program>, Failure> {
     let Some((stages, sources)) = given else { return Ok(None) };
-    let program = stages.program.clone();
-    let (Some(mut program), Some(section)) = (program, section(sources, Stage::Program)) else { return Ok(None) };
+    let Some((mut program, place)) = stages.program.clone().zip(stages.of_program.as_ref()) else { return Ok(None) };
+    let section = place.section(sources.text());
     let known = renumbered(&mut program, graph);
     let states = program.states.iter().map(|state| &state.name).eq(&graph.names.states);
     let inputs = program.inputs.iter().map(|input| &input.name).eq(&graph.names.inputs);

@@ -141,7 +141,8 @@ pub fn with_forms(points: Vec<DesignPoint>, model: &Model, mapping: &MappingOpti
         pe_hls::step::build_with(&model, &options).map_or(point.form, |graph| FormChoice::of(graph.form))
     };
     let form = |point: DesignPoint| {
-        let same = |(other, _): &&(DesignPoint, FormChoice)| other.solver == point.solver && other.pes == point.pes;
+        let asked = |point: &DesignPoint| (point.solver, step_options(point, mapping));
+        let same = |(other, _): &&(DesignPoint, FormChoice)| asked(other) == asked(&point);
         let form = known.iter().find(same).map_or_else(|| choose(&point), |(_, form)| *form);
         known.push((point, form));
         DesignPoint { form, ..point }

@@ -3,8 +3,8 @@
 use std::sync::{Arc, OnceLock};
 
 use pe_ir::model::Model;
-use pe_judge::DesignPoint;
 use pe_judge::total::Reference;
+use pe_judge::{Coefficients, DesignPoint, FormChoice};
 use pe_sim::reference::ReferenceError;
 
 /// A point to be compiled.
@@ -36,7 +36,12 @@ pub fn families(jobs: Vec<Job>, functions: bool) -> Vec<Family> {
     let mut families: Vec<Family> = Vec::new();
     let same_tables = |a: &DesignPoint, b: &DesignPoint| !functions || a.multiplier == b.multiplier;
     let same_times = |a: &DesignPoint, b: &DesignPoint| a.step == b.step && a.early_steps == b.early_steps;
-    let same_step = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && same_times(a, b) && a.form == b.form;
+    // Stages that are sums want coefficients in one slot.
+    let one_slot = |point: &DesignPoint| point.coefficients == Coefficients::OneSlot;
+    let same_form = |a: &DesignPoint, b: &DesignPoint| {
+        a.form == b.form && (a.form != FormChoice::Sums || one_slot(a) == one_slot(b))
+    };
+    let same_step = |a: &DesignPoint, b: &DesignPoint| a.solver == b.solver && same_times(a, b) && same_form(a, b);
     let same_graph = |a: &DesignPoint, b: &DesignPoint| same_step(a, b) && same_tables(a, b);
     let same_format = |a: &DesignPoint, b: &DesignPoint| {
         (a.multiplier, a.storage, a.coefficients) == (b.multiplier, b.storage, b.coefficients)

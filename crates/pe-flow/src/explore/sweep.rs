@@ -17,7 +17,7 @@ use std::sync::{Arc, OnceLock};
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
-use pe_ir::source::{Diagnostic, Severity};
+use pe_ir::source::Severity;
 use pe_sim::reference::ReferenceError;
 use rayon::Scope;
 
@@ -26,7 +26,7 @@ use super::family::{Family, Job, families, has_functions};
 use super::row::{Compiled, Outcome, Reason};
 use crate::candidates::Network;
 use crate::failure::Failure;
-use crate::pipeline;
+use crate::pipeline::{self, Compared, Stepped};
 use crate::report::{Figures, Silicon, Told};
 use crate::settings::Settings;
 use crate::spec::LoadedModel;
@@ -37,7 +37,6 @@ use pe_judge::check::sampled;
 use pe_judge::conserved::Conserved;
 use pe_judge::progress::silent;
 use pe_judge::runs::{Comparison, Exact, Judged};
-use pe_judge::slots;
 use pe_judge::total::{Reference, TotalError};
 use pe_target::area;
 use pe_target::clock::ClockSource;
@@ -74,9 +73,8 @@ pub enum Event {
 struct Base {
     loaded: Arc<LoadedModel>,
     reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
-    graph: Arc<StepGraph>,
-    exact: Exact,
-    comparison: Result<Comparison, Vec<Diagnostic>>,
+    stepped: Stepped,
+    compared: Compared,
 }
 
 /// What the points with the same formats share.
@@ -147,37 +145,32 @@ impl Sweep {
         reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
         sender: &Sender<Event>,
     ) -> Result<Base, Reason> {
-        let (graph, exact) = guarded(|| {
-            let graph = pipeline::build(&loaded, point, &self.settings.mapping, &mut Stopwatch::silent())?;
-            let exact = Exact::run(&loaded.model, &graph, silent());
-            Ok((graph, exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?))
+        let stepped = guarded(|| {
+            let watch = &mut Stopwatch::silent();
+            let graph = pipeline::build(&loaded, point, &self.settings.mapping, watch)?;
+            pipeline::run(&loaded, graph, watch)
         })?;
+        let Stepped { graph, exact } = &stepped;
         let refused = |comparison: Option<&Comparison>| -> Option<Reason> {
             let limit = self.within?;
-            let solution = self.reference(&reference, &loaded.model, &exact, point, sender).as_ref().ok()?;
-            let error = solution.double_error(&loaded.model, &exact, comparison);
+            let solution = self.reference(&reference, &loaded.model, exact, point, sender).as_ref().ok()?;
+            let error = solution.double_error(&loaded.model, exact, comparison);
             (error > limit || error.is_nan()).then(|| Reason::beyond(error, error))
         };
         if let Some(reason) = refused(None) {
             return Err(reason);
         }
-        let comparison = guarded(|| Ok(exact.compare(&loaded.model, &graph)))?;
-        if let Some(reason) = comparison.as_ref().ok().and_then(|comparison| refused(Some(comparison))) {
+        let compared = guarded(|| Ok(exact.compare(&loaded.model, graph)))?;
+        if let Some(reason) = compared.as_ref().ok().and_then(|comparison| refused(Some(comparison))) {
             return Err(reason);
         }
-        Ok(Base { loaded: Arc::new(loaded), reference, graph: Arc::new(graph), exact, comparison })
+        Ok(Base { loaded: Arc::new(loaded), reference, stepped, compared })
     }
 
     fn format<'a>(&'a self, base: &Arc<Base>, jobs: Vec<Job>, scope: &Scope<'a>, sender: &'a Sender<Event>) {
         let judged = guarded(|| {
             let point = &jobs[0].point;
-            let (graph, judged) = match self.refined(base, &base.graph, &base.exact, point)? {
-                Some((graph, exact)) => {
-                    let judged = self.judged(base, &graph, &exact, point)?;
-                    (Arc::new(graph), judged)
-                }
-                None => (Arc::clone(&base.graph), self.judged(base, &base.graph, &base.exact, point)?),
-            };
+            let (graph, judged) = self.judged(base, &base.stepped, point)?;
             let total = self.total(base, &judged, point, sender);
             Ok(Format { base: Arc::clone(base), graph, judged: Arc::new(judged), total })
         });
@@ -233,42 +226,21 @@ impl Sweep {
         sender: &Sender<Event>,
     ) -> Result<TotalError, ReferenceError> {
         let model = &base.loaded.model;
-        let reference = self.reference(&base.reference, model, &base.exact, point, sender).as_ref();
+        let reference = self.reference(&base.reference, model, &base.stepped.exact, point, sender).as_ref();
         reference.map(|reference| reference.compare(model, judged)).map_err(|error| *error)
     }
 
-    /// The graph with coefficients in two slots, if the point has them.
-    fn refined(
-        &self,
-        base: &Base,
-        graph: &StepGraph,
-        exact: &Exact,
-        point: &DesignPoint,
-    ) -> Result<Option<(StepGraph, Exact)>, Failure> {
-        let refined = slots::refine(
-            &base.loaded.model,
-            graph,
-            exact,
-            point.format(&base.loaded.model).map_err(Failure::Usage)?,
-            point.coefficients,
-        );
-        refined.map_err(|findings| Failure::Spec(findings, base.loaded.sources.clone()))
-    }
-
-    /// Formats and errors of a graph, which is that of the family or a split of it.
-    fn judged(&self, base: &Base, graph: &StepGraph, exact: &Exact, point: &DesignPoint) -> Result<Judged, Failure> {
-        let model = &base.loaded.model;
-        let format = point.format(model).map_err(Failure::Usage)?;
-        let proposal = exact.propose(model, graph, format, &self.settings.criteria);
-        let settled = exact.settle_proven(model, graph, format, proposal.as_ref());
-        let refused = |findings| Failure::Spec(findings, base.loaded.sources.clone());
-        let judged = exact.conclude(model, graph, settled, base.comparison.clone(), &self.settings.criteria);
-        let mut judged = judged.map_err(refused)?;
-        let findings = sampled::findings(model, graph, &judged).into_iter();
+    /// The graph that a point has, and its formats and errors; what was run is the graph of the family or a split of it.
+    fn judged(&self, base: &Base, stepped: &Stepped, point: &DesignPoint) -> Result<(Arc<StepGraph>, Judged), Failure> {
+        let (loaded, criteria) = (&base.loaded, &self.settings.criteria);
+        let watch = &mut Stopwatch::silent();
+        let (graph, mut judged) = pipeline::formats(loaded, criteria, point, stepped, Some(&base.compared), watch)?;
+        let findings = sampled::findings(&loaded.model, &graph, &judged).into_iter();
         let (refusals, warnings): (Vec<_>, Vec<_>) = findings.partition(|finding| finding.severity == Severity::Error);
         judged.warnings.extend(warnings);
-        judged.warnings.extend(self.settings.criteria.permit(refusals).map_err(refused)?);
-        Ok(judged)
+        let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
+        judged.warnings.extend(criteria.permit(refusals).map_err(refused)?);
+        Ok((graph, judged))
     }
 
     /// Designs the network of a point and reports on it as `compile` does.
@@ -277,18 +249,12 @@ impl Sweep {
         let (loaded, point) = (&base.loaded, &job.point);
         let (mut graph, mut judged, mut total) = (Arc::clone(graph), Arc::clone(judged), total.clone());
         // Heavy equations are split differently for every number of PEs; then nothing is shared.
-        if let Some(split) = pipeline::split(
-            &base.graph,
-            point.pes,
-            &self.settings.mapping,
-            point.format(&loaded.model).map_err(Failure::Usage)?,
-        ) {
-            let exact = Exact::run(&loaded.model, &split, silent());
-            let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
-            let (split, exact) = self.refined(base, &split, &exact, point)?.unwrap_or((split, exact));
-            judged = Arc::new(self.judged(base, &split, &exact, point)?);
-            total = self.total(base, &judged, point, sender);
-            graph = Arc::new(split);
+        let words = point.format(&loaded.model).map_err(Failure::Usage)?;
+        if let Some(split) = pipeline::split(&base.stepped.graph, point.pes, &self.settings.mapping, words) {
+            let stepped = pipeline::run(loaded, split, &mut Stopwatch::silent())?;
+            let (of_split, judged_split) = self.judged(base, &stepped, point)?;
+            total = self.total(base, &judged_split, point, sender);
+            (graph, judged) = (of_split, Arc::new(judged_split));
         }
         let seed = self.settings.seed;
         let watch = &mut Stopwatch::silent();

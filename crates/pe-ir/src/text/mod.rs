@@ -118,7 +118,27 @@ pub struct Section<'a> {
     header: Range<usize>,
 }
 
+/// Where a section is in its text.
+#[derive(Clone, Debug)]
+pub struct Place {
+    stage: Stage,
+    body: Range<usize>,
+    header: Range<usize>,
+}
+
+impl Place {
+    /// The section that is there in the text in which it was found.
+    pub fn section<'a>(&self, text: &'a str) -> Section<'a> {
+        Section { stage: self.stage, text, body: self.body.clone(), header: self.header.clone() }
+    }
+}
+
 impl<'a> Section<'a> {
+    /// Where it is.
+    pub fn place(&self) -> Place {
+        Place { stage: self.stage, body: self.body.clone(), header: self.header.clone() }
+    }
+
     /// Its lines, one item each.
     pub fn lines(&self) -> Lines<'a> {
         Lines::new(self.text, self.body.clone())
