@@ -124,7 +124,7 @@ impl Accuracy {
         let sheet = record.sheet();
         let view = View::new(&sheet);
         if !quiet {
-            console::out(&format!("{}  see {}\n", view.summary(), record.target.display()));
+            console::out(&format!("{}  see {}\n", view.summary(), record.target.display()))?;
         }
         verdict(&sheet)?;
         match (self.max_error, view.chosen) {

@@ -103,11 +103,10 @@ impl Bench {
             fs::write(path, format!("{figures:#}\n")).map_err(|error| Failure::file("write", path, error))?;
         }
         if quiet {
-            console::out(&format!("{figures}\n"));
+            console::out(&format!("{figures}\n"))
         } else {
-            console::out(&table(&design, model, clock, steps, &measurement));
+            console::out(&table(&design, model, clock, steps, &measurement))
         }
-        Ok(())
     }
 }
 

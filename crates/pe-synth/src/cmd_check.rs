@@ -63,10 +63,8 @@ impl Check {
         let mut loaded = self.model.load(&point)?;
         let asked_span = loaded.model.span;
         let format = point.format(&loaded.model).map_err(Failure::Usage)?;
-        let graph = pipeline::build(&loaded, &point, &mapping, &mut watch)
-            .map_err(|failure| unbuilt(failure, &loaded.model))?;
-        let (_, pes) = mapping.given(point.pes)?;
-        let graph = pipeline::split(&graph, pes, &mapping, format).unwrap_or(graph);
+        let graph =
+            pipeline::step(&loaded, &point, &mapping, &mut watch).map_err(|failure| unbuilt(failure, &loaded.model))?;
         if loaded.model.states.len() > LARGE {
             let steps = (PRODUCTS / graph.macs().max(1)).max(FEWEST_STEPS).min(loaded.model.steps());
             loaded.model.span = loaded.model.span.min(loaded.model.time(steps, 0.0));
@@ -80,7 +78,7 @@ impl Check {
             Err(refusals) => (Checked::of_refused(&question, refusals), None),
         };
         let variables = judged.as_ref().map(|judged| variables::variables(model, &graph, judged));
-        console::out(&if json {
+        let told = console::out(&if json {
             let mut result = check::json(model, &check, judged.as_ref(), asked_span, &loaded.sources);
             result["variables"] = variables.map_or(Value::Null, |variables| variables::complete(&variables).into());
             format!("{result:#}\n")
@@ -91,7 +89,7 @@ impl Check {
         let (refusals, warnings): (Vec<_>, Vec<_>) =
             check.findings.into_iter().partition(|finding| finding.severity == Severity::Error);
         print_findings(&warnings, &loaded.sources, self.message_format());
-        if refusals.is_empty() { Ok(()) } else { Err(Failure::Spec(refusals, loaded.sources.clone())) }
+        if refusals.is_empty() { told } else { Err(Failure::Spec(refusals, loaded.sources.clone())) }
     }
 }
 

@@ -189,7 +189,7 @@ impl Compile {
             let files = row("files", &format!("{}; all figures in report.json", target.display()));
             let stability = check.as_ref().map_or_else(unjudged, |check| check::summary(model, check));
             let stability = row("stability", &stability);
-            console::out(&(report.table(&model.size().to_string()) + &stability + &chosen + &device + &files));
+            console::out(&(report.table(&model.size().to_string()) + &stability + &chosen + &device + &files))?;
         }
         Ok(())
     }

@@ -104,9 +104,9 @@ impl Diff {
                 format!("{}\n", json!({"beyond": count(Verdict::Beyond), "figures": rows}))
             }
         };
-        console::out(&text);
+        let told = console::out(&text);
         match rows.iter().filter(|row| row.verdict == Verdict::Beyond).map(|row| row.name).collect::<Vec<_>>() {
-            beyond if beyond.is_empty() => Ok(()),
+            beyond if beyond.is_empty() => told,
             beyond => Err(Failure::Mismatch(format!("changed beyond the tolerance: {}", beyond.join(", ")))),
         }
     }

@@ -64,9 +64,7 @@ impl Dump {
 
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
-        let text = self.text()?;
-        console::out(&text);
-        Ok(())
+        console::out(&self.text()?)
     }
 
     fn text(&self) -> Result<String, Failure> {

@@ -32,7 +32,6 @@ impl Explain {
             None => console::out(&list()),
             Some(code) => console::out(&format!("{}\n", codes::explain(code).ok_or_else(|| unknown(code))?)),
         }
-        Ok(())
     }
 }
 

@@ -112,7 +112,7 @@ impl Explore {
         let sheet = record.sheet();
         if !quiet {
             let page = record.target.join("index.html");
-            console::out(&format!("{}  see {}\n", show::summary(&sheet), page.display()));
+            console::out(&format!("{}  see {}\n", show::summary(&sheet), page.display()))?;
         }
         verdict(&sheet)
     }

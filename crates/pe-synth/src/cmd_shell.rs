@@ -3,6 +3,7 @@
 use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
+use pe_flow::failure::Failure;
 
 use crate::console;
 
@@ -20,10 +21,13 @@ pub struct Completions {
 
 impl Completions {
     /// Runs the command; `command` is the whole command line's description.
-    pub fn run(&self, mut command: Command) {
+    ///
+    /// # Errors
+    /// [`Failure::File`] if it cannot be printed.
+    pub fn run(&self, mut command: Command) -> Result<(), Failure> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut command, "pe-synth", &mut script);
-        console::out(&String::from_utf8_lossy(&script));
+        console::out(&String::from_utf8_lossy(&script))
     }
 }
 
@@ -37,8 +41,11 @@ pub struct ManualPage {}
 
 impl ManualPage {
     /// Runs the command; `command` is the whole command line's description.
-    pub fn run(&self, command: Command) {
-        console::out(&page(command));
+    ///
+    /// # Errors
+    /// [`Failure::File`] if it cannot be printed.
+    pub fn run(&self, command: Command) -> Result<(), Failure> {
+        console::out(&page(command))
     }
 }
 

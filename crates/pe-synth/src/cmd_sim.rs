@@ -54,10 +54,7 @@ impl Sim {
         let trace = if is_vcd { vcd(&loaded.model, &rows)? } else { csv(&loaded.model, &rows).into_bytes() };
         match &self.output {
             Some(path) => std::fs::write(path, trace).map_err(|error| Failure::file("write", path, error)),
-            None => {
-                console::out(&String::from_utf8_lossy(&trace));
-                Ok(())
-            }
+            None => console::out(&String::from_utf8_lossy(&trace)),
         }
     }
 

@@ -64,18 +64,19 @@ impl Verify {
         }
         let options = Options { engines, steps: self.steps };
         let for_people = self.message_format == MessageFormat::Human;
+        let mut told = Ok(());
         let mut say = |line: &str| {
-            if for_people {
-                console::out(line);
+            if for_people && told.is_ok() {
+                told = console::out(line);
             }
         };
         let verdict = judge(&self.folder, &options, &mut say)?;
         if !for_people {
-            console::out(&format!("{}\n", verdict.json()));
+            told = console::out(&format!("{}\n", verdict.json()));
         }
         match verdict.changes.len() {
-            0 => Ok(()),
-            _ if self.allow_changed => Ok(()),
+            0 => told,
+            _ if self.allow_changed => told,
             changed => {
                 let noun = if changed == 1 { "finding" } else { "findings" };
                 Err(Failure::Mismatch(format!(
@@ -97,7 +98,7 @@ impl Verify {
         });
         let campaign = Campaign { count, seed: self.seed, steps: self.steps };
         let findings = campaign.run(&self.folder, &*progress::damages(self.message_format == MessageFormat::Json))?;
-        console::out(&match self.message_format {
+        let told = console::out(&match self.message_format {
             MessageFormat::Human => show::table(&findings),
             MessageFormat::Json => {
                 let design = DesignFolder::open(&self.folder)?.design;
@@ -105,7 +106,7 @@ impl Verify {
             }
         });
         match show::missed(&findings) {
-            0 => Ok(()),
+            0 => told,
             missed => Err(Failure::Mismatch(format!(
                 "{missed} of {} damages are neither caught nor shown to be without effect",
                 findings.len()

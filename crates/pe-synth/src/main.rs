@@ -85,16 +85,15 @@ fn main() -> ExitCode {
         Command::Golden(golden) => (MessageFormat::Human, golden.run()),
         Command::Diff(diff) => (diff.message_format(), diff.run()),
         Command::Explain(explain) => (explain.message_format(), explain.run()),
-        Command::Completions(completions) => {
-            completions.run(Arguments::command());
-            (MessageFormat::Human, Ok(()))
-        }
-        Command::Man(man) => {
-            man.run(Arguments::command());
-            (MessageFormat::Human, Ok(()))
-        }
+        Command::Completions(completions) => (MessageFormat::Human, completions.run(Arguments::command())),
+        Command::Man(man) => (MessageFormat::Human, man.run(Arguments::command())),
     });
     let (format, result) = outcome.unwrap_or_else(|failure| (asked_format(), Err(failure)));
+    ended(result, format)
+}
+
+/// The exit code of a command; a failure is told.
+fn ended(result: Result<(), Failure>, format: MessageFormat) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -120,8 +119,7 @@ fn refused(error: &clap::Error) -> ExitCode {
     let text = error.render();
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            console::out(&text.ansi().to_string());
-            return ExitCode::SUCCESS;
+            return ended(console::out(&text.ansi().to_string()), asked_format());
         }
         _ if asked_format() == MessageFormat::Json => {
             let text = text.to_string();

@@ -8,6 +8,7 @@ mod support;
 mod accuracy;
 mod bench;
 mod cli;
+mod console;
 mod damage;
 mod explore;
 mod golden;
