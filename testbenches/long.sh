@@ -27,6 +27,9 @@ failed=()
 printf '\n== advisories (%d s)\n' "$SECONDS"
 "$target/tools/bin/cargo-deny" check advisories || failed+=(advisories)
 
+printf '\n== what pages say is printed (%d s)\n' "$SECONDS"
+PE_SYNTH=$pe_synth crates/xtask/pages/printed.py --check --long || failed+=(printed)
+
 printf '\n== fuzzing (%d s)\n' "$SECONDS"
 for fuzzed in spec_text:1000000 stage_texts:8000000 program_text:16000000; do
   PE_FUZZ_SEED=$seed PE_FUZZ_COUNT=${fuzzed#*:} \

@@ -100,6 +100,10 @@ begin 'test benches of the VHDL entities'
 testbenches/run.sh
 crates/xtask/pages/timing.sh --check
 
+begin 'what pages say is printed'
+cargo build --locked --quiet
+PE_SYNTH=$target/debug/pe-synth crates/xtask/pages/printed.py --check
+
 begin 'layout of the VHDL'
 lint hdl/*.vhd testbenches/*.vhd
 

@@ -1,39 +1,42 @@
 #!/usr/bin/env python3
-"""How many states of an affine model a box proves free of overflow; see 0013-saturation-stays.md.
+"""How many states of an affine model a box proves free of overflow; see decisions/0013-saturation-stays.md.
 
-    docs/decisions/saturation-box.py MODEL SPAN PES
+    cargo run -p xtask -- saturation-box MODEL SPAN PES
 
 Takes the equations of a step from `pe-synth dump`, puts each value as a sum over states and inputs at the beginning of
 the step, and grows the box of largest magnitudes, from the initial values and the whole range of the input ports, until
 a step maps it into itself or a state meets the end of its format. A state counts if none of its writes can reach that
 end. Formats as they are, and one and two bits wider. Rounding is not in it, so this is what a proof could reach at
-most. $PE_SYNTH is the binary, default target/release/pe-synth.
+most. $PE_SYNTH names a binary to use in place of building one.
 """
 
-import os
 import re
 import subprocess
 import sys
 from collections import defaultdict
 
-PE_SYNTH = os.environ.get("PE_SYNTH", "target/release/pe-synth")
+from common import ROOT, built
+
 GROWTH = 1.05  # from the 200th round on, so that slow growth comes to an end
 
 
-def dump(stage, *options):
-    command = [PE_SYNTH, "dump", "--stage", stage, *options]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+def dump(program, stage, *options):
+    """The lines of a stage, without its header."""
+    command = [program, "dump", "--stage", stage, "--only", *options]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[1:]
 
 
 def linear_forms(step):
     """For each value its coefficients over start values; for each equation its values."""
     forms, writes = {}, defaultdict(list)
-    for line in step.splitlines()[1:]:
-        value, right = re.match(r"  (\S+) = (.*)$", line).groups()
+    for line in step:
+        if not line.startswith("chain "):
+            continue
+        value, right = re.match(r"chain (?:in \S+: )?(\S+) = (.*)$", line).groups()
         base, weight, terms = re.match(r"(?:(\S+) \+ )?(?:2\^(-?\d+) \* )?\((.*)\)$", right).groups()
         form = defaultdict(float)
         parts = [(1.0, base)] if base else []
-        for term in terms.split(" + "):
+        for term in terms.replace(" - ", " + -").split(" + "):
             coefficient, operand = term.split("*", 1)
             parts.append((2.0 ** int(weight or 0) * float(coefficient), operand))
         for factor, operand in parts:
@@ -45,17 +48,17 @@ def linear_forms(step):
 
 
 def main(model, span, pes):
-    spec = f"models/{model}/{model}.spec"
-    point = [spec, "--span", span, "--pes", pes, "--multiplier", "25x18", "--tries", "500"]
-    forms, writes = linear_forms(dump("step", spec, "--span", span))
-    mapping = [line.rsplit(" ", 1) for line in dump("mapping", *point).splitlines()]
-    initial = [abs(float(number)) for number in re.findall(r"initial: ([-\d.eE]+)", dump("model", spec))]
-    words = [line.split() for line in dump("program", *point).splitlines()]
+    program, spec = built(), str(ROOT / f"models/{model}/{model}.spec")
+    point = [spec, "--span", span, "--pes", pes, "--multiplier", "25x18", "--tries", "500", "--proof", "off"]
+    forms, writes = linear_forms(dump(program, "step", spec, "--span", span))
+    mapping = [line.rsplit(" ", 1) for line in dump(program, "mapping", *point)]
+    initial = [abs(float(number)) for number in re.findall(r"^state .* initial (\S+)", "\n".join(dump(program, "model", spec)), re.M)]
+    words = [line.split() for line in dump(program, "program", *point)]
     formats = {w[1]: 2.0 ** (39 + int(w[3])) for w in words if w and w[0] == "state"}
     inputs = {w[1]: 2.0 ** (31 + int(w[w.index("exponent") + 1])) for w in words if w and w[0] == "input"}
 
     def bound(value, box):
-        reach = lambda name: box.get(name) or inputs.get(name) or abs(float(name))
+        reach = lambda name: box.get(name) or inputs.get(name) or abs(float(name.strip('"')))
         return sum(abs(coefficient) * reach(name) for name, coefficient in forms[value].items() if coefficient)
 
     for wider in range(3):
