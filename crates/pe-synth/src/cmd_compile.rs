@@ -28,7 +28,7 @@ use pe_flow::settings::Settings;
 use pe_flow::spec::LoadedModel;
 use pe_flow::variables::{self, variables};
 use pe_flow::watch::Stopwatch;
-use pe_judge::check::{self as judge, Check, EXPLAINED};
+use pe_judge::check::{self as judge, Check, EXPLAINED, JUDGED_STATES};
 use pe_judge::conserved::Conserved;
 use pe_judge::parse::duration;
 use pe_judge::total::{Reference, TotalError};
@@ -38,9 +38,6 @@ use pe_target::devices::Fit;
 
 /// Lines of the reference trace that is written with a design, roughly.
 const TRACE_LINES: u64 = 120_000;
-
-/// States up to which a compilation explains its step by eigenvalues and trials: that takes about a second then.
-const JUDGED_STATES: usize = 500;
 
 /// Compiles a model to VHDL, test bench, Rust reference, reference trace and report
 #[derive(clap::Args, Debug)]

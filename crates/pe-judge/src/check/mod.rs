@@ -32,7 +32,7 @@ pub use self::answer::Check;
 pub use self::findings::factor;
 pub use self::observed::{Chaos, DeadBand, StepGrowth};
 pub use self::prediction::{Prediction, eigenvalue};
-pub use self::question::{ACCURACY, Question, SAFE, TRIED_STATES};
+pub use self::question::{ACCURACY, JUDGED_STATES, Question, SAFE, TRIED_STATES};
 pub use self::rest::{Rest, Ringing};
 pub use self::trials::{Accuracy, Found};
 

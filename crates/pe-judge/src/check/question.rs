@@ -13,6 +13,9 @@ pub const ACCURACY: f64 = 1e-3;
 /// States above which no trials with other steps are run.
 pub const TRIED_STATES: usize = 10_000;
 
+/// States up to which a compilation explains its step by eigenvalues and trials: that takes about a second then.
+pub const JUDGED_STATES: usize = 500;
+
 /// States up to which methods are tried that eliminate or fill a matrix.
 pub const MATRIX_STATES: usize = 200;
 

@@ -9,7 +9,7 @@ use pe_ir::word::{Latency, MultiplierPorts, WordFormat};
 
 use super::observed;
 use super::prediction::Prediction;
-use super::question::{MATRIX_STATES, Question, SAFE, TRIED_STATES, rounded};
+use super::question::{JUDGED_STATES, MATRIX_STATES, Question, SAFE, TRIED_STATES, rounded};
 use super::rest::{self, Rest};
 use super::trials::{Outcome, Trials};
 use super::trusted::Trusted;
@@ -23,6 +23,10 @@ const WORD_ERROR: f64 = 0.02;
 
 /// Changes that are tried, at most.
 const MOST_TRIALS: usize = 10;
+
+/// Products that the trials of a model with more than [`JUDGED_STATES`] may take for each product of a step: a part of what its
+/// mapping costs a compilation, which tries nothing then.
+const MAPPING: u64 = 10_000;
 
 /// Products of the runs over the span that a wider word may take to be tried.
 const PRODUCTS: u64 = 300_000_000;
@@ -74,7 +78,9 @@ pub fn for_step(
     let has_matrix =
         |solver: Solver| solver.amplification(-100.0, 0.0) <= 1.0 && solver.largest_step(-1.0, 0.0).is_none();
     for solver in Solver::ALL {
-        if solver != model.solver && model.states.len() > MATRIX_STATES && has_matrix(solver) {
+        let evaluations = f64::from(solver.stages()) / f64::from(model.solver.stages());
+        let judged = !accurate || trials.affords_error(&own.graph, evaluations);
+        if solver != model.solver && (!judged || model.states.len() > MATRIX_STATES && has_matrix(solver)) {
             continue;
         }
         let Some(trial) = trials.trial(solver, model.step) else { continue };
@@ -92,8 +98,15 @@ pub fn for_step(
         candidates.extend(steps.map(|step| (f64::from(cycles) / step, cycles, solver, step)));
     }
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    candidates.dedup_by(|a, b| a == b);
+    let mut left = match model.states.len() {
+        0..=JUDGED_STATES => u64::MAX,
+        _ => MAPPING * own.graph.macs(),
+    };
     let mut stable_only = None;
     for (cost, cycles, solver, step) in candidates.into_iter().take(MOST_TRIALS) {
+        let Some(rest) = left.checked_sub(trials.products(solver, step)) else { continue };
+        left = rest;
         if trials.run(solver, step) != Outcome::Stable {
             continue;
         }

@@ -245,6 +245,22 @@ impl<'a> Trials<'a> {
         None
     }
 
+    /// Whether the method error of a method may be found whose step takes so many times the products of `graph`, and is no
+    /// longer than the model's.
+    pub fn affords_error(&self, graph: &StepGraph, evaluations: f64) -> bool {
+        let products = (graph.macs() as f64 * evaluations) as u64;
+        self.model.steps() <= PRODUCTS / (products + PRODUCTS_PER_STEP)
+    }
+
+    /// Products that a run and its method error take, about.
+    pub fn products(&self, solver: Solver, step: f64) -> u64 {
+        let Some(trial) = self.trial(solver, step) else { return 0 };
+        let each = trial.graph.macs() + PRODUCTS_PER_STEP;
+        let steps = self.steps(&trial.model);
+        let error = if trial.model.steps() > affordable(&trial.graph) { 0.0 } else { METHOD_STEPS };
+        (each as f64 * (steps.min(affordable(&trial.graph)) as f64 + error * steps as f64)) as u64
+    }
+
     /// Method error of a step: what half of it changes, extrapolated; none if it cannot be run.
     pub fn method_error(&self, solver: Solver, step: f64) -> Option<f64> {
         let trial = self.trial(solver, step)?;
