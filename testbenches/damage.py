@@ -9,14 +9,14 @@ import collections
 import json
 import sys
 
-print("| design | damages | caught | from the beginning | the middle | random words | limits | datasheet | equivalence | missed |")
-print("|---|---|---|---|---|---|---|---|---|---|")
+print("| design | damages | caught | from the beginning | the middle | random words | limits | sums | datasheet | equivalence | missed |")
+print("|---|---|---|---|---|---|---|---|---|---|---|")
 misses = []
 for path in sys.argv[1:]:
     with open(path) as file:
         campaign = json.load(file)
     runs = collections.Counter(damage["caught_from"] for damage in campaign["damages"] if damage["fate"] == "caught")
-    named = [runs.pop(name, 0) for name in ("the beginning", "random words", "words at the limits")]
+    named = [runs.pop(name, 0) for name in ("the beginning", "random words", "words at the limits", "sums beyond the limits")]
     # What is left starts at a step.
     named.insert(1, sum(runs.values()))
     every = campaign["all"]

@@ -36,6 +36,10 @@ struct Registers {
     addends: (i64, i128),
     sum: i128,
     word: i64,
+    /// The sum that the word was made from.
+    exact: i128,
+    /// Sums of the words that were at the memories, by control word.
+    sums: Vec<i128>,
     /// -1 below, 1 above, 0 if it did not saturate.
     saturated: i8,
     index: usize,
@@ -93,6 +97,8 @@ impl<'a> Clocked<'a> {
             addends: (0, 0),
             sum: 0,
             word: 0,
+            exact: 0,
+            sums: vec![0; at(program.period)],
             saturated: 0,
             index: 0,
             too_large: vec![false; if deep { 2 } else { 1 }],
@@ -160,6 +166,11 @@ impl<'a> Clocked<'a> {
     /// The control word, counted as in traces, with which the overflow flag rose.
     pub fn overflow_cycle(&self) -> Option<u64> {
         self.overflow_cycle
+    }
+
+    /// Sums from which the words at a PE's memories were made before they saturated, one for each control word of the last step.
+    pub fn sums(&self, pe: PeId) -> &[i128] {
+        &self.pes[pe].sums
     }
 
     /// Whether a sum of two operands wrapped: [`crate::machine`] knows such sums no longer.
@@ -262,6 +273,7 @@ impl<'a> Clocked<'a> {
         let mut fields = clock.reads_at_work(&reads, pe, cover);
         // The result that is at the memories now.
         let (result, saturated) = (pe.word, pe.saturated);
+        pe.sums[self.word] = pe.exact;
         pe.round(format, features);
         fields |= pe.accumulate(&clock, &reads, cover);
         let (too_large, joined_too_large) = pe.multiply(&clock, &reads);
@@ -408,6 +420,7 @@ impl Registers {
 
     /// The sum as a word, then the next sum: base and shifted sum of products.
     fn round(&mut self, format: &WordFormat, features: &PeFeatures) {
+        self.exact = self.sum;
         self.saturated = match self.sum {
             sum if sum > i128::from(format.max_word()) => 1,
             sum if sum < i128::from(format.min_word()) => -1,

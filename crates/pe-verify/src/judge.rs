@@ -11,12 +11,13 @@ use pe_sim::coverage::Coverage;
 use serde_json::{Value, json};
 
 use crate::Scratch;
+use crate::climb;
 use crate::coverage::{self, Table};
 use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
 use crate::folder::{Change, DesignFolder};
 use crate::handshake::{self, Handshake, Met};
 use crate::package::{self, InitialWord};
-use crate::stimuli::{self, Observed, Purpose};
+use crate::stimuli::{self, Candidate, Observed, Purpose};
 use pe_flow::failure::Failure;
 
 /// What to run.
@@ -104,6 +105,12 @@ const SATURATING: u64 = 5;
 /// Runs that saturate, at most: a PE often saturates on one side only, and the first flag hides the others. Large
 /// designs get fewer.
 const SATURATIONS: u64 = 10;
+
+/// Runs in which results that nothing takes are too large, at most.
+const TOO_LARGE: u64 = 4;
+
+/// Steps of these: the first one does it, and the next one shows it.
+const BRIEF: u64 = 2;
 
 /// Judges a folder; every line of the result goes to `say` as it is found.
 ///
@@ -221,12 +228,23 @@ impl Starts {
         // An entry of a table is read where its argument is.
         let tables = program.pes.iter().any(|pe| pe.features.index_words > 0);
         for _ in 0..if tables { TABLES } else { 1 } {
-            if !starts.made(program, Purpose::Motion, steps.min(most), take)? {
+            let steps = steps.min(most);
+            let candidate = stimuli::choose(program, Purpose::Motion, steps, &starts.seen);
+            if !starts.made(program, "random words", candidate, steps, take)? {
                 break;
             }
         }
         for _ in 0..(LONG / work).clamp(1, SATURATIONS) {
-            if !starts.made(program, Purpose::Saturation, SATURATING.min(most), take)? {
+            let steps = SATURATING.min(most);
+            let candidate = stimuli::choose(program, Purpose::Saturation, steps, &starts.seen);
+            if !starts.made(program, "words at the limits", candidate, steps, take)? {
+                break;
+            }
+        }
+        for _ in 0..TOO_LARGE {
+            let steps = BRIEF.min(most);
+            let candidate = climb::too_large_unsent(program, steps, &starts.seen);
+            if !starts.made(program, "sums beyond the limits", candidate, steps, take)? {
                 break;
             }
         }
@@ -234,12 +252,15 @@ impl Starts {
     }
 
     /// A run that is made for the hardware; none if no candidate shows more.
-    fn made(&mut self, program: &Program, purpose: Purpose, steps: u64, take: Take) -> Result<bool, Failure> {
-        let Some(candidate) = stimuli::choose(program, purpose, steps, &self.seen) else { return Ok(false) };
-        let name = match purpose {
-            Purpose::Motion => "random words",
-            Purpose::Saturation => "words at the limits",
-        };
+    fn made(
+        &mut self,
+        program: &Program,
+        name: &str,
+        candidate: Option<Candidate>,
+        steps: u64,
+        take: Take,
+    ) -> Result<bool, Failure> {
+        let Some(candidate) = candidate else { return Ok(false) };
         let start = Start {
             name: name.into(),
             steps,

@@ -4,6 +4,7 @@
 //! what is caught; [`native`] measures the generated native program. [`engines`] builds and runs GHDL, Verilator and
 //! the Rust reference.
 
+pub mod climb;
 pub mod coverage;
 pub mod engines;
 pub mod folder;

@@ -159,7 +159,7 @@ fn candidate(program: &Program, purpose: Purpose, steps: u64, number: u64, own_w
 }
 
 /// States and inputs anywhere in their formats, or in halves or quarters of them.
-fn spread(program: &Program, steps: u64, number: u64) -> Candidate {
+pub(crate) fn spread(program: &Program, steps: u64, number: u64) -> Candidate {
     let mut random = ChaCha8Rng::seed_from_u64(number << 2 | 3);
     let format = program.format;
     let mut program = program.clone();

@@ -12,9 +12,10 @@ use pe_ir::verify;
 use pe_ir::word::Pipeline;
 use pe_sim::coverage::Coverage;
 use pe_sim::trace::TraceLine;
+use pe_verify::climb;
 use pe_verify::coverage::resting;
 use pe_verify::engines::{self, Engine, Run, compare};
-use pe_verify::stimuli;
+use pe_verify::stimuli::{self, Observed};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -101,6 +102,34 @@ fn both_simulators_see_the_same() {
             assert!(resting(&program, &observed.coverage).is_empty(), "{}, {name}", flow.label);
         }
     }
+}
+
+#[test]
+fn a_result_that_is_too_large_is_found_and_shows_once_it_is_sent() {
+    let mut found = 0;
+    for flow in designs() {
+        let program = flow.beginning(STEPS).program;
+        let mut seen = Coverage::none(&program);
+        while let Some(candidate) = climb::too_large_unsent(&program, 2, &seen) {
+            let good = stimuli::observe(&candidate.program, &candidate.stimulus, 2);
+            for (pe, cover) in good.coverage.pes.numbered() {
+                let words = cover.unsent.iter().enumerate().filter(|(_, unsent)| **unsent);
+                for (word, _) in words.filter(|(word, _)| !seen.pes[pe].unsent[*word]) {
+                    let mut faulty = candidate.program.clone();
+                    faulty.pes[pe].words[word].send = true;
+                    let shown = stimuli::observe(&faulty, &candidate.stimulus, 2);
+                    let flags = |observed: &Observed| (observed.run.flags.clone(), observed.overflow_cycle);
+                    assert_ne!(flags(&shown), flags(&good), "{}: PE {pe}, word {word}", flow.label);
+                    found += 1;
+                }
+            }
+            let before = seen.unsent();
+            seen.add(&good.coverage);
+            assert!(seen.unsent() > before, "{}: a start shows nothing new", flow.label);
+        }
+    }
+    println!("{found} results are too large");
+    assert!(found > 20, "{found}");
 }
 
 #[test]
