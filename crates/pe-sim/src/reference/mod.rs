@@ -25,7 +25,7 @@ use pe_ir::model::Model;
 
 use self::equations::{Equations, Piece};
 pub use self::solution::{Method, Obstacle, ReferenceError, Solution};
-use self::solution::{Scales, TIME_RESOLUTION, after, pieces};
+use self::solution::{Scales, TIME_RESOLUTION, after, beginning, piece_by_piece};
 use self::states::States;
 use self::stiff::Stiff;
 use crate::error::Trajectory;
@@ -180,31 +180,6 @@ impl Driven for Bdf {
     fn resume(&mut self, _: f64) {}
 
     fn shorten(&mut self, _: f64) {}
-}
-
-/// The states at time zero.
-fn beginning(model: &Model) -> States {
-    States(model.states.iter().map(|state| state.initial).collect())
-}
-
-/// Goes through the pieces up to the last of the times: `cross` is given a piece, the times within it and the states
-/// at its beginning, and gives those at its end. `steps` may be tried altogether.
-fn piece_by_piece(
-    model: &Model,
-    equations: &Equations,
-    (times, steps): (&[f64], u64),
-    mut cross: impl FnMut(&Piece, &[f64], States) -> Result<States, ReferenceError>,
-) -> Result<(), ReferenceError> {
-    let Some(end) = times.last() else { return Ok(()) };
-    let (mut states, mut pending) = (beginning(model), times);
-    for bounds in pieces(model, *end, steps).windows(2) {
-        let piece = Piece { from: bounds[0], to: bounds[1], equations };
-        let (in_piece, later) = pending.split_at(pending.partition_point(|time| !after(*time, piece.to)));
-        pending = later;
-        piece.sample(&mut states);
-        states = cross(&piece, in_piece, states)?;
-    }
-    Ok(())
 }
 
 /// One way through the times.

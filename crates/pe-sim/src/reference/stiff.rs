@@ -7,9 +7,8 @@ use pe_ir::index::StateId;
 use pe_ir::model::Model;
 
 use super::equations::{Equations, Piece};
-use super::solution::{Obstacle, ReferenceError, Scales, TIME_RESOLUTION, after};
+use super::solution::{Obstacle, ReferenceError, Scales, TIME_RESOLUTION, after, beginning, piece_by_piece};
 use super::states::States;
-use super::{beginning, piece_by_piece};
 use crate::error::Trajectory;
 
 /// States of the largest model for it: its matrices are dense.
