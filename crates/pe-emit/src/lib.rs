@@ -7,6 +7,7 @@
 mod columns;
 mod drivers;
 mod library;
+mod map;
 mod names;
 mod network;
 mod options;
@@ -16,7 +17,7 @@ mod reference;
 
 pub use library::LIBRARY;
 pub use names::{comment_text, vhdl_identifier};
-pub use options::{EmitOptions, Provenance};
+pub use options::{Driven, EmitOptions, Interface, Provenance};
 
 use names::Names;
 use options::Header;
@@ -57,6 +58,7 @@ pub fn emit(program: &Program, options: &EmitOptions) -> Vec<Artefact> {
     push(".f", drivers::file_list(program, &names));
     push("_reference.rs", reference::render(program, &folds, &header, options));
     push("_verilator.cpp", drivers::verilator(program, &names, &header, options));
+    push("_map.json", map::render(program, &names, options));
     push("_stimulus.txt", drivers::stimulus(program, options));
     push("_shapes.txt", pe_ir::program::shapes(program, &folds));
     artefacts

@@ -1,5 +1,7 @@
 //! What the files of a design tell beside its program.
 
+use pe_map::{Between, Meaning};
+
 use crate::names::comment_text;
 use pe_ir::index::{List, PeId};
 
@@ -16,6 +18,8 @@ pub struct EmitOptions {
     pub files: Vec<(String, String)>,
     /// What the words of the program come from.
     pub provenance: Provenance,
+    /// What the ports and the step stand for.
+    pub interface: Interface,
     /// Words of each input port in each step; runs that last longer repeat the last step's.
     pub stimulus: Vec<Vec<i64>>,
     /// Steps that the test benches run unless told otherwise.
@@ -29,6 +33,28 @@ pub struct Provenance {
     pub statements: List<PeId, Vec<String>>,
     /// The coefficient of each control word before it was rounded to a word.
     pub coefficients: List<PeId, Vec<Option<f64>>>,
+}
+
+/// What the map of a design tells beside its program.
+#[derive(Clone, Debug, Default)]
+pub struct Interface {
+    /// Step in seconds, after the early ones.
+    pub step: f64,
+    /// Shorter steps at the beginning: the time at which each ends, and its length, in seconds.
+    pub early_steps: Vec<(f64, f64)>,
+    /// The input ports.
+    pub inputs: Vec<Driven>,
+}
+
+/// What an input port stands for.
+#[derive(Clone, Debug)]
+pub struct Driven {
+    /// A quantity of the model, or the step ratio.
+    pub meaning: Meaning,
+    /// Range that the spec states.
+    pub range: Option<[f64; 2]>,
+    /// What is given for the time between two steps.
+    pub between: Between,
 }
 
 /// Lines that open every generated file.

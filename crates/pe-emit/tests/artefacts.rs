@@ -31,6 +31,7 @@ fn design(model: &'static str) -> Vec<Artefact> {
             statements: vec![vec!["x.ode:1: a' = \\\n -a */".to_owned()]].into(),
             coefficients: vec![vec![Some(-0.1); 3]].into(),
         },
+        interface: pe_emit::Interface { step: 1e-3, ..pe_emit::Interface::default() },
     };
     emit(&random_program(&case), &options)
 }
@@ -51,6 +52,7 @@ fn a_design_has_its_files() {
         ".f",
         "_reference.rs",
         "_verilator.cpp",
+        "_map.json",
         "_stimulus.txt",
         "_shapes.txt",
     ];

@@ -379,6 +379,7 @@ fn write_design(folder: &OutputFolder, loaded: &LoadedModel, design: &Design, co
         spec: shown_path(sources.main().name()).to_owned(),
         files: origin::files(sources),
         provenance: origin::provenance(design, loaded),
+        interface: origin::interface(model),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         stimulus: stimulus.clone(),
         default_steps: steps as u32,

@@ -2,12 +2,16 @@
 
 use std::collections::BTreeSet;
 
-use pe_emit::Provenance;
+use pe_emit::{Driven, Interface, Provenance};
 use pe_flow::pipeline::Design;
 use pe_flow::spec::LoadedModel;
 use pe_hls::assemble::coefficients;
+
 use pe_ir::index::{List, at};
+use pe_ir::model::{Interpolation, Model, Variable};
 use pe_ir::source::{Sources, Span};
+
+use pe_map::{Between, Meaning};
 use pe_verify::folder::hash;
 
 use crate::command::shown_path;
@@ -22,6 +26,24 @@ pub fn files(sources: &Sources) -> Vec<(String, String)> {
         (shown_path(file.name()).to_owned(), hash(content.as_bytes()))
     };
     sources.files().iter().map(one).collect()
+}
+
+/// What the ports and the step of a model's design stand for.
+pub fn interface(model: &Model) -> Interface {
+    let ratio = model.step_ratio();
+    let driven = |(index, input): (u32, &pe_ir::model::Input)| Driven {
+        meaning: if ratio == Some(Variable::Input(index)) { Meaning::StepRatio } else { Meaning::Quantity },
+        range: input.range.map(|(least, most)| [least, most]),
+        between: match input.between {
+            Interpolation::Hold => Between::Hold,
+            Interpolation::Linear => Between::Linear,
+        },
+    };
+    Interface {
+        step: model.step,
+        early_steps: model.phases.iter().map(|phase| (phase.until, model.step / phase.ratio)).collect(),
+        inputs: (0..).zip(&model.inputs).map(driven).collect(),
+    }
 }
 
 /// What the words of a design's program come from; the text of a stage has no statements of a spec.

@@ -14,6 +14,7 @@ mod explore;
 mod golden;
 mod inject;
 mod interruption;
+mod map;
 mod mapping_file;
 mod report;
 mod tidy;

@@ -1,5 +1,4 @@
-//! The report as a type: files are read back to the byte, the schema is that of the types, and the page names every
-//! key.
+//! Report and map as types: files are read back to the byte, schemas are those of the types, and pages name every key.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -7,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pe_flow::report::Report;
+use pe_map::Map;
 use serde_json::Value;
 
 fn root() -> PathBuf {
@@ -43,18 +43,25 @@ fn reports_of_every_kind_are_read_back_to_the_byte() {
     }
 }
 
+/// What is written for others to read: page, schema and the schema of the types.
+fn schemas() -> [(&'static str, &'static str, Value); 2] {
+    let value = |schema: schemars::Schema| serde_json::to_value(schema).unwrap();
+    [
+        ("docs/report.md", "docs/report.schema.json", value(schemars::schema_for!(Report))),
+        ("docs/map.md", "docs/map.schema.json", value(schemars::schema_for!(Map))),
+    ]
+}
+
 #[test]
-fn the_schema_is_that_of_the_types() {
-    let schema = format!("{:#}\n", serde_json::to_value(schemars::schema_for!(Report)).unwrap());
-    let path = root().join("docs/report.schema.json");
-    if std::env::var_os("UPDATE_SCHEMA").is_some() {
-        fs::write(&path, &schema).unwrap();
+fn schemas_are_those_of_the_types() {
+    for (_, path, schema) in schemas() {
+        let schema = format!("{schema:#}\n");
+        if std::env::var_os("UPDATE_SCHEMA").is_some() {
+            fs::write(root().join(path), &schema).unwrap();
+        }
+        let shipped = fs::read_to_string(root().join(path)).unwrap_or_default();
+        assert!(shipped == schema, "UPDATE_SCHEMA=1 cargo test -p pe-synth --test commands report renews {path}");
     }
-    let shipped = fs::read_to_string(&path).unwrap_or_default();
-    assert!(
-        shipped == schema,
-        "UPDATE_SCHEMA=1 cargo test -p pe-synth --test commands report renews docs/report.schema.json"
-    );
 }
 
 /// Names of all properties of a schema.
@@ -72,16 +79,17 @@ fn properties(schema: &Value, names: &mut BTreeSet<String>) {
 }
 
 #[test]
-fn the_page_names_every_key() {
-    let schema = serde_json::to_value(schemars::schema_for!(Report)).unwrap();
-    let mut names = BTreeSet::new();
-    properties(&schema, &mut names);
-    let page = fs::read_to_string(root().join("docs/report.md")).unwrap();
-    let words: BTreeSet<&str> = page.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).collect();
-    let documented = |name: &&String| {
-        let stem = name.trim_end_matches("_to_date").trim_end_matches("_reason");
-        words.contains(name.as_str()) || words.contains(stem) || words.contains(format!("{stem}_s").as_str())
-    };
-    let missing: Vec<&String> = names.iter().filter(|name| !documented(name)).collect();
-    assert!(missing.is_empty(), "docs/report.md lacks {missing:?}");
+fn the_pages_name_every_key() {
+    for (path, _, schema) in schemas() {
+        let mut names = BTreeSet::new();
+        properties(&schema, &mut names);
+        let page = fs::read_to_string(root().join(path)).unwrap();
+        let words: BTreeSet<&str> = page.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).collect();
+        let documented = |name: &&String| {
+            let stem = name.trim_end_matches("_to_date").trim_end_matches("_reason");
+            words.contains(name.as_str()) || words.contains(stem) || words.contains(format!("{stem}_s").as_str())
+        };
+        let missing: Vec<&String> = names.iter().filter(|name| !documented(name)).collect();
+        assert!(missing.is_empty(), "{path} lacks {missing:?}");
+    }
 }

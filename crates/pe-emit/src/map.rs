@@ -1,0 +1,109 @@
+//! The map of the design, for hosts and wrappers.
+
+use pe_ir::index::at;
+use pe_ir::program::{InputPort, OutputPort, Program, StateRegister};
+use pe_map::{
+    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, Outside, Rounding, State, Tick, VERSION,
+};
+use sha2::{Digest, Sha256};
+
+use crate::names::Names;
+use crate::options::{Driven, EmitOptions};
+
+/// The text of `<model>_map.json`.
+pub fn render(program: &Program, names: &Names, options: &EmitOptions) -> String {
+    let interface = &options.interface;
+    let port = |name: &str| name.to_owned();
+    let early_step = |(until, step): &(f64, f64)| EarlyStep { until: *until, step: *step };
+    let inputs = program.ports().zip(&names.inputs).enumerate();
+    let map = Map {
+        map_version: VERSION,
+        generator: generator(options),
+        hash: hash(program, options),
+        model: program.model.clone(),
+        entity: names.model.clone(),
+        control: Control {
+            clock: port("clk_i"),
+            clock_enable: port("ce_i"),
+            step: port("step_i"),
+            busy: port("busy_o"),
+            done: port("done_o"),
+            overflow: port("overflow_o"),
+        },
+        step: interface.step,
+        early_steps: interface.early_steps.iter().map(early_step).collect(),
+        clocks_per_step: program.period,
+        inputs: inputs
+            .map(|(index, (input, name))| described(program, input, name, interface.inputs.get(index)))
+            .collect(),
+        ticks: program
+            .ticks()
+            .map(|(index, tick, _)| {
+                let name = program.inputs[at(index)].name.clone();
+                Tick { name, steps: tick.steps, done: tick.done }
+            })
+            .collect(),
+        outputs: program.outputs.iter().zip(&names.outputs).map(|(port, name)| shown(program, port, name)).collect(),
+        states: program.states.iter().map(|state| placed(program, state)).collect(),
+    };
+    map.text()
+}
+
+fn generator(options: &EmitOptions) -> String {
+    format!("pe-synth {}", options.version)
+}
+
+/// What two designs that compute the same have in common, made by the same generator.
+fn hash(program: &Program, options: &EmitOptions) -> String {
+    let text = format!("{}\n{program}", generator(options));
+    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn described(program: &Program, input: &InputPort, name: &str, driven: Option<&Driven>) -> Input {
+    let format = Format { bits: program.format.storage_bits, exponent: input.exponent };
+    let [least, most] = format.words();
+    // Stored words carry the offset of a data operand, and are clamped at its largest one.
+    let room = (program.format.max_word() - program.format.data_offset()) >> program.format.guard_bits;
+    let words = [least, most.min(room)];
+    let guard = program.format.guard_bits as i32;
+    let dropped = program.format.data_drop() as i32;
+    Input {
+        name: input.name.clone(),
+        port: name.to_owned(),
+        meaning: driven.map_or(Meaning::Quantity, |driven| driven.meaning),
+        unit: input.unit.clone(),
+        format,
+        words,
+        limits: words.map(|word| format.number(word)),
+        range: driven.and_then(|driven| driven.range),
+        between: driven.map_or(Between::Hold, |driven| driven.between),
+        operand: Format { bits: program.format.data_bits, exponent: input.exponent - guard + dropped },
+        rounding: Rounding::NearestHalvesUp,
+        outside: Outside::ClampsAndFlags,
+    }
+}
+
+fn shown(program: &Program, output: &OutputPort, name: &str) -> Output {
+    Output {
+        name: output.name.clone(),
+        port: name.to_owned(),
+        unit: output.unit.clone(),
+        format: Format { bits: program.format.storage_bits, exponent: output.exponent },
+        rounding: Rounding::NearestHalvesUp,
+        outside: if output.proven { Outside::Proven } else { Outside::Clamps },
+    }
+}
+
+fn placed(program: &Program, state: &StateRegister) -> State {
+    let (pe, address) = state.own;
+    let images = &program.pes[pe];
+    State {
+        name: state.name.clone(),
+        format: Format { bits: program.format.word_bits(), exponent: state.exponent },
+        offset: program.format.data_offset(),
+        pe: pe.number(),
+        address,
+        copies: state.imported.iter().map(|(pe, address)| (pe.number(), *address)).collect(),
+        initial: images.base_image[images.features.base_word(address)],
+    }
+}

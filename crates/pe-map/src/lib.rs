@@ -1,0 +1,329 @@
+//! The map of a design, `NAME_map.json`: everything a host program needs to know of a network that it talks to. Ports with
+//! their formats, the time a step stands for and takes, where states are, and a hash that tells one design from another.
+//!
+//! `pe-emit` writes it; hosts and wrappers read it and convert numbers with [`Format`]. Nothing here depends on the compiler.
+//! `docs/map.md` explains each key, and `docs/map.schema.json` is made of these types.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What [`Map::map_version`] is in maps that these types describe.
+pub const VERSION: u32 = 1;
+
+/// `NAME_map.json`.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Map {
+    /// Version of this format; another one has keys that mean something else.
+    pub map_version: u32,
+    /// `pe-synth` and its version.
+    pub generator: String,
+    /// SHA-256 in hexadecimal of the generator, a line feed, and the text of the program (`NAME_program.txt`). Two designs
+    /// with the same hash compute the same words.
+    pub hash: String,
+    /// Name of the model in the spec.
+    pub model: String,
+    /// Name of the VHDL entity.
+    pub entity: String,
+    /// Ports that are there in every network.
+    pub control: Control,
+    /// Time that a step stands for, in seconds of the model; after the early steps, if there are some.
+    pub step: f64,
+    /// Shorter steps at the beginning of a run.
+    pub early_steps: Vec<EarlyStep>,
+    /// Enabled clocks from the beginning of a step to that of the next one in free run.
+    pub clocks_per_step: u32,
+    /// Inputs that a host drives.
+    pub inputs: Vec<Input>,
+    /// Inputs that the network makes itself: 1 in each step in which a sampled block runs, else 0.
+    pub ticks: Vec<Tick>,
+    /// Outputs.
+    pub outputs: Vec<Output>,
+    /// Stored words of the states.
+    pub states: Vec<State>,
+}
+
+/// VHDL names of the ports for clock and handshake, each one bit.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Control {
+    /// Clock.
+    pub clock: String,
+    /// Clock enable of all registers and memories.
+    pub clock_enable: String,
+    /// Input: lets the next step begin.
+    pub step: String,
+    /// Output: 0 while the network waits for a step.
+    pub busy: String,
+    /// Output: 1 for one enabled clock when outputs are new.
+    pub done: String,
+    /// Output, sticky: a word saturated, or an input was out of range.
+    pub overflow: String,
+}
+
+/// A step at the beginning of a run.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct EarlyStep {
+    /// Time at which it ends, in seconds.
+    pub until: f64,
+    /// Its length in seconds.
+    pub step: f64,
+}
+
+/// A fixed-point number: a two's complement integer of so many bits times `2^exponent`.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Format {
+    /// Bits, the sign among them: at most 64.
+    pub bits: u32,
+    /// The least significant bit is worth `2^exponent`; the binary point is so many bits right of it, or left if negative.
+    pub exponent: i32,
+}
+
+/// What an input stands for.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Meaning {
+    /// A quantity of the model.
+    Quantity,
+    /// What the step is divided by; in models with early steps.
+    StepRatio,
+}
+
+/// What a host gives for the time between two steps.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Between {
+    /// The value at the beginning of the step, which holds until its end.
+    Hold,
+    /// The value at the end of the step; a straight line leads to it.
+    Linear,
+}
+
+/// What happens to a number that a port cannot carry.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outside {
+    /// The nearest word that it can carry takes its place, and the overflow flag is set.
+    ClampsAndFlags,
+    /// The nearest word that it can carry takes its place. The flag is set if the word that is shown saturated before.
+    Clamps,
+    /// It was proven that there is none over the span that was judged.
+    Proven,
+}
+
+/// How a number becomes a word.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rounding {
+    /// To the nearest word; a number in the middle of two takes the upper one.
+    NearestHalvesUp,
+}
+
+/// An input port.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Input {
+    /// Name in the spec, with indices.
+    pub name: String,
+    /// Name of the VHDL port.
+    pub port: String,
+    /// What it stands for.
+    pub meaning: Meaning,
+    /// Unit in the spec.
+    pub unit: Option<String>,
+    /// Format of the port's words.
+    #[serde(flatten)]
+    pub format: Format,
+    /// Least and greatest word that is not clamped.
+    pub words: [i64; 2],
+    /// The numbers that these stand for.
+    pub limits: [f64; 2],
+    /// Range that the spec states, for which formats and errors are judged.
+    pub range: Option<[f64; 2]>,
+    /// What a host gives for the time between two steps.
+    pub between: Between,
+    /// Format of the operand that the network rounds the word to.
+    pub operand: Format,
+    /// How it rounds.
+    pub rounding: Rounding,
+    /// What becomes of words beyond the limits.
+    pub outside: Outside,
+}
+
+/// When an input that the network makes itself is 1.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Tick {
+    /// Name of the sampled block's tick.
+    pub name: String,
+    /// Steps from one sample to the next.
+    pub steps: u32,
+    /// Steps since the last sample in the initial state; 0 if the first step begins with one.
+    pub done: u32,
+}
+
+/// An output port.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Output {
+    /// Name in the spec, with indices.
+    pub name: String,
+    /// Name of the VHDL port.
+    pub port: String,
+    /// Unit in the spec.
+    pub unit: Option<String>,
+    /// Format of the port's words.
+    #[serde(flatten)]
+    pub format: Format,
+    /// How the word in the network is rounded to the port.
+    pub rounding: Rounding,
+    /// What becomes of a word that rounds to more than the port carries.
+    pub outside: Outside,
+}
+
+/// Where a state is.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct State {
+    /// Name in the spec, with indices.
+    pub name: String,
+    /// Format of the stored word; its value is `(word - offset) * 2^exponent`.
+    #[serde(flatten)]
+    pub format: Format,
+    /// What is added to every stored word, so that cutting bits off rounds it.
+    pub offset: i64,
+    /// The PE that computes it.
+    pub pe: u32,
+    /// Address in that PE's own and base memory.
+    pub address: u16,
+    /// PEs and addresses of imported memories that hold a copy between two steps.
+    pub copies: Vec<(u32, u16)>,
+    /// Stored word of the initial state.
+    pub initial: i64,
+}
+
+/// A word that stands for a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Word {
+    /// Two's complement.
+    pub word: i64,
+    /// Whether the number is beyond the words of the format, so that the nearest one was taken.
+    pub clamped: bool,
+}
+
+impl Format {
+    /// Least and greatest word.
+    pub fn words(&self) -> [i64; 2] {
+        [i64::MIN >> (64 - self.bits), i64::MAX >> (64 - self.bits)]
+    }
+
+    /// The nearest word to a number, ties away from zero; none for NaN.
+    pub fn word(&self, number: f64) -> Option<Word> {
+        self.word_within(number, self.words())
+    }
+
+    /// The same, for words from the first to the second of `limits`.
+    pub fn word_within(&self, number: f64, [least, most]: [i64; 2]) -> Option<Word> {
+        if number.is_nan() {
+            return None;
+        }
+        let scaled = libm::round(libm::scalbn(number, -self.exponent));
+        // The cast takes the nearest integer of 64 bits, so a comparison of integers is exact.
+        let beyond = scaled >= 9_223_372_036_854_775_808.0 || scaled < -9_223_372_036_854_775_808.0;
+        let nearest = scaled as i64;
+        Some(Word { word: nearest.clamp(least, most), clamped: beyond || !(least..=most).contains(&nearest) })
+    }
+
+    /// The number that a word stands for; words of more than 53 bits are rounded.
+    pub fn number(&self, word: i64) -> f64 {
+        libm::scalbn(word as f64, self.exponent)
+    }
+}
+
+impl Input {
+    /// The nearest word to a number that the network does not clamp; none for NaN.
+    pub fn word(&self, number: f64) -> Option<Word> {
+        self.format.word_within(number, self.words)
+    }
+}
+
+/// Why a text is no map that these types describe.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// It is no JSON, a key is missing, or has a value of another kind: line, column and what was expected.
+    Damaged(String),
+    /// It is of another version.
+    Version(u64),
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self {
+            Fault::Damaged(what) => write!(f, "the map is damaged: {what}"),
+            Fault::Version(version) => {
+                write!(f, "the map is of version {version}, this program reads version {VERSION}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for Fault {}
+
+impl Map {
+    /// Reads a map.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn read(text: &str) -> Result<Map, Fault> {
+        #[derive(Deserialize)]
+        struct Versioned {
+            map_version: u64,
+        }
+        let damaged = |error: serde_json::Error| Fault::Damaged(error.to_string());
+        let Versioned { map_version } = serde_json::from_str(text).map_err(damaged)?;
+        if map_version != u64::from(VERSION) {
+            return Err(Fault::Version(map_version));
+        }
+        serde_json::from_str(text).map_err(damaged)
+    }
+
+    /// The text of the file.
+    pub fn text(&self) -> String {
+        let text = serde_json::to_string_pretty(self).expect("a map has names and finite numbers");
+        text + "\n"
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_round_to_the_nearest_word_and_clamp_at_the_ends() {
+        let format = Format { bits: 8, exponent: -4 };
+        let word = |number| format.word(number).map(|word| (word.word, word.clamped));
+        assert_eq!(word(1.0), Some((16, false)));
+        assert_eq!(word(0.031), Some((0, false)));
+        assert_eq!(word(0.03125), Some((1, false)));
+        assert_eq!(word(-0.03125), Some((-1, false)));
+        assert_eq!(word(7.95), Some((127, false)));
+        assert_eq!(word(7.97), Some((127, true)));
+        assert_eq!(word(-8.0), Some((-128, false)));
+        assert_eq!(word(f64::INFINITY), Some((127, true)));
+        assert_eq!(word(f64::NEG_INFINITY), Some((-128, true)));
+        assert_eq!(word(f64::NAN), None);
+        assert!((-128..=127).all(|word| format.word(format.number(word)) == Some(Word { word, clamped: false })));
+    }
+
+    #[test]
+    fn the_widest_words_are_exact_at_their_ends() {
+        let format = Format { bits: 64, exponent: 0 };
+        let [least, most] = format.words();
+        assert_eq!((least, most), (i64::MIN, i64::MAX));
+        assert_eq!(format.word(-9.3e18), Some(Word { word: least, clamped: true }));
+        assert_eq!(format.word(-9_223_372_036_854_775_808.0), Some(Word { word: least, clamped: false }));
+        assert_eq!(format.word(9_223_372_036_854_775_808.0), Some(Word { word: most, clamped: true }));
+    }
+
+    #[test]
+    fn another_version_is_named_and_damage_has_a_place() {
+        assert_eq!(Map::read("{\"map_version\": 2}"), Err(Fault::Version(2)));
+        let fault = Map::read("{\"map_version\": 1,\n \"generator\": 5}").unwrap_err();
+        assert!(matches!(&fault, Fault::Damaged(what) if what.contains("line 2")), "{fault}");
+        assert!(matches!(Map::read(""), Err(Fault::Damaged(_))));
+    }
+}
