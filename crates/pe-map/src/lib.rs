@@ -205,6 +205,9 @@ pub struct Word {
     pub clamped: bool,
 }
 
+/// The least number beyond integers of 64 bits.
+const TWO_TO_63: f64 = 9_223_372_036_854_775_808.0;
+
 impl Format {
     /// Least and greatest word.
     pub fn words(&self) -> [i64; 2] {
@@ -223,7 +226,7 @@ impl Format {
         }
         let scaled = libm::round(libm::scalbn(number, -self.exponent));
         // The cast takes the nearest integer of 64 bits, so a comparison of integers is exact.
-        let beyond = scaled >= 9_223_372_036_854_775_808.0 || scaled < -9_223_372_036_854_775_808.0;
+        let beyond = !(-TWO_TO_63..TWO_TO_63).contains(&scaled);
         let nearest = scaled as i64;
         Some(Word { word: nearest.clamp(least, most), clamped: beyond || !(least..=most).contains(&nearest) })
     }
