@@ -75,7 +75,7 @@ pub(super) fn near_singular(model: &Model, graph: &StepGraph, refusal: &Diagnost
     if ![codes::STEP_TOO_LARGE, codes::DIVERGED].contains(&refusal.code) {
         return None;
     }
-    let (SmallestPivot { state, magnitude }, time) = pivots::over_run(model, graph, affordable(graph))?;
+    let (SmallestPivot { state, magnitude }, time) = pivots::over_run(model, graph, affordable(graph.macs()))?;
     if magnitude >= NEAR_ZERO {
         return None;
     }

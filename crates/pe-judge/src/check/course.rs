@@ -42,7 +42,7 @@ pub(super) fn findings(model: &Model, graph: &StepGraph) -> Vec<Diagnostic> {
     let mut jumps = jumps(model, &exact);
     let mut run = DoubleRun::new(&exact);
     let mut limits: Vec<(usize, f64, f64)> = Vec::new();
-    for step in 0..model.steps().min(affordable(&exact)) {
+    for step in 0..model.steps().min(affordable(exact.macs())) {
         let time = model.time(step, 0.0);
         if run.step(&model.sample_inputs(time)).is_err() {
             break;

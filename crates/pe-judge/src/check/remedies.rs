@@ -59,6 +59,20 @@ fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
     Bound::of(graph, pes, Latency::of(format)).binding().0
 }
 
+/// A method and step that may be tried.
+#[derive(Clone, Copy, PartialEq)]
+struct Candidate {
+    /// Bound of the cycles per second of the model.
+    cost: f64,
+    /// Bound of the cycles per step.
+    cycles: u32,
+    /// Products per step.
+    macs: u64,
+    solver: Solver,
+    /// In seconds.
+    step: f64,
+}
+
 /// The cheapest method and step that is stable and accurate; one that is only stable unless that is not enough.
 pub fn for_step(
     model: &Model,
@@ -71,20 +85,20 @@ pub fn for_step(
     if model.states.len() > TRIED_STATES {
         return None;
     }
-    let mut candidates: Vec<(f64, u32, Solver, f64)> = Vec::new();
+    let mut candidates: Vec<Candidate> = Vec::new();
     let own = trials.trial(model.solver, model.step)?;
     let own_cost = f64::from(cycles(&own.graph, point.pes, format)) / model.step;
     // The methods without a limit on the negative real axis are those with a matrix.
     let has_matrix =
         |solver: Solver| solver.amplification(-100.0, 0.0) <= 1.0 && solver.largest_step(-1.0, 0.0).is_none();
     for solver in Solver::ALL {
-        let evaluations = f64::from(solver.stages()) / f64::from(model.solver.stages());
-        let judged = !accurate || trials.affords_error(&own.graph, evaluations);
+        let products = own.graph.macs() * u64::from(solver.stages()) / u64::from(model.solver.stages());
+        let judged = !accurate || trials.affords_error(products, model.step);
         if solver != model.solver && (!judged || model.states.len() > MATRIX_STATES && has_matrix(solver)) {
             continue;
         }
         let Some(trial) = trials.trial(solver, model.step) else { continue };
-        let cycles = cycles(&trial.graph, point.pes, format);
+        let (macs, cycles) = (trial.graph.macs(), cycles(&trial.graph, point.pes, format));
         let mut steps = vec![model.step, model.step / 2.0, model.step / 4.0, model.step / 8.0];
         if let Some((limit, ..)) = prediction.limit_of(solver) {
             let safe = SAFE * limit;
@@ -95,17 +109,20 @@ pub fn for_step(
         let other = |step: &f64| (solver, *step) != (model.solver, model.step);
         let suitable = |step: f64| model.suitable_step(rounded(step));
         let steps = steps.into_iter().filter_map(suitable).filter(other).filter(runs);
-        candidates.extend(steps.map(|step| (f64::from(cycles) / step, cycles, solver, step)));
+        candidates.extend(steps.map(|step| Candidate { cost: f64::from(cycles) / step, cycles, macs, solver, step }));
     }
-    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
-    candidates.dedup_by(|a, b| a == b);
+    candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    candidates.dedup();
     let mut left = match model.states.len() {
         0..=JUDGED_STATES => u64::MAX,
         _ => MAPPING * own.graph.macs(),
     };
     let mut stable_only = None;
-    for (cost, cycles, solver, step) in candidates.into_iter().take(MOST_TRIALS) {
-        let Some(rest) = left.checked_sub(trials.products(solver, step)) else { continue };
+    for Candidate { cost, cycles, macs, solver, step } in candidates.into_iter().take(MOST_TRIALS) {
+        if accurate && !trials.affords_error(macs, step) {
+            continue;
+        }
+        let Some(rest) = left.checked_sub(trials.products(macs, step)) else { continue };
         left = rest;
         if trials.run(solver, step) != Outcome::Stable {
             continue;

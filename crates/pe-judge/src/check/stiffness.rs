@@ -38,7 +38,7 @@ pub fn explicit(model: &Model) -> Option<f64> {
     model.step = SAFE * stable;
     // As much of the span as a trial may take.
     let trial = Trials::new(&model, &trusted).trial(Solver::Rk4, model.step)?;
-    model.span = model.span.min(model.step * super::trials::affordable(&trial.graph) as f64);
+    model.span = model.span.min(model.step * super::trials::affordable(trial.graph.macs()) as f64);
     let error = Trials::new(&model, &trusted).method_error(Solver::Rk4, model.step)?;
     Some(ratio(stable, (model.step, error), ACCURACY, Solver::Rk4))
 }

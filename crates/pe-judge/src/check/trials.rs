@@ -78,9 +78,9 @@ pub struct Accuracy {
     pub tried: bool,
 }
 
-/// Steps of a trial.
-pub fn affordable(graph: &StepGraph) -> u64 {
-    PRODUCTS / (graph.macs() + PRODUCTS_PER_STEP)
+/// Steps of a trial, if each takes so many products.
+pub fn affordable(macs: u64) -> u64 {
+    PRODUCTS / (macs + PRODUCTS_PER_STEP)
 }
 
 /// Runs trials of a model.
@@ -156,7 +156,7 @@ impl<'a> Trials<'a> {
     /// Time over which a trial of a step runs, if it is not the whole span.
     pub fn shortened(&self, solver: Solver, step: f64) -> Option<f64> {
         let graph = &self.trial(solver, step)?.graph;
-        let span = step * affordable(graph) as f64;
+        let span = step * affordable(graph.macs()) as f64;
         (span < self.end).then_some(span)
     }
 
@@ -173,7 +173,7 @@ impl<'a> Trials<'a> {
         let Some(trial) = self.trial(solver, step) else { return Outcome::Impossible };
         let Trial { model, graph } = &*trial;
         let whole = self.steps(model);
-        let steps = whole.min(affordable(graph));
+        let steps = whole.min(affordable(graph.macs()));
         if steps < FEWEST_STEPS.min(whole).max(1) {
             return Outcome::Impossible;
         }
@@ -222,7 +222,7 @@ impl<'a> Trials<'a> {
             }
             (stable, unstable) = (Some(inside), Some(outside));
         }
-        let steps = affordable(&self.trial(solver, guess)?.graph);
+        let steps = affordable(self.trial(solver, guess)?.graph.macs());
         let span = stable.map_or(0.0, |step: f64| step * steps as f64).min(self.end);
         Some(Found { stable: stable?, unstable, span })
     }
@@ -235,7 +235,7 @@ impl<'a> Trials<'a> {
             match self.run(solver, step) {
                 Outcome::Impossible => break,
                 Outcome::Stable => {
-                    let steps = affordable(&self.trial(solver, step)?.graph);
+                    let steps = affordable(self.trial(solver, step)?.graph.macs());
                     return Some(Found { stable: step, unstable, span: (step * steps as f64).min(self.end) });
                 }
                 Outcome::Unstable(_) => unstable = Some(step),
@@ -245,27 +245,28 @@ impl<'a> Trials<'a> {
         None
     }
 
-    /// Whether the method error of a method may be found whose step takes so many times the products of `graph`, and is no
-    /// longer than the model's.
-    pub fn affords_error(&self, graph: &StepGraph, evaluations: f64) -> bool {
-        let products = (graph.macs() as f64 * evaluations) as u64;
-        self.model.steps() <= PRODUCTS / (products + PRODUCTS_PER_STEP)
+    /// Steps over the span, if each has this length.
+    fn steps_of(&self, step: f64) -> f64 {
+        self.model.steps() as f64 * self.model.step / step
     }
 
-    /// Products that a run and its method error take, about.
-    pub fn products(&self, solver: Solver, step: f64) -> u64 {
-        let Some(trial) = self.trial(solver, step) else { return 0 };
-        let each = trial.graph.macs() + PRODUCTS_PER_STEP;
-        let steps = self.steps(&trial.model);
-        let error = if trial.model.steps() > affordable(&trial.graph) { 0.0 } else { METHOD_STEPS };
-        (each as f64 * (steps.min(affordable(&trial.graph)) as f64 + error * steps as f64)) as u64
+    /// Whether the method error of such a step can be found, if each takes so many products.
+    pub fn affords_error(&self, macs: u64, step: f64) -> bool {
+        self.steps_of(step) <= affordable(macs) as f64
+    }
+
+    /// Products that a run of such a step takes, and its method error, if that can be found.
+    pub fn products(&self, macs: u64, step: f64) -> u64 {
+        let steps = self.steps_of(step);
+        let error = if self.affords_error(macs, step) { METHOD_STEPS * steps } else { 0.0 };
+        ((steps.min(affordable(macs) as f64) + error) * (macs + PRODUCTS_PER_STEP) as f64) as u64
     }
 
     /// Method error of a step: what half of it changes, extrapolated; none if it cannot be run.
     pub fn method_error(&self, solver: Solver, step: f64) -> Option<f64> {
         let trial = self.trial(solver, step)?;
         let Trial { model, graph } = &*trial;
-        if model.steps() > affordable(graph) || model.span < step {
+        if !self.affords_error(graph.macs(), step) || model.span < step {
             return None;
         }
         method_error(model, graph, &self.scales).ok()
