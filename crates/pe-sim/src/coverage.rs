@@ -210,8 +210,7 @@ impl Coverage {
             for (k, word) in pe.words.iter().enumerate() {
                 let mut fields = cover.operands(word);
                 if used[k] {
-                    let before = &pe.words[(k + pe.words.len() - 1) % pe.words.len()];
-                    fields |= cover.scale(word, before.index.is_some(), (program, pe), &kept);
+                    fields |= cover.scale(word, pe.takes_index(k), (program, pe), &kept);
                 }
                 if let Some(index) = word.index {
                     fields |= bit(FieldName::IndexEnable) | bit(FieldName::IndexAddress);

@@ -64,8 +64,8 @@ impl Coordinate {
 /// Base words of a PE that are entries of tables: those that are read with an index.
 fn entries(pe: &PeProgram) -> BTreeSet<usize> {
     let segments = pe.features.segments().count();
-    let indexed = |k: usize| pe.words[(k + pe.words.len() - 1) % pe.words.len()].index.is_some();
-    let first = pe.words.iter().enumerate().filter(|(k, _)| indexed(*k)).filter_map(|(_, word)| word.base);
+    let indexed = pe.words.iter().enumerate().filter(|(k, _)| pe.takes_index(*k));
+    let first = indexed.filter_map(|(_, word)| word.base);
     first.flat_map(|base| (0..segments).map(move |entry| usize::from(base) | entry)).collect()
 }
 
@@ -80,7 +80,7 @@ fn unseen(program: &Program, seen: &Coverage) -> Vec<(PeId, usize)> {
     places.collect()
 }
 
-/// Runs a step: the sum in front of the word at a place, and what was at work.
+/// The network after one step.
 fn look(candidate: &Candidate) -> Clocked<'_> {
     let mut network = Clocked::new(&candidate.program);
     network.step(candidate.stimulus.first().map_or(&[], Vec::as_slice), &mut |_| {});
@@ -90,13 +90,14 @@ fn look(candidate: &Candidate) -> Clocked<'_> {
 /// A start in which results that nothing takes are too large and were not in those before, if one is found.
 pub fn too_large_unsent(program: &Program, steps: u64, seen: &Coverage) -> Option<Candidate> {
     let mut left = BUDGET / (program.pes.len() as u64 * u64::from(program.period)).max(1);
-    let mut results = BTreeSet::new();
-    let probes: Vec<Candidate> = (0..PROBES).map(|number| spread(program, steps, number)).collect();
-    let probed: Vec<Clocked> = probes.iter().map(look).collect();
     let coordinates = Coordinate::all(program);
+    // Not even one climb would end.
     if left < coordinates.len() as u64 {
         return None;
     }
+    let mut results = BTreeSet::new();
+    let probes: Vec<Candidate> = (0..PROBES).map(|number| spread(program, steps, number)).collect();
+    let probed: Vec<Clocked> = probes.iter().map(look).collect();
     for (pe, word) in unseen(program, seen) {
         let sums: Vec<i128> = probed.iter().map(|network| network.sums(pe)[word]).collect();
         if !results.insert((pe, sums)) {

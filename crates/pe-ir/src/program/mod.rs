@@ -274,6 +274,13 @@ pub struct StateRegister {
     pub imported: Vec<(PeId, u16)>,
 }
 
+impl PeProgram {
+    /// Whether the base address of a control word takes an index, which the word before it fetches.
+    pub fn takes_index(&self, word: usize) -> bool {
+        self.words[(word + self.words.len() - 1) % self.words.len()].index.is_some()
+    }
+}
+
 /// A network of PEs with everything they run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Program {
