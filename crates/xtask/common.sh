@@ -11,6 +11,18 @@ usage() {
   sed -n '2,/^[^#]/s/^# \{0,1\}//p' "$0" >&2
 }
 
+# Prints the path of the design folder that a script is given first; without one, the script's head, and fails.
+given_design() {
+  (($# > 0)) || { usage; return 2; }
+  realpath "$1"
+}
+
+# Makes the folder $work, which goes when the script ends.
+make_work() {
+  work=$(mktemp -d)
+  trap 'rm -rf "$work"' EXIT
+}
+
 # Prints the program that an environment variable names, or builds it: `built VARIABLE PROGRAM CARGO_OPTION...`.
 built() {
   if [[ -n ${!1:-} ]]; then

@@ -13,8 +13,7 @@ source "$(dirname "$(realpath "$0")")/../common.sh"
 yosys=$(find_yosys)
 pe_synth=$(built PE_SYNTH pe-synth)
 cd "$root"
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+make_work
 
 # Cells of the network in a folder: `LUT FF DSP BRAM18`. Program memories are constrained to block RAM, as in
 # xtask measure-area.

