@@ -3,9 +3,8 @@
 use pe_ir::index::at;
 use pe_ir::program::{InputPort, OutputPort, Program, StateRegister};
 use pe_map::{
-    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, Outside, Rounding, State, Tick, VERSION,
+    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, Outside, Rounding, State, Tick, VERSION, sha256,
 };
-use sha2::{Digest, Sha256};
 
 use crate::names::Names;
 use crate::options::{Driven, EmitOptions};
@@ -13,13 +12,14 @@ use crate::options::{Driven, EmitOptions};
 /// The text of `<model>_map.json`.
 pub fn render(program: &Program, names: &Names, options: &EmitOptions) -> String {
     let interface = &options.interface;
+    let generator = format!("pe-synth {}", options.version);
     let port = |name: &str| name.to_owned();
     let early_step = |(until, step): &(f64, f64)| EarlyStep { until: *until, step: *step };
     let inputs = program.ports().zip(&names.inputs).enumerate();
     let map = Map {
         map_version: VERSION,
-        generator: generator(options),
-        hash: hash(program, options),
+        hash: sha256(format!("{generator}\n{program}").as_bytes()),
+        generator,
         model: program.model.clone(),
         entity: names.model.clone(),
         control: Control {
@@ -47,16 +47,6 @@ pub fn render(program: &Program, names: &Names, options: &EmitOptions) -> String
         states: program.states.iter().map(|state| placed(program, state)).collect(),
     };
     map.text()
-}
-
-fn generator(options: &EmitOptions) -> String {
-    format!("pe-synth {}", options.version)
-}
-
-/// What two designs that compute the same have in common, made by the same generator.
-fn hash(program: &Program, options: &EmitOptions) -> String {
-    let text = format!("{}\n{program}", generator(options));
-    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn described(program: &Program, input: &InputPort, name: &str, driven: Option<&Driven>) -> Input {

@@ -6,6 +6,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 /// What [`Map::map_version`] is in maps that these types describe.
 pub const VERSION: u32 = 1;
@@ -42,7 +43,7 @@ pub struct Map {
     pub states: Vec<State>,
 }
 
-/// VHDL names of the ports for clock and handshake, each one bit.
+/// VHDL names of the ports for clock and handshake, one bit each.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 pub struct Control {
     /// Clock.
@@ -73,7 +74,7 @@ pub struct EarlyStep {
 pub struct Format {
     /// Bits, the sign among them: at most 64.
     pub bits: u32,
-    /// The least significant bit is worth `2^exponent`; the binary point is so many bits right of it, or left if negative.
+    /// The least significant bit is worth `2^exponent`.
     pub exponent: i32,
 }
 
@@ -265,6 +266,11 @@ impl std::fmt::Display for Fault {
 }
 
 impl std::error::Error for Fault {}
+
+/// SHA-256 in hexadecimal.
+pub fn sha256(content: &[u8]) -> String {
+    Sha256::digest(content).iter().map(|byte| format!("{byte:02x}")).collect()
+}
 
 impl Map {
     /// Reads a map.

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use pe_flow::report::compared::{Compared, Parts, Trace, Word};
-use pe_verify::folder::hash;
+use pe_map::sha256;
 use serde::Serialize;
 use serde_json::{Number, Value, json};
 
@@ -105,7 +105,7 @@ impl Record {
         if is_folder {
             let of_kind = |kind: &str| file_of_kind(path, kind);
             if let Some(trace) = of_kind("_trace.txt")? {
-                report.trace = Some(Trace { lines: trace.lines().count() as u64, sha256: hash(trace.as_bytes()) });
+                report.trace = Some(Trace { lines: trace.lines().count() as u64, sha256: sha256(trace.as_bytes()) });
             }
             outputs = of_kind("_outputs.txt")?;
         }

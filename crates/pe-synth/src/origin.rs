@@ -11,8 +11,8 @@ use pe_ir::index::{List, at};
 use pe_ir::model::{Interpolation, Model, Variable};
 use pe_ir::source::{Sources, Span};
 
+use pe_map::sha256;
 use pe_map::{Between, Meaning};
-use pe_verify::folder::hash;
 
 use crate::command::shown_path;
 
@@ -23,7 +23,7 @@ const LONGEST_STATEMENT: usize = 160;
 pub fn files(sources: &Sources) -> Vec<(String, String)> {
     let one = |file: &pe_ir::source::SourceFile| {
         let content = &sources.text()[file.span().range()];
-        (shown_path(file.name()).to_owned(), hash(content.as_bytes()))
+        (shown_path(file.name()).to_owned(), sha256(content.as_bytes()))
     };
     sources.files().iter().map(one).collect()
 }

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::console;
 use pe_flow::failure::Failure;
-use pe_verify::folder::hash;
+use pe_map::sha256;
 
 /// Files that mark a folder as written by this program; only such folders are replaced.
 const MARKERS: [&str; 3] = ["report.json", "points.json", "accuracy.json"];
@@ -93,7 +93,7 @@ impl OutputFolder {
         }
         fs::write(&file, content).map_err(|error| Failure::file("write", &file, error))?;
         let mut hashes = self.hashes.lock().unwrap_or_else(PoisonError::into_inner);
-        hashes.insert(path.to_owned(), hash(content));
+        hashes.insert(path.to_owned(), sha256(content));
         Ok(())
     }
 

@@ -5,8 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use pe_ir::program::Program;
+use pe_map::sha256;
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
 use pe_flow::failure::Failure;
 
@@ -46,11 +46,6 @@ impl std::fmt::Display for Change {
             }
         }
     }
-}
-
-/// The hash of a file as reports have it.
-pub fn hash(content: &[u8]) -> String {
-    Sha256::digest(content).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 impl DesignFolder {
@@ -136,9 +131,9 @@ impl DesignFolder {
             return vec![Change::NoHashes];
         };
         let mut changes = BTreeMap::new();
-        for (file, sha256) in files {
+        for (file, hash) in files {
             match fs::read(self.path.join(file)) {
-                Ok(content) if sha256.as_str() == Some(&hash(&content)) => {}
+                Ok(content) if hash.as_str() == Some(&sha256(&content)) => {}
                 Ok(_) => drop(changes.insert(file.clone(), Change::Differs(file.clone()))),
                 Err(_) => drop(changes.insert(file.clone(), Change::Missing(file.clone()))),
             }

@@ -4,7 +4,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use pe_ir::model::Model;
-use sha2::{Digest, Sha256};
+use pe_map::sha256;
 
 use super::record::Record;
 use super::sheet::Sheet;
@@ -71,8 +71,7 @@ impl Driver {
 
 /// A hash of all that a model is, wherever it was read from.
 pub fn fingerprint(model: &Model) -> String {
-    let digest = Sha256::digest(format!("{model:?}"));
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    sha256(format!("{model:?}").as_bytes())
 }
 
 /// Lets Ctrl-C and requests to terminate end the sweep with a partial result.

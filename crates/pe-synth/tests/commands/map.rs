@@ -4,10 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use pe_map::{Map, Meaning, Outside};
+use pe_map::{Map, Meaning, Outside, sha256};
 use pe_verify::folder::DesignFolder;
 use pe_verify::stimuli::observe;
-use sha2::{Digest, Sha256};
 
 /// Names that are no identifiers, an input in a range, an input that is interpolated, a sampled block, and two outputs.
 const HOSTILE: &str = "\
@@ -77,8 +76,7 @@ fn a_map_agrees_with_the_design() {
         // Formats and places as the program has them.
         let program_text = read("_program.txt");
         let program = DesignFolder::open(&folder).unwrap().program;
-        let digest = Sha256::digest(format!("{}\n{program_text}", map.generator).as_bytes());
-        assert_eq!(map.hash, digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>());
+        assert_eq!(map.hash, sha256(format!("{}\n{program_text}", map.generator).as_bytes()));
         assert_eq!(map.clocks_per_step, program.period);
         assert_eq!(map.inputs.len(), program.ports().count());
         for (input, port) in map.inputs.iter().zip(program.ports()) {
