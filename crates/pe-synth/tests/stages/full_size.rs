@@ -4,6 +4,7 @@
 use std::time::Instant;
 
 use crate::support::bench::assert_agreement;
+use crate::support::is_long_suite;
 use crate::support::models::compile;
 use pe_verify::engines::Engine;
 
@@ -38,7 +39,7 @@ fn lutchen4000_on_397_pes_agrees() {
 #[test]
 fn other_models_on_hundreds_of_pes_agree() {
     // GHDL takes minutes for them.
-    let long = std::env::var_os("PE_LONG").is_some();
+    let long = is_long_suite();
     let engines: &[Engine] = if long { &[Engine::Reference, Engine::Ghdl] } else { &[Engine::Reference] };
     MODELS.into_iter().for_each(|model| agree(model, engines));
 }

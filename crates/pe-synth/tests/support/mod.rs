@@ -54,6 +54,11 @@ pub const FAMILIES: [Family; 8] = [
 pub const AFFINE_FAMILIES: [Family; 5] =
     [Family::Affine, Family::OneProduct, Family::Hub, Family::Scales, Family::Grid];
 
+/// Whether tests take all that they have for the long suite, `testbenches/long.sh`.
+pub fn is_long_suite() -> bool {
+    std::env::var_os("PE_LONG").is_some()
+}
+
 fn state(index: usize) -> Expr {
     Expr::Variable(Variable::State(StateId::new(index as u32)))
 }
