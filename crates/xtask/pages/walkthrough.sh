@@ -105,7 +105,7 @@ say '' 'What each PE does in each cycle of a step:'
 figure out/pump_station/pump_station_occupancy.svg occupancy 'occupancy of the processing elements'
 
 say '' '## Is it the same in VHDL?' '' \
-  '`verify` runs the VHDL in GHDL and the Rust reference, from four kinds of starts, and measures coverage.'
+  '`verify` runs the VHDL in GHDL and the Rust reference, from several kinds of starts, and measures coverage.'
 show 0 'pe-synth verify out/pump_station'
 
 say '' '## Signals for a viewer' '' 'All outputs over the span as computed by the hardware, for GTKWave or similar viewers:'
