@@ -54,8 +54,10 @@ def main(model, span, pes):
     mapping = [line.rsplit(" ", 1) for line in dump(program, "mapping", *point)]
     initial = [abs(float(number)) for number in re.findall(r"^state .* initial (\S+)", "\n".join(dump(program, "model", spec)), re.M)]
     words = [line.split() for line in dump(program, "program", *point)]
-    formats = {w[1]: 2.0 ** (39 + int(w[3])) for w in words if w and w[0] == "state"}
-    inputs = {w[1]: 2.0 ** (31 + int(w[w.index("exponent") + 1])) for w in words if w and w[0] == "input"}
+    bits = next({key: int(count) for key, count in zip(w[1::2], w[2::2])} for w in words if w and w[0] == "format")
+    largest = bits["storage"] + bits["guard"] - 1
+    formats = {w[1]: 2.0 ** (largest + int(w[3])) for w in words if w and w[0] == "state"}
+    inputs = {w[1]: 2.0 ** (bits["storage"] - 1 + int(w[w.index("exponent") + 1])) for w in words if w and w[0] == "input"}
 
     def bound(value, box):
         reach = lambda name: box.get(name) or inputs.get(name) or abs(float(name.strip('"')))
