@@ -1,4 +1,5 @@
-//! The flow from model to program, compiler stage by compiler stage: the one order of `compile`, of sweeps and of goals.
+//! The flow from model to program, compiler stage by compiler stage: the one order of `compile`, of sweeps and of
+//! goals.
 //!
 //! ```text
 //! build       solver, step, form; with functions the ports    step graph
@@ -160,9 +161,9 @@ pub fn run(loaded: &LoadedModel, graph: StepGraph, watch: &mut Stopwatch) -> Res
 /// What runs in double precision say about the method, or why they are refused.
 pub type Compared = Result<Comparison, Vec<Diagnostic>>;
 
-/// Number formats of a step, and the errors of its runs in them: of the step that was run, or of that with coefficients in two
-/// slots. `compared` is given where the same step is run in several formats; else the runs that it needs share the machine with
-/// those in fixed point.
+/// Number formats of a step, and the errors of its runs in them: of the step that was run, or of that with coefficients
+/// in two slots. `compared` is given where the same step is run in several formats; else the runs that it needs share
+/// the machine with those in fixed point.
 ///
 /// # Errors
 /// Those of the runs, and words that no hardware has.
@@ -370,7 +371,8 @@ fn assemble(
     }
 }
 
-/// The step graph that is mapped: built, and split for the number of PEs; or that of the text that the model comes from.
+/// The step graph that is mapped: built, and split for the number of PEs; or that of the text that the model comes
+/// from.
 ///
 /// # Errors
 /// Those of the stages.

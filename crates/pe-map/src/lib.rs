@@ -1,5 +1,6 @@
-//! The map of a design, `NAME_map.json`: everything a host program needs to know of a network that it talks to. Ports with
-//! their formats, the time a step stands for and takes, where states are, and a hash that tells one design from another.
+//! The map of a design, `NAME_map.json`: everything a host program needs to know of a network that it talks to. Ports
+//! with their formats, the time a step stands for and takes, where states are, and a hash that tells one design from
+//! another.
 //!
 //! `pe-emit` writes it; hosts and wrappers read it and convert numbers with [`Format`]. Nothing here depends on the compiler.
 //! `docs/map.md` explains each key, and `docs/map.schema.json` is made of these types.
@@ -18,8 +19,8 @@ pub struct Map {
     pub map_version: u32,
     /// `pe-synth` and its version.
     pub generator: String,
-    /// SHA-256 in hexadecimal of the generator, a line feed, and the text of the program (`NAME_program.txt`). Two designs
-    /// with the same hash compute the same words.
+    /// SHA-256 in hexadecimal of the generator, a line feed, and the text of the program (`NAME_program.txt`). Two
+    /// designs with the same hash compute the same words.
     pub hash: String,
     /// Name of the model in the spec.
     pub model: String,

@@ -168,7 +168,8 @@ impl<'a> Clocked<'a> {
         self.overflow_cycle
     }
 
-    /// Sums from which the words at a PE's memories were made before they saturated, one for each control word of the last step.
+    /// Sums from which the words at a PE's memories were made before they saturated, one for each control word of the
+    /// last step.
     pub fn sums(&self, pe: PeId) -> &[i128] {
         &self.pes[pe].sums
     }
@@ -178,7 +179,8 @@ impl<'a> Clocked<'a> {
         self.wrapped
     }
 
-    /// Whether a word of a PE that does not saturate was out of range, which was proven impossible of the design's runs.
+    /// Whether a word of a PE that does not saturate was out of range, which was proven impossible of the design's
+    /// runs.
     pub fn escaped(&self) -> bool {
         self.escaped
     }

@@ -1,7 +1,7 @@
-//! Starts in which results that nothing takes are too large. Such a result decides nothing but what a `send` in the wrong
-//! control word would do, and random words hardly ever reach one: one start in 20,000 of a motor's controller. It is a sum of
-//! products of few words, so going from word to word, each to the end of its format where that brings the sum nearer to a
-//! limit, gets there or shows that it stays below.
+//! Starts in which results that nothing takes are too large. Such a result decides nothing but what a `send` in the
+//! wrong control word would do, and random words hardly ever reach one: one start in 20,000 of a motor's controller. It
+//! is a sum of products of few words, so a climb from word to word, each moved to the end of its format where that brings
+//! the sum nearer to a limit, gets there soon if it can. A climb that ends below the limit proves nothing.
 
 use std::collections::BTreeSet;
 
@@ -120,8 +120,8 @@ pub fn too_large_unsent(program: &Program, steps: u64, seen: &Coverage) -> Optio
     None
 }
 
-/// Moves one word after another to an end of its format where that brings the sum at a place nearer to a limit, until it is
-/// beyond it and the PE's flag is not set yet.
+/// Moves one word after another to an end of its format where that brings the sum at a place nearer to a limit, until
+/// it is beyond it and the PE's flag is not set yet.
 fn climb(
     mut candidate: Candidate,
     (pe, word): (PeId, usize),

@@ -24,8 +24,8 @@ const WORD_ERROR: f64 = 0.02;
 /// Changes that are tried, at most.
 const MOST_TRIALS: usize = 10;
 
-/// Products that the trials of a model with more than [`JUDGED_STATES`] may take for each product of a step: a part of what its
-/// mapping costs a compilation, which tries nothing then.
+/// Products that the trials of a model with more than [`JUDGED_STATES`] may take for each product of a step: a part of
+/// what its mapping costs a compilation, which tries nothing then.
 const MAPPING: u64 = 10_000;
 
 /// Products of the runs over the span that a wider word may take to be tried.

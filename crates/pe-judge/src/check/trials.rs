@@ -30,9 +30,9 @@ const CLOSE: f64 = 1.02;
 /// Trials in search of a limit to either side.
 const STRIDES: usize = 14;
 
-/// Trials in search of the step for an accuracy, and the products that they may take: so many, this part of those of the
-/// span with the model's own step, and so many for each product of a step, a part of what its mapping and its files cost a
-/// compilation. What takes more is left to the order of the method.
+/// Trials in search of the step for an accuracy, and the products that they may take: so many, this part of those of
+/// the span with the model's own step, and so many for each product of a step, a part of what its mapping and its files
+/// cost a compilation. What takes more is left to the order of the method.
 const ACCURACY_TRIALS: usize = 6;
 const ACCURACY_PRODUCTS: f64 = 1.5e6;
 const ACCURACY_PART: f64 = 0.005;
