@@ -38,8 +38,9 @@ struct Registers {
     word: i64,
     /// The sum that the word was made from.
     exact: i128,
-    /// Sums of the words that were at the memories, by control word.
+    /// Sums of the words that were at the memories, and own and imported operand, by control word.
     sums: Vec<i128>,
+    operands: Vec<[i64; 2]>,
     /// -1 below, 1 above, 0 if it did not saturate.
     saturated: i8,
     index: usize,
@@ -99,6 +100,7 @@ impl<'a> Clocked<'a> {
             word: 0,
             exact: 0,
             sums: vec![0; at(program.period)],
+            operands: vec![[0; 2]; at(program.period)],
             saturated: 0,
             index: 0,
             too_large: vec![false; if deep { 2 } else { 1 }],
@@ -172,6 +174,11 @@ impl<'a> Clocked<'a> {
     /// last step.
     pub fn sums(&self, pe: PeId) -> &[i128] {
         &self.pes[pe].sums
+    }
+
+    /// Own and imported operand of a PE, 0 if there is none, one pair for each control word of the last step.
+    pub fn operands(&self, pe: PeId) -> &[[i64; 2]] {
+        &self.pes[pe].operands
     }
 
     /// Whether a sum of two operands wrapped: [`crate::machine`] knows such sums no longer.
@@ -276,6 +283,7 @@ impl<'a> Clocked<'a> {
         // The result that is at the memories now.
         let (result, saturated) = (pe.word, pe.saturated);
         pe.sums[self.word] = pe.exact;
+        pe.operands[self.word] = [reads.own, reads.imported].map(|read| read.map_or(0, |(_, value)| value));
         pe.round(format, features);
         fields |= pe.accumulate(&clock, &reads, cover);
         let (too_large, joined_too_large) = pe.multiply(&clock, &reads);
@@ -348,12 +356,23 @@ impl Clock<'_> {
         &self.program.pes[self.pe].features
     }
 
+    /// Marks what was read, with effect or without.
+    fn fetch(&self, reads: &Reads, cover: &mut PeCoverage) {
+        let factor = if let CoefficientOperand::Stored(at) = self.word.coefficient { Some(at.into()) } else { None };
+        let [own, imported] = [reads.own, reads.imported].map(|read| read.map(|(place, _)| place));
+        // In the order of the memories.
+        let places = [own, reads.base_word, factor, imported, self.word.index.map(usize::from)];
+        let fetched = cover.fetched.iter_mut().zip(places);
+        fetched.filter_map(|(words, place)| words.get_mut(place?)).for_each(|word| *word = true);
+    }
+
     /// Marks what was at work in the reads; the fields that were.
     fn reads_at_work(&self, reads: &Reads, pe: &Registers, cover: &mut PeCoverage) -> u32 {
         const OWN_FIELDS: [FieldName; 3] = [FieldName::OwnEnable, FieldName::OwnAddress, FieldName::OwnSwap];
         const IMPORTED_FIELDS: [FieldName; 3] =
             [FieldName::ImportedEnable, FieldName::ImportedAddress, FieldName::ImportedSwap];
         let word = self.word;
+        self.fetch(reads, cover);
         let mut fields = self.operand_at_work(reads.own, word.own, reads.factor, OWN_FIELDS, (OWN, cover));
         fields |= self.operand_at_work(reads.imported, word.imported, reads.factor, IMPORTED_FIELDS, (IMPORTED, cover));
         if let Some(place) = reads.base_word.filter(|_| self.used) {
@@ -547,7 +566,7 @@ impl Registers {
     fn write_index(&mut self, clock: &Clock, result: i64, cover: &mut PeCoverage) -> u32 {
         let Some((address, octaves)) = clock.word.write_index else { return 0 };
         let segments = clock.features().segments();
-        let segment = segment(result, clock.program.format.word_bits(), segments, octaves);
+        let segment = segments.index(result, clock.program.format.word_bits(), octaves);
         if !store(&mut self.indices, usize::from(address), segment, &mut cover.written[INDEX]) {
             return 0;
         }
@@ -578,21 +597,4 @@ fn shown(program: &Program, word: i64) -> (i64, bool) {
     let largest = (1i64 << (format.storage_bits - 1)) - 1;
     let rounded = (word - format.data_offset() + half) >> format.guard_bits;
     (rounded.clamp(-largest - 1, largest), !(-largest - 1..=largest).contains(&rounded))
-}
-
-/// Number of the segment of a word.
-fn segment(word: i64, word_bits: u32, segments: pe_ir::functions::Segments, octaves: bool) -> usize {
-    if !octaves {
-        return ((word >> (word_bits - segments.index_bits)) + (1 << (segments.index_bits - 1))) as usize;
-    }
-    let last = (1u32 << segments.octave_bits) - 1;
-    let (mut bits, mut octave) = (word.max(0), 0);
-    while octave < last && bits >> (word_bits - 2) & 1 == 0 {
-        bits <<= 1;
-        octave += 1;
-    }
-    let mantissa_bits = segments.index_bits - segments.octave_bits;
-    let first = if octave < last { word_bits - 2 } else { word_bits - 1 };
-    let mantissa = bits >> (first - mantissa_bits) & ((1 << mantissa_bits) - 1);
-    at(octave) << mantissa_bits | mantissa as usize
 }

@@ -14,11 +14,14 @@ pub const FLAGGING: [&str; 6] = ["own memory", "base memory", "coefficient memor
 /// Position in [`FLAGGING`].
 pub(crate) const OPERANDS: usize = 5;
 
-/// Positions in [`MEMORIES`].
-pub(crate) const OWN: usize = 0;
-pub(crate) const BASE: usize = 1;
-pub(crate) const COEFFICIENT: usize = 2;
-pub(crate) const IMPORTED: usize = 3;
+/// Position of own memories in [`MEMORIES`].
+pub const OWN: usize = 0;
+/// Of base memories.
+pub const BASE: usize = 1;
+/// Of coefficient memories.
+pub const COEFFICIENT: usize = 2;
+/// Of imported memories.
+pub const IMPORTED: usize = 3;
 pub(crate) const INDEX: usize = 4;
 
 /// What was at work in one PE.
@@ -26,6 +29,8 @@ pub(crate) const INDEX: usize = 4;
 pub struct PeCoverage {
     /// For each control word a bit per [`FieldName`].
     pub fields: Vec<u32>,
+    /// Words of each memory that were read at all.
+    pub fetched: [Vec<bool>; 5],
     /// Words of each memory that were read with effect.
     pub read: [Vec<bool>; 5],
     /// Words of each memory whose content changed.
@@ -174,6 +179,7 @@ impl Coverage {
             let words = depths.map(|depth| vec![false; at(depth)]);
             PeCoverage {
                 fields: vec![0; at(program.period)],
+                fetched: words.clone(),
                 read: words.clone(),
                 written: words,
                 ports: List::filled(false, pe.ports.len()),
@@ -267,6 +273,7 @@ impl Coverage {
         }
         for (pe, from) in self.pes.iter_mut().zip(&other.pes) {
             pe.fields.iter_mut().zip(&from.fields).for_each(|(to, from)| *to |= from);
+            pe.fetched.iter_mut().zip(&from.fetched).for_each(|(to, from)| flags(to, from));
             pe.read.iter_mut().zip(&from.read).for_each(|(to, from)| flags(to, from));
             pe.written.iter_mut().zip(&from.written).for_each(|(to, from)| flags(to, from));
             flags(&mut pe.ports, &from.ports);
@@ -301,6 +308,11 @@ impl Coverage {
         let pe = |pe: &PeCoverage| set(&pe.saturated) + u64::from(pe.too_large) + set(&pe.flagged);
         let ports = set(&self.clamped) + set(&self.shown_clamped);
         self.pes.iter().map(pe).sum::<u64>() + ports + set(&self.raised)
+    }
+
+    /// Number of memory words that were read at all.
+    pub fn fetched(&self) -> u64 {
+        self.pes.iter().flat_map(|pe| &pe.fetched).map(|words| set(words)).sum()
     }
 
     /// Number of control words whose result nothing takes, and would have set a flag.

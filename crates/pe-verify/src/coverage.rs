@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use pe_ir::program::{FieldName, Layout, LinkSource, Program};
-use pe_sim::coverage::{Coverage, FLAGGING, MEMORIES, bit};
+use pe_sim::coverage::{Coverage, FLAGGING, MEMORIES, PeCoverage, bit};
 use serde_json::{Value, json};
 
 use crate::handshake::Met;
@@ -36,6 +36,26 @@ pub struct Table {
     pub groups: Vec<Group>,
     /// Situations of the handshake.
     pub handshake: Met,
+}
+
+/// A word of a memory of a PE.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemoryWord {
+    /// The PE.
+    pub pe: usize,
+    /// Position of the memory in [`MEMORIES`].
+    pub memory: usize,
+    /// Its address.
+    pub word: usize,
+}
+
+impl MemoryWord {
+    /// Whether it was read, with effect or without; true of a word that does not exist.
+    pub fn is_read(self, seen: &Coverage) -> bool {
+        let pe = seen.pes.get(self.pe);
+        let fetched = |pe: &PeCoverage| pe.fetched.get(self.memory)?.get(self.word).copied();
+        pe.and_then(fetched) != Some(false)
+    }
 }
 
 impl Group {

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use crate::Scratch;
 use crate::climb;
-use crate::coverage::{self, Table};
+use crate::coverage::{self, MemoryWord, Table};
 use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
 use crate::folder::{Change, DesignFolder};
 use crate::handshake::{self, Handshake, Met};
@@ -106,8 +106,15 @@ const SATURATING: u64 = 5;
 /// designs get fewer.
 const SATURATIONS: u64 = 10;
 
-/// Runs in which results that nothing takes are too large, at most.
-const TOO_LARGE: u64 = 4;
+/// Finds a start that has more at work.
+type Seek = fn(&Program, u64, &Coverage) -> Option<Candidate>;
+
+/// Starts that are sought, of each kind at most so many: their name, and what finds them.
+const SOUGHT: [(&str, u64, Seek); 3] = [
+    ("sums beyond the limits", 4, climb::too_large_unsent),
+    ("operands too large", 4, climb::too_large_operands),
+    ("entries not read", 32, climb::unread_entries),
+];
 
 /// Steps of these: the first one does it, and the next one shows it.
 const BRIEF: u64 = 2;
@@ -148,6 +155,8 @@ pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Resul
 pub struct Plan {
     design: String,
     runs: Vec<Expected>,
+    /// What is at work in them.
+    seen: Coverage,
 }
 
 impl Plan {
@@ -159,12 +168,17 @@ impl Plan {
         let folder = DesignFolder::open(path)?;
         let (beginning, _) = beginning(&folder, options)?;
         let mut runs = Vec::new();
-        Starts::make(&folder, options, beginning, &mut |expected| {
+        let Starts { seen, .. } = Starts::make(&folder, options, beginning, &mut |expected| {
             runs.push(expected);
             Ok(())
         })?;
         runs.sort_by_key(|run| run.handshake.control.len());
-        Ok(Plan { design: folder.design, runs })
+        Ok(Plan { design: folder.design, runs, seen })
+    }
+
+    /// Whether any run reads a word of a memory.
+    pub fn reads(&self, word: MemoryWord) -> bool {
+        word.is_read(&self.seen)
     }
 
     /// Judges the VHDL of a copy of the folder in GHDL, as [`judge`] does, up to the first run that fails: number of
@@ -241,11 +255,13 @@ impl Starts {
                 break;
             }
         }
-        for _ in 0..TOO_LARGE {
-            let steps = BRIEF.min(most);
-            let candidate = climb::too_large_unsent(program, steps, &starts.seen);
-            if !starts.made(program, "sums beyond the limits", candidate, steps, take)? {
-                break;
+        let steps = BRIEF.min(most);
+        for (name, times, seek) in SOUGHT {
+            for _ in 0..times {
+                let candidate = seek(program, steps, &starts.seen);
+                if !starts.made(program, name, candidate, steps, take)? {
+                    break;
+                }
             }
         }
         Ok(starts)

@@ -11,16 +11,19 @@ use crate::support::models::spec;
 use pe_emit::EmitOptions;
 use pe_ir::graph::StageForm;
 use pe_ir::model::Solver;
-use pe_ir::program::{Fold, Program};
+use pe_ir::program::{Fold, LinkSource, Program};
 use pe_ir::word::Pipeline;
 use pe_sim::clocked::Clocked;
+use pe_sim::coverage::{BASE, Coverage, PeCoverage};
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
+use pe_verify::climb;
 use pe_verify::inject::class::Class;
 use pe_verify::inject::classes::{Damage, Places, Sources};
 use pe_verify::inject::datasheet::Design;
 use pe_verify::inject::library::REPLACEMENTS;
 use pe_verify::inject::symbolic;
+use pe_verify::stimuli;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -206,23 +209,85 @@ fn rules_are_without_effect_where_no_word_meets_them() {
     assert!(flagged > 0, "no flag anywhere");
 }
 
+#[test]
+fn inputs_sampled_in_every_word_are_the_same_only_if_the_first_word_takes_them() {
+    let (_, sequencer) = pe_emit::LIBRARY.iter().find(|(file, _)| *file == "pe_sequencer.vhd").expect("a sequencer");
+    let (mut same, mut other) = (0, 0);
+    for flow in designs().iter().filter(|flow| flow.program.ports().count() > 0) {
+        let mut sources = sources(&flow.program);
+        sources.texts.insert("hdl/pe_sequencer.vhd".into(), (*sequencer).to_owned());
+        let (_, _, design) = sources.read().expect("read by the test above");
+        let damaged = sequencer.replace("sample_o <= fetch and waiting;", "sample_o <= fetch;");
+        sources.texts.insert("hdl/pe_sequencer.vhd".into(), damaged);
+        let (_, _, damaged) = sources.read().expect("a wire is a wire");
+        let format = &flow.program.format;
+        // The word behind the pause word is the first that can receive.
+        let first = design.pause() as usize + 1;
+        let takes = flow.program.pes.iter().flat_map(|pe| {
+            let received = pe.words.iter().enumerate().filter_map(|(k, word)| Some((k, pe.ports[word.receive?.0])));
+            received.filter(|(_, source)| matches!(source, LinkSource::Input(_))).map(|(k, _)| k)
+        });
+        let early = takes.into_iter().all(|k| k == first);
+        let clamps = format.data_bits < format.storage_bits || format.pipeline == Pipeline::Deep;
+        let expected = early && !clamps && flow.program.ticks().next().is_none();
+        assert_eq!(symbolic::equal(&design, &damaged).is_ok(), expected, "{}", flow.label);
+        (same, other) = (same + u32::from(expected), other + u32::from(!expected));
+    }
+    println!("{same} designs that do not change, {other} that do");
+    assert!(other > 0);
+}
+
+#[test]
+fn entries_of_tables_that_no_run_read_are_sought() {
+    let flow = Flow::tabled((8, 3), Solver::Heun, format(32, 25, 18), Placement::Scattered, 56);
+    let program = &flow.program;
+    let mut seen = Coverage::none(program);
+    seen.add(&stimuli::observe(program, &flow.middle(1).stimulus, 1).coverage);
+    let entries = |seen: &Coverage| -> usize {
+        let read = |pe: &PeCoverage| pe.fetched[BASE].iter().filter(|read| **read).count();
+        seen.pes.iter().map(read).sum()
+    };
+    let before = entries(&seen);
+    let mut starts = 0;
+    while let Some(candidate) = climb::unread_entries(program, 2, &seen) {
+        let news = stimuli::observe(&candidate.program, &candidate.stimulus, 2).coverage;
+        let read = entries(&seen);
+        seen.add(&news);
+        assert!(entries(&seen) > read, "a start that reads nothing new");
+        starts += 1;
+    }
+    // States at their limits read none of the others.
+    let found = entries(&seen);
+    for seed in 0..2_000 {
+        let (started, stimulus) = at_limits(program, seed);
+        seen.add(&stimuli::observe(&started, &stimulus, 1).coverage);
+    }
+    println!("{before} words read in one step, {found} in {starts} starts more, {} at limits", entries(&seen));
+    assert!(starts > 0 && found > 2 * before, "{found} words");
+    assert_eq!(entries(&seen), found);
+}
+
+/// A program with states and inputs at their limits, or half of the upper one.
+fn at_limits(program: &Program, seed: u64) -> (Program, Vec<Vec<i64>>) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut started = program.clone();
+    let limits = |bits: u32, random: &mut ChaCha8Rng| {
+        let largest = (1i64 << (bits - 1)) - 1;
+        [-largest - 1, largest, largest / 2][random.random_range(0..3)]
+    };
+    for state in &program.states {
+        state.set(&mut started.pes, &program.format, limits(program.format.word_bits(), &mut random));
+    }
+    let line = |random: &mut ChaCha8Rng| program.ports().map(|_| limits(program.format.storage_bits, random)).collect();
+    (started, (0..4).map(|_| line(&mut random)).collect())
+}
+
 /// Whether any PE sets its flag from states and with inputs at their limits.
 fn saturates(program: &Program) -> bool {
     (0..200).any(|seed| {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut started = program.clone();
-        let limits = |bits: u32, random: &mut ChaCha8Rng| {
-            let largest = (1i64 << (bits - 1)) - 1;
-            [-largest - 1, largest, largest / 2][random.random_range(0..3)]
-        };
-        for state in &program.states {
-            state.set(&mut started.pes, &program.format, limits(program.format.word_bits(), &mut random));
-        }
+        let (started, stimulus) = at_limits(program, seed);
         let mut network = Clocked::new(&started);
-        for _ in 0..4 {
-            let words = program.ports().map(|_| limits(program.format.storage_bits, &mut random));
-            network.step(&words.collect::<Vec<_>>(), &mut |_| {});
-        }
+        stimulus.iter().for_each(|words| network.step(words, &mut |_| {}));
         !network.flags().is_empty()
     })
 }
@@ -290,7 +355,8 @@ fn a_small_campaign_catches_or_proves_damage_and_is_the_same_again() {
     let (result, text) = campaign("30", "1");
     let count = |name: &str| result["all"][name].as_u64().expect("a count");
     assert_eq!(count("injected"), 30);
-    assert_eq!(count("caught") + count("datasheet") + count("equivalence") + count("missed"), 30);
+    let fates = ["caught", "datasheet", "equivalence", "never_read", "missed"];
+    assert_eq!(fates.map(count).iter().sum::<u64>(), 30);
     assert!(count("caught") > 10 && count("datasheet") > 1, "{text}");
     assert_eq!(count("missed"), 0, "{text}");
     assert_eq!(campaign("2", "9").1, campaign("2", "9").1);

@@ -4,8 +4,11 @@
 //! A number is a sum of the places that it depends on, each anywhere in its range, and of a remainder (affine
 //! arithmetic). So a state that a step damps is known not to leave its range, though what is added to it may have
 //! either sign. By the rules of the datasheet alone.
+//!
+//! What is looked up is bounded segment by segment: in one, the argument is between its ends, and each column of the
+//! table has one entry. All of them together would bound a polynomial by coefficients that never meet.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use super::datasheet::Design;
 use super::symbols::{Id, Node, UNKNOWN_SHIFT};
@@ -101,9 +104,27 @@ impl Form {
     }
 }
 
+/// Cases of segments that are told apart for one question, at most.
+const CASES: usize = 4096;
+
+/// An index, and the segment that it is supposed to be.
+#[derive(Clone, Copy, Debug)]
+struct Case {
+    index: Id,
+    segment: usize,
+    /// The word whose segment it is, and the ends of that.
+    argument: Id,
+    least: f64,
+    most: f64,
+}
+
 /// Bounds of the symbols of a design.
 pub(super) struct Bounds<'a> {
     nodes: &'a [Node],
+    /// Bits that count octaves, if that is the same in all PEs with such indices.
+    octave_bits: Option<u32>,
+    /// What is supposed of indices.
+    cases: Vec<Case>,
     /// Bits of stored word, data port, coefficient port, and of the shortest accumulator.
     widths: [u32; 4],
     /// Bits by which sums are shifted to the left.
@@ -124,8 +145,12 @@ impl<'a> Bounds<'a> {
         let [word, data, coefficient] = design.widths;
         let sums = design.pes.iter().map(|pe| pe.features.accumulator_bits).min().unwrap_or(0);
         let half = |bits: u32| if bits == 0 { 0.0 } else { power(bits as i32 - 1) };
+        let octaves: BTreeSet<u32> =
+            design.pes.iter().map(|pe| pe.features.octave_width).filter(|bits| *bits > 0).collect();
         Bounds {
             nodes,
+            octave_bits: octaves.first().copied().filter(|_| octaves.len() == 1),
+            cases: Vec::new(),
             widths: [word, data, coefficient, sums],
             left: (word as i32 + 2 - data as i32 - coefficient as i32).max(0),
             shown: half(word - design.port_bits.min(word)) - half(word - data.min(word)),
@@ -136,20 +161,80 @@ impl<'a> Bounds<'a> {
 
     /// Whether a word may be out of range before it is clamped.
     pub(super) fn may_saturate(&mut self, word: Id) -> bool {
-        self.unclamped(word).is_none_or(|form| !self.within(&form, 0, 0.0))
+        !self.always(word, |bounds| bounds.unclamped(word).is_some_and(|form| bounds.within(&form, 0, 0.0)))
     }
 
     /// Whether an output that shows a word may be out of range before it is clamped.
     pub(super) fn may_clamp(&mut self, word: Id) -> bool {
         let shown = self.shown;
-        self.form(word, Kind::Word).is_none_or(|form| !self.within(&form, 0, shown))
+        !self.always(word, |bounds| bounds.form(word, Kind::Word).is_some_and(|form| bounds.within(&form, 0, shown)))
     }
 
     /// Whether one of two operands may be too large for their sum.
     pub(super) fn may_be_too_large(&mut self, both: Id) -> bool {
         let Node::Both(own, imported, _) = self.nodes[both as usize] else { return true };
-        let mut small = |id| self.form(id, Kind::Operand).is_some_and(|form| self.within(&form, 1, 0.0));
+        let mut small = |id| {
+            self.always(id, |bounds| bounds.form(id, Kind::Operand).is_some_and(|form| bounds.within(&form, 1, 0.0)))
+        };
         !(small(own) && small(imported))
+    }
+
+    /// Whether something is known of a symbol, at once or in every case of the indices that it depends on.
+    fn always(&mut self, id: Id, known: impl Fn(&mut Bounds) -> bool) -> bool {
+        if known(self) {
+            return true;
+        }
+        let indices = self.indices(id);
+        let cases: Option<Vec<Vec<Case>>> =
+            indices.iter().map(|(index, entries)| self.segments(*index, *entries)).collect();
+        let Some(cases) = cases.filter(|cases| !cases.is_empty()) else { return false };
+        let count = cases.iter().try_fold(1usize, |count, cases| count.checked_mul(cases.len()));
+        let Some(count) = count.filter(|count| *count <= CASES) else { return false };
+        (0..count).all(|mut number| {
+            let mut turn = |cases: &Vec<Case>| {
+                let case = cases[number % cases.len()];
+                number /= cases.len();
+                case
+            };
+            let cases = cases.iter().map(&mut turn).collect();
+            known(&mut Bounds { cases, known: HashMap::new(), ..*self })
+        })
+    }
+
+    /// The indices by which something is chosen that a symbol is made of, with the number of segments.
+    fn indices(&self, id: Id) -> BTreeMap<Id, usize> {
+        let (mut indices, mut done, mut left) = (BTreeMap::new(), BTreeSet::new(), vec![id]);
+        while let Some(id) = left.pop().filter(|_| indices.len() < CASES) {
+            if !done.insert(id) {
+                continue;
+            }
+            match &self.nodes[id as usize] {
+                Node::Data(of) | Node::Factor(of) => left.push(*of),
+                Node::Both(a, b, _) | Node::Product(a, b) | Node::Sum(a, b) | Node::Word(a, b, _) => {
+                    left.extend([*a, *b]);
+                }
+                Node::Chosen(index, words) => {
+                    indices.insert(*index, words.len());
+                    left.extend(words);
+                }
+                _ => {}
+            }
+        }
+        indices
+    }
+
+    /// The cases of an index, by the words of its segments; none if it is not known what those are. Segments that the
+    /// argument does not reach are no cases.
+    fn segments(&mut self, index: Id, entries: usize) -> Option<Vec<Case>> {
+        let Node::Segment(argument, octaves) = self.nodes[index as usize] else { return None };
+        let bits = self.widths[0];
+        let octave_bits = if octaves { self.octave_bits? } else { 0 };
+        let whole = self.form(argument, Kind::Word)?;
+        let cases = (0..entries).map(|segment| {
+            let (least, most) = segment_words(segment, entries.ilog2(), octave_bits, bits);
+            Case { index, segment, argument, least: least.max(whole.least), most: most.min(whole.most) }
+        });
+        Some(cases.filter(|case| case.least <= case.most).collect())
     }
 
     /// Whether a number, and something more, is in the range of words (0), of halves of operands (1), operands (2),
@@ -182,6 +267,9 @@ impl<'a> Bounds<'a> {
 
     fn made(&mut self, id: Id, kind: Kind) -> Option<Form> {
         let nodes = self.nodes;
+        if let Some(case) = self.cases.iter().find(|case| case.argument == id && kind == Kind::Word) {
+            return Some(Form::place(id, case.least, case.most).widened(0.0));
+        }
         match (&nodes[id as usize], kind) {
             (Node::Constant(0), _) => Some(Form::default()),
             (Node::Constant(bits), Kind::Word | Kind::Operand | Kind::Factor) => {
@@ -222,7 +310,10 @@ impl<'a> Bounds<'a> {
                 let taken = Form::between(-above, (-full - form.least).max(0.0));
                 Some(form.plus(&taken).limited(-full, full - 1.0))
             }
-            (Node::Chosen(_, words), Kind::Word) => {
+            (Node::Chosen(index, words), Kind::Word) => {
+                if let Some(case) = self.cases.iter().find(|case| case.index == *index) {
+                    return self.form(words[case.segment], Kind::Word);
+                }
                 let mut range = (f64::INFINITY, f64::NEG_INFINITY);
                 for word in words {
                     let form = self.form(*word, Kind::Word)?;
@@ -253,6 +344,26 @@ impl<'a> Bounds<'a> {
         let sum = sum.widened(if shift > 0 { 0.5 } else { 0.0 });
         Some(self.form(base, Kind::Word)?.plus(&sum))
     }
+}
+
+/// The first and last word of a segment, by the datasheet: equal parts, or with so many bits that count octaves. All
+/// negative words are in the last octave's first one.
+fn segment_words(segment: usize, index_bits: u32, octave_bits: u32, word_bits: u32) -> (f64, f64) {
+    let full = power(word_bits as i32 - 1);
+    if octave_bits == 0 {
+        let size = 2.0 * full * power(-(index_bits as i32));
+        let first = segment as f64 * size - full;
+        return (first, first + size - 1.0);
+    }
+    let mantissa_bits = index_bits - octave_bits;
+    let (octave, mantissa) = (segment >> mantissa_bits, segment % (1 << mantissa_bits));
+    let is_last = octave == (1 << octave_bits) - 1;
+    // A leading one in bit N-2 is octave 0; the last octave has none.
+    let place = full * power(-(octave as i32));
+    let (start, size) = if is_last { (0.0, place) } else { (place / 2.0, place / 2.0) };
+    let size = size * power(-(mantissa_bits as i32));
+    let first = start + mantissa as f64 * size;
+    (if is_last && mantissa == 0 { -full } else { first }, first + size - 1.0)
 }
 
 #[cfg(test)]
@@ -305,5 +416,48 @@ mod tests {
         assert!(square.most >= 25.0 && square.least <= 0.0);
         let twice = a.plus(&a.times(-1.0));
         assert!(twice.most < 1e-9 && twice.least > -1e-9);
+    }
+
+    #[test]
+    fn segments_take_each_word_once() {
+        for octave_bits in [0, 2, 3] {
+            let ends: Vec<(f64, f64)> = (0..32).map(|segment| segment_words(segment, 5, octave_bits, 14)).collect();
+            let mut words: Vec<(f64, f64)> = ends.clone();
+            words.sort_by(|a, b| a.0.total_cmp(&b.0));
+            assert!(words.windows(2).all(|pair| pair[0].1 + 1.0 == pair[1].0), "{octave_bits}: {ends:?}");
+            assert_eq!((words[0].0, words[31].1), (-8192.0, 8191.0));
+        }
+        // Leading ones in bits 12 and 11 of 14, and below.
+        let octaves: Vec<(f64, f64)> = (0..8).map(|segment| segment_words(segment, 3, 2, 14)).collect();
+        assert_eq!(octaves[0], (4096.0, 6143.0));
+        assert_eq!(octaves[3], (3072.0, 4095.0));
+        assert_eq!(octaves[7], (512.0, 1023.0));
+    }
+
+    #[test]
+    fn what_is_looked_up_is_bounded_segment_by_segment() {
+        // Two segments: base 0 and slope 1 below zero, base 0 and slope -1 above, so that the sum is never positive.
+        let design = Design { pes: Vec::new(), ..design() };
+        let word = |value: i64| Node::Constant((value & 0xffff_ffff) as u128);
+        let slope = |value: i64| word(value << 14);
+        let nodes = vec![
+            Node::Constant(0),
+            Node::Stored(0, 0),
+            Node::Segment(1, false),
+            slope(1000),
+            slope(-1000),
+            Node::Chosen(2, vec![3, 4]),
+            Node::Data(1),
+            Node::Factor(5),
+            Node::Product(6, 7),
+            word(i64::from(i32::MAX) - 1000),
+            Node::Word(9, 8, 5),
+        ];
+        let bounds = |nodes| Bounds { widths: [32, 25, 18, 48], ..Bounds::new(&design, nodes) };
+        let mut known = bounds(&nodes);
+        // Without cases the slope may have either sign on both sides.
+        assert!(known.unclamped(10).is_some_and(|form| form.most > f64::from(i32::MAX)));
+        assert!(known.always(10, |bounds| bounds.unclamped(10).is_some_and(|form| form.most <= f64::from(i32::MAX))));
+        assert!(!known.always(10, |bounds| bounds.unclamped(10).is_some_and(|form| form.most <= 0.0)));
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use pe_sim::coverage::{BASE, COEFFICIENT, IMPORTED, OWN};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -10,6 +11,7 @@ use super::class::Class;
 use super::datasheet::{Design, shifts};
 use super::library::{REPLACEMENTS, RULED};
 use super::vhdl::{Association, Bits, Instance, Network, Package, line_of};
+use crate::coverage::MemoryWord;
 
 /// A piece of text that takes the place of another one.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,6 +41,8 @@ pub struct Damage {
     pub edits: Vec<Edit>,
     /// Whether all that changes is what [`Sources::read`] reads.
     pub is_read: bool,
+    /// The word of a memory's initial image that changes.
+    pub image: Option<MemoryWord>,
 }
 
 impl Damage {
@@ -58,6 +62,7 @@ impl Damage {
             what,
             edits,
             is_read: false,
+            image: None,
         }
     }
 
@@ -80,6 +85,9 @@ fn applied(text: &str, edits: &[Edit]) -> String {
 /// The line of `pe_scale.vhd` that makes the base of words without one.
 pub const OFFSET: &str = "offset(i) <=";
 
+/// The line of `pe_sequencer.vhd` that makes `sample`, and the damage that makes it the same as `fetch`.
+const SAMPLES_ALWAYS: (&str, &str) = ("sample_o <= fetch and waiting;", "sample_o <= fetch;");
+
 /// The VHDL of a design as it lies in its folder.
 #[derive(Clone, Debug)]
 pub struct Sources {
@@ -98,7 +106,11 @@ impl Sources {
     /// What is not understood.
     pub fn read(&self) -> Result<(Package, Network, Design), String> {
         let package = Package::read(&self.texts[&self.package_file])?;
-        let network = Network::read(&self.texts[&self.network_file])?;
+        let mut network = Network::read(&self.texts[&self.network_file])?;
+        let sequencer = self.texts.get("hdl/pe_sequencer.vhd");
+        if sequencer.is_some_and(|text| text.contains(SAMPLES_ALWAYS.1) && !text.contains(SAMPLES_ALWAYS.0)) {
+            network.rewire("sample", "fetch");
+        }
         let mut design = Design::read(&package, &network)?;
         if let Some(text) = self.texts.get("hdl/pe_index.vhd") {
             let image = text.lines().find(|line| line.contains("constant IMAGE"));
@@ -126,12 +138,20 @@ impl Sources {
     }
 }
 
+/// A word of a memory in the package.
+struct Word {
+    bits: Bits,
+    /// What it is.
+    name: String,
+    image: Option<MemoryWord>,
+}
+
 /// All places of a design where something can be damaged.
 pub struct Places {
     /// Damages that can be listed, by class.
     listed: BTreeMap<Class, Vec<Damage>>,
     /// Words whose bits can be flipped, by class: the word's bits and what it is.
-    words: BTreeMap<Class, Vec<(Bits, String)>>,
+    words: BTreeMap<Class, Vec<Word>>,
     package: (String, String),
 }
 
@@ -146,18 +166,24 @@ impl Places {
         let text = sources.texts[file].clone();
         let mut places = Places { listed: BTreeMap::new(), words: BTreeMap::new(), package: (file.clone(), text) };
         for (name, array) in &package.arrays {
-            let class = match name.split_once('_').map_or("", |(_, kind)| kind) {
-                "LOOP" => Class::ProgramLoop,
-                "STREAM" => Class::ProgramStream,
-                "VARIANTS" => Class::ProgramVariants,
-                "OWN_IMAGE" => Class::ImageOwn,
-                "BASE_IMAGE" => Class::ImageBase,
-                "COEFFICIENT_IMAGE" => Class::ImageCoefficient,
-                "IMPORTED_IMAGE" => Class::ImageImported,
+            let Some((pe, kind)) = name.strip_prefix("PE").and_then(|name| name.split_once('_')) else { continue };
+            let (class, memory) = match kind {
+                "LOOP" => (Class::ProgramLoop, None),
+                "STREAM" => (Class::ProgramStream, None),
+                "VARIANTS" => (Class::ProgramVariants, None),
+                "OWN_IMAGE" => (Class::ImageOwn, Some(OWN)),
+                "BASE_IMAGE" => (Class::ImageBase, Some(BASE)),
+                "COEFFICIENT_IMAGE" => (Class::ImageCoefficient, Some(COEFFICIENT)),
+                "IMPORTED_IMAGE" => (Class::ImageImported, Some(IMPORTED)),
                 _ => continue,
             };
+            let pe: usize = pe.parse().map_err(|_| format!("no PE of {name}"))?;
             let words = array.words.iter().enumerate().filter(|(_, word)| !word.places.is_empty());
-            let named = words.map(|(index, word)| (word.clone(), format!("word {index} of {name}")));
+            let named = words.map(|(word, bits)| Word {
+                bits: bits.clone(),
+                name: format!("word {word} of {name}"),
+                image: memory.map(|memory| MemoryWord { pe, memory, word }),
+            });
             places.words.entry(class).or_default().extend(named);
         }
         places.words.retain(|_, words| !words.is_empty());
@@ -198,11 +224,11 @@ impl Places {
                 } else if let Some(words) = words {
                     // A memory of few bits may be used up.
                     let free = (0..32).find_map(|_| {
-                        let (word, name) = &words[random.random_range(0..words.len())];
-                        let place = word.places[random.random_range(0..word.places.len())];
-                        flipped.insert(place).then_some((word, name, place))
+                        let word = &words[random.random_range(0..words.len())];
+                        let place = word.bits.places[random.random_range(0..word.bits.places.len())];
+                        flipped.insert(place).then_some((word, place))
                     });
-                    chosen.extend(free.map(|(word, name, place)| self.flip(class, word, name, place)));
+                    chosen.extend(free.map(|(word, place)| self.flip(class, word, place)));
                 }
             }
             if chosen.len() == before {
@@ -213,13 +239,13 @@ impl Places {
     }
 
     /// Flips a bit of a word.
-    fn flip(&self, class: Class, word: &Bits, name: &str, place: usize) -> Damage {
+    fn flip(&self, class: Class, word: &Word, place: usize) -> Damage {
         let (file, text) = &self.package;
-        let bit = word.places.iter().rev().position(|other| *other == place).unwrap_or(0);
+        let bit = word.bits.places.iter().rev().position(|other| *other == place).unwrap_or(0);
         let flipped = if &text[place..=place] == "1" { "0" } else { "1" };
         let edit = Edit { range: place..place + 1, text: flipped.into() };
-        let damage = Damage::new(class, file, text, format!("bit {bit} of {name}"), vec![edit]);
-        Damage { is_read: true, ..damage }
+        let damage = Damage::new(class, file, text, format!("bit {bit} of {}", word.name), vec![edit]);
+        Damage { is_read: true, image: word.image, ..damage }
     }
 }
 
@@ -234,7 +260,8 @@ fn library(sources: &Sources, design: &Design) -> Vec<Damage> {
             let edit = Edit { range: at..at + before.len(), text: (*after).to_owned() };
             let damage = Damage::new(*class, &path, text, "hand-written VHDL".into(), vec![edit]);
             let ruled = RULED.iter().any(|(at, from, to, _)| [at, from, to] == [file, before, after]);
-            let is_read = ruled || *class == Class::ImageIndex || damage.before.contains(OFFSET);
+            let wired = (*before, *after) == SAMPLES_ALWAYS;
+            let is_read = ruled || wired || *class == Class::ImageIndex || damage.before.contains(OFFSET);
             damages.push(Damage { is_read, ..damage });
         }
     }

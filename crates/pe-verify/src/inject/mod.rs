@@ -3,7 +3,8 @@
 //! In: a folder that `compile` wrote, a number, a seed. Damages of many kinds ([`classes`]) are put into copies of its
 //! VHDL, and each copy is judged as [`crate::judge`] judges a folder. Out: for every damage whether it was caught, and
 //! by what, or why it has no effect. That is never concluded from a simulation: either the rules of the datasheet tell
-//! it ([`symbolic`]), or yosys proves the logic equivalent ([`equivalence`]). A damage that is neither is a failure.
+//! it ([`symbolic`]), or yosys proves the logic equivalent ([`equivalence`]). A damage that is neither is a failure, unless
+//! it is one of a memory word that no run reads: nothing is said of such words, and they are counted by themselves.
 //!
 //! Simulation and proof control each other: a damage that is proven to have no effect and is caught is an internal
 //! error.
@@ -74,6 +75,8 @@ pub enum Proof {
     Datasheet,
     /// Equivalence of the synthesised logic.
     Equivalence,
+    /// Coverage: no run of `verify` reads the word, so nothing is said of it.
+    NeverRead,
 }
 
 impl Proof {
@@ -82,6 +85,7 @@ impl Proof {
         match self {
             Proof::Datasheet => "datasheet",
             Proof::Equivalence => "equivalence",
+            Proof::NeverRead => "never-read",
         }
     }
 }
@@ -188,7 +192,9 @@ impl Subject<'_> {
             self.can_be_analysed(damage, &copy, &scratch)?;
         }
         let caught = |(passed, start, message)| Fate::Caught { passed, start, message };
-        fate(damage, judged.map_err(caught), self.datasheet(damage), || self.equivalence(&copy, &scratch))
+        let proven = || self.equivalence(&copy, &scratch);
+        let is_read = damage.image.is_none_or(|word| self.plan.reads(word));
+        fate(damage, judged.map_err(caught), self.datasheet(damage), proven, is_read)
     }
 
     /// Copies the folder, with a damage in it.
@@ -250,12 +256,14 @@ impl Subject<'_> {
     }
 }
 
-/// What simulation and proofs make of a damage; they control each other.
+/// What simulation and proofs make of a damage; they control each other. `is_read` tells whether any run reads the word
+/// that is damaged, if it is one of a memory.
 fn fate(
     damage: &Damage,
     judged: Result<(), Fate>,
     datasheet: Result<(), String>,
     equivalence: impl FnOnce() -> Result<Result<String, String>, Failure>,
+    is_read: bool,
 ) -> Result<Fate, Failure> {
     match (judged, datasheet) {
         (Err(fate), Err(_)) => Ok(fate),
@@ -269,6 +277,10 @@ fn fate(
         }
         (Ok(()), Err(reason)) => Ok(match equivalence()? {
             Ok(reason) => Fate::WithoutEffect { proof: Proof::Equivalence, reason },
+            Err(_) if !is_read => {
+                let reason = format!("{}: no run reads it", damage.what);
+                Fate::WithoutEffect { proof: Proof::NeverRead, reason }
+            }
             Err(other) if reason.is_empty() => Fate::Missed(other),
             Err(other) => Fate::Missed(format!("{reason}; {other}")),
         }),
@@ -323,6 +335,7 @@ mod tests {
             what: "a port".into(),
             edits: Vec::new(),
             is_read: true,
+            image: None,
         }
     }
 
@@ -333,18 +346,19 @@ mod tests {
     #[test]
     fn a_proof_that_simulation_contradicts_is_an_internal_error() {
         let caught = || Err(Fate::Caught { passed: 0, start: "step 3".into(), message: "another word".into() });
-        let failure = fate(&damage(), caught(), Ok(()), missed).expect_err("both cannot hold");
+        let failure = fate(&damage(), caught(), Ok(()), missed, false).expect_err("both cannot hold");
         assert!(matches!(failure, Failure::Internal(text) if text.contains("m.vhd") && text.contains("another word")));
-        assert_eq!(fate(&damage(), caught(), Err("why".into()), missed).ok(), caught().err());
+        assert_eq!(fate(&damage(), caught(), Err("why".into()), missed, false).ok(), caught().err());
     }
 
     #[test]
     fn what_is_neither_caught_nor_proven_is_missed_and_counted() {
         let fates = [
-            fate(&damage(), Ok(()), Ok(()), || panic!("there is a proof already")),
-            fate(&damage(), Ok(()), Err("why".into()), || Ok(Ok("same logic".into()))),
-            fate(&damage(), Ok(()), Err("why".into()), missed),
-            fate(&damage(), Ok(()), Err(String::new()), missed),
+            fate(&damage(), Ok(()), Ok(()), || panic!("there is a proof already"), false),
+            fate(&damage(), Ok(()), Err("why".into()), || Ok(Ok("same logic".into())), false),
+            fate(&damage(), Ok(()), Err("why".into()), missed, true),
+            fate(&damage(), Ok(()), Err(String::new()), missed, true),
+            fate(&damage(), Ok(()), Err("why".into()), missed, false),
         ];
         let findings: Vec<Finding> =
             fates.into_iter().map(|fate| Finding { damage: damage(), fate: fate.expect("a fate") }).collect();
@@ -353,11 +367,13 @@ mod tests {
         assert!(matches!(told[1], Fate::WithoutEffect { proof: Proof::Equivalence, .. }));
         assert_eq!(told[2], &Fate::Missed("why; no".into()));
         assert_eq!(told[3], &Fate::Missed("no".into()));
+        assert!(matches!(told[4], Fate::WithoutEffect { proof: Proof::NeverRead, .. }));
         assert_eq!(show::missed(&findings), 2);
         let table = show::table(&findings);
         let row = table.lines().find(|line| line.starts_with("links")).expect("a row");
         let numbers: Vec<&str> = row.split_ascii_whitespace().skip(1).collect();
-        assert_eq!(numbers, ["4", "0", "1", "1", "2"], "{table}");
+        assert_eq!(numbers, ["5", "0", "1", "1", "1", "2"], "{table}");
+        assert!(table.contains("never read: a port\n"), "{table}");
         assert!(table.contains("missed: links in m.vhd, line 3: a port"), "{table}");
         let json = show::as_json(&findings, "m", 7);
         assert_eq!((json["seed"].as_u64(), json["all"]["missed"].as_u64()), (Some(7), Some(2)));

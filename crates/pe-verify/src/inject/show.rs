@@ -14,6 +14,7 @@ struct Count {
     caught: usize,
     datasheet: usize,
     equivalence: usize,
+    never_read: usize,
     missed: usize,
 }
 
@@ -24,16 +25,18 @@ impl Count {
             Fate::Caught { .. } => self.caught += 1,
             Fate::WithoutEffect { proof: Proof::Datasheet, .. } => self.datasheet += 1,
             Fate::WithoutEffect { proof: Proof::Equivalence, .. } => self.equivalence += 1,
+            Fate::WithoutEffect { proof: Proof::NeverRead, .. } => self.never_read += 1,
             Fate::Missed(_) => self.missed += 1,
         }
     }
 
-    fn fields(&self) -> [(&'static str, usize); 5] {
+    fn fields(&self) -> [(&'static str, usize); 6] {
         [
             ("injected", self.injected),
             ("caught", self.caught),
             ("datasheet", self.datasheet),
             ("equivalence", self.equivalence),
+            ("never_read", self.never_read),
             ("missed", self.missed),
         ]
     }
@@ -57,7 +60,7 @@ pub fn missed(findings: &[Finding]) -> usize {
     counts(findings).1.missed
 }
 
-/// A row per class, a sum, and each damage that was missed.
+/// A row per class, a sum, each damage of a word that no run reads, and each that was missed.
 pub fn table(findings: &[Finding]) -> String {
     let (classes, all) = counts(findings);
     let row = |name: &str, count: &Count| {
@@ -65,12 +68,17 @@ pub fn table(findings: &[Finding]) -> String {
             count.fields().iter().map(|(title, count)| format!("  {count:>0$}", title.len())).collect();
         format!("{name:<18}{numbers}\n")
     };
-    let titles: String = all.fields().iter().map(|(title, _)| format!("  {title}")).collect();
+    let titles: String = all.fields().iter().map(|(title, _)| format!("  {}", title.replace('_', " "))).collect();
     let mut text = format!("{:<18}{titles}\n", "class of damage");
     for (class, count) in &classes {
         text += &row(class.name(), count);
     }
     text += &row("all", &all);
+    for finding in findings {
+        if let Fate::WithoutEffect { proof: Proof::NeverRead, .. } = &finding.fate {
+            text += &format!("never read: {}\n", finding.damage.what);
+        }
+    }
     for finding in findings {
         if let Fate::Missed(reason) = &finding.fate {
             let damage = &finding.damage;

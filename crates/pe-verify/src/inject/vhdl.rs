@@ -154,6 +154,13 @@ fn digits(text: &str, from: usize, to: usize) -> Bits {
 }
 
 impl Network {
+    /// Wires all that one signal drives to another one.
+    pub fn rewire(&mut self, from: &str, to: &str) {
+        let ports = self.instances.iter_mut().flat_map(|instance| &mut instance.ports);
+        let driven = ports.filter(|(name, port)| name.ends_with("_i") && port.value == from);
+        driven.for_each(|(_, port)| port.value = to.to_owned());
+    }
+
     /// Reads instances and assignments; the error tells what is not understood.
     pub fn read(text: &str) -> Result<Network, String> {
         let plain = without_comments(text);
