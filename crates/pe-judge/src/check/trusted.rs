@@ -1,16 +1,21 @@
 //! A trajectory to linearise the model along: the run of the step itself where half the step hardly changes it, the
-//! reference solution where it does, or where there is no run.
+//! reference solution where it does, or where there is no run. An affine model is the same everywhere, so its own run
+//! serves as long as it has the right magnitudes.
 
 use pe_ir::graph::StepGraph;
 use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_sim::error::Trajectory;
+use pe_sim::linear::is_affine;
 use pe_sim::reference::{self, ReferenceError};
 
 use crate::runs::Judged;
 
 /// Method error up to which the run of the step is trusted.
 const TRUSTED_ERROR: f64 = 0.02;
+
+/// The same of an affine step: its modes are the same everywhere, and magnitudes are all that is taken from the run.
+const TRUSTED_AFFINE_ERROR: f64 = 0.1;
 
 /// Tolerance of the reference where it only says where the states go.
 const TOLERANCE: f64 = 1e-7;
@@ -41,7 +46,8 @@ pub struct Trusted {
 impl Trusted {
     /// The run of a judged step if it can be trusted, else the reference solution as far as it goes.
     pub fn of(model: &Model, judged: Option<(&StepGraph, &Judged)>) -> Trusted {
-        if let Some((graph, judged)) = judged.filter(|(_, judged)| judged.errors.method <= TRUSTED_ERROR) {
+        let most = if is_affine(model) { TRUSTED_AFFINE_ERROR } else { TRUSTED_ERROR };
+        if let Some((graph, judged)) = judged.filter(|(_, judged)| judged.errors.method <= most) {
             let mut trusted = Trusted::start(model, true);
             trusted.append(&judged.times, &judged.hardware);
             let states = graph.states.iter().take(model.states.len());
