@@ -260,7 +260,7 @@ impl Search<'_> {
 
     /// Moves words until a place is in a range, and others stay in theirs; whether it gets there.
     fn approach(&mut self, candidate: &mut Candidate, aim: &Aim, held: &[&Aim], coordinates: &[Coordinate]) -> bool {
-        let centre = aim.range.start() + (aim.range.end() - aim.range.start()) / 2;
+        let centre = aim.centre();
         // Distance to the centre with its sign, and whether it is in the range; none if another one would not be.
         let value = |candidate: &Candidate| {
             let network = look(candidate);
@@ -308,12 +308,20 @@ fn nearer(distance: i128, other: i128) -> bool {
 struct Aim {
     place: Place,
     range: RangeInclusive<i128>,
+    /// What is read then and was not yet: PE and base word.
+    entries: BTreeSet<(PeId, usize)>,
+}
+
+impl Aim {
+    fn centre(&self) -> i128 {
+        self.range.start() + (self.range.end() - self.range.start()) / 2
+    }
 }
 
 /// Arguments and segments of which entries were not read.
 fn unread(program: &Program, seen: &Coverage) -> Vec<Aim> {
     let bits = program.format.word_bits();
-    let mut aims = BTreeMap::new();
+    let mut aims: BTreeMap<(Place, usize), Aim> = BTreeMap::new();
     for (index, pe) in program.pes.numbered() {
         let segments = pe.features.segments();
         for (k, word) in pe.words.iter().enumerate() {
@@ -323,14 +331,19 @@ fn unread(program: &Program, seen: &Coverage) -> Vec<Aim> {
             // What was written last is read.
             let last = writers.iter().rfind(|written| **written < k).or(writers.last());
             let Some((written, (_, octaves))) = last.and_then(|k| Some((*k, writes(&pe.words[*k])?))) else { continue };
-            for segment in (0..segments.count()).filter(|one| !seen.pes[index].fetched[BASE][usize::from(base) | one]) {
+            for segment in 0..segments.count() {
+                let (place, entry) = (Place::Result(index, written), usize::from(base) | segment);
+                if seen.pes[index].fetched[BASE][entry] {
+                    continue;
+                }
                 let (first, end) = segments.range(segment, octaves);
                 let [first, end] = [first, end].map(|edge| libm::scalbn(edge, bits as i32 - 1) as i128);
-                aims.insert((Place::Result(index, written), segment), first..=end - 1);
+                let aim = Aim { place, range: first..=end - 1, entries: BTreeSet::new() };
+                aims.entry((place, segment)).or_insert(aim).entries.insert((index, entry));
             }
         }
     }
-    aims.into_iter().map(|((place, _), range)| Aim { place, range }).collect()
+    aims.into_values().collect()
 }
 
 /// A start in which entries of tables are read that were not in those before, if one is found.
@@ -343,12 +356,18 @@ pub fn unread_entries(program: &Program, steps: u64, seen: &Coverage) -> Option<
         if !search.approach(&mut candidate, aim, &[], &influences[&aim.place]) {
             continue;
         }
-        // Other arguments go where they may.
-        let mut held = vec![aim];
-        for (place, coordinates) in &influences {
-            let further = aims.iter().filter(|other| other.place == *place && *place != aim.place);
-            let found = further.take(FURTHER).find(|other| search.approach(&mut candidate, other, &held, coordinates));
-            held.extend(found);
+        // Other arguments go where they may, to what is near and read by none of those before.
+        let (mut held, mut read) = (vec![aim], aim.entries.clone());
+        for (place, coordinates) in influences.iter().filter(|(place, _)| **place != aim.place) {
+            let value = place.of(&look(&candidate));
+            let mut others: Vec<&Aim> =
+                aims.iter().filter(|other| other.place == *place && !other.entries.is_subset(&read)).collect();
+            others.sort_by_key(|other| (other.centre() - value).abs());
+            let mut others = others.into_iter().take(FURTHER);
+            if let Some(found) = others.find(|other| search.approach(&mut candidate, other, &held, coordinates)) {
+                read.extend(&found.entries);
+                held.push(found);
+            }
         }
         if search.shows(&candidate, seen, Coverage::fetched) {
             return Some(candidate);

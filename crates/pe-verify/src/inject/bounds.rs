@@ -201,10 +201,21 @@ impl<'a> Bounds<'a> {
         })
     }
 
-    /// The indices by which something is chosen that a symbol is made of, with the number of segments.
+    /// The indices by which something is chosen that a symbol is made of, with the number of segments. What an argument
+    /// is made of does not matter where its segment is known.
     fn indices(&self, id: Id) -> BTreeMap<Id, usize> {
-        let (mut indices, mut done, mut left) = (BTreeMap::new(), BTreeSet::new(), vec![id]);
-        while let Some(id) = left.pop().filter(|_| indices.len() < CASES) {
+        let all = self.indices_outside(id, &BTreeSet::new());
+        let argument = |index: &Id| match self.nodes[*index as usize] {
+            Node::Segment(argument, _) => Some(argument),
+            _ => None,
+        };
+        self.indices_outside(id, &all.keys().filter_map(argument).collect())
+    }
+
+    /// The same without what some symbols are made of.
+    fn indices_outside(&self, id: Id, outside: &BTreeSet<Id>) -> BTreeMap<Id, usize> {
+        let (mut indices, mut done, mut left) = (BTreeMap::new(), outside.clone(), vec![id]);
+        while let Some(id) = left.pop() {
             if !done.insert(id) {
                 continue;
             }
@@ -459,5 +470,29 @@ mod tests {
         assert!(known.unclamped(10).is_some_and(|form| form.most > f64::from(i32::MAX)));
         assert!(known.always(10, |bounds| bounds.unclamped(10).is_some_and(|form| form.most <= f64::from(i32::MAX))));
         assert!(!known.always(10, |bounds| bounds.unclamped(10).is_some_and(|form| form.most <= 0.0)));
+    }
+
+    #[test]
+    fn what_an_argument_is_made_of_gives_no_cases() {
+        let design = design();
+        // What is looked up at 2 is added to the argument of the index 5.
+        let nodes = vec![
+            Node::Constant(0),
+            Node::Stored(0, 0),
+            Node::Segment(1, false),
+            Node::Chosen(2, vec![0, 1]),
+            Node::Word(3, 6, 3),
+            Node::Segment(4, false),
+            Node::Product(7, 8),
+            Node::Data(1),
+            Node::Factor(1),
+            Node::Chosen(5, vec![1, 0]),
+            Node::Data(4),
+            Node::Product(10, 8),
+            Node::Word(9, 11, 3),
+        ];
+        let bounds = Bounds::new(&design, &nodes);
+        assert_eq!(bounds.indices(12), BTreeMap::from([(5, 2)]));
+        assert_eq!(bounds.indices(4), BTreeMap::from([(2, 2)]));
     }
 }
