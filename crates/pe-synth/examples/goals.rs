@@ -1,8 +1,8 @@
 //! What goals are judged by: the true error of a design, and the designs of an exhaustive grid.
 //!
 //! ```sh
-//! goals truth SPEC GOAL OPTIONS      # largest error of the design of `compile SPEC OPTIONS`, and how far that is known
-//! goals grid SPEC GOAL               # points of the grid that were run, that were left out, and one that meets the goal
+//! goals truth SPEC --goal E OPTIONS   # largest error of the design of `compile SPEC OPTIONS`, and how far that is known
+//! goals grid SPEC --goal E            # points of the grid that were run, that were left out, and one that meets the goal
 //! ```
 //!
 //! The truth is a run in double precision with a much smaller step, of a method and with code that the search has no part
@@ -72,6 +72,8 @@ enum Command {
 struct Question {
     #[command(flatten)]
     model: ModelArgs,
+    /// The largest total error that is asked for
+    #[arg(long)]
     goal: f64,
     #[command(flatten)]
     point: PointArgs,

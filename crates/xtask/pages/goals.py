@@ -89,11 +89,11 @@ def judge(example, spec, row, seconds):
         point = ["--solver", row["solver"], "--step", row["step_s"], "--storage", row["storage_bits"], "--multiplier",
                  row["multiplier"], "--coefficients", row["coefficients"], "--widen", "0"]
         point += ["--early-steps", row["early_steps"]] if row["early_steps"] else []
-        code, text, _, _ = run([example, "truth", spec, row["goal"], *point], seconds)
+        code, text, _, _ = run([example, "truth", spec, "--goal", row["goal"], *point], seconds)
         words = text.strip().split(maxsplit=2) if code == 0 else []
         row["true"], row["known_to"], row["judged_by"] = words if len(words) == 3 else ("", "", "unknown")
     elif row["goal"] != "1e-6":
-        code, text, _, _ = run([example, "grid", spec, row["goal"]], seconds)
+        code, text, _, _ = run([example, "grid", spec, "--goal", row["goal"]], seconds)
         words = text.strip().split(maxsplit=2) if code == 0 else ["", "", "stopped"]
         row["grid_run"], row["grid_left_out"], row["grid_found"] = (words + ["none"])[:3]
 
