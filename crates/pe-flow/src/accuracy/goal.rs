@@ -330,6 +330,12 @@ impl<'a> Search<'a> {
         // Among those that met the goal one that is not among the best is slower.
         short.retain(|method| best.iter().all(|best| self.cycles(*method) < self.cycles(*best)));
         let longer = |word: &&Word| word.holds(&self.word);
+        // Those whose longer words were tried before would stand in the way of others.
+        let tried = |method: &Method| {
+            let with_it = |row: &&Row| Method::of(row) == Some(*method);
+            rows.iter().filter(with_it).any(|row| Word::of(&row.point) != self.word)
+        };
+        short.retain(|method| !tried(method));
         for method in short.into_iter().take(SHORT_OF_BITS) {
             points.extend(self.words.iter().filter(longer).map(|word| self.point(method, *word)));
         }

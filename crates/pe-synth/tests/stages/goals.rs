@@ -51,6 +51,15 @@ fn a_goal_that_takes_longer_words_is_met() {
 }
 
 #[test]
+fn steps_are_halved_until_the_longest_word_is_right_enough() {
+    // With the largest steps that double precision allows, no word is; with half of them, not that of every method.
+    let (exit, report, messages) = compile("goal_halved", "validation/fpu_chain", &["--max-error", "1e-3"]);
+    assert_eq!(exit, Some(0), "{messages}");
+    let report = report.expect("a report");
+    assert!(report["error"]["total"].as_f64().is_some_and(|error| error <= 1e-3), "{}", report["error"]);
+}
+
+#[test]
 fn the_step_of_a_goal_divides_span_and_time_between_outputs() {
     // Otherwise much larger steps would do.
     let options = ["--max-error", "1e-2", "--sample", "3ms", "--span", "300ms"];
