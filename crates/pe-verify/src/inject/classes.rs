@@ -269,10 +269,11 @@ fn library(sources: &Sources, design: &Design) -> Vec<Damage> {
 }
 
 /// How damages of the network file begin that the datasheet reads there: wiring of ports, and these generics.
-const READ: [&str; 9] = [
+const READ: [&str; 10] = [
     "ports of",
     "a port of",
     "sample_i of u_input",
+    "settle_i of",
     "position",
     "CAPTURE_WORD",
     "STEPS",

@@ -173,6 +173,8 @@ pub struct Pe {
     pub images: [Image; 4],
     /// What the ports are wired to, port 0 first.
     pub ports: Vec<Source>,
+    /// Whether it is told of the first pass.
+    pub settles: bool,
     /// Words whose write group an output shows, with its port, and whether that clamps.
     pub outputs: Vec<(u32, String, bool)>,
 }
@@ -319,7 +321,12 @@ impl Design {
             false => wired.value.rsplit('&').map(|name| source(name.trim(), inputs)).collect::<Result<_, _>>()?,
         };
         let images = [image("OWN")?, image("BASE")?, image("COEFFICIENT")?, image("IMPORTED")?];
-        Ok(Pe { features, fields, words, first, images, ports, outputs: Vec::new() })
+        let settles = match port(instance, "settle_i")? {
+            "settle" => true,
+            "'0'" => false,
+            other => return Err(format!("{}: settle_i is `{other}`", instance.label)),
+        };
+        Ok(Pe { features, fields, words, first, images, ports, settles, outputs: Vec::new() })
     }
 
     /// The control words of a step and the very first one, put together from the program memories.

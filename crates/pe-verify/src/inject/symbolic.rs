@@ -221,7 +221,7 @@ impl Run<'_> {
         let operand = match (own, imported) {
             (Some(own), Some(imported)) => {
                 let both = symbols.of(Node::Both(own, imported, features.pre_adder));
-                if !place.settle && rules.sums_flagged && place.count >= self.clamping_from {
+                if !place.settles(pe) && rules.sums_flagged && place.count >= self.clamping_from {
                     self.seen.insert(Seen::MayBeTooLarge(index, both));
                 }
                 both
@@ -252,7 +252,7 @@ impl Run<'_> {
         let bits = bits_of(pe, place);
         let state = &mut self.state.pes[index];
         // In the first pass nothing is written; sending is not disabled.
-        let writes = |memory: usize| !(place.settle && rules.waits[memory]);
+        let writes = |memory: usize| !(place.settles(pe) && rules.waits[memory]);
         let in_round = place.last || !features.base_last || !rules.last_round;
         let takes_base = f.write_base.set(bits) && in_round && writes(BASE);
         let (takes_own, takes_factor) =
@@ -283,7 +283,7 @@ impl Run<'_> {
         if f.send.set(bits) {
             state.link = data;
         }
-        let sends = f.send.set(bits) && !place.settle;
+        let sends = f.send.set(bits) && !place.settles(pe);
         let flagging = [takes_own, takes_base, takes_factor, takes_index, sends];
         let flagged = flagging.into_iter().zip(rules.flagged).any(|(takes, flagged)| takes && flagged);
         // A word without a sum is a word that is stored already, or the offset.
@@ -351,6 +351,11 @@ struct Place {
 }
 
 impl Place {
+    /// Whether it is in the first pass, as far as a PE is told.
+    fn settles(&self, pe: &Pe) -> bool {
+        self.settle && pe.settles
+    }
+
     /// An address of a memory of so many words whose halves may have changed roles.
     fn steered(&self, address: u64, swap: bool, words: u32) -> u64 {
         if swap && self.parity { address ^ (1u64 << log2(words) >> 1) } else { address }
