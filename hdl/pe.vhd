@@ -43,21 +43,32 @@ entity pe is
     INDEX_WIDTH      : natural := 0;     -- bits of an index
     OCTAVE_WIDTH     : natural := 0;     -- bits of an index that count octaves, 0 if none do
     SATURATE         : boolean := true;  -- clamps words that are out of range; false if it is proven that none can be
+    ACCESS_STATES    : boolean := false; -- states can be read and replaced
+    SPLIT_FLAGS      : boolean := false; -- a flag of its own for operands that are too large
     DEEP             : boolean := false; -- registers behind memories and shifts
     TRACE            : boolean := false  -- drives trace_o
   );
   port (
-    clk_i      : in    std_ulogic;                                                        -- clock
-    advance_i  : in    std_ulogic;                                                        -- executes the control word
-    settle_i   : in    std_ulogic;                                                        -- first pass: memories keep their images
-    parity_i   : in    std_ulogic;                                                        -- 1 in odd rounds
-    last_i     : in    std_ulogic;                                                        -- writes belong to the last round
-    control_i  : in    std_ulogic_vector(CONTROL_BITS - 1 downto 0);                      -- control register
-    ports_i    : in    std_ulogic_vector(larger(PORT_COUNT, 1) * DATA_BITS - 1 downto 0); -- port 0 rightmost
-    link_o     : out   std_ulogic_vector(DATA_BITS - 1 downto 0);                         -- link register
-    word_o     : out   std_ulogic_vector(WORD_BITS - 1 downto 0);                         -- word of the write group
-    overflow_o : out   std_ulogic;                                                        -- sticky: a written word saturated
-    trace_o    : out   std_ulogic_vector(TRACE_BITS - 1 downto 0)                         -- memory writes, for test benches
+    clk_i      : in    std_ulogic;                                                                -- clock
+    advance_i  : in    std_ulogic;                                                                -- executes the control word
+    settle_i   : in    std_ulogic;                                                                -- first pass: memories keep their images
+    parity_i   : in    std_ulogic;                                                                -- 1 in odd rounds
+    last_i     : in    std_ulogic;                                                                -- writes belong to the last round
+    control_i  : in    std_ulogic_vector(CONTROL_BITS - 1 downto 0);                              -- control register
+    ports_i    : in    std_ulogic_vector(larger(PORT_COUNT, 1) * DATA_BITS - 1 downto 0);         -- port 0 rightmost
+    clear_i    : in    std_ulogic                                             := '0';             -- clears the flags
+    refill_i   : in    std_ulogic                                             := '0';             -- the pipeline is filled anew
+    replace_i  : in    std_ulogic                                             := '0';             -- states are replaced
+    look_i     : in    std_ulogic                                             := '0';             -- states are read
+    here_i     : in    std_ulogic                                             := '0';             -- a state of this PE is
+    place_i    : in    std_ulogic_vector(index_bits(BASE_WORDS) - 1 downto 0) := (others => '0'); -- base word to read
+    state_i    : in    std_ulogic_vector(WORD_BITS downto 0)                  := (others => '0'); -- replacement less the offset
+    state_o    : out   std_ulogic_vector(WORD_BITS - 1 downto 0);                                 -- word that was read
+    link_o     : out   std_ulogic_vector(DATA_BITS - 1 downto 0);                                 -- link register
+    word_o     : out   std_ulogic_vector(WORD_BITS - 1 downto 0);                                 -- word of the write group
+    overflow_o : out   std_ulogic;                                                                -- sticky: a written word saturated
+    operands_o : out   std_ulogic;                                                                -- sticky: operands too large for a sum, with SPLIT_FLAGS
+    trace_o    : out   std_ulogic_vector(TRACE_BITS - 1 downto 0)                                 -- memory writes, for test benches
   );
 end entity pe;
 
@@ -107,6 +118,8 @@ architecture rtl of pe is
   signal imported_operand    : std_ulogic_vector(DATA_BITS - 1 downto 0);
   signal coefficient_operand : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0);
   signal too_large           : std_ulogic;
+  signal own_enable          : std_ulogic;
+  signal imported_enable     : std_ulogic;
 
   -- Accumulate group
   signal product     : signed(DATA_BITS + COEFFICIENT_BITS - 1 downto 0);
@@ -126,6 +139,10 @@ architecture rtl of pe is
   signal write_address : std_ulogic_vector(WRITE_BITS - 1 downto 0);
   signal link          : std_ulogic_vector(DATA_BITS - 1 downto 0) := (others => '0');
   signal overflow      : std_ulogic                                := '0';
+  signal operands      : std_ulogic                                := '0';
+
+  -- What a state is replaced by
+  signal replacement : std_ulogic_vector(WORD_BITS downto 0) := (others => '0');
 
 begin
 
@@ -215,6 +232,11 @@ begin
 
   -- Operand group -------------------------------------------------------------------------------------------------
 
+  -- Where states are replaced all products are 0.
+  own_enable      <= flag(control_i, LAYOUT.own.enable) and not replace_i;
+  imported_enable <= flag(control_i, LAYOUT.imported.enable) and not replace_i when IMPORTED_WORDS > 0 else
+                     '0';
+
   u_own_operand : entity pe_lib.pe_ram
     generic map (
       WORDS     => OWN_WORDS,
@@ -228,102 +250,33 @@ begin
       write_enable_i  => write_own,
       write_address_i => write_address(OWN_BITS - 1 downto 0),
       write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - DATA_BITS),
-      read_enable_i   => flag(control_i, LAYOUT.own.enable),
+      read_enable_i   => own_enable,
       read_address_i  => steered(control_i, LAYOUT.own, OWN_BITS, parity),
       default_i       => (others => '0'),
       read_data_o     => own_operand
     );
 
-  g_stored : if COEFF_WORDS > 0 generate
-
-    constant COEFF_BITS : positive := larger(index_bits(COEFF_WORDS), 1);
-
-  begin
-
-    g_written : if FACTOR generate
-
-      u_coefficient : entity pe_lib.pe_ram
-        generic map (
-          WORDS     => COEFF_WORDS,
-          WORD_BITS => COEFFICIENT_BITS,
-          IMAGE     => COEFF_IMAGE,
-          DEEP      => DEEP
-        )
-        port map (
-          clk_i           => clk_i,
-          ce_i            => advance,
-          write_enable_i  => write_factor,
-          write_address_i => std_ulogic_vector(resize(unsigned(write_address), COEFF_BITS)),
-          write_data_i    => word(WORD_BITS - 1 downto WORD_BITS - COEFFICIENT_BITS),
-          read_enable_i   => '1',
-          read_address_i  => bits(control_i, LAYOUT.coefficient_address, COEFF_BITS),
-          default_i       => (others => '0'),
-          read_data_o     => coefficient_operand
-        );
-
-    end generate g_written;
-
-    g_constant : if not FACTOR generate
-
-      signal coefficient : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0);
-      signal follower    : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
-
-    begin
-
-      u_coefficient : entity pe_lib.pe_rom
-        generic map (
-          CONTROL_BITS => COEFFICIENT_BITS,
-          PERIOD       => COEFF_WORDS,
-          CONTENT      => COEFF_IMAGE
-        )
-        port map (
-          clk_i     => clk_i,
-          fetch_i   => advance,
-          address_i => bits(control_i, LAYOUT.coefficient_address, COEFF_BITS),
-          control_o => coefficient
-        );
-
-      p_follow : process (clk_i) is
-      begin
-
-        if rising_edge(clk_i) then
-          if (advance = '1') then
-            follower <= coefficient;
-          end if;
-        end if;
-
-      end process p_follow;
-
-      coefficient_operand <= follower when DEEP else
-                             coefficient;
-
-    end generate g_constant;
-
-  end generate g_stored;
-
-  g_in_word : if COEFF_WORDS = 0 generate
-
-    signal coefficient : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
-    signal follower    : std_ulogic_vector(COEFFICIENT_BITS - 1 downto 0) := (others => '0');
-
-  begin
-
-    p_coefficient : process (clk_i) is
-    begin
-
-      if rising_edge(clk_i) then
-        if (advance = '1') then
-          coefficient <= bits(control_i, LAYOUT.coefficient, COEFFICIENT_BITS);
-          follower    <= coefficient;
-        end if;
-      end if;
-
-    end process p_coefficient;
-
-    coefficient_operand <= follower when DEEP else
-                           coefficient;
-
-  end generate g_in_word;
+  u_coefficient : entity pe_lib.pe_coefficient
+    generic map (
+      WORD_BITS        => WORD_BITS,
+      COEFFICIENT_BITS => COEFFICIENT_BITS,
+      CONTROL_BITS     => CONTROL_BITS,
+      LAYOUT           => LAYOUT,
+      COEFF_WORDS      => COEFF_WORDS,
+      WRITE_BITS       => WRITE_BITS,
+      FACTOR           => FACTOR,
+      COEFF_IMAGE      => COEFF_IMAGE,
+      DEEP             => DEEP
+    )
+    port map (
+      clk_i           => clk_i,
+      advance_i       => advance,
+      control_i       => control_i,
+      write_i         => write_factor,
+      write_address_i => write_address,
+      word_i          => word,
+      coefficient_o   => coefficient_operand
+    );
 
   u_multiplier : entity pe_lib.pe_multiplier
     generic map (
@@ -401,6 +354,10 @@ begin
           hold <= accumulator;
         end if;
       end if;
+
+      if (ACCESS_STATES and refill_i = '1') then
+        accumulator <= (others => '0');
+      end if;
     end if;
 
   end process p_accumulate;
@@ -422,6 +379,7 @@ begin
       INDEX_WIDTH      => INDEX_WIDTH,
       OCTAVE_WIDTH     => OCTAVE_WIDTH,
       SATURATE         => SATURATE,
+      ACCESS_STATES    => ACCESS_STATES,
       DEEP             => DEEP
     )
     port map (
@@ -432,9 +390,32 @@ begin
       write_base_i    => write_base,
       write_index_i   => write_index,
       write_address_i => write_address(BASE_BITS - 1 downto 0),
+      replace_i       => replace_i,
+      replacement_i   => replacement,
+      look_i          => look_i,
+      look_here_i     => here_i,
+      look_address_i  => place_i,
+      base_o          => state_o,
       word_o          => word,
       saturated_o     => saturated
     );
+
+  g_replacement : if ACCESS_STATES generate
+
+    p_replacement : process (clk_i) is
+    begin
+
+      if rising_edge(clk_i) then
+        if (replace_i = '0') then
+          replacement <= (others => '0');
+        elsif (here_i = '1') then
+          replacement <= state_i;
+        end if;
+      end if;
+
+    end process p_replacement;
+
+  end generate g_replacement;
 
   -- Write group ---------------------------------------------------------------------------------------------------
 
@@ -460,6 +441,11 @@ begin
   begin
 
     if rising_edge(clk_i) then
+      if (clear_i = '1') then
+        overflow <= '0';
+        operands <= '0';
+      end if;
+
       if (advance = '1') then
         -- A value that is only sent must not saturate unseen either.
         if (FLAGGED and saturated = '1'
@@ -475,7 +461,12 @@ begin
           assert SATURATE
             report "pe: an operand is too large for a sum, which was proven impossible"
             severity failure;
-          overflow <= '1';
+
+          if (SPLIT_FLAGS) then
+            operands <= '1';
+          else
+            overflow <= '1';
+          end if;
         end if;
       end if;
     end if;
@@ -502,6 +493,7 @@ begin
   link_o     <= link;
   word_o     <= word;
   overflow_o <= overflow;
+  operands_o <= operands;
 
   -- Receive group -------------------------------------------------------------------------------------------------
 
@@ -533,7 +525,7 @@ begin
         write_enable_i  => receive_enable,
         write_address_i => receive_address,
         write_data_i    => received,
-        read_enable_i   => flag(control_i, LAYOUT.imported.enable),
+        read_enable_i   => imported_enable,
         read_address_i  => steered(control_i, LAYOUT.imported, IMPORTED_BITS, parity),
         default_i       => (others => '0'),
         read_data_o     => imported_operand
@@ -560,7 +552,7 @@ begin
 
   g_trace : if TRACE generate
 
-    trace_o(TRACE_OVERFLOW)                               <= overflow;
+    trace_o(TRACE_OVERFLOW)                               <= overflow or operands;
     trace_o(TRACE_OWN_WRITE)                              <= write_own or write_base or write_factor;
     trace_o(TRACE_OWN_WRITE - 1 downto TRACE_OWN_ADDRESS) <= traced(unsigned(write_address));
     trace_o(TRACE_OWN_ADDRESS - 1 downto TRACE_OWN_VALUE) <= traced(signed(word));

@@ -22,6 +22,7 @@ entity pe_input is
   port (
     clk_i      : in    std_ulogic;                                   -- clock
     sample_i   : in    std_ulogic;                                   -- takes the input
+    clear_i    : in    std_ulogic := '0';                            -- clears the flag
     value_i    : in    std_ulogic_vector(STORAGE_BITS - 1 downto 0); -- external input
     operand_o  : out   std_ulogic_vector(DATA_BITS - 1 downto 0);    -- what the ports of PEs see
     overflow_o : out   std_ulogic;                                   -- sticky: an input was too large
@@ -115,6 +116,10 @@ begin
   begin
 
     if rising_edge(clk_i) then
+      if (clear_i = '1') then
+        overflow <= '0';
+      end if;
+
       if (arrive = '1') then
         word    := shift_left(resize(signed(taken), WORD_BITS + 1), GUARD_BITS) + half;
         operand <= std_ulogic_vector(word(WORD_BITS - 1 downto DROPPED));

@@ -26,7 +26,8 @@ entity pe_rom is
     clk_i     : in    std_ulogic;                                                    -- clock
     fetch_i   : in    std_ulogic;                                                    -- reads the memory
     address_i : in    std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0); -- control word to load
-    control_o : out   std_ulogic_vector(CONTROL_BITS - 1 downto 0)                   -- control register
+    control_o : out   std_ulogic_vector(CONTROL_BITS - 1 downto 0);                  -- control register
+    clear_i   : in    std_ulogic := '0'                                              -- makes it what it was at first
   );
 end entity pe_rom;
 
@@ -82,6 +83,10 @@ begin
     if rising_edge(clk_i) then
       if (fetch_i = '1') then
         fetched <= ROM(to_integer(unsigned(address)));
+      end if;
+
+      if (clear_i = '1') then
+        fetched <= (others => '0');
       end if;
     end if;
 

@@ -29,6 +29,7 @@ entity pe_scale is
     INDEX_WIDTH      : natural;         -- bits of an index
     OCTAVE_WIDTH     : natural;         -- bits of an index that count octaves, 0 if none do
     SATURATE         : boolean;         -- clamps words that are out of range; false if none can be
+    ACCESS_STATES    : boolean;         -- states can be read and replaced
     DEEP             : boolean          -- a register behind base memory and shifts
   );
   port (
@@ -39,6 +40,12 @@ entity pe_scale is
     write_base_i    : in    std_ulogic;                                             -- the base memory takes the word
     write_index_i   : in    std_ulogic;                                             -- the index memory takes its segment
     write_address_i : in    std_ulogic_vector(index_bits(BASE_WORDS) - 1 downto 0); -- base word to write
+    replace_i       : in    std_ulogic;                                             -- words are their replacements
+    replacement_i   : in    std_ulogic_vector(WORD_BITS downto 0);                  -- less the offset, 0 without replace_i
+    look_i          : in    std_ulogic;                                             -- the base memory is read for the host
+    look_here_i     : in    std_ulogic;                                             -- in this PE
+    look_address_i  : in    std_ulogic_vector(index_bits(BASE_WORDS) - 1 downto 0); -- base word to read
+    base_o          : out   std_ulogic_vector(WORD_BITS - 1 downto 0);              -- base word that was read
     word_o          : out   std_ulogic_vector(WORD_BITS - 1 downto 0);              -- word of the write group
     saturated_o     : out   std_ulogic                                              -- it saturated
   );
@@ -69,7 +76,11 @@ architecture rtl of pe_scale is
   constant MID_SHIFTS  : natural  := larger(SHIFT_COUNT - FIRST_MID, 0) - HIGH_SHIFTS;
 
   signal offset    : std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal indexed   : std_ulogic_vector(BASE_BITS - 1 downto 0);
   signal address   : std_ulogic_vector(BASE_BITS - 1 downto 0);
+  signal enable    : std_ulogic;
+  signal based     : std_ulogic;
+  signal write     : std_ulogic;
   signal base      : std_ulogic_vector(WORD_BITS - 1 downto 0);
   signal position  : unsigned(larger(SHIFT_BITS, 1) - 1 downto 0) := (others => '0');
   signal use_mid   : std_ulogic                                   := '0';
@@ -104,15 +115,39 @@ begin
     )
     port map (
       clk_i           => clk_i,
-      ce_i            => advance_i,
-      write_enable_i  => write_base_i,
+      ce_i            => enable,
+      write_enable_i  => write,
       write_address_i => write_address_i,
       write_data_i    => word,
-      read_enable_i   => flag(control_i, LAYOUT.base.enable),
+      read_enable_i   => based,
       read_address_i  => address,
       default_i       => offset,
       read_data_o     => base
     );
+
+  -- A replaced word has no base but the offset.
+
+  g_accessed : if ACCESS_STATES generate
+
+    enable  <= advance_i or look_i;
+    write   <= write_base_i and not look_i;
+    based   <= look_here_i when look_i = '1' else
+               flag(control_i, LAYOUT.base.enable) and not replace_i;
+    address <= look_address_i when look_i = '1' else
+               indexed;
+
+  end generate g_accessed;
+
+  g_closed : if not ACCESS_STATES generate
+
+    enable  <= advance_i;
+    write   <= write_base_i;
+    based   <= flag(control_i, LAYOUT.base.enable);
+    address <= indexed;
+
+  end generate g_closed;
+
+  base_o <= base;
 
   -- The index is fetched in the word before; without one it is 0.
 
@@ -143,14 +178,14 @@ begin
         index_o         => index
       );
 
-    address <= bits(control_i, LAYOUT.base.address, BASE_BITS)
+    indexed <= bits(control_i, LAYOUT.base.address, BASE_BITS)
                or std_ulogic_vector(resize(unsigned(index), BASE_BITS));
 
   end generate g_index;
 
   g_no_index : if INDEX_WORDS = 0 generate
 
-    address <= bits(control_i, LAYOUT.base.address, BASE_BITS);
+    indexed <= bits(control_i, LAYOUT.base.address, BASE_BITS);
 
   end generate g_no_index;
 
@@ -241,15 +276,23 @@ begin
 
   p_add : process (clk_i) is
 
-    variable total : signed(SUM_BITS - 1 downto 0);
+    variable extended : signed(SUM_BITS - 1 downto 0);
+    variable total    : signed(SUM_BITS - 1 downto 0);
 
   begin
 
     if rising_edge(clk_i) then
       if (advance_i = '1') then
+        extended := resize(signed(addend), SUM_BITS);
+
+        -- One of the two is 0.
+        if (ACCESS_STATES) then
+          extended := extended or resize(signed(replacement_i & '0'), SUM_BITS);
+        end if;
+
         -- base & '1' + increment, where the 1 below the base rounds to nearest. Written as a difference, because
         -- synthesis sorts the operands of a sum, and only next to the second one the choice above is free.
-        total := resize(signed(base & '0'), SUM_BITS) - resize(not signed(addend), SUM_BITS);
+        total := resize(signed(base & '0'), SUM_BITS) - not extended;
         sum   <= total(SUM_BITS - 1 downto 1);
       end if;
     end if;

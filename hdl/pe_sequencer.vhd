@@ -17,15 +17,20 @@ library pe_lib;
 
 entity pe_sequencer is
   generic (
-    PERIOD     : positive;        -- control words per step
-    ROUNDS     : positive;        -- rounds per step
-    PAUSE_WORD : positive;        -- the network waits before it
-    DEEP       : boolean := false -- PEs follow four clocks later
+    PERIOD     : positive;         -- control words per step
+    ROUNDS     : positive;         -- rounds per step
+    PAUSE_WORD : positive;         -- the network waits before it
+    ACCESSED   : boolean := false; -- obeys pe_access
+    DEEP       : boolean := false  -- PEs follow four clocks later
   );
   port (
     clk_i     : in    std_ulogic;                                                             -- clock
     ce_i      : in    std_ulogic;                                                             -- clock enable
     step_i    : in    std_ulogic;                                                             -- lets the next step begin
+    hold_i    : in    std_ulogic := '0';                                                      -- lets no step begin
+    refill_i  : in    std_ulogic := '0';                                                      -- fills the pipelines again
+    replace_i : in    std_ulogic := '0';                                                      -- a step that replaces states
+    pace_i    : in    std_ulogic := '0';                                                      -- goes on to its next word
     fetch_o   : out   std_ulogic;                                                             -- reads the programs
     address_o : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- control word to load
     repeat_o  : out   std_ulogic_vector(larger(index_bits(PERIOD / ROUNDS), 1) - 1 downto 0); -- the same within a round
@@ -39,6 +44,9 @@ entity pe_sequencer is
     arrive_o  : out   std_ulogic;                                                             -- inputs load their operands, with DEEP
     publish_o : out   std_ulogic;                                                             -- outputs load their ports
     busy_o    : out   std_ulogic;                                                             -- not waiting for step_i
+    waiting_o : out   std_ulogic;                                                             -- at the pause point
+    filling_o : out   std_ulogic;                                                             -- first pass, no replica
+    next_o    : out   std_ulogic_vector(larger(index_bits(PERIOD), 1) - 1 downto 0);          -- word to execute, no replica
     done_o    : out   std_ulogic                                                              -- outputs are new
   );
 end entity pe_sequencer;
@@ -84,7 +92,18 @@ begin
 
   -- synthesis translate_on
 
-  fetch <= ce_i and (step_i or not waiting);
+  g_accessed : if ACCESSED generate
+
+    fetch <= ce_i and pace_i when replace_i = '1' else
+             ce_i and ((step_i and not hold_i) or not waiting);
+
+  end generate g_accessed;
+
+  g_closed : if not ACCESSED generate
+
+    fetch <= ce_i and (step_i or not waiting);
+
+  end generate g_closed;
 
   p_publish : process (fetch, settle, address) is
   begin
@@ -92,7 +111,7 @@ begin
     publish <= '0';
 
     if (address = PAUSE_WORD) then
-      publish <= fetch and not settle;
+      publish <= fetch and not settle and not replace_i;
     end if;
 
   end process p_publish;
@@ -141,6 +160,15 @@ begin
             last <= '1';
           end if;
         end if;
+      end if;
+
+      if (ACCESSED and refill_i = '1') then
+        address <= (others => '0');
+        place   <= (others => '0');
+        round   <= (others => '0');
+        valid   <= '0';
+        waiting <= '0';
+        settle  <= '1';
       end if;
     end if;
 
@@ -200,7 +228,7 @@ begin
         parities  <= parities(2 downto 1) & parity;
         lasts     <= lasts(2 downto 1) & last;
         settles   <= settles(2 downto 1) & settle;
-        arrivals  <= arrivals(2 downto 1) & (fetch and waiting);
+        arrivals  <= arrivals(2 downto 1) & (fetch and waiting and not replace_i);
         publishes <= publishes(3 downto 1) & publish;
         index_1   <= index;
         index_2   <= index_1;
@@ -236,9 +264,12 @@ begin
   end generate g_late;
 
   -- Programs with DEEP have no variants, so the round is that of the address without it.
-  round_o  <= std_ulogic_vector(round);
-  sample_o <= fetch and waiting;
-  busy_o   <= not waiting;
-  done_o   <= done;
+  round_o   <= std_ulogic_vector(round);
+  sample_o  <= fetch and waiting and not replace_i;
+  busy_o    <= hold_i or not waiting;
+  done_o    <= done;
+  waiting_o <= waiting;
+  filling_o <= settle;
+  next_o    <= std_ulogic_vector(index);
 
 end architecture rtl;

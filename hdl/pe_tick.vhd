@@ -2,8 +2,10 @@
 
 library ieee;
   use ieee.std_logic_1164.all;
+  use ieee.numeric_std.all;
 
 library pe_lib;
+  use pe_lib.pe_pkg.all;
 
 -- Purpose:  The tick of a rate: counts steps; connected like an external input that is 1.0 in steps that begin with a
 --           sample and 0 in all others.
@@ -19,10 +21,14 @@ entity pe_tick is
     DEEP      : boolean := false -- loads the operand when a replica says so
   );
   port (
-    clk_i     : in    std_ulogic;                                -- clock
-    sample_i  : in    std_ulogic;                                -- a step begins
-    operand_o : out   std_ulogic_vector(DATA_BITS - 1 downto 0); -- what the ports of PEs see
-    arrive_i  : in    std_ulogic                                 -- loads the operand a clock later, with DEEP
+    clk_i     : in    std_ulogic;                                                                      -- clock
+    sample_i  : in    std_ulogic;                                                                      -- a step begins
+    replace_i : in    std_ulogic                                                   := '0';             -- counters are replaced
+    here_i    : in    std_ulogic                                                   := '0';             -- this one is
+    count_i   : in    std_ulogic_vector(larger(index_bits(STEPS), 1) - 1 downto 0) := (others => '0'); -- steps since the last sample
+    count_o   : out   std_ulogic_vector(larger(index_bits(STEPS), 1) - 1 downto 0);                    -- the same, as the next step begins
+    operand_o : out   std_ulogic_vector(DATA_BITS - 1 downto 0);                                       -- what the ports of PEs see
+    arrive_i  : in    std_ulogic                                                                       -- loads the operand a clock later, with DEEP
   );
 end entity pe_tick;
 
@@ -76,9 +82,15 @@ begin
           count <= count + 1;
         end if;
       end if;
+
+      if (replace_i = '1' and here_i = '1') then
+        count <= to_integer(unsigned(count_i));
+      end if;
     end if;
 
   end process p_count;
+
+  count_o <= std_ulogic_vector(to_unsigned(count, count_o'length));
 
   g_operand : for i in 0 to DATA_BITS - 1 generate
 

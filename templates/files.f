@@ -4,3 +4,6 @@ pe_lib hdl/{{ file }}
 work {{ model }}_program_pkg.vhd
 work {{ model }}.vhd
 work {{ model }}_tb.vhd
+{% if host -%}
+work {{ model }}_host_tb.vhd
+{% endif -%}

@@ -31,6 +31,24 @@ entity {{ model }} is
     busy_o	: out   std_ulogic;	-- 0 while waiting for step_i; inputs are sampled when both allow
     done_o	: out   std_ulogic;	-- 1 for one enabled clock when outputs are new
     overflow_o	: out   std_ulogic;	-- sticky: a written word saturated, or an input was too large
+{%- if host.flags %}
+    clear_i	: in    std_ulogic := '0';	-- clears all flags
+    saturated_o	: out   std_ulogic;	-- sticky: a written word saturated
+    operand_o	: out   std_ulogic;	-- sticky: an operand was too large for a sum of two
+    input_o	: out   std_ulogic;	-- sticky: an input was too large
+{%- endif %}
+{%- if host.restart %}
+    restart_i	: in    std_ulogic := '0';	-- brings back the initial state at the next pause point
+{%- endif %}
+{%- if host.states %}
+    access_i	: in    std_ulogic := '0';	-- asks for the states: the network stops at the next pause point
+    access_o	: out   std_ulogic;	-- states can be read and replaced
+    state_address_i	: in    std_ulogic_vector(STATE_ADDRESS_BITS - 1 downto 0) := (others => '0');	-- state to read
+    state_o	: out   std_ulogic_vector(WORD_BITS - 1 downto 0);	-- its word
+    state_i	: in    std_ulogic_vector(WORD_BITS - 1 downto 0) := (others => '0');	-- new word of the next state
+    state_valid_i	: in    std_ulogic := '0';	-- there is one
+    state_ready_o	: out   std_ulogic;	-- it is taken
+{%- endif %}
 {%- for input in inputs %}
     {{ input.port }}	: in    std_ulogic_vector(STORAGE_BITS - 1 downto 0);	-- {{ input.comment }}
 {%- endfor %}
@@ -64,6 +82,29 @@ architecture network of {{ model }} is
   -- Sticky flags of the PEs, then of the inputs
   signal overflow	: std_ulogic_vector({{ pe_count + inputs.len() - 1 }} downto 0);
   signal overflowed	: std_ulogic := '0';
+{%- if host.flags %}
+  signal operands	: std_ulogic_vector({{ pe_count - 1 }} downto 0);
+  signal saturated	: std_ulogic := '0';
+  signal operand_large	: std_ulogic := '0';
+  signal too_large	: std_ulogic := '0';
+{%- endif %}
+{%- if replaces %}
+
+  -- Reading and replacing states
+  signal waiting	: std_ulogic;
+  signal filling	: std_ulogic;
+  signal following	: std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
+  signal hold	: std_ulogic;
+  signal refill	: std_ulogic;
+  signal replace	: std_ulogic;
+  signal pace	: std_ulogic;
+  signal look	: std_ulogic;
+  signal here	: std_ulogic_vector({{ pe_count + ticks.len() - 1 }} downto 0);
+  signal looked_at	: std_ulogic_vector(STATE_PLACE_BITS - 1 downto 0);
+  signal replacement	: std_ulogic_vector(WORD_BITS downto 0);
+  signal states	: std_ulogic_vector({{ pe_count }} * WORD_BITS - 1 downto 0);
+  signal counts	: std_ulogic_vector({% if ticks.len() > 1 %}{{ ticks.len() }} * {% endif %}WORD_BITS - 1 downto 0) := (others => '0');
+{%- endif %}
 
   signal trace_all	: std_ulogic_vector({{ pe_count }} * TRACE_BITS downto 0);
 {%- for input in inputs %}
@@ -100,6 +141,9 @@ begin
     generic map (
       PERIOD     => PERIOD,
       ROUNDS     => ROUNDS,
+{%- if replaces %}
+      ACCESSED   => true,
+{%- endif %}
 {%- if deep %}
       PAUSE_WORD => pause_word(multiplier_latency(DATA_BITS, COEFFICIENT_BITS), DEEP => true),
       DEEP       => true
@@ -111,6 +155,15 @@ begin
       clk_i     => clk_i,
       ce_i      => ce_i,
       step_i    => step_i,
+{%- if replaces %}
+      hold_i    => hold,
+      refill_i  => refill,
+      replace_i => replace,
+      pace_i    => pace,
+      waiting_o => waiting,
+      filling_o => filling,
+      next_o    => following,
+{%- endif %}
       fetch_o   => fetch,
       arrive_o  => arrive,
       address_o => address,
@@ -142,6 +195,9 @@ begin
       clk_i      => clk_i,
       sample_i   => sample,
       arrive_i   => arrive,
+{%- if host.flags %}
+      clear_i    => clear_i,
+{%- endif %}
       value_i    => {{ input.port }},
       operand_o  => input_{{ input.index }},
       overflow_o => overflow({{ pe_count + input.index }})
@@ -164,6 +220,12 @@ begin
       clk_i     => clk_i,
       sample_i  => sample,
       arrive_i  => arrive,
+{%- if replaces %}
+      replace_i => replace,
+      here_i    => here({{ pe_count + loop.index0 }}),
+      count_i   => replacement({{ tick.count_bits - 1 }} downto 0),
+      count_o   => counts({{ loop.index0 }} * WORD_BITS + {{ tick.count_bits - 1 }} downto {{ loop.index0 }} * WORD_BITS),
+{%- endif %}
       operand_o => input_{{ tick.index }}
     );
 {%- endfor %}
@@ -210,6 +272,9 @@ begin
       clk_i     => clk_i,
       fetch_i   => fetch,
       address_i => place,
+{%- if replaces && pe.variant_words > 0 %}
+      clear_i   => refill,
+{%- endif %}
       control_o => repeated_{{ pe.index }}
     );
 {% endif %}
@@ -285,6 +350,12 @@ begin
 {%- if pe.proven %}
       SATURATE         => false,
 {%- endif %}
+{%- if replaces %}
+      ACCESS_STATES    => true,
+{%- endif %}
+{%- if host.flags %}
+      SPLIT_FLAGS      => true,
+{%- endif %}
 {%- if deep %}
       DEEP             => true,
 {%- endif %}
@@ -298,6 +369,19 @@ begin
       last_i     => last,
       control_i  => control_{{ pe.index }},
       ports_i    => ports_{{ pe.index }},
+{%- if replaces %}
+      refill_i   => refill,
+      replace_i  => replace,
+      look_i     => look,
+      here_i     => here({{ pe.index }}),
+      place_i    => looked_at({{ pe.base_bits - 1 }} downto 0),
+      state_i    => replacement,
+      state_o    => states({{ pe.index.number() + 1 }} * WORD_BITS - 1 downto {{ pe.index }} * WORD_BITS),
+{%- endif %}
+{%- if host.flags %}
+      clear_i    => clear_i,
+      operands_o => operands({{ pe.index }}),
+{%- endif %}
       link_o     => link_{{ pe.index }},
       word_o     => {% if pe.shown %}word_{{ pe.index }}{% else %}open{% endif %},
       overflow_o => overflow({{ pe.index }}),
@@ -305,16 +389,82 @@ begin
     );
 {%- endfor %}
 
+{%- if replaces %}
+
+  u_access : entity pe_lib.pe_access
+    generic map (
+      WORD_BITS    => WORD_BITS,
+      DATA_BITS    => DATA_BITS,
+      PE_COUNT     => {{ pe_count }},
+      TICK_COUNT   => {{ ticks.len() }},
+      PERIOD       => PERIOD,
+      PAUSE_WORD   => pause_word(multiplier_latency(DATA_BITS, COEFFICIENT_BITS){% if deep %}, DEEP => true{% endif %}),
+      PLACE_BITS   => STATE_PLACE_BITS,
+      ADDRESS_BITS => STATE_ADDRESS_BITS,
+      STATES       => {{ host.states }},
+      INITIAL      => {{ host.restart }},
+      ORDER        => STATE_ORDER,
+      DEEP         => {{ deep }}
+    )
+    port map (
+      clk_i           => clk_i,
+      ce_i            => ce_i,
+      restart_i       => {% if host.restart %}restart_i{% else %}'0'{% endif %},
+      access_i        => {% if host.states %}access_i{% else %}'0'{% endif %},
+      access_o        => {% if host.states %}access_o{% else %}open{% endif %},
+      state_address_i => {% if host.states %}state_address_i{% else %}(others => '0'){% endif %},
+      state_o         => {% if host.states %}state_o{% else %}open{% endif %},
+      state_i         => {% if host.states %}state_i{% else %}(others => '0'){% endif %},
+      state_valid_i   => {% if host.states %}state_valid_i{% else %}'0'{% endif %},
+      state_ready_o   => {% if host.states %}state_ready_o{% else %}open{% endif %},
+      waiting_i       => waiting,
+      filling_i       => filling,
+      next_i          => following,
+      hold_o          => hold,
+      refill_o        => refill,
+      replace_o       => replace,
+      pace_o          => pace,
+      look_o          => look,
+      here_o          => here,
+      place_o         => looked_at,
+      word_o          => replacement,
+      words_i         => states,
+      counts_i        => counts
+    );
+{%- if ticks.is_empty() %}
+
+  counts <= (others => '0');
+{%- endif %}
+{%- for tick in ticks %}
+  counts({{ loop.index0 }} * WORD_BITS + WORD_BITS - 1 downto {{ loop.index0 }} * WORD_BITS + {{ tick.count_bits }}) <= (others => '0');
+{%- endfor %}
+{%- endif %}
+
   p_overflow : process (clk_i) is
   begin
 
     if rising_edge(clk_i) then
+{%- if host.flags %}
+      overflowed <= (or overflow) or (or operands);
+      saturated  <= or overflow({{ pe_count - 1 }} downto 0);
+      operand_large <= or operands;
+{%- if !inputs.is_empty() %}
+      too_large     <= or overflow(overflow'high downto {{ pe_count }});
+{%- endif %}
+{%- else %}
       overflowed <= or overflow;
+{%- endif %}
     end if;
 
   end process p_overflow;
 
   overflow_o <= overflowed;
+{%- if host.flags %}
+
+  saturated_o <= saturated;
+  operand_o   <= operand_large;
+  input_o     <= too_large;
+{%- endif %}
 
   g_trace : if TRACE generate
 {% if deep %}

@@ -2,7 +2,7 @@
 
 use askama::Template;
 use pe_ir::index::{at, number};
-use pe_ir::program::Program;
+use pe_ir::program::{Host, Program};
 
 use crate::library;
 use crate::names::Names;
@@ -59,6 +59,29 @@ pub fn testbench(program: &Program, names: &Names, header: &Header, options: &Em
 }
 
 #[derive(Template)]
+#[template(path = "host_testbench.vhd")]
+struct HostTestbench<'a> {
+    header: &'a Header,
+    model: &'a str,
+    host: Host,
+    inputs: Vec<Slice>,
+    outputs: Vec<Slice>,
+}
+
+/// The text of `<model>_host_tb.vhd`.
+pub fn host_testbench(program: &Program, names: &Names, header: &Header) -> String {
+    let width = program.format.storage_bits;
+    let bench = HostTestbench {
+        header,
+        model: &names.model,
+        host: program.host,
+        inputs: slices(&names.inputs, width),
+        outputs: slices(&names.outputs, width),
+    };
+    bench.render().expect("templates render into strings")
+}
+
+#[derive(Template)]
 #[template(path = "verilator.cpp")]
 struct Verilator<'a> {
     header: &'a Header,
@@ -96,11 +119,16 @@ pub fn verilator(program: &Program, names: &Names, header: &Header, options: &Em
 struct FileList<'a> {
     model: &'a str,
     library: Vec<&'static str>,
+    host: bool,
 }
 
 /// The text of `<model>.f`: library and file of every VHDL unit of a design, in compile order.
 pub fn file_list(program: &Program, names: &Names) -> String {
-    let list = FileList { model: &names.model, library: library::needed(program).map(|(file, _)| file).collect() };
+    let list = FileList {
+        model: &names.model,
+        library: library::needed(program).map(|(file, _)| file).collect(),
+        host: program.host != Host::default(),
+    };
     list.render().expect("templates render into strings")
 }
 

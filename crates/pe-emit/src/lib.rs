@@ -4,6 +4,7 @@
 //! directory. Hand-written VHDL goes along unchanged; generated files hold data and wiring only. Layout lives in
 //! `templates/`, everything computed in the modules here.
 
+mod access;
 mod columns;
 mod drivers;
 mod library;
@@ -21,7 +22,7 @@ pub use options::{Driven, EmitOptions, Interface, Provenance};
 
 use names::Names;
 use options::Header;
-use pe_ir::program::{Fold, Program};
+use pe_ir::program::{Fold, Host, Program};
 
 /// One file of the design.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,6 +56,9 @@ pub fn emit(program: &Program, options: &EmitOptions) -> Vec<Artefact> {
     push("_program_pkg.vhd", program_pkg::render(program, &folds, &names, &header, &options.provenance));
     push(".vhd", network::render(program, &folds, &names, &header));
     push("_tb.vhd", drivers::testbench(program, &names, &header, options));
+    if program.host != Host::default() {
+        push("_host_tb.vhd", drivers::host_testbench(program, &names, &header));
+    }
     push(".f", drivers::file_list(program, &names));
     push("_reference.rs", reference::render(program, &folds, &header, options));
     push("_verilator.cpp", drivers::verilator(program, &names, &header, options));

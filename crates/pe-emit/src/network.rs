@@ -2,7 +2,7 @@
 
 use askama::Template;
 use pe_ir::index::{List, PeId, at, number};
-use pe_ir::program::{Fold, Layout, LinkSource, Program, index_bits};
+use pe_ir::program::{Fold, Host, Layout, LinkSource, Program, index_bits};
 use pe_ir::word::Pipeline;
 
 use crate::names::{Names, comment_text};
@@ -22,6 +22,9 @@ struct Network<'a> {
     ticks: Vec<Tick>,
     outputs: Vec<Output>,
     pes: Vec<Pe>,
+    host: Host,
+    /// Whether words of states are replaced.
+    replaces: bool,
 }
 
 struct Port {
@@ -37,6 +40,8 @@ struct Tick {
     done: u32,
     /// Bit of the operand that is worth 1.0.
     one_bit: u32,
+    /// Bits of the counter.
+    count_bits: u32,
 }
 
 struct Output {
@@ -58,6 +63,7 @@ struct Pe {
     variant_width: u32,
     own_words: u32,
     base_words: u32,
+    base_bits: u32,
     coefficient_words: u32,
     imported_words: u32,
     port_count: u32,
@@ -115,6 +121,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
                 steps: tick.steps,
                 done: tick.done,
                 one_bit: program.format.input_operand(one).trailing_zeros(),
+                count_bits: index_bits(tick.steps).max(1),
             })
             .collect(),
         outputs: outputs
@@ -129,6 +136,8 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
             })
             .collect(),
         pes,
+        host: program.host,
+        replaces: program.host.replaces(),
     };
     network.render().expect("templates render into strings")
 }
@@ -162,6 +171,7 @@ fn describe(program: &Program, fold: &Fold, index: PeId, shown: bool) -> Pe {
         variant_width: index_bits(number(fold.variant_words.len())),
         own_words: features.own_words,
         base_words: features.base_words,
+        base_bits: index_bits(features.base_words),
         coefficient_words: features.coefficient_words,
         imported_words: features.imported_words,
         port_count: features.ports,

@@ -10,6 +10,7 @@ use pe_ir::program::{
 };
 use pe_ir::word::WordFormat;
 
+use crate::access::Access;
 use crate::names::{Names, comment_text};
 use crate::options::{Header, Provenance};
 
@@ -27,6 +28,7 @@ struct ProgramPackage<'a> {
     coefficient_bits: u32,
     period: u32,
     rounds: u32,
+    access: Option<Access>,
     program: &'a Program,
     folds: &'a [Fold],
     /// Names of values as comments show them.
@@ -89,6 +91,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header,
         coefficient_bits: format.coefficient_bits,
         period: program.period,
         rounds: program.rounds,
+        access: program.host.replaces().then(|| Access::of(program)),
         program,
         folds,
         shown: program.names.iter().map(|name| short(name)).collect(),

@@ -42,6 +42,70 @@ pub struct Map {
     pub outputs: Vec<Output>,
     /// Stored words of the states.
     pub states: Vec<State>,
+    /// Ports for a host, of designs that have some (`compile --host`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub host: Option<HostPorts>,
+}
+
+/// VHDL names of the ports for a host.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct HostPorts {
+    /// Input: brings back the initial state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restart: Option<String>,
+    /// Ports that read and replace states.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub access: Option<Access>,
+    /// Flags, one per cause.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flags: Option<Flags>,
+}
+
+/// VHDL names of the ports that read and replace states, one bit each unless said otherwise, and the words' order.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Access {
+    /// Input: asks for access.
+    pub request: String,
+    /// Output: there is access.
+    pub granted: String,
+    /// Input, `address_bits` wide: the word to read.
+    pub address: String,
+    /// Bits of an address.
+    pub address_bits: u32,
+    /// Output, as wide as a stored word: the word that was read.
+    pub word: String,
+    /// Input, as wide as a stored word: a new word.
+    pub new_word: String,
+    /// Input: there is one.
+    pub valid: String,
+    /// Output: it is taken.
+    pub ready: String,
+    /// All words, in the order in which new ones are taken.
+    pub order: Vec<Place>,
+}
+
+/// A word that a host reads and replaces: the stored word of a state, or the steps since the last sample of a tick.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Place {
+    /// Number in `states`; none for a tick.
+    pub state: Option<u32>,
+    /// Number in `ticks`; none for a state.
+    pub tick: Option<u32>,
+    /// Address at which it is read.
+    pub address: u64,
+}
+
+/// VHDL names of the ports for flags, one bit each. Flags are sticky.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Flags {
+    /// Input: clears all flags.
+    pub clear: String,
+    /// Output: a word that was written or sent saturated.
+    pub saturated: String,
+    /// Output: an operand was too large for a sum of two.
+    pub operand: String,
+    /// Output: an input was too large for a data operand.
+    pub input: String,
 }
 
 /// VHDL names of the ports for clock and handshake, one bit each.

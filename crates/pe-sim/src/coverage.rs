@@ -208,6 +208,7 @@ impl Coverage {
         let format = &program.format;
         let used = used_results(program);
         for (((index, pe), cover), used) in program.pes.numbered().zip(&mut coverage.pes).zip(used) {
+            cover.fetched.iter_mut().for_each(|words| words.fill(true));
             let mut kept = vec![false; pe.base_image.len()];
             let targets = pe.words.iter().filter_map(|word| word.write).filter(|target| target.base);
             targets.for_each(|target| kept[pe.features.base_word(target.address.word)] = true);

@@ -3,9 +3,11 @@
 use pe_judge::DesignPoint;
 use std::path::{Path, PathBuf};
 
+use clap::builder::PossibleValuesParser;
 use pe_emit::EmitOptions;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
+use pe_ir::program::{Host, Program};
 use pe_ir::source::{Diagnostic, Severity};
 use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
@@ -70,6 +72,10 @@ pub struct Compile {
     /// Solves the model with a library for differential equations to measure the total error
     #[arg(long, help_heading = "Output")]
     reference: bool,
+    /// Gives the network ports for a host: `restart` brings back the initial state, `states` reads and replaces states
+    /// between two steps, `flags` has one flag per cause and clears them
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = PossibleValuesParser::new(Host::NAMES), help_heading = "Hardware")]
+    host: Vec<String>,
     #[command(flatten)]
     conserved: ConservedArgs,
     /// Chooses solver, step, multiplier and storage that meet this total error with the shortest run time; options that
@@ -140,7 +146,11 @@ impl Compile {
         if let Some(choice) = &mut choice {
             choice.pass_over(place);
         }
-        let Built { loaded, design, check, total } = built;
+        let Built { loaded, mut design, check, total } = built;
+        for name in &self.host {
+            design.program.host.add(name);
+        }
+        hosted(&design.program)?;
         let model = &loaded.model;
         let area = area::size(&design.program, &measured, clock.family());
         let pes = design.program.pes.len() as u32;
@@ -209,6 +219,17 @@ impl Compile {
             |choice| choice.as_ref().map_or("no design".to_owned(), |choice| choice.figure(&loaded.model)),
         )
     }
+}
+
+/// Refuses ports for a host that the network cannot have.
+fn hosted(program: &Program) -> Result<(), Failure> {
+    if program.host.replaces() {
+        program.replacements().map_err(|state| {
+            let message = format!("a step does not write state `{state}` exactly once, so nothing can replace it");
+            Failure::Usage(format!("{message}; leave `restart` and `states` out of `--host`"))
+        })?;
+    }
+    Ok(())
 }
 
 /// A design with what was found out about it.

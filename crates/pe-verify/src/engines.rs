@@ -258,6 +258,21 @@ impl Bench {
         }
     }
 
+    /// Runs the test bench of the host in GHDL, with gaps of the clock enable; what it printed.
+    ///
+    /// # Errors
+    /// As [`Bench::run`].
+    pub fn host(&mut self, script: &str) -> Result<String, Failure> {
+        self.analyse(&[])?;
+        let script = self.write("host_script.txt", script)?;
+        let stimulus = self.copy(&format!("{}_stimulus.txt", self.design));
+        let mut run = Command::new("ghdl");
+        run.args(["--elab-run", "--std=08"]).args(self.work_folder()).arg(format!("{}_host_tb", self.design));
+        run.arg(format!("-gSCRIPT={}", script.display())).arg(format!("-gSTIMULUS={}", stimulus.display()));
+        run.args(["-gCE_SEED=1", "--ieee-asserts=disable-at-0", "--max-stack-alloc=0"]).current_dir(&self.scratch);
+        execute(&mut run, "ghdl", GHDL_INSTALL)
+    }
+
     fn verilator(&mut self, job: &Job, stimulus: &str) -> Result<String, Failure> {
         self.analyse(job.words)?;
         let mut synthesise = Command::new("ghdl");

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use pe_ir::program::Program;
+use pe_ir::program::{Host, Program};
 use pe_sim::coverage::Coverage;
 use serde_json::{Value, json};
 
@@ -16,6 +16,7 @@ use crate::coverage::{self, MemoryWord, Table};
 use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
 use crate::folder::{Change, DesignFolder};
 use crate::handshake::{self, Handshake, Met};
+use crate::host;
 use crate::package::{self, InitialWord};
 use crate::stimuli::{self, Candidate, Observed, Purpose};
 use pe_flow::failure::Failure;
@@ -143,6 +144,11 @@ pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Resul
         say(&format!("{:>14}   {:.1} % of the words are not zero and changing\n", "", 100.0 * expected.live()));
         Ok(())
     })?;
+    if folder.program.host != Host::default() && options.engines.contains(&Engine::Ghdl) {
+        let played = host::judge(&folder, &mut bench)?;
+        say(&played.line(&folder.program));
+        runs.push(played.json(&folder.program));
+    }
     let coverage = Table::new(&folder.program, &seen, met);
     say(&coverage.text());
     match &coverage::resting(&folder.program, &seen)[..] {

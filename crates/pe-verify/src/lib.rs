@@ -9,6 +9,7 @@ pub mod coverage;
 pub mod engines;
 pub mod folder;
 pub mod handshake;
+pub mod host;
 pub mod inject;
 pub mod judge;
 pub mod native;

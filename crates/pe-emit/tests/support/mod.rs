@@ -95,6 +95,7 @@ pub fn random_program(case: &Case) -> Program {
         format,
         period: case.period,
         rounds: 1,
+        host: pe_ir::program::Host::default(),
         pes,
         inputs: Vec::new(),
         outputs: Vec::new(),

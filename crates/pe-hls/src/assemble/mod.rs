@@ -139,6 +139,7 @@ impl Assembler<'_> {
         self.emit_receives(&mut pes);
         let states = self.states(&mut pes);
         Program {
+            host: pe_ir::program::Host::default(),
             model: self.model.name.clone(),
             format: self.fixed.format,
             period: self.schedule.period,

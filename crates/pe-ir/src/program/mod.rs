@@ -2,11 +2,13 @@
 //! and simulator.
 
 mod fold;
+mod host;
 mod layout;
 mod shape;
 mod text;
 
 pub use fold::{Fold, closed_up};
+pub use host::{Host, Replaced, Replacement};
 pub use layout::{Field, FieldName, Layout, index_bits};
 pub use shape::{shape, shapes};
 pub use text::read;
@@ -302,6 +304,8 @@ pub struct Program {
     pub states: List<StateId, StateRegister>,
     /// Names of values, for notes.
     pub names: List<ValueId, String>,
+    /// What the network offers a host beside inputs and outputs.
+    pub host: Host,
 }
 
 impl Program {

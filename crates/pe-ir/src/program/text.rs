@@ -10,8 +10,8 @@ use std::fmt::{self, Display};
 use std::str::FromStr;
 
 use super::{
-    Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
-    StateRegister, Target, Tick,
+    Address, CoefficientOperand, ControlWord, Host, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram,
+    Program, StateRegister, Target, Tick,
 };
 use crate::index::{self, List, PeId, PortId, ValueId};
 use crate::text::{Line, Section, Stage, TextError, fixed, quoted, single};
@@ -22,6 +22,9 @@ impl Display for Program {
         let Program { model, period, rounds, .. } = self;
         writeln!(f, "{}\nmodel {}\nperiod {period} rounds {rounds}", Stage::Program.header(), name(model))?;
         writeln!(f, "{}", fixed::print_format(&self.format))?;
+        if self.host != Host::default() {
+            writeln!(f, "host {}", self.host.names().collect::<Vec<_>>().join(" "))?;
+        }
         let unit = |unit: &Option<String>| unit.as_ref().map_or(String::new(), |unit| format!(" unit {}", rest(unit)));
         for input in &self.inputs {
             match input.tick {
@@ -211,6 +214,7 @@ impl Program {
             outputs: Vec::new(),
             states: List::new(),
             names: List::new(),
+            host: Host::default(),
         }
     }
 }
@@ -301,10 +305,11 @@ struct Parser {
     program: Program,
 }
 
-const ITEMS: [&str; 15] = [
+const ITEMS: [&str; 16] = [
     "model",
     "period",
     "format",
+    "host",
     "input",
     "tick",
     "output",
@@ -361,6 +366,11 @@ impl Parser {
             // What PEs may have depends on it.
             "format" if !self.program.pes.is_empty() => return Err(line.error("expected it in front of the PEs")),
             "format" => self.program.format = fixed::read_format(line)?,
+            "host" => {
+                while !line.rest().is_empty() {
+                    self.program.host.add(Host::NAMES[line.one_of(&Host::NAMES)?]);
+                }
+            }
             "input" => {
                 let (name, exponent) = (read_name(line)?, line.keyed("exponent")?);
                 self.program.inputs.push(InputPort { name, exponent, unit: read_unit(line)?, tick: None });

@@ -55,7 +55,7 @@ const ALWAYS: [Damage; 15] = [
         "ce_i and (step_i or not waiting);",
         "(ce_i and not waiting) or (waiting and step_i);",
     ),
-    ("busy_o stuck", "hdl/pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= '1';"),
+    ("busy_o stuck", "hdl/pe_sequencer.vhd", "busy_o    <= hold_i or not waiting;", "busy_o   <= '1';"),
     ("outputs shown early", "hdl/pe_output.vhd", "if (publish = '1') then", "if (clk_i = '1') then"),
     ("outputs never shown", "hdl/pe_output.vhd", "if (publish = '1') then", "if (publish = 'U') then"),
     ("no rounding of outputs", "hdl/pe_output.vhd", "WORD_BITS + 1) + round_by;", "WORD_BITS + 1);"),

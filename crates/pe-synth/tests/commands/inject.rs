@@ -217,7 +217,7 @@ fn inputs_sampled_in_every_word_are_the_same_only_if_the_first_word_takes_them()
         let mut sources = sources(&flow.program);
         sources.texts.insert("hdl/pe_sequencer.vhd".into(), (*sequencer).to_owned());
         let (_, _, design) = sources.read().expect("read by the test above");
-        let damaged = sequencer.replace("sample_o <= fetch and waiting;", "sample_o <= fetch;");
+        let damaged = sequencer.replace("sample_o  <= fetch and waiting and not replace_i;", "sample_o <= fetch;");
         sources.texts.insert("hdl/pe_sequencer.vhd".into(), damaged);
         let (_, _, damaged) = sources.read().expect("a wire is a wire");
         let format = &flow.program.format;

@@ -12,6 +12,7 @@ mod console;
 mod damage;
 mod explore;
 mod golden;
+mod host;
 mod inject;
 mod interruption;
 mod map;

@@ -86,7 +86,7 @@ fn applied(text: &str, edits: &[Edit]) -> String {
 pub const OFFSET: &str = "offset(i) <=";
 
 /// The line of `pe_sequencer.vhd` that makes `sample`, and the damage that makes it the same as `fetch`.
-const SAMPLES_ALWAYS: (&str, &str) = ("sample_o <= fetch and waiting;", "sample_o <= fetch;");
+const SAMPLES_ALWAYS: (&str, &str) = ("sample_o  <= fetch and waiting and not replace_i;", "sample_o <= fetch;");
 
 /// The VHDL of a design as it lies in its folder.
 #[derive(Clone, Debug)]

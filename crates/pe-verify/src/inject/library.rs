@@ -89,9 +89,7 @@ pub const RULED: &[Ruled] = &[
     ("pe_output.vhd", "if (SATURATE and sum(WORD_BITS) /= sum(WORD_BITS - 1)) then", "if (false) then", |rules| {
         rules.outputs_clamp = false
     }),
-    ("pe_scale.vhd", "read_enable_i   => flag(control_i, LAYOUT.base.enable),", "read_enable_i   => '1',", |rules| {
-        rules.bases_enabled = false
-    }),
+    ("pe_scale.vhd", "read_enable_i   => based,", "read_enable_i   => '1',", |rules| rules.bases_enabled = false),
     (
         "pe.vhd",
         "if (advance = '1') then\n          if (flag(control_i, LAYOUT.send)",
@@ -236,8 +234,8 @@ pub const REPLACEMENTS: &[Replacement] = &[
         Rounding,
         Always,
         "pe_scale.vhd",
-        "resize(signed(base & '0'), SUM_BITS) - resize(not signed(addend), SUM_BITS);",
-        "resize(signed(base & '0'), SUM_BITS) + resize(signed(addend), SUM_BITS);",
+        "resize(signed(base & '0'), SUM_BITS) - not extended;",
+        "resize(signed(base & '0'), SUM_BITS) + extended;",
     ),
     (
         Rounding,
@@ -262,8 +260,8 @@ pub const REPLACEMENTS: &[Replacement] = &[
         ClockEnable,
         Always,
         "pe_scale.vhd",
-        "if (advance_i = '1') then\n        -- base",
-        "if (true) then\n        -- base",
+        "if (advance_i = '1') then\n        extended",
+        "if (true) then\n        extended",
     ),
     (
         ClockEnable,
@@ -272,13 +270,7 @@ pub const REPLACEMENTS: &[Replacement] = &[
         "if (advance_i = '1') then\n        index    :=",
         "if (true) then\n        index    :=",
     ),
-    (
-        Register,
-        Always,
-        "pe_scale.vhd",
-        "read_enable_i   => flag(control_i, LAYOUT.base.enable),",
-        "read_enable_i   => '1',",
-    ),
+    (Register, Always, "pe_scale.vhd", "read_enable_i   => based,", "read_enable_i   => '1',"),
     (
         Lookup,
         Tables,
@@ -424,8 +416,20 @@ pub const REPLACEMENTS: &[Replacement] = &[
         "fetch <= ce_i and (step_i or not waiting);",
         "fetch <= ce_i and step_i;",
     ),
-    (StepHandshake, Always, "pe_sequencer.vhd", "sample_o <= fetch and waiting;", "sample_o <= fetch and not waiting;"),
-    (StepHandshake, Always, "pe_sequencer.vhd", "sample_o <= fetch and waiting;", "sample_o <= fetch;"),
+    (
+        StepHandshake,
+        Always,
+        "pe_sequencer.vhd",
+        "sample_o  <= fetch and waiting and not replace_i;",
+        "sample_o <= fetch and not waiting;",
+    ),
+    (
+        StepHandshake,
+        Always,
+        "pe_sequencer.vhd",
+        "sample_o  <= fetch and waiting and not replace_i;",
+        "sample_o <= fetch;",
+    ),
     (
         ClockEnable,
         Always,
@@ -454,8 +458,8 @@ pub const REPLACEMENTS: &[Replacement] = &[
         "if (address >= PERIOD - ROUND_WORDS) then",
         "if (address > PERIOD - ROUND_WORDS + PAUSE_WORD) then",
     ),
-    (Done, Always, "pe_sequencer.vhd", "publish <= fetch and not settle;", "publish <= fetch;"),
-    (Done, Always, "pe_sequencer.vhd", "publish <= fetch and not settle;", "publish <= not settle;"),
+    (Done, Always, "pe_sequencer.vhd", "publish <= fetch and not settle and not replace_i;", "publish <= fetch;"),
+    (Done, Always, "pe_sequencer.vhd", "publish <= fetch and not settle and not replace_i;", "publish <= not settle;"),
     (
         Done,
         Short,
@@ -470,13 +474,13 @@ pub const REPLACEMENTS: &[Replacement] = &[
         "if (ce_i = '1') then\n          done <= '0';",
         "if (true) then\n          done <= '0';",
     ),
-    (Done, Always, "pe_sequencer.vhd", "done_o   <= done;", "done_o   <= '0';"),
-    (Done, Always, "pe_sequencer.vhd", "done_o   <= done;", "done_o   <= publish;"),
-    (Busy, Always, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= '1';"),
-    (Busy, Always, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= waiting;"),
+    (Done, Always, "pe_sequencer.vhd", "done_o    <= done;", "done_o   <= '0';"),
+    (Done, Always, "pe_sequencer.vhd", "done_o    <= done;", "done_o   <= publish;"),
+    (Busy, Always, "pe_sequencer.vhd", "busy_o    <= hold_i or not waiting;", "busy_o   <= '1';"),
+    (Busy, Always, "pe_sequencer.vhd", "busy_o    <= hold_i or not waiting;", "busy_o   <= waiting;"),
     // The short pipeline is at the pause point as long as done_o is 1.
-    (Busy, Short, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= not waiting or done;"),
-    (Busy, Deep, "pe_sequencer.vhd", "busy_o   <= not waiting;", "busy_o   <= not waiting and not done;"),
+    (Busy, Short, "pe_sequencer.vhd", "busy_o    <= hold_i or not waiting;", "busy_o   <= not waiting or done;"),
+    (Busy, Deep, "pe_sequencer.vhd", "busy_o    <= hold_i or not waiting;", "busy_o   <= not waiting and not done;"),
     (Latency, Deep, "pe_sequencer.vhd", "advance_o <= advances(3);", "advance_o <= advances(2);"),
     (Latency, Deep, "pe_sequencer.vhd", "settle_o  <= settles(3);", "settle_o  <= settles(2);"),
     (Latency, Deep, "pe_sequencer.vhd", "publish_o <= publishes(3);", "publish_o <= publishes(2);"),

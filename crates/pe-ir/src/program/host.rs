@@ -1,0 +1,144 @@
+//! What a network offers a host beside inputs and outputs: a restart, its states, a flag per cause.
+
+use super::{Program, index_bits};
+use crate::index::{PeId, StateId, at, number};
+
+/// What a network offers a host. What is not asked for costs nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Host {
+    /// A port that brings back the initial state.
+    pub restart: bool,
+    /// Ports that read and replace states between two steps.
+    pub states: bool,
+    /// A flag per cause, and a port that clears them.
+    pub flags: bool,
+}
+
+impl Host {
+    /// All services by name, in the order of the fields.
+    pub const NAMES: [&'static str; 3] = ["restart", "states", "flags"];
+
+    /// Which of them are there, in the order of [`Host::NAMES`].
+    pub fn present(&self) -> [bool; 3] {
+        [self.restart, self.states, self.flags]
+    }
+
+    /// Names of those that are there.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        let present = self.present();
+        Host::NAMES.into_iter().zip(present).filter_map(|(name, present)| present.then_some(name))
+    }
+
+    /// Adds a service by name; whether there is one of that name.
+    pub fn add(&mut self, name: &str) -> bool {
+        match name {
+            "restart" => self.restart = true,
+            "states" => self.states = true,
+            "flags" => self.flags = true,
+            _ => return false,
+        }
+        true
+    }
+
+    /// Whether words of states are replaced, by initial words or by those of a host.
+    pub fn replaces(&self) -> bool {
+        self.restart || self.states
+    }
+}
+
+/// Whose word is replaced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Replaced {
+    /// A state, and where its stored word is: PE and word of the base memory.
+    State(StateId, PeId, u16),
+    /// A tick, by its number among the ticks: its counter.
+    Tick(u32),
+}
+
+/// What replaces a word when the step that replaces states comes to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Replacement {
+    /// Whose word it is.
+    pub of: Replaced,
+    /// Control word in which the word is added up; 0 for ticks, which come first.
+    pub word: u32,
+    /// Word that a restart brings back.
+    pub initial: i64,
+}
+
+impl Program {
+    /// The order in which words are replaced: ticks, then states as the step writes them.
+    ///
+    /// # Errors
+    /// The name of a state that a step does not write exactly once. Programs of this compiler have none.
+    pub fn replacements(&self) -> Result<Vec<Replacement>, String> {
+        // The word that is written in word w is added up two words before it.
+        const BEFORE: u32 = 2;
+        let ticks = (0..).zip(self.ticks());
+        let mut all: Vec<Replacement> = ticks
+            .map(|(index, (_, tick, _))| Replacement {
+                of: Replaced::Tick(index),
+                word: 0,
+                initial: i64::from(tick.done),
+            })
+            .collect();
+        let pause = self.latency().pause();
+        let mut states = Vec::with_capacity(self.states.len());
+        let writers = self.state_writers();
+        for ((index, state), writers) in self.states.numbered().zip(writers) {
+            let [word] = writers[..] else { return Err(state.name.clone()) };
+            let (pe, address) = state.own;
+            let features = &self.pes[pe].features;
+            let base = features.base_word(address);
+            let replacement = Replacement {
+                of: Replaced::State(index, pe, base as u16),
+                word: (word + self.period - BEFORE) % self.period,
+                initial: self.pes[pe].base_image[base],
+            };
+            states.push(((word + self.period - pause) % self.period, pe, replacement));
+        }
+        states.sort_unstable_by_key(|(time, pe, _)| (*time, *pe));
+        all.extend(states.into_iter().map(|(.., replacement)| replacement));
+        Ok(all)
+    }
+
+    /// Low bits of a state's address: the word of the base memory. The PE, or a tick's number behind the PEs, is above.
+    pub fn state_place_bits(&self) -> u32 {
+        let deepest = self.pes.iter().map(|pe| pe.features.base_words).max().unwrap_or(1);
+        index_bits(deepest).max(1)
+    }
+
+    /// Upper bits of a state's address.
+    pub fn state_target_bits(&self) -> u32 {
+        index_bits(number(self.pes.len() + self.ticks().count())).max(1)
+    }
+
+    /// Address at which a host reads a word.
+    pub fn state_address(&self, of: Replaced) -> u64 {
+        let place_bits = self.state_place_bits();
+        match of {
+            Replaced::State(_, pe, place) => u64::from(pe.number()) << place_bits | u64::from(place),
+            Replaced::Tick(tick) => (self.pes.len() as u64 + u64::from(tick)) << place_bits,
+        }
+    }
+
+    /// Control words of a step's last round that write the base word of each state.
+    fn state_writers(&self) -> Vec<Vec<u32>> {
+        let mut places: Vec<Vec<Option<StateId>>> =
+            self.pes.iter().map(|pe| vec![None; at(pe.features.base_words)]).collect();
+        for (index, state) in self.states.numbered() {
+            let (pe, address) = state.own;
+            places[pe.index()][self.pes[pe].features.base_word(address)] = Some(index);
+        }
+        let mut writers = vec![Vec::new(); self.states.len()];
+        for ((_, pe), places) in self.pes.numbered().zip(&places) {
+            for (number, word) in (0..).zip(&pe.words) {
+                let Some(target) = word.write.filter(|target| target.base && self.ends_step(number)) else { continue };
+                if let Some(state) = places[pe.features.base_word(target.address.word)] {
+                    writers[state.index()].push(number);
+                }
+            }
+        }
+        writers
+    }
+}

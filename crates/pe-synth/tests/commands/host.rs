@@ -1,0 +1,140 @@
+//! Ports for a host: what `verify` says of designs that have them, and of such designs with something broken.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use pe_map::Map;
+use pe_verify::Scratch;
+use pe_verify::engines::Bench;
+use pe_verify::folder::DesignFolder;
+use pe_verify::host;
+
+fn pe_synth(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(arguments).output().unwrap()
+}
+
+/// Compiles a shipped model with ports for a host; its folder.
+fn compiled(test: &str, name: &str, options: &str) -> PathBuf {
+    let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../models/{name}/{name}.spec"));
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
+    let mut arguments = vec!["compile", spec.to_str().unwrap(), "--quiet", "--no-pictures"];
+    arguments.extend(["-o", folder.to_str().unwrap()]);
+    arguments.extend(options.split_whitespace());
+    let output = pe_synth(&arguments);
+    assert!(output.status.success(), "{test}: {}", String::from_utf8_lossy(&output.stderr));
+    folder
+}
+
+/// What a host finds wrong, if anything.
+fn judged(folder: &Path) -> Result<usize, String> {
+    let scratch = Scratch::new().unwrap();
+    let folder = DesignFolder::open(folder).unwrap();
+    let mut bench = Bench::new(&folder.path, &folder.design, &scratch.folder("bench").unwrap()).unwrap();
+    host::judge(&folder, &mut bench).map(|played| played.lines).map_err(|failure| format!("{failure:?}"))
+}
+
+/// Ticks and inputs; looped stages with variants; swapped buffers; tables; a deep pipeline; words that saturate.
+const DESIGNS: [(&str, &str); 6] = [
+    ("motor_pid", "--pes 2 --span 100ms --host restart,states,flags"),
+    ("weibel5", "--pes 4 --span 20ms --multiplier 25x18 --loop on --host restart,states"),
+    ("wave6", "--pes 3 --host states"),
+    ("hodgkin_huxley", "--pes 2 --span 2ms --host restart"),
+    ("spring_chain", "--pes 3 --loop on --pipeline deep --set n=12 --host states,flags"),
+    ("rc_ladder", "--pes 2 --span 10ms --multiplier 25x18 --storage 32 --proof off --host restart,states,flags"),
+];
+
+#[test]
+fn a_host_sees_what_the_simulator_has() {
+    for (name, options) in DESIGNS {
+        let folder = compiled(&format!("host_{name}"), name, options);
+        assert!(judged(&folder).unwrap_or_else(|what| panic!("{name}: {what}")) > 0);
+    }
+}
+
+#[test]
+fn verify_plays_the_host() {
+    let folder = compiled("host_verified", "van_der_pol", "--pes 1 --span 100ms --host restart,states,flags");
+    let output = pe_synth(&["verify", folder.to_str().unwrap(), "--engines", "ghdl", "--steps", "2"]);
+    let (text, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{errors}");
+    assert!(text.contains("GHDL = simulator for a host (restart, states, flags)"), "{text}");
+}
+
+/// Damages of the hardware that no run without a host shows: file, what is there, what takes its place.
+const DAMAGES: [(&str, &str, &str); 10] = [
+    // Bases are added to what replaces them.
+    ("pe_scale.vhd", "flag(control_i, LAYOUT.base.enable) and not replace_i", "flag(control_i, LAYOUT.base.enable)"),
+    // Products are added to what replaces a state.
+    ("pe.vhd", "flag(control_i, LAYOUT.own.enable) and not replace_i", "flag(control_i, LAYOUT.own.enable)"),
+    // Reading writes.
+    ("pe_scale.vhd", "write_base_i and not look_i", "write_base_i"),
+    // Another PE's words.
+    ("pe_scale.vhd", "look_here_i when look_i = '1'", "'1' when look_i = '1'"),
+    // The offset is added twice.
+    ("pe_access.vhd", "resize(signed(source), WORD_BITS + 1) - offset", "resize(signed(source), WORD_BITS + 1)"),
+    // The step that replaces states publishes outputs.
+    ("pe_sequencer.vhd", "fetch and not settle and not replace_i", "fetch and not settle"),
+    // It counts as a step for ticks.
+    ("pe_sequencer.vhd", "sample_o  <= fetch and waiting and not replace_i", "sample_o  <= fetch and waiting"),
+    // Ticks keep their counters.
+    ("pe_tick.vhd", "(replace_i = '1' and here_i = '1')", "(false)"),
+    // Steps begin while a host has access.
+    ("pe_sequencer.vhd", "((step_i and not hold_i) or not waiting)", "(step_i or not waiting)"),
+    // Flags stay.
+    ("pe.vhd", "(clear_i = '1')", "(false)"),
+];
+
+#[test]
+fn what_is_broken_for_a_host_is_caught() {
+    let designs = [
+        compiled("host_broken_motor", "motor_pid", "--pes 2 --span 100ms --host restart,states,flags"),
+        compiled(
+            "host_broken_ladder",
+            "rc_ladder",
+            "--pes 2 --span 10ms --multiplier 25x18 --storage 32 --proof off --host restart,states,flags",
+        ),
+        compiled("host_broken_oscillator", "harmonic_oscillator", "--pes 1 --host restart,states,flags"),
+    ];
+    for folder in &designs {
+        assert!(judged(folder).unwrap_or_else(|what| panic!("{what}")) > 0);
+    }
+    let mut missed = Vec::new();
+    for (file, from, to) in DAMAGES {
+        let is_caught = designs.iter().any(|folder| {
+            let path = folder.join("hdl").join(file);
+            let Ok(text) = fs::read_to_string(&path) else { return false };
+            assert_eq!(text.matches(from).count(), 1, "{file}: `{from}`");
+            fs::write(&path, text.replace(from, to)).unwrap();
+            let judged = judged(folder);
+            fs::write(&path, text).unwrap();
+            judged.is_err()
+        });
+        if !is_caught {
+            missed.push(from);
+        }
+    }
+    assert_eq!(missed, Vec::<&str>::new(), "not caught");
+}
+
+#[test]
+fn the_map_lists_the_ports_for_a_host() {
+    let folder = compiled("host_map", "motor_pid", "--pes 2 --span 100ms --host restart,states,flags");
+    let map = Map::read(&fs::read_to_string(folder.join("motor_pid_map.json")).unwrap()).unwrap();
+    let network = fs::read_to_string(folder.join("motor_pid.vhd")).unwrap();
+    let host = map.host.expect("there are ports for a host");
+    let access = host.access.expect("there is access");
+    let flags = host.flags.expect("there are flags");
+    let words = [&access.word, &access.new_word, &access.address];
+    let bits = [&access.request, &access.granted, &access.valid, &access.ready, &flags.clear, &flags.saturated];
+    for port in words.into_iter().chain(bits).chain([&flags.operand, &flags.input, &host.restart.unwrap()]) {
+        assert!(network.contains(&format!("    {port} ")), "no port {port}");
+    }
+    let mut states: Vec<u32> = access.order.iter().filter_map(|place| place.state).collect();
+    states.sort_unstable();
+    assert!(states.iter().copied().eq(0..map.states.len() as u32));
+    assert_eq!(access.order.iter().filter(|place| place.tick.is_some()).count(), map.ticks.len());
+    let plain = compiled("host_none", "motor_pid", "--pes 2 --span 100ms");
+    let plain = fs::read_to_string(plain.join("motor_pid_map.json")).unwrap();
+    assert_eq!(Map::read(&plain).unwrap().host, None);
+}
