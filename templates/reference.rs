@@ -4,15 +4,24 @@
 // Read: {{ file }}
 {%- endfor %}
 
-//! Cycle-accurate reference of the {{ model }} network, independent of the compiler and of the VHDL: it decodes the
-//! control-word bits of the network's memories and follows the hardware datasheet.
+//! Reference of the {{ model }} network, independent of the compiler and of the VHDL: it decodes the control-word bits
+//! of the network's memories and follows the hardware datasheet, cycle by cycle or, faster, step by step.
 //!
-//! Build with `rustc -O --edition 2021`. Arguments: `--stimulus FILE`, `--steps N`, `--images FILE` (initial words in
-//! place of some of those below), `--quiet` (outputs and a checksum of all memory writes instead of the writes). Prints
-//! lines `t cycle pe address value` (memory writes), `o step index value` (outputs), `v pe` and `v any` (overflow
-//! flags), `c clocks` (clocks per step) and `checks count`.
+//! As a program, build it with `rustc -O --edition 2021`. Arguments: `--stimulus FILE`, `--steps N`, `--images FILE`
+//! (initial words in place of some of those below), `--quiet` (outputs and a checksum of all memory writes instead of
+//! the writes), `--fast` (step by step). Prints lines `t cycle pe address value` (memory writes; with `--fast`,
+//! `s step index value`, the states), `o step index value` (outputs), `v pe` and `v any` (overflow flags), `c clocks`
+//! (clocks per step, not with `--fast`) and `checks count`.
+//!
+//! As a library, add `--crate-type lib` for [`Network`], or `--crate-type cdylib` for the functions `{{ model }}_...`
+//! with C types.
 
-use std::io::{BufWriter, Write};
+// A program has no use for the library, nor the library for the program.
+#![allow(dead_code)]
+
+use std::collections::BTreeMap;
+use std::io::{BufWriter, Write as _};
+use std::rc::Rc;
 
 const STORAGE_BITS: u32 = {{ storage_bits }};
 const GUARD_BITS: u32 = {{ guard_bits }};
@@ -31,19 +40,49 @@ const PERIOD: usize = {{ period }};
 const ROUNDS: usize = {{ rounds }};
 const ROUND_WORDS: usize = PERIOD / ROUNDS;
 const PAUSE_WORD: usize = MULTIPLIER_LATENCY + {% if deep %}7{% else %}6{% endif %};
+/// Words from operands that are too large for their sum to the flag.
+const OPERAND_FLAG: usize = {% if deep %}2{% else %}1{% endif %};
 const DEFAULT_STEPS: u64 = {{ default_steps }};
+/// Ports and ticks.
 const INPUT_COUNT: usize = {{ input_count }};
-{%- if !ticks.is_empty() %}
 
-/// Inputs that the network makes itself, behind the ports: number, steps from one sample to the next, those that are
-/// done as the run starts, and the operand of 1.0.
-const TICKS: &[(usize, u64, u64, i64)] = &[{{ ticks }}];
-{%- endif %}
+/// Hash of the design, as in its map.
+pub const HASH: &str = "{{ hash }}";
 
-/// PE and control word whose write group holds the value of each output, and whether it is proven to be in range.
-const OUTPUTS: &[(usize, usize, bool)] = &[{{ outputs }}];
+/// Inputs that the network makes itself, behind the ports.
+struct Tick {
+    /// Steps from one sample to the next.
+    steps: u64,
+    /// Steps since the last sample as the run starts.
+    done: u64,
+    /// Operand of 1.0.
+    one: i64,
+}
 
-#[allow(dead_code)]
+const TICKS: &[Tick] = &[{{ ticks }}];
+
+/// Where the value of an output is.
+struct Output {
+    /// PE and control word whose write group holds it.
+    pe: usize,
+    word: usize,
+    /// Whether it is proven to be in range.
+    proven: bool,
+    /// The state that it shows, if it shows one.
+    state: Option<usize>,
+}
+
+const OUTPUTS: &[Output] = &[{{ outputs }}];
+
+/// Where a state is: PE and address of its own and base memory, and PE and address of copies in imported memories.
+struct State {
+    pe: usize,
+    address: usize,
+    copies: &'static [(usize, usize)],
+}
+
+const STATES: &[State] = &[{{ states }}];
+
 #[derive(Clone, Copy)]
 enum Source {
     Pe(usize),
@@ -86,10 +125,35 @@ struct Description {
     variants: &'static str,
 }
 
+/// Memories of a PE.
+#[derive(Clone, Default)]
+struct Memories {
+    own: Vec<i64>,
+    base: Vec<i64>,
+    coefficients: Vec<i64>,
+    imported: Vec<i64>,
+    indices: Vec<u16>,
+}
+
+/// What a data memory of a PE takes.
+struct Write {
+    cycle: u64,
+    pe: usize,
+    /// Imported words come behind the write addresses.
+    address: u64,
+    value: u64,
+}
+
+/// Takes the memory writes of a step, if anyone wants them.
+type Observer<'a> = Option<&'a mut dyn FnMut(Write)>;
+
 /// Half of `2^bits`; the offset of words that lose so many bits.
-fn half(bits: u32) -> i64 {
+const fn half(bits: u32) -> i64 {
     if bits == 0 { 0 } else { 1 << (bits - 1) }
 }
+
+/// What stored words carry so that the data port rounds.
+const OFFSET: i64 = half(WORD_BITS - DATA_BITS);
 
 /// Holds every product and sum of this design.
 type Sum = {{ sum_type }};
@@ -108,6 +172,35 @@ fn unsigned(value: i64, bits: u32) -> u64 {
     value as u64 & (u64::MAX >> (64 - bits))
 }
 
+/// A held sum, shifted and rounded to nearest, halves up.
+fn rounded(hold: Sum, shift: u32) -> Sum {
+    match shift {
+        0 => hold << LEFT,
+        shift => (((hold << LEFT) >> (shift - 1)) + 1) >> 1,
+    }
+}
+
+/// What the adder makes of a base word and a shifted sum; a sum that does not fit is beyond every word.
+fn added(base: i64, shifted: Sum) -> Sum {
+    Sum::from(base).saturating_add(shifted)
+}
+
+/// The word of a sum, and whether it was out of range. Only the upper eight bits of a saturated word tell in which
+/// direction; what was proven to be in range does not saturate.
+fn limited(sum: Sum, proven: bool) -> (i64, bool) {
+    let above = sum >> (WORD_BITS - 1);
+    if above == 0 || above == -1 {
+        return (sum as i64, false);
+    }
+    let limit = if above > 0 { 127 << (WORD_BITS - 8) } else { -128 << (WORD_BITS - 8) };
+    (if proven { signed(sum as i64, WORD_BITS) } else { limit }, true)
+}
+
+/// Whether an operand is beyond half of full scale, too large for a sum of two.
+fn beyond_half(operand: i64) -> bool {
+    signed(operand, DATA_BITS - 1) != operand
+}
+
 fn index_bits(count: u32) -> u32 {
     let mut bits = 0;
     while 1u32 << bits < count {
@@ -117,17 +210,16 @@ fn index_bits(count: u32) -> u32 {
 }
 
 /// The segment of a word: which of equal parts it is in, or its octave and the bits behind its leading one.
-fn segment(word: i64, index_width: u32, octave_width: u32, octaves: bool) -> u16 {
+fn segment(word: i64, pe: &Description, octaves: bool) -> u16 {
+    let (index_width, octave_width) = (pe.index_width, pe.octave_width);
     if !octaves {
         return ((word >> (WORD_BITS - index_width)) + (1 << (index_width - 1))) as u16;
     }
     let last = (1u32 << octave_width) - 1;
-    let mut bits = if word < 0 { 0 } else { word };
-    let mut octave = 0;
-    while octave < last && bits >> (WORD_BITS - 2) & 1 == 0 {
-        bits <<= 1;
-        octave += 1;
-    }
+    let bits = word.max(0);
+    // Leading zeros behind the sign.
+    let octave = (bits.leading_zeros() + WORD_BITS - 65).min(last);
+    let bits = bits << octave;
     let mantissa_width = index_width - octave_width;
     let first = if octave < last { WORD_BITS - 2 } else { WORD_BITS - 1 };
     let mantissa = bits >> (first - mantissa_width) & ((1 << mantissa_width) - 1);
@@ -146,397 +238,31 @@ fn spread(mut word: u128, mask: u128) -> u128 {
     places
 }
 
+/// The memories of all PEs in the initial state.
+fn images() -> Vec<Memories> {
+    let memories = |pe: &Description| Memories {
+        own: pe.own_image.to_vec(),
+        base: pe.base_image.to_vec(),
+        coefficients: pe.coefficient_image.to_vec(),
+        imported: pe.imported_image.to_vec(),
+        indices: vec![0; pe.index_words as usize],
+    };
+    PES.iter().map(memories).collect()
+}
+
 {% include "reference_words.rs" %}
 
-/// Registers and memories of one PE.
-struct Pe {
-    program: Vec<Word>,
-    own: Vec<i64>,
-    base_words: Vec<i64>,
-    coefficients: Vec<i64>,
-    imported: Vec<i64>,
-    /// Trace addresses of imported words begin here.
-    write_words: u32,
-    base_last: bool,
-    accumulator_bits: u32,
-    pre_adder: bool,
-    proven: bool,
-    /// Whether an operand of the sum in front of the multiplier, {% if deep %}two words{% else %}one word{% endif %}
-    /// ago, was beyond half of full scale.
-    too_large: bool,
-{%- if deep %}
-    /// The same of the word that was executed last.
-    too_large_next: bool,
-{%- endif %}
-    /// Products between operand and product register.
-    products: [Sum; MULTIPLIER_LATENCY + 1],
-    accumulator: Sum,
-    hold: Sum,
-    base: i64,
-    shift: u32,
-{%- if deep %}
-    /// Base and shifted sum, registered in front of the adder.
-    addends: (i64, Sum),
-{%- endif %}
-    sum: i128,
-    word: i64,
-    saturated: bool,
-    overflow: bool,
-    index_width: u32,
-    octave_width: u32,
-    /// Index memory, and the index that the base address takes.
-    indices: Vec<u16>,
-    index: u16,
-}
+{% include "reference_clocked.rs" %}
 
-struct Network {
-    pes: Vec<Pe>,
-    links: Vec<i64>,
-    inputs: Vec<i64>,
-    input_overflow: bool,
-{%- if !ticks.is_empty() %}
-    steps: u64,
-{%- endif %}
-    captured: Vec<i64>,
-    received: Vec<i64>,
-    index: usize,
-    cycle: u64,
-    odd: usize,
-    settle: bool,
-    out: BufWriter<std::io::Stdout>,
-    quiet: bool,
-    checksum: u64,
-    checks: u64,
-}
+{% include "reference_names.rs" %}
 
-impl Network {
-    fn new(quiet: bool) -> Network {
-        let pe = |pe: &Description| Pe {
-            program: pe.control_words().into_iter().map(|word| Word::decode(pe, word)).collect(),
-            base_last: pe.base_last,
-            own: pe.own_image.to_vec(),
-            base_words: pe.base_image.to_vec(),
-            coefficients: pe.coefficient_image.to_vec(),
-            write_words: pe.write_words(),
-            imported: pe.imported_image.to_vec(),
-            accumulator_bits: pe.accumulator_bits,
-            pre_adder: pe.pre_adder,
-            proven: pe.proven,
-            too_large: false,
-{%- if deep %}
-            too_large_next: false,
-{%- endif %}
-            products: [0; MULTIPLIER_LATENCY + 1],
-            accumulator: 0,
-            hold: 0,
-            base: 0,
-            shift: 0,
-{%- if deep %}
-            addends: (0, 0),
-{%- endif %}
-            sum: 0,
-            word: 0,
-            saturated: false,
-            overflow: false,
-            index_width: pe.index_width,
-            octave_width: pe.octave_width,
-            indices: vec![0; pe.index_words as usize],
-            index: 0,
-        };
-        Network {
-            pes: PES.iter().map(pe).collect(),
-            links: vec![0; PES.len()],
-            inputs: vec![0; INPUT_COUNT],
-            input_overflow: false,
-{%- if !ticks.is_empty() %}
-            steps: 0,
-{%- endif %}
-            captured: vec![0; OUTPUTS.len()],
-            received: vec![0; PES.len()],
-            index: 0,
-            cycle: 0,
-            odd: 0,
-            settle: true,
-            out: BufWriter::new(std::io::stdout()),
-            quiet,
-            checksum: 0,
-            checks: 0,
-        }
-    }
+{% include "reference_fast.rs" %}
 
-    /// Takes initial words from a file: lines `pe memory address word`, all decimal, memory `own`, `base` or
-    /// `imported`.
-    fn start_from(&mut self, name: &str) {
-        for line in read(name).lines() {
-            let fields: Vec<&str> = line.split_ascii_whitespace().collect();
-            let pe = &mut self.pes[fields[0].parse::<usize>().expect("a PE is a number")];
-            let image = match fields[1] {
-                "own" => &mut pe.own,
-                "base" => &mut pe.base_words,
-                "imported" => &mut pe.imported,
-                memory => panic!("no memory {memory}"),
-            };
-            image[fields[2].parse::<usize>().expect("an address is a number")] =
-                fields[3].parse().expect("a word is a number");
-        }
-    }
+{% include "reference_library.rs" %}
 
-    fn trace(&mut self, pe: usize, address: u64, value: u64) {
-        self.checks += 1;
-        if self.quiet {
-            for part in [self.cycle, pe as u64, address, value] {
-                self.checksum = (self.checksum.rotate_left(5) ^ part).wrapping_mul(0x517c_c1b7_2722_0a95);
-            }
-        } else {
-            let cycle = self.cycle;
-            self.print(format_args!("t {cycle} {pe} {address:x} {value:x}"));
-        }
-    }
+{% include "reference_c.rs" %}
 
-    fn print(&mut self, line: std::fmt::Arguments) {
-        if let Err(error) = writeln!(self.out, "{line}") {
-            eprintln!("cannot print: {error}");
-            std::process::exit(2);
-        }
-    }
-
-    /// Executes one control word in every PE.
-    fn clock(&mut self) {
-        let k = self.index;
-        let odd = self.odd;
-        // Writes before the place of the pause point in a round finish the round before.
-        let ends_step = (k + PERIOD - PAUSE_WORD) % PERIOD / ROUND_WORDS == ROUNDS - 1;
-        // Ports show the link registers of the word before.
-        for (pe, received) in self.pes.iter().zip(&mut self.received) {
-            if let Some((_, source)) = pe.program[k].receive {
-                *received = match source {
-                    Source::Pe(sender) => self.links[sender],
-                    Source::Input(input) => self.inputs[input],
-                };
-            }
-        }
-        for index in 0..self.pes.len() {
-            let pe = &mut self.pes[index];
-            let word = &pe.program[k];
-            // Everything that is read.
-            let own = word.own.map_or(0, |address| pe.own[address[odd] as usize]);
-            let imported = word.imported.map_or(0, |address| pe.imported[address[odd] as usize]);
-            let multiplier = word.stored.map_or(word.coefficient, |address| pe.coefficients[address as usize]);
-            let base = word.base.map_or(half(WORD_BITS - DATA_BITS), |address| pe.base_words[(address | pe.index) as usize]);
-            let fetched = word.index.map_or(0, |place| pe.indices[place as usize]);
-            let result = pe.word;
-            let saturated = pe.saturated;
-            // Saturation: only the upper eight bits of the word tell in which direction.
-            let above = pe.sum >> (WORD_BITS - 1);
-            pe.saturated = above != 0 && above != -1;
-            pe.word = match above {
-                0 | -1 => pe.sum as i64,
-                1.. => 127 << (WORD_BITS - 8),
-                _ => -128 << (WORD_BITS - 8),
-            };
-            // Adder.
-            let shifted = match pe.shift {
-                0 => pe.hold << LEFT,
-                shift => (((pe.hold << LEFT) >> (shift - 1)) + 1) >> 1,
-            };
-{%- if deep %}
-            pe.sum = pe.addends.0 as i128 + pe.addends.1 as i128;
-            pe.addends = (pe.base, shifted);
-{%- else %}
-            pe.sum = pe.base as i128 + shifted as i128;
-{%- endif %}
-            // Scale group.
-            pe.base = base;
-            pe.shift = word.shift;
-            pe.index = fetched;
-            // Accumulate group.
-            let product = pe.products[MULTIPLIER_LATENCY];
-            let mut kept = pe.accumulator;
-            if word.close {
-                pe.hold = kept;
-                kept = 0;
-            }
-            pe.accumulator = wrapped(kept.wrapping_add(product), pe.accumulator_bits);
-            // Operand group.
-            pe.products.copy_within(0..MULTIPLIER_LATENCY, 1);
-            pe.products[0] = Sum::from(signed(own + imported, DATA_BITS)) * Sum::from(multiplier);
-            pe.overflow |= pe.too_large && !self.settle;
-            let beyond = |operand: i64| signed(operand, DATA_BITS - 1) != operand;
-            let both = pe.pre_adder && word.own.is_some() && word.imported.is_some();
-{%- if deep %}
-            pe.too_large = pe.too_large_next;
-            pe.too_large_next = both && (beyond(own) || beyond(imported));
-{%- else %}
-            pe.too_large = both && (beyond(own) || beyond(imported));
-{%- endif %}
-            // Write group.
-            if word.send {
-                self.links[index] = result >> (WORD_BITS - DATA_BITS);
-            }
-            if !self.settle {
-                let writes = word.writes();
-                let address = word.write[odd] as usize;
-                let receive = word.receive.map(|(address, _)| address[odd] as usize);
-                pe.overflow |= saturated && (writes || word.write_index.is_some() || word.send);
-                if pe.proven && pe.overflow {
-                    eprintln!("PE {index}: a word is out of range, which was proven impossible");
-                    std::process::exit(1);
-                }
-                let depth = pe.write_words as usize;
-                // Each memory takes as many low bits of the address as it needs.
-                if word.write_own {
-                    let own = address & (pe.own.len() - 1);
-                    pe.own[own] = result >> (WORD_BITS - DATA_BITS);
-                }
-                if word.write_base && (ends_step || !pe.base_last) {
-                    let base = address & (pe.base_words.len() - 1);
-                    pe.base_words[base] = result;
-                }
-                if word.write_factor {
-                    let factor = address & (pe.coefficients.len() - 1);
-                    pe.coefficients[factor] = result >> (WORD_BITS - COEFFICIENT_BITS);
-                }
-                if let Some((place, octaves)) = word.write_index {
-                    pe.indices[place as usize] = segment(result, pe.index_width, pe.octave_width, octaves);
-                }
-                if let Some(address) = receive {
-                    pe.imported[address] = self.received[index];
-                }
-                if writes {
-                    self.trace(index, address as u64, unsigned(result, WORD_BITS));
-                }
-                if let Some(address) = receive {
-                    self.trace(index, (depth + address) as u64, unsigned(self.received[index], DATA_BITS));
-                }
-            }
-            for (captured, output) in self.captured.iter_mut().zip(OUTPUTS) {
-                if (output.0, output.1) == (index, k) {
-                    *captured = result;
-                }
-            }
-        }
-        self.cycle += 1;
-        self.index += 1;
-        if self.index % ROUND_WORDS == 0 {
-            self.odd ^= 1;
-        }
-        if self.index == PERIOD {
-            self.index = 0;
-        }
-    }
-
-    /// The first words, which only fill the pipelines.
-    fn configure(&mut self) {
-        for _ in 0..PAUSE_WORD {
-            self.clock();
-        }
-        self.settle = false;
-    }
-
-    /// Runs from one pause point to the next; the inputs arrive at the end of the first word.
-    fn step(&mut self, words: &[i64]) {
-        self.clock();
-        for (operand, word) in self.inputs.iter_mut().zip(words) {
-            let largest = (1i64 << (WORD_BITS - 1)) - 1;
-            let stored = (word << GUARD_BITS) + half(WORD_BITS - DATA_BITS);
-            self.input_overflow |= stored > largest;
-            *operand = stored.min(largest) >> (WORD_BITS - DATA_BITS);
-        }
-{%- if !ticks.is_empty() %}
-        for (input, steps, done, one) in TICKS {
-            self.inputs[*input] = if (self.steps + done) % steps == 0 { *one } else { 0 };
-        }
-        self.steps += 1;
-{%- endif %}
-        for _ in 1..PERIOD {
-            self.clock();
-        }
-    }
-
-    /// Port word of an output.
-    fn output(&self, index: usize) -> u64 {
-        let rounded = (self.captured[index] - half(WORD_BITS - DATA_BITS) + half(GUARD_BITS)) >> GUARD_BITS;
-        let largest = (1i64 << (STORAGE_BITS - 1)) - 1;
-        let clamped = rounded.clamp(-largest - 1, largest);
-        if OUTPUTS[index].2 && clamped != rounded {
-            eprintln!("output {index}: it is out of range, which was proven impossible");
-            std::process::exit(1);
-        }
-        unsigned(clamped, STORAGE_BITS)
-    }
-}
-
-fn read(name: &str) -> String {
-    std::fs::read_to_string(name).unwrap_or_else(|error| {
-        eprintln!("cannot read {name}: {error}");
-        std::process::exit(2);
-    })
-}
-
-/// Input words of every step.
-fn read_stimulus(name: &str) -> Vec<Vec<i64>> {
-    let text = read(name);
-    let word = |digits: &str| {
-        let bits = i64::from_str_radix(digits, 16).expect("stimulus words are hexadecimal");
-        signed(bits, STORAGE_BITS)
-    };
-    text.lines().map(|line| line.split_ascii_whitespace().map(word).collect()).collect()
-}
-
-fn main() {
-    let mut stimulus_name = String::from("{{ model }}_stimulus.txt");
-    let mut steps = DEFAULT_STEPS;
-    let mut images_name = None;
-    let mut quiet = false;
-    let mut arguments = std::env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        let mut value = || arguments.next().unwrap_or_default();
-        match argument.as_str() {
-            "--stimulus" => stimulus_name = value(),
-            "--steps" => steps = value().parse().expect("--steps takes a number"),
-            "--images" => images_name = Some(value()),
-            "--quiet" => quiet = true,
-            _ => {
-                eprintln!("unknown argument {argument}");
-                std::process::exit(2);
-            }
-        }
-    }
-    let stimulus = read_stimulus(&stimulus_name);
-    let mut network = Network::new(quiet);
-    if let Some(name) = images_name {
-        network.start_from(&name);
-    }
-    network.configure();
-    for step in 0..steps {
-        let words = stimulus.get(step as usize).or(stimulus.last()).map_or(&[][..], |words| words);
-        network.step(words);
-        for index in 0..OUTPUTS.len() {
-            let value = network.output(index);
-            network.print(format_args!("o {step} {index} {value:x}"));
-            network.checks += 1;
-        }
-    }
-    for index in 0..network.pes.len() {
-        if network.pes[index].overflow {
-            network.print(format_args!("v {index}"));
-        }
-    }
-    if network.input_overflow || network.pes.iter().any(|pe| pe.overflow) {
-        network.print(format_args!("v any"));
-    }
-    if quiet {
-        let checksum = network.checksum;
-        network.print(format_args!("checksum {checksum:016x}"));
-    }
-    let clocks = if steps < 2 { 0 } else { PERIOD };
-    network.print(format_args!("c {clocks}"));
-    let checks = network.checks;
-    network.print(format_args!("checks {checks}"));
-    if checks == 0 {
-        std::process::exit(1);
-    }
-}
+{% include "reference_program.rs" %}
 
 const PES: &[Description] = &[
 {%- for pe in self.pes() %}

@@ -44,6 +44,8 @@ struct Word {
     write_index: Option<(u16, bool)>,
     send: bool,
     receive: Option<([u16; 2], Source)>,
+    /// Whether an output captures the result.
+    captured: bool,
 }
 
 impl Description {
@@ -153,6 +155,17 @@ impl Word {
             write_index: write_index.then_some((written, octaves)),
             send,
             receive: receive.map(|address| (address, pe.ports[port])),
+            captured: false,
         }
     }
+}
+
+/// The control words of every PE.
+fn program() -> Vec<Vec<Word>> {
+    let decode = |pe: &Description| pe.control_words().into_iter().map(|word| Word::decode(pe, word)).collect();
+    let mut program: Vec<Vec<Word>> = PES.iter().map(decode).collect();
+    for output in OUTPUTS {
+        program[output.pe][output.word].captured = true;
+    }
+    program
 }

@@ -37,7 +37,7 @@ for fuzzed in spec_text:1000000 stage_texts:8000000 program_text:16000000; do
 done
 
 printf '\n== models on hundreds of PEs (%d s)\n' "$SECONDS"
-PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- full_size:: signals:: --nocapture || failed+=(stages)
+PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- full_size:: library:: signals:: --nocapture || failed+=(stages)
 
 # A chain of states that fall, with random couplings and products, and an input.
 random_model() {

@@ -47,6 +47,7 @@ pub fn emit(program: &Program, options: &EmitOptions) -> Vec<Artefact> {
     let names = Names::new(program);
     let folds: Vec<Fold> = program.pes.iter().map(|pe| Fold::of(program, pe)).collect();
     let model = &names.model;
+    let hash = map::hash(program, options);
     let mut artefacts: Vec<Artefact> = library::needed(program)
         .map(|(file, text)| Artefact { path: format!("hdl/{file}"), text: text.to_owned() })
         .collect();
@@ -60,9 +61,12 @@ pub fn emit(program: &Program, options: &EmitOptions) -> Vec<Artefact> {
         push("_host_tb.vhd", drivers::host_testbench(program, &names, &header));
     }
     push(".f", drivers::file_list(program, &names));
-    push("_reference.rs", reference::render(program, &folds, &header, options));
+    push("_reference.rs", reference::render(program, &folds, &header, options, &hash));
+    if options.c_header {
+        push(".h", reference::c_header(program, &header, &hash));
+    }
     push("_verilator.cpp", drivers::verilator(program, &names, &header, options));
-    push("_map.json", map::render(program, &names, options));
+    push("_map.json", map::render(program, &names, options, &hash));
     push("_stimulus.txt", drivers::stimulus(program, options));
     push("_shapes.txt", pe_ir::program::shapes(program, &folds));
     artefacts

@@ -11,17 +11,26 @@ use crate::access::replacements;
 use crate::names::Names;
 use crate::options::{Driven, EmitOptions};
 
+/// What tells a design from others that compute other words.
+pub fn hash(program: &Program, options: &EmitOptions) -> String {
+    sha256(format!("{}\n{program}", generator(options)).as_bytes())
+}
+
+fn generator(options: &EmitOptions) -> String {
+    format!("pe-synth {}", options.version)
+}
+
 /// The text of `<model>_map.json`.
-pub fn render(program: &Program, names: &Names, options: &EmitOptions) -> String {
+pub fn render(program: &Program, names: &Names, options: &EmitOptions, hash: &str) -> String {
     let interface = &options.interface;
-    let generator = format!("pe-synth {}", options.version);
     let port = |name: &str| name.to_owned();
     let early_step = |(until, step): &(f64, f64)| EarlyStep { until: *until, step: *step };
     let inputs = program.ports().zip(&names.inputs).enumerate();
+    let outputs = program.outputs.iter().zip(&names.outputs);
     let map = Map {
         map_version: VERSION,
-        hash: sha256(format!("{generator}\n{program}").as_bytes()),
-        generator,
+        hash: hash.to_owned(),
+        generator: generator(options),
         model: program.model.clone(),
         entity: names.model.clone(),
         control: Control {
@@ -45,7 +54,10 @@ pub fn render(program: &Program, names: &Names, options: &EmitOptions) -> String
                 Tick { name, steps: tick.steps, done: tick.done }
             })
             .collect(),
-        outputs: program.outputs.iter().zip(&names.outputs).map(|(port, name)| shown(program, port, name)).collect(),
+        outputs: outputs
+            .zip(program.shown_states())
+            .map(|((port, name), state)| shown(program, port, name, state.map(|id| id.number())))
+            .collect(),
         states: program.states.iter().map(|state| placed(program, state)).collect(),
         host: (program.host != Host::default()).then(|| host_ports(program)),
     };
@@ -110,13 +122,14 @@ fn described(program: &Program, input: &InputPort, name: &str, driven: Option<&D
     }
 }
 
-fn shown(program: &Program, output: &OutputPort, name: &str) -> Output {
+fn shown(program: &Program, output: &OutputPort, name: &str, state: Option<u32>) -> Output {
     Output {
         name: output.name.clone(),
         port: name.to_owned(),
         unit: output.unit.clone(),
         format: Format { bits: program.format.storage_bits, exponent: output.exponent },
         rounding: Rounding::NearestHalvesUp,
+        state,
         outside: if output.proven { Outside::Proven } else { Outside::Clamps },
     }
 }

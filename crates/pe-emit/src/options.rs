@@ -22,6 +22,8 @@ pub struct EmitOptions {
     pub interface: Interface,
     /// Words of each input port in each step; runs that last longer repeat the last step's.
     pub stimulus: Vec<Vec<i64>>,
+    /// Whether there is a C header for the reference as a library.
+    pub c_header: bool,
     /// Steps that the test benches run unless told otherwise.
     pub default_steps: u32,
 }

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use askama::Template;
-use pe_ir::index::at;
-use pe_ir::program::{Fold, LinkSource, PeProgram, Program, closed_up};
+use pe_ir::index::{StateId, at};
+use pe_ir::program::{Fold, LinkSource, OutputPort, PeProgram, Program, StateRegister, Tick, closed_up};
 use pe_ir::word::Pipeline;
 
 use crate::names::vhdl_identifier;
@@ -26,12 +26,15 @@ struct Reference<'a> {
     period: u32,
     rounds: u32,
     input_count: usize,
-    /// Input, steps, steps done and operand of each tick.
+    hash: &'a str,
+    /// Fields of `Tick`.
     ticks: String,
     /// Integer type that products and sums fit.
     sum_type: &'static str,
-    /// Tuples of PE and control word.
+    /// Fields of `Output`.
     outputs: String,
+    /// Fields of `State`.
+    states: String,
     program: &'a Program,
     folds: &'a [Fold],
 }
@@ -76,11 +79,38 @@ struct Pe {
     repeated_bits: u32,
 }
 
-/// The text of `<model>_reference.rs`.
-pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &EmitOptions) -> String {
+/// `<model>.h`.
+#[derive(Template)]
+#[template(path = "reference.h")]
+struct CHeader<'a> {
+    header: &'a Header,
+    model: String,
+    /// What its macros begin with.
+    guard: String,
+    hash: &'a str,
+    storage_bits: u32,
+    word_bits: u32,
+    inputs: usize,
+    outputs: usize,
+    state_words: usize,
+}
+
+/// The text of `<model>_reference.rs`; `hash` is that of the map.
+pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &EmitOptions, hash: &str) -> String {
     let format = &program.format;
-    let outputs: Vec<String> =
-        program.outputs.iter().map(|output| format!("({}, {}, {})", output.pe, output.word, output.proven)).collect();
+    let output = |(output, state): (&OutputPort, Option<StateId>)| {
+        let OutputPort { pe, word, proven, .. } = output;
+        let state = state.map(StateId::number);
+        format!("Output {{ pe: {pe}, word: {word}, proven: {proven}, state: {state:?} }}")
+    };
+    let state = |state: &StateRegister| {
+        let (pe, address) = state.own;
+        let copies = joined(state.imported.iter().map(|(pe, address)| format!("({pe}, {address})")));
+        format!("State {{ pe: {pe}, address: {address}, copies: &[{copies}] }}")
+    };
+    let tick = |(_, tick, one): (u32, Tick, i64)| {
+        format!("Tick {{ steps: {}, done: {}, one: {} }}", tick.steps, tick.done, format.input_operand(one))
+    };
     let reference = Reference {
         header,
         model: vhdl_identifier(&program.model),
@@ -94,15 +124,32 @@ pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &Emit
         period: program.period,
         rounds: program.rounds,
         input_count: program.inputs.len(),
-        ticks: joined(program.ticks().map(|(input, tick, one)| {
-            format!("({input}, {}, {}, {})", tick.steps, tick.done, format.input_operand(one))
-        })),
+        hash,
+        ticks: joined(program.ticks().map(tick)),
         sum_type: sum_type(program),
-        outputs: outputs.join(", "),
+        outputs: joined(program.outputs.iter().zip(program.shown_states()).map(output)),
+        states: joined(program.states.iter().map(state)),
         program,
         folds,
     };
     reference.render().expect("templates render into strings")
+}
+
+/// The text of `<model>.h`; `hash` is that of the map.
+pub fn c_header(program: &Program, header: &Header, hash: &str) -> String {
+    let model = vhdl_identifier(&program.model);
+    let header = CHeader {
+        header,
+        guard: model.to_ascii_uppercase(),
+        model,
+        hash,
+        storage_bits: program.format.storage_bits,
+        word_bits: program.format.word_bits(),
+        inputs: program.ports().count(),
+        outputs: program.outputs.len(),
+        state_words: program.states.len() + program.ticks().count(),
+    };
+    header.render().expect("templates render into strings")
 }
 
 /// The faster 64-bit type unless a product or an accumulator is wider.

@@ -25,6 +25,7 @@ fn design(model: &'static str) -> Vec<Artefact> {
         spec: "x\n.ode".to_owned(),
         version: "0".to_owned(),
         stimulus: vec![vec![-1], vec![5]],
+        c_header: true,
         default_steps: 2,
         files: vec![("x\n.ode".to_owned(), "00ff".to_owned())],
         provenance: pe_emit::Provenance {
@@ -50,6 +51,7 @@ fn a_design_has_its_files() {
         ".vhd",
         "_tb.vhd",
         ".f",
+        ".h",
         "_reference.rs",
         "_verilator.cpp",
         "_map.json",
@@ -71,7 +73,7 @@ fn a_design_has_its_files() {
 #[test]
 fn nothing_is_escaped() {
     let design = design("m");
-    for path in ["m.vhd", "m_tb.vhd", "m_program_pkg.vhd", "m_reference.rs", "m_verilator.cpp"] {
+    for path in ["m.vhd", "m_tb.vhd", "m_program_pkg.vhd", "m_reference.rs", "m_verilator.cpp", "m.h"] {
         let text = text(&design, path);
         assert!(text.contains("Regenerate: pe-synth build <= 'a b' */ /\n"), "{path}");
         assert!(text.contains("Read: x .ode, SHA-256 00ff\n"), "{path}");

@@ -236,6 +236,9 @@ pub struct Output {
     /// Format of the port's words.
     #[serde(flatten)]
     pub format: Format,
+    /// Number of the state that it shows, whose stored word the network rounds to the port; none of an output that the
+    /// network has only after a step.
+    pub state: Option<u32>,
     /// How the word in the network is rounded to the port.
     pub rounding: Rounding,
     /// What becomes of a word that rounds to more than the port carries.

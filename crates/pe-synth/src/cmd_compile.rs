@@ -66,6 +66,9 @@ pub struct Compile {
     /// Uses measured sizes of PEs instead of estimates, from a file that `cargo run -p xtask -- measure-area` wrote
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     area_from: Option<PathBuf>,
+    /// Writes `NAME.h`, the C header of the Rust reference as a library
+    #[arg(long, help_heading = "Output")]
+    header: bool,
     /// Draws no pictures
     #[arg(long, help_heading = "Output")]
     no_pictures: bool,
@@ -170,8 +173,11 @@ impl Compile {
         }
         report.choice = choice.as_ref().map(|choice| choice.report(model));
         let folder = OutputFolder::create_until_interrupted(&target)?;
-        let written =
-            watch.stage("write", || write_design(&folder, &loaded, &design, command), |_| target.display().to_string());
+        let written = watch.stage(
+            "write",
+            || write_design(&folder, &loaded, &design, command, self.header),
+            |_| target.display().to_string(),
+        );
         written?;
         let name = pe_emit::design_name(&design.program);
         folder.write(&format!("{name}_variables.csv"), &variables::table(&variables))?;
@@ -391,7 +397,13 @@ fn total_error(
     result
 }
 
-fn write_design(folder: &OutputFolder, loaded: &LoadedModel, design: &Design, command: &str) -> Result<(), Failure> {
+fn write_design(
+    folder: &OutputFolder,
+    loaded: &LoadedModel,
+    design: &Design,
+    command: &str,
+    header: bool,
+) -> Result<(), Failure> {
     let LoadedModel { model, sources, .. } = loaded;
     let steps = trace_steps(&design.program, model.steps());
     let stimulus = pipeline::stimulus(model, design, 0, steps);
@@ -403,6 +415,7 @@ fn write_design(folder: &OutputFolder, loaded: &LoadedModel, design: &Design, co
         interface: origin::interface(model),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         stimulus: stimulus.clone(),
+        c_header: header,
         default_steps: steps as u32,
     };
     for artefact in pe_emit::emit(&design.program, &options) {

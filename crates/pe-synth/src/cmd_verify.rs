@@ -28,7 +28,7 @@ pub struct Verify {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// Engines to compare with the simulator, in this order
-    #[arg(long, value_name = "NAME", value_parser = engine(), value_delimiter = ',', default_value = "reference,ghdl")]
+    #[arg(long, value_name = "NAME", value_parser = engine(), value_delimiter = ',', default_value = "reference,fast,ghdl")]
     engines: Vec<Engine>,
     /// Also runs the synthesised netlist in Verilator
     #[arg(long)]

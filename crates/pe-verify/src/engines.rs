@@ -1,17 +1,18 @@
 //! Runs a written design in the engines that must agree, and compares what they print.
 //!
 //! Every engine prints the same lines: `t` and a memory write, `o` and a published output, `v` and an overflow flag,
-//! `c` and the clocks between the last two steps; those with a handshake also `h` and its changes, and `u` and a clock in
+//! `c` and the clocks between the last two steps; the fast form, which has neither memories nor clocks, `s` and the word of
+//! a state after a step in place of `t` and `c`; those with a handshake also `h` and its changes, and `u` and a clock in
 //! which outputs changed although nothing was published.
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use pe_ir::index::PeId;
+use pe_ir::index::{PeId, at};
 use pe_ir::program::Program;
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
@@ -35,6 +36,8 @@ pub struct Run {
     pub trace: Vec<TraceLine>,
     /// Published outputs: step, index, word.
     pub outputs: Vec<(u64, usize, u64)>,
+    /// Words of the states after each step, in the same way; none if the run shows memory writes instead.
+    pub states: Vec<(u64, usize, u64)>,
     /// Whether an overflow flag was set.
     pub overflow: bool,
     /// PEs whose sticky flag was set; none if the run does not tell.
@@ -52,6 +55,8 @@ pub struct Run {
 pub enum Engine {
     /// The generated Rust program, built with `rustc`.
     Reference,
+    /// The same program, step by step.
+    Fast,
     /// The generated VHDL in GHDL.
     Ghdl,
     /// GHDL's synthesised netlist in Verilator.
@@ -60,14 +65,31 @@ pub enum Engine {
 
 impl Engine {
     /// All of them.
-    pub const ALL: [Engine; 3] = [Engine::Reference, Engine::Ghdl, Engine::Verilator];
+    pub const ALL: [Engine; 4] = [Engine::Reference, Engine::Fast, Engine::Ghdl, Engine::Verilator];
+
+    /// Whether it has clocks, and waits for `step_i`.
+    pub fn has_handshake(self) -> bool {
+        matches!(self, Engine::Ghdl | Engine::Verilator)
+    }
 
     /// The name on the command line.
     pub fn option(self) -> &'static str {
         match self {
             Engine::Reference => "reference",
+            Engine::Fast => "fast",
             Engine::Ghdl => "ghdl",
             Engine::Verilator => "verilator",
+        }
+    }
+
+    /// Compares its run with the simulator's, as [`compare`] does; the fast form shows states in place of memory writes.
+    ///
+    /// # Errors
+    /// The first difference.
+    pub fn compare(self, program: &Program, run: &Run, expected: &Run, expected_writes: u64) -> Result<(), String> {
+        match self {
+            Engine::Fast => compare_states(program, self.name(), run, expected),
+            _ => compare(program, self.name(), run, expected, expected_writes),
         }
     }
 
@@ -75,6 +97,7 @@ impl Engine {
     pub fn title(self) -> &'static str {
         match self {
             Engine::Reference => "The generated Rust program, built with `rustc`",
+            Engine::Fast => "The same program, step by step instead of clock by clock",
             Engine::Ghdl => "The generated VHDL in GHDL",
             Engine::Verilator => "GHDL's synthesised netlist in Verilator",
         }
@@ -84,6 +107,7 @@ impl Engine {
     pub fn name(self) -> &'static str {
         match self {
             Engine::Reference => "Rust reference",
+            Engine::Fast => "fast form",
             Engine::Ghdl => "GHDL",
             Engine::Verilator => "Verilator",
         }
@@ -163,7 +187,8 @@ impl Bench {
         };
         let stimulus = stimulus.display().to_string();
         let text = match engine {
-            Engine::Reference => self.reference(job, &stimulus)?,
+            Engine::Reference => self.reference(job, &stimulus, &[])?,
+            Engine::Fast => self.reference(job, &stimulus, &["--fast"])?,
             Engine::Ghdl => self.ghdl(job, &stimulus, expected)?,
             Engine::Verilator => self.verilator(job, &stimulus)?,
         };
@@ -182,12 +207,14 @@ impl Bench {
         Ok(path)
     }
 
-    fn reference(&mut self, job: &Job, stimulus: &str) -> Result<String, Failure> {
+    fn reference(&mut self, job: &Job, stimulus: &str, form: &[&str]) -> Result<String, Failure> {
         let source = self.copy(&format!("{}_reference.rs", self.design));
         let program = self.scratch.join("reference");
         if self.built.insert("reference") {
             let mut build = Command::new("rustc");
-            build.args(["--edition", "2021", "-O", "-o"]).arg(&program).arg(&source);
+            let size = fs::metadata(&source).map_or(0, |file| file.len());
+            let level = if size < SMALL && job.steps < BRIEF { "opt-level=0" } else { "opt-level=3" };
+            build.args(["--edition", "2021", "-C", level, "-o"]).arg(&program).arg(&source);
             execute(&mut build, "rustc", "install Rust from https://rustup.rs").map_err(|failure| match failure {
                 Failure::Mismatch(text) if text.contains("linker") && text.contains("not found") => {
                     Failure::MissingTool("a C linker is not installed: apt-get install gcc".into())
@@ -196,7 +223,7 @@ impl Bench {
             })?;
         }
         let mut run = Command::new(&program);
-        run.args(["--stimulus", stimulus, "--steps", &job.steps.to_string()]);
+        run.args(["--stimulus", stimulus, "--steps", &job.steps.to_string()]).args(form);
         if !job.words.is_empty() {
             run.arg("--images").arg(self.write("images.txt", &package::lines(job.words))?);
         }
@@ -299,6 +326,10 @@ impl Bench {
     }
 }
 
+/// Bytes of a reference, and steps, below which optimising it takes longer than that saves.
+const SMALL: u64 = 300_000;
+const BRIEF: u64 = 1_000;
+
 const GHDL_INSTALL: &str = "apt-get install ghdl";
 
 /// Runs a program and returns what it printed.
@@ -358,6 +389,7 @@ fn parse(text: &str) -> Result<Run, String> {
         let parsed = match line.split_once(' ') {
             Some(("t", rest)) => TraceLine::parse(rest).map(|line| run.trace.push(line)),
             Some(("o", rest)) => output_line(rest).map(|line| run.outputs.push(line)),
+            Some(("s", rest)) => output_line(rest).map(|line| run.states.push(line)),
             Some(("v", "any")) => {
                 run.overflow = true;
                 Some(())
@@ -374,6 +406,7 @@ fn parse(text: &str) -> Result<Run, String> {
     }
     run.trace.sort_unstable();
     run.outputs.sort_unstable();
+    run.states.sort_unstable();
     Ok(run)
 }
 
@@ -456,6 +489,62 @@ pub fn compare(program: &Program, engine: &str, run: &Run, expected: &Run, expec
     if run.trace.len() as u64 != expected_writes || expected.trace.len() as u64 != expected_writes {
         return Err(format!("{engine}: {} memory writes instead of {expected_writes}", run.trace.len()));
     }
+    shown_alike(program, engine, run, expected)?;
+    if run.clocks != expected.clocks {
+        return Err(format!("{engine}: {} clocks per step instead of {}", run.clocks, expected.clocks));
+    }
+    Ok(())
+}
+
+/// The same for a run without memory writes and clocks, which shows the words of the states.
+fn compare_states(program: &Program, engine: &str, run: &Run, expected: &Run) -> Result<(), String> {
+    let states = left_in_states(program, &expected.trace);
+    for (is, should) in run.states.iter().zip(&states) {
+        if is != should {
+            let name = program.states.get(should.1).map_or("", |state| &state.name);
+            return Err(format!(
+                "{engine}: state `{name}` after step {} is {:x} instead of {:x}",
+                should.0, is.2, should.2
+            ));
+        }
+    }
+    if run.outputs.is_empty() {
+        return Err(format!("{engine}: nothing was compared"));
+    }
+    if run.states.len() != states.len() {
+        return Err(format!("{engine}: {} words of states instead of {}", run.states.len(), states.len()));
+    }
+    shown_alike(program, engine, run, expected)
+}
+
+/// What memory writes leave in the states after each step, as [`Run::states`] has it.
+fn left_in_states(program: &Program, trace: &[TraceLine]) -> Vec<(u64, usize, u64)> {
+    let (period, pause) = (u64::from(program.period), u64::from(program.latency().pause()));
+    let mask = u64::MAX >> (64 - program.format.word_bits());
+    let mut words: BTreeMap<(PeId, usize), u64> = BTreeMap::new();
+    let homes: Vec<(PeId, usize)> = program
+        .states
+        .iter()
+        .map(|state| (state.own.0, program.pes[state.own.0].features.base_word(state.own.1)))
+        .collect();
+    words.extend(homes.iter().map(|(pe, base)| ((*pe, *base), program.pes[*pe].base_image[*base] as u64 & mask)));
+    let mut left = Vec::new();
+    for (step, lines) in (0..).zip(trace.chunk_by(|a, b| (a.cycle - pause) / period == (b.cycle - pause) / period)) {
+        for line in lines {
+            let (pe, word) = (&program.pes[line.pe], (line.cycle % period) as u32);
+            let target =
+                pe.words[at(word)].write.filter(|target| target.base && line.address < pe.features.write_words());
+            let stored = target.filter(|_| program.ends_step(word) || !pe.features.base_last);
+            let place = stored.map(|target| (line.pe, pe.features.base_word(target.address.word)));
+            place.and_then(|place| words.get_mut(&place)).into_iter().for_each(|word| *word = line.value);
+        }
+        left.extend(homes.iter().enumerate().map(|(state, home)| (step, state, words[home])));
+    }
+    left
+}
+
+/// Compares outputs and flags.
+fn shown_alike(program: &Program, engine: &str, run: &Run, expected: &Run) -> Result<(), String> {
     if run.outputs != expected.outputs {
         let pair = run.outputs.iter().zip(&expected.outputs).find(|(is, should)| is != should);
         return Err(match pair {
@@ -476,9 +565,6 @@ pub fn compare(program: &Program, engine: &str, run: &Run, expected: &Run, expec
         && is != should
     {
         return Err(format!("{engine}: sticky flags of PEs {is:?} instead of {should:?}"));
-    }
-    if run.clocks != expected.clocks {
-        return Err(format!("{engine}: {} clocks per step instead of {}", run.clocks, expected.clocks));
     }
     Ok(())
 }

@@ -326,10 +326,10 @@ impl Expected {
             control: Some(&handshake.control),
         };
         let run = bench.run_until_difference(engine, &job, Some(&observed.run.trace))?;
-        let has_handshake = engine != Engine::Reference;
+        let has_handshake = engine.has_handshake();
         let clocks = if has_handshake { handshake.clocks } else { observed.run.clocks };
         let expected = engines::Run { clocks, ..observed.run.clone() };
-        compare(&start.program, engine.name(), &run, &expected, *writes).map_err(Failure::Mismatch)?;
+        engine.compare(&start.program, &run, &expected, *writes).map_err(Failure::Mismatch)?;
         if has_handshake && let Some(what) = handshake::difference(&run.events, &handshake.events) {
             return Err(Failure::Mismatch(format!("{}: {what}", engine.name())));
         }
@@ -341,25 +341,29 @@ impl Expected {
     }
 
     fn line(&self, engine: Engine, run: &engines::Run) -> String {
+        let compared = match engine {
+            Engine::Fast => format!("{} words of states", run.states.len()),
+            _ => format!("{} memory writes", run.trace.len()),
+        };
         format!(
-            "{:>14} = simulator from {}: {} memory writes and {} outputs equal, {}\n",
+            "{:>14} = simulator from {}: {compared} and {} outputs equal, {}\n",
             engine.name(),
             self.start.name,
-            run.trace.len(),
             run.outputs.len(),
-            duration(&self.start, &self.handshake, engine != Engine::Reference),
+            duration(&self.start, &self.handshake, engine),
         )
     }
 
     fn json(&self, engine: Engine, run: &engines::Run) -> Value {
         json!({"start": self.start.name, "engine": engine.name(), "steps": self.start.steps, "writes": run.trace.len(),
-               "outputs": run.outputs.len(), "live": self.live()})
+               "states": run.states.len(), "outputs": run.outputs.len(), "live": self.live()})
     }
 }
 
 /// Steps and clocks of a run.
-fn duration(start: &Start, handshake: &Handshake, has_handshake: bool) -> String {
-    match (start.steps, start.held && has_handshake) {
+fn duration(start: &Start, handshake: &Handshake, engine: Engine) -> String {
+    match (start.steps, start.held && engine.has_handshake()) {
+        (steps, _) if engine == Engine::Fast => format!("{steps} steps"),
         (steps, true) => {
             let clocks = handshake.events.last().map_or(0, |event| event.clock);
             format!("{steps} steps in {clocks} clocks")

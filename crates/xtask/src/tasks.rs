@@ -61,6 +61,13 @@ pub const TASKS: &[Task] = &[
     ),
     task("pages/leave-out.sh", "what leaving out outputs saves", &["leave-out.md"], "ghdl, jq, yosys", "some minutes"),
     task(
+        "pages/loop-speed.py",
+        "steps per second of the reference as a library",
+        &["library.md"],
+        "python3",
+        "a minute",
+    ),
+    task(
         "pages/measure.sh",
         "tables and figures of the paper",
         &["results.md"],

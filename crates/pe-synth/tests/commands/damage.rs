@@ -304,3 +304,46 @@ fn the_reference_of_the_folder_is_judged() {
         assert!(matches!(verdict(&damaged, &[Engine::Reference]), Err(Failure::Mismatch(_))), "{what} passes");
     }
 }
+
+#[test]
+fn the_fast_form_of_the_folder_is_judged() {
+    let folder = Folder::new("damage_fast");
+    let design = converter(&folder, &["--multiplier", "25x18", "--pes", "1"]);
+    let damages = [
+        (
+            "a coefficient",
+            "slots[*slot as usize].factor = *coefficient;",
+            "slots[*slot as usize].factor = *coefficient ^ 1;",
+        ),
+        ("rounding of a word", "(left >> shift) + (left << 1 >> shift & 1)", "(left >> shift)"),
+        ("saturation", "(signed(word, WORD_BITS) == word).then_some(word)", "Some(word)"),
+        ("a flag", "if beyond && written.flagged {", "if false {"),
+        ("a state that stays", "changing.map(|(home, next)|", "changing.skip(1).map(|(home, next)|"),
+        (
+            "an output that shows another word",
+            "self.slots[self.outputs[output] as usize].word",
+            "self.slots[self.outputs[0] as usize].word",
+        ),
+        (
+            "the order of moves",
+            "let Fast { slots, sums, .. } = self;",
+            "self.moves.pop(); let Fast { slots, sums, .. } = self;",
+        ),
+        ("a segment or a pass that differs", "const FOLLOWED: u32 = 4;", "const FOLLOWED: u32 = 1;"),
+        (
+            "an input",
+            ".for_each(|(slot, operand)| slot.operand = *operand);",
+            ".for_each(|(slot, operand)| slot.operand = *operand ^ 4);",
+        ),
+    ];
+    for (what, from, to) in damages {
+        let damaged = edited(&design, "converter_reference.rs", |text| text.replacen(from, to, 1));
+        match verdict(&damaged, &[Engine::Reference, Engine::Fast]) {
+            Err(Failure::Mismatch(text)) => {
+                assert!(text.contains("fast form") || text.contains("reference failed"), "{text}")
+            }
+            _ => panic!("{what} passes"),
+        }
+    }
+    verdict(&design, &[Engine::Reference, Engine::Fast]).unwrap_or_else(|failure| panic!("{failure:?}"));
+}

@@ -15,6 +15,7 @@ mod golden;
 mod host;
 mod inject;
 mod interruption;
+mod library;
 mod map;
 mod mapping_file;
 mod report;

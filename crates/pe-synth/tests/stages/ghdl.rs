@@ -1,4 +1,4 @@
-//! Compiled designs in GHDL and as Rust reference, bit for bit against the simulator.
+//! Compiled designs in GHDL and as Rust reference in both forms, bit for bit against the simulator.
 
 use crate::support::bench::{Agreement, Folder, assert_agreement};
 use crate::support::flow::{Flow, Placement, Start, format};
@@ -15,7 +15,7 @@ use pe_verify::engines::{self, Engine};
 /// Steps of every comparison of small designs.
 const STEPS: u64 = 20;
 
-const ENGINES: [Engine; 2] = [Engine::Reference, Engine::Ghdl];
+const ENGINES: [Engine; 3] = [Engine::Reference, Engine::Fast, Engine::Ghdl];
 
 fn report(what: &str, sum: Agreement) {
     let Agreement { runs, writes, outputs, seconds } = sum;
@@ -71,7 +71,7 @@ fn stages_that_are_alike_agree_beside_outputs_that_are_sent_and_equations_that_a
         sum += assert_agreement(&label, &[compiled.middle(STEPS)], &ENGINES);
     }
     report("looped stages beside others", sum);
-    assert!(sum.runs == 4 && sum.writes > 500, "{} runs, {} writes", sum.runs, sum.writes);
+    assert!(sum.runs == 6 && sum.writes > 500, "{} runs, {} writes", sum.runs, sum.writes);
 }
 
 /// A model of each family, with one Runge-Kutta method after the other.

@@ -21,6 +21,7 @@ mod ghdl;
 mod goals;
 mod headroom;
 mod inputs;
+mod library;
 mod methods;
 mod pictures;
 mod random_models;

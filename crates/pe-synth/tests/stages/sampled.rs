@@ -18,10 +18,10 @@ use pe_sim::fixed::FixedRun;
 use pe_sim::reference;
 use pe_verify::engines::Engine;
 
-const ENGINES: [Engine; 2] = [Engine::Reference, Engine::Ghdl];
+const ENGINES: [Engine; 3] = [Engine::Reference, Engine::Fast, Engine::Ghdl];
 
 /// Every engine, for some of the designs.
-const ALL_ENGINES: [Engine; 3] = [Engine::Reference, Engine::Ghdl, Engine::Verilator];
+const ALL_ENGINES: [Engine; 4] = Engine::ALL;
 
 /// Part of the words that changes at least: held ones do not, and a filter sees steps only.
 const HELD: f64 = 0.4;
