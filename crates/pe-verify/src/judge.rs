@@ -114,7 +114,7 @@ type Seek = fn(&Program, u64, &Coverage) -> Option<Candidate>;
 const SOUGHT: [(&str, u64, Seek); 3] = [
     ("sums beyond the limits", 4, climb::too_large_unsent),
     ("operands too large", 4, climb::too_large_operands),
-    ("entries not read", 32, climb::unread_entries),
+    ("entries not read", 64, climb::unread_entries),
 ];
 
 /// Steps of these: the first one does it, and the next one shows it.
