@@ -216,8 +216,11 @@ begin
             end if;
           elsif (phase = entering) then
             phase <= granted;
-            look  <= '1';
             host  <= not restart;
+
+            if (STATES) then
+              look <= '1';
+            end if;
           elsif (phase = granted) then
             host      <= not restart;
             replacing <= restart;

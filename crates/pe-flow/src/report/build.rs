@@ -20,7 +20,7 @@ use pe_target::devices::Fit;
 
 use super::errors::{DeviceFit, Drift, Errors, OfTotal, OutputError, Period, Use};
 use super::types::{
-    Area, AreaPart, AreaSplit, Cells, Certainties, Clock, EarlyStep, Figures, Form, FunctionTable, LogicPart,
+    Area, AreaPart, AreaSplit, Cells, Certainties, Clock, EarlyStep, Figures, Form, FunctionTable, HostPart, LogicPart,
     MappingCost, Pairs, Pivot, Ranges, Report, SampleRate, Start, WireLength, Word,
 };
 use crate::bottleneck::Bottleneck;
@@ -272,6 +272,10 @@ fn size(program: &Program, area: &Size) -> Area {
             inputs: logic(split.inputs),
             outputs: logic(split.outputs),
             sequencer: logic(split.sequencer),
+            host: program.host.replaces().then(|| {
+                let (lut, ff, bram18) = split.host;
+                HostPart { lut: lut.round(), ff: ff.round(), bram18 }
+            }),
         },
         families: Family::MEASURED.iter().map(|family| cells(&area::estimate(program, *family))).collect(),
     }

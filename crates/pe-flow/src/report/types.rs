@@ -320,6 +320,20 @@ pub struct AreaSplit {
     pub outputs: LogicPart,
     /// The sequencer and what joins the sticky flags.
     pub sequencer: LogicPart,
+    /// What reads and replaces states for a host, in PEs and beside them; in networks with ports for that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub host: Option<HostPart>,
+}
+
+/// LUTs, flip-flops and block RAMs of what reads and replaces states.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct HostPart {
+    /// LUTs.
+    pub lut: f64,
+    /// Flip-flops.
+    pub ff: f64,
+    /// Block RAMs of 18 kbit.
+    pub bram18: u32,
 }
 
 /// LUTs and block RAMs of a part.

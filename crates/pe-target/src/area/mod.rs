@@ -66,6 +66,8 @@ pub struct Split {
     pub outputs: (f64, f64),
     /// The sequencer and what joins the sticky flags: LUTs and flip-flops.
     pub sequencer: (f64, f64),
+    /// What reads and replaces states for a host: LUTs, flip-flops and block RAMs.
+    pub host: (f64, f64, u32),
 }
 
 /// Look-up tables that a multiplier block is worth, as Huang, Vahid and Givargis count in section 6.2.2.
@@ -93,11 +95,13 @@ pub fn size(program: &Program, measured: &Measured, family: Family) -> Area {
     let shapes = measured.shapes(program, family);
     let sequencer = network::sequencer(program, family);
     let (inputs, outputs) = (network::inputs(program, family), network::outputs(program, family));
+    let host = network::host(program, family);
     let mut area = Area {
         family,
-        lut: sequencer.0 + (inputs.0 + outputs.0),
-        ff: sequencer.1 + (inputs.1 + outputs.1),
-        split: Split { inputs, outputs, sequencer, ..Split::default() },
+        lut: sequencer.0 + (inputs.0 + outputs.0) + host.0,
+        ff: sequencer.1 + (inputs.1 + outputs.1) + host.1,
+        bram18: host.2,
+        split: Split { inputs, outputs, sequencer, host, ..Split::default() },
         ..Area::default()
     };
     let mut half_blocks = 0;

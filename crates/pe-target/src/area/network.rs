@@ -5,7 +5,7 @@
 use pe_ir::program::{Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
 
-use super::Family;
+use super::{Family, content};
 
 /// Look-up tables and flip-flops of the sequencer, and of the one register that joins all sticky flags.
 pub fn sequencer(program: &Program, family: Family) -> (f64, f64) {
@@ -46,6 +46,37 @@ pub fn outputs(program: &Program, family: Family) -> (f64, f64) {
         sum = (sum.0 + lut, sum.1 + ff);
     }
     sum
+}
+
+/// Look-up tables, flip-flops and block RAMs of what reads and replaces states: the order of states, the sum that takes
+/// the offset off new words, the choice between those of a host and the initial ones, what joins the words that PEs
+/// show, and in each PE the register of the new word, its way into the sum and another address of the base memory.
+/// Constants are from weibel5 on 4 PEs with `25x18`, synthesised with and without these ports.
+pub fn host(program: &Program, family: Family) -> (f64, f64, u32) {
+    let host = program.host;
+    if !host.replaces() {
+        return (0.0, 0.0, 0);
+    }
+    let bits = f64::from(program.format.word_bits());
+    let pes = program.pes.len() as f64;
+    let rows = program.replacements().unwrap_or_default();
+    let initial =
+        |word: i64| if host.restart { word as u128 & (u128::MAX >> (128 - program.format.word_bits())) } else { 0 };
+    let place_bits = index_bits(program.period).max(1) + program.state_target_bits();
+    let row_bits = place_bits + if host.restart { program.format.word_bits() } else { 0 };
+    let words: Vec<u128> = rows.iter().map(|row| initial(row.initial) << place_bits | u128::from(row.word)).collect();
+    let order = content::rom(&words, row_bits, false, family);
+    let both = host.restart && host.states;
+    let (in_pe, scale) = match family {
+        Family::Virtex6 | Family::UltraScale => (14.0, 1.0),
+        Family::Ecp5 => (bits, 1.2),
+        Family::Gowin => (2.0 * bits - 6.0, 1.2),
+    };
+    let inputs = f64::from(family.lut_inputs() - 1);
+    let joined = if host.states { bits * (pes / inputs).ceil() } else { 0.0 };
+    let control = 80.0 + if host.restart { bits } else { 0.0 } + if both { 2.0 * bits } else { 0.0 };
+    let words = if host.states { 2.0 * bits } else { bits };
+    (pes * in_pe + scale * (control + joined) + order.lut, pes * bits + 30.0 + words + order.ff, order.bram18)
 }
 
 /// An input: where operands have fewer bits than the port the sum that rounds, and what clamps it.
