@@ -17,6 +17,11 @@ fn pe_synth(arguments: &[&str]) -> Output {
 /// Compiles a shipped model with ports for a host; its folder.
 fn compiled(test: &str, name: &str, options: &str) -> PathBuf {
     let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../models/{name}/{name}.spec"));
+    compiled_from(test, &spec, options)
+}
+
+/// Compiles a spec with ports for a host; its folder.
+fn compiled_from(test: &str, spec: &Path, options: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
     let mut arguments = vec!["compile", spec.to_str().unwrap(), "--quiet", "--no-pictures"];
     arguments.extend(["-o", folder.to_str().unwrap()]);
@@ -50,6 +55,32 @@ fn a_host_sees_what_the_simulator_has() {
         let folder = compiled(&format!("host_{name}"), name, options);
         assert!(judged(&folder).unwrap_or_else(|what| panic!("{name}: {what}")) > 0);
     }
+}
+
+/// Names that the ports for a host have, and a constant of theirs.
+const NAMESAKES: &str = "\
+model state_order
+solver heun
+step 1 ms
+span 20 ms
+input state_address [N] = sine(1, 20 Hz)
+input restart = sine(0.5, 30 Hz)
+input clear = sine(0.5, 40 Hz)
+state operand = 0.25
+state saturated = -1
+operand' = state_address - 3*operand + clear
+saturated' = restart - operand - saturated
+output operand, saturated
+";
+
+#[test]
+fn inputs_and_outputs_may_be_called_like_ports_for_a_host() {
+    let home = Path::new(env!("CARGO_TARGET_TMPDIR")).join("host_namesakes_spec");
+    fs::create_dir_all(&home).unwrap();
+    let spec = home.join("namesakes.spec");
+    fs::write(&spec, NAMESAKES).unwrap();
+    let folder = compiled_from("host_namesakes", &spec, "--pes 1 --host restart,states,flags");
+    assert!(judged(&folder).unwrap_or_else(|what| panic!("{what}")) > 0);
 }
 
 #[test]
