@@ -44,6 +44,20 @@ package pe_trace_pkg is
     text_line : in string
   );
 
+  -- Reads a line of hexadecimal words; the first one goes into the lowest bits.
+
+  procedure read_words (
+    file source : text;
+    bits        : in    positive;
+    words       : out   std_ulogic_vector
+  );
+
+  -- The next 16 pseudo-random bits, not all 0.
+
+  function next_random (
+    random : unsigned
+  ) return unsigned;
+
 end package pe_trace_pkg;
 
 package body pe_trace_pkg is
@@ -167,5 +181,36 @@ package body pe_trace_pkg is
     end if;
 
   end procedure print_overflow;
+
+  procedure read_words (
+    file source : text;
+    bits        : in    positive;
+    words       : out   std_ulogic_vector
+  ) is
+
+    variable fields : line;
+    variable word   : std_ulogic_vector((bits + 3) / 4 * 4 - 1 downto 0);
+
+  begin
+
+    readline(source, fields);
+
+    for i in 0 to words'length / bits - 1 loop
+
+      hread(fields, word);
+      words((i + 1) * bits - 1 downto i * bits) := word(bits - 1 downto 0);
+
+    end loop;
+
+  end procedure read_words;
+
+  function next_random (
+    random : unsigned
+  ) return unsigned is
+  begin
+
+    return random(14 downto 0) & (random(15) xor random(13) xor random(12) xor random(10));
+
+  end function next_random;
 
 end package body pe_trace_pkg;

@@ -46,8 +46,7 @@ architecture bench of {{ model }}_host_tb is
   constant INPUT_COUNT  : natural := {{ inputs.len() }};
   constant OUTPUT_COUNT : natural := {{ outputs.len() }};
 
-  -- Words in hexadecimal files
-  constant FILE_BITS  : positive := (STORAGE_BITS + 3) / 4 * 4;
+  -- Words of states in hexadecimal files
   constant STATE_BITS : positive := (WORD_BITS + 3) / 4 * 4;
 
   -- Clocks of the longest access
@@ -151,39 +150,52 @@ begin
 
         exit when ce = '1';
 
-        random := random(14 downto 0) & (random(15) xor random(13) xor random(12) xor random(10));
+        random := next_random(random);
         ce     <= random(0) or random(7);
 
       end loop;
 
       if (CE_SEED > 0) then
-        random := random(14 downto 0) & (random(15) xor random(13) xor random(12) xor random(10));
+        random := next_random(random);
         ce     <= random(0) or random(7);
       end if;
 
     end procedure tick;
 
+    procedure await (
+      signal pin : in std_ulogic;
+      value      : in std_ulogic;
+      otherwise  : in string
+    ) is
+    begin
+
+      for i in 1 to MOST_CLOCKS loop
+
+        tick;
+
+        if (pin = value) then
+          return;
+        end if;
+
+      end loop;
+
+      report otherwise
+        severity failure;
+
+    end procedure await;
+
     -- The input words of the next step; the last ones stay when the file ends.
 
     procedure next_inputs is
 
-      variable fields : line;
-      variable word   : std_ulogic_vector(FILE_BITS - 1 downto 0);
+      variable next_words : std_ulogic_vector(inputs'range);
 
     begin
 
-      if (endfile(stimulus_file)) then
-        return;
+      if (not endfile(stimulus_file)) then
+        read_words(stimulus_file, STORAGE_BITS, next_words);
+        inputs <= next_words;
       end if;
-
-      readline(stimulus_file, fields);
-
-      for i in 0 to INPUT_COUNT - 1 loop
-
-        hread(fields, word);
-        inputs((i + 1) * STORAGE_BITS - 1 downto i * STORAGE_BITS) <= word(STORAGE_BITS - 1 downto 0);
-
-      end loop;
 
     end procedure next_inputs;
 
@@ -198,22 +210,9 @@ begin
 
         next_inputs;
         step <= '1';
-
-        loop
-
-          tick;
-          exit when busy = '0';
-
-        end loop;
-
+        await(busy, '0', "no step begins");
         step <= '0';
-
-        loop
-
-          tick;
-          exit when done = '1';
-
-        end loop;
+        await(done, '1', "a step does not end");
 
         for k in 0 to OUTPUT_COUNT - 1 loop
 
@@ -237,17 +236,7 @@ begin
     begin
 
       request <= '1';
-
-      for i in 1 to MOST_CLOCKS loop
-
-        tick;
-        exit when granted = '1';
-
-        assert i < MOST_CLOCKS
-          report "the network grants no access"
-          severity failure;
-
-      end loop;
+      await(granted, '1', "the network grants no access");
 
     end procedure open_access;
 
@@ -271,7 +260,8 @@ begin
       hread(fields, place);
       address <= place;
 
-      for i in 1 to 6 loop
+      -- Into the address register, the base memory{% if deep %} and the register behind it{% endif %}, the state register; then it is seen.
+      for i in 1 to {% if deep %}5{% else %}4{% endif %} loop
 
         tick;
 
@@ -298,19 +288,8 @@ begin
         hread(fields, word);
         new_state <= word;
         valid     <= '1';
-
-        for i in 1 to MOST_CLOCKS loop
-
-          tick;
-          exit when ready = '1';
-
-          assert i < MOST_CLOCKS
-            report "the network takes no word"
-            severity failure;
-
-        end loop;
-
-        valid <= '0';
+        await(ready, '1', "the network takes no word");
+        valid     <= '0';
         tick;
 
       end loop;

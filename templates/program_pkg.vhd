@@ -22,16 +22,16 @@ package {{ model }}_program_pkg is
   constant COEFFICIENT_BITS : positive := {{ coefficient_bits }};
   constant PERIOD           : positive := {{ period }};
   constant ROUNDS           : positive := {{ rounds }};
-{%- if let Some(access) = access %}
+{%- if let Some(order) = order %}
 
   -- Base word, and PE or tick, of an address of a state
-  constant STATE_PLACE_BITS   : positive := {{ access.place_bits }};
-  constant STATE_ADDRESS_BITS : positive := {{ access.address_bits }};
+  constant STATE_PLACE_BITS   : positive := {{ order.place_bits }};
+  constant STATE_ADDRESS_BITS : positive := {{ order.address_bits }};
 
-  -- In the order in which words are replaced: {% if access.initial %}initial word, {% endif %}PE or tick behind the PEs, control word that adds it.
-  constant STATE_ORDER : word_array_t(0 to {{ access.last }})({{ access.bits - 1 }} downto 0) :=
+  -- In the order in which words are replaced: {% if order.initial %}initial word, {% endif %}PE or tick behind the PEs, control word that adds it.
+  constant STATE_ORDER : word_array_t(0 to {{ order.last }})({{ order.bits - 1 }} downto 0) :=
   (
-{{- access.words }}
+{{- order.words }}
   );
 {%- endif %}
 {%- for pe in self.pes() %}

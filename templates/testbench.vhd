@@ -38,9 +38,6 @@ architecture bench of {{ model }}_tb is
   constant INPUT_COUNT  : natural  := {{ inputs.len() }};
   constant OUTPUT_COUNT : natural  := {{ outputs.len() }};
 
-  -- Words in hexadecimal files
-  constant FILE_BITS : positive := (STORAGE_BITS + 3) / 4 * 4;
-
   -- Words that the write addresses tell apart
   constant WRITE_WORDS : natural_array_t(0 to PE_COUNT - 1) := ({{ write_words }});
 
@@ -107,23 +104,14 @@ begin
 
     procedure next_inputs is
 
-      variable fields : line;
-      variable word   : std_ulogic_vector(FILE_BITS - 1 downto 0);
+      variable next_words : std_ulogic_vector(words'range);
 
     begin
 
-      if (endfile(stimulus_file)) then
-        return;
+      if (not endfile(stimulus_file)) then
+        read_words(stimulus_file, STORAGE_BITS, next_words);
+        words <= next_words;
       end if;
-
-      readline(stimulus_file, fields);
-
-      for i in 0 to INPUT_COUNT - 1 loop
-
-        hread(fields, word);
-        words((i + 1) * STORAGE_BITS - 1 downto i * STORAGE_BITS) <= word(STORAGE_BITS - 1 downto 0);
-
-      end loop;
 
     end procedure next_inputs;
 
@@ -149,7 +137,7 @@ begin
       step  <= digit(1);
       valid <= digit(2);
 
-      random := random(14 downto 0) & (random(15) xor random(13) xor random(12) xor random(10));
+      random := next_random(random);
 
       for i in garbage'range loop
 
@@ -274,7 +262,7 @@ begin
       end if;
 
       if (CE_SEED > 0) then
-        random := random(14 downto 0) & (random(15) xor random(13) xor random(12) xor random(10));
+        random := next_random(random);
         ce     <= random(0) or random(7);
       end if;
 

@@ -1,19 +1,19 @@
-//! How a host reaches the states: addresses to read them, and the order in which they are replaced.
+//! How a host reaches what a network offers it: names of the ports, and the order in which states are replaced.
 
-use std::fmt::Write;
-
-use pe_ir::index::{at, number};
-use pe_ir::program::{Program, Replaced, Replacement, index_bits};
+use pe_ir::index::at;
+use pe_ir::program::{Host, Program, Replaced, Replacement};
+use pe_map::{Access, Flags, HostPorts, Place};
 
 use crate::names::comment_text;
+use crate::program_pkg::{lines, push_binary};
 
-/// Places of the states, for programs that replace any.
-pub(crate) struct Access {
+/// The order of states as the program package has it, for programs that replace any.
+pub(crate) struct Order {
     /// Low bits of an address: the base word.
     pub place_bits: u32,
     /// Bits of an address.
     pub address_bits: u32,
-    /// Bits of a row of the order.
+    /// Bits of a row.
     pub bits: u32,
     /// Last row.
     pub last: usize,
@@ -23,44 +23,82 @@ pub(crate) struct Access {
     pub words: String,
 }
 
-impl Access {
+impl Order {
     /// # Panics
-    /// If a step does not write each state once, see [`Program::replacements`].
-    pub fn of(program: &Program) -> Access {
+    /// If a word cannot be replaced, see [`Program::replacements`].
+    pub fn of(program: &Program) -> Order {
         let rows = replacements(program);
-        let pes = number(program.pes.len());
-        let place_bits = program.state_place_bits();
-        let target_bits = program.state_target_bits();
-        let word_bits = index_bits(program.period).max(1);
-        let initial_bits = if program.host.restart { program.format.word_bits() } else { 0 };
-        let bits = initial_bits + target_bits + word_bits;
-        let mut words = String::new();
-        let last = rows.len() - 1;
-        for (index, row) in rows.iter().enumerate() {
-            let (target, name) = match row.of {
-                Replaced::State(state, pe, _) => (pe.number(), &program.states[state].name),
-                Replaced::Tick(tick) => (pes + tick, &program.inputs[at(tick_input(program, tick))].name),
-            };
-            let (target_bits, word_bits) = (target_bits as usize, word_bits as usize);
-            write!(words, "\n    {index} => b\"").expect("memory takes the row");
-            if initial_bits > 0 {
-                let word = row.initial as u64 & (u64::MAX >> (64 - initial_bits));
-                write!(words, "{word:0width$b}_", width = initial_bits as usize).expect("memory takes the row");
+        let widths = program.row_bits();
+        let ticks: Vec<u32> = program.ticks().map(|(input, ..)| input).collect();
+        let name = |row: &Replacement| match row.of {
+            Replaced::State(state, ..) => &program.states[state].name,
+            Replaced::Tick(tick) => &program.inputs[at(ticks[at(tick)])].name,
+        };
+        let fields = |text: &mut String, row: usize| {
+            let fields = program.row(&rows[row]).into_iter().zip(widths).filter(|(_, bits)| *bits > 0);
+            for (number, (field, bits)) in fields.enumerate() {
+                text.push_str(if number > 0 { "_" } else { "" });
+                push_binary(text, field, bits);
             }
-            let comma = if index == last { " " } else { "," };
-            write!(words, "{target:0target_bits$b}_{:0word_bits$b}\"{comma} -- {}", row.word, comment_text(name))
-                .expect("memory takes the row");
+        };
+        let place_bits = program.state_place_bits();
+        Order {
+            place_bits,
+            address_bits: place_bits + program.state_target_bits(),
+            bits: widths.iter().sum(),
+            last: rows.len().max(1) - 1,
+            initial: program.host.restart,
+            words: lines(rows.len(), fields, |text, row| text.push_str(&comment_text(name(&rows[row])))),
         }
-        Access { place_bits, address_bits: place_bits + target_bits, bits, last, initial: program.host.restart, words }
     }
 }
 
-/// The order of replacements, of programs that have one.
-pub(crate) fn replacements(program: &Program) -> Vec<Replacement> {
-    program.replacements().unwrap_or_else(|state| panic!("a step does not write state `{state}` exactly once"))
+fn replacements(program: &Program) -> Vec<Replacement> {
+    program.replacements().unwrap_or_else(|reason| panic!("{reason}"))
 }
 
-/// Number among the inputs of a tick.
-pub(crate) fn tick_input(program: &Program, tick: u32) -> u32 {
-    program.ports().count() as u32 + tick
+/// Names of the ports, and the order of states.
+pub(crate) fn ports(program: &Program) -> HostPorts {
+    let Host { restart, states, flags } = program.host;
+    let port = |name: &str| name.to_owned();
+    let place = |row: &Replacement| {
+        let (state, tick) = match row.of {
+            Replaced::State(state, ..) => (Some(state.number()), None),
+            Replaced::Tick(tick) => (None, Some(tick)),
+        };
+        Place { state, tick, address: program.state_address(row.of) }
+    };
+    let access = || Access {
+        request: port("access_i"),
+        granted: port("access_o"),
+        address: port("state_address_i"),
+        address_bits: program.state_place_bits() + program.state_target_bits(),
+        word: port("state_o"),
+        new_word: port("state_i"),
+        valid: port("state_valid_i"),
+        ready: port("state_ready_o"),
+        order: replacements(program).iter().map(place).collect(),
+    };
+    let flag_ports = || Flags {
+        clear: port("clear_i"),
+        saturated: port("saturated_o"),
+        operand: port("operand_o"),
+        input: port("input_o"),
+    };
+    HostPorts {
+        restart: restart.then(|| port("restart_i")),
+        access: states.then(access),
+        flags: flags.then(flag_ports),
+    }
+}
+
+/// The names alone.
+pub(crate) fn port_names(program: &Program) -> Vec<String> {
+    let HostPorts { restart, access, flags } = ports(program);
+    let access = access.map(|access| {
+        let Access { request, granted, address, word, new_word, valid, ready, .. } = access;
+        [request, granted, address, word, new_word, valid, ready]
+    });
+    let flags = flags.map(|Flags { clear, saturated, operand, input }| [clear, saturated, operand, input]);
+    restart.into_iter().chain(access.into_iter().flatten()).chain(flags.into_iter().flatten()).collect()
 }

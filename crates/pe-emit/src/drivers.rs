@@ -3,6 +3,7 @@
 use askama::Template;
 use pe_ir::index::{at, number};
 use pe_ir::program::{Host, Program};
+use pe_ir::word::Pipeline;
 
 use crate::library;
 use crate::names::Names;
@@ -63,6 +64,8 @@ pub fn testbench(program: &Program, names: &Names, header: &Header, options: &Em
 struct HostTestbench<'a> {
     header: &'a Header,
     model: &'a str,
+    /// Whether the pipeline is the deep one.
+    deep: bool,
     host: Host,
     inputs: Vec<Slice>,
     outputs: Vec<Slice>,
@@ -74,6 +77,7 @@ pub fn host_testbench(program: &Program, names: &Names, header: &Header) -> Stri
     let bench = HostTestbench {
         header,
         model: &names.model,
+        deep: program.format.pipeline == Pipeline::Deep,
         host: program.host,
         inputs: slices(&names.inputs, width),
         outputs: slices(&names.outputs, width),

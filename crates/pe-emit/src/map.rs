@@ -1,13 +1,12 @@
 //! The map of the design, for hosts and wrappers.
 
 use pe_ir::index::at;
-use pe_ir::program::{Host, InputPort, OutputPort, Program, Replaced, Replacement, StateRegister};
+use pe_ir::program::{Host, InputPort, OutputPort, Program, StateRegister};
 use pe_map::{
-    Access, Between, Control, EarlyStep, Flags, Format, HostPorts, Input, Map, Meaning, Output, Outside, Place,
-    Rounding, State, Tick, VERSION, sha256,
+    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, Outside, Rounding, State, Tick, VERSION, sha256,
 };
 
-use crate::access::replacements;
+use crate::access;
 use crate::names::Names;
 use crate::options::{Driven, EmitOptions};
 
@@ -59,43 +58,9 @@ pub fn render(program: &Program, names: &Names, options: &EmitOptions, hash: &st
             .map(|((port, name), state)| shown(program, port, name, state.map(|id| id.number())))
             .collect(),
         states: program.states.iter().map(|state| placed(program, state)).collect(),
-        host: (program.host != Host::default()).then(|| host_ports(program)),
+        host: (program.host != Host::default()).then(|| access::ports(program)),
     };
     map.text()
-}
-
-fn host_ports(program: &Program) -> HostPorts {
-    let Host { restart, states, flags } = program.host;
-    let port = |name: &str| name.to_owned();
-    let place = |row: &Replacement| {
-        let (state, tick) = match row.of {
-            Replaced::State(state, ..) => (Some(state.number()), None),
-            Replaced::Tick(tick) => (None, Some(tick)),
-        };
-        Place { state, tick, address: program.state_address(row.of) }
-    };
-    let access = || Access {
-        request: port("access_i"),
-        granted: port("access_o"),
-        address: port("state_address_i"),
-        address_bits: program.state_place_bits() + program.state_target_bits(),
-        word: port("state_o"),
-        new_word: port("state_i"),
-        valid: port("state_valid_i"),
-        ready: port("state_ready_o"),
-        order: replacements(program).iter().map(place).collect(),
-    };
-    let flag_ports = || Flags {
-        clear: port("clear_i"),
-        saturated: port("saturated_o"),
-        operand: port("operand_o"),
-        input: port("input_o"),
-    };
-    HostPorts {
-        restart: restart.then(|| port("restart_i")),
-        access: states.then(access),
-        flags: flags.then(flag_ports),
-    }
 }
 
 fn described(program: &Program, input: &InputPort, name: &str, driven: Option<&Driven>) -> Input {

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use pe_ir::program::{Host, Program};
+use pe_ir::program::Program;
+
+use crate::access;
 
 /// Longest identifier made from a name; suffixes for ports and collisions stay within 80 characters.
 const LONGEST: usize = 64;
@@ -362,18 +364,8 @@ impl Names {
     /// Chooses identifiers; colliding ones get `_2`, `_3` and so on before the port suffix.
     pub fn new(program: &Program) -> Names {
         let ports = ["clk_i", "ce_i", "step_i", "busy_o", "done_o", "overflow_o", "trace_o"];
-        let Host { restart, states, flags } = program.host;
-        let for_host = [
-            (restart, &["restart_i"][..]),
-            (
-                states,
-                &["access_i", "access_o", "state_address_i", "state_o", "state_i", "state_valid_i", "state_ready_o"],
-            ),
-            (flags, &["clear_i", "saturated_o", "operand_o", "input_o"]),
-        ];
-        let for_host =
-            for_host.into_iter().filter(|(present, _)| *present).flat_map(|(_, ports)| ports.iter().copied());
-        let mut used: BTreeSet<String> = ports.into_iter().chain(for_host).map(str::to_owned).collect();
+        let for_host = access::port_names(program);
+        let mut used: BTreeSet<String> = ports.into_iter().map(str::to_owned).chain(for_host).collect();
         let mut unique = |name: &str, suffix: &str| {
             let base = vhdl_identifier(name);
             let mut number = 1;

@@ -10,7 +10,7 @@ use pe_ir::program::{
 };
 use pe_ir::word::WordFormat;
 
-use crate::access::Access;
+use crate::access::Order;
 use crate::names::{Names, comment_text};
 use crate::options::{Header, Provenance};
 
@@ -28,7 +28,7 @@ struct ProgramPackage<'a> {
     coefficient_bits: u32,
     period: u32,
     rounds: u32,
-    access: Option<Access>,
+    order: Option<Order>,
     program: &'a Program,
     folds: &'a [Fold],
     /// Names of values as comments show them.
@@ -91,7 +91,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header,
         coefficient_bits: format.coefficient_bits,
         period: program.period,
         rounds: program.rounds,
-        access: program.host.replaces().then(|| Access::of(program)),
+        order: program.host.replaces().then(|| Order::of(program)),
         program,
         folds,
         shown: program.names.iter().map(|name| short(name)).collect(),
@@ -237,7 +237,7 @@ fn short(name: &str) -> String {
 
 /// The elements of an array constant, a line each. They are written straight into the text that they end up in, for they
 /// are millions: `bits` and `comment` append what they say of an element.
-fn lines(count: usize, bits: impl Fn(&mut String, usize), comment: impl Fn(&mut String, usize)) -> String {
+pub(crate) fn lines(count: usize, bits: impl Fn(&mut String, usize), comment: impl Fn(&mut String, usize)) -> String {
     let width = count.saturating_sub(1).to_string().len();
     let mut text = String::new();
     let mut commented = false;
@@ -270,7 +270,7 @@ const NIBBLES: [&str; 16] = [
     "1110", "1111",
 ];
 
-fn push_binary(text: &mut String, value: u64, bits: u32) {
+pub(crate) fn push_binary(text: &mut String, value: u64, bits: u32) {
     let nibbles = bits / 4;
     for bit in (4 * nibbles..bits).rev() {
         text.push(if value >> bit & 1 == 1 { '1' } else { '0' });

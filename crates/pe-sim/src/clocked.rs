@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use pe_ir::index::{List, PeId, at, number};
+use pe_ir::index::{List, PeId, StateId, at, number};
 use pe_ir::program::{
     Address, CoefficientOperand, ControlWord, FieldName, Fold, Layout, LinkSource, PeFeatures, PeProgram, Program,
 };
@@ -53,6 +53,17 @@ struct Registers {
     unsent: BTreeMap<usize, u64>,
 }
 
+/// What set a sticky flag.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Causes {
+    /// A word that was written or sent saturated.
+    pub saturated: bool,
+    /// An operand was too large for a sum of two.
+    pub operand: bool,
+    /// An input was too large for a data operand.
+    pub input: bool,
+}
+
 /// The whole network.
 pub struct Clocked<'a> {
     program: &'a Program,
@@ -71,6 +82,7 @@ pub struct Clocked<'a> {
     overflow_cycle: Option<u64>,
     /// PEs, then inputs, that raised it in that cycle.
     raised_by: Vec<usize>,
+    causes: Causes,
     wrapped: bool,
     escaped: bool,
     coverage: Coverage,
@@ -128,6 +140,7 @@ impl<'a> Clocked<'a> {
             steps: 0,
             overflow_cycle: None,
             raised_by: Vec::new(),
+            causes: Causes::default(),
             wrapped: false,
             escaped: false,
             coverage: Coverage::none(program),
@@ -163,6 +176,17 @@ impl<'a> Clocked<'a> {
     /// PEs whose sticky flag is set.
     pub fn flags(&self) -> Vec<PeId> {
         self.pes.numbered().filter(|(_, pe)| pe.overflow).map(|(index, _)| index).collect()
+    }
+
+    /// What set the flags.
+    pub fn causes(&self) -> Causes {
+        self.causes
+    }
+
+    /// Stored word of a state as the next step starts.
+    pub fn state(&self, index: StateId) -> i64 {
+        let (pe, word) = self.program.states[index].own;
+        self.pes[pe].base_words[self.program.pes[pe].features.base_word(word)]
     }
 
     /// The control word, counted as in traces, with which the overflow flag rose.
@@ -232,6 +256,7 @@ impl<'a> Clocked<'a> {
                 flagged.push(self.pes.len() + index);
             }
             self.coverage.clamped[index] |= beyond;
+            self.causes.input |= beyond;
             self.coverage.inputs[index][0] |= *word as u64 & mask;
             self.coverage.inputs[index][1] |= !*word as u64 & mask;
             self.inputs[index] = format.input_operand(*word);
@@ -298,9 +323,11 @@ impl<'a> Clocked<'a> {
             self.links[index] = operand;
         }
         if !settle {
+            self.causes.operand |= joined_too_large;
             let taken = takes(word, features.base_last && !ends_step, joined_too_large);
             if saturated != 0 && (word.write.is_some() || word.write_index.is_some() || word.send) {
                 flag = true;
+                self.causes.saturated = true;
                 cover.saturated[usize::from(saturated > 0)] = true;
             } else if saturated != 0 && features.send {
                 pe.unsent.entry(self.word).or_insert(self.cycle);

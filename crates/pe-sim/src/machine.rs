@@ -3,8 +3,6 @@
 //! A step does the same whatever the numbers, so its control words are followed once ([`crate::record`]) and what they
 //! compute is run for each step, many sums at a time ([`crate::tiles`]).
 
-use std::ops::BitOr;
-
 use pe_ir::index::{List, PeId, StateId, at, number};
 use pe_ir::program::{ControlWord, Fold, Layout, Program};
 use pe_ir::word::WordFormat;
@@ -14,42 +12,12 @@ use crate::tiles::{self, Chain, Columns, Factor, Outcome, Term, Tiles, Write};
 use crate::trace::{Checksums, MemoryWrite, TraceLine};
 use crate::words::{Port, Words};
 
-/// What has happened since the flags were cleared.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Flags {
-    /// A word that was written or sent saturated.
-    pub saturated: bool,
-    /// An operand was too large for a sum of two.
-    pub operand: bool,
-    /// An input was too large for a data operand.
-    pub input: bool,
-}
-
-impl Flags {
-    /// Whether any of it has.
-    pub fn any(self) -> bool {
-        self.saturated | self.operand | self.input
-    }
-}
-
-impl BitOr for Flags {
-    type Output = Flags;
-
-    fn bitor(self, other: Flags) -> Flags {
-        Flags {
-            saturated: self.saturated | other.saturated,
-            operand: self.operand | other.operand,
-            input: self.input | other.input,
-        }
-    }
-}
-
 /// The whole network.
 pub struct Machine<'a> {
     program: &'a Program,
     homes: Homes,
     network: Network,
-    flags: Flags,
+    overflow: bool,
     escaped: bool,
     /// Steps done.
     steps: u64,
@@ -108,7 +76,7 @@ impl<'a> Machine<'a> {
             program,
             homes,
             network,
-            flags: Flags::default(),
+            overflow: false,
             escaped: false,
             steps: 0,
             cycle: u64::from(program.latency().pause()),
@@ -126,13 +94,12 @@ impl<'a> Machine<'a> {
         let ticks = self.program.ticks();
         for (index, word) in ports.chain(ticks.map(|(index, tick, one)| (index, i64::from(tick.is_due(steps)) * one))) {
             let stored = (i128::from(word) << format.guard_bits) + i128::from(format.data_offset());
-            self.flags.input |= stored > i128::from(format.max_word());
+            self.overflow |= stored > i128::from(format.max_word());
             let slot = self.homes.input(index);
             on_steps!(&mut self.network, steps => steps.words.set_operand(at(slot), format.input_operand(word)));
         }
         let step = (self.cycle, self.parity, &mut self.checksums[..]);
-        let flags = on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
-        self.flags = self.flags | flags;
+        self.overflow |= on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
         self.escaped |= on_steps!(&self.network, steps => steps.escaped);
         self.steps += 1;
         self.cycle += u64::from(self.program.period);
@@ -147,12 +114,7 @@ impl<'a> Machine<'a> {
 
     /// Whether the overflow output is set.
     pub fn overflow(&self) -> bool {
-        self.flags.any()
-    }
-
-    /// The sticky flags.
-    pub fn flags(&self) -> Flags {
-        self.flags
+        self.overflow
     }
 
     /// Whether a word of a PE that does not saturate was out of range, which was proven impossible: nothing that was
@@ -240,27 +202,27 @@ impl<P: Port> Steps<P> {
         Steps { even: even.expect("recorded above"), odd, ..state }
     }
 
-    /// Runs a step; the flags that it sets.
+    /// Runs a step; whether the overflow flag is set.
     fn run(
         &mut self,
         format: &WordFormat,
         (cycle, parity, checksums): (u64, bool, &mut [u64]),
         outputs: &mut [i64],
         trace: &mut impl FnMut(TraceLine),
-    ) -> Flags {
+    ) -> bool {
         let step = if parity { self.odd.as_ref().unwrap_or(&self.even) } else { &self.even };
         let words = &mut self.words;
-        let mut has_saturated = words.run(&step.tiles, &self.kept.0, &mut self.kept.1);
-        if has_saturated {
+        let mut overflow = words.run(&step.tiles, &self.kept.0, &mut self.kept.1);
+        if overflow {
             let saturated = |slots: &[u32]| slots.iter().any(|slot| words.saturations[at(*slot)] > 0);
-            has_saturated = saturated(&step.flagged);
+            overflow = saturated(&step.flagged);
             self.escaped |= saturated(&step.proven);
             words.saturations.fill(0);
         }
         // The hardware's sum of such operands wraps; here it does not, so from then on only the flag is that of the hardware.
         let half = 1 << (format.data_bits - 2);
         let too_large = |slots: &[u32]| slots.iter().any(|slot| !(-half..half).contains(&words.data[at(*slot)].into()));
-        let operand = self.too_large | too_large(&step.paired);
+        overflow |= self.too_large | too_large(&step.paired);
         self.too_large = too_large(&step.paired_last);
         for write in &step.writes {
             let slot = at(write.slot);
@@ -281,7 +243,7 @@ impl<P: Port> Steps<P> {
         take_over(&step.moves.operands, &mut words.data, &mut self.moving.1);
         take_over(&step.moves.factors, &mut words.factors, &mut self.moving.1);
         std::mem::swap(&mut self.kept.0, &mut self.kept.1);
-        Flags { saturated: has_saturated, operand, input: false }
+        overflow
     }
 }
 

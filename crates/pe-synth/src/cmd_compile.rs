@@ -230,10 +230,8 @@ impl Compile {
 /// Refuses ports for a host that the network cannot have.
 fn hosted(program: &Program) -> Result<(), Failure> {
     if program.host.replaces() {
-        program.replacements().map_err(|state| {
-            let message = format!("a step does not write state `{state}` exactly once, so nothing can replace it");
-            Failure::Usage(format!("{message}; leave `restart` and `states` out of `--host`"))
-        })?;
+        let refused = |reason| Failure::Usage(format!("{reason}; leave `restart` and `states` out of `--host`"));
+        program.replacements().map_err(refused)?;
     }
     Ok(())
 }

@@ -12,8 +12,8 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use pe_ir::index::{PeId, at};
-use pe_ir::program::Program;
+use pe_ir::index::PeId;
+use pe_ir::program::{Program, StateRegister};
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
 
@@ -285,14 +285,15 @@ impl Bench {
         }
     }
 
-    /// Runs the test bench of the host in GHDL, with gaps of the clock enable; what it printed.
+    /// Runs the test bench of the host in GHDL, with initial words in place of the design's, what the host does, lines of
+    /// input words, and gaps of the clock enable; what it printed.
     ///
     /// # Errors
     /// As [`Bench::run`].
-    pub fn host(&mut self, script: &str) -> Result<String, Failure> {
-        self.analyse(&[])?;
+    pub fn host(&mut self, words: &[InitialWord], script: &str, stimulus: &str) -> Result<String, Failure> {
+        self.analyse(words)?;
         let script = self.write("host_script.txt", script)?;
-        let stimulus = self.copy(&format!("{}_stimulus.txt", self.design));
+        let stimulus = self.write("stimulus.txt", stimulus)?;
         let mut run = Command::new("ghdl");
         run.args(["--elab-run", "--std=08"]).args(self.work_folder()).arg(format!("{}_host_tb", self.design));
         run.arg(format!("-gSCRIPT={}", script.display())).arg(format!("-gSTIMULUS={}", stimulus.display()));
@@ -521,24 +522,26 @@ fn compare_states(program: &Program, engine: &str, run: &Run, expected: &Run) ->
 fn left_in_states(program: &Program, trace: &[TraceLine]) -> Vec<(u64, usize, u64)> {
     let (period, pause) = (u64::from(program.period), u64::from(program.latency().pause()));
     let mask = u64::MAX >> (64 - program.format.word_bits());
-    let mut words: BTreeMap<(PeId, usize), u64> = BTreeMap::new();
-    let homes: Vec<(PeId, usize)> = program
-        .states
-        .iter()
-        .map(|state| (state.own.0, program.pes[state.own.0].features.base_word(state.own.1)))
+    let initial = |state: &StateRegister| {
+        let pe = &program.pes[state.own.0];
+        pe.base_image[pe.features.base_word(state.own.1)] as u64 & mask
+    };
+    let mut words: Vec<u64> = program.states.iter().map(initial).collect();
+    let writers = program.states.iter().zip(program.state_writers()).enumerate();
+    let states: BTreeMap<(PeId, u64), usize> = writers
+        .flat_map(|(state, (register, words))| {
+            words.into_iter().map(move |word| ((register.own.0, word.into()), state))
+        })
         .collect();
-    words.extend(homes.iter().map(|(pe, base)| ((*pe, *base), program.pes[*pe].base_image[*base] as u64 & mask)));
     let mut left = Vec::new();
     for (step, lines) in (0..).zip(trace.chunk_by(|a, b| (a.cycle - pause) / period == (b.cycle - pause) / period)) {
-        for line in lines {
-            let (pe, word) = (&program.pes[line.pe], (line.cycle % period) as u32);
-            let target =
-                pe.words[at(word)].write.filter(|target| target.base && line.address < pe.features.write_words());
-            let stored = target.filter(|_| program.ends_step(word) || !pe.features.base_last);
-            let place = stored.map(|target| (line.pe, pe.features.base_word(target.address.word)));
-            place.and_then(|place| words.get_mut(&place)).into_iter().for_each(|word| *word = line.value);
+        // What is imported comes behind the addresses that a PE itself writes.
+        for line in lines.iter().filter(|line| line.address < program.pes[line.pe].features.write_words()) {
+            if let Some(state) = states.get(&(line.pe, line.cycle % period)) {
+                words[*state] = line.value;
+            }
         }
-        left.extend(homes.iter().enumerate().map(|(state, home)| (step, state, words[home])));
+        left.extend(words.iter().enumerate().map(|(state, word)| (step, state, *word)));
     }
     left
 }

@@ -1,268 +1,332 @@
-//! The ports for a host, against the simulator: a script of orders that the design's host test bench carries out, and
-//! what it must print.
+//! The ports for a host, against the simulator: scripts that the design's host test bench carries out, and what it must
+//! print.
 //!
-//! States are read at the beginning, in mid-run and after they were replaced; they are replaced by words of the middle of
-//! the span and by words made for the hardware, after even and odd numbers of steps; the initial state is brought back;
-//! flags are looked at and cleared. Between these the network runs on, so that a word that went astray shows.
+//! A play begins with other words than the design's, as other starts do, so that a restart shows. States are read at the
+//! beginning, in mid-run and after they were replaced; they are replaced by words of the middle of the span and by words
+//! made for the hardware, after even and odd numbers of steps; the initial state is brought back. Between these the network
+//! runs on, so that a word that went astray shows. For each cause of a flag a play begins so that it is set.
 
 use std::fmt::Write;
 
-use pe_ir::index::at;
-use pe_ir::program::{Program, Replaced, Replacement};
+use pe_ir::program::{Host, Program, Replaced, Replacement};
+use pe_sim::clocked::{Causes, Clocked};
 use pe_sim::coverage::Coverage;
-use pe_sim::machine::{Flags, Machine};
 use serde_json::{Value, json};
 
+use crate::climb;
 use crate::engines::Bench;
 use crate::folder::DesignFolder;
-use crate::stimuli::{self, Purpose};
+use crate::package::{self, InitialWord};
+use crate::stimuli::{self, Candidate, Purpose};
 use pe_flow::failure::Failure;
 
 /// Steps that words are tried for before a network gets them.
 const AHEAD: u64 = 3;
 
-/// What the host does, and what it must see.
-struct Play<'a> {
-    program: &'a Program,
-    order: Vec<Replacement>,
-    stimulus: Vec<Vec<i64>>,
+/// What a host does, and what it must see.
+pub struct Play {
+    name: &'static str,
+    /// What differs from the folder's images.
+    words: Vec<InitialWord>,
+    /// Lines of input words.
+    stimulus: String,
     script: String,
     expected: String,
-    /// Steps so far.
-    finished: u64,
-    flags: Flags,
+    steps: u64,
 }
 
-/// A network that a host plays with: the program with the words that it began with.
-struct Network {
-    program: Program,
+/// All plays of a folder; none if its network has no ports for a host.
+///
+/// # Errors
+/// [`Failure::Mismatch`] if nothing would be shown; others if the folder cannot be read.
+pub fn plays(folder: &DesignFolder) -> Result<Vec<Play>, Failure> {
+    let program = &folder.program;
+    let host = program.host;
+    if host == Host::default() {
+        return Ok(Vec::new());
+    }
+    let mut plays = Vec::new();
+    if host.replaces() {
+        let (step, words) = folder.checkpoint()?;
+        let mut middle = with_states(program, |state| words[state]);
+        let begin = match made(program, Purpose::Motion) {
+            Some(made) => made,
+            None => Candidate { program: middle.clone(), stimulus: folder.stimulus("checkpoint_stimulus")? },
+        };
+        middle.start_ticks(step);
+        let mut author = Author::new("a host", program, begin)?;
+        author.states(&middle)?;
+        plays.push(author.play());
+    }
+    if host.flags {
+        let seen = Coverage::none(program);
+        let begins = [
+            ("a host, words at the limits", made(program, Purpose::Saturation)),
+            ("a host, operands too large", climb::too_large_operands(program, AHEAD, &seen)),
+        ];
+        for (name, begin) in begins {
+            let Some(begin) = begin else { continue };
+            let mut author = Author::new(name, program, begin)?;
+            author.flags();
+            plays.push(author.play());
+        }
+    }
+    Ok(plays)
 }
 
-/// What was compared.
-pub struct Played {
+impl Play {
+    /// Plays the host in GHDL.
+    ///
+    /// # Errors
+    /// [`Failure::Mismatch`] if a line is not what the simulator says; others if it cannot be run.
+    pub fn judge(&self, bench: &mut Bench) -> Result<(), Failure> {
+        let printed = bench.host(&self.words, &self.script, &self.stimulus)?;
+        let shown = |line: &&str| ["o ", "s ", "f "].iter().any(|kind| line.starts_with(kind));
+        let mut printed = printed.lines().filter(shown);
+        let name = self.name;
+        for expected in self.expected.lines() {
+            let what = match printed.next() {
+                Some(line) if line == expected => continue,
+                Some(line) => format!("GHDL printed `{line}` for {name}, where the simulator has `{expected}`"),
+                None => format!("GHDL printed nothing for {name} in place of `{expected}`"),
+            };
+            return Err(Failure::Mismatch(what));
+        }
+        match printed.next() {
+            Some(line) => Err(Failure::Mismatch(format!("GHDL printed `{line}` for {name}, which nobody asked for"))),
+            None => Ok(()),
+        }
+    }
+
+    /// Where it starts.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
     /// Lines of outputs, states and flags.
-    pub lines: usize,
-    /// Steps.
-    pub steps: u64,
-}
+    pub fn lines(&self) -> usize {
+        self.expected.lines().count()
+    }
 
-impl Played {
     /// A line for people.
-    pub fn line(&self, program: &Program) -> String {
-        let ports = program.host.names().collect::<Vec<_>>().join(", ");
-        format!("{:>14} = simulator for a host ({ports}): {} lines equal, {} steps\n", "GHDL", self.lines, self.steps)
+    pub fn line(&self) -> String {
+        let (name, lines, steps) = (self.name, self.lines(), self.steps);
+        format!("{:>14} = simulator for {name}: {lines} lines equal, {steps} steps\n", "GHDL")
     }
 
     /// For tools.
-    pub fn json(&self, program: &Program) -> Value {
-        let ports: Vec<&str> = program.host.names().collect();
-        json!({"start": "a host", "engine": "GHDL", "steps": self.steps, "ports": ports, "lines": self.lines})
+    pub fn json(&self) -> Value {
+        json!({"start": self.name, "engine": "GHDL", "steps": self.steps, "lines": self.lines()})
     }
 }
 
-/// Plays the host of a folder in GHDL.
-///
-/// # Errors
-/// [`Failure::Mismatch`] if a line is not what the simulator says, or if no state moves; others if it cannot be run.
-pub fn judge(folder: &DesignFolder, bench: &mut Bench) -> Result<Played, Failure> {
-    let program = &folder.program;
-    let order = program.replacements().map_err(|state| {
-        Failure::Mismatch(format!("a step does not write state `{state}` exactly once, so nothing can replace it"))
-    })?;
-    let mut play = Play {
-        program,
-        order,
-        stimulus: folder.stimulus("stimulus")?,
-        script: String::new(),
-        expected: String::new(),
-        finished: 0,
-        flags: Flags::default(),
-    };
-    play.all(&folder.checkpoint()?)?;
-    let printed = bench.host(&play.script)?;
-    let shown = |line: &&str| ["o ", "s ", "f "].iter().any(|kind| line.starts_with(kind));
-    let mut lines = 0;
-    let mut printed = printed.lines().filter(shown);
-    for expected in play.expected.lines() {
-        match printed.next() {
-            Some(line) if line == expected => lines += 1,
-            Some(line) => {
-                let what = format!("GHDL printed `{line}` for a host, where the simulator has `{expected}`");
-                return Err(Failure::Mismatch(what));
-            }
-            None => return Err(Failure::Mismatch(format!("GHDL printed nothing for a host in place of `{expected}`"))),
-        }
-    }
-    if let Some(line) = printed.next() {
-        return Err(Failure::Mismatch(format!("GHDL printed `{line}` for a host, which nobody asked for")));
-    }
-    Ok(Played { lines, steps: play.finished })
+/// Writes a play.
+struct Author<'a> {
+    play: Play,
+    program: &'a Program,
+    order: Vec<Replacement>,
+    inputs: Vec<Vec<i64>>,
+    /// The program with the words that the network has now.
+    network: Program,
+    causes: Causes,
 }
 
-impl Play<'_> {
-    fn all(&mut self, checkpoint: &(u64, Vec<i64>)) -> Result<(), Failure> {
-        let host = self.program.host;
-        let mut network = Network { program: self.program.clone() };
-        let mut at_rest = true;
-        let before = self.read(&network);
-        self.run(&mut network, 2);
-        if host.states {
-            let words = self.read(&network);
-            at_rest = words == before;
-            self.run(&mut network, 1);
-            self.write(&mut network, &middle(self.program, checkpoint));
-            at_rest &= self.read(&network) == before;
-            self.run(&mut network, 2);
-            if let Some(made) = self.made(Purpose::Motion) {
-                self.write(&mut network, &made);
-                self.run(&mut network, 1);
-                self.read(&network);
+impl<'a> Author<'a> {
+    fn new(name: &'static str, program: &'a Program, begin: Candidate) -> Result<Author<'a>, Failure> {
+        let play = Play {
+            name,
+            words: package::differences(program, &begin.program),
+            stimulus: stimuli::lines(program, &begin.stimulus),
+            script: String::new(),
+            expected: String::new(),
+            steps: 0,
+        };
+        let order = match program.host.replaces() {
+            true => program.replacements().map_err(Failure::Mismatch)?,
+            false => Vec::new(),
+        };
+        let inputs = begin.stimulus;
+        Ok(Author { play, program, order, inputs, network: begin.program, causes: Causes::default() })
+    }
+
+    fn play(self) -> Play {
+        self.play
+    }
+
+    /// Restarts, reads and replaces.
+    fn states(&mut self, middle: &Program) -> Result<(), Failure> {
+        let Host { restart, states, .. } = self.program.host;
+        let nothing = |what: &str| Failure::Mismatch(format!("outputs are the same whether a host {what} or not"));
+        self.read();
+        self.run(2);
+        if states {
+            self.read();
+            self.run(1);
+            let mut same = self.write(middle);
+            self.read();
+            self.run(2);
+            if let Some(made) = made(self.program, Purpose::Motion) {
+                same &= self.write(&made.program);
+                self.run(1);
+                self.read();
             }
-            self.run(&mut network, 1);
+            self.run(1);
+            if same {
+                return Err(nothing("replaces states"));
+            }
         }
-        if host.restart {
-            self.restart(&mut network);
-            self.read(&network);
-            self.run(&mut network, 2);
-            self.restart(&mut network);
-            self.restart(&mut network);
-            self.run(&mut network, 1);
+        if restart {
+            let same = self.restart();
+            self.read();
+            self.run(2);
+            self.restart();
+            self.restart();
+            self.run(1);
+            if same {
+                return Err(nothing("restarts the network"));
+            }
         }
+        Ok(())
+    }
+
+    /// Looks at flags as they rise, clears them, and looks again.
+    fn flags(&mut self) {
+        self.look();
+        self.run(1);
         self.look();
         self.clear();
         self.look();
-        if host.flags
-            && host.states
-            && let Some(made) = self.made(Purpose::Saturation)
-        {
-            self.write(&mut network, &made);
-            self.run(&mut network, 2);
-            self.look();
-            self.clear();
-            self.look();
-        }
-        match at_rest && host.states {
-            true => Err(Failure::Mismatch("a host sees no state move, so that nothing is shown of its ports".into())),
-            false => Ok(()),
-        }
+        self.run(1);
+        self.look();
     }
 
-    /// The program with words that set much in motion, or saturate; none if the next steps would then show words out of
-    /// range where that was proven impossible, or sums of operands that wrap, of which the simulator knows the flag alone.
-    fn made(&self, purpose: Purpose) -> Option<Program> {
-        let seen = Coverage::none(self.program);
-        let made = stimuli::choose(self.program, purpose, AHEAD, &seen)?.program;
-        let mut program = self.program.clone();
-        for state in &self.program.states {
-            let (pe, address) = state.own;
-            let pe = &made.pes[pe];
-            state.set(&mut program.pes, &program.format, pe.base_image[pe.features.base_word(address)]);
-        }
-        let mut machine = Machine::new(&program);
-        (0..AHEAD).for_each(|step| machine.step(self.inputs(self.finished + step), &mut |_| {}));
-        let is_known = !machine.escaped() && !machine.flags().operand;
-        is_known.then_some(program)
-    }
-
-    fn run(&mut self, network: &mut Network, steps: u64) {
-        writeln!(self.script, "n {steps}").expect("memory takes the order");
-        let mut machine = Machine::new(&network.program);
+    fn run(&mut self, steps: u64) {
+        self.order(format_args!("n {steps}"));
+        let begun = self.network.clone();
+        let mut network = Clocked::new(&begun);
         let mask = u64::MAX >> (64 - self.program.format.storage_bits);
         for _ in 0..steps {
-            machine.step(self.inputs(self.finished), &mut |_| {});
-            for (index, word) in machine.outputs().iter().enumerate() {
-                let word = *word as u64 & mask;
-                writeln!(self.expected, "o {} {index} {word:x}", self.finished).expect("memory takes the line");
+            network.step(self.inputs_of(self.play.steps), &mut |_| {});
+            for (index, word) in network.outputs().iter().enumerate() {
+                let (step, word) = (self.play.steps, *word as u64 & mask);
+                self.expect(format_args!("o {step} {index} {word:x}"));
             }
-            self.finished += 1;
+            self.play.steps += 1;
         }
-        self.flags = self.flags | machine.flags();
-        let words: Vec<i64> = self.program.states.ids().map(|state| machine.state(state)).collect();
-        network.go_on(&words, steps);
+        let Causes { saturated, operand, input } = network.causes();
+        self.causes.saturated |= saturated;
+        self.causes.operand |= operand;
+        self.causes.input |= input;
+        let words: Vec<i64> = self.program.states.ids().map(|state| network.state(state)).collect();
+        self.network = with_states(&begun, |state| words[state]);
+        for tick in self.network.inputs.iter_mut().filter_map(|input| input.tick.as_mut()) {
+            tick.done = ((u64::from(tick.done) + steps) % u64::from(tick.steps)) as u32;
+        }
     }
 
-    fn inputs(&self, step: u64) -> &[i64] {
-        &self.stimulus[(step as usize).min(self.stimulus.len() - 1)]
+    fn inputs_of(&self, step: u64) -> &[i64] {
+        self.inputs.get(step as usize).or(self.inputs.last()).map_or(&[], Vec::as_slice)
     }
 
     /// Reads all states and ticks; what they are.
-    fn read(&mut self, network: &Network) -> Vec<u64> {
+    fn read(&mut self) -> Vec<u64> {
         if !self.program.host.states {
             return Vec::new();
         }
         let bits = (self.program.state_place_bits() + self.program.state_target_bits()).div_ceil(4) as usize;
-        let words: Vec<u64> = self.order.iter().map(|row| network.word(row)).collect();
-        for (row, word) in self.order.iter().zip(&words) {
-            let address = self.program.state_address(row.of);
-            writeln!(self.script, "g {address:0bits$x}").expect("memory takes the order");
-            writeln!(self.expected, "s {address:x} {word:x}").expect("memory takes the line");
+        let words = self.words();
+        for row in 0..self.order.len() {
+            let (address, word) = (self.program.state_address(self.order[row].of), words[row]);
+            self.order(format_args!("g {address:0bits$x}"));
+            self.expect(format_args!("s {address:x} {word:x}"));
         }
         words
     }
 
-    /// Replaces all states and ticks by those of a program.
-    fn write(&mut self, network: &mut Network, program: &Program) {
-        *network = Network { program: program.clone() };
-        let digits = self.program.format.word_bits().div_ceil(4) as usize;
-        let words = self.order.iter().map(|row| format!(" {:0digits$x}", network.word(row)));
-        writeln!(self.script, "w{}", words.collect::<String>()).expect("memory takes the order");
+    /// The words of states and the counts of ticks that the network has.
+    fn words(&self) -> Vec<u64> {
+        let mask = u64::MAX >> (64 - self.program.format.word_bits());
+        let word = |row: &Replacement| match row.of {
+            Replaced::State(_, pe, place) => self.network.pes[pe].base_image[usize::from(place)] as u64 & mask,
+            Replaced::Tick(tick) => {
+                self.network.ticks().nth(tick as usize).map_or(0, |(_, tick, _)| u64::from(tick.done))
+            }
+        };
+        self.order.iter().map(word).collect()
     }
 
-    fn restart(&mut self, network: &mut Network) {
-        *network = Network { program: self.program.clone() };
-        self.script.push_str("r\n");
+    /// Replaces all states and ticks by those of a program; whether that changes nothing.
+    fn write(&mut self, to: &Program) -> bool {
+        let same = self.goes_on_alike(to);
+        self.network = to.clone();
+        let digits = self.program.format.word_bits().div_ceil(4) as usize;
+        let words: String = self.words().iter().map(|word| format!(" {word:0digits$x}")).collect();
+        self.order(format_args!("w{words}"));
+        same
+    }
+
+    /// Brings back the initial state; whether that changes nothing.
+    fn restart(&mut self) -> bool {
+        let same = self.goes_on_alike(self.program);
+        self.network = self.program.clone();
+        self.order(format_args!("r"));
+        same
+    }
+
+    /// Whether outputs of the next steps are those that they would be with other words.
+    fn goes_on_alike(&self, other: &Program) -> bool {
+        let outputs = |program: &Program| {
+            let mut network = Clocked::new(program);
+            let step = |step| {
+                network.step(self.inputs_of(self.play.steps + step), &mut |_| {});
+                network.outputs()
+            };
+            (0..AHEAD).map(step).collect::<Vec<_>>()
+        };
+        outputs(&self.network) == outputs(other)
     }
 
     fn look(&mut self) {
-        if self.program.host.flags {
-            let Flags { saturated, operand, input } = self.flags;
-            self.script.push_str("f\n");
-            self.expected.push_str("f ");
-            let bits = [saturated, operand, input, saturated | operand | input].map(u8::from);
-            bits.iter().for_each(|bit| self.expected.push_str(&bit.to_string()));
-            self.expected.push('\n');
-        }
+        let Causes { saturated, operand, input } = self.causes;
+        let [any, saturated, operand, input] = [saturated | operand | input, saturated, operand, input].map(u8::from);
+        self.order(format_args!("f"));
+        self.expect(format_args!("f {saturated}{operand}{input}{any}"));
     }
 
     fn clear(&mut self) {
-        if self.program.host.flags {
-            self.script.push_str("c\n");
-            self.flags = Flags::default();
-        }
+        self.order(format_args!("c"));
+        self.causes = Causes::default();
+    }
+
+    fn order(&mut self, order: std::fmt::Arguments) {
+        writeln!(self.play.script, "{order}").expect("memory takes the order");
+    }
+
+    fn expect(&mut self, line: std::fmt::Arguments) {
+        writeln!(self.play.expected, "{line}").expect("memory takes the line");
     }
 }
 
-impl Network {
-    /// The word of a state, or the count of a tick, as the hardware has it.
-    fn word(&self, row: &Replacement) -> u64 {
-        let mask = u64::MAX >> (64 - self.program.format.word_bits());
-        match row.of {
-            Replaced::State(_, pe, place) => self.program.pes[pe].base_image[usize::from(place)] as u64 & mask,
-            Replaced::Tick(tick) => {
-                let (_, tick, _) = self.program.ticks().nth(at(tick)).expect("ticks are numbered");
-                u64::from(tick.done)
-            }
-        }
+/// A program with other words of the states, by their numbers.
+fn with_states(program: &Program, word: impl Fn(usize) -> i64) -> Program {
+    let mut changed = program.clone();
+    for (index, state) in program.states.iter().enumerate() {
+        state.set(&mut changed.pes, &program.format, word(index));
     }
-
-    /// Begins with these words, so many steps later.
-    fn go_on(&mut self, words: &[i64], steps: u64) {
-        let program = &mut self.program;
-        for (state, word) in program.states.iter().zip(words) {
-            state.set(&mut program.pes, &program.format, *word);
-        }
-        for tick in program.inputs.iter_mut().filter_map(|input| input.tick.as_mut()) {
-            tick.done = ((u64::from(tick.done) + steps) % u64::from(tick.steps)) as u32;
-        }
-    }
+    changed
 }
 
-/// The program with the words of the middle of the span.
-fn middle(program: &Program, (step, words): &(u64, Vec<i64>)) -> Program {
-    let mut program = program.clone();
-    for (state, word) in program.states.iter().zip(words) {
-        state.set(&mut program.pes, &program.format, *word);
-    }
-    program.start_ticks(*step);
-    program
+/// Words of the states that set much in motion, or saturate, and inputs; none if words would then be out of range of which
+/// that was proven impossible.
+fn made(program: &Program, purpose: Purpose) -> Option<Candidate> {
+    let made = stimuli::choose(program, purpose, 2 * AHEAD, &Coverage::none(program))?;
+    let states: Vec<i64> = (program.states.iter())
+        .map(|state| {
+            let pe = &made.program.pes[state.own.0];
+            pe.base_image[pe.features.base_word(state.own.1)]
+        })
+        .collect();
+    let program = with_states(program, |state| states[state]);
+    let escapes = stimuli::observe(&program, &made.stimulus, 2 * AHEAD).escaped;
+    (!escapes).then_some(Candidate { program, stimulus: made.stimulus })
 }

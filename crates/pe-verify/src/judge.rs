@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use pe_ir::program::{Host, Program};
+use pe_ir::program::Program;
 use pe_sim::coverage::Coverage;
 use serde_json::{Value, json};
 
@@ -16,7 +16,7 @@ use crate::coverage::{self, MemoryWord, Table};
 use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
 use crate::folder::{Change, DesignFolder};
 use crate::handshake::{self, Handshake, Met};
-use crate::host;
+use crate::host::{self, Play};
 use crate::package::{self, InitialWord};
 use crate::stimuli::{self, Candidate, Observed, Purpose};
 use pe_flow::failure::Failure;
@@ -144,10 +144,15 @@ pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Resul
         say(&format!("{:>14}   {:.1} % of the words are not zero and changing\n", "", 100.0 * expected.live()));
         Ok(())
     })?;
-    if folder.program.host != Host::default() && options.engines.contains(&Engine::Ghdl) {
-        let played = host::judge(&folder, &mut bench)?;
-        say(&played.line(&folder.program));
-        runs.push(played.json(&folder.program));
+    let plays = host::plays(&folder)?;
+    if !plays.is_empty() && !options.engines.contains(&Engine::Ghdl) {
+        say(&format!("{:>14}   nothing is shown of the ports for a host: only GHDL plays one\n", ""));
+    } else {
+        for play in plays {
+            play.judge(&mut bench)?;
+            say(&play.line());
+            runs.push(play.json());
+        }
     }
     let coverage = Table::new(&folder.program, &seen, met);
     say(&coverage.text());
@@ -161,8 +166,15 @@ pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Resul
 pub struct Plan {
     design: String,
     runs: Vec<Expected>,
-    /// What is at work in them.
+    plays: Vec<Play>,
+    /// What is at work in the runs.
     seen: Coverage,
+}
+
+/// What a copy is judged by.
+enum Judged<'a> {
+    Run(&'a Expected),
+    Play(&'a Play),
 }
 
 impl Plan {
@@ -179,7 +191,7 @@ impl Plan {
             Ok(())
         })?;
         runs.sort_by_key(|run| run.handshake.control.len());
-        Ok(Plan { design: folder.design, runs, seen })
+        Ok(Plan { plays: host::plays(&folder)?, design: folder.design, runs, seen })
     }
 
     /// Whether any run reads a word of a memory.
@@ -194,10 +206,16 @@ impl Plan {
     /// If the copy cannot be judged.
     pub fn judge(&self, copy: &Path, scratch: &Path) -> Result<Result<(), (usize, String, String)>, Failure> {
         let mut bench = Bench::new(copy, &self.design, scratch)?;
-        for (passed, run) in self.runs.iter().enumerate() {
-            match run.compare(&mut bench, Engine::Ghdl) {
-                Ok(_) => {}
-                Err(Failure::Mismatch(message)) => return Ok(Err((passed, run.start.name.clone(), message))),
+        let runs = self.runs.iter().map(|run| (run.start.name.as_str(), Judged::Run(run)));
+        let plays = self.plays.iter().map(|play| (play.name(), Judged::Play(play)));
+        for (passed, (name, judged)) in runs.chain(plays).enumerate() {
+            let judged = match judged {
+                Judged::Run(run) => run.compare(&mut bench, Engine::Ghdl).map(drop),
+                Judged::Play(play) => play.judge(&mut bench),
+            };
+            match judged {
+                Ok(()) => {}
+                Err(Failure::Mismatch(message)) => return Ok(Err((passed, name.to_owned(), message))),
                 Err(failure) => return Err(failure),
             }
         }
@@ -287,7 +305,7 @@ impl Starts {
             name: name.into(),
             steps,
             words: package::differences(program, &candidate.program),
-            lines: Some(lines(program, &candidate.stimulus)),
+            lines: Some(stimuli::lines(program, &candidate.stimulus)),
             program: candidate.program,
             stimulus: candidate.stimulus,
             held: true,
@@ -396,18 +414,9 @@ fn middle(folder: &DesignFolder, steps: u64) -> Result<Start, Failure> {
         name: format!("step {step}"),
         steps,
         words: package::differences(&folder.program, &program),
-        lines: Some(lines(&program, &stimulus)),
+        lines: Some(stimuli::lines(&program, &stimulus)),
         program,
         stimulus,
         held: true,
     })
-}
-
-/// Input words as a stimulus file has them: padded, for VHDL reads no others.
-fn lines(program: &Program, stimulus: &[Vec<i64>]) -> String {
-    let bits = program.format.storage_bits;
-    let digits = bits.div_ceil(4) as usize;
-    let word = |word: &i64| format!("{:0digits$x}", *word as u64 & (u64::MAX >> (64 - bits)));
-    let line = |words: &Vec<i64>| words.iter().map(word).collect::<Vec<_>>().join(" ") + "\n";
-    stimulus.iter().map(line).collect()
 }

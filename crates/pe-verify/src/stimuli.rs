@@ -275,6 +275,15 @@ fn changes<T: PartialEq + Copy>(most: i64, mut look: impl FnMut(i64) -> (T, bool
     None
 }
 
+/// Input words as a stimulus file has them: padded, for VHDL reads no others.
+pub fn lines(program: &Program, stimulus: &[Vec<i64>]) -> String {
+    let bits = program.format.storage_bits;
+    let digits = bits.div_ceil(4) as usize;
+    let word = |word: &i64| format!("{:0digits$x}", *word as u64 & (u64::MAX >> (64 - bits)));
+    let line = |words: &Vec<i64>| words.iter().map(word).collect::<Vec<_>>().join(" ") + "\n";
+    stimulus.iter().map(line).collect()
+}
+
 /// A random word of so many bits, two's complement: at or near the limits, or so much smaller.
 fn word(limited: bool, bits: u32, scale: u32, random: &mut impl Rng) -> i64 {
     let (least, most) = (-(1i64 << (bits - 1)), (1i64 << (bits - 1)) - 1);

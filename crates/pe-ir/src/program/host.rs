@@ -1,5 +1,7 @@
 //! What a network offers a host beside inputs and outputs: a restart, its states, a flag per cause.
 
+use std::collections::BTreeMap;
+
 use super::{Program, index_bits};
 use crate::index::{PeId, StateId, at, number};
 
@@ -18,26 +20,23 @@ impl Host {
     /// All services by name, in the order of the fields.
     pub const NAMES: [&'static str; 3] = ["restart", "states", "flags"];
 
-    /// Which of them are there, in the order of [`Host::NAMES`].
-    pub fn present(&self) -> [bool; 3] {
-        [self.restart, self.states, self.flags]
-    }
-
     /// Names of those that are there.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
-        let present = self.present();
+        let present = [self.restart, self.states, self.flags];
         Host::NAMES.into_iter().zip(present).filter_map(|(name, present)| present.then_some(name))
     }
 
-    /// Adds a service by name; whether there is one of that name.
-    pub fn add(&mut self, name: &str) -> bool {
+    /// Adds a service.
+    ///
+    /// # Panics
+    /// If the name is none of [`Host::NAMES`].
+    pub fn add(&mut self, name: &str) {
         match name {
             "restart" => self.restart = true,
             "states" => self.states = true,
             "flags" => self.flags = true,
-            _ => return false,
+            _ => panic!("a host has no `{name}`"),
         }
-        true
     }
 
     /// Whether words of states are replaced, by initial words or by those of a host.
@@ -70,23 +69,23 @@ impl Program {
     /// The order in which words are replaced: ticks, then states as the step writes them.
     ///
     /// # Errors
-    /// The name of a state that a step does not write exactly once. Programs of this compiler have none.
+    /// Why a word cannot be replaced.
     pub fn replacements(&self) -> Result<Vec<Replacement>, String> {
         // The word that is written in word w is added up two words before it.
         const BEFORE: u32 = 2;
-        let ticks = (0..).zip(self.ticks());
-        let mut all: Vec<Replacement> = ticks
-            .map(|(index, (_, tick, _))| Replacement {
-                of: Replaced::Tick(index),
-                word: 0,
-                initial: i64::from(tick.done),
-            })
-            .collect();
-        let pause = self.latency().pause();
+        let mut all = Vec::with_capacity(self.states.len());
+        for (number, (index, tick, _)) in (0..).zip(self.ticks()) {
+            let (name, bits) = (&self.inputs[at(index)].name, self.format.word_bits());
+            if index_bits(tick.steps) > bits {
+                return Err(format!("`{name}` counts {} steps, which is more than a word of {bits} bits", tick.steps));
+            }
+            all.push(Replacement { of: Replaced::Tick(number), word: 0, initial: i64::from(tick.done) });
+        }
         let mut states = Vec::with_capacity(self.states.len());
-        let writers = self.state_writers();
-        for ((index, state), writers) in self.states.numbered().zip(writers) {
-            let [word] = writers[..] else { return Err(state.name.clone()) };
+        for ((index, state), writers) in self.states.numbered().zip(self.state_writers()) {
+            let [word] = writers[..] else {
+                return Err(format!("a step does not write state `{}` exactly once", state.name));
+            };
             let (pe, address) = state.own;
             let features = &self.pes[pe].features;
             let base = features.base_word(address);
@@ -95,11 +94,26 @@ impl Program {
                 word: (word + self.period - BEFORE) % self.period,
                 initial: self.pes[pe].base_image[base],
             };
-            states.push(((word + self.period - pause) % self.period, pe, replacement));
+            states.push((self.since_pause(word), pe, replacement));
         }
         states.sort_unstable_by_key(|(time, pe, _)| (*time, *pe));
         all.extend(states.into_iter().map(|(.., replacement)| replacement));
         Ok(all)
+    }
+
+    /// Bits of the fields of a row of the order: the initial word, if there is a restart; the PE, or a tick's number behind
+    /// the PEs; the control word.
+    pub fn row_bits(&self) -> [u32; 3] {
+        let initial = if self.host.restart { self.format.word_bits() } else { 0 };
+        [initial, self.state_target_bits(), index_bits(self.period).max(1)]
+    }
+
+    /// The fields of a row.
+    pub fn row(&self, replacement: &Replacement) -> [u64; 3] {
+        let [initial, ..] = self.row_bits();
+        let mask = u64::MAX.checked_shr(64 - initial).unwrap_or(0);
+        let address = self.state_address(replacement.of);
+        [replacement.initial as u64 & mask, address >> self.state_place_bits(), u64::from(replacement.word)]
     }
 
     /// Low bits of a state's address: the word of the base memory. The PE, or a tick's number behind the PEs, is above.
@@ -122,8 +136,17 @@ impl Program {
         }
     }
 
-    /// Control words of a step's last round that write the base word of each state.
-    fn state_writers(&self) -> Vec<Vec<u32>> {
+    /// The state whose word each output shows after a step, if it shows one: the control word that it captures is then the
+    /// last one of a step that writes the state.
+    pub fn shown_states(&self) -> Vec<Option<StateId>> {
+        let writers = self.states.numbered().zip(self.state_writers());
+        let last = writers.filter_map(|((id, state), writers)| Some(((state.own.0, *writers.last()?), id)));
+        let shown: BTreeMap<(PeId, u32), StateId> = last.collect();
+        self.outputs.iter().map(|output| shown.get(&(output.pe, output.word)).copied()).collect()
+    }
+
+    /// Control words that write the base word of each state in the last round of a step, as they come.
+    pub fn state_writers(&self) -> Vec<Vec<u32>> {
         let mut places: Vec<Vec<Option<StateId>>> =
             self.pes.iter().map(|pe| vec![None; at(pe.features.base_words)]).collect();
         for (index, state) in self.states.numbered() {
@@ -131,7 +154,7 @@ impl Program {
             places[pe.index()][self.pes[pe].features.base_word(address)] = Some(index);
         }
         let mut writers = vec![Vec::new(); self.states.len()];
-        for ((_, pe), places) in self.pes.numbered().zip(&places) {
+        for (pe, places) in self.pes.iter().zip(&places) {
             for (number, word) in (0..).zip(&pe.words) {
                 let Some(target) = word.write.filter(|target| target.base && self.ends_step(number)) else { continue };
                 if let Some(state) = places[pe.features.base_word(target.address.word)] {
@@ -139,6 +162,7 @@ impl Program {
                 }
             }
         }
+        writers.iter_mut().for_each(|words| words.sort_unstable_by_key(|word| self.since_pause(*word)));
         writers
     }
 }

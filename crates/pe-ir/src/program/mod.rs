@@ -13,8 +13,6 @@ pub use layout::{Field, FieldName, Layout, index_bits};
 pub use shape::{shape, shapes};
 pub use text::read;
 
-use std::collections::BTreeMap;
-
 use crate::functions::Segments;
 use crate::index::{List, PeId, PortId, StateId, ValueId, at};
 use crate::word::{Latency, WordFormat};
@@ -319,8 +317,12 @@ impl Program {
     /// Whether what is written in a word of a step belongs to the step's last round.
     pub fn ends_step(&self, word: u32) -> bool {
         // Writes before the place of the pause point in a round finish the round before.
-        let finishing = (word + self.period - self.latency().pause()) % self.period;
-        finishing / self.round_words() == self.rounds - 1
+        self.since_pause(word) / self.round_words() == self.rounds - 1
+    }
+
+    /// Control words from the pause point, where a step begins, to one of them.
+    pub fn since_pause(&self, word: u32) -> u32 {
+        (word + self.period - self.latency().pause() % self.period) % self.period
     }
 
     /// Whether a PE clamps words that are out of range. One that does not was proven to write none over the span, from
@@ -361,29 +363,6 @@ impl Program {
     /// Name of a noted value; empty for none.
     pub fn name(&self, note: Option<ValueId>) -> &str {
         note.and_then(|value| self.names.find(value)).map_or("", String::as_str)
-    }
-
-    /// The state whose word each output shows after a step, if it shows one: the control word that it captures is then the
-    /// last one of a step that writes the state.
-    pub fn shown_states(&self) -> Vec<Option<StateId>> {
-        // The last control word that writes the base word of a state, and that state.
-        let mut last: BTreeMap<(PeId, usize), (u32, StateId)> = BTreeMap::new();
-        for (id, state) in self.states.numbered() {
-            let (pe, address) = state.own;
-            last.insert((pe, self.pes[pe].features.base_word(address)), (u32::MAX, id));
-        }
-        for (id, pe) in self.pes.numbered() {
-            // Steps begin at the pause point.
-            for word in (0..self.period).map(|word| (word + self.latency().pause()) % self.period) {
-                let target = pe.words[at(word)].write.filter(|target| target.base);
-                let written = target.filter(|_| self.ends_step(word) || !pe.features.base_last);
-                let state = written.and_then(|target| last.get_mut(&(id, pe.features.base_word(target.address.word))));
-                state.into_iter().for_each(|state| state.0 = word);
-            }
-        }
-        let shown: BTreeMap<(PeId, u32), StateId> =
-            last.into_iter().map(|((pe, _), (word, state))| ((pe, word), state)).collect();
-        self.outputs.iter().map(|output| shown.get(&(output.pe, output.word)).copied()).collect()
     }
 
     /// Memory writes in each step, own and imported: the length of a trace, known without running anything.

@@ -60,12 +60,11 @@ pub fn host(program: &Program, family: Family) -> (f64, f64, u32) {
     let bits = f64::from(program.format.word_bits());
     let pes = program.pes.len() as f64;
     let rows = program.replacements().unwrap_or_default();
-    let initial =
-        |word: i64| if host.restart { word as u128 & (u128::MAX >> (128 - program.format.word_bits())) } else { 0 };
-    let place_bits = index_bits(program.period).max(1) + program.state_target_bits();
-    let row_bits = place_bits + if host.restart { program.format.word_bits() } else { 0 };
-    let words: Vec<u128> = rows.iter().map(|row| initial(row.initial) << place_bits | u128::from(row.word)).collect();
-    let order = content::rom(&words, row_bits, false, family);
+    let row_bits = program.row_bits();
+    let joined =
+        |row| (program.row(row).iter().zip(row_bits)).fold(0, |all, (field, bits)| all << bits | u128::from(*field));
+    let words: Vec<u128> = rows.iter().map(joined).collect();
+    let order = content::rom(&words, row_bits.iter().sum(), false, family);
     let both = host.restart && host.states;
     let (in_pe, scale) = match family {
         Family::Virtex6 | Family::UltraScale => (14.0, 1.0),
