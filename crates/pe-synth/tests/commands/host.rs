@@ -42,7 +42,9 @@ fn judged(folder: &Path) -> Result<usize, String> {
 }
 
 /// Ticks and inputs; looped stages with variants; swapped buffers; tables; a deep pipeline; words that saturate.
-const DESIGNS: [(&str, &str); 6] = [
+const DESIGNS: [(&str, &str); 7] = [
+    // At rest, and nothing but a restart.
+    ("motor_pid", "--pes 1 --span 100ms --host restart"),
     ("motor_pid", "--pes 2 --span 100ms --host restart,states,flags"),
     ("weibel5", "--pes 4 --span 20ms --multiplier 25x18 --loop on --host restart,states"),
     ("wave6", "--pes 3 --host states"),
@@ -95,7 +97,14 @@ fn verify_plays_the_host() {
 }
 
 /// Damages of the hardware that no run without a host shows: file, what is there, what takes its place.
-const DAMAGES: [(&str, &str, &str); 10] = [
+const DAMAGES: [(&str, &str, &str); 14] = [
+    // A restart replaces nothing.
+    ("pe.vhd", "replacement <= state_i;", "null;"),
+    ("pe_access.vhd", "replacing <= restart;", "replacing <= '0';"),
+    // What was read comes a clock later.
+    ("pe_access.vhd", "  state_o       <= state;", "  state_o       <= state when rising_edge(clk_i);"),
+    // Operands that are too large set the other flag.
+    ("pe.vhd", "          if (SPLIT_FLAGS) then", "          if (false) then"),
     // Bases are added to what replaces them.
     ("pe_scale.vhd", "flag(control_i, LAYOUT.base.enable) and not replace_i", "flag(control_i, LAYOUT.base.enable)"),
     // Products are added to what replaces a state.
@@ -126,6 +135,11 @@ fn what_is_broken_for_a_host_is_caught() {
             "host_broken_ladder",
             "rc_ladder",
             "--pes 2 --span 10ms --multiplier 25x18 --storage 32 --proof off --host restart,states,flags",
+        ),
+        compiled(
+            "host_broken_chain",
+            "spring_chain",
+            "--pes 2 --set n=8 --proof off --multiplier 25x18 --storage 32 --host restart,states,flags",
         ),
         compiled("host_broken_oscillator", "harmonic_oscillator", "--pes 1 --host restart,states,flags"),
     ];
