@@ -31,6 +31,15 @@ fn compiled_from(test: &str, spec: &Path, options: &str) -> PathBuf {
     folder
 }
 
+/// Compiles the text of a spec.
+fn compiled_text(test: &str, text: &str, options: &str) -> PathBuf {
+    let home = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{test}_spec"));
+    fs::create_dir_all(&home).unwrap();
+    let spec = home.join("model.spec");
+    fs::write(&spec, text).unwrap();
+    compiled_from(test, &spec, options)
+}
+
 /// What a host finds wrong, if anything.
 fn judged(folder: &Path) -> Result<usize, String> {
     let scratch = Scratch::new().unwrap();
@@ -79,11 +88,7 @@ output operand, saturated
 
 #[test]
 fn inputs_and_outputs_may_be_called_like_ports_for_a_host() {
-    let home = Path::new(env!("CARGO_TARGET_TMPDIR")).join("host_namesakes_spec");
-    fs::create_dir_all(&home).unwrap();
-    let spec = home.join("namesakes.spec");
-    fs::write(&spec, NAMESAKES).unwrap();
-    let folder = compiled_from("host_namesakes", &spec, "--pes 1 --host restart,states,flags");
+    let folder = compiled_text("host_namesakes", NAMESAKES, "--pes 1 --host restart,states,flags");
     assert!(judged(&folder).unwrap_or_else(|what| panic!("{what}")) > 0);
 }
 
@@ -96,8 +101,52 @@ fn verify_plays_the_host() {
     assert!(text.contains("GHDL = simulator for a host:"), "{text}");
 }
 
+/// Found among random models: a PE has no sum that ends in front of the pause point, and one under way there.
+const UNDER_WAY: &str = "\
+model under_way
+solver heun
+step 1 ms
+span 20 ms
+state x0 = -0.160
+state x1 = 0.208
+state x2 = 0.425
+state x3 = -0.450
+state x4 = 0.161
+state x5 = 0.327
+state x6 = 0.373
+state x7 = 0.091
+state x8 = -0.387
+x0' = -0.968*x0 - 0.059*x5 - 2.089*x0
+x1' = -2.877*x1
+x2' = -1.738*x2
+x3' = -1.005*x5 + 0.659*x7*x7 - 2.499*x3
+x4' = -0.557*x7 - 2.616*x4
+x5' = -1.762*x5 - 0.001*x8 - 0.726*x3 + 1.080*x2 - 0.058*x0 - 0.149*x1 + 0.151*x6 + 1.634*x4 + 1.558*x7 - 1.508*x5
+x6' = -1.022*x4 + 1.596*x0 + 0.077*x7 + 0.724*x1 - 1.338*x6 + 1.051*x5 - 0.743*x3 - 0.352*x2 - 1.910*x8 - 4.473*x6
+x7' = -0.469*x0 + 0.685*x5*x6 - 4.668*x7
+x8' = -1.000*x0 + 1.369*x5 - 5.749*x8
+output x0
+";
+
+/// Found in the same way: all states are written behind the last control word of a step.
+const WRAPPED: &str = "\
+model wrapped
+solver euler
+step 1 ms
+span 20 ms
+state x0 = -0.145
+state x1 = 0.435
+state x2 = 0.385
+state x3 = -0.011
+x0' = -0.106*x1 - 0.726*x3 + 0.013*x3*x2 - 1.115*x0
+x1' = 0.527*x3*x1 - 4.814*x1
+x2' = -1.582*x3 + 0.949*x3*x0 - 1.871*x2
+x3' = 1.020*x3 + 0.206*x0 - 5.564*x3
+output x0
+";
+
 /// Damages of the hardware that no run without a host shows: file, what is there, what takes its place.
-const DAMAGES: [(&str, &str, &str); 14] = [
+const DAMAGES: [(&str, &str, &str); 16] = [
     // A restart replaces nothing.
     ("pe.vhd", "replacement <= state_i;", "null;"),
     ("pe_access.vhd", "replacing <= restart;", "replacing <= '0';"),
@@ -109,12 +158,16 @@ const DAMAGES: [(&str, &str, &str); 14] = [
     ("pe_scale.vhd", "flag(control_i, LAYOUT.base.enable) and not replace_i", "flag(control_i, LAYOUT.base.enable)"),
     // Products are added to what replaces a state.
     ("pe.vhd", "flag(control_i, LAYOUT.own.enable) and not replace_i", "flag(control_i, LAYOUT.own.enable)"),
+    // A sum that was under way goes on.
+    ("pe.vhd", "(ACCESS_STATES and refill_i = '1')", "(false)"),
     // Reading writes.
     ("pe_scale.vhd", "write_base_i and not look_i", "write_base_i"),
     // Another PE's words.
     ("pe_scale.vhd", "look_here_i when look_i = '1'", "'1' when look_i = '1'"),
     // The offset is added twice.
     ("pe_access.vhd", "resize(signed(source), WORD_BITS + 1) - offset", "resize(signed(source), WORD_BITS + 1)"),
+    // Words in front of the pause point are matched in the first pass already.
+    ("pe_access.vhd", "unsigned(next_i) >= PAUSE_WORD - 2", "unsigned(next_i) >= 0"),
     // The step that replaces states publishes outputs.
     ("pe_sequencer.vhd", "fetch and not settle and not replace_i", "fetch and not settle"),
     // It counts as a step for ticks.
@@ -141,6 +194,12 @@ fn what_is_broken_for_a_host_is_caught() {
             "spring_chain",
             "--pes 2 --set n=8 --proof off --multiplier 25x18 --storage 32 --host restart,states,flags",
         ),
+        compiled_text(
+            "host_broken_under_way",
+            UNDER_WAY,
+            "--pes 3 --multiplier 18x18 --loop on --host restart,states,flags",
+        ),
+        compiled_text("host_broken_wrapped", WRAPPED, "--pes 3 --multiplier 18x18 --host restart,states,flags"),
         compiled("host_broken_oscillator", "harmonic_oscillator", "--pes 1 --host restart,states,flags"),
     ];
     for folder in &designs {
