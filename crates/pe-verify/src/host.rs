@@ -235,8 +235,8 @@ impl<'a> Author<'a> {
         }
         let bits = (self.program.state_place_bits() + self.program.state_target_bits()).div_ceil(4) as usize;
         let words = self.words();
-        for row in 0..self.order.len() {
-            let (address, word) = (self.program.state_address(self.order[row].of), words[row]);
+        let addresses: Vec<u64> = self.order.iter().map(|row| self.program.state_address(row.of)).collect();
+        for (address, word) in addresses.iter().zip(&words) {
             self.order(format_args!("g {address:0bits$x}"));
             self.expect(format_args!("s {address:x} {word:x}"));
         }
