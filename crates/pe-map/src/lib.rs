@@ -5,6 +5,9 @@
 //! `pe-emit` writes it; hosts and wrappers read it and convert numbers with [`Format`]. Nothing here depends on the compiler.
 //! `docs/map.md` explains each key, and `docs/map.schema.json` is made of these types.
 
+pub mod registers;
+pub mod wrap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

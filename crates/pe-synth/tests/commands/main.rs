@@ -20,3 +20,4 @@ mod map;
 mod mapping_file;
 mod report;
 mod tidy;
+mod wrap;
