@@ -103,7 +103,7 @@ impl Compared {
     /// If the rows are not as many, or none.
     pub fn include(&mut self, done: u64, run: &Rows, other: &Rows) {
         assert!(run.len() == other.len() && !run.is_empty(), "{} and {} rows", run.len(), other.len());
-        let worst = pulp::Arch::new().dispatch(Block { compared: self, run, other });
+        let worst = block(self, run, other);
         self.course.push((done + 1 - run.len() as u64, worst));
         let (own, others) = (run.row(run.len() - 1), other.row(run.len() - 1));
         for ((last, own), other) in self.last.iter_mut().zip(&own[self.from..]).zip(&others[self.from..]) {
@@ -233,20 +233,10 @@ fn quotient(deviation: f64, scale: f64) -> f64 {
     if deviation == 0.0 { 0.0 } else { deviation / scale }
 }
 
-/// [`Compared::block`] as something to dispatch.
-struct Block<'a> {
-    compared: &'a mut Compared,
-    run: &'a Rows,
-    other: &'a Rows,
-}
-
-impl pulp::NullaryFnOnce for Block<'_> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn call(self) -> f64 {
-        self.compared.block(self.run, self.other)
-    }
+/// [`Compared::block`] with the widest vectors that this processor has.
+#[multiversion::multiversion(targets = "simd")]
+fn block(compared: &mut Compared, run: &Rows, other: &Rows) -> f64 {
+    compared.block(run, other)
 }
 
 #[cfg(test)]

@@ -141,8 +141,7 @@ impl<'a> DoubleRun<'a> {
         }
         let given = 0..self.slots.given;
         let mut finite = note_largest(&mut self.largest[given.clone()], &self.values[given]);
-        // The widest vectors that this processor has: they round like single numbers, so nothing depends on it.
-        finite &= pulp::Arch::new().dispatch(Tiling(self));
+        finite &= run_tiles(self);
         if !finite {
             let written = self.graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
             let given = self.graph.inputs.iter().copied().chain(self.graph.states.iter().map(|(state, _)| *state));
@@ -232,16 +231,11 @@ fn look_up(tiles: &Tiles<f64>, lanes: usize, lookups: Lookups, values: &mut [f64
     }
 }
 
-/// [`DoubleRun::run_tiles`] as something to dispatch.
-struct Tiling<'r, 'a>(&'r mut DoubleRun<'a>);
-
-impl pulp::NullaryFnOnce for Tiling<'_, '_> {
-    type Output = bool;
-
-    #[inline(always)]
-    fn call(self) -> bool {
-        self.0.run_tiles()
-    }
+/// [`DoubleRun::run_tiles`] with the widest vectors that this processor has: they round like single numbers, so nothing
+/// depends on it.
+#[multiversion::multiversion(targets = "simd")]
+fn run_tiles(run: &mut DoubleRun<'_>) -> bool {
+    run.run_tiles()
 }
 
 /// Updates the largest magnitudes; false if some value is not finite.

@@ -102,8 +102,7 @@ impl<P: Port> Words<P> {
 
     /// Runs all chains; whether a word saturated. Sums start from those of `starts` and are kept in `kept`.
     pub fn run(&mut self, tiles: &Tiles<P>, starts: &[i128], kept: &mut [i128]) -> bool {
-        // The widest vectors that this processor has; integers are the same in all of them.
-        pulp::Arch::new().dispatch(Tiling { words: self, tiles, starts, kept })
+        run_tiles(self, tiles, starts, kept)
     }
 
     #[inline(always)]
@@ -285,21 +284,10 @@ impl<P: Port> Words<P> {
     }
 }
 
-/// [`Words::run_tiles`] as something to dispatch.
-struct Tiling<'r, P> {
-    words: &'r mut Words<P>,
-    tiles: &'r Tiles<P>,
-    starts: &'r [i128],
-    kept: &'r mut [i128],
-}
-
-impl<P: Port> pulp::NullaryFnOnce for Tiling<'_, P> {
-    type Output = bool;
-
-    #[inline(always)]
-    fn call(self) -> bool {
-        self.words.run_tiles(self.tiles, self.starts, self.kept)
-    }
+/// [`Words::run_tiles`] with the widest vectors that this processor has; integers are the same in all of them.
+#[multiversion::multiversion(targets = "simd")]
+fn run_tiles<P: Port>(words: &mut Words<P>, tiles: &Tiles<P>, starts: &[i128], kept: &mut [i128]) -> bool {
+    words.run_tiles(tiles, starts, kept)
 }
 
 /// The kept sum that a lane starts from.
