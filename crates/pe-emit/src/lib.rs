@@ -16,6 +16,7 @@ pub mod page;
 mod program_pkg;
 mod reference;
 
+pub use columns::aligned;
 pub use library::LIBRARY;
 pub use names::{comment_text, vhdl_identifier};
 pub use options::{Driven, EmitOptions, Interface, Provenance};

@@ -139,7 +139,6 @@ const CAPS: &[Field] = &[
     Field::bit("FLAGS", 2, "there is a flag per cause"),
     Field::bit("STREAM", 3, "there are streams"),
     Field::bit("FOREIGN", 4, "a foreign entity, which runs by its clock enable"),
-    Field::bit("INTERRUPT", 5, "0: there is no interrupt"),
     Field::bits("WINDOW", 8, 4, "each of the four windows has 400 (hex) bytes times 2 to this power"),
     Field::bits("STATE_BITS", 16, 7, "bits of a stored word; 0 without `STATES`"),
 ];

@@ -16,6 +16,7 @@ pub mod cmd_golden;
 pub mod cmd_shell;
 pub mod cmd_sim;
 pub mod cmd_verify;
+pub mod cmd_wrap;
 pub mod command;
 pub mod console;
 pub mod explore;

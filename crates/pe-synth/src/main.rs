@@ -9,7 +9,7 @@ use pe_flow::failure::Failure;
 use pe_synth::messages::{MessageFormat, guarded, print_failure, print_plain};
 use pe_synth::{
     cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden,
-    cmd_shell, cmd_sim, cmd_verify, console,
+    cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -30,6 +30,7 @@ Examples:
   pe-synth compile models/van_der_pol/van_der_pol.spec --pes 2 -o out/van_der_pol
   pe-synth check models/van_der_pol/van_der_pol.spec --step 0.2
   pe-synth verify out/van_der_pol
+  pe-synth wrap out/van_der_pol
   pe-synth sim models/van_der_pol/van_der_pol.spec --double -o van_der_pol.csv
   pe-synth explore models/van_der_pol/van_der_pol.spec --pes 1,2 --solver rk4
   pe-synth accuracy models/van_der_pol/van_der_pol.spec --max-error 1e-4
@@ -56,6 +57,7 @@ enum Command {
     Compile(Box<cmd_compile::Compile>),
     Check(Box<cmd_check::Check>),
     Verify(cmd_verify::Verify),
+    Wrap(cmd_wrap::Wrap),
     Explore(Box<cmd_explore::Explore>),
     Accuracy(Box<cmd_accuracy::Accuracy>),
     Sim(Box<cmd_sim::Sim>),
@@ -77,6 +79,7 @@ fn main() -> ExitCode {
         Command::Compile(compile) => (compile.message_format(), compile.run(&command_line())),
         Command::Check(check) => (check.message_format(), check.run()),
         Command::Verify(verify) => (verify.message_format(), verify.run()),
+        Command::Wrap(wrap) => (wrap.message_format(), wrap.run(&command_line())),
         Command::Accuracy(accuracy) => (accuracy.message_format(), accuracy.run()),
         Command::Explore(explore) => (explore.message_format(), explore.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),

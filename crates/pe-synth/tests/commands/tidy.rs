@@ -73,7 +73,9 @@ fn crates_depend_on_each_other_as_the_architecture_says() {
             ("indicatif", "pe-synth"),
         ] {
             let uses = manifest.lines().any(|line| line.split(['.', ' ']).next() == Some(package));
-            assert_eq!(uses, name == owner, "{package} in {name}");
+            // Both write files from templates.
+            let owns = name == owner || (package == "askama" && name == "pe-wrap");
+            assert_eq!(uses, owns, "{package} in {name}");
         }
         names.insert(name);
     }

@@ -5,6 +5,7 @@
 #![allow(dead_code)]
 
 pub mod bench;
+pub mod bus;
 pub mod faults;
 pub mod flow;
 pub mod hubs;

@@ -1,0 +1,123 @@
+//! `pe-synth wrap`: a network behind a bus.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use pe_flow::failure::Failure;
+use pe_flow::report::Report;
+use pe_flow::report::table::row;
+use pe_map::{Map, sha256};
+use pe_verify::folder::DesignFolder;
+use pe_wrap::Origin;
+
+use crate::console;
+use crate::messages::MessageFormat;
+use crate::output::OutputFolder;
+
+/// Puts a compiled network behind a bus: AXI4-Lite registers, and a bus master for simulations
+///
+/// The host ports of the network decide what the wrapper can do: see `compile --host`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "\
+Examples:
+  pe-synth compile models/motor_pid/motor_pid.spec --host restart,states,flags -o out/motor_pid
+  pe-synth wrap out/motor_pid
+  pe-synth wrap out/motor_pid -o out/motor_board")]
+pub struct Wrap {
+    /// Folder that `compile` wrote
+    folder: PathBuf,
+    /// Output folder, with a copy of the design [default: the folder itself]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Prints errors and warnings only
+    #[arg(short, long, help_heading = "Diagnostics")]
+    quiet: bool,
+    /// Format of errors and warnings on standard error
+    #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
+    message_format: MessageFormat,
+}
+
+impl Wrap {
+    /// Form of messages.
+    pub fn message_format(&self) -> MessageFormat {
+        self.message_format
+    }
+
+    /// Runs the command.
+    pub fn run(&self, command: &str) -> Result<(), Failure> {
+        let target = self.output.as_ref().unwrap_or(&self.folder);
+        OutputFolder::permitted(target)?;
+        let design = DesignFolder::open(&self.folder)?;
+        let map = read_map(&design)?;
+        let list = read(&self.folder.join(format!("{}.f", map.entity)))?;
+        let generator = format!("pe-synth {}", env!("CARGO_PKG_VERSION"));
+        let origin = Origin { generator, command: command.to_owned() };
+        let artefacts = pe_wrap::wrap(&map, &list, &origin);
+        let report = self.folder.join("report.json");
+        let damaged = |error: serde_json::Error| Failure::file("read", &report, error);
+        let mut report: Report = serde_json::from_str(&read(&report)?).map_err(damaged)?;
+        let folder = OutputFolder::create_until_interrupted(target)?;
+        copy(&self.folder, &folder, "")?;
+        for artefact in &artefacts {
+            folder.write(&artefact.path, &artefact.text)?;
+            report.files.insert(artefact.path.clone(), sha256(artefact.text.as_bytes()));
+        }
+        folder.write("report.json", &report.text())?;
+        folder.finish()?;
+        if !self.quiet && self.message_format == MessageFormat::Human {
+            console::out(&told(&map, target))?;
+        }
+        Ok(())
+    }
+}
+
+/// What the wrapper offers, for people.
+fn told(map: &Map, target: &Path) -> String {
+    let windows = pe_map::wrap::windows(map);
+    let words = |spans| pe_map::registers::Windows::total(spans);
+    let host = map.host.clone().unwrap_or_default();
+    let offered =
+        [("restart", host.restart.is_some()), ("states", host.access.is_some()), ("flags", host.flags.is_some())];
+    let (has, lacks): (Vec<_>, Vec<_>) = offered.iter().partition(|(_, offered)| *offered);
+    let names = |list: Vec<&(&'static str, bool)>| list.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+    let (has, lacks) = (names(has), names(lacks));
+    let lacks = if lacks.is_empty() { String::new() } else { format!("without {lacks}: see `compile --host`") };
+    let [inputs, outputs] = [words(&windows.inputs), words(&windows.outputs)];
+    row("bus", &format!("AXI4-Lite, 32 bits, addresses of {} bits", windows.address_bits))
+        + &row("windows", &format!("{inputs} words of inputs, {outputs} of outputs"))
+        + &row("host", &[has, lacks].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; "))
+        + &row("files", &format!("{}: {}_axi.vhd, {}_wrap.json and others", target.display(), map.entity, map.entity))
+}
+
+/// The map of a design; what it says must be of the program beside it.
+fn read_map(design: &DesignFolder) -> Result<Map, Failure> {
+    let map = Map::read(&design.read("map.json")?).map_err(|fault| design.damaged("map.json", &fault.to_string()))?;
+    let program = design.read("program.txt")?;
+    if map.hash != sha256(format!("{}\n{program}", map.generator).as_bytes()) {
+        return Err(
+            design.damaged("map.json", "its hash is not that of the program beside it; compile the design again")
+        );
+    }
+    Ok(map)
+}
+
+fn read(path: &Path) -> Result<String, Failure> {
+    fs::read_to_string(path).map_err(|error| Failure::file("read", path, error))
+}
+
+/// Copies the files of a folder, and of those in it.
+fn copy(from: &Path, to: &OutputFolder, prefix: &str) -> Result<(), Failure> {
+    let read_dir = |path: &Path| fs::read_dir(path).map_err(|error| Failure::file("read", path, error));
+    for entry in read_dir(from)? {
+        let path = entry.map_err(|error| Failure::file("read", from, error))?.path();
+        let name = path.file_name().and_then(|name| name.to_str());
+        let name = name.ok_or_else(|| Failure::file("copy", &path, "its name is no text"))?;
+        if path.is_dir() {
+            copy(&path, to, &format!("{prefix}{name}/"))?;
+        } else {
+            let content = fs::read(&path).map_err(|error| Failure::file("read", &path, error))?;
+            to.write_bytes(&format!("{prefix}{name}"), &content)?;
+        }
+    }
+    Ok(())
+}

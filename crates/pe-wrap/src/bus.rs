@@ -1,0 +1,41 @@
+//! The bus master of simulations, in GHDL and in Verilator.
+
+use askama::Template;
+use pe_map::wrap::Wrap;
+
+use crate::Origin;
+
+#[derive(Template)]
+#[template(path = "bus.vhd")]
+struct Vhdl<'a> {
+    generator: &'a str,
+    command: &'a str,
+    name: &'a str,
+    entity: &'a str,
+    address_bits: u32,
+}
+
+#[derive(Template)]
+#[template(path = "bus.cpp")]
+struct Cpp<'a> {
+    generator: &'a str,
+    command: &'a str,
+    entity: &'a str,
+    address_mask: String,
+}
+
+/// The text of `NAME_bus.vhd`.
+pub fn vhdl(wrap: &Wrap, origin: &Origin) -> String {
+    let Origin { generator, command } = origin;
+    let Wrap { wraps: name, entity, address_bits, .. } = wrap;
+    let bus = Vhdl { generator, command, name, entity, address_bits: *address_bits };
+    bus.render().expect("templates render into strings")
+}
+
+/// The text of `NAME_bus.cpp`.
+pub fn cpp(wrap: &Wrap, origin: &Origin) -> String {
+    let Origin { generator, command } = origin;
+    let address_mask = format!("0x{:x}u", (1_u64 << wrap.address_bits) - 1);
+    let bus = Cpp { generator, command, entity: &wrap.entity, address_mask };
+    bus.render().expect("templates render into strings")
+}
