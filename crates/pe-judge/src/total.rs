@@ -22,6 +22,10 @@ const BAR: u64 = 1000;
 /// Deviation relative to the scale of a state from which on a run and the solution have nothing to do with each other.
 const DIVERGED: f64 = 0.1;
 
+/// Part of the error at the times of the reference from which on what its parts are larger in between counts as seen
+/// there alone.
+const TELLING_BETWEEN: f64 = 0.05;
+
 /// Correct digits that are told apart, at most.
 const DIGITS: f64 = 16.0;
 
@@ -61,7 +65,8 @@ pub struct Worst {
 /// The total error of a run.
 #[derive(Clone, Debug)]
 pub struct TotalError {
-    /// Over all steps: the largest at the times of the reference, plus what the parts of the error are larger in between.
+    /// Over all steps: the largest at the times of the reference, plus what the parts of the error are larger in between;
+    /// where that is much, at least the sum of these parts.
     pub whole: Worst,
     /// The part of it that was added for steps between these times.
     pub between: f64,
@@ -200,10 +205,22 @@ impl Reference {
         let added: Vec<f64> =
             unseen.word_length.iter().zip(&unseen.double).map(|(word, double)| word + double).collect();
         let double = self.compared(model, &self.together(&judged.double, &judged.looks.double));
-        let whole = worst(&compared, &added);
+        // What method and word length are at all steps, which is all they can be together.
+        let together = double.relative().zip(&unseen.double).zip(&judged.state_errors);
+        let together = together.map(|((seen, unseen), word_length)| seen + unseen + word_length);
+        let between: Vec<f64> = compared
+            .relative()
+            .zip(added)
+            .zip(together)
+            .map(|((seen, added), together)| {
+                // They may cancel at the times of the reference only.
+                if added > TELLING_BETWEEN * seen { added.max(together - seen) } else { added }
+            })
+            .collect();
+        let whole = worst(&compared, &between);
         TotalError {
             whole,
-            between: added[whole.state.index()],
+            between: between[whole.state.index()],
             to_date: compared.to_date().max(judged.errors.largest_to_date()),
             compared: self.all_times.len(),
             end: end(run),
