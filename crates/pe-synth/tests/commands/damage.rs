@@ -76,8 +76,8 @@ const SHORT: [Damage; 4] = [
     (
         "an extra product register",
         "hdl/pe_multiplier.vhd",
-        "whole <= (own + imported) * coefficient;",
-        "kept <= (own + imported) * coefficient;\n          whole <= kept;",
+        "whole <= product_of(own + imported, coefficient);",
+        "kept <= product_of(own + imported, coefficient);\n          whole <= kept;",
     ),
     ("inputs taken whenever", "hdl/pe_input.vhd", "arrive <= sample_i;", "arrive <= '1';"),
 ];
