@@ -6,6 +6,7 @@
 mod registers;
 
 use std::collections::BTreeMap;
+use std::ops::Deref;
 
 use pe_ir::index::{List, PeId, StateId, at, number};
 use pe_ir::program::{ControlWord, FieldName, Fold, Layout, LinkSource, PeProgram, Program};
@@ -26,9 +27,9 @@ pub struct Causes {
     pub input: bool,
 }
 
-/// The whole network.
-pub struct Clocked<'a> {
-    program: &'a Program,
+/// The whole network; `P` is a reference to its program, or shares it.
+pub struct Clocked<P> {
+    program: P,
     words: List<PeId, Vec<ControlWord>>,
     used: List<PeId, Vec<bool>>,
     captures: BTreeMap<(PeId, usize), Vec<usize>>,
@@ -50,11 +51,11 @@ pub struct Clocked<'a> {
     coverage: Coverage,
 }
 
-impl<'a> Clocked<'a> {
+impl<P: Deref<Target = Program>> Clocked<P> {
     /// A network after configuration, at the pause point. Control words pass through their bits.
-    pub fn new(program: &'a Program) -> Clocked<'a> {
+    pub fn new(program: P) -> Clocked<P> {
         let decode = |pe: &PeProgram| -> Vec<ControlWord> {
-            let (fold, layout) = (Fold::of(program, pe), Layout::new(&pe.features, &program.format));
+            let (fold, layout) = (Fold::of(&program, pe), Layout::new(&pe.features, &program.format));
             (0..program.period as usize).map(|k| layout.decode(fold.word(k))).collect()
         };
         let deep = program.format.pipeline == Pipeline::Deep;
@@ -86,10 +87,10 @@ impl<'a> Clocked<'a> {
         for (index, output) in program.outputs.iter().enumerate() {
             captures.entry((output.pe, at(output.word))).or_default().push(index);
         }
+        let pause = program.latency().pause();
         let mut network = Clocked {
-            program,
             words: program.pes.iter().map(decode).collect(),
-            used: used_results(program),
+            used: used_results(&program),
             captures,
             pes: program.pes.iter().map(pe).collect(),
             links: List::filled(0, program.pes.len()),
@@ -105,9 +106,10 @@ impl<'a> Clocked<'a> {
             causes: Causes::default(),
             wrapped: false,
             escaped: false,
-            coverage: Coverage::none(program),
+            coverage: Coverage::none(&program),
+            program,
         };
-        (0..program.latency().pause()).for_each(|_| network.clock(&mut |_| {}));
+        (0..pause).for_each(|_| network.clock(&mut |_| {}));
         network.settle = false;
         network
     }
@@ -121,7 +123,7 @@ impl<'a> Clocked<'a> {
         self.steps += 1;
         let mask = u64::MAX >> (64 - self.program.format.storage_bits);
         for (index, seen) in (0..).zip(&mut self.coverage.outputs) {
-            let (word, clamped) = shown(self.program, self.captured[index]);
+            let (word, clamped) = shown(&self.program, self.captured[index]);
             let word = word as u64;
             seen[0] |= word & mask;
             seen[1] |= !word & mask;
@@ -132,7 +134,7 @@ impl<'a> Clocked<'a> {
 
     /// Published outputs, port words.
     pub fn outputs(&self) -> Vec<i64> {
-        self.captured.iter().map(|word| shown(self.program, *word).0).collect()
+        self.captured.iter().map(|word| shown(&self.program, *word).0).collect()
     }
 
     /// PEs whose sticky flag is set.
@@ -143,6 +145,11 @@ impl<'a> Clocked<'a> {
     /// What set the flags.
     pub fn causes(&self) -> Causes {
         self.causes
+    }
+
+    /// Clears what set the flags, and that a number escaped.
+    pub fn clear_causes(&mut self) {
+        (self.causes, self.escaped) = (Causes::default(), false);
     }
 
     /// Stored word of a state as the next step starts.
@@ -258,7 +265,7 @@ impl<'a> Clocked<'a> {
         links: &List<PeId, i64>,
         trace: &mut impl FnMut(TraceLine),
     ) -> bool {
-        let (program, settle) = (self.program, self.settle);
+        let (program, settle): (&Program, bool) = (&self.program, self.settle);
         let (format, features) = (&program.format, &program.pes[index].features);
         let word = &self.words[index][self.word];
         let used = self.used[index][self.word];

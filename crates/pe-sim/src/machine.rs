@@ -3,21 +3,24 @@
 //! A step does the same whatever the numbers, so its control words are followed once ([`crate::record`]) and what they
 //! compute is run for each step, many sums at a time ([`crate::tiles`]).
 
+use std::ops::Deref;
+
 use pe_ir::index::{List, PeId, StateId, at, number};
 use pe_ir::program::{ControlWord, Fold, Layout, Program};
 use pe_ir::word::WordFormat;
 
+use crate::clocked::Causes;
 use crate::record::{Homes, KeptSums, Move, Moves, NULL, OFFSET, Recording, Stretch};
 use crate::tiles::{self, Chain, Columns, Factor, Outcome, Term, Tiles, Write};
 use crate::trace::{Checksums, MemoryWrite, TraceLine};
 use crate::words::{Port, Words};
 
-/// The whole network.
-pub struct Machine<'a> {
-    program: &'a Program,
+/// The whole network; `P` is a reference to its program, or shares it.
+pub struct Machine<P> {
+    program: P,
     homes: Homes,
     network: Network,
-    overflow: bool,
+    causes: Causes,
     escaped: bool,
     /// Steps done.
     steps: u64,
@@ -43,16 +46,16 @@ macro_rules! on_steps {
     };
 }
 
-impl<'a> Machine<'a> {
+impl<P: Deref<Target = Program>> Machine<P> {
     /// A network after configuration: the pipeline is filled up to the pause point.
     ///
     /// The control words pass through their bits, so that what runs is what the hardware's memory holds.
-    pub fn new(program: &'a Program) -> Self {
+    pub fn new(program: P) -> Self {
         let bits: Vec<Vec<u128>> = program
             .pes
             .iter()
             .map(|pe| {
-                let fold = Fold::of(program, pe);
+                let fold = Fold::of(&program, pe);
                 (0..program.period as usize).map(|k| fold.word(k)).collect()
             })
             .collect();
@@ -60,29 +63,29 @@ impl<'a> Machine<'a> {
     }
 
     /// A network that runs the given control-word bits in place of the program's own.
-    pub fn with_bits(program: &'a Program, bits: &[Vec<u128>]) -> Self {
+    pub fn with_bits(program: P, bits: &[Vec<u128>]) -> Self {
         let decode = |(pe, bits): (&pe_ir::program::PeProgram, &Vec<u128>)| {
             let layout = Layout::new(&pe.features, &program.format);
             bits.iter().map(|bits| layout.decode(*bits)).collect()
         };
         let words: List<PeId, Vec<ControlWord>> = program.pes.iter().zip(bits).map(decode).collect();
-        let homes = Homes::new(program);
+        let homes = Homes::new(&program);
         let network = if program.format.data_bits.max(program.format.coefficient_bits) <= 32 {
-            Network::Short(Steps::new(program, &words, &homes))
+            Network::Short(Steps::new(&program, &words, &homes))
         } else {
-            Network::Long(Steps::new(program, &words, &homes))
+            Network::Long(Steps::new(&program, &words, &homes))
         };
         Machine {
-            program,
             homes,
             network,
-            overflow: false,
+            causes: Causes::default(),
             escaped: false,
             steps: 0,
             cycle: u64::from(program.latency().pause()),
             parity: false,
             outputs: vec![0; program.outputs.len()],
             checksums: vec![0; program.pes.len()],
+            program,
         }
     }
 
@@ -94,12 +97,14 @@ impl<'a> Machine<'a> {
         let ticks = self.program.ticks();
         for (index, word) in ports.chain(ticks.map(|(index, tick, one)| (index, i64::from(tick.is_due(steps)) * one))) {
             let stored = (i128::from(word) << format.guard_bits) + i128::from(format.data_offset());
-            self.overflow |= stored > i128::from(format.max_word());
+            self.causes.input |= stored > i128::from(format.max_word());
             let slot = self.homes.input(index);
             on_steps!(&mut self.network, steps => steps.words.set_operand(at(slot), format.input_operand(word)));
         }
         let step = (self.cycle, self.parity, &mut self.checksums[..]);
-        self.overflow |= on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
+        let causes = on_steps!(&mut self.network, steps => steps.run(&format, step, &mut self.outputs, trace));
+        self.causes.saturated |= causes.saturated;
+        self.causes.operand |= causes.operand;
         self.escaped |= on_steps!(&self.network, steps => steps.escaped);
         self.steps += 1;
         self.cycle += u64::from(self.program.period);
@@ -114,7 +119,35 @@ impl<'a> Machine<'a> {
 
     /// Whether the overflow output is set.
     pub fn overflow(&self) -> bool {
-        self.overflow
+        let Causes { saturated, operand, input } = self.causes;
+        saturated | operand | input
+    }
+
+    /// What set it.
+    pub fn causes(&self) -> Causes {
+        self.causes
+    }
+
+    /// Whether an operand was too large for a sum of two, or will be in the next step: from then on the hardware, whose
+    /// sum wraps, computes something else. [`crate::clocked`] computes the same.
+    pub fn parted(&self) -> bool {
+        self.causes.operand || on_steps!(&self.network, steps => steps.too_large)
+    }
+
+    /// Begins anew with the images of another program, which has the same control words; nothing of the runs before stays.
+    pub fn restart(&mut self, program: P) {
+        on_steps!(&mut self.network, steps => steps.restart(&program, &self.homes));
+        self.program = program;
+        self.cycle = u64::from(self.program.latency().pause());
+        (self.steps, self.parity) = (0, false);
+        self.outputs.fill(0);
+        self.checksums.fill(0);
+        self.clear_flags();
+    }
+
+    /// Clears the overflow output, and that a number escaped.
+    pub fn clear_flags(&mut self) {
+        (self.causes, self.escaped) = (Causes::default(), false);
     }
 
     /// Whether a word of a PE that does not saturate was out of range, which was proven impossible: nothing that was
@@ -140,9 +173,11 @@ impl<'a> Machine<'a> {
 /// What the network computes, with all its words.
 struct Steps<P> {
     words: Words<P>,
+    /// Filling the pipeline.
+    settling: Step<P>,
     /// Sums under way between two steps, and room for the next ones.
     kept: (Vec<i128>, Vec<i128>),
-    /// Filling the pipeline, even steps and odd steps; the last two are one if the parity changes nothing.
+    /// Even steps and odd steps, one if the parity changes nothing.
     even: Step<P>,
     odd: Option<Step<P>>,
     /// Words on the move.
@@ -189,40 +224,52 @@ impl<P: Port> Steps<P> {
         let mut steps = recordings.into_iter().map(|recording| Step::new(recording, program, homes, &needed));
         let (settling, even, odd) = (steps.next(), steps.next(), steps.next());
         let mut state = Steps {
-            words: image(program, homes, slots, has_factors),
+            words: Words::new(program.format, slots, has_factors),
+            settling: settling.expect("recorded above"),
             kept: (vec![0; kept.sums.len()], vec![0; kept.sums.len()]),
-            even: settling.expect("recorded above"),
-            odd: None,
+            even: even.expect("recorded above"),
+            odd,
             moving: (Vec::new(), Vec::new()),
             too_large: false,
             escaped: false,
         };
-        let checksums = &mut vec![0; program.pes.len()];
-        state.run(&program.format, (0, false, checksums), &mut vec![0; program.outputs.len()], &mut |_| {});
-        Steps { even: even.expect("recorded above"), odd, ..state }
+        state.restart(program, homes);
+        state
     }
 
-    /// Runs a step; whether the overflow flag is set.
+    /// Fills memories and pipeline from the program's images.
+    fn restart(&mut self, program: &Program, homes: &Homes) {
+        load(program, homes, &mut self.words);
+        self.kept.0.fill(0);
+        self.kept.1.fill(0);
+        (self.too_large, self.escaped) = (false, false);
+        let checksums = &mut vec![0; program.pes.len()];
+        std::mem::swap(&mut self.settling, &mut self.even);
+        self.run(&program.format, (0, false, checksums), &mut vec![0; program.outputs.len()], &mut |_| {});
+        std::mem::swap(&mut self.settling, &mut self.even);
+    }
+
+    /// Runs a step; what sets the overflow flag, inputs aside.
     fn run(
         &mut self,
         format: &WordFormat,
         (cycle, parity, checksums): (u64, bool, &mut [u64]),
         outputs: &mut [i64],
         trace: &mut impl FnMut(TraceLine),
-    ) -> bool {
+    ) -> Causes {
         let step = if parity { self.odd.as_ref().unwrap_or(&self.even) } else { &self.even };
         let words = &mut self.words;
-        let mut overflow = words.run(&step.tiles, &self.kept.0, &mut self.kept.1);
-        if overflow {
+        let mut causes = Causes::default();
+        if words.run(&step.tiles, &self.kept.0, &mut self.kept.1) {
             let saturated = |slots: &[u32]| slots.iter().any(|slot| words.saturations[at(*slot)] > 0);
-            overflow = saturated(&step.flagged);
+            causes.saturated = saturated(&step.flagged);
             self.escaped |= saturated(&step.proven);
             words.saturations.fill(0);
         }
         // The hardware's sum of such operands wraps; here it does not, so from then on only the flag is that of the hardware.
         let half = 1 << (format.data_bits - 2);
         let too_large = |slots: &[u32]| slots.iter().any(|slot| !(-half..half).contains(&words.data[at(*slot)].into()));
-        overflow |= self.too_large | too_large(&step.paired);
+        causes.operand = self.too_large | too_large(&step.paired);
         self.too_large = too_large(&step.paired_last);
         for write in &step.writes {
             let slot = at(write.slot);
@@ -243,7 +290,7 @@ impl<P: Port> Steps<P> {
         take_over(&step.moves.operands, &mut words.data, &mut self.moving.1);
         take_over(&step.moves.factors, &mut words.factors, &mut self.moving.1);
         std::mem::swap(&mut self.kept.0, &mut self.kept.1);
-        overflow
+        causes
     }
 }
 
@@ -351,9 +398,9 @@ fn needed_homes(program: &Program, homes: &Homes, recordings: &[Recording]) -> V
     }
 }
 
-/// The words of the initial memory images.
-fn image<P: Port>(program: &Program, homes: &Homes, slots: usize, has_factors: bool) -> Words<P> {
-    let mut words = Words::new(program.format, slots, has_factors);
+/// Sets the words of the initial memory images, and all others to zero.
+fn load<P: Port>(program: &Program, homes: &Homes, words: &mut Words<P>) {
+    words.clear();
     words.set(at(NULL), 0);
     words.set(at(OFFSET), program.format.data_offset());
     for (index, pe) in program.pes.numbered() {
@@ -370,7 +417,6 @@ fn image<P: Port>(program: &Program, homes: &Homes, slots: usize, has_factors: b
             words.set_operand(at(homes.imported(index, address)), *operand);
         }
     }
-    words
 }
 
 /// What an output port shows of a stored word.

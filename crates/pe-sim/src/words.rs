@@ -83,6 +83,13 @@ impl<P: Port> Words<P> {
         }
     }
 
+    /// Zero words in all slots.
+    pub fn clear(&mut self) {
+        self.words.fill(0);
+        self.data.fill(P::default());
+        self.factors.fill(P::default());
+    }
+
     /// Sets a slot.
     pub fn set(&mut self, slot: usize, word: i64) {
         self.words[slot] = word;

@@ -88,7 +88,7 @@ enum Place {
 }
 
 impl Place {
-    fn of(self, network: &Clocked) -> i128 {
+    fn of(self, network: &Clocked<&Program>) -> i128 {
         match self {
             Place::Result(pe, word) => network.sums(pe)[word],
             Place::Own(pe, word) => network.operands(pe)[word][0].into(),
@@ -120,7 +120,7 @@ fn joined(program: &Program, seen: &Coverage) -> Vec<Place> {
 }
 
 /// The network after one step.
-fn look(candidate: &Candidate) -> Clocked<'_> {
+fn look(candidate: &Candidate) -> Clocked<&Program> {
     let mut network = Clocked::new(&candidate.program);
     network.step(candidate.stimulus.first().map_or(&[], Vec::as_slice), &mut |_| {});
     network
@@ -176,7 +176,7 @@ fn beyond(
     let mut search = Search::of(program, steps)?;
     let mut results = BTreeSet::new();
     let probes: Vec<Candidate> = (0..PROBES).map(|number| spread(program, steps, number)).collect();
-    let probed: Vec<Clocked> = probes.iter().map(look).collect();
+    let probed: Vec<Clocked<&Program>> = probes.iter().map(look).collect();
     for place in places {
         let (Place::Result(pe, _) | Place::Own(pe, _) | Place::Imported(pe, _)) = *place;
         if !results.insert((pe, probed.iter().map(|network| place.of(network)).collect::<Vec<_>>())) {

@@ -89,7 +89,7 @@ fn wrapped(home: &Path, model: &str, options: &str) -> PathBuf {
 struct Pair<'a> {
     device: Device,
     program: &'a Program,
-    machine: Machine<'a>,
+    machine: Machine<&'a Program>,
     /// Steps that the simulator has run.
     done: u32,
     /// The inputs of each.

@@ -118,7 +118,7 @@ fn listed(words: impl IntoIterator<Item = i64>) -> String {
 }
 
 /// Words of the states, then steps since the last sample of each tick, after some steps.
-fn state_words(program: &Program, machine: &Machine, steps: u64) -> Vec<i64> {
+fn state_words(program: &Program, machine: &Machine<&Program>, steps: u64) -> Vec<i64> {
     let states = program.states.ids().map(|state| machine.state(state));
     let since = program.ticks().map(|(_, tick, _)| ((steps + u64::from(tick.done)) % u64::from(tick.steps)) as i64);
     states.chain(since).collect()

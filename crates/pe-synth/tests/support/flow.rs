@@ -208,7 +208,7 @@ impl Flow {
 
     /// Asserts that the machine has the words of the fixed-point run in states and outputs; how many it compared.
     /// `when` is for messages.
-    pub fn assert_words(&self, machine: &Machine, run: &FixedRun, when: &str) -> u64 {
+    pub fn assert_words(&self, machine: &Machine<&Program>, run: &FixedRun, when: &str) -> u64 {
         for (index, (state, _)) in self.graph.states.iter().enumerate() {
             assert_eq!(machine.state(StateId::at(index)), run.word(*state), "{}, {when}, state {index}", self.label);
         }
