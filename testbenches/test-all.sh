@@ -104,6 +104,13 @@ begin 'what pages say is printed'
 cargo build --locked --quiet
 PE_SYNTH=$target/debug/pe-synth crates/xtask/pages/printed.py --check
 
+begin 'the Python package of pe-host'
+design=$target/python/motor_pid
+"$target/debug/pe-synth" compile models/motor_pid/motor_pid.spec --host restart,states,flags --quiet --no-pictures -o "$design"
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall \
+  --config-settings=build-args='--profile dev --locked' ./crates/pe-host/python
+PE_SYNTH=$target/debug/pe-synth PE_DESIGN=$design "$venv/bin/python" -m unittest discover crates/pe-host/python/tests
+
 begin 'layout of the VHDL'
 lint hdl/*.vhd testbenches/*.vhd
 

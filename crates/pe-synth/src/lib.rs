@@ -13,6 +13,8 @@ pub mod cmd_dump;
 pub mod cmd_explain;
 pub mod cmd_explore;
 pub mod cmd_golden;
+pub mod cmd_rates;
+pub mod cmd_serve;
 pub mod cmd_shell;
 pub mod cmd_sim;
 pub mod cmd_verify;

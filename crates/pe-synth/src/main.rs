@@ -9,7 +9,7 @@ use pe_flow::failure::Failure;
 use pe_synth::messages::{MessageFormat, guarded, print_failure, print_plain};
 use pe_synth::{
     cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden,
-    cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
+    cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -65,6 +65,8 @@ enum Command {
     Dump(Box<cmd_dump::Dump>),
     Golden(cmd_golden::Golden),
     Diff(cmd_diff::Diff),
+    Rates(cmd_rates::Rates),
+    Serve(cmd_serve::Serve),
     Explain(cmd_explain::Explain),
     Completions(cmd_shell::Completions),
     Man(cmd_shell::ManualPage),
@@ -87,6 +89,8 @@ fn main() -> ExitCode {
         Command::Dump(dump) => (dump.message_format(), dump.run()),
         Command::Golden(golden) => (MessageFormat::Human, golden.run()),
         Command::Diff(diff) => (diff.message_format(), diff.run()),
+        Command::Rates(rates) => (rates.message_format(), rates.run()),
+        Command::Serve(serve) => (serve.message_format(), serve.run()),
         Command::Explain(explain) => (explain.message_format(), explain.run()),
         Command::Completions(completions) => (MessageFormat::Human, completions.run(Arguments::command())),
         Command::Man(man) => (MessageFormat::Human, man.run(Arguments::command())),

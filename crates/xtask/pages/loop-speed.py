@@ -5,9 +5,11 @@
 
 Compiles a rotary pendulum, a filter of order six and a DC motor, builds their libraries with `rustc -O`, and prints
 for both forms the steps per second of a loop in one process that reads all outputs and sets all inputs in every step: the
-fastest of many runs from the initial state. $PE_SYNTH names a binary to use in place of building one.
+fastest of many runs from the initial state. Then the same loops in numbers, by `pe-synth rates`; see docs/host.md.
+$PE_SYNTH names a binary to use in place of building one.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -140,6 +142,13 @@ def main(folder):
         with open(source, encoding="utf-8") as file:
             period = next(line.split()[-1].rstrip(";") for line in file if line.startswith("const PERIOD:"))
         print(f"| {title} | {period} | {int(fast):,} | {int(clocked):,} |", flush=True)
+    print("\n| model | `model` | `clocked` | `fast` |")
+    print("|---|---|---|---|")
+    for title, name, _ in MODELS:
+        out = os.path.join(folder, name, "out")
+        rates = run(program, "rates", out, "--transport", "model,clocked,fast", "--message-format", "json")
+        measured = [f"{int(row['measured_samples_per_s']):,}" for row in json.loads(rates)[:3]]
+        print(f"| {title} | " + " | ".join(measured) + " |", flush=True)
 
 
 if __name__ == "__main__":

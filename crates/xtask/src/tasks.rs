@@ -62,8 +62,8 @@ pub const TASKS: &[Task] = &[
     task("pages/leave-out.sh", "what leaving out outputs saves", &["leave-out.md"], "ghdl, jq, yosys", "some minutes"),
     task(
         "pages/loop-speed.py",
-        "steps per second of the reference as a library",
-        &["library.md"],
+        "steps per second in closed loop, of the reference as a library and through a host",
+        &["library.md", "host.md"],
         "python3",
         "a minute",
     ),

@@ -20,4 +20,5 @@ mod map;
 mod mapping_file;
 mod report;
 mod tidy;
+mod transports;
 mod wrap;

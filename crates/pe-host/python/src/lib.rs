@@ -1,0 +1,256 @@
+//! The Python package `pe_host`: [`pe_host`] with Python's types. `pe_host/_pe_host.pyi` says what each function does.
+#![allow(missing_docs, reason = "the stub file has the documentation")]
+
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use pyo3::create_exception;
+use pyo3::exceptions::{PyException, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use pe_host::{Limits, Settings, Transport};
+
+create_exception!(pe_host, Error, PyException, "A call failed, within the timeout.");
+
+fn raised(py: Python<'_>, error: &pe_host::Error) -> PyErr {
+    let raised = Error::new_err(error.to_string());
+    // An exception without its kind is still that exception.
+    let _ = raised.value(py).setattr("kind", error.kind());
+    raised
+}
+
+#[pyclass(subclass, frozen)]
+struct Written {
+    #[pyo3(get)]
+    clamped: Vec<String>,
+    #[pyo3(get)]
+    beyond_range: Vec<String>,
+}
+
+#[pyclass(extends = Written, frozen)]
+struct Exchanged {
+    #[pyo3(get)]
+    outputs: Vec<f64>,
+    #[pyo3(get)]
+    overruns: u64,
+}
+
+#[pyclass(frozen)]
+struct Snapshot(pe_host::Snapshot);
+
+#[pymethods]
+impl Snapshot {
+    #[new]
+    fn new(hash: String, sample: u64, state: Vec<i64>) -> Snapshot {
+        Snapshot(pe_host::Snapshot { hash, sample, state })
+    }
+
+    #[getter]
+    fn hash(&self) -> String {
+        self.0.hash.clone()
+    }
+
+    #[getter]
+    fn sample(&self) -> u64 {
+        self.0.sample
+    }
+
+    #[getter]
+    fn state(&self) -> Vec<i64> {
+        self.0.state.clone()
+    }
+}
+
+/// None after `close`.
+#[pyclass(frozen)]
+struct Host(Mutex<Option<pe_host::Host>>);
+
+impl Host {
+    /// Works with the host while other threads of Python run.
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut pe_host::Host) -> Result<T, pe_host::Error> + Send,
+    ) -> PyResult<T> {
+        let result = py.detach(|| {
+            let mut host = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            match &mut *host {
+                Some(host) => work(host),
+                None => Err(pe_host::Error::Lost("the host was closed".to_owned())),
+            }
+        });
+        result.map_err(|error| raised(py, &error))
+    }
+}
+
+fn names(host: &pe_host::Host, indices: &[usize]) -> Vec<String> {
+    indices.iter().filter_map(|index| Some(host.inputs().nth(*index)?.name.clone())).collect()
+}
+
+fn written(host: &pe_host::Host, written: &pe_host::Written) -> Written {
+    Written { clamped: names(host, &written.clamped), beyond_range: names(host, &written.beyond_range) }
+}
+
+#[pymethods]
+impl Host {
+    #[getter]
+    fn inputs(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.with(py, |host| Ok(host.inputs().map(|input| input.name.clone()).collect()))
+    }
+
+    #[getter]
+    fn outputs(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.with(py, |host| Ok(host.map().outputs.iter().map(|output| output.name.clone()).collect()))
+    }
+
+    #[getter]
+    fn limits(&self, py: Python<'_>) -> PyResult<Vec<(f64, f64)>> {
+        self.with(py, |host| Ok(host.inputs().map(|input| input.limits.into()).collect()))
+    }
+
+    #[getter]
+    fn hash(&self, py: Python<'_>) -> PyResult<String> {
+        self.with(py, |host| Ok(host.map().hash.clone()))
+    }
+
+    #[getter]
+    fn step(&self, py: Python<'_>) -> PyResult<f64> {
+        self.with(py, |host| Ok(host.map().step))
+    }
+
+    #[getter]
+    fn sample(&self, py: Python<'_>) -> PyResult<u64> {
+        self.with(py, |host| Ok(host.sample()))
+    }
+
+    #[getter]
+    fn time(&self, py: Python<'_>) -> PyResult<f64> {
+        self.with(py, |host| Ok(host.time()))
+    }
+
+    fn reset(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, pe_host::Host::reset)
+    }
+
+    fn write(&self, py: Python<'_>, numbers: Vec<f64>) -> PyResult<Written> {
+        self.with(py, |host| {
+            let what = host.write(&numbers)?;
+            Ok(written(host, &what))
+        })
+    }
+
+    fn write_words(&self, py: Python<'_>, words: Vec<i64>) -> PyResult<()> {
+        self.with(py, |host| host.write_words(&words))
+    }
+
+    #[pyo3(signature = (steps = 1))]
+    fn run(&self, py: Python<'_>, steps: u64) -> PyResult<u64> {
+        self.with(py, |host| Ok(host.run(steps)?.overruns))
+    }
+
+    fn read(&self, py: Python<'_>) -> PyResult<Vec<f64>> {
+        self.with(py, |host| {
+            let mut numbers = vec![0.0; host.map().outputs.len()];
+            host.read(&mut numbers)?;
+            Ok(numbers)
+        })
+    }
+
+    fn read_defined(&self, py: Python<'_>) -> PyResult<Vec<Option<f64>>> {
+        self.with(py, pe_host::Host::read_defined)
+    }
+
+    fn read_words(&self, py: Python<'_>) -> PyResult<Vec<Option<i64>>> {
+        self.with(py, pe_host::Host::read_words)
+    }
+
+    #[pyo3(signature = (numbers, steps = 1))]
+    fn exchange(&self, py: Python<'_>, numbers: Vec<f64>, steps: u64) -> PyResult<Py<Exchanged>> {
+        let (base, exchanged) = self.with(py, |host| {
+            let mut outputs = vec![0.0; host.map().outputs.len()];
+            let exchanged = host.exchange(&numbers, steps, &mut outputs)?;
+            Ok((written(host, &exchanged.written), Exchanged { outputs, overruns: exchanged.ran.overruns }))
+        })?;
+        Py::new(py, PyClassInitializer::from(base).add_subclass(exchanged))
+    }
+
+    #[pyo3(signature = (words, steps = 1))]
+    fn exchange_words(&self, py: Python<'_>, words: Vec<i64>, steps: u64) -> PyResult<Vec<Option<i64>>> {
+        self.with(py, |host| Ok(host.exchange_words(&words, steps)?.to_vec()))
+    }
+
+    fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
+        self.with(py, |host| Ok(Snapshot(host.snapshot()?)))
+    }
+
+    fn restore(&self, py: Python<'_>, snapshot: &Snapshot) -> PyResult<()> {
+        self.with(py, |host| host.restore(&snapshot.0))
+    }
+
+    fn flags(&self, py: Python<'_>) -> PyResult<Vec<&'static str>> {
+        self.with(py, |host| Ok(host.flags()?.names().collect()))
+    }
+
+    fn clear_flags(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, pe_host::Host::clear_flags)
+    }
+
+    #[pyo3(signature = (clock_budget = 0, pace_period = 0, go_on = false))]
+    fn limit(&self, py: Python<'_>, clock_budget: u32, pace_period: u32, go_on: bool) -> PyResult<()> {
+        self.with(py, |host| host.limit(&Limits { clock_budget, pace_period, go_on }))
+    }
+
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let counters = self.with(py, pe_host::Host::counters)?;
+        let all = PyDict::new(py);
+        all.set_item("clocks", counters.clocks)?;
+        all.set_item("longest", counters.longest)?;
+        all.set_item("shortest", counters.shortest)?;
+        all.set_item("least_slack", counters.least_slack)?;
+        all.set_item("overruns", counters.overruns)?;
+        Ok(all)
+    }
+
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| drop(self.0.lock().unwrap_or_else(PoisonError::into_inner).take()));
+    }
+
+    fn __enter__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        this
+    }
+
+    fn __exit__(&self, py: Python<'_>, _kind: Py<PyAny>, _error: Py<PyAny>, _traceback: Py<PyAny>) {
+        self.close(py);
+    }
+}
+
+#[pyfunction]
+#[pyo3(signature = (folder, transport = "model", timeout = 0.5, library = None))]
+fn open(py: Python<'_>, folder: PathBuf, transport: &str, timeout: f64, library: Option<PathBuf>) -> PyResult<Host> {
+    let timeout = Duration::try_from_secs_f64(timeout)
+        .map_err(|_| PyValueError::new_err(format!("{timeout} s is no time to wait")))?;
+    let settings = Settings { timeout, library };
+    let opened = py.detach(|| {
+        let transport: Transport = transport.parse()?;
+        pe_host::Host::open(&folder, &transport, &settings)
+    });
+    let host = opened.map_err(|error| raised(py, &error))?;
+    Ok(Host(Mutex::new(Some(host))))
+}
+
+#[pymodule]
+fn _pe_host(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let transports = PyDict::new(module.py());
+    for (form, meaning) in Transport::FORMS {
+        transports.set_item(form, meaning)?;
+    }
+    module.add("TRANSPORTS", transports)?;
+    module.add("Error", module.py().get_type::<Error>())?;
+    module.add_class::<Written>()?;
+    module.add_class::<Exchanged>()?;
+    module.add_class::<Snapshot>()?;
+    module.add_class::<Host>()?;
+    module.add_function(wrap_pyfunction!(open, module)?)
+}
