@@ -111,6 +111,7 @@ architecture rtl of pe_access is
   signal word      : std_ulogic_vector(WORD_BITS downto 0)                 := (others => '0');
   signal looked    : std_ulogic_vector(WORD_BITS - 1 downto 0);
   signal state     : std_ulogic_vector(WORD_BITS - 1 downto 0)             := (others => '0');
+  signal is_tick   : std_ulogic;
   signal due       : std_ulogic;
   signal source    : std_ulogic_vector(WORD_BITS - 1 downto 0);
   signal offset    : signed(WORD_BITS downto 0);
@@ -157,15 +158,19 @@ begin
 
   end generate g_host;
 
+  -- GHDL 2.0 cuts a constant that does not fit the number it is compared with, so without ticks nothing is compared.
+  is_tick <= '1' when TICK_COUNT > 0 and target >= PE_COUNT else
+             '0';
+
   -- Whether the row is for the word that is executed next. The last words of the first pass add to words that are
   -- written behind the pause point.
-  p_due : process (row, target, filling_i, next_i, content) is
+  p_due : process (row, is_tick, filling_i, next_i, content) is
   begin
 
     due <= '0';
 
     if (row /= ROWS) then
-      if (target >= PE_COUNT) then
+      if (is_tick = '1') then
         due <= '1';
       elsif (next_i = content(WORD_INDEX - 1 downto 0) and (filling_i = '0' or unsigned(next_i) >= PAUSE_WORD - 2)) then
         due <= '1';
@@ -273,7 +278,7 @@ begin
 
                 word <= std_ulogic_vector(resize(signed(source), WORD_BITS + 1) - offset);
 
-                if (target >= PE_COUNT) then
+                if (is_tick = '1') then
                   word <= std_ulogic_vector(resize(signed(source), WORD_BITS + 1));
                 end if;
 

@@ -356,13 +356,12 @@ fn wrapped(folder: &Path, name: &str, options: &str) -> Settings {
 
 #[test]
 fn simulations_of_the_hardware_give_the_same_integers() {
-    for ((name, options), steps, transports) in
-        [(HOSTED[0], 1000, &["ghdl", "verilator"][..]), (HOSTED[1], 200, &["ghdl"])]
-    {
+    // The second one has as many PEs as a number of one bit tells apart, and no ticks.
+    for ((name, options), steps) in [(HOSTED[0], 1000), (HOSTED[1], 200)] {
         let folder = Folder::new(&format!("transports_simulated_{name}"));
         let settings = wrapped(&folder.0, name, options);
         let expected = without_proof(program(&mut model(&folder.0), steps, 13));
-        for transport in transports {
+        for transport in ["ghdl", "verilator"] {
             let seen = without_proof(program(&mut open(&folder.0, transport, &settings), steps, 13));
             assert_same(name, ["model", transport], &expected, &seen);
         }
