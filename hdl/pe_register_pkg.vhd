@@ -89,6 +89,7 @@ package pe_register_pkg is
   constant STATUS_ACCESS        : natural := 12;
   constant STATUS_STATE_READY   : natural := 13;
   constant STATUS_REPLACING     : natural := 14;
+  constant STATUS_FRAME         : natural := 15;
   constant MODE_FREE_RUN        : natural := 0;
   constant MODE_PACE            : natural := 1;
   constant MODE_CONTINUE        : natural := 2;
@@ -111,6 +112,7 @@ package pe_register_pkg is
     give_clocks : std_ulogic;            -- order: let `clocks` enabled clocks pass
     free_run    : std_ulogic;            -- a run has no last step
     pace        : std_ulogic;            -- steps begin `period` clocks apart
+    stream      : std_ulogic;            -- steps take their inputs from a stream
     go_on       : std_ulogic;            -- a run goes on after an overrun
     halt        : std_ulogic;            -- no clock is enabled that was not given
     steps       : unsigned(31 downto 0); -- steps of a run
@@ -127,10 +129,13 @@ package pe_register_pkg is
     exceeded   : std_ulogic;            -- event: because a step took too long
     aborted    : std_ulogic;            -- event: because the host wanted it
     overrun    : std_ulogic;            -- event: a step was not ready in time
+    begins     : std_ulogic;            -- event: a step begins
     done       : std_ulogic;            -- event: a step has ended
     enabled    : std_ulogic;            -- an enabled clock with a step under way
     unfinished : std_ulogic;            -- a step was stopped in the middle
     stepping   : std_ulogic;            -- a step is under way
+    streaming  : std_ulogic;            -- steps take their inputs from a stream
+    more       : std_ulogic;            -- there are steps to begin
     paced      : std_ulogic;            -- the run is paced
     clocks     : unsigned(31 downto 0); -- given clocks that are left
     latency    : unsigned(31 downto 0); -- at `done`: enabled clocks since the step began

@@ -22,6 +22,7 @@ entity pe_registers is
     RESTART            : boolean;                         -- the network can be restarted
     STATES             : boolean;                         -- states can be read and replaced
     FLAGS              : boolean;                         -- there is a flag per cause
+    STREAM             : boolean;                         -- there are streams
     STATE_BITS         : natural;                         -- stored word
     STATE_ADDRESS_BITS : positive                         -- address of a state
   );
@@ -43,6 +44,7 @@ entity pe_registers is
     saturated_i     : in    std_ulogic;                                         -- a word saturated; each time for a clock
     operand_i       : in    std_ulogic;                                         -- an operand was too large
     input_i         : in    std_ulogic;                                         -- an input was too large
+    wrong_i         : in    std_ulogic;                                         -- a frame was dropped
     take_o          : out   std_ulogic;                                         -- inputs act from now on
     hold_o          : out   std_ulogic;                                         -- outputs stay
     input_write_o   : out   std_ulogic;                                         -- writes a word of the inputs
@@ -140,9 +142,11 @@ architecture rtl of pe_registers is
   constant COMMANDS : word_t := bit_if(true, COMMAND_START) or bit_if(true, COMMAND_ABORT) or bit_if(true, COMMAND_INPUTS)
                                 or bit_if(true, COMMAND_CLEAR) or bit_if(RESTART, COMMAND_RESTART);
   constant MODES    : word_t := bit_if(true, MODE_FREE_RUN) or bit_if(true, MODE_PACE) or bit_if(true, MODE_CONTINUE)
-                                or bit_if(true, MODE_HALT) or bit_if(true, MODE_HOLD) or bit_if(STATES, MODE_ACCESS);
+                                or bit_if(true, MODE_HALT) or bit_if(true, MODE_HOLD) or bit_if(STATES, MODE_ACCESS)
+                                or bit_if(STREAM, MODE_STREAM);
 
   constant CAPS : word_t := bit_if(RESTART, CAPS_RESTART) or bit_if(STATES, CAPS_STATES) or bit_if(FLAGS, CAPS_FLAGS)
+                            or bit_if(STREAM, CAPS_STREAM)
                             or std_ulogic_vector(shift_left(to_unsigned(ADDRESS_BITS - 12, 32), CAPS_WINDOW))
                             or std_ulogic_vector(shift_left(to_unsigned(STATE_BITS, 32), CAPS_STATE_BITS));
 
@@ -229,6 +233,8 @@ begin
           if (mode(MODE_PACE) = '1' and period = NOTHING) then
             possible <= '0';
           end if;
+        elsif (ones(COMMAND_INPUTS) = '1') then
+          possible <= not run_i.streaming;
         end if;
       elsif (chosen(MODE_REGISTER) = '1' and (ones and not MODES) /= NOTHING) then
         possible <= '0';
@@ -305,7 +311,7 @@ begin
 
   end process p_set;
 
-  p_events : process (run_i, saturated_i, operand_i, input_i) is
+  p_events : process (run_i, wrong_i, saturated_i, operand_i, input_i) is
   begin
 
     events                       <= (others => '0');
@@ -313,6 +319,7 @@ begin
     events(STATUS_TIME_EXCEEDED) <= run_i.exceeded;
     events(STATUS_OVERRUN)       <= run_i.overrun;
     events(STATUS_ABORTED)       <= run_i.aborted;
+    events(STATUS_FRAME)         <= wrong_i;
 
     if (FLAGS) then
       events(STATUS_SATURATED) <= saturated_i;
@@ -426,6 +433,7 @@ begin
   order_o.give_clocks <= writing(SINGLE_CLOCKS_REGISTER);
   order_o.free_run    <= mode(MODE_FREE_RUN);
   order_o.pace        <= mode(MODE_PACE);
+  order_o.stream      <= mode(MODE_STREAM);
   order_o.go_on       <= mode(MODE_CONTINUE);
   order_o.halt        <= mode(MODE_HALT);
   order_o.steps       <= unsigned(steps);
@@ -434,7 +442,7 @@ begin
   order_o.clocks      <= unsigned(merged(std_ulogic_vector(run_i.clocks), bits, ones));
 
   clear_o         <= command(COMMAND_CLEAR);
-  take_o          <= command(COMMAND_START) or command(COMMAND_INPUTS);
+  take_o          <= (command(COMMAND_START) and not mode(MODE_STREAM)) or command(COMMAND_INPUTS);
   hold_o          <= mode(MODE_HOLD);
   input_write_o   <= possible and request_i and write_i when window = INPUT_WINDOW else
                      '0';

@@ -19,6 +19,7 @@ entity pe_synchronizer is
     clk_i       : in    std_ulogic;  -- clock
     order_i     : in    run_order_t; -- what the host wants
     accessing_i : in    std_ulogic;  -- the host wants to read or replace states
+    fed_i       : in    std_ulogic;  -- a stream lets a step begin
     ce_o        : out   std_ulogic;  -- clock enable of the network
     step_o      : out   std_ulogic;  -- lets a step begin
     busy_i      : in    std_ulogic;  -- no step can begin
@@ -55,6 +56,7 @@ architecture rtl of pe_synchronizer is
   signal running  : std_ulogic            := '0';
   signal endless  : std_ulogic            := '0';
   signal paced    : std_ulogic            := '0';
+  signal streams  : std_ulogic            := '0';
   signal goes_on  : std_ulogic            := '0';
   signal aborting : std_ulogic            := '0';
   signal left     : unsigned(31 downto 0) := (others => '0');
@@ -77,6 +79,7 @@ architecture rtl of pe_synchronizer is
 
   signal ce       : std_ulogic;
   signal more     : std_ulogic;
+  signal fed      : std_ulogic;
   signal due      : std_ulogic;
   signal late     : std_ulogic;
   signal step     : std_ulogic;
@@ -91,23 +94,24 @@ begin
   ce <= restart or (accessing_i and not (or under_way)) when frozen = '1' or (order_i.halt = '1' and clocks = 0) else
         '1';
 
+  fed  <= fed_i or not streams;
   more <= running and (endless or (or left));
 
   -- The clock in which the next step should begin: then the one before must be done.
-  p_late : process (timer, pacing, under_way, ends, more, ce, busy_i) is
+  p_late : process (timer, pacing, under_way, ends, more, ce, busy_i, fed) is
   begin
 
     late <= '0';
 
     if (pacing = '1' and timer = 0) then
-      late <= ((or under_way) and not (under_way(0) and ends)) or (more and (busy_i or not ce));
+      late <= ((or under_way) and not (under_way(0) and ends)) or (more and (busy_i or not ce or not fed));
     end if;
 
   end process p_late;
 
   due    <= '1' when paced = '0' or timer <= 0 else
             '0';
-  step   <= more and due and (goes_on or not late) and not accessing_i;
+  step   <= more and due and fed and (goes_on or not late) and not accessing_i;
   begins <= ce and step and not busy_i and not restart;
   ends   <= ce and done_i and (or under_way);
 
@@ -141,6 +145,7 @@ begin
         frozen  <= '0';
         endless <= order_i.free_run;
         paced   <= order_i.pace;
+        streams <= order_i.stream;
         goes_on <= order_i.go_on;
         pacing  <= '0';
         left    <= order_i.steps - under_way;
@@ -310,6 +315,9 @@ begin
   run_o.enabled    <= ce and (or under_way);
   run_o.done       <= ends;
   run_o.latency    <= age;
+  run_o.streaming  <= streams and running;
+  run_o.more       <= more;
+  run_o.begins     <= begins;
   run_o.paced      <= paced;
   run_o.slack      <= slack;
 

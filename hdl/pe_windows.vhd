@@ -28,6 +28,8 @@ entity pe_windows is
     all_out_o  : out   std_ulogic;                                                    -- all outputs can be read
     sample_o   : out   std_ulogic_vector(63 downto 0);                                -- step whose outputs these are
     take_i     : in    std_ulogic;                                                    -- inputs act from now on
+    load_i     : in    std_ulogic;                                                    -- those of a frame do
+    frame_i    : in    std_ulogic_vector(maximum(32 * INPUT_WORDS, 1) - 1 downto 0);  -- its words
     hold_i     : in    std_ulogic;                                                    -- outputs stay
     capture_i  : in    std_ulogic;                                                    -- outputs are new
     stepping_i : in    std_ulogic;                                                    -- a step is under way
@@ -77,6 +79,10 @@ begin
 
       if (take_i = '1') then
         taken <= written;
+      end if;
+
+      if (load_i = '1') then
+        taken <= frame_i;
       end if;
     end if;
 

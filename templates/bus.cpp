@@ -7,6 +7,10 @@
 //   r ADDRESS               reads a register; the answer is 8 digits, or `slverr`
 //   w ADDRESS DATA STROBES  writes the bytes of one whose strobes are 1; the answer is `ok` or `slverr`
 //   c CLOCKS                lets so many clocks pass; the answer is `ok`
+{%- if stream %}
+//   i WORD ...              sends a frame with the inputs of a step; the answer is `ok`, or `none` if it was not taken
+//   o                       receives a frame; the answer is its words, or `none` if there was none
+{%- endif %}
 //   q                       ends the program, like the end of the input
 
 #include <cstdint>
@@ -24,6 +28,10 @@ namespace {
 
 // Most clocks of an access
 constexpr int kPatience = 1000;
+{%- if stream %}
+// Clocks until there is no frame
+constexpr int kStreamPatience = {{ stream_patience }};
+{%- endif %}
 
 [[noreturn]] void Fail(const char* what) {
   std::fprintf(stderr, "%s\n", what);
@@ -51,6 +59,9 @@ int main(int argc, char** argv) {
   top->aresetn = 1;
   top->s_axi_awvalid = top->s_axi_wvalid = top->s_axi_bready = 0;
   top->s_axi_arvalid = top->s_axi_rready = 0;
+{%- if stream %}
+  top->s_axis_tvalid = top->m_axis_tready = 0;
+{%- endif %}
   top->eval();
 
   // An edge: inputs have settled before it, and change after it.
@@ -108,6 +119,62 @@ int main(int argc, char** argv) {
     Fail("the wrapper does not answer a write");
   };
 
+{%- if stream %}
+
+  // Once the first word is taken there is room for all.
+  auto send_frame = [&](std::istringstream& request) {
+    // A design without inputs has no frames.
+    if ((request >> std::ws).eof()) {
+      Answer("ok");
+      return;
+    }
+    int waited = 0;
+    top->s_axis_tvalid = 1;
+    uint32_t word = Number(request);
+    for (bool last = false; !last;) {
+      request >> std::ws;
+      last = request.eof();
+      top->s_axis_tdata = word;
+      top->s_axis_tlast = last;
+      for (bool taken = false; !taken;) {
+        top->eval();
+        taken = top->s_axis_tready;
+        tick();
+        if (!taken && ++waited == kStreamPatience) {
+          top->s_axis_tvalid = 0;
+          Answer("none");
+          return;
+        }
+      }
+      if (!last) word = Number(request);
+    }
+    top->s_axis_tvalid = 0;
+    Answer("ok");
+  };
+
+  auto receive_frame = [&] {
+    std::string words;
+    top->m_axis_tready = 1;
+    for (int i = 0; i < kStreamPatience; ++i) {
+      top->eval();
+      const bool valid = top->m_axis_tvalid;
+      const bool last = top->m_axis_tlast;
+      char digits[16];
+      std::snprintf(digits, sizeof digits, "%08X", static_cast<unsigned>(top->m_axis_tdata));
+      tick();
+      if (!valid) continue;
+      words += (words.empty() ? "" : " ") + std::string(digits);
+      if (last) {
+        top->m_axis_tready = 0;
+        Answer(words);
+        return;
+      }
+    }
+    top->m_axis_tready = 0;
+    Answer("none");
+  };
+{%- endif %}
+
   for (std::string line; std::getline(std::cin, line);) {
     if (line.empty()) continue;
     std::istringstream request(line.substr(1));
@@ -120,6 +187,12 @@ int main(int argc, char** argv) {
     } else if (line[0] == 'c') {
       for (uint32_t left = Number(request); left > 0; --left) tick();
       Answer("ok");
+{%- if stream %}
+    } else if (line[0] == 'i') {
+      send_frame(request);
+    } else if (line[0] == 'o') {
+      receive_frame();
+{%- endif %}
     } else if (line[0] == 'q') {
       break;
     } else {

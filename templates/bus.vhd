@@ -15,6 +15,10 @@ library std;
 --   r ADDRESS               reads a register; the answer is 8 digits, or `slverr`
 --   w ADDRESS DATA STROBES  writes the bytes of one whose strobes are 1; the answer is `ok` or `slverr`
 --   c CLOCKS                lets so many clocks pass; the answer is `ok`
+{%- if stream %}
+--   i WORD ...              sends a frame with the inputs of a step; the answer is `ok`, or `none` if it was not taken
+--   o                       receives a frame; the answer is its words, or `none` if there was none
+{%- endif %}
 --   q                       ends the simulation, like the end of the input
 
 entity {{ name }}_bus is
@@ -25,6 +29,10 @@ architecture bench of {{ name }}_bus is
   -- Most clocks of an access
   constant PATIENCE : positive := 1000;
 
+{%- if stream %}
+  -- Clocks until there is no frame
+  constant STREAM_PATIENCE : positive := {{ stream_patience }};
+{% endif %}
   signal clk	: std_ulogic	:= '0';
   signal awaddr	: std_ulogic_vector({{ address_bits - 1 }} downto 0)	:= (others => '0');
   signal awvalid	: std_ulogic	:= '0';
@@ -43,12 +51,32 @@ architecture bench of {{ name }}_bus is
   signal rresp	: std_ulogic_vector(1 downto 0);
   signal rvalid	: std_ulogic;
   signal rready	: std_ulogic	:= '0';
+{%- if stream %}
+  signal in_data	: std_ulogic_vector(31 downto 0)	:= (others => '0');
+  signal in_last	: std_ulogic	:= '0';
+  signal in_valid	: std_ulogic	:= '0';
+  signal in_ready	: std_ulogic;
+  signal out_data	: std_ulogic_vector(31 downto 0);
+  signal out_last	: std_ulogic;
+  signal out_valid	: std_ulogic;
+  signal out_ready	: std_ulogic	:= '0';
+{%- endif %}
 
 begin
 
   u_wrapper : entity work.{{ entity }}
     port map (
       aclk          => clk,
+{%- if stream %}
+      s_axis_tdata  => in_data,
+      s_axis_tlast  => in_last,
+      s_axis_tvalid => in_valid,
+      s_axis_tready => in_ready,
+      m_axis_tdata  => out_data,
+      m_axis_tlast  => out_last,
+      m_axis_tvalid => out_valid,
+      m_axis_tready => out_ready,
+{%- endif %}
       s_axi_awaddr  => awaddr,
       s_axi_awvalid => awvalid,
       s_axi_awready => awready,
@@ -84,6 +112,12 @@ begin
     variable has_read    : std_ulogic;
     variable refused     : std_ulogic;
     variable read_data   : std_ulogic_vector(31 downto 0);
+{%- if stream %}
+    variable word_taken  : std_ulogic;
+    variable has_word    : std_ulogic;
+    variable word        : std_ulogic_vector(31 downto 0);
+    variable is_last     : std_ulogic;
+{%- endif %}
 
     -- A clock. Signals change when it falls. Time stands still while there is no request.
 
@@ -97,6 +131,12 @@ begin
       written     := bvalid;
       has_read    := rvalid;
       read_data   := rdata;
+{%- if stream %}
+      word_taken  := in_ready;
+      has_word    := out_valid;
+      word        := out_data;
+      is_last     := out_last;
+{%- endif %}
       refused     := bresp(1) when bvalid = '1' else
                      rresp(1);
       clk         <= '1';
@@ -254,6 +294,92 @@ begin
 
     end procedure write_word;
 
+{%- if stream %}
+
+    -- Sends the words of a request. Once the first one is taken there is room for all.
+
+    procedure send_frame is
+
+      variable waited : natural;
+
+    begin
+
+      -- A design without inputs has no frames.
+      if (request'length = 0) then
+        answer("ok");
+        return;
+      end if;
+
+      waited   := 0;
+      in_valid <= '1';
+
+      while request'length > 0 loop
+
+        number(data);
+        in_data <= data;
+        in_last <= '0';
+
+        if (request'length = 0) then
+          in_last <= '1';
+        end if;
+
+        loop
+
+          tick;
+          exit when word_taken = '1';
+
+          waited := waited + 1;
+
+          if (waited = STREAM_PATIENCE) then
+            in_valid <= '0';
+            answer("none");
+            return;
+          end if;
+
+        end loop;
+
+      end loop;
+
+      in_valid <= '0';
+      answer("ok");
+
+    end procedure send_frame;
+
+    procedure receive_frame is
+
+      variable reply : line;
+
+    begin
+
+      out_ready <= '1';
+
+      for i in 1 to STREAM_PATIENCE loop
+
+        tick;
+
+        if (has_word = '1') then
+          if (reply /= null) then
+            write(reply, ' ');
+          end if;
+
+          write(reply, to_hstring(word));
+
+          if (is_last = '1') then
+            out_ready <= '0';
+            answer(reply.all);
+            deallocate(reply);
+            return;
+          end if;
+        end if;
+
+      end loop;
+
+      out_ready <= '0';
+      answer("none");
+
+    end procedure receive_frame;
+{%- endif %}
+
   begin
 
     while not endfile(input) loop
@@ -288,6 +414,17 @@ begin
           end loop;
 
           answer("ok");
+
+{%- if stream %}
+
+        when 'i' =>
+
+          send_frame;
+
+        when 'o' =>
+
+          receive_frame;
+{%- endif %}
 
         when 'q' =>
 

@@ -15,6 +15,16 @@ entity {{ entity }} is
   port (
     aclk	: in    std_ulogic;	-- clock
     aresetn	: in    std_ulogic := '1';	-- 0 forgets accesses of the bus
+{%- if stream %}
+    s_axis_tdata	: in    std_ulogic_vector(31 downto 0);	-- word of a frame in
+    s_axis_tlast	: in    std_ulogic;	-- its last one
+    s_axis_tvalid	: in    std_ulogic;	-- there is one
+    s_axis_tready	: out   std_ulogic;	-- it is taken
+    m_axis_tdata	: out   std_ulogic_vector(31 downto 0);	-- word of a frame out
+    m_axis_tlast	: out   std_ulogic;	-- its last one
+    m_axis_tvalid	: out   std_ulogic;	-- there is one
+    m_axis_tready	: in    std_ulogic;	-- it is taken
+{%- endif %}
     s_axi_awaddr	: in    std_ulogic_vector({{ address_bits - 1 }} downto 0);	-- write address
     s_axi_awvalid	: in    std_ulogic;	-- there is one
     s_axi_awready	: out   std_ulogic;	-- it is taken
@@ -58,6 +68,12 @@ architecture wrapper of {{ entity }} is
   signal clear	: std_ulogic;
   signal renew	: std_ulogic;
   signal flag	: std_ulogic;
+
+  -- Streams
+  signal fed	: std_ulogic;
+  signal load	: std_ulogic;
+  signal frame	: std_ulogic_vector(maximum(32 * INPUT_WORDS, 1) - 1 downto 0);
+  signal wrong	: std_ulogic;
 
   -- Windows
   signal take	: std_ulogic;
@@ -155,6 +171,7 @@ begin
       RESTART            => {{ restart }},
       STATES             => {{ states }},
       FLAGS              => {{ flags }},
+      STREAM             => {{ stream }},
       STATE_BITS         => {{ state_bits }},
       STATE_ADDRESS_BITS => {{ state_address_bits }}
     )
@@ -176,6 +193,7 @@ begin
       saturated_i     => saturated,
       operand_i       => operand,
       input_i         => too_large,
+      wrong_i         => wrong,
       take_o          => take,
       hold_o          => hold,
       input_write_o   => input_write,
@@ -204,6 +222,7 @@ begin
       clk_i       => aclk,
       order_i     => order,
       accessing_i => accessing,
+      fed_i       => fed,
       ce_o        => ce,
       step_o      => step,
       busy_i      => busy,
@@ -245,6 +264,8 @@ begin
       all_out_o  => all_outputs,
       sample_o   => sample,
       take_i     => take,
+      load_i     => load,
+      frame_i    => frame,
       hold_i     => hold,
       capture_i  => capture,
       stepping_i => run.stepping,
@@ -256,6 +277,41 @@ begin
       inputs_o   => inputs,
       outputs_i  => outputs
     );
+{%- if stream %}
+
+  u_stream : entity pe_lib.pe_stream
+    generic map (
+      INPUT_WORDS  => INPUT_WORDS,
+      OUTPUT_WORDS => OUTPUT_WORDS
+    )
+    port map (
+      clk_i         => aclk,
+      aresetn       => aresetn,
+      s_axis_tdata  => s_axis_tdata,
+      s_axis_tlast  => s_axis_tlast,
+      s_axis_tvalid => s_axis_tvalid,
+      s_axis_tready => s_axis_tready,
+      m_axis_tdata  => m_axis_tdata,
+      m_axis_tlast  => m_axis_tlast,
+      m_axis_tvalid => m_axis_tvalid,
+      m_axis_tready => m_axis_tready,
+      renew_i       => renew,
+      take_i        => take,
+      run_i         => run,
+      ready_o       => fed,
+      load_o        => load,
+      frame_o       => frame,
+      wrong_o       => wrong,
+      outputs_i     => outputs
+    );
+{%- else %}
+
+  -- No streams
+  fed   <= '0';
+  load  <= '0';
+  frame <= (others => '0');
+  wrong <= '0';
+{%- endif %}
 {%- if states %}
 
   u_states : entity pe_lib.pe_state_port

@@ -67,6 +67,12 @@ lint() {
   "$venv/bin/vsg" -c hdl/vsg.yml -of syntastic -f "$@"
 }
 
+# The independent master in front of wrappers, in the versions that it was written for.
+if ! cmp -s testbenches/axi/requirements.txt "$venv/axi-requirements.txt"; then
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r testbenches/axi/requirements.txt
+  cp testbenches/axi/requirements.txt "$venv/axi-requirements.txt"
+fi
+
 # Proofs that a damage has no effect need yosys.
 yosys_version=0.70.0.0.post1259
 if [[ -z ${YOSYS:-} ]]; then
@@ -111,12 +117,16 @@ design=$target/python/motor_pid
   --config-settings=build-args='--profile dev --locked' ./crates/pe-host/python
 PE_SYNTH=$target/debug/pe-synth PE_DESIGN=$design "$venv/bin/python" -m unittest discover crates/pe-host/python/tests
 
+begin 'wrappers behind an independent bus master'
+PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/axi/run.py
+
 begin 'layout of the VHDL'
 lint hdl/*.vhd testbenches/*.vhd
 
 begin 'layout of generated VHDL'
 design=$target/lint/lotka_volterra
 cargo run --locked --quiet -- compile models/lotka_volterra/lotka_volterra.spec --pes 2 --quiet -o "$design"
+cargo run --locked --quiet -- wrap "$design" --stream --quiet
 lint "$design"/*.vhd
 
 begin 'done'

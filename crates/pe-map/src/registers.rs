@@ -144,7 +144,11 @@ const CAPS: &[Field] = &[
 ];
 
 const COMMAND: &[Field] = &[
-    Field::bit("START", 0, "takes the inputs, like `INPUTS`, and begins a run; an error while `BUSY` or `ACCESS`"),
+    Field::bit(
+        "START",
+        0,
+        "takes the inputs, like `INPUTS`, and begins a run; an error while `BUSY`, or with `MODE.ACCESS`",
+    ),
     Field::bit("ABORT", 1, "ends the run with the step that is under way"),
     Field::bit("INPUTS", 2, "takes all words of the input window at once: steps that begin later compute with them"),
     Field::bit("CLEAR", 3, "sets counters and statistics back, but not `STEP_COUNT`"),
@@ -173,6 +177,9 @@ const STATUS: &[Field] = &[
     Field::bit("ACCESS", 12, "states can be read, and replaced").with(Capability::States),
     Field::bit("STATE_READY", 13, "`STATE_LOW` takes a new word").with(Capability::States),
     Field::bit("REPLACING", 14, "some states are replaced, others not yet").with(Capability::States),
+    Field::bit("FRAME", 15, "a frame was dropped: it had not as many words as there are inputs, or no step to take it")
+        .cleared()
+        .with(Capability::Stream),
 ];
 
 const MODE: &[Field] = &[

@@ -22,13 +22,16 @@ use crate::output::OutputFolder;
 Examples:
   pe-synth compile models/motor_pid/motor_pid.spec --host restart,states,flags -o out/motor_pid
   pe-synth wrap out/motor_pid
-  pe-synth wrap out/motor_pid -o out/motor_board")]
+  pe-synth wrap out/motor_pid --stream -o out/motor_board")]
 pub struct Wrap {
     /// Folder that `compile` wrote
     folder: PathBuf,
     /// Output folder, with a copy of the design [default: the folder itself]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
+    /// Adds AXI4-Stream in and out: a frame gives the inputs of a step, another one its outputs
+    #[arg(long, help_heading = "Hardware")]
+    stream: bool,
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
@@ -52,7 +55,7 @@ impl Wrap {
         let list = read(&self.folder.join(format!("{}.f", map.entity)))?;
         let generator = format!("pe-synth {}", env!("CARGO_PKG_VERSION"));
         let origin = Origin { generator, command: command.to_owned() };
-        let artefacts = pe_wrap::wrap(&map, &list, &origin);
+        let artefacts = pe_wrap::wrap(&map, &list, self.stream, &origin);
         let report = self.folder.join("report.json");
         let damaged = |error: serde_json::Error| Failure::file("read", &report, error);
         let mut report: Report = serde_json::from_str(&read(&report)?).map_err(damaged)?;
@@ -65,14 +68,14 @@ impl Wrap {
         folder.write("report.json", &report.text())?;
         folder.finish()?;
         if !self.quiet && self.message_format == MessageFormat::Human {
-            console::out(&told(&map, target))?;
+            console::out(&told(&map, self.stream, target))?;
         }
         Ok(())
     }
 }
 
 /// What the wrapper offers, for people.
-fn told(map: &Map, target: &Path) -> String {
+fn told(map: &Map, stream: bool, target: &Path) -> String {
     let windows = pe_map::wrap::windows(map);
     let words = |spans| pe_map::registers::Windows::total(spans);
     let host = map.host.clone().unwrap_or_default();
@@ -83,7 +86,8 @@ fn told(map: &Map, target: &Path) -> String {
     let (has, lacks) = (names(has), names(lacks));
     let lacks = if lacks.is_empty() { String::new() } else { format!("without {lacks}: see `compile --host`") };
     let [inputs, outputs] = [words(&windows.inputs), words(&windows.outputs)];
-    row("bus", &format!("AXI4-Lite, 32 bits, addresses of {} bits", windows.address_bits))
+    let streams = if stream { "; AXI4-Stream in and out" } else { "" };
+    row("bus", &format!("AXI4-Lite, 32 bits, addresses of {} bits{streams}", windows.address_bits))
         + &row("windows", &format!("{inputs} words of inputs, {outputs} of outputs"))
         + &row("host", &[has, lacks].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; "))
         + &row("files", &format!("{}: {}_axi.vhd, {}_wrap.json and others", target.display(), map.entity, map.entity))

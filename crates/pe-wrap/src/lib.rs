@@ -16,12 +16,13 @@ use pe_map::Map;
 use pe_map::wrap::{Capabilities, Wrap};
 
 /// The hand-written VHDL of wrappers, in compile order, behind that of the network: file name and text.
-pub const LIBRARY: [(&str, &str); 7] = [
+pub const LIBRARY: [(&str, &str); 8] = [
     ("pe_register_pkg.vhd", include_str!("../../../hdl/pe_register_pkg.vhd")),
     ("pe_axi_lite.vhd", include_str!("../../../hdl/pe_axi_lite.vhd")),
     ("pe_registers.vhd", include_str!("../../../hdl/pe_registers.vhd")),
     ("pe_windows.vhd", include_str!("../../../hdl/pe_windows.vhd")),
     ("pe_state_port.vhd", include_str!("../../../hdl/pe_state_port.vhd")),
+    ("pe_stream.vhd", include_str!("../../../hdl/pe_stream.vhd")),
     ("pe_synchronizer.vhd", include_str!("../../../hdl/pe_synchronizer.vhd")),
     ("pe_counters.vhd", include_str!("../../../hdl/pe_counters.vhd")),
 ];
@@ -35,11 +36,17 @@ pub struct Origin {
     pub command: String,
 }
 
-/// Files of a wrapper around a network. `list` is the network's file list: a library and a file in each line.
-pub fn wrap(map: &Map, list: &str, origin: &Origin) -> Vec<Artefact> {
+/// Files of a wrapper around a network, with streams or without. `list` is the network's file list: a library and a file in
+/// each line.
+pub fn wrap(map: &Map, list: &str, stream: bool, origin: &Origin) -> Vec<Artefact> {
     let name = &map.entity;
-    let description = Wrap::of(map, &origin.generator, Capabilities::of(map, false));
-    let library = LIBRARY.iter().filter(|(file, _)| description.capabilities.states || *file != "pe_state_port.vhd");
+    let description = Wrap::of(map, &origin.generator, Capabilities::of(map, stream));
+    let needed = |file: &str| match file {
+        "pe_state_port.vhd" => description.capabilities.states,
+        "pe_stream.vhd" => stream,
+        _ => true,
+    };
+    let library = LIBRARY.iter().filter(|(file, _)| needed(file));
     let mut artefacts: Vec<Artefact> =
         library.map(|(file, text)| Artefact { path: format!("hdl/{file}"), text: (*text).to_owned() }).collect();
     let mut files: String =

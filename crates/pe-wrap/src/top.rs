@@ -24,6 +24,7 @@ struct Top<'a> {
     restart: bool,
     states: bool,
     flags: bool,
+    stream: bool,
     /// Bits of a stored word and of its address, words that are replaced, and clocks from an address to its word.
     state_bits: u32,
     state_address_bits: u32,
@@ -90,6 +91,7 @@ pub fn render(map: &Map, wrap: &Wrap, origin: &Origin) -> String {
         restart: wrap.capabilities.restart,
         states: wrap.capabilities.states,
         flags: wrap.capabilities.flags,
+        stream: wrap.capabilities.stream,
         state_bits: map.states.first().filter(|_| access.is_some()).map_or(0, |state| state.format.bits),
         state_address_bits: access.map_or(1, |access| access.address_bits),
         state_count: access.map_or(0, |access| access.order.len()),

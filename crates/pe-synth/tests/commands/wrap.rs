@@ -72,7 +72,7 @@ fn pe_synth(arguments: &[&str]) {
 }
 
 /// A wrapped design: `model` is a shipped one, or the text of a spec.
-fn wrapped(home: &Path, model: &str, options: &str) -> PathBuf {
+fn wrapped(home: &Path, model: &str, options: &str, more: &[&str]) -> PathBuf {
     let folder = home.join("design");
     let spec = home.join("model.spec");
     let shipped = root().join(format!("models/{model}.spec"));
@@ -81,7 +81,7 @@ fn wrapped(home: &Path, model: &str, options: &str) -> PathBuf {
     arguments.extend(["-o", folder.to_str().unwrap()]);
     arguments.extend(options.split_whitespace());
     pe_synth(&arguments);
-    pe_synth(&["wrap", folder.to_str().unwrap(), "--quiet"]);
+    pe_synth(&[&["wrap", folder.to_str().unwrap(), "--quiet"], more].concat());
     folder
 }
 
@@ -407,6 +407,53 @@ impl<'a> Pair<'a> {
         self.steps(4)
     }
 
+    /// A frame a step, with nothing lost while nobody takes outputs; a frame of another length.
+    fn frames(&mut self) -> Checked {
+        self.fresh()?;
+        self.device.mode(&["FREE_RUN", "STREAM"])?;
+        self.device.command(&["START"])?;
+        let places = self.device.wrap.inputs.clone();
+        let limits: Vec<[i64; 2]> = self.device.map.inputs.iter().map(|input| input.words).collect();
+        let frame = |words: &[i64]| {
+            let halves = places.iter().zip(words).flat_map(|(place, word)| {
+                (0..place.words).map(move |half| format!(" {:x}", (word >> (32 * half)) as u32))
+            });
+            format!("i{}", halves.collect::<String>())
+        };
+        let mut waiting = std::collections::VecDeque::new();
+        // The last three take what is left.
+        for round in 0..31 {
+            // Four fit at most: two steps, a frame of inputs, and another one.
+            while round < 28 && waiting.len() < 1 + round % 4 && !places.is_empty() {
+                let words: Vec<i64> =
+                    limits.iter().map(|[low, high]| self.random.random_range(low / 4..=high / 4)).collect();
+                same("a frame in", self.device.ask(&frame(&words))?.as_str(), "ok")?;
+                waiting.push_back(words);
+            }
+            self.device.clocks(self.random.random_range(0..200))?;
+            self.inputs = waiting.pop_front().unwrap_or_default();
+            self.step();
+            self.done += 1;
+            let words = self.machine.outputs().iter().zip(&self.device.wrap.outputs).flat_map(|(word, place)| {
+                (0..place.words).map(move |half| format!("{:08X}", (word >> (32 * half)) as u32))
+            });
+            let words: Vec<String> = words.collect();
+            same("a frame out", self.device.ask("o")?, words.join(" "))?;
+        }
+        assert!(waiting.is_empty());
+        if let Some(first) = places.first() {
+            let long = format!("{} 5", frame(&vec![0; places.len()]));
+            same(&format!("{} and more", first.name), self.device.ask(&long)?.as_str(), "ok")?;
+            same("FRAME", self.device.is("FRAME")?, true)?;
+        }
+        self.device.command(&["ABORT"])?;
+        self.device.await_bit("BUSY", false)?;
+        self.device.mode(&[])?;
+        let steps = self.device.read("STEP_COUNT_LOW")?;
+        self.inputs = vec![0; self.inputs.len()];
+        if places.is_empty() { self.follow() } else { same("steps of frames", steps, self.done) }
+    }
+
     fn exercise(&mut self, elsewhere: impl FnOnce() -> Device) -> Checked {
         let has = self.device.wrap.capabilities;
         self.identity()?;
@@ -414,6 +461,9 @@ impl<'a> Pair<'a> {
         self.timing()?;
         if has.flags && self.program.ticks().next().is_none() {
             self.flags()?;
+        }
+        if has.stream {
+            self.frames()?;
         }
         if has.states {
             self.states(elsewhere())?;
@@ -455,13 +505,24 @@ const DESIGNS: [(&str, &str, Build); 6] = [
 fn wrapped_designs_do_what_the_page_says() {
     for (number, (model, options, build)) in DESIGNS.into_iter().enumerate() {
         let folder = Folder::new(&format!("wrap_{number}"));
-        let design = wrapped(&folder.0, model, options);
+        // Every second one has streams.
+        let design = wrapped(&folder.0, model, options, if number % 2 == 1 { &["--stream"] } else { &[] });
         judged(&design, &folder.sub("scratch"), build).unwrap_or_else(|what| panic!("{model} {options}: {what}"));
     }
 }
 
 /// Damages of the wrapper: file, what is there, what takes its place.
-const DAMAGES: [(&str, &str, &str); 15] = [
+const DAMAGES: [(&str, &str, &str); 18] = [
+    // Steps whose outputs have no place.
+    (
+        "hdl/pe_stream.vhd",
+        "ready_o       <= loaded when places < 2 else",
+        "ready_o       <= loaded when places < 9 else",
+    ),
+    // Steps without a frame.
+    ("hdl/pe_synchronizer.vhd", "fed  <= fed_i or not streams;", "fed  <= '1';"),
+    // Long frames.
+    ("hdl/pe_stream.vhd", "(dropping = '1' or count /= INPUT_WORDS - 1)", "(count /= INPUT_WORDS - 1)"),
     // `step_o` is 1 until the outputs have come: another step begins with the same inputs.
     ("hdl/pe_synchronizer.vhd", "(begins = '1' and endless = '0')", "(ends = '1' and endless = '0')"),
     // A step waits for the outputs of the one before.
@@ -505,7 +566,7 @@ const DAMAGES: [(&str, &str, &str); 15] = [
 #[test]
 fn a_broken_wrapper_is_caught() {
     let folder = Folder::new("wrap_broken");
-    let design = wrapped(&folder.0, "motor_pid/motor_pid", &format!("--pes 1 --span 100ms {FULL}"));
+    let design = wrapped(&folder.0, "motor_pid/motor_pid", &format!("--pes 1 --span 100ms {FULL}"), &["--stream"]);
     let mut missed = Vec::new();
     for (number, (file, from, to)) in DAMAGES.into_iter().enumerate() {
         let broken = bus::copied(&design, &folder.0.join(format!("broken_{number}")));
