@@ -39,6 +39,11 @@ done
 printf '\n== models on hundreds of PEs (%d s)\n' "$SECONDS"
 PE_LONG=1 cargo test --workspace --locked --quiet --test stages -- full_size:: library:: signals:: --nocapture || failed+=(stages)
 
+printf '\n== wrappers behind an independent bus master (%d s)\n' "$SECONDS"
+for number in 1 2 3; do
+  PE_SYNTH=$pe_synth "$target/venv/bin/python" testbenches/axi/run.py --all --seed "$((seed + number))" || failed+=("axi-$number")
+done
+
 # A chain of states that fall, with random couplings and products, and an input.
 random_model() {
   awk -v seed="$1" '

@@ -22,3 +22,4 @@ mod report;
 mod tidy;
 mod transports;
 mod wrap;
+mod wrap_files;

@@ -1,4 +1,4 @@
-//! Wrappers: the register map in documents and VHDL, and wrapped designs in GHDL and Verilator against the simulator.
+//! Wrapped designs in GHDL and Verilator against the simulator, and broken wrappers.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,39 +15,8 @@ use rand_chacha::ChaCha8Rng;
 use crate::support::bench::Folder;
 use crate::support::bus::{self, Device};
 
-fn root() -> PathBuf {
+pub(super) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-/// The part of a text between two lines, replaced.
-fn with_part(text: &str, [begin, end]: [&str; 2], part: &str) -> String {
-    let (before, rest) = text.split_once(begin).expect("a first line");
-    let (_, after) = rest.split_once(end).expect("a last line");
-    format!("{before}{begin}\n{part}\n{end}{after}")
-}
-
-#[test]
-fn the_vhdl_has_the_register_map() {
-    let path = root().join("hdl/pe_register_pkg.vhd");
-    let package = fs::read_to_string(&path).unwrap();
-    let made = with_part(&package, ["  -- Registers\n", "  -- End of registers\n"], &pe_wrap::constants());
-    if std::env::var_os("UPDATE_REGISTERS").is_some() {
-        fs::write(&path, &made).unwrap();
-    } else {
-        assert!(package == made, "UPDATE_REGISTERS=1 cargo test -p pe-synth --test commands wrap renews it");
-    }
-}
-
-#[test]
-fn the_page_shows_the_register_map() {
-    let path = root().join("docs/wrapper.md");
-    let page = fs::read_to_string(&path).unwrap();
-    let made = with_part(&page, ["<!-- registers -->\n", "<!-- end of registers -->"], &registers::tables());
-    if std::env::var_os("UPDATE_REGISTERS").is_some() {
-        fs::write(&path, &made).unwrap();
-    } else {
-        assert!(page == made, "UPDATE_REGISTERS=1 cargo test -p pe-synth --test commands wrap renews docs/wrapper.md");
-    }
 }
 
 /// Names like those of the wrapper, an output that has no sample 0, and words of 40 bits.
@@ -66,13 +35,13 @@ ce' = run - outputs - ce
 output outputs, run, ce
 ";
 
-fn pe_synth(arguments: &[&str]) {
+pub(super) fn pe_synth(arguments: &[&str]) {
     let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(arguments).output().unwrap();
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
 /// A wrapped design: `model` is a shipped one, or the text of a spec.
-fn wrapped(home: &Path, model: &str, options: &str, more: &[&str]) -> PathBuf {
+pub(super) fn wrapped(home: &Path, model: &str, options: &str, more: &[&str]) -> PathBuf {
     let folder = home.join("design");
     let spec = home.join("model.spec");
     let shipped = root().join(format!("models/{model}.spec"));
