@@ -116,6 +116,9 @@ design=$target/python/motor_pid
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall \
   --config-settings=build-args='--profile dev --locked' ./crates/pe-host/python
 PE_SYNTH=$target/debug/pe-synth PE_DESIGN=$design "$venv/bin/python" -m unittest discover crates/pe-host/python/tests
+for loop in hil_motor hil_pendulum hil_filter; do
+  PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" "models/$loop/loop.py"
+done
 
 begin 'wrappers behind an independent bus master'
 PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/axi/run.py

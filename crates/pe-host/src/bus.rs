@@ -22,7 +22,7 @@ pub enum Op {
         mask: u32,
         /// Whether to wait until one of them is 1; else, until all are 0.
         set: bool,
-        /// Clocks that this takes, as far as the caller knows.
+        /// Clocks that this takes, as far as the caller knows. In a simulation as many pass at least, unless it ends before.
         clocks: u32,
     },
 }

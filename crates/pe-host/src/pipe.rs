@@ -18,8 +18,8 @@ const KEPT: usize = 8;
 /// Time that a request for clocks should take: long enough to be worth it, short enough to notice what hangs.
 const STRETCH: Duration = Duration::from_millis(20);
 
-/// Time that a wait for a register may take at once.
-const PATIENCE: Duration = Duration::from_millis(100);
+/// Time for which a wait for a register goes on after the clocks that it takes.
+const PATIENCE: Duration = Duration::from_millis(20);
 
 /// Requests that are sent before answers are read; all answers fit the pipe.
 const AHEAD: usize = 256;
@@ -175,17 +175,14 @@ impl Running {
         loop {
             while left > 0 {
                 left -= self.pass(left, timeout)?;
-                if begin.elapsed() > PATIENCE {
-                    break;
-                }
             }
             let mut words = Vec::new();
             self.access(&[Op::Read(address)], &mut words, timeout)?;
             let word = words.first().copied().unwrap_or(0);
-            if Op::holds(mask, set, word) || left == 0 && begin.elapsed() > PATIENCE / 4 || begin.elapsed() > PATIENCE {
+            if Op::holds(mask, set, word) || begin.elapsed() > PATIENCE {
                 return Ok(word);
             }
-            left = left.max(clocks / 8 + 1);
+            left = clocks / 8 + 1;
         }
     }
 }

@@ -10,6 +10,9 @@ use crate::link::Link;
 /// Times that a message is sent before the connection counts as damaged. A server carries out each message once.
 const TRIES: u32 = 5;
 
+/// Times that a server with a simulation has for an answer what others have.
+const SIMULATED: u32 = 8;
+
 /// A bus at the other end of a connection.
 pub struct Remote {
     link: Link,
@@ -28,6 +31,9 @@ impl Remote {
         match remote.ask(&Request::Hello)? {
             Answer::Words(words) if words.first() == Some(&u32::from(PROTOCOL)) => {
                 remote.is_simulated = words.get(1) == Some(&1);
+                if remote.is_simulated {
+                    remote.timeout *= SIMULATED;
+                }
                 Ok(remote)
             }
             _ => Err(Error::Foreign(format!("{} is no server of this version", remote.link.peer()))),

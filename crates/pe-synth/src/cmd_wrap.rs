@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use pe_flow::failure::Failure;
 use pe_flow::report::Report;
 use pe_flow::report::table::row;
+use pe_host::rates::{self, Line};
 use pe_map::{Map, sha256};
 use pe_verify::folder::DesignFolder;
 use pe_wrap::Origin;
@@ -90,7 +91,21 @@ fn told(map: &Map, stream: bool, target: &Path) -> String {
     row("bus", &format!("AXI4-Lite, 32 bits, addresses of {} bits{streams}", windows.address_bits))
         + &row("windows", &format!("{inputs} words of inputs, {outputs} of outputs"))
         + &row("host", &[has, lacks].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; "))
+        + &row("samples/s", &rates(map))
         + &row("files", &format!("{}: {}_axi.vhd, {}_wrap.json and others", target.display(), map.entity, map.entity))
+}
+
+/// Clock of boards for which rates are predicted.
+const CLOCK_MHZ: u32 = 100;
+
+/// Samples per second in closed loop over usual lines, predicted.
+fn rates(map: &Map) -> String {
+    let predicted = |(name, line): (&str, Line)| {
+        let rate = rates::predicted(map, line, 1e6 * f64::from(CLOCK_MHZ)).rate();
+        format!("{name} {rate:.0}")
+    };
+    let lines: Vec<String> = Line::USUAL.into_iter().map(predicted).collect();
+    format!("predicted in closed loop, {CLOCK_MHZ} MHz: {}; see `pe-synth rates`", lines.join(", "))
 }
 
 /// The map of a design; what it says must be of the program beside it.
