@@ -188,14 +188,18 @@ begin
 
   end process p_run;
 
+  -- Counters rest when nothing asks for them: they take most of the time of a simulation that waits for its host.
   p_age : process (clk_i) is
   begin
 
     if rising_edge(clk_i) then
-      if (ce = '1') then
-        age      <= age + 1;
-        age_next <= age_next + 1;
-        spent    <= spent + 1;
+      if (ce = '1' and (or under_way) = '1') then
+        age   <= age + 1;
+        spent <= spent + 1;
+
+        if (under_way(1) = '1') then
+          age_next <= age_next + 1;
+        end if;
 
         if (ends = '1') then
           age   <= age_next + 1;
@@ -228,11 +232,11 @@ begin
     if rising_edge(clk_i) then
       next_timer := timer;
 
-      if (not is_latest(timer)) then
+      if (paced = '1' and not is_latest(timer)) then
         next_timer := timer - 1;
       end if;
 
-      if (not is_latest(slack)) then
+      if (paced = '1' and not is_latest(slack)) then
         slack <= slack - 1;
       end if;
 
