@@ -228,7 +228,8 @@ begin
         if ((ones and not COMMANDS) /= NOTHING) then
           possible <= '0';
         elsif (ones(COMMAND_START) = '1') then
-          possible <= not (run_i.busy or mode(MODE_ACCESS) or replacing_i or ones(COMMAND_RESTART));
+          possible <= not (run_i.busy or mode(MODE_ACCESS) or replacing_i or ones(COMMAND_RESTART)
+                           or ones(COMMAND_ABORT));
 
           if (mode(MODE_PACE) = '1' and period = NOTHING) then
             possible <= '0';

@@ -66,6 +66,7 @@ architecture rtl of pe_synchronizer is
   signal age       : unsigned(31 downto 0) := (others => '0');
   signal age_next  : unsigned(31 downto 0) := (others => '0');
   signal spent     : unsigned(31 downto 0) := (others => '0');
+  signal earlier   : unsigned(1 downto 0)  := NO_STEPS; -- of these, begun in an earlier run
   signal frozen    : std_ulogic            := '0';
 
   -- Clocks until the next step is due, and until the older step under way was due to end
@@ -135,6 +136,10 @@ begin
         under_way <= under_way - 1;
       end if;
 
+      if (ends = '1' and earlier /= NO_STEPS) then
+        earlier <= earlier - 1;
+      end if;
+
       if (finishes = '1') then
         running  <= '0';
         aborting <= '0';
@@ -148,6 +153,7 @@ begin
         streams <= order_i.stream;
         goes_on <= order_i.go_on;
         pacing  <= '0';
+        earlier <= under_way;
         left    <= order_i.steps - under_way;
 
         -- A step that was stopped in the middle is the first one.
@@ -182,6 +188,7 @@ begin
         aborting  <= '0';
         frozen    <= '0';
         under_way <= NO_STEPS;
+        earlier   <= NO_STEPS;
         pacing    <= '0';
       end if;
     end if;
@@ -322,7 +329,8 @@ begin
   run_o.streaming  <= streams and running;
   run_o.more       <= more;
   run_o.begins     <= begins;
-  run_o.paced      <= paced;
+  run_o.paced      <= paced when earlier = NO_STEPS else
+                      '0';
   run_o.slack      <= slack;
 
 end architecture rtl;

@@ -147,7 +147,7 @@ const COMMAND: &[Field] = &[
     Field::bit(
         "START",
         0,
-        "takes the inputs, like `INPUTS`, and begins a run; an error while `BUSY`, or with `MODE.ACCESS`",
+        "takes the inputs, like `INPUTS`, and begins a run; an error while `BUSY`, with `MODE.ACCESS`, with `MODE.PACE` and a `PACE_PERIOD` of 0, and together with `ABORT` or `RESTART`",
     ),
     Field::bit("ABORT", 1, "ends the run with the step that is under way"),
     Field::bit("INPUTS", 2, "takes all words of the input window at once: steps that begin later compute with them"),
