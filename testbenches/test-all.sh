@@ -123,6 +123,13 @@ done
 begin 'wrappers behind an independent bus master'
 PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/axi/run.py
 
+begin 'FMUs in FMPy'
+fmpy_version=0.3.32
+if [[ $("$venv/bin/python" -m pip show fmpy 2> /dev/null | sed -n 's/^Version: //p') != "$fmpy_version" ]]; then
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "fmpy==$fmpy_version"
+fi
+PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/fmu.py "$target/fmus"
+
 begin 'layout of the VHDL'
 lint hdl/*.vhd testbenches/*.vhd
 

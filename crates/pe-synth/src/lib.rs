@@ -12,6 +12,7 @@ pub mod cmd_diff;
 pub mod cmd_dump;
 pub mod cmd_explain;
 pub mod cmd_explore;
+pub mod cmd_fmu;
 pub mod cmd_golden;
 pub mod cmd_rates;
 pub mod cmd_serve;

@@ -8,7 +8,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use pe_flow::failure::Failure;
 use pe_synth::messages::{MessageFormat, guarded, print_failure, print_plain};
 use pe_synth::{
-    cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_golden,
+    cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_fmu, cmd_golden,
     cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
 };
 
@@ -58,6 +58,7 @@ enum Command {
     Check(Box<cmd_check::Check>),
     Verify(cmd_verify::Verify),
     Wrap(cmd_wrap::Wrap),
+    Fmu(cmd_fmu::Fmu),
     Explore(Box<cmd_explore::Explore>),
     Accuracy(Box<cmd_accuracy::Accuracy>),
     Sim(Box<cmd_sim::Sim>),
@@ -82,6 +83,7 @@ fn main() -> ExitCode {
         Command::Check(check) => (check.message_format(), check.run()),
         Command::Verify(verify) => (verify.message_format(), verify.run()),
         Command::Wrap(wrap) => (wrap.message_format(), wrap.run(&command_line())),
+        Command::Fmu(fmu) => (fmu.message_format(), fmu.run()),
         Command::Accuracy(accuracy) => (accuracy.message_format(), accuracy.run()),
         Command::Explore(explore) => (explore.message_format(), explore.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),

@@ -118,6 +118,19 @@ impl OutputFolder {
     }
 }
 
+/// Writes a single file: complete, or not at all.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Failure> {
+    let name = path.file_name().ok_or_else(|| Failure::file("write", path, "it has no name"))?;
+    let partial = path.with_file_name(format!(".{}.partial-{}", name.to_string_lossy(), std::process::id()));
+    fs::write(&partial, content).and_then(|()| fs::rename(&partial, path)).map_err(|error| {
+        let _ = fs::remove_file(&partial);
+        Failure::file("write", path, error)
+    })
+}
+
 /// Catches interrupts before there is anything to remove: one that comes just as the folder does finds it.
 fn remove_when_interrupted(partial: &Path, finished: &Arc<Mutex<bool>>) {
     let (partial, finished) = (partial.to_owned(), Arc::clone(finished));
