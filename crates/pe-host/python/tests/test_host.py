@@ -6,9 +6,12 @@
 import os
 import random
 import subprocess
+import sys
+import tempfile
 import threading
 import time
 import unittest
+from pathlib import Path
 
 import pe_host
 
@@ -95,6 +98,15 @@ class HostTest(unittest.TestCase):
         server.kill()
         server.wait()
         self.assertEqual(kind(host.run), "lost")
+
+    def test_the_example_of_the_page_runs(self):
+        page = (Path(__file__).resolve().parents[4] / "docs/host.md").read_text(encoding="utf-8")
+        example = page.split("```python\n")[1].split("```")[0]
+        with tempfile.TemporaryDirectory() as home:
+            (Path(home) / "out").mkdir()
+            (Path(home) / "out/motor_pid").symlink_to(Path(DESIGN).resolve())
+            run = subprocess.run([sys.executable, "-c", example], cwd=home, capture_output=True, text=True, check=True)
+        self.assertIn(" s: [", run.stdout)
 
     def test_other_threads_run_while_steps_do(self):
         host = pe_host.open(DESIGN)
