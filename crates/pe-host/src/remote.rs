@@ -51,7 +51,8 @@ impl Remote {
                 Ok(Answer::Again) => {}
                 Ok(answer) => return Ok(answer),
                 // The line may have lost the message, or the answer.
-                Err(error @ (Error::Late(..) | Error::Damaged(_))) => fault = error,
+                Err(Error::Late(what, _)) => fault = Error::Late(what, self.timeout),
+                Err(error @ Error::Damaged(_)) => fault = error,
                 Err(error) => return Err(error),
             }
         }
