@@ -33,11 +33,18 @@ cargo clippy --version || fail 'clippy is missing: rustup component add clippy'
 has_venv() {
   python3 -c 'import ensurepip, venv' 2> /dev/null
 }
+# cocotb loads Python into simulators.
+has_libpython() {
+  python3 -c 'import os, sysconfig
+home, file = map(sysconfig.get_config_var, ("LIBDIR", "INSTSONAME"))
+raise SystemExit(not os.path.exists(os.path.join(home, file)))' 2> /dev/null
+}
 packages=()
 for pair in ghdl:ghdl verilator:verilator g++:g++ make:make python3:python3; do
   command -v "${pair%%:*}" > /dev/null || packages+=("${pair#*:}")
 done
 has_venv || packages+=(python3-venv)
+has_libpython || packages+=(libpython3-dev)
 if ((${#packages[@]} > 0)); then
   command -v apt-get > /dev/null || fail "missing: ${packages[*]}; there is no apt-get to install them with"
   as_root=()
@@ -52,6 +59,7 @@ for tool in ghdl verilator g++ make python3; do
   command -v "$tool" > /dev/null || fail "$tool is still missing"
 done
 has_venv || fail 'python3 has no venv module'
+has_libpython || fail 'python3 has no shared library'
 # Not `head`: a closed pipe would fail the writer.
 ghdl --version | sed -n 1p
 verilator --version
