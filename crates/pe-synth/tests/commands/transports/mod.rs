@@ -394,6 +394,11 @@ fn a_simulation_without_a_restart_begins_anew() {
     assert_eq!(within(IN_TIME, "a late step in GHDL", || host.run(5)).kind(), "overrun");
     host.limit(&Limits { clock_budget: clocks / 2, ..Limits::default() }).unwrap();
     assert_eq!(within(IN_TIME, "a step above the budget in GHDL", || host.run(5)).kind(), "time-exceeded");
+    // A step that was stopped in the middle leaves nothing behind.
+    host.limit(&Limits::default()).unwrap();
+    host.reset().unwrap();
+    expected.reset().unwrap();
+    assert_eq!(host.exchange_words(&[5 << 24, 9], 3).unwrap(), expected.exchange_words(&[5 << 24, 9], 3).unwrap());
     // A folder without a wrapper, and one of another design.
     let plain = Folder::new("transports_unwrapped");
     compiled(&plain.0, "motor_pid", "--pes 2 --span 100ms");
