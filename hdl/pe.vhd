@@ -45,6 +45,8 @@ entity pe is
     SATURATE         : boolean := true;  -- clamps words that are out of range; false if it is proven that none can be
     ACCESS_STATES    : boolean := false; -- states can be read and replaced
     SPLIT_FLAGS      : boolean := false; -- a flag of its own for operands that are too large
+    SHOWS            : boolean := false; -- has an output memory
+    SHOW_LAST        : boolean := false; -- which takes words of the last round only
     DEEP             : boolean := false; -- registers behind memories and shifts
     TRACE            : boolean := false  -- drives trace_o
   );
@@ -66,6 +68,7 @@ entity pe is
     state_o    : out   std_ulogic_vector(WORD_BITS - 1 downto 0);                                 -- word that was read
     link_o     : out   std_ulogic_vector(DATA_BITS - 1 downto 0);                                 -- link register
     word_o     : out   std_ulogic_vector(WORD_BITS - 1 downto 0);                                 -- word of the write group
+    show_o     : out   std_ulogic;                                                                -- the output memory takes it
     overflow_o : out   std_ulogic;                                                                -- sticky: a written word saturated
     operands_o : out   std_ulogic;                                                                -- sticky: operands too large for a sum, with SPLIT_FLAGS
     trace_o    : out   std_ulogic_vector(TRACE_BITS - 1 downto 0)                                 -- memory writes, for test benches
@@ -96,7 +99,7 @@ architecture rtl of pe is
 
   constant LAYOUT : layout_t := control_layout(OWN_WORDS, BASE_WORDS, COEFF_WORDS, IMPORTED_WORDS, PORT_COUNT,
                                                SHIFTS'length, COEFFICIENT_BITS, FACTOR, SWAP, SEND, INDEX_WORDS,
-                                               OCTAVE_WIDTH > 0);
+                                               OCTAVE_WIDTH > 0, SHOWS);
 
   constant OWN_BITS   : positive := index_bits(OWN_WORDS);
   constant BASE_BITS  : positive := index_bits(BASE_WORDS);
@@ -208,7 +211,7 @@ begin
 
     end generate g_no_parity;
 
-    g_last : if BASE_LAST generate
+    g_last : if BASE_LAST or SHOW_LAST generate
 
       u_last : entity pe_lib.pe_replica
         generic map (
@@ -222,7 +225,7 @@ begin
 
     end generate g_last;
 
-    g_no_last : if not BASE_LAST generate
+    g_no_last : if not BASE_LAST and not SHOW_LAST generate
 
       last <= '0';
 
@@ -492,6 +495,9 @@ begin
 
   link_o     <= link;
   word_o     <= word;
+  show_o     <= '0' when not SHOWS else
+                advance and flag(control_i, LAYOUT.show) and last when SHOW_LAST else
+                advance and flag(control_i, LAYOUT.show);
   overflow_o <= overflow;
   operands_o <= operands;
 

@@ -44,6 +44,7 @@ package pe_pkg is
     write_index         : field_t;
     write_octave        : field_t;
     write_index_address : field_t;
+    show                : field_t;
     send                : field_t;
     receive             : address_field_t;
     port_index          : field_t;
@@ -70,7 +71,8 @@ package pe_pkg is
     swap              : boolean;
     send              : boolean;
     index_words       : natural;
-    octaves           : boolean
+    octaves           : boolean;
+    show              : boolean := false
   ) return layout_t;
 
   -- Value of a one-bit field; '0' if the PE does not have it.
@@ -152,6 +154,24 @@ package pe_pkg is
     deep    : boolean := false
   ) return positive;
 
+  -- Output memories -----------------------------------------------------------------------------------------------
+
+  -- Words that one register joins.
+  constant JOINED_AT_ONCE : positive := 6;
+
+  -- Words that are left of so many after some registers.
+
+  function joined_words (
+    words : positive;
+    level : natural
+  ) return positive;
+
+  -- Registers until one is left.
+
+  function join_levels (
+    words : positive
+  ) return natural;
+
   -- Trace ---------------------------------------------------------------------------------------------------------
 
   -- Fields of one PE by their lowest bits: value (sign extended), address and enable of the write to the imported memory
@@ -207,7 +227,8 @@ package body pe_pkg is
     swap              : boolean;
     send              : boolean;
     index_words       : natural;
-    octaves           : boolean
+    octaves           : boolean;
+    show              : boolean := false
   ) return layout_t is
 
     variable layout      : layout_t;
@@ -221,6 +242,7 @@ package body pe_pkg is
     variable send_flag   : natural;
     variable index_flag  : natural;
     variable octave_flag : natural;
+    variable show_flag   : natural;
 
     -- Fields are placed from the least significant end.
 
@@ -261,6 +283,7 @@ package body pe_pkg is
     send_flag   := 0;
     index_flag  := 0;
     octave_flag := 0;
+    show_flag   := 0;
 
     if (imported_words > 0) then
       import_flag := 1;
@@ -290,10 +313,15 @@ package body pe_pkg is
       octave_flag := 1;
     end if;
 
+    if (show) then
+      show_flag := 1;
+    end if;
+
     position    := 0;
     place(layout.port_index, index_bits(port_count));
     place_address(layout.receive, import_flag, swap_flag, import_bits);
     place(layout.send, send_flag);
+    place(layout.show, show_flag);
     place(layout.write_index_address, index_bits(index_words));
     place(layout.write_octave, octave_flag);
     place(layout.write_index, index_flag);
@@ -551,6 +579,43 @@ package body pe_pkg is
     return latency + 6;
 
   end function pause_word;
+
+  function joined_words (
+    words : positive;
+    level : natural
+  ) return positive is
+
+    variable count : positive;
+
+  begin
+
+    count := words;
+
+    for i in 1 to level loop
+
+      count := (count + JOINED_AT_ONCE - 1) / JOINED_AT_ONCE;
+
+    end loop;
+
+    return count;
+
+  end function joined_words;
+
+  function join_levels (
+    words : positive
+  ) return natural is
+
+    variable level : natural;
+
+  begin
+
+    level := 0;
+    while joined_words(words, level) > 1 loop
+      level := level + 1;
+    end loop;
+    return level;
+
+  end function join_levels;
 
   function trace_width (
     trace : boolean;

@@ -44,7 +44,7 @@ end entity {{ model }}_host_tb;
 architecture bench of {{ model }}_host_tb is
 
   constant INPUT_COUNT  : natural := {{ inputs.len() }};
-  constant OUTPUT_COUNT : natural := {{ outputs.len() }};
+  constant OUTPUT_COUNT : natural := {{ output_count }};
 
   -- Words of states in hexadecimal files
   constant STATE_BITS : positive := (WORD_BITS + 3) / 4 * 4;
@@ -59,7 +59,11 @@ architecture bench of {{ model }}_host_tb is
   signal done      : std_ulogic;
   signal overflow  : std_ulogic;
   signal inputs    : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
-  signal outputs   : std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0);
+  signal outputs   : std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0){% if memory %} := (others => '0'){% endif %};
+{%- if memory %}
+  signal place     : std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0) := (others => '0');
+  signal word      : std_ulogic_vector(STORAGE_BITS - 1 downto 0);
+{%- endif %}
 {%- if host.flags %}
   signal clear     : std_ulogic := '0';
   signal saturated : std_ulogic;
@@ -115,6 +119,10 @@ begin
 {%- for slice in outputs %}
       {{ slice.port }}	=> outputs({{ slice.msb }} downto {{ slice.lsb }}),
 {%- endfor %}
+{%- if memory %}
+      output_address_i	=> place,
+      output_o	=> word,
+{%- endif %}
       trace_o	=> open
     );
 
@@ -184,6 +192,33 @@ begin
 
     end procedure await;
 
+{%- if memory %}
+
+    -- Reads all outputs, while the network waits for a step.
+
+    procedure read_outputs is
+    begin
+
+      for k in 0 to OUTPUT_COUNT - 1 loop
+
+        place <= std_ulogic_vector(to_unsigned(k, OUTPUT_ADDRESS_BITS));
+
+        -- One more until the address is seen.
+        for i in 0 to OUTPUT_LATENCY loop
+
+          wait until rising_edge(clk);
+
+        end loop;
+
+        outputs((k + 1) * STORAGE_BITS - 1 downto k * STORAGE_BITS) <= word;
+
+      end loop;
+
+      wait until rising_edge(clk);
+
+    end procedure read_outputs;
+{%- endif %}
+
     -- The input words of the next step; the last ones stay when the file ends.
 
     procedure next_inputs is
@@ -204,6 +239,15 @@ begin
     ) is
     begin
 
+{%- if memory %}
+
+      read_outputs;
+
+      assert outputs = shown
+        report "outputs have changed although no step was run"
+        severity failure;
+{%- endif %}
+
       running := true;
 
       for i in 1 to steps loop
@@ -213,6 +257,9 @@ begin
         await(busy, '0', "no step begins");
         step <= '0';
         await(done, '1', "a step does not end");
+{%- if memory %}
+        read_outputs;
+{%- endif %}
 
         for k in 0 to OUTPUT_COUNT - 1 loop
 

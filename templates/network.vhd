@@ -55,6 +55,10 @@ entity {{ model }} is
 {%- for output in outputs %}
     {{ output.port.port }}	: out   std_ulogic_vector(STORAGE_BITS - 1 downto 0);	-- {{ output.port.comment }}
 {%- endfor %}
+{%- if memory.is_some() %}
+    output_address_i	: in    std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0) := (others => '0');	-- output to read, a row of OUTPUT_PLACES
+    output_o	: out   std_ulogic_vector(STORAGE_BITS - 1 downto 0);	-- its word, OUTPUT_LATENCY clocks later
+{%- endif %}
     trace_o	: out   std_ulogic_vector(trace_width(TRACE, {{ pe_count }}) - 1 downto 0)	-- memory writes, for test benches
   );
 end entity {{ model }};
@@ -105,6 +109,13 @@ architecture network of {{ model }} is
   signal states	: std_ulogic_vector({{ pe_count }} * WORD_BITS - 1 downto 0);
   signal counts	: std_ulogic_vector({% if ticks.len() > 1 %}{{ ticks.len() }} * {% endif %}WORD_BITS - 1 downto 0) := (others => '0');
 {%- endif %}
+{%- if let Some(memory) = memory %}
+
+  -- Reading outputs
+  signal output_here	: std_ulogic_vector({{ memory.pes - 1 }} downto 0);
+  signal output_place	: std_ulogic_vector({{ memory.place_bits - 1 }} downto 0);
+  signal output_words	: std_ulogic_vector({{ memory.pes }} * {{ memory.shown_bits }} - 1 downto 0);
+{%- endif %}
 
   signal trace_all	: std_ulogic_vector({{ pe_count }} * TRACE_BITS downto 0);
 {%- for input in inputs %}
@@ -132,6 +143,9 @@ architecture network of {{ model }} is
 {%- endif %}
 {%- if pe.shown %}
   signal word_{{ pe.index }}	: std_ulogic_vector(WORD_BITS - 1 downto 0);
+{%- endif %}
+{%- if pe.shown_words > 0 %}
+  signal show_{{ pe.index }}	: std_ulogic;
 {%- endif %}
 {%- endfor %}
 
@@ -255,6 +269,31 @@ begin
       value_o   => {{ output.port.port }}
     );
 {%- endfor %}
+{%- if let Some(memory) = memory %}
+
+  u_reader : entity pe_lib.pe_output_reader
+    generic map (
+      STORAGE_BITS => STORAGE_BITS,
+      WORD_BITS    => WORD_BITS,
+      DATA_BITS    => DATA_BITS,
+      SHOWN_BITS   => {{ memory.shown_bits }},
+      MEMORIES     => {{ memory.pes }},
+      PLACE_BITS   => {{ memory.place_bits }},
+      OUTPUTS      => OUTPUT_PLACES'length,
+      PLACES       => OUTPUT_PLACES
+{%- if memory.proven %},
+      SATURATE     => false
+{%- endif %}
+    )
+    port map (
+      clk_i     => clk_i,
+      address_i => output_address_i,
+      here_o    => output_here,
+      place_o   => output_place,
+      words_i   => output_words,
+      value_o   => output_o
+    );
+{%- endif %}
 {%- for pe in pes %}
 
   -- PE {{ pe.index }}: {{ pe.equations }}
@@ -356,6 +395,12 @@ begin
 {%- if host.flags %}
       SPLIT_FLAGS      => true,
 {%- endif %}
+{%- if pe.shown_words > 0 %}
+      SHOWS            => true,
+{%- if pe.show_last %}
+      SHOW_LAST        => true,
+{%- endif %}
+{%- endif %}
 {%- if deep %}
       DEEP             => true,
 {%- endif %}
@@ -382,11 +427,38 @@ begin
       clear_i    => clear_i,
       operands_o => operands({{ pe.index }}),
 {%- endif %}
+{%- if pe.shown_words > 0 %}
+      show_o     => show_{{ pe.index }},
+{%- endif %}
       link_o     => link_{{ pe.index }},
       word_o     => {% if pe.shown %}word_{{ pe.index }}{% else %}open{% endif %},
       overflow_o => overflow({{ pe.index }}),
       trace_o    => trace_all({{ pe.index.number() + 1 }} * TRACE_BITS - 1 downto {{ pe.index }} * TRACE_BITS)
     );
+{%- if let Some(memory) = memory %}{% if pe.shown_words > 0 %}
+
+  u_outputs_{{ pe.index }} : entity pe_lib.pe_output_memory
+    generic map (
+      WORDS      => {{ pe.shown_words }},
+      SHOWN_BITS => {{ memory.shown_bits }},
+{%- if deep %}
+      DATA_BITS  => DATA_BITS,
+      DEEP       => true
+{%- else %}
+      DATA_BITS  => DATA_BITS
+{%- endif %}
+    )
+    port map (
+      clk_i     => clk_i,
+      write_i   => show_{{ pe.index }},
+      word_i    => word_{{ pe.index }}(WORD_BITS - 1 downto WORD_BITS - {{ memory.shown_bits }}),
+      settle_i  => settle,
+      publish_i => publish,
+      here_i    => output_here({{ pe.memory }}),
+      place_i   => output_place({{ pe.shown_bits - 1 }} downto 0),
+      word_o    => output_words({{ pe.memory + 1 }} * {{ memory.shown_bits }} - 1 downto {{ pe.memory }} * {{ memory.shown_bits }})
+    );
+{%- endif %}{% endif %}
 {%- endfor %}
 
 {%- if replaces %}

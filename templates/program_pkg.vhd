@@ -34,6 +34,18 @@ package {{ model }}_program_pkg is
 {{- order.words }}
   );
 {%- endif %}
+{%- if let Some(outputs) = outputs %}
+
+  -- Reading outputs: bits of an address, clocks from an address to the output's word
+  constant OUTPUT_ADDRESS_BITS : positive := {{ outputs.address_bits }};
+  constant OUTPUT_LATENCY      : positive := {{ outputs.latency }};
+
+  -- Output memory, and the place there, of each output
+  constant OUTPUT_PLACES : word_array_t(0 to {{ outputs.last }})({{ outputs.bits - 1 }} downto 0) :=
+  (
+{{- outputs.words }}
+  );
+{%- endif %}
 {%- for pe in self.pes() %}
 
   -- PE {{ pe.index }}: {{ pe.equations }}. Shifts {{ pe.shifts }}.

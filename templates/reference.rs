@@ -109,6 +109,10 @@ struct Description {
     index_words: u32,
     index_width: u32,
     octave_width: u32,
+{%- if memory %}
+    /// Output memory.
+    shows: bool,
+{%- endif %}
     own_image: &'static [i64],
     base_image: &'static [i64],
     coefficient_image: &'static [i64],
@@ -282,6 +286,9 @@ const PES: &[Description] = &[
         index_words: {{ pe.index_words }},
         index_width: {{ pe.index_width }},
         octave_width: {{ pe.octave_width }},
+{%- if memory %}
+        shows: {{ pe.shows }},
+{%- endif %}
         own_image: &[{{ pe.own_image }}],
         base_image: &[{{ pe.base_image }}],
         coefficient_image: &[{{ pe.coefficient_image }}],

@@ -111,6 +111,9 @@ impl Word {
             + write_bits
             + 2 * address(indexed, 0, place_bits)
             + octaves as u32
+{%- if memory %}
+            + pe.shows as u32
+{%- endif %}
             + pe.send as u32
             + port_bits;
         let mut fields = Fields { word, left: bits };
@@ -136,6 +139,10 @@ impl Word {
         let write_index = indexed && fields.take(1) == 1;
         let octaves = octaves && fields.take(1) == 1;
         let written = fields.take(place_bits) as u16;
+{%- if memory %}
+        // Outputs know their words.
+        fields.take(pe.shows as u32);
+{%- endif %}
         let send = pe.send && fields.take(1) == 1;
         let receive = fields.address(imports, pe.swap, imported);
         let port = fields.take(port_bits) as usize;

@@ -36,7 +36,12 @@ architecture bench of {{ model }}_tb is
 
   constant PE_COUNT     : positive := {{ pe_count }};
   constant INPUT_COUNT  : natural  := {{ inputs.len() }};
-  constant OUTPUT_COUNT : natural  := {{ outputs.len() }};
+  constant OUTPUT_COUNT : natural  := {{ output_count }};
+{%- if memory %}
+
+  -- Whether outputs are too many to be read while the next step runs: the network then waits for that
+  constant FREEZE : boolean := CONTROL'length = 0 and OUTPUT_COUNT + OUTPUT_LATENCY + 8 > PERIOD;
+{%- endif %}
 
   -- Words that the write addresses tell apart
   constant WRITE_WORDS : natural_array_t(0 to PE_COUNT - 1) := ({{ write_words }});
@@ -51,7 +56,14 @@ architecture bench of {{ model }}_tb is
   signal words      : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
   signal garbage    : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
   signal inputs     : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
+{%- if memory %}
+  signal run        : std_ulogic;
+  signal frozen     : std_ulogic := '0';
+  signal address    : std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0) := (others => '0');
+  signal word       : std_ulogic_vector(STORAGE_BITS - 1 downto 0);
+{%- else %}
   signal outputs    : std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0);
+{%- endif %}
   signal trace_line : std_ulogic_vector(trace_width(TRACE, PE_COUNT) - 1 downto 0);
 
 begin
@@ -64,7 +76,7 @@ begin
     )
     port map (
       clk_i	=> clk,
-      ce_i	=> ce,
+      ce_i	=> {% if memory %}run{% else %}ce{% endif %},
       step_i	=> step,
       busy_o	=> busy,
       done_o	=> done,
@@ -75,11 +87,18 @@ begin
 {%- for slice in outputs %}
       {{ slice.port }}	=> outputs({{ slice.msb }} downto {{ slice.lsb }}),
 {%- endfor %}
+{%- if memory %}
+      output_address_i	=> address,
+      output_o	=> word,
+{%- endif %}
       trace_o	=> trace_line
     );
 
   inputs <= words when valid = '1' else
             garbage;
+{%- if memory %}
+  run    <= ce and not frozen;
+{%- endif %}
 
   p_run : process is
 
@@ -88,7 +107,12 @@ begin
 
     variable controls  : line;
     variable ended     : boolean;
+{%- if memory %}
+    variable shown     : std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0);
+    variable since     : natural;
+{%- else %}
     variable shown     : std_ulogic_vector(outputs'range);
+{%- endif %}
     variable state     : std_ulogic_vector(2 downto 0);
     variable random    : unsigned(15 downto 0);
     variable countdown : natural;
@@ -156,7 +180,7 @@ begin
 
     end procedure next_control;
 
-    -- Changes of the handshake, and of outputs when nothing is published.
+    -- Changes of the handshake{% if !memory %}, and of outputs when nothing is published{% endif %}.
 
     procedure watch is
 
@@ -170,14 +194,72 @@ begin
         print("h " & integer'image(clocks) & " " & hex(now_state));
       end if;
 
+{%- if !memory %}
+
       if (outputs /= shown and (done = '0' or told)) then
         print("u " & integer'image(clocks));
       end if;
+{%- endif %}
 
       state := now_state;
+{%- if !memory %}
       shown := outputs;
+{%- endif %}
 
     end procedure watch;
+
+{%- if memory %}
+
+    -- Reads the outputs of the last step in turn, as long as it is the last one; prints each once, and when it changes.
+
+    procedure read_outputs is
+
+      variable place : natural;
+
+    begin
+
+      if (finished > 0) then
+        if (since >= OUTPUT_LATENCY) then
+          place := (since - OUTPUT_LATENCY) mod OUTPUT_COUNT;
+
+          if (since - OUTPUT_LATENCY < OUTPUT_COUNT) then
+            print("o " & integer'image(finished - 1) & " " & integer'image(place) & " " & hex(word));
+            checks := checks + 1;
+          elsif (word /= shown((place + 1) * STORAGE_BITS - 1 downto place * STORAGE_BITS)) then
+            print("u " & integer'image(clocks));
+          end if;
+
+          shown((place + 1) * STORAGE_BITS - 1 downto place * STORAGE_BITS) := word;
+
+          if (since = OUTPUT_LATENCY + OUTPUT_COUNT - 1) then
+            frozen <= '0';
+          end if;
+        end if;
+
+        since   := since + 1;
+        address <= std_ulogic_vector(to_unsigned(since mod OUTPUT_COUNT, OUTPUT_ADDRESS_BITS));
+      end if;
+
+    end procedure read_outputs;
+
+    -- Begins with the outputs of the next step.
+
+    procedure print_outputs is
+    begin
+
+      assert finished = 0 or since >= OUTPUT_LATENCY + OUTPUT_COUNT
+        report "a step ends before the outputs of the last one were read"
+        severity failure;
+
+      since   := 0;
+      address <= (others => '0');
+
+      if (FREEZE) then
+        frozen <= '1';
+      end if;
+
+    end procedure print_outputs;
+{%- else %}
 
     procedure print_outputs is
     begin
@@ -191,6 +273,7 @@ begin
       end loop;
 
     end procedure print_outputs;
+{%- endif %}
 
   begin
 
@@ -217,11 +300,23 @@ begin
 
       -- All values are those before the edge.
       wait until rising_edge(clk);
+{%- if memory %}
+
+      if (frozen = '0') then
+        clocks := clocks + 1;
+      end if;
+{%- else %}
       clocks := clocks + 1;
+{%- endif %}
 
       if (CONTROL'length > 0) then
         watch;
       end if;
+
+{%- if memory %}
+
+      read_outputs;
+{%- endif %}
 
       -- In its first clock, enabled or not: a deep pipeline goes on with the next words.
       if (done = '1' and not told) then
@@ -246,7 +341,7 @@ begin
 
         next_control;
         exit when ended;
-      elsif (busy = '0' and step = '1' and ce = '1') then
+      elsif (busy = '0' and step = '1' and {% if memory %}run{% else %}ce{% endif %} = '1') then
         next_inputs;
         countdown := GAP;
 
@@ -282,6 +377,16 @@ begin
     else
       print("c " & integer'image(latest - previous));
     end if;
+
+{%- if memory %}
+
+    while finished > 0 and since < OUTPUT_LATENCY + OUTPUT_COUNT loop
+
+      wait until rising_edge(clk);
+      read_outputs;
+
+    end loop;
+{%- endif %}
 
     print("checks " & integer'image(checks));
 

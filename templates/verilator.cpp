@@ -25,7 +25,12 @@ namespace {
 
 constexpr unsigned kPeCount = {{ pe_count }};
 constexpr unsigned kInputCount = {{ inputs.len() }};
-constexpr unsigned kOutputCount = {{ outputs.len() }};
+constexpr unsigned kOutputCount = {{ output_count }};
+{%- if let Some(latency) = latency %}
+// Clocks from the address of an output to its word
+constexpr unsigned kOutputLatency = {{ latency }};
+constexpr unsigned kPeriod = {{ period }};
+{%- endif %}
 constexpr unsigned kWordBits = {{ word_bits }};
 constexpr unsigned kDataBits = {{ data_bits }};
 constexpr unsigned kStorageBits = {{ storage_bits }};
@@ -90,8 +95,31 @@ int main(int argc, char** argv) {
   unsigned state = 4;
   uint64_t garbage = 0x9e3779b97f4a7c15;
   std::vector<uint64_t> shown(kOutputCount + 1, 0);
+{%- if latency.is_some() %}
+  // Outputs are read in turn as long as their step is the last one, each is printed once, and when it changes. If they are
+  // too many to be read while the next step runs the network waits for that.
+  const bool freeze = control.empty() && kOutputCount + kOutputLatency + 8 > kPeriod;
+  bool frozen = false;
+  unsigned long since = 0;
+  auto read_outputs = [&] {
+    if (finished == 0) return;
+    const uint64_t word = top->output_o & (~uint64_t{0} >> (64 - kStorageBits));
+    if (since >= kOutputLatency) {
+      const unsigned long place = (since - kOutputLatency) % kOutputCount;
+      if (since - kOutputLatency < kOutputCount) {
+        std::printf("o %lu %lu %llx\n", finished - 1, place, static_cast<unsigned long long>(word));
+        ++checks;
+      } else if (word != shown[place]) {
+        std::printf("u %llu\n", clocks);
+      }
+      shown[place] = word;
+      if (since == kOutputLatency + kOutputCount - 1) frozen = false;
+    }
+    ++since;
+  };
+{%- endif %}
   while (control.empty() || clocks < control.size()) {
-    const char digit = control.empty() ? '7' : control[clocks];
+    const char digit = control.empty() ? {% if latency.is_some() %}(frozen ? '6' : '7'){% else %}'7'{% endif %} : control[clocks];
     const bool valid = digit & 4;
     garbage = garbage * 0x5851f42d4c957f2d + 0x14057b7ef767814f;
     // Now and then the largest word, which is clamped where operands have fewer bits.
@@ -103,25 +131,46 @@ int main(int argc, char** argv) {
 {%- for slice in inputs %}
     top->{{ slice.port }} = (valid ? inputs[{{ slice.index }}] : clamped ? largest : garbage >> {{ slice.index % 16 }}) & (~uint64_t{0} >> (64 - kStorageBits));
 {%- endfor %}
+{%- if latency.is_some() %}
+    top->output_address_i = since % kOutputCount;
+{%- endif %}
     top->eval();
-    ++clocks;
+    {% if latency.is_some() %}if (!frozen) {% endif %}++clocks;
+{%- if latency.is_none() %}
     const std::vector<uint64_t> outputs = {
 {%- for slice in outputs %}
         static_cast<uint64_t>(top->{{ slice.port }}),
 {%- endfor %}
         0};
+{%- endif %}
     if (!control.empty()) {
       const unsigned now = top->busy_o << 2 | top->done_o << 1 | top->overflow_o;
       if (now != state) std::printf("h %llu %x\n", clocks, now);
+{%- if latency.is_none() %}
       if (outputs != shown && (!top->done_o || told)) std::printf("u %llu\n", clocks);
+{%- endif %}
       state = now;
+{%- if latency.is_none() %}
       shown = outputs;
+{%- endif %}
     }
+{%- if latency.is_some() %}
+    read_outputs();
+{%- endif %}
     if (top->done_o && !told) {
+{%- if latency.is_some() %}
+      if (finished > 0 && since < kOutputLatency + kOutputCount) {
+        std::fprintf(stderr, "a step ends before the outputs of the last one were read\n");
+        return 1;
+      }
+      since = 0;
+      frozen = freeze;
+{%- else %}
       for (unsigned i = 0; i < kOutputCount; ++i, ++checks) {
         const unsigned long long value = outputs[i] & (~uint64_t{0} >> (64 - kStorageBits));
         std::printf("o %lu %u %llx\n", finished, i, value);
       }
+{%- endif %}
       ++finished;
       previous = latest;
       latest = clocks;
@@ -146,7 +195,7 @@ int main(int argc, char** argv) {
       }
       ++cycle;
     }
-    const bool sampled = control.empty() ? !top->busy_o : valid;
+    const bool sampled = control.empty() ? !top->busy_o{% if latency.is_some() %} && (digit & 1){% endif %} : valid;
     top->clk_i = 1;
     top->eval();
     if (sampled) next_inputs();
@@ -158,6 +207,16 @@ int main(int argc, char** argv) {
   top->clk_i = 1;
   top->eval();
   if (top->overflow_o) std::printf("v any\n");
+{%- if latency.is_some() %}
+  while (finished > 0 && since < kOutputLatency + kOutputCount) {
+    top->clk_i = 0;
+    top->output_address_i = since % kOutputCount;
+    top->eval();
+    read_outputs();
+    top->clk_i = 1;
+    top->eval();
+  }
+{%- endif %}
   std::printf("c %llu\n", finished < 2 ? 0ull : latest - previous);
   std::printf("checks %llu\n", checks);
   return checks > 0 ? 0 : 1;

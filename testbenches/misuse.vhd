@@ -26,6 +26,7 @@ library pe_lib;
 -- 15 pe: the ports of the multiplier
 -- 16 pe: FACTOR needs a coefficient memory
 -- 17 pe: an imported memory needs a port
+-- 18 pe_output_memory: WORDS is a power of two
 
 entity misuse is
   generic (
@@ -80,6 +81,7 @@ architecture test of misuse is
   constant INPUT_BITS   : positive := unless(10, 8, 12);
   constant DONE         : natural  := unless(12, 0, 4);
   constant CAPTURE_WORD : natural  := unless(13, 3, 16);
+  constant SHOWN_WORDS  : natural  := unless(18, 4, 1);
   constant PORT_COUNT   : natural  := unless(17, 1, 0);
   constant FACTOR_BITS  : positive := unless(15, 8, 11);
 
@@ -242,6 +244,23 @@ begin
       value_o   => open
     );
 
+  u_outputs : entity pe_lib.pe_output_memory
+    generic map (
+      WORDS      => SHOWN_WORDS,
+      SHOWN_BITS => 9,
+      DATA_BITS  => 8
+    )
+    port map (
+      clk_i     => clk,
+      write_i   => '0',
+      word_i    => (others => '0'),
+      settle_i  => '0',
+      publish_i => '0',
+      here_i    => '0',
+      place_i   => (others => '0'),
+      word_o    => open
+    );
+
   u_pe : entity pe_lib.pe
     generic map (
       WORD_BITS        => 10,
@@ -275,6 +294,7 @@ begin
       ports_i    => (others => '0'),
       link_o     => open,
       word_o     => open,
+      show_o     => open,
       overflow_o => open,
       trace_o    => open
     );

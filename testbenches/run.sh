@@ -11,7 +11,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 
-for unit in pe_pkg pe_write_pkg pe_style_pkg pe_replica pe_ram pe_rom pe_multiplier pe_index pe_scale pe_coefficient pe pe_sequencer pe_input pe_tick pe_access pe_output pe_trace_pkg; do
+for unit in pe_pkg pe_write_pkg pe_style_pkg pe_replica pe_ram pe_rom pe_multiplier pe_index pe_scale pe_coefficient pe pe_sequencer pe_input pe_tick pe_access pe_output pe_output_memory pe_output_reader pe_trace_pkg; do
   ghdl -a --std=08 --work=pe_lib "$hdl/$unit.vhd"
 done
 ghdl -a --std=08 "$here/check_pkg.vhd"

@@ -38,6 +38,9 @@ struct Testbench<'a> {
     pe_count: usize,
     inputs: Vec<Slice>,
     outputs: Vec<Slice>,
+    output_count: usize,
+    /// Whether outputs are in memories.
+    memory: bool,
     /// Aggregate of the own memories' depths.
     write_words: String,
 }
@@ -54,6 +57,8 @@ pub fn testbench(program: &Program, names: &Names, header: &Header, options: &Em
         pe_count: program.pes.len(),
         inputs: slices(&names.inputs, width),
         outputs: slices(&names.outputs, width),
+        output_count: program.outputs.len(),
+        memory: program.output_memory().is_some(),
         write_words: write_words.collect::<Vec<_>>().join(", "),
     };
     bench.render().expect("templates render into strings")
@@ -69,6 +74,9 @@ struct HostTestbench<'a> {
     host: Host,
     inputs: Vec<Slice>,
     outputs: Vec<Slice>,
+    output_count: usize,
+    /// Whether outputs are in memories.
+    memory: bool,
 }
 
 /// The text of `<model>_host_tb.vhd`.
@@ -81,6 +89,8 @@ pub fn host_testbench(program: &Program, names: &Names, header: &Header) -> Stri
         host: program.host,
         inputs: slices(&names.inputs, width),
         outputs: slices(&names.outputs, width),
+        output_count: program.outputs.len(),
+        memory: program.output_memory().is_some(),
     };
     bench.render().expect("templates render into strings")
 }
@@ -97,6 +107,10 @@ struct Verilator<'a> {
     pe_count: usize,
     inputs: Vec<Slice>,
     outputs: Vec<Slice>,
+    output_count: usize,
+    period: u32,
+    /// Clocks from the address of an output in a memory to its word.
+    latency: Option<u32>,
     write_words: String,
 }
 
@@ -113,6 +127,9 @@ pub fn verilator(program: &Program, names: &Names, header: &Header, options: &Em
         pe_count: program.pes.len(),
         inputs: slices(&names.inputs, format.storage_bits),
         outputs: slices(&names.outputs, format.storage_bits),
+        output_count: program.outputs.len(),
+        period: program.period,
+        latency: program.output_memory().map(|memory| memory.latency),
         write_words: write_depths(program).iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
     };
     driver.render().expect("templates render into strings")

@@ -3,7 +3,7 @@
 use pe_ir::program::Program;
 
 /// The hand-written library `pe_lib`, in compile order: file name and text.
-pub const LIBRARY: [(&str, &str); 17] = [
+pub const LIBRARY: [(&str, &str); 19] = [
     ("pe_pkg.vhd", include_str!("../../../hdl/pe_pkg.vhd")),
     ("pe_write_pkg.vhd", include_str!("../../../hdl/pe_write_pkg.vhd")),
     ("pe_style_pkg.vhd", include_str!("../../../hdl/pe_style_pkg.vhd")),
@@ -20,6 +20,8 @@ pub const LIBRARY: [(&str, &str); 17] = [
     ("pe_tick.vhd", include_str!("../../../hdl/pe_tick.vhd")),
     ("pe_access.vhd", include_str!("../../../hdl/pe_access.vhd")),
     ("pe_output.vhd", include_str!("../../../hdl/pe_output.vhd")),
+    ("pe_output_memory.vhd", include_str!("../../../hdl/pe_output_memory.vhd")),
+    ("pe_output_reader.vhd", include_str!("../../../hdl/pe_output_reader.vhd")),
     ("pe_trace_pkg.vhd", include_str!("../../../hdl/pe_trace_pkg.vhd")),
 ];
 
@@ -27,9 +29,11 @@ pub const LIBRARY: [(&str, &str); 17] = [
 pub(crate) fn needed(program: &Program) -> impl Iterator<Item = (&'static str, &'static str)> {
     let ticks = program.ticks().next().is_some();
     let replaces = program.host.replaces();
+    let memory = program.output_memory().is_some();
     LIBRARY.into_iter().filter(move |(file, _)| match *file {
         "pe_tick.vhd" => ticks,
         "pe_access.vhd" => replaces,
+        "pe_output_memory.vhd" | "pe_output_reader.vhd" => memory,
         _ => true,
     })
 }

@@ -1,13 +1,14 @@
 //! The map of the design, for hosts and wrappers.
 
-use pe_ir::index::at;
-use pe_ir::program::{Host, InputPort, OutputPort, Program, StateRegister};
+use pe_ir::index::{at, number};
+use pe_ir::program::{self, Host, InputPort, OutputPort, Program, StateRegister};
 use pe_map::{
-    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, Outside, Rounding, State, Tick, VERSION, sha256,
+    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, OutputMemory, Outside, Rounding, State, Tick,
+    VERSION, sha256,
 };
 
 use crate::access;
-use crate::names::Names;
+use crate::names::{Names, READER};
 use crate::options::{Driven, EmitOptions};
 
 /// What tells a design from others that compute other words.
@@ -25,7 +26,13 @@ pub fn render(program: &Program, names: &Names, options: &EmitOptions, hash: &st
     let port = |name: &str| name.to_owned();
     let early_step = |(until, step): &(f64, f64)| EarlyStep { until: *until, step: *step };
     let inputs = program.ports().zip(&names.inputs).enumerate();
-    let outputs = program.outputs.iter().zip(&names.outputs);
+    let memory = program.output_memory();
+    // The number of an output is its address.
+    let output = |(index, output): (usize, _)| match memory {
+        Some(_) => (output, READER[1], Some(number(index))),
+        None => (output, names.outputs[index].as_str(), None),
+    };
+    let outputs = program.outputs.iter().enumerate().map(output);
     let map = Map {
         map_version: VERSION,
         hash: hash.to_owned(),
@@ -55,8 +62,15 @@ pub fn render(program: &Program, names: &Names, options: &EmitOptions, hash: &st
             .collect(),
         outputs: outputs
             .zip(program.shown_states())
-            .map(|((port, name), state)| shown(program, port, name, state.map(|id| id.number())))
+            .map(|((port, name, address), state)| shown(program, port, (name, address), state.map(|id| id.number())))
             .collect(),
+        output_memory: memory.as_ref().map(|memory| OutputMemory {
+            address: port(READER[0]),
+            address_bits: memory.address_bits(),
+            word: port(READER[1]),
+            latency: memory.latency,
+            lead: program::OutputMemory::READ_AFTER,
+        }),
         states: program.states.iter().map(|state| placed(program, state)).collect(),
         host: (program.host != Host::default()).then(|| access::ports(program)),
     };
@@ -87,10 +101,11 @@ fn described(program: &Program, input: &InputPort, name: &str, driven: Option<&D
     }
 }
 
-fn shown(program: &Program, output: &OutputPort, name: &str, state: Option<u32>) -> Output {
+fn shown(program: &Program, output: &OutputPort, (name, address): (&str, Option<u32>), state: Option<u32>) -> Output {
     Output {
         name: output.name.clone(),
         port: name.to_owned(),
+        address,
         unit: output.unit.clone(),
         format: Format { bits: program.format.storage_bits, exponent: output.exponent },
         rounding: Rounding::NearestHalvesUp,

@@ -121,6 +121,9 @@ const RESERVED: &[&str] = &[
     "interface",
     "is",
     "join",
+    "join_levels",
+    "joined_at_once",
+    "joined_words",
     "label",
     "larger",
     "layout_t",
@@ -160,6 +163,9 @@ const RESERVED: &[&str] = &[
     "others",
     "out",
     "output",
+    "output_address_bits",
+    "output_latency",
+    "output_places",
     "package",
     "parameter",
     "pause_word",
@@ -171,6 +177,8 @@ const RESERVED: &[&str] = &[
     "pe_lib",
     "pe_multiplier",
     "pe_output",
+    "pe_output_memory",
+    "pe_output_reader",
     "pe_pkg",
     "pe_ram",
     "pe_replica",
@@ -350,13 +358,16 @@ pub fn comment_text(text: &str) -> String {
     safe
 }
 
+/// Ports that read outputs in memories: the number of an output, and its word.
+pub(crate) const READER: [&str; 2] = ["output_address_i", "output_o"];
+
 /// Identifiers of a design.
 pub struct Names {
     /// Design unit and start of all file names.
     pub model: String,
     /// Ports of the external inputs, `_i` included.
     pub inputs: Vec<String>,
-    /// Ports of the outputs, `_o` included.
+    /// Ports of the outputs, `_o` included; none if outputs are in memories.
     pub outputs: Vec<String>,
 }
 
@@ -365,7 +376,9 @@ impl Names {
     pub fn new(program: &Program) -> Names {
         let ports = ["clk_i", "ce_i", "step_i", "busy_o", "done_o", "overflow_o", "trace_o"];
         let for_host = access::port_names(program);
-        let mut used: BTreeSet<String> = ports.into_iter().map(str::to_owned).chain(for_host).collect();
+        let reader = program.output_memory().is_some().then_some(READER);
+        let ports = ports.into_iter().chain(reader.into_iter().flatten()).map(str::to_owned);
+        let mut used: BTreeSet<String> = ports.chain(for_host).collect();
         let mut unique = |name: &str, suffix: &str| {
             let base = vhdl_identifier(name);
             let mut number = 1;
@@ -381,7 +394,10 @@ impl Names {
         Names {
             model: vhdl_identifier(&program.model),
             inputs: program.ports().map(|port| unique(&port.name, "_i")).collect(),
-            outputs: program.outputs.iter().map(|port| unique(&port.name, "_o")).collect(),
+            outputs: match reader {
+                Some(_) => Vec::new(),
+                None => program.outputs.iter().map(|port| unique(&port.name, "_o")).collect(),
+            },
         }
     }
 }

@@ -21,6 +21,7 @@ struct Network<'a> {
     inputs: Vec<Port>,
     ticks: Vec<Tick>,
     outputs: Vec<Output>,
+    memory: Option<Memory>,
     pes: Vec<Pe>,
     host: Host,
     /// Whether words of states are replaced.
@@ -48,6 +49,14 @@ struct Output {
     port: Port,
     pe: PeId,
     word: u32,
+    proven: bool,
+}
+
+/// Outputs in memories.
+struct Memory {
+    pes: usize,
+    place_bits: u32,
+    shown_bits: u32,
     proven: bool,
 }
 
@@ -85,6 +94,11 @@ struct Pe {
     wiring_comment: String,
     /// Whether an output shows a word of this PE.
     shown: bool,
+    /// Words of the output memory, 0 without one, bits of a place there, and its number among the memories.
+    shown_words: u32,
+    shown_bits: u32,
+    show_last: bool,
+    memory: usize,
 }
 
 /// The text of `<model>.vhd`.
@@ -93,12 +107,15 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
         let unit = unit.as_deref().map_or(String::new(), |unit| format!(" [{}]", comment_text(unit)));
         format!("{}{unit}, LSB 2^{exponent}", comment_text(name))
     };
+    let memory = program.output_memory();
     let mut shown = List::filled(false, program.pes.len());
     for output in &program.outputs {
         shown[output.pe] = true;
     }
-    let pes: Vec<Pe> =
-        shown.numbered().zip(folds).map(|((index, shown), fold)| describe(program, fold, index, *shown)).collect();
+    let number_of = |pe: PeId| memory.as_ref().and_then(|memory| memory.pes.binary_search(&pe).ok()).unwrap_or(0);
+    let pes: Vec<Pe> = (shown.numbered().zip(folds))
+        .map(|((index, shown), fold)| Pe { memory: number_of(index), ..describe(program, fold, index, *shown) })
+        .collect();
     let inputs = program.ports().zip(&names.inputs).enumerate();
     let outputs = program.outputs.iter().zip(&names.outputs).enumerate();
     let network = Network {
@@ -135,6 +152,12 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
                 }
             })
             .collect(),
+        memory: memory.as_ref().map(|memory| Memory {
+            pes: memory.pes.len(),
+            place_bits: memory.place_bits,
+            shown_bits: program.format.shown_bits(),
+            proven: !memory.saturates,
+        }),
         pes,
         host: program.host,
         replaces: program.host.replaces(),
@@ -190,5 +213,9 @@ fn describe(program: &Program, fold: &Fold, index: PeId, shown: bool) -> Pe {
         wiring,
         wiring_comment: pe.ports.iter().map(wired).collect::<Vec<_>>().join(", "),
         shown,
+        shown_words: features.shown_words,
+        shown_bits: index_bits(features.shown_words),
+        show_last: features.show_last,
+        memory: 0,
     }
 }

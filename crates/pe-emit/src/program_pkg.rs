@@ -29,6 +29,7 @@ struct ProgramPackage<'a> {
     period: u32,
     rounds: u32,
     order: Option<Order>,
+    outputs: Option<OutputPlaces>,
     program: &'a Program,
     folds: &'a [Fold],
     /// Names of values as comments show them.
@@ -92,6 +93,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header,
         period: program.period,
         rounds: program.rounds,
         order: program.host.replaces().then(|| Order::of(program)),
+        outputs: OutputPlaces::of(program),
         program,
         folds,
         shown: program.names.iter().map(|name| short(name)).collect(),
@@ -99,6 +101,41 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header,
         provenance,
     };
     package.render().expect("templates render into strings")
+}
+
+/// Where outputs are in their memories.
+struct OutputPlaces {
+    /// Bits of an address.
+    address_bits: u32,
+    /// Clocks from an address to the word.
+    latency: u32,
+    /// Bits of a row.
+    bits: u32,
+    /// Last row.
+    last: usize,
+    /// The rows, as elements of an array.
+    words: String,
+}
+
+impl OutputPlaces {
+    fn of(program: &Program) -> Option<OutputPlaces> {
+        let memory = program.output_memory()?;
+        let widths = [memory.memory_bits(), memory.place_bits];
+        let fields = |text: &mut String, row: usize| {
+            let (number, place) = memory.places[row];
+            push_binary(text, u64::from(number), widths[0]);
+            text.push('_');
+            push_binary(text, u64::from(place), widths[1]);
+        };
+        let comment = |text: &mut String, row: usize| text.push_str(&comment_text(&program.outputs[row].name));
+        Some(OutputPlaces {
+            address_bits: memory.address_bits(),
+            latency: memory.latency,
+            bits: widths.iter().sum(),
+            last: memory.places.len() - 1,
+            words: lines(memory.places.len(), fields, comment),
+        })
+    }
 }
 
 /// States by the memory words they begin in: sorted (PE, word) and the state's index.

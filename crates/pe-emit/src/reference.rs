@@ -32,6 +32,8 @@ struct Reference<'a> {
     /// Integer type that products and sums fit.
     sum_type: &'static str,
     /// Fields of `Output`.
+    /// Whether outputs are in memories.
+    memory: bool,
     outputs: String,
     /// Fields of `State`.
     states: String,
@@ -62,6 +64,7 @@ struct Pe {
     index_words: u32,
     index_width: u32,
     octave_width: u32,
+    shows: bool,
     own_image: String,
     base_image: String,
     coefficient_image: String,
@@ -127,6 +130,7 @@ pub fn render(program: &Program, folds: &[Fold], header: &Header, options: &Emit
         hash,
         ticks: joined(program.ticks().map(tick)),
         sum_type: sum_type(program),
+        memory: program.output_memory().is_some(),
         outputs: joined(program.outputs.iter().zip(program.shown_states()).map(output)),
         states: joined(program.states.iter().map(state)),
         program,
@@ -187,6 +191,7 @@ fn describe(pe: &PeProgram, fold: &Fold) -> Pe {
         index_words: features.index_words,
         index_width: features.index_bits,
         octave_width: features.octave_bits,
+        shows: features.shown_words > 0,
         own_image: joined(pe.own_image.iter()),
         base_image: joined(pe.base_image.iter()),
         coefficient_image: joined(pe.coefficient_image.iter()),

@@ -19,6 +19,7 @@ pub mod explore;
 pub mod failure;
 pub mod features;
 pub mod mapping_file;
+pub mod outputs;
 pub mod pipeline;
 mod read;
 pub mod report;

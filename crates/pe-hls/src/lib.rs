@@ -11,6 +11,7 @@ pub mod functions;
 pub mod lift;
 pub mod mapping;
 pub mod norms;
+pub mod outputs;
 pub mod pairs;
 mod passes;
 pub mod relay;

@@ -34,4 +34,5 @@ pub const PASSES: &[Pass] = &[
     pass("schedule", "StepGraph, Mapping", "Schedule", "assigns every chain and transfer to a control word"),
     pass("rounds", "StepGraph, Schedule", "Schedule", "runs stages that are alike as rounds of one program"),
     pass("assemble", "StepGraph, Schedule", "Program", "writes control words, memory images and links"),
+    pass("outputs", "Program", "Program", "moves outputs into memories"),
 ];

@@ -14,7 +14,7 @@ use pe_hls::mapping::{self, MapOptions, Problem};
 use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
-use pe_hls::{assemble, even, functions, lift, pairs, relay, schedule, split, step, two_slots};
+use pe_hls::{assemble, even, functions, lift, outputs, pairs, relay, schedule, split, step, two_slots};
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
@@ -401,6 +401,22 @@ fn fold_keeps_what_rounds_repeat_once() {
             }
         }
         text
+    });
+}
+
+#[test]
+fn outputs_get_places_in_the_order_of_their_words() {
+    check("outputs", |case| {
+        let mut program = case.read(Stage::Program, pe_ir::program::read);
+        match outputs::to_memory(&mut program) {
+            Ok(()) => {
+                assert_eq!(program.check_outputs(), Ok(()));
+                let text = program.to_string();
+                assert_eq!(text.parse::<Program>().map(|read| read.to_string()), Ok(text.clone()));
+                text
+            }
+            Err(reason) => format!("{reason}\n"),
+        }
     });
 }
 

@@ -165,6 +165,13 @@ impl WordFormat {
         half(self.data_drop())
     }
 
+    /// Upper bits of a stored word that its rounding to `storage_bits` depends on: what is added before the guard bits are
+    /// dropped has zeros below them, so nothing carries into them.
+    pub fn shown_bits(&self) -> u32 {
+        let added = half(self.guard_bits) - self.data_offset();
+        self.word_bits() - added.trailing_zeros().min(self.guard_bits)
+    }
+
     /// Half an LSB of the coefficient port: the offset of words that are read as factors.
     pub fn factor_offset(&self) -> i64 {
         half(self.factor_drop())

@@ -43,6 +43,9 @@ pub struct Map {
     pub ticks: Vec<Tick>,
     /// Outputs.
     pub outputs: Vec<Output>,
+    /// How outputs in memories are read; missing where outputs are ports of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output_memory: Option<OutputMemory>,
     /// Stored words of the states.
     pub states: Vec<State>,
     /// Ports for a host, of designs that have some (`compile --host`).
@@ -227,13 +230,31 @@ pub struct Tick {
     pub done: u32,
 }
 
-/// An output port.
+/// VHDL names of the ports that read outputs in memories.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct OutputMemory {
+    /// Input, `address_bits` wide: the output to read, a number in `outputs`.
+    pub address: String,
+    /// Bits of an address.
+    pub address_bits: u32,
+    /// Output: its word.
+    pub word: String,
+    /// Clocks, enabled or not, from the address of an output to its word.
+    pub latency: u32,
+    /// Clocks before `done` rises from which on an address may read the step that is published then.
+    pub lead: u32,
+}
+
+/// An output.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 pub struct Output {
     /// Name in the spec, with indices.
     pub name: String,
-    /// Name of the VHDL port.
+    /// Name of the VHDL port; of outputs in memories the one that shows the word at `address`.
     pub port: String,
+    /// Address at which it is read; missing of a port of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub address: Option<u32>,
     /// Unit in the spec.
     pub unit: Option<String>,
     /// Format of the port's words.

@@ -37,6 +37,8 @@ pub struct Clocked<P> {
     links: List<PeId, i64>,
     inputs: Vec<i64>,
     captured: Vec<i64>,
+    /// Words that each PE has shown in this step, for outputs in memories.
+    shown: List<PeId, Vec<i64>>,
     word: usize,
     cycle: u64,
     odd: bool,
@@ -84,7 +86,7 @@ impl<P: Deref<Target = Program>> Clocked<P> {
             unsent: BTreeMap::new(),
         };
         let mut captures: BTreeMap<(PeId, usize), Vec<usize>> = BTreeMap::new();
-        for (index, output) in program.outputs.iter().enumerate() {
+        for (index, output) in program.outputs.iter().enumerate().filter(|(_, output)| output.place.is_none()) {
             captures.entry((output.pe, at(output.word))).or_default().push(index);
         }
         let pause = program.latency().pause();
@@ -96,6 +98,7 @@ impl<P: Deref<Target = Program>> Clocked<P> {
             links: List::filled(0, program.pes.len()),
             inputs: vec![0; program.inputs.len()],
             captured: vec![0; program.outputs.len()],
+            shown: program.pes.iter().map(|_| Vec::new()).collect(),
             word: 0,
             cycle: 0,
             odd: false,
@@ -121,6 +124,12 @@ impl<P: Deref<Target = Program>> Clocked<P> {
         self.sample(inputs, first);
         (1..self.program.period).for_each(|_| self.clock(trace));
         self.steps += 1;
+        for (index, output) in self.program.outputs.iter().enumerate() {
+            if let Some(place) = output.place {
+                self.captured[index] = self.shown[output.pe][usize::from(place)];
+            }
+        }
+        self.shown.iter_mut().for_each(Vec::clear);
         let mask = u64::MAX >> (64 - self.program.format.storage_bits);
         for (index, seen) in (0..).zip(&mut self.coverage.outputs) {
             let (word, clamped) = shown(&self.program, self.captured[index]);
@@ -315,6 +324,11 @@ impl<P: Deref<Target = Program>> Clocked<P> {
         }
         if let Some(outputs) = self.captures.get(&(index, self.word)) {
             outputs.iter().for_each(|output| self.captured[*output] = result);
+        }
+        // Bits of the control word decide, not what the outputs say of them.
+        if word.show && !settle && (ends_step || !features.show_last) {
+            self.shown[index].push(result);
+            cover.fields[self.word] |= bit(FieldName::Show);
         }
         flag &= !settle;
         self.escaped |= flag && features.proven;

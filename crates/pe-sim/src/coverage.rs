@@ -231,6 +231,9 @@ impl Coverage {
                     fields |= if octaves { bit(FieldName::WriteOctave) } else { 0 };
                     cover.written[INDEX][usize::from(index)] = true;
                 }
+                if word.show && (!pe.features.show_last || program.ends_step(number(k))) {
+                    fields |= bit(FieldName::Show);
+                }
                 if word.send {
                     fields |= bit(FieldName::Send);
                 }

@@ -23,6 +23,7 @@ use crate::output::OutputFolder;
 use crate::progress;
 use pe_flow::accuracy::choice::{Choice, Question};
 use pe_flow::failure::Failure;
+use pe_flow::outputs;
 use pe_flow::pipeline::{self, Design};
 use pe_flow::report::table::row;
 use pe_flow::report::{DeviceFit, Report, Silicon, Stability, Told, timing};
@@ -79,6 +80,9 @@ pub struct Compile {
     /// between two steps, `flags` has one flag per cause and clears them
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = PossibleValuesParser::new(Host::NAMES), help_heading = "Hardware")]
     host: Vec<String>,
+    /// Outputs as ports, or in memories with one read port; `auto` chooses beyond 16 outputs what takes less
+    #[arg(long, value_enum, value_name = "KIND", default_value_t, help_heading = "Hardware")]
+    outputs: OutputsArg,
     #[command(flatten)]
     conserved: ConservedArgs,
     /// Chooses solver, step, multiplier and storage that meet this total error with the shortest run time; options that
@@ -93,6 +97,15 @@ pub struct Compile {
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
+}
+
+/// Where outputs are.
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+enum OutputsArg {
+    #[default]
+    Auto,
+    Ports,
+    Memory,
 }
 
 impl Compile {
@@ -154,6 +167,12 @@ impl Compile {
             design.program.host.add(name);
         }
         hosted(&design.program)?;
+        let wanted = match self.outputs {
+            OutputsArg::Auto => outputs::Wanted::Auto,
+            OutputsArg::Ports => outputs::Wanted::Ports,
+            OutputsArg::Memory => outputs::Wanted::Memory,
+        };
+        let outputs_in = outputs::place(&mut design.program, wanted, clock.family())?;
         let model = &loaded.model;
         let area = area::size(&design.program, &measured, clock.family());
         let pes = design.program.pes.len() as u32;
@@ -162,6 +181,7 @@ impl Compile {
         let variables = variables(model, &design.graph, &design.judged);
         let told = Told { variables: &variables, silicon, total: &total, seed: self.model.seed, command };
         let mut report = Report::of(model, &design, &told);
+        report.outputs_in = outputs_in;
         report.stability = check.as_ref().map(|check| Stability::of(model, check));
         report.stability_reason = check.is_none().then(unjudged);
         if let Some(fit) = &fit {

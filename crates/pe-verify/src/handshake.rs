@@ -101,6 +101,11 @@ pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, held: Option<
     let mut late: VecDeque<(Option<u64>, bool)> = vec![(None, false); delay].into();
     let mut handshake = Handshake::default();
     let mut digits = Vec::new();
+    // Where outputs in memories are more than the clocks of a step, the network waits until they are read.
+    let reading =
+        program.output_memory().map_or(0, |memory| memory.places.len() as u64 + u64::from(memory.latency) + 8);
+    let reading = if reading > period { reading } else { 0 };
+    let mut unread = 0;
     // Registers of the sequencer, and of the flags behind it.
     let (mut fetched, mut waiting, mut done) = (0u64, false, false);
     let (mut flag, mut overflowed) = (false, false);
@@ -117,7 +122,8 @@ pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, held: Option<
         // What must happen once in a step and happens in each clock of a gap shows at these places only.
         let place = (fetched + period - pause) % period;
         let gap = manner == Manner::Gaps && held.is_some() && ce_before && !waiting && matches!(place, 0 | 2);
-        let ce = ce && !gap;
+        let ce = ce && !gap && unread == 0;
+        unread = u64::saturating_sub(unread, 1);
         ce_before = ce;
         // What is seen before the edge.
         let seen = u8::from(!waiting) << 2 | u8::from(done) << 1 | u8::from(overflowed);
@@ -132,6 +138,7 @@ pub fn drive(program: &Program, steps: u64, overflow: Option<u64>, held: Option<
             if finished == steps {
                 break;
             }
+            unread = reading;
         }
         told = done;
         // The edge.

@@ -103,7 +103,8 @@ $(program_memories)
       SWAP => ${shape[swap]}, BASE_LAST => ${shape[base_last]}, SEND => ${shape[send]}, OWN_IMAGE => PE${shape[example]}_OWN_IMAGE,
       BASE_IMAGE => PE${shape[example]}_BASE_IMAGE, COEFF_IMAGE => PE${shape[example]}_COEFFICIENT_IMAGE,
       IMPORTED_IMAGE => PE${shape[example]}_IMPORTED_IMAGE, INDEX_WORDS => ${shape[index_words]:-0},
-      INDEX_WIDTH => ${shape[index_bits]:-0}, OCTAVE_WIDTH => ${shape[octave_bits]:-0}, SATURATE => $saturate, DEEP => $deep
+      INDEX_WIDTH => ${shape[index_bits]:-0}, OCTAVE_WIDTH => ${shape[octave_bits]:-0}, SATURATE => $saturate,
+      SHOWS => $shows, SHOW_LAST => ${shape[show_last]:-false}, DEEP => $deep
     )
     port map (
       clk_i => clk_i, advance_i => advance_i, settle_i => settle_i, parity_i => parity_i, last_i => last_i, control_i => control,
@@ -237,6 +238,8 @@ while read -r line; do
   if [[ ${shape[pipeline]:-short} == deep ]]; then deep=true; fi
   saturate=true
   if [[ ${shape[proven]:-false} == true ]]; then saturate=false; fi
+  shows=false
+  if ((${shape[shown_words]:-0} > 0)); then shows=true; fi
   period=${shape[program_words]}
   port_bits=$(((shape[ports] > 0 ? shape[ports] : 1) * shape[data_bits]))
   address_bits=1

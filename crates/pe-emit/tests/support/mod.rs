@@ -81,6 +81,8 @@ pub fn features(own: u32, imported: u32, ports: u32, shifts: &[u8], accumulator_
         index_words: if tables { 4 } else { 0 },
         index_bits: if tables { 3 } else { 0 },
         octave_bits: if flags.contains('o') { 2 } else { 0 },
+        shown_words: 0,
+        show_last: false,
     }
 }
 
@@ -129,7 +131,7 @@ pub fn random_program(case: &Case) -> Program {
             word => word,
         };
         let name = ["y", "Y", "clk", ""][index % 4].to_owned();
-        program.outputs.push(OutputPort { name, unit: None, pe, word, exponent: -20, proven: false });
+        program.outputs.push(OutputPort { name, unit: None, pe, word, exponent: -20, proven: false, place: None });
     }
     program
 }

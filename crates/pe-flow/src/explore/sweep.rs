@@ -26,6 +26,7 @@ use super::family::{Family, Job, families, has_functions};
 use super::row::{Compiled, Outcome, Reason};
 use crate::candidates::Network;
 use crate::failure::Failure;
+use crate::outputs;
 use crate::pipeline::{self, Compared, Stepped};
 use crate::report::{Figures, Silicon, Told};
 use crate::settings::Settings;
@@ -259,7 +260,8 @@ impl Sweep {
         let seed = self.settings.seed;
         let watch = &mut Stopwatch::silent();
         let network = Network { pes: point.pes, seed, given: None };
-        let design = pipeline::implement(loaded, &graph, &judged, network, &self.settings.mapping, watch)?;
+        let mut design = pipeline::implement(loaded, &graph, &judged, network, &self.settings.mapping, watch)?;
+        outputs::place(&mut design.program, outputs::Wanted::Auto, self.clock.family())?;
         let (model, total) = (&loaded.model, Some(total));
         let silicon = Silicon {
             area: area::estimate(&design.program, self.clock.family()),

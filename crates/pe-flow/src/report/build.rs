@@ -89,6 +89,7 @@ impl Report {
             smallest_pivot: pivot.map(|pivot| Pivot { state: pivot.state.clone(), magnitude: pivot.magnitude }),
             headroom: variables::report(told.variables),
             outputs: model.outputs.iter().map(|output| output.name.clone()).collect(),
+            outputs_in: None,
             left_out: model.left_out.clone(),
             kept: scene::kept(model, &design.graph),
             features: features::features(program, &design.graph, &design.judged, &design.mapping),
@@ -258,7 +259,8 @@ fn cells(of: &Size) -> Cells {
 fn size(program: &Program, area: &Size) -> Area {
     let split = &area.split;
     let part = |(lut, bram18): (f64, u32)| AreaPart { lut: lut.round(), bram18 };
-    let logic = |(lut, ff): (f64, f64)| LogicPart { lut: lut.round(), ff: ff.round() };
+    let logic = |(lut, ff): (f64, f64)| LogicPart { lut: lut.round(), ff: ff.round(), bram18: None };
+    let blocks = program.output_memory().map(|_| split.outputs.2);
     let both = (split.inputs.0 + split.outputs.0, split.inputs.1 + split.outputs.1);
     Area {
         cells: cells(area),
@@ -268,9 +270,9 @@ fn size(program: &Program, area: &Size) -> Area {
             pes: part(split.pes),
             function_tables: part(split.function_tables),
             programs: part(split.programs),
-            inputs_outputs: logic(both),
+            inputs_outputs: LogicPart { bram18: blocks, ..logic(both) },
             inputs: logic(split.inputs),
-            outputs: logic(split.outputs),
+            outputs: LogicPart { bram18: blocks, ..logic((split.outputs.0, split.outputs.1)) },
             sequencer: logic(split.sequencer),
             host: program.host.replaces().then(|| {
                 let (lut, ff, bram18) = split.host;

@@ -3,7 +3,7 @@
 use pe_hls::mapping::RANDOM;
 
 use super::errors::Errors;
-use super::types::{Area, Clock, Figures, FunctionTable, Headroom, Limiting, Ranges, Report, Start};
+use super::types::{Area, Clock, Figures, FunctionTable, Headroom, Limiting, OutputsIn, Ranges, Report, Start};
 use super::values::Unbounded;
 
 impl Report {
@@ -56,6 +56,9 @@ impl Report {
                 ),
             ),
             ("size", cells(&figures.area)),
+        ];
+        rows.extend(self.outputs_in.as_ref().map(|outputs| ("outputs", outputs_in(outputs, self.outputs.len()))));
+        rows.extend([
             ("headroom", headroom(self.headroom.first())),
             ("ranges", ranges(self.ranges.as_ref(), figures.pes)),
             (
@@ -67,7 +70,7 @@ impl Report {
             ),
             ("method error", format!("{:.1e} (half-step estimate)", error.method)),
             ("input-hold error", format!("{:.1e}", error.input_hold)),
-        ];
+        ]);
         if let Some(function) = error.function {
             rows.push(("function error", format!("{function:.1e}; {}", tables(&self.functions))));
         }
@@ -133,6 +136,19 @@ fn cells(area: &Area) -> String {
     let outputs = split.outputs.lut;
     let outputs = if outputs > 0.5 * all.lut { format!("; {outputs:.0} LUT are of outputs") } else { String::new() };
     format!("{:.0}{error} LUT, {} DSP, {} BRAM18{programs} ({}){outputs}", all.lut, all.dsp, all.bram18, area.basis)
+}
+
+/// Where outputs are, and what the other way would take.
+fn outputs_in(outputs: &OutputsIn, count: usize) -> String {
+    let OutputsIn { kind, reason, ports_lut, memory_lut } = outputs;
+    let place = if kind == "memory" { "in memories with a read port" } else { "ports" };
+    let sizes = match (ports_lut, memory_lut) {
+        (Some(ports), Some(memory)) => {
+            format!("; {ports:.0} LUT with ports, {memory:.0} with memories, blocks counted in")
+        }
+        _ => String::new(),
+    };
+    format!("{count} {place}: {reason}{sizes}")
 }
 
 fn headroom(least: Option<&Headroom>) -> String {

@@ -54,6 +54,9 @@ pub struct Report {
     pub headroom: Vec<Headroom>,
     /// Names of the outputs.
     pub outputs: Vec<String>,
+    /// Whether outputs are ports or in memories; missing of few ones that nobody asked about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outputs_in: Option<OutputsIn>,
     /// Quantities that no output needs.
     pub left_out: Vec<String>,
     /// What is kept of the model, and why.
@@ -325,6 +328,20 @@ pub struct AreaSplit {
     pub host: Option<HostPart>,
 }
 
+/// Whether outputs are ports or in memories, and why.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct OutputsIn {
+    /// `ports` or `memory`.
+    pub kind: String,
+    /// Why.
+    pub reason: String,
+    /// Look-up tables of the whole network with ports, multiplier blocks and block RAMs counted in; null where it was not
+    /// estimated.
+    pub ports_lut: Option<f64>,
+    /// The same with memories.
+    pub memory_lut: Option<f64>,
+}
+
 /// LUTs, flip-flops and block RAMs of what reads and replaces states.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 pub struct HostPart {
@@ -352,6 +369,9 @@ pub struct LogicPart {
     pub lut: f64,
     /// Flip-flops.
     pub ff: f64,
+    /// Block RAMs of 18 kbit, of outputs in memories.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bram18: Option<u32>,
 }
 
 /// The clock of a design.

@@ -122,6 +122,8 @@ impl Assembler<'_> {
                     index_words: depths.indices,
                     index_bits: if depths.indices > 0 { self.graph.functions.segments.index_bits } else { 0 },
                     octave_bits: 0,
+                    shown_words: 0,
+                    show_last: false,
                 };
                 self.blank(features, ports)
             })
@@ -475,6 +477,7 @@ impl Assembler<'_> {
                 word: index::number(self.word(last + self.latency.write() + delay)),
                 exponent: self.fixed.exponents[value.index()] + self.fixed.format.guard_bits as i32,
                 proven: false,
+                place: None,
             }
         };
         self.graph.outputs.iter().enumerate().map(output).collect()

@@ -62,7 +62,7 @@ impl Fold {
         let mut streamed = 0;
         let result = |k: usize| {
             let end = &pe.words[(k + at(program.latency().scale_to_write())) % pe.words.len()];
-            end.write.is_some() || end.write_index.is_some() || end.send
+            end.write.is_some() || end.write_index.is_some() || end.send || end.show
         };
         let cares: Vec<u128> = (0..).zip(&pe.words).map(|(k, word)| layout.effective(word, result(k))).collect();
         for (k, care) in cares.iter().copied().enumerate() {

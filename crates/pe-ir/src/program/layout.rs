@@ -31,6 +31,7 @@ pub enum FieldName {
     WriteIndex,
     WriteOctave,
     WriteIndexAddress,
+    Show,
     Send,
     ReceiveEnable,
     ReceiveSwap,
@@ -66,6 +67,7 @@ impl FieldName {
             WriteIndex => "write_index",
             WriteOctave => "write_octave",
             WriteIndexAddress => "write_index_address",
+            Show => "show",
             Send => "send",
             ReceiveEnable => "receive_enable",
             ReceiveSwap => "receive_swap",
@@ -140,6 +142,7 @@ impl Layout {
             (WriteIndex, indexed),
             (WriteOctave, indexed * octaves),
             (WriteIndexAddress, index),
+            (Show, u32::from(features.shown_words > 0)),
             (Send, u32::from(features.send)),
             (ReceiveEnable, imports),
             (ReceiveSwap, swap * imports),
@@ -228,6 +231,7 @@ impl Layout {
         }
         put(Close, u64::from(word.close));
         put(Shift, u64::from(word.shift));
+        put(Show, u64::from(word.show));
         put(Send, u64::from(word.send));
         bits
     }
@@ -281,6 +285,7 @@ impl Layout {
             shift: get(Shift) as u8,
             write: (target.own || target.base || target.factor).then_some(target),
             write_index: (get(WriteIndex) == 1).then(|| (get(WriteIndexAddress) as u16, get(WriteOctave) == 1)),
+            show: get(Show) == 1,
             send: get(Send) == 1,
             receive: address(ReceiveEnable, ReceiveSwap, ReceiveAddress)
                 .map(|address| (PortId::new(get(Port) as u8), address)),

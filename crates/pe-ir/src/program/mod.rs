@@ -1,15 +1,18 @@
 //! The program: control words, memory images and links of every PE, and the only input of VHDL, Rust reference
 //! and simulator.
 
+mod fits;
 mod fold;
 mod host;
 mod layout;
+mod memory;
 mod shape;
 mod text;
 
 pub use fold::{Fold, closed_up};
 pub use host::{Host, Replaced, Replacement};
 pub use layout::{Field, FieldName, Layout, index_bits};
+pub use memory::OutputMemory;
 pub use shape::{shape, shapes};
 pub use text::read;
 
@@ -70,6 +73,9 @@ pub struct ControlWord {
     pub write: Option<Target>,
     /// Write group: word of the index memory that takes the segment of the result, and whether it counts octaves.
     pub write_index: Option<(u16, bool)>,
+    /// Write group: the output memory takes the result, in the last round only if the PE has
+    /// [`PeFeatures::show_last`].
+    pub show: bool,
     /// Write group: puts the result on the PE's link.
     pub send: bool,
     /// Receive group: input port and imported memory word.
@@ -88,6 +94,7 @@ impl Default for ControlWord {
             shift: 0,
             write: None,
             write_index: None,
+            show: false,
             send: false,
             receive: None,
         }
@@ -129,6 +136,10 @@ pub struct PeFeatures {
     pub index_bits: u32,
     /// Bits of an index that count octaves; zero if all indices are those of equal segments.
     pub octave_bits: u32,
+    /// Words of the output memory per step, zero or a power of two, at least 2.
+    pub shown_words: u32,
+    /// The output memory is written in the last round of a step only.
+    pub show_last: bool,
 }
 
 impl PeFeatures {
@@ -246,7 +257,7 @@ impl Tick {
     }
 }
 
-/// An output port of the network, `storage_bits` wide.
+/// An output of the network, `storage_bits` wide: a port, or a word of an output memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutputPort {
     /// Name in the spec.
@@ -261,6 +272,8 @@ pub struct OutputPort {
     pub exponent: i32,
     /// What it shows is proven to be in range ([`crate::verify::ranges`]), so that nothing is clamped.
     pub proven: bool,
+    /// Its place in the output memory of the PE; none of a port. Either all outputs have a place or none.
+    pub place: Option<u16>,
 }
 
 /// Where a state lives; used to start a run from any state.

@@ -62,6 +62,10 @@ pub fn shape(program: &Program, index: PeId, fold: &Fold) -> String {
         write!(text, " index_words={index_words} index_bits={index_bits} octave_bits={octave_bits}")
             .expect("writing to a string succeeds");
     }
+    if features.shown_words > 0 {
+        write!(text, " shown_words={} show_last={}", features.shown_words, features.show_last)
+            .expect("writing to a string succeeds");
+    }
     if format.pipeline != Pipeline::Short {
         write!(text, " pipeline={}", format.pipeline.name()).expect("writing to a string succeeds");
     }

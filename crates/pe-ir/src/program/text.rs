@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use std::fmt::{self, Display};
 use std::str::FromStr;
 
+use super::fits::fits;
 use super::{
     Address, CoefficientOperand, ControlWord, Host, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram,
     Program, StateRegister, Target, Tick,
@@ -36,9 +37,10 @@ impl Display for Program {
             }
         }
         for output in &self.outputs {
-            let OutputPort { pe, word, exponent, proven, .. } = output;
+            let OutputPort { pe, word, exponent, proven, place, .. } = output;
             let proven = if *proven { " proven" } else { "" };
-            write!(f, "output {} pe {pe} word {word} exponent {exponent}{proven}", name(&output.name))?;
+            let place = place.map_or(String::new(), |place| format!(" place {place}"));
+            write!(f, "output {} pe {pe} word {word} exponent {exponent}{proven}{place}", name(&output.name))?;
             writeln!(f, "{}", unit(&output.unit))?;
         }
         for state in &self.states {
@@ -77,6 +79,9 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: PeId, pe: &PeP
         if features.octave_bits > 0 {
             write!(f, " octaves {}", features.octave_bits)?;
         }
+    }
+    if features.shown_words > 0 {
+        write!(f, " shown {}{}", features.shown_words, if features.show_last { " last" } else { "" })?;
     }
     writeln!(f)?;
     for port in &pe.ports {
@@ -153,6 +158,9 @@ fn write_word(f: &mut fmt::Formatter<'_>, word: &ControlWord) -> fmt::Result {
     if let Some((index, octaves)) = word.write_index {
         write!(f, " {} {index}", if octaves { "to-octave" } else { "to-index" })?;
     }
+    if word.show {
+        write!(f, " show")?;
+    }
     if word.send {
         write!(f, " send")?;
     }
@@ -219,42 +227,6 @@ impl Program {
     }
 }
 
-/// Whether everything a control word refers to exists in its PE.
-fn fits(word: &ControlWord, pe: &PeProgram, coefficient_bits: u32) -> bool {
-    let features = &pe.features;
-    let own = |address: Option<Address>| address.is_none_or(|a| u32::from(a.word) < features.own_words);
-    let imported = |address: Option<Address>| address.is_none_or(|a| u32::from(a.word) < features.imported_words);
-    let multiplier = match word.coefficient {
-        CoefficientOperand::Coefficient(value) => {
-            features.coefficient_words == 0
-                && (1..64).contains(&coefficient_bits)
-                && value >> (coefficient_bits - 1) == value >> 63
-        }
-        CoefficientOperand::Stored(index) => u32::from(index) < features.coefficient_words,
-    };
-    let target = |target: Target| {
-        u32::from(target.address.word) < features.write_words()
-            && (features.factor || !target.factor)
-            && (target.own || target.base || target.factor)
-    };
-    let written = word.write.map(|target| target.address);
-    let swapping = [word.own, word.imported, written, word.receive.map(|(_, address)| address)];
-    multiplier
-        && own(word.own)
-        && word.base.is_none_or(|base| u32::from(base) < features.base_words)
-        && word.index.is_none_or(|index| u32::from(index) < features.index_words)
-        && word.write_index.is_none_or(|(index, octaves)| {
-            u32::from(index) < features.index_words && (features.octave_bits > 0 || !octaves)
-        })
-        && word.write.is_none_or(target)
-        && imported(word.imported)
-        && word.receive.is_none_or(|(port, a)| pe.ports.find(port).is_some() && imported(Some(a)))
-        && (features.pre_adder || word.own.is_none() || word.imported.is_none())
-        && usize::from(word.shift) < features.shifts.len()
-        && (features.send || !word.send)
-        && (features.swap || swapping.iter().flatten().all(|address| !address.swap))
-}
-
 /// Control words of a program, and PEs, at most: what no device has, and what keeps a damaged text from taking all memory.
 const MOST_WORDS: u32 = 1 << 24;
 
@@ -295,7 +267,10 @@ pub fn read(section: &Section) -> Result<Program, TextError> {
         LinkSource::Input(input) => (index::at(*input)) < program.inputs.len(),
     });
     match outputs && states && ports {
-        true => Ok(program),
+        true => match program.check_outputs() {
+            Ok(()) => Ok(program),
+            Err(what) => Err(section.error(what)),
+        },
         false => Err(section.error("an output, a state or a port refers to a PE, word or input that does not exist")),
     }
 }
@@ -324,7 +299,7 @@ const ITEMS: [&str; 16] = [
     "word",
 ];
 
-const OPERATIONS: [&str; 18] = [
+const OPERATIONS: [&str; 19] = [
     "times",
     "stored",
     "own",
@@ -339,6 +314,7 @@ const OPERATIONS: [&str; 18] = [
     "to-own",
     "to-base",
     "to-factor",
+    "show",
     "send",
     "port",
     "receive",
@@ -387,7 +363,9 @@ impl Parser {
                 let name = read_name(line)?;
                 let (pe, word, exponent) = (line.keyed("pe")?, line.keyed("word")?, line.keyed("exponent")?);
                 let proven = line.take_word("proven");
-                self.program.outputs.push(OutputPort { name, pe, word, exponent, proven, unit: read_unit(line)? });
+                let place = if line.take_word("place") { Some(line.integer()?) } else { None };
+                let unit = read_unit(line)?;
+                self.program.outputs.push(OutputPort { name, pe, word, exponent, proven, place, unit });
             }
             "state" => self.state(line)?,
             "pe" => self.features(line)?,
@@ -469,6 +447,8 @@ impl Parser {
             index_words: 0,
             index_bits: 0,
             octave_bits: 0,
+            shown_words: 0,
+            show_last: false,
         };
         let depth = |words: u32| words.is_power_of_two() && (2..=1 << 16).contains(&words);
         let optional = |words: u32| words == 0 || depth(words);
@@ -494,6 +474,13 @@ impl Parser {
                 return Err(
                     line.error("expected an index memory whose indices are within a data operand and the base memory")
                 );
+            }
+        }
+        if line.take_word("shown") {
+            features.shown_words = line.integer()?;
+            features.show_last = line.take_word("last");
+            if !depth(features.shown_words) {
+                return Err(line.error("expected a number of shown words that is a power of two up to 65536"));
             }
         }
         self.program.pes.push(PeProgram {
@@ -540,6 +527,7 @@ impl Parser {
                         _ => target.factor = true,
                     }
                 }
+                "show" => word.show = true,
                 "send" => word.send = true,
                 "port" => port = line.integer()?,
                 "receive" => word.receive = Some((PortId::new(port), address(line)?)),

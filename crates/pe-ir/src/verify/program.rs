@@ -7,7 +7,8 @@
 //! 1. each write stores exactly the products, base and shift of the chain of the value it claims to write;
 //! 2. each operand, factor and base is that value of that step: nothing read too early, nothing overwritten too soon;
 //! 3. a received word is the one its link carries at that time;
-//! 4. every value is written once per step, every output is captured when its value is in the result register;
+//! 4. every value is written once per step, every output is captured when its value is in the result register, and its place
+//!    in an output memory is the one that the word gets which the PE shows then;
 //! 5. before the pause point of the first round nothing is written;
 //! 6. an index is that of the value and step which the graph looks up, and the base words that it chooses among are the
 //!    column of the graph, in order and never overwritten.
@@ -92,6 +93,9 @@ enum IndexRegister {
 
 /// Runs `rounds` rounds of the program on symbols; returns what is wrong, at most a few dozen findings.
 pub fn check(program: &Program, graph: &StepGraph, fixed: &FixedPoint, rounds: u32) -> Vec<String> {
+    if let Err(what) = program.check_outputs() {
+        return vec![what];
+    }
     let mut checker = Checker::new(program, graph, fixed);
     for round in 0..rounds {
         for pe in program.pes.ids() {

@@ -18,6 +18,7 @@ mod interruption;
 mod library;
 mod map;
 mod mapping_file;
+mod outputs;
 mod report;
 mod tidy;
 mod transports;

@@ -117,6 +117,8 @@ fn shape(line: &str) -> Option<MeasuredShape> {
         index_words: missing_is_zero("index_words")?,
         index_bits: missing_is_zero("index_bits")?,
         octave_bits: missing_is_zero("octave_bits")?,
+        shown_words: missing_is_zero("shown_words")?,
+        show_last: fields.get("show_last").is_some_and(|value| *value == "true"),
     };
     let coefficients = if features.factor { 0 } else { features.coefficient_words };
     let constants = content::random(coefficients, format.coefficient_bits, false, family);

@@ -62,8 +62,8 @@ pub struct Split {
     pub programs: (f64, u32),
     /// Inputs and ticks: LUTs and flip-flops.
     pub inputs: (f64, f64),
-    /// Outputs: LUTs and flip-flops.
-    pub outputs: (f64, f64),
+    /// Outputs, their memories among them: LUTs, flip-flops and block RAMs.
+    pub outputs: (f64, f64, u32),
     /// The sequencer and what joins the sticky flags: LUTs and flip-flops.
     pub sequencer: (f64, f64),
     /// What reads and replaces states for a host: LUTs, flip-flops and block RAMs.
@@ -100,7 +100,7 @@ pub fn size(program: &Program, measured: &Measured, family: Family) -> Area {
         family,
         lut: sequencer.0 + (inputs.0 + outputs.0) + host.0,
         ff: sequencer.1 + (inputs.1 + outputs.1) + host.1,
-        bram18: host.2,
+        bram18: host.2 + outputs.2,
         split: Split { inputs, outputs, sequencer, host, ..Split::default() },
         ..Area::default()
     };

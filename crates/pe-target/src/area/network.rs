@@ -2,7 +2,7 @@
 //!
 //! Counts of the circuit, held against `parts.txt`, which `xtask measure-parts` writes.
 
-use pe_ir::program::{Program, index_bits};
+use pe_ir::program::{OutputMemory, Program, index_bits};
 use pe_ir::word::{Pipeline, WordFormat};
 
 use super::{Family, content};
@@ -38,14 +38,47 @@ pub fn inputs(program: &Program, family: Family) -> (f64, f64) {
     sum
 }
 
-/// Look-up tables and flip-flops of outputs.
-pub fn outputs(program: &Program, family: Family) -> (f64, f64) {
-    let mut sum = (0.0, 0.0);
+/// Look-up tables, flip-flops and block RAMs of outputs.
+pub fn outputs(program: &Program, family: Family) -> (f64, f64, u32) {
+    if let Some(memory) = program.output_memory() {
+        return output_memory(program, &memory, family);
+    }
+    let mut sum = (0.0, 0.0, 0);
     for port in &program.outputs {
         let (lut, ff) = output(&program.format, index_bits(program.period), !port.proven, family);
-        sum = (sum.0 + lut, sum.1 + ff);
+        sum = (sum.0 + lut, sum.1 + ff, 0);
     }
     sum
+}
+
+/// Output memories: in each PE that shows words the memory, the counter of places and the choice of banks; once the places
+/// of outputs, the choice of a memory, the registers that join what memories show, and an output.
+fn output_memory(program: &Program, memory: &OutputMemory, family: Family) -> (f64, f64, u32) {
+    let (format, bits) = (&program.format, program.format.shown_bits());
+    let deep = 2 * u32::from(format.pipeline == Pipeline::Deep);
+    let row = |(pe, place): &(u32, u16)| u128::from(*pe) << memory.place_bits | u128::from(*place);
+    let rows: Vec<u128> = memory.places.iter().map(row).collect();
+    let places = content::rom(&rows, memory.memory_bits() + memory.place_bits, false, family);
+    // The number of a memory is compared; the last one of a row of two levels shares nothing.
+    let compare = f64::from((memory.memory_bits().max(2) - 1).div_ceil(family.lut_inputs() - 1));
+    let (mut lut, mut ff, mut bram18) = (places.lut, places.ff + f64::from(memory.place_bits), places.bram18);
+    for pe in &memory.pes {
+        let words = program.pes[*pe].features.shown_words;
+        let counter = index_bits(words);
+        let (cells, choices) = family.ram(2 * words, bits);
+        // A word that is not read is 0: a register's reset does that, but not the one of a block outside Xilinx devices.
+        let cleared = if cells.bram18 > 0 && !family.wide_tables() { f64::from(bits) } else { 0.0 };
+        lut += cells.lut + choices + cleared + f64::from(counter + 2) + compare;
+        ff += cells.ff + f64::from(counter + 2 + deep);
+        bram18 += cells.bram18;
+    }
+    let joined = memory.joined();
+    for (from, to) in joined.iter().zip(&joined[1..]) {
+        lut += f64::from(bits) * f64::from((from - to).div_ceil(family.lut_inputs() - 1));
+        ff += f64::from(bits * to);
+    }
+    let (output_lut, output_ff) = output(&format.with_pipeline(Pipeline::Short), 0, memory.saturates, family);
+    (lut + output_lut, ff + output_ff, bram18)
 }
 
 /// Look-up tables, flip-flops and block RAMs of what reads and replaces states: the order of states, the sum that takes

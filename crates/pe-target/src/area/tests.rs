@@ -32,6 +32,8 @@ fn estimates_of_lookups_agree_with_synthesis() {
             index_words: 0,
             index_bits: 0,
             octave_bits: 0,
+            shown_words: 0,
+            show_last: false,
         };
         let format = WordFormat::new(32, 25, 18);
         let count = |features: &PeFeatures| weighted(&lut_terms(features, &format, Family::Virtex6), &fitted::XC6V.lut);

@@ -60,6 +60,7 @@ classes! {
     Flags, "flags", "sticky flags";
     OverflowPort, "overflow-port", "`overflow_o`";
     Outputs, "outputs", "capture and publication of outputs";
+    OutputPlaces, "output-places", "a bit of the places of outputs in memories";
     Ticks, "ticks", "period, phase and value of ticks";
     Lookup, "lookup", "segments, octaves, indices";
 }

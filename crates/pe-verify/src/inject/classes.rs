@@ -166,6 +166,15 @@ impl Places {
         let text = sources.texts[file].clone();
         let mut places = Places { listed: BTreeMap::new(), words: BTreeMap::new(), package: (file.clone(), text) };
         for (name, array) in &package.arrays {
+            if name == "OUTPUT_PLACES" {
+                let named = array.words.iter().enumerate().map(|(word, bits)| Word {
+                    bits: bits.clone(),
+                    name: format!("word {word} of {name}"),
+                    image: None,
+                });
+                places.words.entry(Class::OutputPlaces).or_default().extend(named);
+                continue;
+            }
             let Some((pe, kind)) = name.strip_prefix("PE").and_then(|name| name.split_once('_')) else { continue };
             let (class, memory) = match kind {
                 "LOOP" => (Class::ProgramLoop, None),
@@ -269,7 +278,7 @@ fn library(sources: &Sources, design: &Design) -> Vec<Damage> {
 }
 
 /// How damages of the network file begin that the datasheet reads there: wiring of ports, and these generics.
-const READ: [&str; 10] = [
+const READ: [&str; 11] = [
     "ports of",
     "a port of",
     "sample_i of u_input",
@@ -280,6 +289,7 @@ const READ: [&str; 10] = [
     "DONE",
     "ONE_BIT",
     "BASE_LAST",
+    "SHOW_LAST",
 ];
 
 /// Damages of the network file.
@@ -329,7 +339,7 @@ impl NetworkDamages<'_> {
 
     /// Ports of instances tied, or wired to what the next instance has.
     fn ports(&mut self, network: &Network, design: &Design) {
-        let tied: [(&str, &str, &str, Class); 13] = [
+        let tied: [(&str, &str, &str, Class); 18] = [
             ("pe", "parity_i", "'0'", Class::Parity),
             ("pe", "last_i", "'1'", Class::Parity),
             ("pe", "settle_i", "'0'", Class::Settle),
@@ -343,11 +353,20 @@ impl NetworkDamages<'_> {
             ("pe_output", "publish_i", "'0'", Class::Outputs),
             ("pe_output", "publish_i", "sample", Class::Outputs),
             ("pe_output", "word_i", "(others => '0')", Class::Outputs),
+            ("pe_output_memory", "publish_i", "'0'", Class::Outputs),
+            ("pe_output_memory", "publish_i", "sample", Class::Outputs),
+            ("pe_output_memory", "here_i", "'0'", Class::Outputs),
+            ("pe_output_memory", "place_i", "(others => '0')", Class::Outputs),
+            ("pe_output_reader", "words_i", "(others => '0')", Class::Outputs),
         ];
         for instance in &network.instances {
             for (entity, port, to, class) in tied {
                 // The deep pipeline's memories are always told to fetch.
                 let idle = design.deep && port == "fetch_i";
+                // A memory of one word has one place.
+                let pe = instance.label.strip_prefix("u_outputs_").and_then(|pe| pe.parse::<usize>().ok());
+                let single = pe.and_then(|pe| design.pes.get(pe)).is_some_and(|pe| pe.shown() < 2);
+                let idle = idle || (port == "place_i" && single);
                 if let Some(value) = instance.ports.get(port).filter(|_| instance.entity == entity && !idle) {
                     let what = format!("{port} of {} tied to {to}", instance.label);
                     self.push(class, what, vec![(value.range.clone(), to.to_owned())]);
@@ -360,6 +379,8 @@ impl NetworkDamages<'_> {
             ("pe_input", "value_i", Class::Wiring),
             ("pe", "link_o", Class::Wiring),
             ("pe", "overflow_o", Class::Flags),
+            ("pe_output_memory", "here_i", Class::Wiring),
+            ("pe_output_memory", "word_i", Class::Wiring),
         ];
         for (entity, port, class) in exchanged {
             let instances: Vec<&Instance> = network.of(entity).collect();
@@ -405,6 +426,7 @@ impl NetworkDamages<'_> {
                 ("BASE_LAST", "true", "false", Class::Parity),
                 ("BASE_LAST", "false", "true", Class::Parity),
                 ("PRE_ADDER", "true", "false", Class::Multiplier),
+                ("SHOW_LAST", "true", "false", Class::Outputs),
             ] {
                 if let Some(value) = instance.generics.get(generic).filter(|value| value.value == from) {
                     let what = format!("{generic} of {label} is {to}");

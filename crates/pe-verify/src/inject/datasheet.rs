@@ -3,7 +3,7 @@
 //! Written from `docs/hardware.md` alone. It shares no code with the program's layout, the emitter or the simulator,
 //! because it decides which damages have no effect.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::vhdl::{Association, Instance, Network, Package};
 
@@ -48,6 +48,8 @@ pub struct Features {
     pub octave_width: u32,
     pub accumulator_bits: u32,
     pub saturate: bool,
+    pub shown_words: u32,
+    pub show_last: bool,
 }
 
 /// The fields of a PE's control word, as the table of the datasheet lists them.
@@ -76,6 +78,7 @@ pub struct Fields {
     pub write_index: Field,
     pub write_octave: Field,
     pub write_index_address: Field,
+    pub show: Field,
     pub send: Field,
     pub receive_enable: Field,
     pub receive_swap: Field,
@@ -103,7 +106,7 @@ impl Fields {
         let deepest = f.own_words.max(f.base_words).max(factors);
         let imported = imports * log2(f.imported_words);
         let mut fields = Fields::default();
-        let list: [(&'static str, &mut Field, u32); 27] = [
+        let list: [(&'static str, &mut Field, u32); 28] = [
             ("own_enable", &mut fields.own_enable, 1),
             ("own_swap", &mut fields.own_swap, swap),
             ("own_address", &mut fields.own_address, log2(f.own_words)),
@@ -126,6 +129,7 @@ impl Fields {
             ("write_index", &mut fields.write_index, indexed),
             ("write_octave", &mut fields.write_octave, indexed * u32::from(f.octave_width > 0)),
             ("write_index_address", &mut fields.write_index_address, indexed * log2(f.index_words)),
+            ("show", &mut fields.show, u32::from(f.shown_words > 0)),
             ("send", &mut fields.send, u32::from(f.send)),
             ("receive_enable", &mut fields.receive_enable, imports),
             ("receive_swap", &mut fields.receive_swap, imports * swap),
@@ -177,6 +181,13 @@ pub struct Pe {
     pub settles: bool,
     /// Words whose write group an output shows, with its port, and whether that clamps.
     pub outputs: Vec<(u32, String, bool)>,
+}
+
+impl Pe {
+    /// Number of words that outputs show.
+    pub fn shown(&self) -> usize {
+        self.outputs.iter().map(|(word, ..)| word).collect::<BTreeSet<_>>().len()
+    }
 }
 
 /// What the hand-written files make of the control words, as far as a damage of them is one of the words' meaning.
@@ -275,7 +286,35 @@ impl Design {
             let clamps = output.generics.get("SATURATE").is_none_or(|generic| generic.value != "false");
             pe.outputs.push((word, port(output, "value_o")?.to_owned(), clamps));
         }
+        if let Some(reader) = network.of("pe_output_reader").next() {
+            design.read_outputs(reader, package)?;
+        }
         Ok(design)
+    }
+
+    /// Outputs in memories: the words that PEs show get places in the order from the pause point on, and the first ones
+    /// anew where the memory is full.
+    fn read_outputs(&mut self, reader: &Instance, package: &Package) -> Result<(), String> {
+        let place_bits = value(reader, "PLACE_BITS")?;
+        let clamps = reader.generics.get("SATURATE").is_none_or(|generic| generic.value != "false");
+        let rows = package.arrays.get("OUTPUT_PLACES").ok_or("no constant OUTPUT_PLACES")?;
+        let pause = self.multiplier + if self.deep { 9 } else { 6 };
+        let (period, last) = (self.period, self.period / self.rounds * (self.rounds - 1));
+        let since = |word: u32| (word + period - pause % period) % period;
+        let mut memories: Vec<&mut Pe> = self.pes.iter_mut().filter(|pe| pe.features.shown_words > 0).collect();
+        for (output, row) in rows.words.iter().enumerate() {
+            let (memory, place) = ((row.value >> place_bits) as usize, row.value as u32 & ((1 << place_bits) - 1));
+            let Some(pe) = memories.get_mut(memory) else { continue };
+            let words = (0..).zip(&pe.words).filter(|(_, word)| pe.fields.show.set(**word)).map(|(word, _)| word);
+            let mut words: Vec<u32> = words.filter(|word| !pe.features.show_last || since(*word) >= last).collect();
+            words.sort_unstable_by_key(|word| since(*word));
+            let depth = pe.features.shown_words;
+            let of_place = (0..).zip(&words).filter(|(number, _)| *number % depth == place % depth).last();
+            if let Some((_, word)) = of_place {
+                pe.outputs.push((*word, format!("output {output}"), clamps));
+            }
+        }
+        Ok(())
     }
 
     fn pe(
@@ -306,6 +345,11 @@ impl Design {
             octave_width: optional("OCTAVE_WIDTH")?,
             accumulator_bits: number("ACCUMULATOR_BITS")?,
             saturate: instance.generics.get("SATURATE").is_none_or(|generic| generic.value != "false"),
+            shown_words: match network.instances.iter().find(|other| other.label == format!("u_outputs_{index}")) {
+                Some(memory) if flag("SHOWS") => value(memory, "WORDS")?,
+                _ => 0,
+            },
+            show_last: flag("SHOW_LAST"),
         };
         let fields = Fields::of(&features, self.widths[2]);
         let (words, first) = self.words(index, &fields, package)?;

@@ -20,6 +20,12 @@ pub enum When {
     Tables,
     /// With indices that count octaves.
     Octaves,
+    /// With several output memories.
+    Memories,
+    /// With an output memory that a step does not fill.
+    Room,
+    /// With several words in an output memory.
+    Places,
 }
 
 impl When {
@@ -32,6 +38,9 @@ impl When {
             When::Single => design.multiplier == 1,
             When::Split => design.multiplier == 3,
             When::Tables => design.pes.iter().any(|pe| pe.features.index_words > 0),
+            When::Memories => design.pes.iter().filter(|pe| pe.features.shown_words > 0).count() > 1,
+            When::Room => design.pes.iter().any(|pe| (1..pe.features.shown_words as usize).contains(&pe.shown())),
+            When::Places => design.pes.iter().any(|pe| pe.features.shown_words > 0 && pe.shown() > 1),
             When::Octaves => design.pes.iter().any(|pe| pe.features.octave_width > 0),
         }
     }
@@ -516,6 +525,22 @@ pub const REPLACEMENTS: &[Replacement] = &[
         "if (SATURATE and sum(WORD_BITS) /= sum(WORD_BITS - 1)) then",
         "if (false) then",
     ),
+    (Outputs, Places, "pe_output_memory.vhd", "place <= place + 1;", "place <= place + 2;"),
+    (Outputs, Always, "pe_output_memory.vhd", "if (write_i = '1') then", "if (true) then"),
+    (Outputs, Always, "pe_output_memory.vhd", "write_enable_i  => write_i,", "write_enable_i  => '0',"),
+    (Outputs, Room, "pe_output_memory.vhd", "if (publish = '1' or settle = '1') then", "if (settle = '1') then"),
+    (Outputs, Always, "pe_output_memory.vhd", "published <= published xor publish;", "published <= published;"),
+    (
+        Outputs,
+        Always,
+        "pe_output_memory.vhd",
+        "write_address <= not published & std",
+        "write_address <= published & std",
+    ),
+    (Outputs, Memories, "pe_output_memory.vhd", "read_enable_i   => here_i,", "read_enable_i   => '1',"),
+    (Outputs, Always, "pe_output_reader.vhd", "here(i) <= '1';", "here(i) <= '0';"),
+    (Outputs, Memories, "pe_output_reader.vhd", "if (k < BELOW) then", "if (k < BELOW - 1) then"),
+    (Latency, Places, "pe_output_reader.vhd", "place_o   <= place;", "place_o   <= row(PLACE_BITS - 1 downto 0);"),
     (Ticks, Always, "pe_tick.vhd", "if (count = 0) then", "if (count = STEPS - 1) then"),
     (Ticks, Always, "pe_tick.vhd", "if (count = STEPS - 1) then", "if (count + 1 >= STEPS - 1) then"),
     (Ticks, Always, "pe_tick.vhd", "if (load = '1') then", "if (true) then"),
