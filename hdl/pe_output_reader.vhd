@@ -9,8 +9,8 @@ library pe_lib;
 
 -- Purpose:  Reads the output memories of all PEs and rounds what it reads, one output per clock.
 -- Generics: PLACES has a row for each output: the number of its memory, and in PLACE_BITS the place there.
--- Timing:   An output is at value_o, in every clock, enabled or not, 5 + join_levels(MEMORIES) clocks after its address;
---           its memory is read in the third of these.
+-- Timing:   An output is at value_o, in every clock, enabled or not, five clocks after its address, and one for each
+--           register that joins memories; its memory is read in the third of these.
 
 entity pe_output_reader is
   generic (
@@ -35,6 +35,50 @@ entity pe_output_reader is
 end entity pe_output_reader;
 
 architecture rtl of pe_output_reader is
+
+  -- Words that one register joins.
+  constant JOINED_AT_ONCE : positive := 6;
+
+  -- Words that are left of so many after some registers.
+
+  function joined_words (
+    words : positive;
+    level : natural
+  ) return positive is
+
+    variable count : positive;
+
+  begin
+
+    count := words;
+
+    for i in 1 to level loop
+
+      count := (count + JOINED_AT_ONCE - 1) / JOINED_AT_ONCE;
+
+    end loop;
+
+    return count;
+
+  end function joined_words;
+
+  -- Registers until one is left.
+
+  function join_levels (
+    words : positive
+  ) return natural is
+
+    variable level : natural;
+
+  begin
+
+    level := 0;
+    while joined_words(words, level) > 1 loop
+      level := level + 1;
+    end loop;
+    return level;
+
+  end function join_levels;
 
   constant MEMORY_BITS : positive := larger(index_bits(MEMORIES), 1);
   constant ROW_BITS    : positive := MEMORY_BITS + PLACE_BITS;

@@ -154,24 +154,6 @@ package pe_pkg is
     deep    : boolean := false
   ) return positive;
 
-  -- Output memories -----------------------------------------------------------------------------------------------
-
-  -- Words that one register joins.
-  constant JOINED_AT_ONCE : positive := 6;
-
-  -- Words that are left of so many after some registers.
-
-  function joined_words (
-    words : positive;
-    level : natural
-  ) return positive;
-
-  -- Registers until one is left.
-
-  function join_levels (
-    words : positive
-  ) return natural;
-
   -- Trace ---------------------------------------------------------------------------------------------------------
 
   -- Fields of one PE by their lowest bits: value (sign extended), address and enable of the write to the imported memory
@@ -579,43 +561,6 @@ package body pe_pkg is
     return latency + 6;
 
   end function pause_word;
-
-  function joined_words (
-    words : positive;
-    level : natural
-  ) return positive is
-
-    variable count : positive;
-
-  begin
-
-    count := words;
-
-    for i in 1 to level loop
-
-      count := (count + JOINED_AT_ONCE - 1) / JOINED_AT_ONCE;
-
-    end loop;
-
-    return count;
-
-  end function joined_words;
-
-  function join_levels (
-    words : positive
-  ) return natural is
-
-    variable level : natural;
-
-  begin
-
-    level := 0;
-    while joined_words(words, level) > 1 loop
-      level := level + 1;
-    end loop;
-    return level;
-
-  end function join_levels;
 
   function trace_width (
     trace : boolean;

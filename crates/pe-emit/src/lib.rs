@@ -19,7 +19,7 @@ mod reference;
 pub use columns::aligned;
 pub use library::LIBRARY;
 pub use names::{comment_text, vhdl_identifier};
-pub use options::{Driven, EmitOptions, Interface, Provenance};
+pub use options::{Driven, EmitOptions, Interface, Provenance, Tunable};
 
 use names::Names;
 use options::Header;

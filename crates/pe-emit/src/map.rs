@@ -3,13 +3,13 @@
 use pe_ir::index::{at, number};
 use pe_ir::program::{self, Host, InputPort, OutputPort, Program, StateRegister};
 use pe_map::{
-    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, OutputMemory, Outside, Rounding, State, Tick,
-    VERSION, sha256,
+    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, OutputMemory, Outside, Parameter, Rounding,
+    State, Tick, VERSION, sha256,
 };
 
 use crate::access;
 use crate::names::{Names, READER};
-use crate::options::{Driven, EmitOptions};
+use crate::options::{Driven, EmitOptions, Tunable};
 
 /// What tells a design from others that compute other words.
 pub fn hash(program: &Program, options: &EmitOptions) -> String {
@@ -72,6 +72,7 @@ pub fn render(program: &Program, names: &Names, options: &EmitOptions, hash: &st
             lead: program::OutputMemory::READ_AFTER,
         }),
         states: program.states.iter().map(|state| placed(program, state)).collect(),
+        parameters: interface.parameters.iter().filter_map(|tunable| parameter(program, tunable)).collect(),
         host: (program.host != Host::default()).then(|| access::ports(program)),
     };
     map.text()
@@ -112,6 +113,13 @@ fn shown(program: &Program, output: &OutputPort, (name, address): (&str, Option<
         state,
         outside: if output.proven { Outside::Proven } else { Outside::Clamps },
     }
+}
+
+/// A tunable parameter, if the program has its state.
+fn parameter(program: &Program, tunable: &Tunable) -> Option<Parameter> {
+    let Tunable { name, unit, value, range } = tunable.clone();
+    let state = program.states.iter().position(|state| state.name == name)?;
+    Some(Parameter { name, unit, state: number(state), value, range })
 }
 
 fn placed(program: &Program, state: &StateRegister) -> State {

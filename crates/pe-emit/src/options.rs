@@ -46,6 +46,21 @@ pub struct Interface {
     pub early_steps: Vec<(f64, f64)>,
     /// The input ports.
     pub inputs: Vec<Driven>,
+    /// Tunable parameters.
+    pub parameters: Vec<Tunable>,
+}
+
+/// A tunable parameter.
+#[derive(Clone, Debug)]
+pub struct Tunable {
+    /// Name, which is that of its state.
+    pub name: String,
+    /// Unit in the spec.
+    pub unit: Option<String>,
+    /// Value in the spec.
+    pub value: f64,
+    /// Range that the spec states.
+    pub range: [f64; 2],
 }
 
 /// What an input port stands for.

@@ -177,6 +177,9 @@ pub fn formats(
 ) -> Result<(Arc<StepGraph>, Judged), Failure> {
     let model = &loaded.model;
     let format = point.format(model).map_err(Failure::Usage)?;
+    // Ranges are proven for runs from the initial states, not for what a host makes of them.
+    let tunable = model.tunables().next().is_some();
+    let criteria = &Criteria { proof: if tunable { ProofMode::Off } else { criteria.proof }, ..criteria.clone() };
     let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
     let figure = |judged: &Result<Judged, _>| runs_figure(judged.as_ref());
     if let Some(fixed) = loaded.stages.as_ref().and_then(|stages| stages.fixed.as_ref()) {

@@ -23,6 +23,8 @@ pub struct State {
     pub initial: f64,
     /// Range the user states, if any.
     pub range: Option<(f64, f64)>,
+    /// Whether it is a tunable parameter: it stands still, and a host gives it values within the range.
+    pub tunable: bool,
     /// Unit as written, without brackets.
     pub unit: Option<String>,
     /// Right-hand side of `state' = ...`; of `next state = ...` if it has a rate.
@@ -174,6 +176,7 @@ impl State {
             quantity: 0,
             initial: 0.0,
             range: None,
+            tunable: false,
             unit: None,
             derivative,
             rate: None,
@@ -345,6 +348,11 @@ impl Model {
             });
         }
         false
+    }
+
+    /// Tunable parameters, each with its range.
+    pub fn tunables(&self) -> impl Iterator<Item = (&State, (f64, f64))> {
+        self.states.iter().filter(|state| state.tunable).filter_map(|state| Some((state, state.range?)))
     }
 
     /// How many equations there are, in words.

@@ -7,6 +7,7 @@
 
 pub mod check;
 pub mod conserved;
+pub mod corners;
 mod criteria;
 pub mod early;
 pub mod feedback;

@@ -10,6 +10,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
 
+use crate::corners;
 use crate::progress::Progress;
 use crate::runs;
 
@@ -35,7 +36,20 @@ pub fn tabulate(
             progress.advance(STRIDE);
         }
     }
-    pe_hls::functions::tabulate(graph, run.arguments(), format)
+    let mut arguments = run.arguments().to_vec();
+    for corner in corners::corners(model) {
+        let (other, of_corner) = (corner.model(model), corner.graph(graph));
+        let mut run = DoubleRun::new(&of_corner);
+        for step in 0..other.steps() {
+            let time = other.time(step, 0.0);
+            run.step(&other.sample_inputs(time))
+                .map_err(|diverged| corner.named(vec![runs::non_finite(graph, diverged, time)]))?;
+        }
+        for (own, other) in arguments.iter_mut().zip(run.arguments()) {
+            *own = (own.0.min(other.0), own.1.max(other.1));
+        }
+    }
+    pe_hls::functions::tabulate(graph, &arguments, format)
         .map_err(|untabled| untabled.into_iter().map(|untabled| with_time(model, graph, untabled)).collect())
 }
 

@@ -48,6 +48,9 @@ pub struct Map {
     pub output_memory: Option<OutputMemory>,
     /// Stored words of the states.
     pub states: Vec<State>,
+    /// States that are tunable parameters: the network keeps them, a host gives them values.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<Parameter>,
     /// Ports for a host, of designs that have some (`compile --host`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<HostPorts>,
@@ -269,6 +272,21 @@ pub struct Output {
     pub outside: Outside,
 }
 
+/// A tunable parameter.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Name in the spec, with indices.
+    pub name: String,
+    /// Unit in the spec.
+    pub unit: Option<String>,
+    /// Number of its state, whose word a host replaces.
+    pub state: u32,
+    /// Value in the spec.
+    pub value: f64,
+    /// Range that the spec states, and the design was judged for at its ends.
+    pub range: [f64; 2],
+}
+
 /// Where a state is.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 pub struct State {
@@ -327,6 +345,20 @@ impl Format {
     /// The number that a word stands for; words of more than 53 bits are rounded.
     pub fn number(&self, word: i64) -> f64 {
         libm::scalbn(word as f64, self.exponent)
+    }
+}
+
+impl State {
+    /// The nearest stored word to a number; none for NaN. What a host reads and replaces are such words.
+    pub fn word(&self, number: f64) -> Option<Word> {
+        let [least, most] = self.format.words();
+        let word = self.format.word_within(number, [least, most - self.offset])?;
+        Some(Word { word: word.word + self.offset, ..word })
+    }
+
+    /// The number that a stored word stands for.
+    pub fn number(&self, word: i64) -> f64 {
+        self.format.number(word - self.offset)
     }
 }
 

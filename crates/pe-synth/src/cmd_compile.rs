@@ -7,6 +7,7 @@ use clap::builder::PossibleValuesParser;
 use pe_emit::EmitOptions;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
+use pe_ir::model::Model;
 use pe_ir::program::{Host, Program};
 use pe_ir::source::{Diagnostic, Severity};
 use pe_sim::machine::Machine;
@@ -167,6 +168,7 @@ impl Compile {
             design.program.host.add(name);
         }
         hosted(&design.program)?;
+        reached(&loaded.model, &design.program)?;
         let wanted = match self.outputs {
             OutputsArg::Auto => outputs::Wanted::Auto,
             OutputsArg::Ports => outputs::Wanted::Ports,
@@ -254,6 +256,17 @@ fn hosted(program: &Program) -> Result<(), Failure> {
         program.replacements().map_err(refused)?;
     }
     Ok(())
+}
+
+/// Refuses tunable parameters that no host can write.
+fn reached(model: &Model, program: &Program) -> Result<(), Failure> {
+    match model.tunables().next() {
+        Some((parameter, _)) if !program.host.states => Err(Failure::Usage(format!(
+            "`{}` is tunable, but nothing can write it: add `--host states`, or leave `tunable` out of its declaration",
+            parameter.name
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// A design with what was found out about it.

@@ -53,6 +53,11 @@ impl Wrap {
         OutputFolder::permitted(target)?;
         let design = DesignFolder::open(&self.folder)?;
         let map = read_map(&design)?;
+        if map.output_memory.is_some() {
+            let message = "the network has its outputs in memories, which the wrapper does not read; compile it with \
+                           `--outputs ports`";
+            return Err(Failure::Usage(message.to_owned()));
+        }
         let list = read(&self.folder.join(format!("{}.f", map.entity)))?;
         let generator = format!("pe-synth {}", env!("CARGO_PKG_VERSION"));
         let origin = Origin { generator, command: command.to_owned() };

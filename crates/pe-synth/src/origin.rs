@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use pe_emit::{Driven, Interface, Provenance};
+use pe_emit::{Driven, Interface, Provenance, Tunable};
 use pe_flow::pipeline::Design;
 use pe_flow::spec::LoadedModel;
 use pe_hls::assemble::coefficients;
 
 use pe_ir::index::{List, at};
-use pe_ir::model::{Interpolation, Model, Variable};
+use pe_ir::model::{Interpolation, Model, State, Variable};
 use pe_ir::source::{Sources, Span};
 
 use pe_map::sha256;
@@ -39,10 +39,17 @@ pub fn interface(model: &Model) -> Interface {
             Interpolation::Linear => Between::Linear,
         },
     };
+    let tunable = |(state, (least, greatest)): (&State, (f64, f64))| Tunable {
+        name: state.name.clone(),
+        unit: state.unit.clone(),
+        value: state.initial,
+        range: [least, greatest],
+    };
     Interface {
         step: model.step,
         early_steps: model.phases.iter().map(|phase| (phase.until, model.step / phase.ratio)).collect(),
         inputs: (0..).zip(&model.inputs).map(driven).collect(),
+        parameters: model.tunables().map(tunable).collect(),
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use pe_ir::program::{FieldName, Layout, LinkSource, Program};
-use pe_sim::coverage::{Coverage, FLAGGING, MEMORIES, PeCoverage, bit};
+use pe_sim::coverage::{BASE, COEFFICIENT, Coverage, FLAGGING, IMPORTED, MEMORIES, OWN, PeCoverage, bit};
 use serde_json::{Value, json};
 
 use crate::handshake::Met;
@@ -271,7 +271,34 @@ const LEAST_LIVE: f64 = 0.5;
 
 /// PEs and memories that rest in all runs: what is said of them is said of nothing.
 pub fn resting(program: &Program, seen: &Coverage) -> Vec<String> {
-    let possible = Coverage::of_program(program);
+    let mut possible = Coverage::of_program(program);
+    let mut seen = seen.clone();
+    // Tunable parameters, and what stages make of them, are written again and again as they are.
+    let tunable: BTreeSet<&str> =
+        program.states.iter().filter(|state| state.tunable).map(|state| state.name.as_str()).collect();
+    let stands = |value| program.name(value).split('.').next().is_some_and(|name| tunable.contains(name));
+    for (index, pe) in program.pes.numbered().filter(|_| !tunable.is_empty()) {
+        let features = &pe.features;
+        for (word, note) in pe.words.iter().zip(&pe.notes) {
+            let mut places = Vec::new();
+            if let Some(target) = word.write.filter(|_| stands(note.write)) {
+                let own = usize::from(target.address.word) & (features.own_words as usize - 1);
+                places.extend(target.own.then_some((OWN, own)));
+                places.extend(target.base.then_some((BASE, features.base_word(target.address.word))));
+                places.extend(target.factor.then(|| (COEFFICIENT, features.factor_word(target.address.word))));
+            }
+            if let Some((_, address)) = word.receive.filter(|_| stands(note.receive)) {
+                places.push((IMPORTED, usize::from(address.word)));
+            }
+            for (memory, place) in places {
+                for coverage in [&mut possible, &mut seen] {
+                    let words = &mut coverage.pes[index].written[memory];
+                    let half = if features.swap && [OWN, IMPORTED].contains(&memory) { words.len() / 2 } else { 0 };
+                    (words[place], words[place ^ half]) = (false, false);
+                }
+            }
+        }
+    }
     let mut resting = Vec::new();
     for (pe, (seen, possible)) in seen.pes.iter().zip(&possible.pes).enumerate() {
         let (mut live, mut all) = (0, 0);

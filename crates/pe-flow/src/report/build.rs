@@ -21,7 +21,7 @@ use pe_target::devices::Fit;
 use super::errors::{DeviceFit, Drift, Errors, OfTotal, OutputError, Period, Use};
 use super::types::{
     Area, AreaPart, AreaSplit, Cells, Certainties, Clock, EarlyStep, Figures, Form, FunctionTable, HostPart, LogicPart,
-    MappingCost, Pairs, Pivot, Ranges, Report, SampleRate, Start, WireLength, Word,
+    MappingCost, Pairs, Parameters, Pivot, Ranges, Report, SampleRate, Start, TunableParameter, WireLength, Word,
 };
 use crate::bottleneck::Bottleneck;
 use crate::pipeline::Design;
@@ -90,6 +90,7 @@ impl Report {
             headroom: variables::report(told.variables),
             outputs: model.outputs.iter().map(|output| output.name.clone()).collect(),
             outputs_in: None,
+            parameters: parameters(model, design),
             left_out: model.left_out.clone(),
             kept: scene::kept(model, &design.graph),
             features: features::features(program, &design.graph, &design.judged, &design.mapping),
@@ -281,6 +282,17 @@ fn size(program: &Program, area: &Size) -> Area {
         },
         families: Family::MEASURED.iter().map(|family| cells(&area::estimate(program, *family))).collect(),
     }
+}
+
+/// Tunable parameters, and where they were judged.
+fn parameters(model: &Model, design: &Design) -> Option<Parameters> {
+    let tunable = model.tunables().map(|(state, (least, greatest))| TunableParameter {
+        name: state.name.clone(),
+        value: state.initial,
+        range: [least, greatest],
+    });
+    let tunable: Vec<TunableParameter> = tunable.collect();
+    (!tunable.is_empty()).then(|| Parameters { tunable, judged_at: design.judged.corners.clone() })
 }
 
 fn errors(model: &Model, design: &Design, total: &Total) -> Errors {

@@ -3,7 +3,9 @@
 use pe_hls::mapping::RANDOM;
 
 use super::errors::Errors;
-use super::types::{Area, Clock, Figures, FunctionTable, Headroom, Limiting, OutputsIn, Ranges, Report, Start};
+use super::types::{
+    Area, Clock, Figures, FunctionTable, Headroom, Limiting, OutputsIn, Parameters, Ranges, Report, Start,
+};
 use super::values::Unbounded;
 
 impl Report {
@@ -57,6 +59,7 @@ impl Report {
             ),
             ("size", cells(&figures.area)),
         ];
+        rows.extend(self.parameters.as_ref().map(|parameters| ("parameters", tunable(parameters))));
         rows.extend(self.outputs_in.as_ref().map(|outputs| ("outputs", outputs_in(outputs, self.outputs.len()))));
         rows.extend([
             ("headroom", headroom(self.headroom.first())),
@@ -136,6 +139,12 @@ fn cells(area: &Area) -> String {
     let outputs = split.outputs.lut;
     let outputs = if outputs > 0.5 * all.lut { format!("; {outputs:.0} LUT are of outputs") } else { String::new() };
     format!("{:.0}{error} LUT, {} DSP, {} BRAM18{programs} ({}){outputs}", all.lut, all.dsp, all.bram18, area.basis)
+}
+
+/// Tunable parameters, and how often the design was judged.
+fn tunable(Parameters { tunable, judged_at }: &Parameters) -> String {
+    let ends = judged_at.len();
+    format!("{} tunable; judged with the values of the spec and at {ends} ends of their ranges", tunable.len())
 }
 
 /// Where outputs are, and what the other way would take.

@@ -57,6 +57,9 @@ pub struct Report {
     /// Whether outputs are ports or in memories; missing of few ones that nobody asked about.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outputs_in: Option<OutputsIn>,
+    /// Tunable parameters; missing where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<Parameters>,
     /// Quantities that no output needs.
     pub left_out: Vec<String>,
     /// What is kept of the model, and why.
@@ -326,6 +329,27 @@ pub struct AreaSplit {
     /// What reads and replaces states for a host, in PEs and beside them; in networks with ports for that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<HostPart>,
+}
+
+/// Parameters that a host may change at run time.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Parameters {
+    /// Each with its value in the spec and its range.
+    pub tunable: Vec<TunableParameter>,
+    /// Values with which the design was judged beside those of the spec: formats hold them, and word-length, coefficient,
+    /// method, input-hold and function errors are the worst of all.
+    pub judged_at: Vec<String>,
+}
+
+/// A tunable parameter.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct TunableParameter {
+    /// Name, with indices.
+    pub name: String,
+    /// Value in the spec.
+    pub value: f64,
+    /// Stated range.
+    pub range: [f64; 2],
 }
 
 /// Whether outputs are ports or in memories, and why.

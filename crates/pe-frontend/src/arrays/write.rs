@@ -256,7 +256,7 @@ impl<'a> Writer<'_, 'a> {
         }
         match statement {
             StatementKind::Param { declared, value } => self.element(declared, value),
-            StatementKind::State { declared, initial, within } => {
+            StatementKind::State { declared, initial, within, .. } => {
                 self.element(declared, initial)?;
                 self.ends(within, &names_of(&declared.dimensions))
             }

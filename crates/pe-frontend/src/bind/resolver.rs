@@ -400,8 +400,11 @@ impl<'a> Resolver<'_, 'a> {
         if allowed {
             return Some(());
         }
-        let message = format!("`{}` is {} and cannot be read here", name.text, quantity.kind.describe());
+        let message = format!("`{}` is {} and cannot be read here", name.text, quantity.describe());
         let help = match self.reads {
+            _ if quantity.tunable => {
+                "what is fixed before the run cannot read what a host changes; leave `tunable` out of the declaration"
+            }
             Reads::Consts => "constants and index ranges can only read constants defined with `const`",
             Reads::Signals => {
                 "write the signal itself in place of the name, such as `0.5 + 0.4*sine(1, 50 Hz)`: only signals, `time`, \

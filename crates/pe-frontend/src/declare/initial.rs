@@ -31,7 +31,7 @@ pub(crate) struct Driven {
 pub(crate) fn states(context: &mut Context, overrides: &[Set]) -> Vec<Initial> {
     let mut initials = Vec::new();
     for statement in &context.spec.statements {
-        let StatementKind::State { declared, initial, within } = &statement.kind else { continue };
+        let StatementKind::State { declared, initial, within, .. } = &statement.kind else { continue };
         let value = context.bind_element(initial, declared, Reads::Constants);
         let bounds = context.bind_bounds(within.as_ref(), declared);
         let (Some(value), Some(bounds)) = (value, bounds) else { continue };

@@ -132,7 +132,9 @@ fn bind_left_side<'a>(
         }
     };
     let quantity = &mut context.names.quantities[number];
+    let is_own = quantity.name.span == name.span;
     let help = match (quantity.kind, equation.side) {
+        _ if quantity.tunable && !is_own => Some("a host gives its value, and until then its declaration".to_owned()),
         _ if quantity.kind.has_equations() && quantity.block != statement.block => {
             Some(wrong_block(quantity, equation.side, statement.block))
         }
@@ -154,7 +156,7 @@ fn bind_left_side<'a>(
     };
     if let Some(help) = help {
         let sampled = if quantity.block.is_some() { ", sampled in a block" } else { "" };
-        let message = format!("`{}` is {}{sampled}", name.text, quantity.kind.describe());
+        let message = format!("`{}` is {}{sampled}", name.text, quantity.describe());
         let error = Diagnostic::error(codes::BAD_LEFT_SIDE, name.span, message);
         context.report.push(error.with_label(quantity.name.span, "defined here").with_help(help));
         return None;

@@ -132,6 +132,7 @@ impl Signals {
             quantity,
             initial,
             range: None,
+            tunable: false,
             unit: None,
             derivative,
             rate: None,

@@ -173,6 +173,7 @@ fn declared_states(
             quantity: quantity_numbers[row.quantity],
             initial: value,
             range,
+            tunable: quantity.tunable,
             unit: unit(quantity),
             derivative: row.expr,
             rate: rate(state),

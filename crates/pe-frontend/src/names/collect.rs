@@ -23,10 +23,11 @@ pub(crate) fn collect<'a>(spec: &'a Spec, report: &mut Report) -> Names<'a> {
             StatementKind::Input { declared: d, .. } => {
                 all.declare(&d.name, Kind::Input, d.unit.as_ref(), &d.dimensions);
             }
-            StatementKind::State { declared: d, .. } => {
+            StatementKind::State { declared: d, tunable, .. } => {
                 all.declare(&d.name, Kind::State, d.unit.as_ref(), &d.dimensions);
                 if let Some(quantity) = all.names.quantities.last_mut().filter(|q| q.name.span == d.name.span) {
                     quantity.block = statement.block;
+                    quantity.tunable = *tunable;
                 }
             }
             StatementKind::Index(binders) => {
@@ -83,6 +84,7 @@ impl<'a> Collector<'_, 'a> {
             kind,
             unit,
             block: None,
+            tunable: false,
             rank: binders.len(),
             binders,
             dimensions: Vec::new(),

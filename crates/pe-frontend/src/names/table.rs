@@ -83,6 +83,8 @@ pub(crate) struct Quantity<'a> {
     pub(crate) unit: Option<&'a Name>,
     /// The sampled block in which a state is declared or an algebraic quantity defined.
     pub(crate) block: Option<usize>,
+    /// Whether a state is a tunable parameter.
+    pub(crate) tunable: bool,
     /// Number of subscripts.
     pub(crate) rank: usize,
     /// Declared indices; empty for algebraic quantities.
@@ -104,6 +106,11 @@ pub(crate) struct Quantity<'a> {
 }
 
 impl Quantity<'_> {
+    /// What it is, with article, for messages.
+    pub(crate) fn describe(&self) -> &'static str {
+        if self.tunable { "a tunable parameter" } else { self.kind.describe() }
+    }
+
     /// Name of the element with these subscripts.
     pub(crate) fn element_name(&self, subscripts: &[i64]) -> String {
         if subscripts.is_empty() {

@@ -105,6 +105,16 @@ pub enum StatementKind {
         /// Value of an element.
         value: Expr,
     },
+    /// `param k [unit] = expr tunable in lo .. hi`. The reader writes it out as a state that stands still, so no pass meets
+    /// it.
+    Tunable {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// Value of an element at time zero.
+        value: Expr,
+        /// Range of the values that it may be given.
+        within: Range,
+    },
     /// `input u [unit] = signal in lo .. hi`.
     Input {
         /// Name, dimensions, unit.
@@ -124,6 +134,8 @@ pub enum StatementKind {
         initial: Expr,
         /// Stated range.
         within: Option<Range>,
+        /// Whether it is a tunable parameter.
+        tunable: bool,
     },
     /// `V[b]' = expr where condition`.
     Equation(Equation),

@@ -105,6 +105,7 @@ fn in_words(rule: Rule) -> &'static str {
         Rule::kw_sum => "`sum`",
         Rule::kw_then => "`then`",
         Rule::kw_else => "`else`",
+        Rule::kw_tunable | Rule::tunable => "`tunable`",
         Rule::kw_in | Rule::within => "`in`",
         Rule::kw_for | Rule::for_clause => "`for`",
         Rule::kw_where | Rule::where_clause => "`where`",

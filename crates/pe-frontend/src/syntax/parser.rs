@@ -125,13 +125,20 @@ impl Builder<'_> {
             Rule::index_statement => StatementKind::Index(self.binders(parts, Rule::binding)?),
             Rule::param_statement => {
                 let declared = self.declared(&mut parts)?;
-                StatementKind::Param { declared, value: self.expr(parts.take(Rule::expr)?)? }
+                let value = self.expr(parts.take(Rule::expr)?)?;
+                match parts.take(Rule::tunable) {
+                    None => StatementKind::Param { declared, value },
+                    Some(tunable) => {
+                        let within = self.within(&mut Parts::of(tunable))??;
+                        StatementKind::Tunable { declared, value, within }
+                    }
+                }
             }
             Rule::input_statement => self.input(&mut parts)?,
             Rule::state_statement => {
                 let declared = self.declared(&mut parts)?;
                 let initial = self.expr(parts.take(Rule::expr)?)?;
-                StatementKind::State { declared, initial, within: self.within(&mut parts)? }
+                StatementKind::State { declared, initial, within: self.within(&mut parts)?, tunable: false }
             }
             Rule::output_statement => {
                 let mut items = Vec::new();
@@ -459,6 +466,7 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_solver
             | Rule::kw_step
             | Rule::kw_until
+            | Rule::kw_tunable
             | Rule::kw_span
             | Rule::kw_const
             | Rule::kw_index

@@ -1,7 +1,9 @@
 //! Reads a spec: its main file and, where they stand, the files that it includes.
 
 use crate::report::Report;
-use crate::syntax::ast::{Block, Broken, Measure, Name, Spec, Statement, StatementKind};
+use crate::syntax::ast::{
+    Binder, Block, Broken, Equation, Expr, ExprKind, LeftSide, Measure, Name, Reference, Spec, Statement, StatementKind,
+};
 use crate::syntax::files::{LARGEST_FILE, Loader, folder, load, resolve};
 use crate::syntax::lexer::{SECTIONS, tokenize};
 use crate::syntax::tables::Table;
@@ -88,7 +90,7 @@ impl Reader<'_> {
                             None => {
                                 statement.files.iter().for_each(|path| self.data_file(path, own_folder));
                                 statement.block = self.block.map(|block| block.number);
-                                self.spec.statements.push(statement);
+                                self.spec.statements.extend(written_out(statement));
                             }
                         }
                     }
@@ -267,4 +269,28 @@ fn section(kind: &StatementKind) -> Option<&'static str> {
         StatementKind::Units(_) => MAIN_ONLY[4],
         _ => return None,
     })
+}
+
+/// The statements that a statement stands for: a tunable parameter is a state whose derivative is zero.
+fn written_out(statement: Statement) -> Vec<Statement> {
+    let StatementKind::Tunable { declared, value, within } = statement.kind else { return vec![statement] };
+    let name = &declared.name;
+    let index = |binder: &Binder| {
+        let reference = Reference { name: binder.name.clone(), subscripts: Vec::new(), span: binder.name.span };
+        Expr { span: binder.name.span, kind: ExprKind::Reference(reference) }
+    };
+    let subscripts: Vec<Expr> = declared.dimensions.iter().map(index).collect();
+    let own_range = |binder: &&Binder| binder.range.is_some();
+    let equation = StatementKind::Equation(Equation {
+        target: Reference { name: name.clone(), subscripts, span: name.span },
+        side: LeftSide::Derivative,
+        unit: None,
+        value: Expr { span: name.span, kind: ExprKind::Number(0.0) },
+        within: None,
+        ranges: declared.dimensions.iter().filter(own_range).cloned().collect(),
+        condition: None,
+    });
+    let equation = Statement { kind: equation, files: Vec::new(), ..statement };
+    let kind = StatementKind::State { declared, initial: value, within: Some(within), tunable: true };
+    vec![Statement { kind, files: statement.files, ..equation }, equation]
 }

@@ -196,7 +196,7 @@ impl<'a> Checker<'_, 'a> {
                     let value = self.unit(value, TOLD);
                     self.same(own, value, TOLD);
                 }
-                StatementKind::State { declared, initial, within } => {
+                StatementKind::State { declared, initial, within, .. } => {
                     let own = self.own(&declared.name);
                     let initial = self.unit(initial, TOLD);
                     self.same(own, initial, TOLD);

@@ -425,6 +425,7 @@ impl Assembler<'_> {
                 exponent: self.fixed.exponents[state.index()],
                 own: (pe, address.word),
                 imported: Vec::new(),
+                tunable: self.model.states.find(index).is_some_and(|state| state.tunable),
             });
         }
         for (value, pe, place) in self.memories.imports() {

@@ -18,7 +18,7 @@ pub struct OutputMemory {
     pub latency: u32,
 }
 
-/// Words that one register joins: `JOINED_AT_ONCE` in `pe_pkg.vhd`.
+/// Words that one register joins: `JOINED_AT_ONCE` in `pe_output_reader.vhd`.
 const JOINED_AT_ONCE: u32 = 6;
 
 impl OutputMemory {

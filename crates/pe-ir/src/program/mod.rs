@@ -287,6 +287,8 @@ pub struct StateRegister {
     pub own: (PeId, u16),
     /// PEs and imported memory words that hold a copy at the start of a step.
     pub imported: Vec<(PeId, u16)>,
+    /// Whether it is a tunable parameter, which a step leaves as it is.
+    pub tunable: bool,
 }
 
 impl PeProgram {

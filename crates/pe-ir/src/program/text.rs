@@ -45,6 +45,7 @@ impl Display for Program {
         }
         for state in &self.states {
             write!(f, "state {} exponent {} own {}:{}", name(&state.name), state.exponent, state.own.0, state.own.1)?;
+            f.write_str(if state.tunable { " tunable" } else { "" })?;
             state.imported.iter().try_for_each(|(pe, word)| write!(f, " imported {pe}:{word}"))?;
             writeln!(f)?;
         }
@@ -407,11 +408,12 @@ impl Parser {
         let (name, exponent) = (read_name(line)?, line.keyed("exponent")?);
         line.word("own")?;
         let own = place(line)?;
+        let tunable = line.take_word("tunable");
         let mut imported = Vec::new();
         while line.take_word("imported") {
             imported.push(place(line)?);
         }
-        self.program.states.push(StateRegister { name, exponent, own, imported });
+        self.program.states.push(StateRegister { name, exponent, own, imported, tunable });
         Ok(())
     }
 

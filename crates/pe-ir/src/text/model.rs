@@ -114,6 +114,7 @@ impl Printer<'_> {
             let label = self.states.text(index::number(index));
             write!(f, "state {label} quantity {} initial {}", state.quantity, number(state.initial))?;
             common(f, state.range, &state.unit)?;
+            f.write_str(if state.tunable { " tunable" } else { "" })?;
             if let Some(rate) = state.rate {
                 write!(f, " rate {rate}")?;
             }
@@ -347,10 +348,11 @@ impl Reader {
         let quantity = line.keyed("quantity")?;
         let initial = line.keyed_number("initial")?;
         let (range, unit) = (read_range(line)?, read_unit(line)?);
+        let tunable = line.take_word("tunable");
         let rate = if line.take_word("rate") { Some(line.integer()?) } else { None };
         let motion = if line.take_word("motion") { Some(self.motion(line)?) } else { None };
         let derivative = Expr::Constant(0.0);
-        Ok(State { name: label, quantity, initial, range, unit, derivative, rate, motion, span: line.span() })
+        Ok(State { name: label, quantity, initial, range, tunable, unit, derivative, rate, motion, span: line.span() })
     }
 
     /// The line of a state's equation.

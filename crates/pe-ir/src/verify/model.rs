@@ -8,6 +8,7 @@
 //! 4. States with a rate come last, and their rates exist.
 //! 5. Motions name states, inputs and signals that exist; what has a partner behind or before it has it.
 //! 6. With phases the last input is the step ratio.
+//! 7. Tunable parameters stand still, and have a range.
 
 use std::collections::BTreeSet;
 
@@ -110,6 +111,11 @@ impl Checker<'_> {
             self.require(index.index() < continuous || state.rate.is_some(), || {
                 format!("`{name}` comes behind sampled states")
             });
+            let still = state.range.is_some()
+                && state.rate.is_none()
+                && state.motion.is_none()
+                && state.derivative == Expr::Constant(0.0);
+            self.require(!state.tunable || still, || format!("`{name}` is tunable, and moves or has no range"));
             let has_rate = state.rate.is_none_or(|rate| (index::at(rate)) < model.rates.len());
             self.require(has_rate, || format!("`{name}` has a rate that does not exist"));
             if let Some(motion) = state.motion {

@@ -13,6 +13,7 @@ use pe_ir::word::WordFormat;
 use pe_sim::double::{Diverged, DoubleRun};
 use pe_sim::error::Trajectory;
 
+use crate::corners::{self, Corner};
 use crate::pivots::{self, SmallestPivot};
 use crate::progress::Progress;
 use crate::times::thread_seconds;
@@ -47,6 +48,15 @@ pub struct Exact {
     pub(super) scales: Vec<f64>,
     pub(super) seconds: f64,
     pub(super) smallest_pivot: Option<SmallestPivot>,
+    /// The same with tunable parameters at the ends of their ranges.
+    pub(super) corners: Vec<AtCorner>,
+}
+
+/// A run with other values of tunable parameters.
+pub(super) struct AtCorner {
+    pub(super) corner: Corner,
+    pub(super) model: Model,
+    pub(super) exact: Exact,
 }
 
 impl Exact {
@@ -55,6 +65,24 @@ impl Exact {
     /// # Errors
     /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero, `E0914` a sine faster than the steps.
     pub fn run(model: &Model, graph: &StepGraph, progress: Arc<dyn Progress>) -> Result<Exact, Vec<Diagnostic>> {
+        let mut own = Exact::run_alone(model, graph, Arc::clone(&progress))?;
+        for corner in corners::corners(model) {
+            let other = corner.model(model);
+            let exact = Exact::run_alone(&other, &corner.graph(graph), Arc::clone(&progress))
+                .map_err(|findings| corner.named(findings))?;
+            for (own, other) in own.largest.iter_mut().zip(&exact.largest) {
+                *own = own.max(*other);
+            }
+            for (own, other) in own.ranges.largest.iter_mut().zip(&exact.ranges.largest) {
+                *own = own.max(*other);
+            }
+            own.corners.push(AtCorner { corner, model: other, exact });
+        }
+        Ok(own)
+    }
+
+    /// With the values of the spec alone.
+    fn run_alone(model: &Model, graph: &StepGraph, progress: Arc<dyn Progress>) -> Result<Exact, Vec<Diagnostic>> {
         if let Some(finding) = inputs::too_fast(model) {
             return Err(vec![finding]);
         }
@@ -84,6 +112,7 @@ impl Exact {
             scales,
             seconds,
             smallest_pivot,
+            corners: Vec::new(),
         })
     }
 

@@ -8,6 +8,7 @@ use pe_ir::index::StateId;
 use pe_ir::source::Diagnostic;
 use pe_sim::error::Trajectory;
 
+use crate::corners::Corner;
 use crate::pivots::SmallestPivot;
 use crate::proof::Proof;
 
@@ -49,6 +50,25 @@ pub struct ToDate {
 }
 
 impl Errors {
+    /// Takes the larger of each.
+    fn include(&mut self, other: &Errors) {
+        if other.word_length > self.word_length {
+            (self.worst_state, self.word_length) = (other.worst_state, other.word_length);
+        }
+        let larger = |own: Option<f64>, other: Option<f64>| own.zip(other).map(|(own, other)| own.max(other)).or(own);
+        self.coefficient = self.coefficient.max(other.coefficient);
+        self.at_end = (self.at_end.0.max(other.at_end.0), self.at_end.1.max(other.at_end.1));
+        self.function = larger(self.function, other.function);
+        self.method = self.method.max(other.method);
+        self.input_hold = self.input_hold.max(other.input_hold);
+        let (own, other) = (&mut self.to_date, &other.to_date);
+        own.word_length = own.word_length.max(other.word_length);
+        own.coefficient = own.coefficient.max(other.coefficient);
+        own.function = larger(own.function, other.function);
+        own.method = own.method.max(other.method);
+        own.input_hold = own.input_hold.max(other.input_hold);
+    }
+
     /// The largest part of the error relative to the largest magnitude of a state up to the step in question.
     pub fn largest_to_date(&self) -> f64 {
         let ToDate { word_length, function, method, input_hold, .. } = self.to_date;
@@ -120,6 +140,24 @@ pub struct Judged {
     pub smallest_pivot: Option<SmallestPivot>,
     /// Which ranges are proven; none if no proof was asked for.
     pub proof: Option<Proof>,
+    /// Where tunable parameters were beside their values in the spec: the errors are the worst of all.
+    pub corners: Vec<String>,
+}
+
+impl Judged {
+    /// Takes in what was found with other values of tunable parameters. Trajectories and magnitudes of the run stay.
+    pub(super) fn include(&mut self, corner: &Corner, other: Judged) {
+        self.errors.include(&other.errors);
+        for (own, other) in
+            [(&mut self.state_errors, other.state_errors), (&mut self.output_errors, other.output_errors)]
+        {
+            own.iter_mut().zip(other).for_each(|(own, other)| *own = own.max(other));
+        }
+        let known: Vec<&str> = self.warnings.iter().map(|warning| warning.code).collect();
+        let new = other.warnings.into_iter().filter(|warning| !known.contains(&warning.code)).collect();
+        self.warnings.extend(corner.named(new));
+        self.corners.push(corner.name.clone());
+    }
 }
 
 /// States at steps that deserve a look beside the samples: the first ones, and those after a jump of an input.

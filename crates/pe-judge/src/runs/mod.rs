@@ -41,6 +41,7 @@ use pe_sim::error::Trajectory;
 use crate::criteria::Criteria;
 use crate::progress::Progress;
 
+use self::exact::AtCorner;
 use self::settled::Measured;
 
 pub use self::comparison::{Comparison, method_error};
@@ -189,7 +190,7 @@ impl Exact {
         }
         warnings.extend(outside(model));
         let macs = graph.macs() as f64 * self.plan.steps as f64;
-        Ok(Judged {
+        let mut judged = Judged {
             fixed,
             aim,
             errors,
@@ -209,7 +210,13 @@ impl Exact {
             output_errors: outputs.relative().collect(),
             smallest_pivot: self.smallest_pivot.clone(),
             proof,
-        })
+            corners: Vec::new(),
+        };
+        for AtCorner { corner, model, exact } in &self.corners {
+            let other = exact.judge_given(model, &corner.graph(graph), &judged.fixed, criteria);
+            judged.include(corner, other.map_err(|findings| corner.named(findings))?);
+        }
+        Ok(judged)
     }
 
     /// The warning about a chaotic model that multiplies differences at such a rate.

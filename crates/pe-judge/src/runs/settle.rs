@@ -18,7 +18,7 @@ use crate::criteria::ProofMode;
 use crate::proof::{self, Proof};
 use crate::times::thread_seconds;
 
-use super::exact::{Exact, curve_count};
+use super::exact::{AtCorner, Exact, curve_count};
 use super::judged::Checkpoint;
 use super::lockstep::Pass;
 use super::proven::{self, Proposal};
@@ -128,7 +128,8 @@ impl Exact {
             let aim = Aim::Chain;
             rounding::improve(graph, &mut fixed, &self.moments, aim);
             let source = shared.take().map_or_else(|| self.source(graph), Source::Shared);
-            match self.measure(model, graph, &fixed, source) {
+            let measured = self.measure(model, graph, &fixed, source);
+            match measured.and_then(|measured| self.hold_at_corners(graph, &fixed).map(|()| measured)) {
                 Ok(measured) => {
                     let settled = Settled { fixed, aim: Some(aim), widenings, measured, proof: None };
                     return self.balanced(model, graph, chosen, settled);
@@ -166,7 +167,8 @@ impl Exact {
         if let Some(value) = cramped {
             return Err(vec![saturated::too_narrow(graph, ValueId::at(value), "uses more than half of its range")]);
         }
-        let measured = match self.measure(model, graph, fixed, self.source(graph)) {
+        let measured = self.measure(model, graph, fixed, self.source(graph));
+        let measured = match measured.and_then(|measured| self.hold_at_corners(graph, fixed).map(|()| measured)) {
             Ok(measured) => measured,
             Err(Ended::Diverged(findings)) => return Err(findings),
             Err(Ended::Saturated(saturated)) => {
@@ -245,6 +247,19 @@ impl Exact {
         Ok(measured)
     }
 
+    /// Runs in fixed point with tunable parameters at the ends of their ranges, where the same formats must do.
+    fn hold_at_corners(&self, graph: &StepGraph, fixed: &FixedPoint) -> Result<(), Ended> {
+        for AtCorner { corner, model, exact } in &self.corners {
+            let graph = corner.graph(graph);
+            let mut run = FixedRun::new(&graph, fixed);
+            for step in 0..exact.plan.steps {
+                let words = port_words(model, &run, step);
+                advance(&mut run, &words, step)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The same formats with roundings that cancel over the step, if the coefficient error matters and they make it
     /// smaller. `chosen` are the formats with nearest roundings.
     fn balanced(
@@ -262,7 +277,9 @@ impl Exact {
         rounding::improve(graph, &mut fixed, &self.moments, aim);
         self.plan.progress.add_length(3 * self.plan.steps);
         // Formats that were wide enough for the other roundings are kept with those.
-        let Ok(measured) = self.measure(model, graph, &fixed, self.source(graph)) else { return Ok(settled) };
+        let measured = self.measure(model, graph, &fixed, self.source(graph));
+        let measured = measured.and_then(|measured| self.hold_at_corners(graph, &fixed).map(|()| measured));
+        let Ok(measured) = measured else { return Ok(settled) };
         Ok(if measured.quantised.worst().1 < settled.coefficient() {
             Settled { fixed, aim: Some(aim), measured, ..settled }
         } else {
@@ -292,14 +309,20 @@ impl<'a> FixedPass<'a> {
     fn step(&mut self, model: &Model, step: u64) -> Result<(), Saturated> {
         let FixedPass { run, states, outputs, rows, .. } = self;
         let words = port_words(model, run, step);
-        if run.step(&words) || (step == 0 && run.saturations().iter().any(|count| *count > 0)) {
-            let values = run.saturations().into_iter().enumerate().filter(|(_, count)| *count > 0);
-            let values = values.map(|(index, _)| ValueId::at(index)).collect();
-            return Err(Saturated { values, step });
-        }
+        advance(run, &words, step)?;
         rows.add(run.states().take(*states).chain((0..*outputs).map(|output| run.output(output))));
         Ok(())
     }
+}
+
+/// Runs a step in which nothing may saturate, and in front of the first one the initial values may not either.
+fn advance(run: &mut FixedRun, words: &[i64], step: u64) -> Result<(), Saturated> {
+    if run.step(words) || (step == 0 && run.saturations().iter().any(|count| *count > 0)) {
+        let values = run.saturations().into_iter().enumerate().filter(|(_, count)| *count > 0);
+        let values = values.map(|(index, _)| ValueId::at(index)).collect();
+        return Err(Saturated { values, step });
+    }
+    Ok(())
 }
 
 /// Input port words of a step.

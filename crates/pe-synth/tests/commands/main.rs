@@ -22,5 +22,6 @@ mod outputs;
 mod report;
 mod tidy;
 mod transports;
+mod tunable;
 mod wrap;
 mod wrap_files;

@@ -168,6 +168,9 @@ fn many_outputs_are_in_memories_where_that_takes_less() {
     assert_eq!((&ports["outputs_in"]["kind"], &ports["outputs_in"]["reason"]), (&"ports".into(), &"asked for".into()));
     let lut = |report: &Value| report["area"]["split"]["outputs"]["lut"].as_f64().unwrap();
     assert!(lut(&many) < 0.5 * lut(&ports));
+    // A bus cannot read memories.
+    let wrapped = pe_synth(&["wrap", Path::new(env!("CARGO_TARGET_TMPDIR")).join("outputs_many").to_str().unwrap()]);
+    assert!(String::from_utf8_lossy(&wrapped.stderr).contains("--outputs ports"), "{wrapped:?}");
     // The network computes the same.
     assert_eq!(many["cycles_per_step"], ports["cycles_per_step"]);
 }
