@@ -251,6 +251,70 @@ pub unsafe fn read_state(component: *mut Component, bytes: *const u8, size: usiz
     }
 }
 
+/// The functions of a version that take, set, free and convert states, under its names.
+macro_rules! state_functions {
+    ($take:ident $set:ident $free:ident $size:ident $write:ident $read:ident) => {
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $take(component: *mut Component, state: *mut *mut Saved) -> c_int {
+            // SAFETY: the caller's handle and state.
+            unsafe { c::take_state(component, state) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $set(component: *mut Component, state: *mut Saved) -> c_int {
+            // SAFETY: the caller's handle and state.
+            unsafe { c::set_state(component, state) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $free(component: *mut Component, state: *mut *mut Saved) -> c_int {
+            // SAFETY: the caller's handle and state.
+            unsafe { c::free_state(component, state) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $size(component: *mut Component, state: *mut Saved, size: *mut usize) -> c_int {
+            // SAFETY: the caller's handle and state.
+            unsafe { c::state_bytes(component, state, size) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $write(
+            component: *mut Component,
+            state: *mut Saved,
+            bytes: *mut u8,
+            size: usize,
+        ) -> c_int {
+            // SAFETY: the caller's handle, state and bytes.
+            unsafe { c::write_state(component, state, bytes, size) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $read(
+            component: *mut Component,
+            bytes: *const u8,
+            size: usize,
+            state: *mut *mut Saved,
+        ) -> c_int {
+            // SAFETY: the caller's handle, bytes and state.
+            unsafe { c::read_state(component, bytes, size, state) }
+        }
+    };
+}
+pub(crate) use state_functions;
+
+/// Functions of the interface that this FMU declares not to have. Their arguments stay unread.
+macro_rules! lacking {
+    ($($name:ident)*) => {$(
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name(component: *mut Component) -> c_int {
+            // SAFETY: the caller's handle.
+            unsafe { call(component, |_| Err(format!("{} is not supported", stringify!($name)))) }
+        }
+    )*};
+}
+pub(crate) use lacking;
+
 /// Frees a handle.
 ///
 /// # Safety

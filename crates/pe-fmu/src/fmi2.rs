@@ -3,7 +3,7 @@
 
 use std::ffi::{CString, c_char, c_int, c_void};
 
-use crate::c::{self, Component, call, each, each_text, text};
+use crate::c::{self, Component, call, each, each_text, lacking, state_functions, text};
 use crate::instance::Status;
 use crate::saved::Saved;
 
@@ -209,71 +209,15 @@ pub unsafe extern "C" fn fmi2SetString(
     }
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetFMUstate(component: *mut Component, state: *mut *mut Saved) -> c_int {
-    // SAFETY: the caller's handle and state.
-    unsafe { c::take_state(component, state) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetFMUstate(component: *mut Component, state: *mut Saved) -> c_int {
-    // SAFETY: the caller's handle and state.
-    unsafe { c::set_state(component, state) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2FreeFMUstate(component: *mut Component, state: *mut *mut Saved) -> c_int {
-    // SAFETY: the caller's handle and state.
-    unsafe { c::free_state(component, state) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SerializedFMUstateSize(
-    component: *mut Component,
-    state: *mut Saved,
-    size: *mut usize,
-) -> c_int {
-    // SAFETY: the caller's handle and state.
-    unsafe { c::state_bytes(component, state, size) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SerializeFMUstate(
-    component: *mut Component,
-    state: *mut Saved,
-    bytes: *mut u8,
-    size: usize,
-) -> c_int {
-    // SAFETY: the caller's handle, state and bytes.
-    unsafe { c::write_state(component, state, bytes, size) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
-    component: *mut Component,
-    bytes: *const u8,
-    size: usize,
-    state: *mut *mut Saved,
-) -> c_int {
-    // SAFETY: the caller's handle, bytes and state.
-    unsafe { c::read_state(component, bytes, size, state) }
+state_functions! {
+    fmi2GetFMUstate fmi2SetFMUstate fmi2FreeFMUstate
+    fmi2SerializedFMUstateSize fmi2SerializeFMUstate fmi2DeSerializeFMUstate
 }
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2DoStep(component: *mut Component, from: f64, by: f64, _no_going_back: c_int) -> c_int {
     // SAFETY: the caller's handle.
     unsafe { call(component, |component| component.instance.advance(from, by)) }
-}
-
-/// Functions of the interface that this FMU declares not to have. Their arguments stay unread.
-macro_rules! lacking {
-    ($($name:ident)*) => {$(
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(component: *mut Component) -> c_int {
-            // SAFETY: the caller's handle.
-            unsafe { call(component, |_| Err(format!("{} is not supported", stringify!($name)))) }
-        }
-    )*};
 }
 
 lacking! {

@@ -4,7 +4,7 @@
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::path::PathBuf;
 
-use crate::c::{self, Component, call, each, each_text, slice_mut, text};
+use crate::c::{self, Component, call, each, each_text, lacking, slice_mut, state_functions, text};
 use crate::instance::Status;
 use crate::saved::Saved;
 
@@ -202,54 +202,9 @@ pub unsafe extern "C" fn fmi3SetString(
     }
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetFMUState(component: *mut Component, state: *mut *mut Saved) -> c_int {
-    // SAFETY: the caller's handle and state.
-    unsafe { c::take_state(component, state) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetFMUState(component: *mut Component, state: *mut Saved) -> c_int {
-    // SAFETY: the caller's handle and state.
-    unsafe { c::set_state(component, state) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3FreeFMUState(component: *mut Component, state: *mut *mut Saved) -> c_int {
-    // SAFETY: the caller's handle and state.
-    unsafe { c::free_state(component, state) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
-    component: *mut Component,
-    state: *mut Saved,
-    size: *mut usize,
-) -> c_int {
-    // SAFETY: the caller's handle and state.
-    unsafe { c::state_bytes(component, state, size) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SerializeFMUState(
-    component: *mut Component,
-    state: *mut Saved,
-    bytes: *mut u8,
-    size: usize,
-) -> c_int {
-    // SAFETY: the caller's handle, state and bytes.
-    unsafe { c::write_state(component, state, bytes, size) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3DeserializeFMUState(
-    component: *mut Component,
-    bytes: *const u8,
-    size: usize,
-    state: *mut *mut Saved,
-) -> c_int {
-    // SAFETY: the caller's handle, bytes and state.
-    unsafe { c::read_state(component, bytes, size, state) }
+state_functions! {
+    fmi3GetFMUState fmi3SetFMUState fmi3FreeFMUState
+    fmi3SerializedFMUStateSize fmi3SerializeFMUState fmi3DeserializeFMUState
 }
 
 #[unsafe(no_mangle)]
@@ -288,17 +243,6 @@ macro_rules! idle {
 }
 
 idle! { fmi3SetDebugLogging fmi3ExitInitializationMode fmi3Terminate }
-
-/// Functions of the interface that this FMU declares not to have. Their arguments stay unread.
-macro_rules! lacking {
-    ($($name:ident)*) => {$(
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(component: *mut Component) -> c_int {
-            // SAFETY: the caller's handle.
-            unsafe { call(component, |_| Err(format!("{} is not supported", stringify!($name)))) }
-        }
-    )*};
-}
 
 lacking! {
     fmi3EnterEventMode fmi3GetFloat32 fmi3GetInt8 fmi3GetUInt8 fmi3GetInt16 fmi3GetUInt16 fmi3GetUInt32 fmi3GetUInt64

@@ -3,13 +3,16 @@
 use std::path::Path;
 
 use pe_host::{Design, Error, Flags, Host, Settings, Transport};
-use pe_map::Map;
+use pe_map::{Map, Output};
 
 use crate::saved::Saved;
 use crate::variables::{DEFAULT_TRANSPORT, Variable, Variables, inputs, output_name};
 
 /// How exactly a communication point or step has to meet the network's steps: this part of a step.
 const EXACT: f64 = 1e-6;
+
+/// What is said of calls that need the network before it is open.
+const CLOSED: &str = "the FMU is not initialized";
 
 /// How a call ended; both versions of the interface have these numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -128,7 +131,7 @@ impl Instance {
     }
 
     fn host(&mut self) -> Result<&mut Host, String> {
-        self.host.as_mut().ok_or_else(|| "the FMU is not initialized".to_owned())
+        self.host.as_mut().ok_or_else(|| CLOSED.to_owned())
     }
 
     /// Runs the steps from one communication point to the next.
@@ -149,7 +152,7 @@ impl Instance {
         let exchanged = self.host()?.exchange(&numbers, steps, &mut outputs);
         self.numbers = numbers;
         let written = exchanged.map_err(|error| error.to_string())?.written;
-        self.read()?;
+        self.take_over()?;
         self.tell_inputs(&written.clamped, "was clamped: it is beyond what the port carries", |own| &mut own.clamped);
         self.tell_inputs(
             &written.beyond_range,
@@ -181,13 +184,20 @@ impl Instance {
         reached.checked_sub(now).filter(|steps| *steps > 0)
     }
 
-    /// Takes over what the outputs show.
+    /// Reads the outputs.
     fn read(&mut self) -> Outcome {
-        let host = self.host()?;
-        let text = |error: Error| error.to_string();
-        let (numbers, words) = (host.read_defined().map_err(text)?, host.read_words().map_err(text)?);
-        let shown = numbers.into_iter().zip(words);
-        self.outputs = shown.map(|(number, word)| (number.unwrap_or(f64::NAN), word.unwrap_or(0))).collect();
+        self.host()?.read_words().map_err(|error| error.to_string())?;
+        self.take_over()
+    }
+
+    /// Takes over what was read last.
+    fn take_over(&mut self) -> Outcome {
+        let host = self.host.as_ref().ok_or(CLOSED)?;
+        let words = host.last_words().iter().zip(&host.map().outputs);
+        let number = |(word, output): (&Option<i64>, &Output)| {
+            word.map_or((f64::NAN, 0), |word| (output.format.number(word), word))
+        };
+        self.outputs = words.map(number).collect();
         Ok(())
     }
 

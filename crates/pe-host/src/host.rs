@@ -191,6 +191,11 @@ impl Host {
         Ok(self.outputs.clone())
     }
 
+    /// The words that were read last, by whichever call.
+    pub fn last_words(&self) -> &[Option<i64>] {
+        &self.outputs
+    }
+
     /// Writes, runs so many steps and reads, in one message if the transport has messages.
     ///
     /// # Errors
