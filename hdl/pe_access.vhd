@@ -215,7 +215,9 @@ begin
               hold <= '1';
             end if;
 
+            -- Whoever asked may have gone away again.
             if (hold = '1' and waiting_i = '1') then
+              hold     <= '1';
               phase    <= entering;
               wait_for <= FOLLOW;
             end if;
@@ -300,9 +302,13 @@ begin
               -- The second time: the step is done.
               if (stepping = '1') then
                 replace  <= '0';
-                restart  <= '0';
                 phase    <= entering;
                 wait_for <= FOLLOW;
+
+                -- After the words of a host it is still to come.
+                if (host = '0') then
+                  restart <= '0';
+                end if;
               end if;
             end if;
           elsif (phase = leaving) then
@@ -311,8 +317,13 @@ begin
           else
             -- Refilling
             if (waiting_i = '1') then
-              hold  <= '0';
+              hold  <= restart;
               phase <= running;
+
+              -- What was asked for meanwhile comes before another step.
+              if ((INITIAL and restart_i = '1') or (STATES and access_i = '1')) then
+                hold <= '1';
+              end if;
             end if;
           end if;
         end if;

@@ -37,6 +37,7 @@ entity pe_axi_lite is
     request_o     : out   std_ulogic;                                   -- an access
     write_o       : out   std_ulogic;                                   -- it writes
     address_o     : out   std_ulogic_vector(ADDRESS_BITS - 1 downto 2); -- word that it reads or writes
+    next_o        : out   std_ulogic_vector(ADDRESS_BITS - 1 downto 2); -- word that a read of the next clock reads
     data_o        : out   std_ulogic_vector(31 downto 0);               -- data to write
     strobe_o      : out   std_ulogic_vector(3 downto 0);                -- bytes of it that count
     ready_i       : in    std_ulogic;                                   -- the access is done
@@ -146,6 +147,8 @@ begin
   write_o   <= writing;
   address_o <= write_address when writing = '1' else
                read_address;
+  next_o    <= read_address when has_read_address = '1' else
+               s_axi_araddr(ADDRESS_BITS - 1 downto 2);
   data_o    <= write_data;
   strobe_o  <= strobe;
 

@@ -37,6 +37,7 @@ architecture rtl of pe_input is
 
   -- Half an LSB of the operand; bit by bit, because GHDL 2.0 writes wide constants as character strings into Verilog.
   signal half : signed(WORD_BITS downto 0);
+  signal most : std_ulogic_vector(DATA_BITS - 1 downto 0); -- largest operand
 
   signal taken  : std_ulogic_vector(STORAGE_BITS - 1 downto 0);
   signal arrive : std_ulogic;
@@ -70,6 +71,15 @@ begin
                '0';
 
   end generate g_half;
+
+  -- Bit by bit: GHDL 2.0 writes wide constants as character strings into Verilog.
+
+  g_most : for i in 0 to DATA_BITS - 1 generate
+
+    most(i) <= '0' when i = DATA_BITS - 1 else
+               '1';
+
+  end generate g_most;
 
   g_direct : if not DEEP generate
 
@@ -125,9 +135,8 @@ begin
         operand <= std_ulogic_vector(word(WORD_BITS - 1 downto DROPPED));
 
         if (word(WORD_BITS) /= word(WORD_BITS - 1)) then
-          operand                <= (others => '1');
-          operand(DATA_BITS - 1) <= '0';
-          overflow               <= '1';
+          operand  <= most;
+          overflow <= '1';
         end if;
       end if;
     end if;

@@ -4,6 +4,9 @@ library ieee;
   use ieee.std_logic_1164.all;
   use ieee.numeric_std.all;
 
+library pe_lib;
+  use pe_lib.pe_pkg.all;
+
 -- Addresses and bits of the registers, from docs/wrapper.md, and what registers and synchronizer tell each other.
 
 package pe_register_pkg is
@@ -15,6 +18,7 @@ package pe_register_pkg is
   constant ID_WORD          : std_ulogic_vector(31 downto 0) := x"50455348";
   constant READ_REGISTERS   : std_ulogic_vector(0 to 32)     := b"111111110111111111111111111111111";
   constant WRITE_REGISTERS  : std_ulogic_vector(0 to 32)     := b"000000001111110000000000100011100";
+  constant FOREIGN_WRITES   : std_ulogic_vector(0 to 32)     := b"000000010000000000000000000000000";
   constant STATES_REGISTERS : std_ulogic_vector(0 to 32)     := b"000000000000000000000000000011100";
   constant FLAGS_REGISTERS  : std_ulogic_vector(0 to 32)     := b"000000000000000000000001000000000";
 
@@ -67,6 +71,8 @@ package pe_register_pkg is
   constant CAPS_FLAGS           : natural := 2;
   constant CAPS_STREAM          : natural := 3;
   constant CAPS_FOREIGN         : natural := 4;
+  constant CAPS_PARAMETERS      : natural := 5;
+  constant CAPS_READY           : natural := 6;
   constant CAPS_WINDOW          : natural := 8;
   constant CAPS_STATE_BITS      : natural := 16;
   constant COMMAND_START        : natural := 0;
@@ -74,6 +80,7 @@ package pe_register_pkg is
   constant COMMAND_INPUTS       : natural := 2;
   constant COMMAND_CLEAR        : natural := 3;
   constant COMMAND_RESTART      : natural := 4;
+  constant COMMAND_PARAMETERS   : natural := 5;
   constant STATUS_BUSY          : natural := 0;
   constant STATUS_DONE          : natural := 1;
   constant STATUS_TIME_EXCEEDED : natural := 2;
@@ -90,6 +97,7 @@ package pe_register_pkg is
   constant STATUS_STATE_READY   : natural := 13;
   constant STATUS_REPLACING     : natural := 14;
   constant STATUS_FRAME         : natural := 15;
+  constant STATUS_TUNING        : natural := 16;
   constant MODE_FREE_RUN        : natural := 0;
   constant MODE_PACE            : natural := 1;
   constant MODE_CONTINUE        : natural := 2;
@@ -155,4 +163,29 @@ package pe_register_pkg is
     flagged  : unsigned(31 downto 0); -- steps in which a flag rose
   end record counters_t;
 
+  -- A memory's content before it is written.
+
+  function zeros (
+    words : positive;
+    bits  : positive
+  ) return word_array_t;
+
 end package pe_register_pkg;
+
+package body pe_register_pkg is
+
+  function zeros (
+    words : positive;
+    bits  : positive
+  ) return word_array_t is
+
+    variable image : word_array_t(0 to words - 1)(bits - 1 downto 0);
+
+  begin
+
+    image := (others => (others => '0'));
+    return image;
+
+  end function zeros;
+
+end package body pe_register_pkg;

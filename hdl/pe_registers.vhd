@@ -16,13 +16,16 @@ entity pe_registers is
     ADDRESS_BITS       : positive;                        -- byte address
     HASH               : std_ulogic_vector(127 downto 0); -- of the design, the first digits in front
     MAP_VERSION        : natural;                         -- of the map
-    STEP_CLOCKS        : natural;                         -- clocks of a step
+    STEP_CLOCKS        : natural;                         -- clocks of a step, at first
     INPUT_WORDS        : natural;                         -- words in the window of inputs
     OUTPUT_WORDS       : natural;                         -- words in the window of outputs
+    PARAMETER_WORDS    : natural;                         -- words in the window of parameters
     RESTART            : boolean;                         -- the network can be restarted
     STATES             : boolean;                         -- states can be read and replaced
     FLAGS              : boolean;                         -- there is a flag per cause
     STREAM             : boolean;                         -- there are streams
+    FOREIGN            : boolean;                         -- it is a foreign entity
+    TELLS_READY        : boolean;                         -- which tells when a step has ended
     STATE_BITS         : natural;                         -- stored word
     STATE_ADDRESS_BITS : positive                         -- address of a state
   );
@@ -40,6 +43,7 @@ entity pe_registers is
     run_i           : in    run_state_t;                                        -- what has come of it
     counters_i      : in    counters_t;                                         -- counters
     clear_o         : out   std_ulogic;                                         -- counters begin anew
+    step_clocks_o   : out   std_ulogic_vector(31 downto 0);                     -- clocks of a step of a foreign entity
     overflow_i      : in    std_ulogic;                                         -- a flag is up
     saturated_i     : in    std_ulogic;                                         -- a word saturated; each time for a clock
     operand_i       : in    std_ulogic;                                         -- an operand was too large
@@ -54,6 +58,11 @@ entity pe_registers is
     is_output_i     : in    std_ulogic;                                         -- there is one
     all_outputs_i   : in    std_ulogic;                                         -- all of them can be read
     sample_i        : in    std_ulogic_vector(63 downto 0);                     -- step whose outputs these are
+    param_write_o   : out   std_ulogic;                                         -- writes a word of the parameters
+    param_data_i    : in    std_ulogic_vector(31 downto 0);                     -- word of the parameters
+    is_param_i      : in    std_ulogic;                                         -- there is one
+    tune_o          : out   std_ulogic;                                         -- parameters act from now on
+    tuning_i        : in    std_ulogic;                                         -- they are on their way
     want_o          : out   std_ulogic;                                         -- the host wants states
     state_address_o : out   std_ulogic_vector(STATE_ADDRESS_BITS - 1 downto 0); -- state to read
     state_new_o     : out   std_ulogic;                                         -- another one
@@ -122,6 +131,21 @@ architecture rtl of pe_registers is
 
   end function present;
 
+  -- Registers that can be written where everything else is there.
+
+  function writes (
+    is_foreign : boolean
+  ) return std_ulogic_vector is
+  begin
+
+    if (is_foreign) then
+      return WRITE_REGISTERS or FOREIGN_WRITES;
+    end if;
+
+    return WRITE_REGISTERS;
+
+  end function writes;
+
   -- A register after a write of some bytes.
 
   function merged (
@@ -136,17 +160,19 @@ architecture rtl of pe_registers is
   end function merged;
 
   constant READ_HERE  : std_ulogic_vector(0 to REGISTER_COUNT - 1) := present(READ_REGISTERS, STATES_REGISTERS, FLAGS_REGISTERS);
-  constant WRITE_HERE : std_ulogic_vector(0 to REGISTER_COUNT - 1) := present(WRITE_REGISTERS, STATES_REGISTERS, FLAGS_REGISTERS);
+  constant WRITE_HERE : std_ulogic_vector(0 to REGISTER_COUNT - 1) := present(writes(FOREIGN), STATES_REGISTERS, FLAGS_REGISTERS);
 
   -- Bits that may be written as 1
   constant COMMANDS : word_t := bit_if(true, COMMAND_START) or bit_if(true, COMMAND_ABORT) or bit_if(true, COMMAND_INPUTS)
-                                or bit_if(true, COMMAND_CLEAR) or bit_if(RESTART, COMMAND_RESTART);
+                                or bit_if(true, COMMAND_CLEAR) or bit_if(RESTART, COMMAND_RESTART)
+                                or bit_if(PARAMETER_WORDS > 0, COMMAND_PARAMETERS);
   constant MODES    : word_t := bit_if(true, MODE_FREE_RUN) or bit_if(true, MODE_PACE) or bit_if(true, MODE_CONTINUE)
                                 or bit_if(true, MODE_HALT) or bit_if(true, MODE_HOLD) or bit_if(STATES, MODE_ACCESS)
                                 or bit_if(STREAM, MODE_STREAM);
 
   constant CAPS : word_t := bit_if(RESTART, CAPS_RESTART) or bit_if(STATES, CAPS_STATES) or bit_if(FLAGS, CAPS_FLAGS)
-                            or bit_if(STREAM, CAPS_STREAM)
+                            or bit_if(STREAM, CAPS_STREAM) or bit_if(PARAMETER_WORDS > 0, CAPS_PARAMETERS)
+                            or bit_if(FOREIGN, CAPS_FOREIGN) or bit_if(TELLS_READY, CAPS_READY)
                             or std_ulogic_vector(shift_left(to_unsigned(ADDRESS_BITS - 12, 32), CAPS_WINDOW))
                             or std_ulogic_vector(shift_left(to_unsigned(STATE_BITS, 32), CAPS_STATE_BITS));
 
@@ -155,6 +181,7 @@ architecture rtl of pe_registers is
   signal steps         : word_t := (0 => '1', others => '0');
   signal budget        : word_t := (others => '0');
   signal period        : word_t := (others => '0');
+  signal run_clocks    : word_t := std_ulogic_vector(to_unsigned(STEP_CLOCKS, 32));
   signal state_address : word_t := (others => '0');
   signal state_high    : word_t := (others => '0');
 
@@ -221,6 +248,8 @@ begin
       possible <= is_input_i;
     elsif (window = OUTPUT_WINDOW) then
       possible <= is_output_i and not write_i;
+    elsif (window = PARAMETER_WINDOW) then
+      possible <= is_param_i and not (write_i and tuning_i);
     elsif (write_i = '1') then
       possible <= or (chosen and writable);
 
@@ -237,9 +266,16 @@ begin
         elsif (ones(COMMAND_INPUTS) = '1') then
           possible <= not run_i.streaming;
         end if;
+
+        if (ones(COMMAND_PARAMETERS) = '1'
+            and (tuning_i = '1' or mode(MODE_ACCESS) = '1' or replacing_i = '1' or ones(COMMAND_RESTART) = '1')) then
+          possible <= '0';
+        end if;
       elsif (chosen(MODE_REGISTER) = '1' and (ones and not MODES) /= NOTHING) then
         possible <= '0';
       elsif (chosen(SINGLE_CLOCKS_REGISTER) = '1' and mode(MODE_HALT) = '0') then
+        possible <= '0';
+      elsif (chosen(STEP_CLOCKS_REGISTER) = '1' and not TELLS_READY and merged(run_clocks, bits, ones) = NOTHING) then
         possible <= '0';
       elsif (chosen(STATE_LOW_REGISTER) = '1' and free_i = '0') then
         possible <= '0';
@@ -283,6 +319,10 @@ begin
 
       if (writing(PACE_PERIOD_REGISTER) = '1') then
         period <= merged(period, bits, ones);
+      end if;
+
+      if (FOREIGN and writing(STEP_CLOCKS_REGISTER) = '1') then
+        run_clocks <= merged(run_clocks, bits, ones);
       end if;
 
       if (writing(STATE_ADDRESS_REGISTER) = '1') then
@@ -343,7 +383,7 @@ begin
 
   end process p_happened;
 
-  p_status : process (happened, run_i, overflow_i, all_outputs_i, granted_i, free_i, replacing_i) is
+  p_status : process (happened, run_i, overflow_i, all_outputs_i, granted_i, free_i, replacing_i, tuning_i) is
   begin
 
     status                     <= happened;
@@ -354,6 +394,7 @@ begin
     status(STATUS_ACCESS)      <= granted_i;
     status(STATUS_STATE_READY) <= free_i;
     status(STATUS_REPLACING)   <= replacing_i;
+    status(STATUS_TUNING)      <= tuning_i;
     status(STATUS_OVERFLOW)    <= overflow_i;
 
     if (FLAGS) then
@@ -369,7 +410,7 @@ begin
   shown(HASH_2_REGISTER)           <= HASH(63 downto 32);
   shown(HASH_3_REGISTER)           <= HASH(31 downto 0);
   shown(CAPS_REGISTER)             <= CAPS;
-  shown(STEP_CLOCKS_REGISTER)      <= std_ulogic_vector(to_unsigned(STEP_CLOCKS, 32));
+  shown(STEP_CLOCKS_REGISTER)      <= run_clocks;
   shown(COMMAND_REGISTER)          <= (others => '0');
   shown(STATUS_REGISTER)           <= status;
   shown(MODE_REGISTER)             <= mode;
@@ -389,14 +430,14 @@ begin
   shown(SINGLE_CLOCKS_REGISTER)    <= std_ulogic_vector(run_i.clocks);
   shown(INPUT_WORDS_REGISTER)      <= std_ulogic_vector(to_unsigned(INPUT_WORDS, 32));
   shown(OUTPUT_WORDS_REGISTER)     <= std_ulogic_vector(to_unsigned(OUTPUT_WORDS, 32));
-  shown(PARAMETER_WORDS_REGISTER)  <= (others => '0');
+  shown(PARAMETER_WORDS_REGISTER)  <= std_ulogic_vector(to_unsigned(PARAMETER_WORDS, 32));
   shown(STATE_ADDRESS_REGISTER)    <= state_address;
   shown(STATE_LOW_REGISTER)        <= state_word_i(31 downto 0);
   shown(STATE_HIGH_REGISTER)       <= state_word_i(63 downto 32);
   shown(OUTPUT_STEP_LOW_REGISTER)  <= sample_i(31 downto 0);
   shown(OUTPUT_STEP_HIGH_REGISTER) <= sample_high;
 
-  p_data : process (request_i, possible, window, chosen, shown, input_data_i, output_data_i) is
+  p_data : process (request_i, possible, window, chosen, shown, input_data_i, output_data_i, param_data_i) is
 
     variable any : word_t;
 
@@ -418,6 +459,8 @@ begin
         any := input_data_i;
       elsif (window = OUTPUT_WINDOW) then
         any := output_data_i;
+      elsif (window = PARAMETER_WINDOW) then
+        any := param_data_i;
       end if;
     end if;
 
@@ -443,10 +486,14 @@ begin
   order_o.clocks      <= unsigned(merged(std_ulogic_vector(run_i.clocks), bits, ones));
 
   clear_o         <= command(COMMAND_CLEAR);
+  step_clocks_o   <= run_clocks;
   take_o          <= (command(COMMAND_START) and not mode(MODE_STREAM)) or command(COMMAND_INPUTS);
   hold_o          <= mode(MODE_HOLD);
   input_write_o   <= possible and request_i and write_i when window = INPUT_WINDOW else
                      '0';
+  param_write_o   <= possible and request_i and write_i when window = PARAMETER_WINDOW else
+                     '0';
+  tune_o          <= command(COMMAND_PARAMETERS);
   want_o          <= mode(MODE_ACCESS);
   state_address_o <= state_address(state_address_o'range);
   state_new_o     <= writing(STATE_ADDRESS_REGISTER);

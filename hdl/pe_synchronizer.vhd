@@ -20,6 +20,8 @@ entity pe_synchronizer is
     order_i     : in    run_order_t; -- what the host wants
     accessing_i : in    std_ulogic;  -- the host wants to read or replace states
     fed_i       : in    std_ulogic;  -- a stream lets a step begin
+    room_i      : in    std_ulogic;  -- the window of outputs does
+    settled_i   : in    std_ulogic;  -- it shows all that it will of the steps that have ended
     ce_o        : out   std_ulogic;  -- clock enable of the network
     step_o      : out   std_ulogic;  -- lets a step begin
     busy_i      : in    std_ulogic;  -- no step can begin
@@ -76,7 +78,6 @@ architecture rtl of pe_synchronizer is
   signal clocks  : unsigned(31 downto 0)           := (others => '0');
   signal restart : std_ulogic                      := '0';
   signal heard   : natural range 0 to HEARING      := 0;
-  signal rested  : std_ulogic                      := '0';
 
   signal ce       : std_ulogic;
   signal more     : std_ulogic;
@@ -95,7 +96,7 @@ begin
   ce <= restart or (accessing_i and not (or under_way)) when frozen = '1' or (order_i.halt = '1' and clocks = 0) else
         '1';
 
-  fed  <= fed_i or not streams;
+  fed  <= (fed_i or not streams) and room_i;
   more <= running and (endless or (or left));
 
   -- The clock in which the next step should begin: then the one before must be done.
@@ -119,7 +120,7 @@ begin
   exceeds <= ce and (or under_way) and not ends when order_i.budget /= 0 and spent >= order_i.budget else
              '0';
 
-  finishes <= running and not more when under_way = NO_STEPS or (under_way = 1 and ends = '1') else
+  finishes <= running and not more and settled_i when under_way = NO_STEPS or (under_way = 1 and ends = '1') else
               '0';
 
   p_run : process (clk_i) is
@@ -291,12 +292,9 @@ begin
   begin
 
     if rising_edge(clk_i) then
-      rested <= not busy_i;
-
-      -- Not busy for one clock may lie between two restarts.
       if (heard /= 0) then
         heard <= heard - 1;
-      elsif (busy_i = '0' and rested = '1') then
+      elsif (busy_i = '0') then
         restart <= '0';
       end if;
 

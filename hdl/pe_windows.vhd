@@ -188,7 +188,8 @@ begin
 
   end process p_all_of;
 
-  is_input_o <= '1' when unsigned(word_i) < INPUT_WORDS else
+  -- A bit more: GHDL 2.0 cuts a constant that does not fit the number it is compared with.
+  is_input_o <= '1' when resize(unsigned(word_i), WORD_BITS + 1) < INPUT_WORDS else
                 '0';
   all_out_o  <= defined or (first and all_of);
   sample_o   <= std_ulogic_vector(sample);

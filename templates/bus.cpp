@@ -10,6 +10,9 @@
 {%- if stream %}
 //   i WORD ...              sends a frame with the inputs of a step; the answer is `ok`, or `none` if it was not taken
 //   o                       receives a frame; the answer is its words, or `none` if there was none
+//   s COUNT LENGTH PATIENCE WORD ...
+//                           sends the words as frames of this length, and receives so many words of frames; the answer is
+//                           these words, or less if no word goes in or out for PATIENCE clocks
 {%- endif %}
 //   q                       ends the program, like the end of the input
 
@@ -173,6 +176,45 @@ int main(int argc, char** argv) {
     top->m_axis_tready = 0;
     Answer("none");
   };
+
+  // Sends words and receives others at the same time.
+  auto exchange_frames = [&](std::istringstream& request) {
+    uint32_t left = Number(request);
+    const uint32_t length = Number(request);
+    const uint32_t patience = Number(request);
+    std::string words;
+    uint32_t place = 0, waited = 0;
+    bool offered = false, more = !(request >> std::ws).eof();
+    while ((left > 0 || offered || more) && waited < patience) {
+      if (!offered && more) {
+        top->s_axis_tdata = Number(request);
+        offered = true;
+        place = place + 1 == length ? 0 : place + 1;
+        top->s_axis_tlast = place == 0;
+        more = !(request >> std::ws).eof();
+      }
+      top->s_axis_tvalid = offered;
+      top->m_axis_tready = left > 0;
+      top->eval();
+      const bool taken = top->s_axis_tready;
+      const bool valid = top->m_axis_tvalid;
+      char digits[16];
+      std::snprintf(digits, sizeof digits, "%08X ", static_cast<unsigned>(top->m_axis_tdata));
+      tick();
+      ++waited;
+      if (offered && taken) {
+        offered = false;
+        waited = 0;
+      }
+      if (left > 0 && valid) {
+        words += digits;
+        --left;
+        waited = 0;
+      }
+    }
+    top->s_axis_tvalid = top->m_axis_tready = 0;
+    Answer(words);
+  };
 {%- endif %}
 
   for (std::string line; std::getline(std::cin, line);) {
@@ -192,6 +234,8 @@ int main(int argc, char** argv) {
       send_frame(request);
     } else if (line[0] == 'o') {
       receive_frame();
+    } else if (line[0] == 's') {
+      exchange_frames(request);
 {%- endif %}
     } else if (line[0] == 'q') {
       break;

@@ -18,6 +18,9 @@ library std;
 {%- if stream %}
 --   i WORD ...              sends a frame with the inputs of a step; the answer is `ok`, or `none` if it was not taken
 --   o                       receives a frame; the answer is its words, or `none` if there was none
+--   s COUNT LENGTH PATIENCE WORD ...
+--                           sends the words as frames of this length, and receives so many words of frames; the answer is
+--                           these words, or less if no word goes in or out for PATIENCE clocks
 {%- endif %}
 --   q                       ends the simulation, like the end of the input
 
@@ -28,11 +31,12 @@ architecture bench of {{ name }}_bus is
 
   -- Most clocks of an access
   constant PATIENCE : positive := 1000;
-
 {%- if stream %}
+
   -- Clocks until there is no frame
   constant STREAM_PATIENCE : positive := {{ stream_patience }};
-{% endif %}
+{%- endif %}
+
   signal clk	: std_ulogic	:= '0';
   signal awaddr	: std_ulogic_vector({{ address_bits - 1 }} downto 0)	:= (others => '0');
   signal awvalid	: std_ulogic	:= '0';
@@ -378,6 +382,81 @@ begin
       answer("none");
 
     end procedure receive_frame;
+
+    -- Sends words and receives others at the same time.
+
+    procedure exchange_frames is
+
+      variable reply   : line;
+      variable left    : natural;
+      variable length  : natural;
+      variable most    : natural;
+      variable place   : natural;
+      variable waited  : natural;
+      variable offered : boolean;
+
+    begin
+
+      number(data);
+      left    := to_integer(unsigned(data(30 downto 0)));
+      number(data);
+      length  := to_integer(unsigned(data(30 downto 0)));
+      number(data);
+      most    := to_integer(unsigned(data(30 downto 0)));
+      place   := 0;
+      waited  := 0;
+      offered := false;
+
+      while (left > 0 or offered or request'length > 0) and waited < most loop
+
+        if (not offered and request'length > 0) then
+          number(data);
+          in_data  <= data;
+          in_last  <= '0';
+          in_valid <= '1';
+          offered  := true;
+          place    := place + 1;
+
+          if (place = length) then
+            in_last <= '1';
+            place   := 0;
+          end if;
+        end if;
+
+        out_ready <= '0';
+
+        if (left > 0) then
+          out_ready <= '1';
+        end if;
+
+        tick;
+        waited := waited + 1;
+
+        if (offered and word_taken = '1') then
+          in_valid <= '0';
+          offered  := false;
+          waited   := 0;
+        end if;
+
+        if (left > 0 and has_word = '1') then
+          write(reply, to_hstring(word) & ' ');
+          left   := left - 1;
+          waited := 0;
+        end if;
+
+      end loop;
+
+      in_valid  <= '0';
+      out_ready <= '0';
+
+      if (reply = null) then
+        answer("");
+      else
+        answer(reply.all);
+        deallocate(reply);
+      end if;
+
+    end procedure exchange_frames;
 {%- endif %}
 
   begin
@@ -424,6 +503,10 @@ begin
         when 'o' =>
 
           receive_frame;
+
+        when 's' =>
+
+          exchange_frames;
 {%- endif %}
 
         when 'q' =>

@@ -52,35 +52,35 @@ architecture bench of {{ model }}_host_tb is
   -- Clocks of the longest access
   constant MOST_CLOCKS : positive := 100_000 + 100 * PERIOD;
 
-  signal clk       : std_ulogic := '0';
-  signal ce        : std_ulogic := '1';
-  signal step      : std_ulogic := '0';
-  signal busy      : std_ulogic;
-  signal done      : std_ulogic;
-  signal overflow  : std_ulogic;
-  signal inputs    : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
-  signal outputs   : std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0){% if memory %} := (others => '0'){% endif %};
+  signal clk	: std_ulogic	:= '0';
+  signal ce	: std_ulogic	:= '1';
+  signal step	: std_ulogic	:= '0';
+  signal busy	: std_ulogic;
+  signal done	: std_ulogic;
+  signal overflow	: std_ulogic;
+  signal inputs	: std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
+  signal outputs	: std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0){% if memory %}	:= (others => '0'){% endif %};
 {%- if memory %}
-  signal place     : std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0) := (others => '0');
-  signal word      : std_ulogic_vector(STORAGE_BITS - 1 downto 0);
+  signal place	: std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0)	:= (others => '0');
+  signal word	: std_ulogic_vector(STORAGE_BITS - 1 downto 0);
 {%- endif %}
 {%- if host.flags %}
-  signal clear     : std_ulogic := '0';
-  signal saturated : std_ulogic;
-  signal operand   : std_ulogic;
-  signal input     : std_ulogic;
+  signal clear	: std_ulogic	:= '0';
+  signal saturated	: std_ulogic;
+  signal operand	: std_ulogic;
+  signal input	: std_ulogic;
 {%- endif %}
 {%- if host.restart %}
-  signal restart   : std_ulogic := '0';
+  signal restart	: std_ulogic	:= '0';
 {%- endif %}
 {%- if host.states %}
-  signal request   : std_ulogic := '0';
-  signal granted   : std_ulogic;
-  signal address   : std_ulogic_vector((STATE_ADDRESS_BITS + 3) / 4 * 4 - 1 downto 0) := (others => '0');
-  signal state     : std_ulogic_vector(WORD_BITS - 1 downto 0);
-  signal new_state : std_ulogic_vector(STATE_BITS - 1 downto 0) := (others => '0');
-  signal valid     : std_ulogic := '0';
-  signal ready     : std_ulogic;
+  signal request	: std_ulogic	:= '0';
+  signal granted	: std_ulogic;
+  signal address	: std_ulogic_vector((STATE_ADDRESS_BITS + 3) / 4 * 4 - 1 downto 0)	:= (others => '0');
+  signal state	: std_ulogic_vector(WORD_BITS - 1 downto 0);
+  signal new_state	: std_ulogic_vector(STATE_BITS - 1 downto 0)	:= (others => '0');
+  signal valid	: std_ulogic	:= '0';
+  signal ready	: std_ulogic;
 {%- endif %}
 
 begin
@@ -354,7 +354,7 @@ begin
     checks   := 0;
     running  := false;
     wait until falling_edge(clk);
-    shown := outputs;
+    shown    := outputs;
 
     while not endfile(script_file) loop
 

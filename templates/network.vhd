@@ -32,21 +32,21 @@ entity {{ model }} is
     done_o	: out   std_ulogic;	-- 1 for one enabled clock when outputs are new
     overflow_o	: out   std_ulogic;	-- sticky: a written word saturated, or an input was too large
 {%- if host.flags %}
-    clear_i	: in    std_ulogic := '0';	-- clears all flags
+    clear_i	: in    {{ self.defaulted("std_ulogic") }} := '0';	-- clears all flags
     saturated_o	: out   std_ulogic;	-- sticky: a written word saturated
     operand_o	: out   std_ulogic;	-- sticky: an operand was too large for a sum of two
     input_o	: out   std_ulogic;	-- sticky: an input was too large
 {%- endif %}
 {%- if host.restart %}
-    restart_i	: in    std_ulogic := '0';	-- brings back the initial state at the next pause point
+    restart_i	: in    {{ self.defaulted("std_ulogic") }} := '0';	-- brings back the initial state at the next pause point
 {%- endif %}
 {%- if host.states %}
-    access_i	: in    std_ulogic := '0';	-- asks for the states: the network stops at the next pause point
+    access_i	: in    {{ self.defaulted("std_ulogic") }} := '0';	-- asks for the states: the network stops at the next pause point
     access_o	: out   std_ulogic;	-- states can be read and replaced
-    state_address_i	: in    std_ulogic_vector(STATE_ADDRESS_BITS - 1 downto 0) := (others => '0');	-- state to read
+    state_address_i	: in    {{ self.defaulted("std_ulogic_vector(STATE_ADDRESS_BITS - 1 downto 0)") }} := (others => '0');	-- state to read
     state_o	: out   std_ulogic_vector(WORD_BITS - 1 downto 0);	-- its word
-    state_i	: in    std_ulogic_vector(WORD_BITS - 1 downto 0) := (others => '0');	-- new word of the next state
-    state_valid_i	: in    std_ulogic := '0';	-- there is one
+    state_i	: in    {{ self.defaulted("std_ulogic_vector(WORD_BITS - 1 downto 0)") }} := (others => '0');	-- new word of the next state
+    state_valid_i	: in    {{ self.defaulted("std_ulogic") }} := '0';	-- there is one
     state_ready_o	: out   std_ulogic;	-- it is taken
 {%- endif %}
 {%- for input in inputs %}
@@ -56,7 +56,7 @@ entity {{ model }} is
     {{ output.port.port }}	: out   std_ulogic_vector(STORAGE_BITS - 1 downto 0);	-- {{ output.port.comment }}
 {%- endfor %}
 {%- if memory.is_some() %}
-    output_address_i	: in    std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0) := (others => '0');	-- output to read, a row of OUTPUT_PLACES
+    output_address_i	: in    {{ self.defaulted("std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0)") }} := (others => '0');	-- output to read, a row of OUTPUT_PLACES
     output_o	: out   std_ulogic_vector(STORAGE_BITS - 1 downto 0);	-- its word, OUTPUT_LATENCY clocks later
 {%- endif %}
     trace_o	: out   std_ulogic_vector(trace_width(TRACE, {{ pe_count }}) - 1 downto 0)	-- memory writes, for test benches
@@ -507,6 +507,8 @@ begin
 
   counts <= (others => '0');
 {%- endif %}
+{%- if !ticks.is_empty() %}
+{% endif %}
 {%- for tick in ticks %}
   counts({{ loop.index0 }} * WORD_BITS + WORD_BITS - 1 downto {{ loop.index0 }} * WORD_BITS + {{ tick.count_bits }}) <= (others => '0');
 {%- endfor %}
@@ -517,11 +519,11 @@ begin
 
     if rising_edge(clk_i) then
 {%- if host.flags %}
-      overflowed <= (or overflow) or (or operands);
-      saturated  <= or overflow({{ pe_count - 1 }} downto 0);
-      operand_large <= or operands;
+      overflowed	<= (or overflow) or (or operands);
+      saturated	<= or overflow({{ pe_count - 1 }} downto 0);
+      operand_large	<= or operands;
 {%- if !inputs.is_empty() %}
-      too_large     <= or overflow(overflow'high downto {{ pe_count }});
+      too_large	<= or overflow(overflow'high downto {{ pe_count }});
 {%- endif %}
 {%- else %}
       overflowed <= or overflow;

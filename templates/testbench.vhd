@@ -46,25 +46,25 @@ architecture bench of {{ model }}_tb is
   -- Words that the write addresses tell apart
   constant WRITE_WORDS : natural_array_t(0 to PE_COUNT - 1) := ({{ write_words }});
 
-  signal clk        : std_ulogic := '0';
-  signal ce         : std_ulogic := '1';
-  signal step       : std_ulogic := '1';
-  signal busy       : std_ulogic;
-  signal done       : std_ulogic;
-  signal overflow   : std_ulogic;
-  signal valid      : std_ulogic := '1';
-  signal words      : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
-  signal garbage    : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
-  signal inputs     : std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
+  signal clk	: std_ulogic	:= '0';
+  signal ce	: std_ulogic	:= '1';
+  signal step	: std_ulogic	:= '1';
+  signal busy	: std_ulogic;
+  signal done	: std_ulogic;
+  signal overflow	: std_ulogic;
+  signal valid	: std_ulogic	:= '1';
+  signal words	: std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
+  signal garbage	: std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
+  signal inputs	: std_ulogic_vector(INPUT_COUNT * STORAGE_BITS - 1 downto 0);
 {%- if memory %}
-  signal run        : std_ulogic;
-  signal frozen     : std_ulogic := '0';
-  signal address    : std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0) := (others => '0');
-  signal word       : std_ulogic_vector(STORAGE_BITS - 1 downto 0);
+  signal run	: std_ulogic;
+  signal frozen	: std_ulogic	:= '0';
+  signal address	: std_ulogic_vector(OUTPUT_ADDRESS_BITS - 1 downto 0)	:= (others => '0');
+  signal word	: std_ulogic_vector(STORAGE_BITS - 1 downto 0);
 {%- else %}
-  signal outputs    : std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0);
+  signal outputs	: std_ulogic_vector(OUTPUT_COUNT * STORAGE_BITS - 1 downto 0);
 {%- endif %}
-  signal trace_line : std_ulogic_vector(trace_width(TRACE, PE_COUNT) - 1 downto 0);
+  signal trace_line	: std_ulogic_vector(trace_width(TRACE, PE_COUNT) - 1 downto 0);
 
 begin
 

@@ -5,10 +5,11 @@ library ieee;
   use ieee.std_logic_1164.all;
 
 library pe_lib;
+  use pe_lib.pe_pkg.all;
   use pe_lib.pe_register_pkg.all;
 
--- Purpose:  The {{ wraps }} network behind an AXI4-Lite bus: inputs, outputs and control as registers.
--- Timing:   docs/wrapper.md of pe-synth has the registers, {{ wraps }}_wrap.json the addresses of inputs and outputs. Ports
+-- Purpose:  The {{ wraps }} {% if foreign %}entity{% else %}network{% endif %} behind an AXI4-Lite bus: inputs, outputs and control as registers.
+-- Timing:   docs/wrapper.md of pe-synth has the registers, {{ name }}_wrap.json the addresses of inputs and outputs. Ports
 --           have the names of the bus, for tools that know it. aresetn forgets accesses of the bus and nothing else.
 
 entity {{ entity }} is
@@ -50,11 +51,34 @@ architecture wrapper of {{ entity }} is
   constant ADDRESS_BITS	: positive	:= {{ address_bits }};
   constant INPUT_WORDS	: natural	:= {{ input_words }};
   constant OUTPUT_WORDS	: natural	:= {{ output_words }};
+  constant PORT_WORDS	: natural	:= {% if memory.is_some() %}0{% else %}{{ output_words }}{% endif %};	-- of them on ports
+  constant PARAMETER_WORDS	: natural	:= {{ parameter_words }};
+{%- if memory.is_some() %}
+
+  -- Outputs of the initial state; the bit in front tells which there are
+  constant SAMPLE_0	: word_array_t(0 to OUTPUT_WORDS - 1)(32 downto 0)	:=
+  (
+{%- for word in initial %}
+    {{ loop.index0 }} => "{% if word.sampled %}1{% else %}0{% endif %}" & {{ word.value }}{% if !loop.last %},{% endif %}	-- {{ word.comment }}
+{%- endfor %}
+  );
+{%- endif %}
+{%- if let Some(parameters) = parameters %}
+
+  -- The stored words: address, and above the number of a parameter, from 1 on
+  constant STORED_WORDS	: word_array_t(0 to {{ state_count - 1 }})({{ parameters.row_bits - 1 }} downto 0)	:=
+  (
+{%- for row in parameters.rows %}
+    {{ loop.index0 }} => b"{{ row }}"{% if !loop.last %},{% endif %}
+{%- endfor %}
+  );
+{%- endif %}
 
   -- An access of the bus
   signal request	: std_ulogic;
   signal write	: std_ulogic;
   signal address	: std_ulogic_vector(ADDRESS_BITS - 1 downto 2);
+  signal address_next	: std_ulogic_vector(ADDRESS_BITS - 1 downto 2);
   signal data	: std_ulogic_vector(31 downto 0);
   signal strobe	: std_ulogic_vector(3 downto 0);
   signal ready	: std_ulogic;
@@ -87,10 +111,36 @@ architecture wrapper of {{ entity }} is
   signal is_output	: std_ulogic;
   signal all_outputs	: std_ulogic;
   signal sample	: std_ulogic_vector(63 downto 0);
-  signal sample_0	: std_ulogic_vector(maximum(32 * OUTPUT_WORDS, 1) - 1 downto 0);
-  signal sampled	: std_ulogic_vector(maximum(OUTPUT_WORDS, 1) - 1 downto 0);
+  signal room	: std_ulogic;
+  signal settled_outputs	: std_ulogic;
+  signal copy	: std_ulogic;
+  signal copy_place	: std_ulogic_vector(larger(index_bits(maximum(OUTPUT_WORDS, 1)), 1) - 1 downto 0);
+  signal copy_data	: std_ulogic_vector(31 downto 0);
+  signal copied	: std_ulogic;
+{%- if let Some(memory) = memory %}
+  signal output_address	: std_ulogic_vector({{ memory.address_bits - 1 }} downto 0);
+  signal output_word	: std_ulogic_vector({{ output_bits - 1 }} downto 0);
+{%- else %}
+  signal sample_0	: std_ulogic_vector(maximum(32 * PORT_WORDS, 1) - 1 downto 0);
+  signal sampled	: std_ulogic_vector(maximum(PORT_WORDS, 1) - 1 downto 0);
+{%- endif %}
   signal inputs	: std_ulogic_vector(maximum(32 * INPUT_WORDS, 1) - 1 downto 0);
-  signal outputs	: std_ulogic_vector(maximum(32 * OUTPUT_WORDS, 1) - 1 downto 0);
+  signal outputs	: std_ulogic_vector(maximum(32 * PORT_WORDS, 1) - 1 downto 0);
+
+  -- Parameters
+  signal param_write	: std_ulogic;
+  signal param_data	: std_ulogic_vector(31 downto 0);
+  signal is_param	: std_ulogic;
+  signal tune	: std_ulogic;
+  signal tuning	: std_ulogic;
+{%- if parameters.is_some() %}
+  signal first_parameters	: std_ulogic_vector(32 * PARAMETER_WORDS - 1 downto 0);
+  signal tuner_want	: std_ulogic;
+  signal tuner_address	: std_ulogic_vector({{ state_address_bits - 1 }} downto 0);
+  signal tuner_new	: std_ulogic;
+  signal tuner_give	: std_ulogic;
+  signal tuner_given	: std_ulogic_vector(63 downto 0);
+{%- endif %}
 
   -- States
   signal want	: std_ulogic;
@@ -98,6 +148,17 @@ architecture wrapper of {{ entity }} is
   signal state_new	: std_ulogic;
   signal state_give	: std_ulogic;
   signal state_given	: std_ulogic_vector(63 downto 0);
+{%- if states %}
+  signal port_want	: std_ulogic;
+  signal port_address	: std_ulogic_vector({{ state_address_bits - 1 }} downto 0);
+  signal port_new	: std_ulogic;
+  signal port_give	: std_ulogic;
+  signal port_given	: std_ulogic_vector(63 downto 0);
+  signal port_granted	: std_ulogic;
+  signal port_free	: std_ulogic;
+  signal port_replacing	: std_ulogic;
+  signal port_begins	: std_ulogic;
+{%- endif %}
   signal state_word	: std_ulogic_vector(63 downto 0);
   signal settled	: std_ulogic;
   signal granted	: std_ulogic;
@@ -119,6 +180,9 @@ architecture wrapper of {{ entity }} is
   signal busy	: std_ulogic;
   signal done	: std_ulogic;
   signal restart	: std_ulogic;
+{%- if foreign %}
+  signal step_clocks	: std_ulogic_vector(31 downto 0);
+{%- endif %}
   signal overflow	: std_ulogic;
   signal saturated	: std_ulogic;
   signal operand	: std_ulogic;
@@ -153,6 +217,7 @@ begin
       request_o     => request,
       write_o       => write,
       address_o     => address,
+      next_o        => address_next,
       data_o        => data,
       strobe_o      => strobe,
       ready_i       => ready,
@@ -168,10 +233,13 @@ begin
       STEP_CLOCKS        => {{ step_clocks }},
       INPUT_WORDS        => INPUT_WORDS,
       OUTPUT_WORDS       => OUTPUT_WORDS,
+      PARAMETER_WORDS    => PARAMETER_WORDS,
       RESTART            => {{ restart }},
       STATES             => {{ states }},
       FLAGS              => {{ flags }},
       STREAM             => {{ stream }},
+      FOREIGN            => {{ foreign }},
+      TELLS_READY        => {{ ready }},
       STATE_BITS         => {{ state_bits }},
       STATE_ADDRESS_BITS => {{ state_address_bits }}
     )
@@ -189,6 +257,7 @@ begin
       run_i           => run,
       counters_i      => counters,
       clear_o         => clear,
+      step_clocks_o   => {% if foreign %}step_clocks{% else %}open{% endif %},
       overflow_i      => overflow,
       saturated_i     => saturated,
       operand_i       => operand,
@@ -203,6 +272,11 @@ begin
       is_output_i     => is_output,
       all_outputs_i   => all_outputs,
       sample_i        => sample,
+      param_write_o   => param_write,
+      param_data_i    => param_data,
+      is_param_i      => is_param,
+      tune_o          => tune,
+      tuning_i        => tuning,
       want_o          => want,
       state_address_o => state_address,
       state_new_o     => state_new,
@@ -215,7 +289,7 @@ begin
       replacing_i     => replacing
     );
 
-  accessing <= want or replacing;
+{% if states %}  accessing <= port_want or port_replacing;{% else %}  accessing <= '0';{% endif %}
 
   u_synchronizer : entity pe_lib.pe_synchronizer
     port map (
@@ -223,6 +297,8 @@ begin
       order_i     => order,
       accessing_i => accessing,
       fed_i       => fed,
+      room_i      => room,
+      settled_i   => settled_outputs,
       ce_o        => ce,
       step_o      => step,
       busy_i      => busy,
@@ -249,7 +325,7 @@ begin
     generic map (
       WORD_BITS    => ADDRESS_BITS - 4,
       INPUT_WORDS  => INPUT_WORDS,
-      OUTPUT_WORDS => OUTPUT_WORDS
+      OUTPUT_WORDS => PORT_WORDS
     )
     port map (
       clk_i      => aclk,
@@ -259,10 +335,17 @@ begin
       data_i     => data,
       input_o    => input_data,
       is_input_o => is_input,
+{%- if memory.is_some() %}
+      output_o   => open,
+      is_out_o   => open,
+      all_out_o  => open,
+      sample_o   => open,
+{%- else %}
       output_o   => output_data,
       is_out_o   => is_output,
       all_out_o  => all_outputs,
       sample_o   => sample,
+{%- endif %}
       take_i     => take,
       load_i     => load,
       frame_i    => frame,
@@ -270,19 +353,74 @@ begin
       capture_i  => capture,
       stepping_i => run.stepping,
       steps_i    => counters.steps,
+{%- if memory.is_some() %}
+      initial_i  => "0",
+      sampled_i  => "0",
+{%- else %}
       initial_i  => sample_0,
       sampled_i  => sampled,
+{%- endif %}
       renew_i    => renew,
       forget_i   => forget,
       inputs_o   => inputs,
       outputs_i  => outputs
     );
+{%- if let Some(memory) = memory %}
+
+  u_outputs : entity pe_lib.pe_output_window
+    generic map (
+      WORD_BITS    => ADDRESS_BITS - 4,
+      OUTPUT_WORDS => OUTPUT_WORDS,
+      HALVES       => {{ output_halves }},
+      VALUE_BITS   => {{ output_bits }},
+      ADDRESS_BITS => {{ memory.address_bits }},
+      LATENCY      => {{ memory.latency }},
+      STEP_CLOCKS  => {{ step_clocks }},
+      SAMPLE_0     => SAMPLE_0,
+      ALL_SAMPLED  => {{ all_sampled }}
+    )
+    port map (
+      clk_i      => aclk,
+      next_i     => address_next(ADDRESS_BITS - 3 downto 2),
+      word_i     => address(ADDRESS_BITS - 3 downto 2),
+      output_o   => output_data,
+      is_out_o   => is_output,
+      all_out_o  => all_outputs,
+      sample_o   => sample,
+      hold_i     => hold,
+      capture_i  => capture,
+      stepping_i => run.stepping,
+      steps_i    => counters.steps,
+      renew_i    => renew,
+      forget_i   => forget,
+      room_o     => room,
+      settled_o  => settled_outputs,
+      copy_o     => copy,
+      place_o    => copy_place,
+      data_o     => copy_data,
+      copied_o   => copied,
+      address_o  => output_address,
+      value_i    => output_word
+    );
+
+  outputs <= "0";
+{%- else %}
+
+  -- Outputs are on ports
+  room            <= '1';
+  settled_outputs <= '1';
+  copy            <= '0';
+  copy_place      <= (others => '0');
+  copy_data       <= (others => '0');
+  copied          <= '0';
+{%- endif %}
 {%- if stream %}
 
   u_stream : entity pe_lib.pe_stream
     generic map (
       INPUT_WORDS  => INPUT_WORDS,
-      OUTPUT_WORDS => OUTPUT_WORDS
+      OUTPUT_WORDS => OUTPUT_WORDS,
+      PORT_WORDS   => PORT_WORDS
     )
     port map (
       clk_i         => aclk,
@@ -302,7 +440,11 @@ begin
       load_o        => load,
       frame_o       => frame,
       wrong_o       => wrong,
-      outputs_i     => outputs
+      outputs_i     => outputs,
+      copy_i        => copy,
+      place_i       => copy_place,
+      data_i        => copy_data,
+      copied_i      => copied
     );
 {%- else %}
 
@@ -312,50 +454,15 @@ begin
   frame <= (others => '0');
   wrong <= '0';
 {%- endif %}
-{%- if states %}
+{%- include "wrapper_states.vhd" %}
+{%- if memory.is_some() %}
+{%- else if outputs.is_empty() %}
 
-  u_states : entity pe_lib.pe_state_port
-    generic map (
-      STATE_BITS   => {{ state_bits }},
-      STATE_COUNT  => {{ state_count }},
-      STATE_CLOCKS => {{ state_clocks }}
-    )
-    port map (
-      clk_i       => aclk,
-      want_i      => want,
-      new_i       => state_new,
-      give_i      => state_give,
-      given_i     => state_given,
-      forget_i    => renew,
-      word_o      => state_word,
-      settled_o   => settled,
-      granted_o   => granted,
-      free_o      => free,
-      replacing_o => replacing,
-      begins_o    => forget,
-      ce_i        => ce,
-      access_o    => access_wanted,
-      access_i    => access_given,
-      state_i     => state_read,
-      state_o     => state_written,
-      valid_o     => state_valid,
-      ready_i     => state_taken
-    );
-{%- else %}
-
-  -- No states for the host
-  state_word <= (others => '0');
-  settled    <= '1';
-  granted    <= '0';
-  free       <= '0';
-  replacing  <= '0';
-  forget     <= '0';
-{%- endif %}
-{% if outputs.is_empty() %}
   sample_0 <= "0";
   sampled  <= "0";
-  outputs <= "0";
+  outputs  <= "0";
 {%- else %}
+
   -- Outputs of the initial state
 {%- for word in initial %}
   sample_0({{ 32 * loop.index0 + 31 }} downto {{ 32 * loop.index0 }})	<= {{ word.value }};	-- {{ word.comment }}
@@ -367,7 +474,7 @@ begin
 {%- endfor %}
 {%- endif %}
 {%- for port in outputs %}
-{%- if port.fill > 0 %}
+{%- if port.fill > 0 && memory.is_none() %}
   outputs({{ port.high }} downto {{ port.msb + 1 }})	<= (others => outputs({{ port.msb }}));	-- sign of {{ port.comment }}
 {%- endif %}
 {%- endfor %}
@@ -379,7 +486,7 @@ begin
   too_large <= '0';
 {%- endif %}
 
-  u_network : entity work.{{ wraps }}
+  u_network : entity work.{{ network }}
     port map (
       {{ control.clock }}	=> aclk,
       {{ control.clock_enable }}	=> ce,
@@ -399,7 +506,7 @@ begin
 {%- if let Some(access) = host.access %}
       {{ access.request }}	=> access_wanted,
       {{ access.granted }}	=> access_given,
-      {{ access.address }}	=> state_address,
+      {{ access.address }}	=> port_address,
       {{ access.word }}	=> state_read,
       {{ access.new_word }}	=> state_written,
       {{ access.valid }}	=> state_valid,
@@ -408,10 +515,19 @@ begin
 {%- for port in inputs %}
       {{ port.port }}	=> inputs({{ port.msb }} downto {{ port.lsb }}),
 {%- endfor %}
+{%- if let Some(memory) = memory %}
+      {{ memory.address }}	=> output_address,
+      {{ memory.word }}	=> output_word,
+{%- else %}
 {%- for port in outputs %}
       {{ port.port }}	=> outputs({{ port.msb }} downto {{ port.lsb }}),
 {%- endfor %}
+{%- endif %}
+{%- if foreign %}
+      step_clocks_i	=> step_clocks
+{%- else %}
       trace_o	=> open
+{%- endif %}
     );
 
 end architecture wrapper;

@@ -27,14 +27,32 @@ from fmpy.validation import validate_fmu
 ROOT = Path(__file__).resolve().parent.parent
 PE_SYNTH = os.environ.get("PE_SYNTH", str(ROOT / "target/debug/pe-synth"))
 
-# States as outputs; sampled blocks; words of two halves and outputs that are no states; early steps; no input at all.
+# States as outputs; sampled blocks; words of two halves and outputs that are no states; early steps; no input at all;
+# outputs in memories; parameters.
 DESIGNS = {
     "dc_motor": ["models/validation/dc_motor.spec", "--host", "restart,states,flags"],
     "motor_pid": ["models/motor_pid/motor_pid.spec"],
     "lung": ["models/lung/lung.spec", "--storage", "40"],
     "robertson_steps": ["models/validation/robertson_steps.spec"],
     "lorenz": ["models/lorenz/lorenz.spec"],
+    "fhn_cube": ["models/validation/fhn_cube.spec", "--pes", "4", "--span", "200ms", "--outputs", "memory"],
+    "tuned": ["tuned.spec", "--host", "restart,states"],
 }
+# Parameters that are written at run time.
+TUNED = """\
+model tuned
+solver rk4
+step 1 ms
+span 200 ms
+param rate [1/s] = 5 tunable in 1 .. 10
+param gain = 1 tunable in -2 .. 4
+input drive = sine(1, 20 Hz) in -1 .. 1
+state x = 1
+state y = 0
+x' = drive - rate*x
+y' = gain*x - 3*y
+output x, y
+"""
 
 
 class Unit:
@@ -163,7 +181,9 @@ def played(path, design, transport, steps):
     ports = [port for port in design["inputs"] if port["meaning"] == "quantity"]
     unit = Unit(path, transport)
     words = []
-    for _ in range(steps):
+    for step in range(steps):
+        tuned = design.get("parameters", []) if step % 40 == 10 else []
+        unit.set([one["name"] for one in tuned], [source.uniform(*one["range"]) for one in tuned])
         unit.set([port["name"] for port in ports], [source.uniform(*(port["range"] or port["limits"])) for port in ports])
         unit.step(step_at(design, unit.time))
         words.append(unit.words(outputs_of(design)))
@@ -230,7 +250,12 @@ def main(out, *options):
     for name, (spec, *chosen) in DESIGNS.items():
         folder = Path(out) / name
         run = lambda *command: subprocess.run([PE_SYNTH, *map(str, command)], check=True)
-        run("compile", ROOT / spec, *chosen, "--quiet", "--no-pictures", "-o", folder)
+        spec = ROOT / spec
+        if name == "tuned":
+            spec = Path(out) / "tuned.spec"
+            spec.parent.mkdir(parents=True, exist_ok=True)
+            spec.write_text(TUNED)
+        run("compile", spec, *chosen, "--quiet", "--no-pictures", "-o", folder)
         simulated = name == "dc_motor"
         if simulated:
             run("wrap", folder, "--quiet")

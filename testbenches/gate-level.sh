@@ -26,54 +26,16 @@ if [[ $family == ecp5 ]]; then
   python3 "$here/../crates/xtask/synthesis/pack-registers.py" network.json packed.json
   "$yosys" -q -p "read_json packed.json; write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
-  library=lattice/common_sim.vh
 elif [[ $family == gowin ]]; then
   "$yosys" -q -p "read_verilog network.v; synth_gowin -noiopads -top $model
                   write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
-  library=gowin/cells_sim.v
 else
   "$yosys" -q -p "read_verilog network.v; synth_xilinx -family $family -flatten -noiopad -noclkbuf -top $model
                   write_verilog -noattr netlist.v" > yosys.log 2>&1 ||
     { cat yosys.log >&2; exit 1; }
-  library=xilinx/cells_sim.v
 fi
-# yosys carries the simulation models of the cells.
-cells=${CELLS_SIM:-}
-if [[ -z $cells ]]; then
-  cells=$(find "$(dirname "$(dirname "$(realpath "$yosys")")")" -path "*/$library" 2> /dev/null | head -n 1)
-fi
-if [[ ! -f $cells ]]; then
-  echo "set CELLS_SIM to yosys' share/$library" >&2
-  exit 2
-fi
-if [[ $family == ecp5 ]]; then
-  # Of this family yosys has models of logic only.
-  awk '/^module (LUT4|LUT2|PFUMX|L6MUX21|TRELLIS_DPR16X4|TRELLIS_FF|CCU2C) *\(/ { inside = 1 }
-       inside && /specify/ { timing = !timing; next }
-       inside && !timing { print }
-       /^endmodule/ { inside = 0 }' "$cells" "$(dirname "$cells")/ccu2c_sim.vh" > cells.v
-  cat "$here/ecp5_cells.v" >> cells.v
-  cells=cells.v
-elif [[ $family == gowin ]]; then
-  # Multipliers are not among the models, and block RAM is empty there.
-  awk '/^module SPX9 *\(/ { inside = 1 } !inside { print } /^endmodule/ { inside = 0 }' "$cells" > cells.v
-  cat "$here/gowin_cells.v" >> cells.v
-  cells=cells.v
-else
-  # Of block RAM there are ports and timing.
-  awk '/^module RAMB(18|36)E1 *\(/ { inside = 1 } !inside { print } /^endmodule/ { inside = 0 }' "$cells" > cells.v
-  cat "$here/xilinx_cells.v" >> cells.v
-  cells=cells.v
-fi
-# A cell without behaviour would leave its outputs unknown, and nobody would know why.
-awk 'FNR == NR { if ($1 ~ /^[A-Z][A-Z0-9_]*$/) used[$1] = 1; next }
-     /^module / { name = $2; sub(/[^A-Za-z0-9_].*/, "", name); works = timing = 0; known[name] = 1 }
-     /specify/ { timing = !/endspecify/ }
-     !timing && (/(^|[^a-z])(assign|always|wire .*=)/ || /^ +[A-Za-z0-9_]+ +#?[A-Za-z0-9_]* *\(/) { behaves[name] = 1 }
-     END { for (name in used) if (known[name] && !behaves[name]) { print name; bad = 1 } exit bad }' \
-  netlist.v "$cells" > shells.txt ||
-  { echo "no simulation model of $(paste -sd ' ' shells.txt)" >&2; exit 1; }
+"$here/cells.sh" "$yosys" "$family" netlist.v
 
 storage=$(sed -n '1s/.* storage_bits=\([0-9]*\).*/\1/p' "$design/${model}_shapes.txt")
 word=$(sed -n '1s/.* word_bits=\([0-9]*\).*/\1/p' "$design/${model}_shapes.txt")
@@ -122,7 +84,7 @@ pes=${#depths[@]}
   echo '  end'
   echo 'endmodule'
 } > bench.v
-iverilog -g2012 -s bench -o bench netlist.v bench.v "$cells" 2> iverilog.log || { cat iverilog.log >&2; exit 1; }
+iverilog -g2012 -s bench -o bench netlist.v bench.v cells.v 2> iverilog.log || { cat iverilog.log >&2; exit 1; }
 vvp -n bench | grep -E '^[to] ' > netlist.txt
 rustc -O --edition 2021 -o reference "$design/${model}_reference.rs"
 ./reference --stimulus "$design/${model}_stimulus.txt" --steps "$steps" | grep -E '^[to] ' > reference.txt

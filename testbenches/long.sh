@@ -44,6 +44,11 @@ for number in 1 2 3; do
   PE_SYNTH=$pe_synth "$target/venv/bin/python" testbenches/axi/run.py --all --seed "$((seed + number))" || failed+=("axi-$number")
 done
 
+for family in xc6v ecp5 gowin; do
+  printf '\n== netlist of wrappers for %s (%d s)\n' "$family" "$SECONDS"
+  PE_SYNTH=$pe_synth "$target/venv/bin/python" testbenches/axi/run.py --netlist "$family" --seed "$seed" || failed+=("axi-$family")
+done
+
 # A chain of states that fall, with random couplings and products, and an input.
 random_model() {
   awk -v seed="$1" '

@@ -137,14 +137,30 @@ if [[ $("$venv/bin/python" -m pip show fmpy 2> /dev/null | sed -n 's/^Version: /
   "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "fmpy==$fmpy_version"
 fi
 PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/fmu.py "$target/fmus"
+PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/loops.py "$target/loops" --steps 200
 
 begin 'layout of the VHDL'
-lint hdl/*.vhd testbenches/*.vhd
+lint hdl/*.vhd testbenches/*.vhd testbenches/axi/entities/*.vhd
 
 begin 'layout of generated VHDL'
 design=$target/lint/lotka_volterra
 cargo run --locked --quiet -- compile models/lotka_volterra/lotka_volterra.spec --pes 2 --quiet -o "$design"
 cargo run --locked --quiet -- wrap "$design" --stream --quiet
+lint "$design"/*.vhd
+# All ports for a host, ticks; those of a deep pipeline, wrapped without streams; a foreign entity.
+design=$target/lint/motor_pid
+cargo run --locked --quiet -- compile models/motor_pid/motor_pid.spec --pes 2 --host restart,states,flags --quiet -o "$design"
+cargo run --locked --quiet -- wrap "$design" --stream --quiet
+lint "$design"/*.vhd
+design=$target/lint/rc_ladder
+cargo run --locked --quiet -- compile models/rc_ladder/rc_ladder.spec --pipeline deep --host states,flags --outputs memory --quiet -o "$design"
+cargo run --locked --quiet -- wrap "$design" --quiet
+lint "$design"/*.vhd
+design=$target/lint/divider
+rm -rf "$design"
+entity=(wrap --vhdl testbenches/axi/entities/divider.vhd --entity divider --quiet -o "$design")
+cargo run --locked --quiet -- "${entity[@]}"
+cargo run --locked --quiet -- "${entity[@]}" --map "$design/divider_entity.json" --stream
 lint "$design"/*.vhd
 
 begin 'done'

@@ -3,8 +3,8 @@
 use pe_ir::index::{at, number};
 use pe_ir::program::{self, Host, InputPort, OutputPort, Program, StateRegister};
 use pe_map::{
-    Between, Control, EarlyStep, Format, Input, Map, Meaning, Output, OutputMemory, Outside, Parameter, Rounding,
-    State, Tick, VERSION, sha256,
+    Between, Control, EarlyStep, Format, HostRounding, Input, Map, Meaning, Output, OutputMemory, Outside, Parameter,
+    Rounding, State, Tick, VERSION, sha256,
 };
 
 use crate::access;
@@ -62,7 +62,10 @@ pub fn render(program: &Program, names: &Names, options: &EmitOptions, hash: &st
             .collect(),
         outputs: outputs
             .zip(program.shown_states())
-            .map(|((port, name, address), state)| shown(program, port, (name, address), state.map(|id| id.number())))
+            .map(|((port, name, address), state)| {
+                let first = interface.initial.get(&port.name).copied();
+                shown(program, port, (name, address), (state.map(|id| id.number()), first))
+            })
             .collect(),
         output_memory: memory.as_ref().map(|memory| OutputMemory {
             address: port(READER[0]),
@@ -74,6 +77,7 @@ pub fn render(program: &Program, names: &Names, options: &EmitOptions, hash: &st
         states: program.states.iter().map(|state| placed(program, state)).collect(),
         parameters: interface.parameters.iter().filter_map(|tunable| parameter(program, tunable)).collect(),
         host: (program.host != Host::default()).then(|| access::ports(program)),
+        foreign: None,
     };
     map.text()
 }
@@ -99,18 +103,27 @@ fn described(program: &Program, input: &InputPort, name: &str, driven: Option<&D
         operand: Format { bits: program.format.data_bits, exponent: input.exponent - guard + dropped },
         rounding: Rounding::NearestHalvesUp,
         outside: Outside::ClampsAndFlags,
+        host_rounding: HostRounding::Nearest,
     }
 }
 
-fn shown(program: &Program, output: &OutputPort, (name, address): (&str, Option<u32>), state: Option<u32>) -> Output {
+/// An output: its port and address, the state that it shows, and its number in the initial state.
+fn shown(
+    program: &Program,
+    output: &OutputPort,
+    (name, address): (&str, Option<u32>),
+    (state, first): (Option<u32>, Option<f64>),
+) -> Output {
+    let format = Format { bits: program.format.storage_bits, exponent: output.exponent };
     Output {
         name: output.name.clone(),
         port: name.to_owned(),
         address,
         unit: output.unit.clone(),
-        format: Format { bits: program.format.storage_bits, exponent: output.exponent },
+        format,
         rounding: Rounding::NearestHalvesUp,
         state,
+        initial: first.filter(|_| state.is_none()).and_then(|number| format.word(number)).map(|word| word.word),
         outside: if output.proven { Outside::Proven } else { Outside::Clamps },
     }
 }

@@ -28,6 +28,18 @@ struct Network<'a> {
     replaces: bool,
 }
 
+impl Network<'_> {
+    /// The type of a port with a default, as long as the longest of them: defaults stand in one column, but those of ports
+    /// without one do not count.
+    fn defaulted(&self, of: &str) -> String {
+        let addressed = [("STATE", self.host.states), ("OUTPUT", self.memory.is_some())];
+        let longest = addressed.into_iter().filter(|(_, present)| *present);
+        let longest =
+            longest.map(|(what, _)| format!("std_ulogic_vector({what}_ADDRESS_BITS - 1 downto 0)").len()).max();
+        format!("{of:0$}", longest.unwrap_or(of.len()))
+    }
+}
+
 struct Port {
     index: usize,
     port: String,

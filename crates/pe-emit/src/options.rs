@@ -1,5 +1,7 @@
 //! What the files of a design tell beside its program.
 
+use std::collections::BTreeMap;
+
 use pe_map::{Between, Meaning};
 
 use crate::names::comment_text;
@@ -48,6 +50,8 @@ pub struct Interface {
     pub inputs: Vec<Driven>,
     /// Tunable parameters.
     pub parameters: Vec<Tunable>,
+    /// Numbers of the outputs in the initial state, with all inputs 0, by name; of those that have one.
+    pub initial: BTreeMap<String, f64>,
 }
 
 /// A tunable parameter.

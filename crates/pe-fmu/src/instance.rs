@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pe_host::{Design, Error, Flags, Host, Settings, Transport};
-use pe_map::{Map, Output};
+use pe_map::{Map, Output, Parameter};
 
 use crate::saved::Saved;
 use crate::variables::{DEFAULT_TRANSPORT, Variable, Variables, inputs, output_name};
@@ -43,11 +43,15 @@ pub struct Instance {
     start: f64,
     /// Numbers of the inputs.
     numbers: Vec<f64>,
+    /// Numbers of the tunable parameters, and whether the network has not got them yet.
+    parameters: Vec<f64>,
+    pending: bool,
     /// Numbers and words of the outputs.
     outputs: Vec<(f64, i64)>,
     /// What was told about inputs, and flags: not again until a reset.
     clamped: Vec<bool>,
     beyond_range: Vec<bool>,
+    tuned: Vec<bool>,
     flagged: Vec<&'static str>,
     undefined: bool,
     /// What is to be told by the call that runs.
@@ -76,9 +80,12 @@ impl Instance {
             host: None,
             start: 0.0,
             numbers: vec![0.0; count],
+            parameters: stated(map),
+            pending: false,
             outputs: vec![(f64::NAN, 0); map.outputs.len()],
             clamped: vec![false; count],
             beyond_range: vec![false; count],
+            tuned: vec![false; map.parameters.len()],
             flagged: Vec::new(),
             undefined: false,
             told: Vec::new(),
@@ -112,6 +119,7 @@ impl Instance {
         let transport: Transport = self.transport.parse().map_err(text)?;
         let engine = transport.open(&self.design, &Settings::default()).map_err(text)?;
         self.host = Some(Host::over(self.design.clone(), engine).map_err(text)?);
+        self.tune()?;
         self.read()
     }
 
@@ -119,6 +127,8 @@ impl Instance {
     pub fn reset(&mut self) {
         self.host = None;
         self.numbers.fill(0.0);
+        (self.parameters, self.pending) = (stated(self.map()), false);
+        self.tuned.fill(false);
         self.clamped.fill(false);
         self.beyond_range.fill(false);
         self.flagged.clear();
@@ -147,6 +157,7 @@ impl Instance {
         let Some(steps) = self.steps_until(now - self.start + by) else {
             return Err(format!("a communication step of {by} s is no multiple of the step of {step} s"));
         };
+        self.tune()?;
         let numbers = std::mem::take(&mut self.numbers);
         let mut outputs = vec![0.0; self.outputs.len()];
         let exchanged = self.host()?.exchange(&numbers, steps, &mut outputs);
@@ -161,6 +172,25 @@ impl Instance {
         );
         self.tell_flags()?;
         self.tell_clocks()
+    }
+
+    /// Gives the network the parameters that were set.
+    fn tune(&mut self) -> Outcome {
+        if !std::mem::take(&mut self.pending) {
+            return Ok(());
+        }
+        let numbers = self.parameters.clone();
+        let written = self.host()?.write_parameters(&numbers).map_err(|error| error.to_string())?;
+        for (which, what) in [(&written.clamped, "was clamped"), (&written.beyond_range, "is beyond its stated range")]
+        {
+            for index in which {
+                if !std::mem::replace(&mut self.tuned[*index], true) {
+                    let name = self.map().parameters[*index].name.clone();
+                    self.told.push((Status::Warning, format!("parameter `{name}` {what}: {}", numbers[*index])));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Steps from the sample now to the one at a time of the network.
@@ -245,6 +275,7 @@ impl Instance {
         match self.variable(number)? {
             Variable::Time => Ok(self.time()),
             Variable::Input(index) => Ok(self.numbers[index]),
+            Variable::Parameter(index) => Ok(self.parameters[index]),
             Variable::Output(index) => {
                 self.tell_undefined(index);
                 Ok(self.outputs[index].0)
@@ -261,18 +292,23 @@ impl Instance {
         }
     }
 
-    /// Gives an input a number, which acts from the next step on.
+    /// Gives an input or a tunable parameter a number, which acts from the next step on.
     ///
     /// # Errors
-    /// If the variable is no input, or this no number.
+    /// If the variable is neither, or this no number.
     pub fn set_number(&mut self, number: u32, value: f64) -> Outcome {
         match self.variable(number)? {
             Variable::Input(index) if !value.is_nan() => {
                 self.numbers[index] = value;
                 Ok(())
             }
-            Variable::Input(_) => Err("NaN is no number for an input".to_owned()),
-            other => Err(format!("{other:?} is no input")),
+            Variable::Parameter(index) if !value.is_nan() => {
+                self.parameters[index] = value;
+                self.pending = true;
+                Ok(())
+            }
+            Variable::Input(_) | Variable::Parameter(_) => Err("NaN is no number for a variable".to_owned()),
+            other => Err(format!("{other:?} is no input, and no parameter that can be tuned")),
         }
     }
 
@@ -337,6 +373,7 @@ impl Instance {
     /// # Errors
     /// Those of the transport; before the initialization there is nothing to save.
     pub fn save(&mut self) -> Result<Saved, String> {
+        self.tune()?;
         let numbers = self.numbers.clone();
         let start = self.start;
         let snapshot = self.host()?.snapshot().map_err(|error| error.to_string())?;
@@ -354,6 +391,12 @@ impl Instance {
         self.host()?.restore(&saved.snapshot).map_err(|error| error.to_string())?;
         self.start = saved.start;
         self.numbers.clone_from(&saved.numbers);
+        (self.parameters, self.pending) = (self.host()?.read_parameters(), false);
         self.read()
     }
+}
+
+/// Parameters as the spec has them.
+fn stated(map: &Map) -> Vec<f64> {
+    map.parameters.iter().map(|parameter: &Parameter| parameter.value).collect()
 }

@@ -78,6 +78,8 @@ struct Content<'a> {
     outputs: Vec<Entry>,
     /// Words in 64 bits, or in FMI 2.0 their halves.
     words: Vec<Entry>,
+    /// Tunable parameters, with their values in the spec.
+    parameters: Vec<(Entry, f64)>,
 }
 
 impl Content<'_> {
@@ -189,7 +191,13 @@ fn describe(map: &Map, version: Version) -> String {
             Version::Three => add("word", Variable::Word(index), ""),
         }
     }
+    let tuned = map.parameters.iter().enumerate().map(|(index, parameter)| {
+        let description = format!("tunable{}", range(parameter.range));
+        (entry(parameter.name.clone(), Variable::Parameter(index), description, &parameter.unit), parameter.value)
+    });
+    let parameters = tuned.collect();
     let units = inputs(map).map(|input| &input.unit).chain(map.outputs.iter().map(|output| &output.unit));
+    let units = units.chain(map.parameters.iter().map(|parameter| &parameter.unit));
     let content = Content {
         map,
         transports: Transport::FORMS.map(|(form, _)| form).join(", "),
@@ -198,6 +206,7 @@ fn describe(map: &Map, version: Version) -> String {
         inputs: given,
         outputs: shown,
         words,
+        parameters,
     };
     let text = match version {
         Version::Two => Two { content }.render(),

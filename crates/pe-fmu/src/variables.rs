@@ -33,19 +33,23 @@ pub enum Variable {
     Low(usize),
     /// The upper 32 bits of it.
     High(usize),
+    /// Number of a tunable parameter.
+    Parameter(usize),
 }
 
-/// How many inputs and outputs an FMU has.
+/// How many inputs, outputs and tunable parameters an FMU has.
 #[derive(Clone, Copy, Debug)]
 pub struct Variables {
     inputs: usize,
     outputs: usize,
+    parameters: usize,
 }
 
 impl Variables {
     /// Variables of a design.
     pub fn of(map: &Map) -> Variables {
-        Variables { inputs: inputs(map).count(), outputs: map.outputs.len() }
+        let parameters = map.parameters.len();
+        Variables { inputs: inputs(map).count(), outputs: map.outputs.len(), parameters }
     }
 
     /// The variable with this number.
@@ -58,6 +62,9 @@ impl Variables {
         }
         let index = (number - FIRST) as usize;
         let Some(behind) = index.checked_sub(self.inputs) else { return Some(Variable::Input(index)) };
+        if let Some(parameter) = behind.checked_sub(4 * self.outputs) {
+            return (parameter < self.parameters).then_some(Variable::Parameter(parameter));
+        }
         let output = behind % self.outputs.max(1);
         match behind.checked_div(self.outputs)? {
             0 => Some(Variable::Output(output)),
@@ -79,6 +86,7 @@ impl Variables {
             Variable::Word(index) => self.inputs + self.outputs + index,
             Variable::Low(index) => self.inputs + 2 * self.outputs + index,
             Variable::High(index) => self.inputs + 3 * self.outputs + index,
+            Variable::Parameter(index) => self.inputs + 4 * self.outputs + index,
         };
         FIRST + u32::try_from(index).expect("a design has fewer ports")
     }
@@ -103,16 +111,17 @@ mod tests {
 
     #[test]
     fn numbers_lead_back_to_their_variables() {
-        let variables = Variables { inputs: 2, outputs: 3 };
+        let variables = Variables { inputs: 2, outputs: 3, parameters: 2 };
         let mut all = vec![Variable::Time, Variable::Transport, Variable::ClockBudget];
         all.extend((0..2).map(Variable::Input));
         for kind in [Variable::Output, Variable::Word, Variable::Low, Variable::High] {
             all.extend((0..3).map(kind));
         }
+        all.extend((0..2).map(Variable::Parameter));
         for (number, variable) in (0..).zip(&all) {
             assert_eq!((variables.number(*variable), variables.find(number)), (number, Some(*variable)));
         }
         assert_eq!(variables.find(all.len() as u32), None);
-        assert_eq!(Variables { inputs: 1, outputs: 0 }.find(4), None);
+        assert_eq!(Variables { inputs: 1, outputs: 0, parameters: 0 }.find(4), None);
     }
 }

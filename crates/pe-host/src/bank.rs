@@ -1,6 +1,7 @@
 //! The register bank of a wrapper in software: what a board shows, over any engine.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use pe_map::registers::{Capability, ID, NO_SLACK, REGISTER_VERSION, REGISTERS, Register, Span, Use, Windows};
 use pe_map::{Map, Place, wrap};
@@ -11,8 +12,8 @@ use crate::engine::{Engine, Flags};
 use crate::error::Error;
 use crate::places::{address, halves, hash_words, mask, masks, whole};
 
-/// The registers of `docs/wrapper.md` over an engine. A run is done as soon as it is started, so that nothing is ever
-/// late; clocks are those of the schedule.
+/// The registers of `docs/wrapper.md` over an engine. A run goes on while `STATUS` is read; clocks are those of the schedule.
+/// Runs without end, held outputs and single clocks are refused.
 pub struct Bank {
     map: Arc<Map>,
     engine: Box<dyn Engine>,
@@ -20,10 +21,13 @@ pub struct Bank {
     /// Registers that are read and written as they are, by number.
     registers: Vec<u32>,
     inputs: Vec<u32>,
+    parameters: Vec<u32>,
     outputs: Vec<u32>,
     /// Whether every word of the output window can be read.
     defined: Vec<bool>,
     status: u32,
+    /// Steps of the run that are left.
+    left: u32,
     steps: u64,
     clocks: u64,
     overruns: u32,
@@ -34,6 +38,9 @@ pub struct Bank {
     /// New state words so far.
     replaced: usize,
 }
+
+/// Fields of the status that are flags of the network.
+const FLAGS: [&str; 3] = ["SATURATED", "OPERAND", "INPUT"];
 
 impl Bank {
     /// A bank over an engine in its initial state.
@@ -48,9 +55,11 @@ impl Bank {
         let mut bank = Bank {
             registers: vec![0; REGISTERS.len()],
             inputs: zeros(inputs),
+            parameters: Vec::new(),
             outputs: zeros(outputs),
             defined: Vec::new(),
             status: 0,
+            left: 0,
             steps: 0,
             clocks: 0,
             overruns: 0,
@@ -63,6 +72,7 @@ impl Bank {
             map,
         };
         bank.set("RUN_STEPS", 1);
+        bank.begin_parameters();
         bank.show()?;
         Ok(bank)
     }
@@ -83,6 +93,7 @@ impl Bank {
         match needed {
             None | Some(Capability::Restart | Capability::Flags) => true,
             Some(Capability::States) => self.order().is_some(),
+            Some(Capability::Parameters) => !self.windows.parameters.is_empty(),
             Some(_) => false,
         }
     }
@@ -120,6 +131,27 @@ impl Bank {
         self.engine.write(&words)
     }
 
+    /// The parameter window of the initial state.
+    fn begin_parameters(&mut self) {
+        let words = self.map.parameters_of(&self.map.initial_state());
+        let window = self.windows.parameters.iter().zip(words);
+        let count = |span: &Span| usize::try_from(span.words).unwrap_or(0);
+        self.parameters = window.flat_map(|(span, word)| halves(word).into_iter().take(count(span))).collect();
+    }
+
+    /// Takes the words of the parameter window.
+    fn take_parameters(&mut self) -> Result<(), Error> {
+        let begin = self.windows.parameters.first().map_or(0, |span| span.address);
+        let bits = self.map.states.first().map_or(64, |state| state.format.bits);
+        let word = |span: &Span| {
+            let at = place(begin, span.address);
+            let word = whole(&self.parameters[at..at + usize::try_from(span.words).unwrap_or(0)]);
+            word << (64 - bits) >> (64 - bits)
+        };
+        let words: Vec<i64> = self.windows.parameters.iter().map(word).collect();
+        self.engine.set_parameters(&words)
+    }
+
     fn start(&mut self) -> Result<(), Error> {
         self.take_inputs()?;
         let (mode, clocks) = (self.get("MODE"), self.map.clocks_per_step);
@@ -135,17 +167,37 @@ impl Bank {
             steps = if mode & mask("MODE", "CONTINUE") == 0 { 1 } else { steps };
             self.overruns = self.overruns.saturating_add(steps);
         }
-        let ran = self.engine.run(u64::from(steps))?;
-        self.steps += ran.steps;
-        self.clocks += ran.steps * u64::from(clocks);
-        self.timed |= ran.steps > 0;
-        self.status |= mask("STATUS", "DONE");
+        self.left = steps;
+        if steps == 0 {
+            self.status |= mask("STATUS", "DONE");
+        }
+        self.advance()
+    }
+
+    /// Goes on with the run for a while.
+    fn advance(&mut self) -> Result<(), Error> {
+        if self.left == 0 || self.get("MODE") & mask("MODE", "ACCESS") != 0 {
+            return Ok(());
+        }
+        let (begin, mut at_once) = (Instant::now(), 1);
+        while self.left > 0 && begin.elapsed() < STRETCH {
+            let ran = self.engine.run(u64::from(at_once.min(self.left)))?.steps;
+            self.left -= at_once.min(self.left);
+            self.steps += ran;
+            self.clocks = self.clocks.saturating_add(ran.saturating_mul(u64::from(self.map.clocks_per_step)));
+            self.timed |= ran > 0;
+            at_once = at_once.saturating_mul(2).min(MOST_AT_ONCE);
+        }
+        if self.left == 0 {
+            self.status |= mask("STATUS", "DONE");
+        }
         self.show()
     }
 
     fn restart(&mut self) -> Result<(), Error> {
         self.engine.reset()?;
-        (self.status, self.steps) = (0, 0);
+        (self.status, self.left, self.steps) = (0, 0, 0);
+        self.begin_parameters();
         self.clear();
         self.show()
     }
@@ -156,8 +208,17 @@ impl Bank {
 
     fn command(&mut self, word: u32) -> Result<(), Error> {
         let asked = |field| word & mask("COMMAND", field) != 0;
-        if asked("START") && self.access() {
+        let tunes = asked("PARAMETERS");
+        let cannot = tunes && (!self.has(Some(Capability::Parameters)) || asked("RESTART"));
+        let stopped = self.get("MODE") & mask("MODE", "ACCESS") != 0 || self.replaced > 0;
+        let busy = asked("START") && (self.left > 0 || asked("ABORT") || asked("RESTART"));
+        let period = self.get("MODE") & mask("MODE", "PACE") != 0 && self.get("PACE_PERIOD") == 0;
+        if cannot || busy || (asked("START") && period) || ((asked("START") || tunes) && stopped) {
             return Err(Error::Refused(address("COMMAND")));
+        }
+        if asked("ABORT") && self.left > 0 {
+            self.left = 0;
+            self.status |= masks("STATUS", &["DONE", "ABORTED"]);
         }
         if asked("RESTART") {
             self.restart()?;
@@ -168,6 +229,9 @@ impl Bank {
         if asked("INPUTS") {
             self.take_inputs()?;
         }
+        if tunes {
+            self.take_parameters()?;
+        }
         if asked("START") { self.start() } else { Ok(()) }
     }
 
@@ -175,16 +239,22 @@ impl Bank {
         self.get("MODE") & mask("MODE", "ACCESS") != 0 && self.replaced == 0
     }
 
-    fn status(&mut self) -> Result<u32, Error> {
+    /// Bits of the status for flags of the engine.
+    fn flags(&mut self) -> Result<u32, Error> {
         let flags = self.engine.flags()?;
+        let bit = |field, flag| if flags.has(flag) { mask("STATUS", field) } else { 0 };
+        Ok(bit("SATURATED", Flags::SATURATED)
+            | bit("OPERAND", Flags::OPERAND_TOO_LARGE)
+            | bit("INPUT", Flags::INPUT_CLAMPED))
+    }
+
+    fn status(&mut self) -> Result<u32, Error> {
+        self.advance()?;
+        let status = self.status | self.flags()?;
         let bit = |field, condition: bool| if condition { mask("STATUS", field) } else { 0 };
-        let (saturated, operand) = (flags.has(Flags::SATURATED), flags.has(Flags::OPERAND_TOO_LARGE));
-        let input = flags.has(Flags::INPUT_CLAMPED);
-        Ok(self.status
-            | bit("OVERFLOW", saturated | operand | input)
-            | bit("SATURATED", saturated)
-            | bit("OPERAND", operand)
-            | bit("INPUT", input)
+        Ok(status
+            | bit("BUSY", self.left > 0)
+            | bit("OVERFLOW", status & masks("STATUS", &FLAGS) != 0)
             | bit("OUTPUTS", self.defined.iter().all(|defined| *defined))
             | bit("ACCESS", self.access())
             | bit("STATE_READY", self.get("MODE") & mask("MODE", "ACCESS") != 0)
@@ -244,7 +314,9 @@ impl Bank {
             "HASH_3" => hash[3],
             "CAPS" => {
                 let states = if self.has(Some(Capability::States)) { mask("CAPS", "STATES") | bits << 16 } else { 0 };
-                masks("CAPS", &["RESTART", "FLAGS"]) | self.windows.growth << 8 | states
+                let tunable = self.has(Some(Capability::Parameters));
+                let tunable = if tunable { mask("CAPS", "PARAMETERS") } else { 0 };
+                masks("CAPS", &["RESTART", "FLAGS"]) | self.windows.growth << 8 | states | tunable
             }
             "STEP_CLOCKS" => clocks,
             "STATUS" => self.status()?,
@@ -275,6 +347,7 @@ impl Bank {
             "OVERRUNS" => self.overruns,
             "INPUT_WORDS" => Windows::total(&self.windows.inputs),
             "OUTPUT_WORDS" => Windows::total(&self.windows.outputs),
+            "PARAMETER_WORDS" => Windows::total(&self.windows.parameters),
             "STATE_LOW" => halves(self.state_word()?)[0],
             "STATE_HIGH" => halves(self.state_word()?)[1],
             name => self.get(name),
@@ -293,6 +366,10 @@ impl Bank {
     }
 }
 
+/// Time for which a run goes on before somebody else is heard, and most steps between two looks at the clock.
+const STRETCH: Duration = Duration::from_millis(5);
+const MOST_AT_ONCE: u32 = 256;
+
 fn place(begin: u32, address: u32) -> usize {
     usize::try_from((address - begin) / 4).unwrap_or(0)
 }
@@ -309,6 +386,9 @@ impl Access for Bank {
         if let Some(at) = Bank::in_window(&self.windows.inputs, address) {
             return Ok(self.inputs[at]);
         }
+        if let Some(at) = Bank::in_window(&self.windows.parameters, address) {
+            return Ok(self.parameters[at]);
+        }
         let at = Bank::in_window(&self.windows.outputs, address).filter(|at| self.defined[*at]);
         at.map(|at| self.outputs[at]).ok_or(refused)
     }
@@ -322,18 +402,27 @@ impl Access for Bank {
             self.inputs[at] = word;
             return Ok(());
         }
-        let register = self.register(address).filter(|register| register.usage != Use::Read).ok_or(refused)?;
+        if let Some(at) = Bank::in_window(&self.windows.parameters, address) {
+            self.parameters[at] = word;
+            return Ok(());
+        }
+        let written = |register: &&Register| !matches!(register.usage, Use::Read | Use::ReadForeign);
+        let register = self.register(address).filter(written).ok_or(refused.clone())?;
         match register.name {
             "COMMAND" => self.command(word),
             "STATUS" => {
-                let cleared = register.fields.iter().filter(|field| field.clears).map(pe_map::registers::Field::mask);
-                self.status &= !(word & cleared.fold(0, |all, bits| all | bits));
-                if word & masks("STATUS", &["SATURATED", "OPERAND", "INPUT"]) != 0 {
+                // An engine clears its flags together; those that a host leaves stay here.
+                if word & masks("STATUS", &FLAGS) != 0 {
+                    self.status |= self.flags()?;
                     self.engine.clear_flags()?;
                 }
+                let cleared = register.fields.iter().filter(|field| field.clears).map(pe_map::registers::Field::mask);
+                self.status &= !(word & cleared.fold(0, |all, bits| all | bits));
                 Ok(())
             }
             "STATE_LOW" => self.replace(word),
+            "MODE" if word & !masks("MODE", &["PACE", "CONTINUE", "ACCESS"]) != 0 => Err(refused),
+            "SINGLE_CLOCKS" => Err(refused),
             name => {
                 self.set(name, word);
                 Ok(())

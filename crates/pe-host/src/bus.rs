@@ -14,7 +14,8 @@ pub enum Op {
     Read(u32),
     /// Writes a word.
     Write(u32, u32),
-    /// Reads until the condition holds, or for a while: the caller looks at the word, and tries again.
+    /// Reads until the condition holds, or for a while. If it does not hold then, the accesses behind are not carried out:
+    /// the caller finds less words than it asked for, and tries again.
     Poll {
         /// Address.
         address: u32,
@@ -34,9 +35,23 @@ impl Op {
     }
 }
 
+/// Frames for the streams of a wrapper.
+#[derive(Clone, Copy, Debug)]
+pub struct Frames<'a> {
+    /// Words of all frames in, and of one.
+    pub inputs: &'a [u32],
+    /// Words of a frame in; 0 without inputs.
+    pub words_in: usize,
+    /// Words of all frames out.
+    pub words_out: usize,
+    /// Clocks without a word after which nothing more is expected.
+    pub patience: u32,
+}
+
 /// Something that accesses registers: a mapped device, a simulation, or a connection to another computer.
 pub trait Bus: Send {
-    /// Carries out accesses in order. Appends a word for each [`Op::Read`], and the last one for each [`Op::Poll`].
+    /// Carries out accesses in order, up to an [`Op::Poll`] whose condition does not hold in the end. Appends a word for each
+    /// [`Op::Read`], and the last one for each [`Op::Poll`].
     ///
     /// # Errors
     /// [`Error::Refused`] with the address at which it ended; those of the connection.
@@ -45,6 +60,19 @@ pub trait Bus: Send {
     /// Whether nothing happens in the hardware but while a transaction is under way: time is counted in its clocks.
     fn is_simulated(&self) -> bool {
         false
+    }
+
+    /// Whether frames can go through the streams of the wrapper.
+    fn has_streams(&self) -> bool {
+        false
+    }
+
+    /// Sends frames of inputs, and appends the words of as many frames of outputs; less if nothing comes for so many clocks.
+    ///
+    /// # Errors
+    /// [`Error::Lacks`] without streams; those of the connection.
+    fn stream(&mut self, _frames: &Frames, _words: &mut Vec<u32>) -> Result<(), Error> {
+        Err(Error::Lacks("streams"))
     }
 
     /// Configures the hardware anew; whether it can.
@@ -77,6 +105,9 @@ pub(crate) trait Access {
                         word = self.read(address)?;
                     }
                     words.push(word);
+                    if !Op::holds(mask, set, word) {
+                        return Ok(());
+                    }
                 }
             }
         }

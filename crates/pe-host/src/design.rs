@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pe_ir::program::Program;
-use pe_map::{Map, Output};
+use pe_map::{Map, Output, Parameter};
 
 use crate::error::Error;
 
@@ -83,6 +83,23 @@ pub(crate) trait States {
 
     /// Words of the outputs that show a state, with these state words.
     fn shown(&self, words: &[i64], outputs: &mut [Option<i64>]);
+
+    /// Words of the outputs in the initial state.
+    fn first(&self, outputs: &mut [Option<i64>]);
+
+    /// That words are stored words of the parameters.
+    fn check_parameters(&self, words: &[i64]) -> Result<(), Error>;
+
+    /// Stored words of the parameters among these state words.
+    fn parameters_of(&self, state: &[i64]) -> Vec<i64>;
+
+    /// Puts them there.
+    fn put_parameters(&self, words: &[i64], state: &mut [i64]);
+}
+
+/// Place of a parameter among the state words.
+fn place(parameter: &Parameter) -> usize {
+    usize::try_from(parameter.state).unwrap_or(usize::MAX)
 }
 
 impl States for Map {
@@ -116,6 +133,39 @@ impl States for Map {
             Some(output.shown(self.states.get(state)?, words[state]))
         };
         outputs.iter_mut().zip(&self.outputs).for_each(|(shown, output)| *shown = word(output));
+    }
+
+    fn first(&self, outputs: &mut [Option<i64>]) {
+        outputs.iter_mut().zip(&self.outputs).for_each(|(shown, output)| *shown = self.sample_0(output));
+    }
+
+    fn check_parameters(&self, words: &[i64]) -> Result<(), Error> {
+        if self.parameters.is_empty() && !words.is_empty() {
+            return Err(Error::Lacks("parameters that are written at run time"));
+        }
+        count(self.parameters.len(), words.len())?;
+        let fits = |parameter: &Parameter, word: &i64| {
+            self.states.get(place(parameter)).is_some_and(|state| {
+                let [least, most] = state.format.words();
+                (least..=most).contains(word)
+            })
+        };
+        match self.parameters.iter().zip(words).find(|(parameter, word)| !fits(parameter, word)) {
+            Some((parameter, _)) => Err(Error::Range(parameter.name.clone())),
+            None => Ok(()),
+        }
+    }
+
+    fn parameters_of(&self, state: &[i64]) -> Vec<i64> {
+        self.parameters.iter().map(|parameter| state.get(place(parameter)).copied().unwrap_or(0)).collect()
+    }
+
+    fn put_parameters(&self, words: &[i64], state: &mut [i64]) {
+        for (parameter, word) in self.parameters.iter().zip(words) {
+            if let Some(own) = state.get_mut(place(parameter)) {
+                *own = *word;
+            }
+        }
     }
 }
 

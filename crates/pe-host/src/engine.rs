@@ -1,5 +1,6 @@
 //! What runs a network, in words.
 
+use crate::design::count;
 use crate::error::Error;
 
 /// Flags of a network; they stay until they are cleared.
@@ -146,6 +147,13 @@ pub trait Engine: Send {
         Ok(ran)
     }
 
+    /// Runs a step for each frame of words of all input ports, and appends the words of all outputs of each step; in few
+    /// messages if the transport has messages. With an error, what was appended is no more than part of it.
+    ///
+    /// # Errors
+    /// [`Error::Count`]; those of the transport, [`Error::TimeExceeded`] and [`Error::Overrun`].
+    fn run_frames(&mut self, frames: usize, inputs: &[i64], outputs: &mut Vec<i64>) -> Result<Ran, Error>;
+
     /// The state words: stored words of all states in the order of the map, then of each tick the steps since its last
     /// sample.
     ///
@@ -158,6 +166,13 @@ pub trait Engine: Send {
     /// # Errors
     /// [`Error::Lacks`], or those of the transport.
     fn set_state(&mut self, words: &[i64]) -> Result<(), Error>;
+
+    /// Gives the tunable parameters stored words, in the order of the map, all between the same two steps: they act in all
+    /// steps that follow. Outputs stay those of the sample until the next step.
+    ///
+    /// # Errors
+    /// [`Error::Lacks`], [`Error::Count`] or [`Error::Range`], or those of the transport.
+    fn set_parameters(&mut self, words: &[i64]) -> Result<(), Error>;
 
     /// Flags.
     ///
@@ -186,4 +201,22 @@ pub trait Engine: Send {
     fn limit(&mut self, limits: &Limits) -> Result<(), Error> {
         if *limits == Limits::default() { Ok(()) } else { Err(Error::Lacks("clocks to watch")) }
     }
+}
+
+/// Runs frames as so many exchanges: for engines without messages. In with the number of frames, their words, and where the
+/// words of the outputs go.
+pub(crate) fn one_by_one(
+    engine: &mut (impl Engine + ?Sized),
+    ports: usize,
+    shown: usize,
+    (frames, inputs, outputs): (usize, &[i64], &mut Vec<i64>),
+) -> Result<Ran, Error> {
+    count(frames * ports, inputs.len())?;
+    let (mut words, mut ran) = (vec![None; shown], Ran::default());
+    for frame in 0..frames {
+        let exchanged = engine.exchange(&inputs[frame * ports..(frame + 1) * ports], 1, &mut words)?;
+        (ran.steps, ran.overruns) = (ran.steps + exchanged.steps, ran.overruns + exchanged.overruns);
+        outputs.extend(words.iter().map(|word| word.unwrap_or(0)));
+    }
+    Ok(ran)
 }

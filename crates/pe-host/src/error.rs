@@ -4,7 +4,8 @@ use std::fmt;
 use std::path::Path;
 use std::time::Duration;
 
-/// Why a call failed. Nothing fails without an answer within [`Settings::timeout`](crate::Settings::timeout).
+/// Why a call failed: `crate::faults` says what each kind means. Nothing fails without an answer within
+/// [`Transport::timeout`](crate::Transport::timeout).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Error {
     /// A file or device cannot be opened, read or written, or holds something else than it should.
@@ -112,3 +113,38 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faults::FAULTS;
+
+    #[test]
+    fn every_kind_is_in_the_fault_table_once() {
+        let text = String::new;
+        let all = [
+            Error::File(text()),
+            Error::Transport(text()),
+            Error::MissingTool(text()),
+            Error::Tool(text()),
+            Error::WrongHash { expected: text(), found: text() },
+            Error::Foreign(text()),
+            Error::Count { needed: 0, given: 0 },
+            Error::NotANumber(text()),
+            Error::Range(text()),
+            Error::NoSample(text()),
+            Error::Lacks(""),
+            Error::Refused(0),
+            Error::TimeExceeded,
+            Error::Overrun,
+            Error::Late(text(), Duration::ZERO),
+            Error::Lost(text()),
+            Error::Damaged(text()),
+        ];
+        let mut kinds: Vec<&str> = all.iter().map(Error::kind).collect();
+        let mut listed: Vec<&str> = FAULTS.iter().map(|fault| fault.kind).collect();
+        kinds.sort_unstable();
+        listed.sort_unstable();
+        assert_eq!(kinds, listed);
+    }
+}

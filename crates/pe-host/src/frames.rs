@@ -7,10 +7,10 @@
 use crate::bus::Op;
 
 /// Version of the messages.
-pub(crate) const PROTOCOL: u8 = 1;
+pub(crate) const PROTOCOL: u8 = 2;
 
 /// Most accesses in a message.
-pub(crate) const MOST_OPS: usize = 256;
+pub(crate) const MOST_OPS: usize = 1024;
 
 /// The bytes of a frame, with the zero at its end.
 pub(crate) fn frame(body: &[u8]) -> Vec<u8> {

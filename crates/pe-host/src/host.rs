@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pe_map::{Input, Map, Meaning};
+use pe_map::{Input, Map, Meaning, Outside, Parameter};
 
 use crate::design::{Design, States, count};
 use crate::engine::{Counters, Engine, Flags, Limits, Ran};
@@ -54,6 +54,8 @@ pub struct Host {
     /// Words of all ports.
     words: Vec<i64>,
     outputs: Vec<Option<i64>>,
+    /// Stored words of the tunable parameters.
+    parameters: Vec<i64>,
     sample: u64,
 }
 
@@ -80,6 +82,7 @@ impl Host {
             ratio: of(Meaning::StepRatio).next(),
             words: vec![0; map.inputs.len()],
             outputs: vec![None; map.outputs.len()],
+            parameters: Vec::new(),
             sample: 0,
             engine,
             design,
@@ -120,6 +123,7 @@ impl Host {
 
     fn begin(&mut self) -> Result<(), Error> {
         self.sample = 0;
+        self.parameters = self.design.map().parameters_of(&self.design.map().initial_state());
         self.words.fill(0);
         self.write_ratio();
         self.engine.write(&self.words)
@@ -142,6 +146,54 @@ impl Host {
     pub fn write_words(&mut self, words: &[i64]) -> Result<(), Error> {
         self.take_words(words)?;
         self.engine.write(&self.words)
+    }
+
+    /// The tunable parameters, in the order in which [`Host::write_parameters`] takes their numbers.
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.design.map().parameters
+    }
+
+    /// The numbers that the network computes with, after rounding.
+    pub fn read_parameters(&self) -> Vec<f64> {
+        let map = self.design.map();
+        let number = |(parameter, word): (&Parameter, &i64)| map.states[parameter.state as usize].number(*word);
+        map.parameters.iter().zip(&self.parameters).map(number).collect()
+    }
+
+    /// Gives all tunable parameters a number, between the same two steps: they act from the next step on. Outputs stay those
+    /// of the sample.
+    ///
+    /// # Errors
+    /// [`Error::Count`] or [`Error::NotANumber`], in which case nothing was written; [`Error::Lacks`]; those of the
+    /// transport.
+    pub fn write_parameters(&mut self, numbers: &[f64]) -> Result<Written, Error> {
+        let map = self.design.map();
+        count(map.parameters.len(), numbers.len())?;
+        let (mut written, mut words) = (Written::default(), Vec::with_capacity(numbers.len()));
+        for (index, (parameter, number)) in map.parameters.iter().zip(numbers).enumerate() {
+            let word = map.states[parameter.state as usize].word(*number);
+            let word = word.ok_or_else(|| Error::NotANumber(parameter.name.clone()))?;
+            words.push(word.word);
+            if word.clamped {
+                written.clamped.push(index);
+            }
+            let [least, most] = parameter.range;
+            if !(least..=most).contains(number) {
+                written.beyond_range.push(index);
+            }
+        }
+        self.write_parameter_words(&words)?;
+        Ok(written)
+    }
+
+    /// The same with stored words.
+    ///
+    /// # Errors
+    /// [`Error::Count`] or [`Error::Range`], in which case nothing was written; [`Error::Lacks`]; those of the transport.
+    pub fn write_parameter_words(&mut self, words: &[i64]) -> Result<(), Error> {
+        self.engine.set_parameters(words)?;
+        self.parameters.copy_from_slice(words);
+        Ok(())
     }
 
     /// Runs so many steps.
@@ -218,6 +270,76 @@ impl Host {
         Ok(&self.outputs)
     }
 
+    /// Runs a step for each frame of numbers for the inputs, one after the other, and appends the numbers of all outputs after
+    /// each; in few messages if the transport has messages, or through streams. Without inputs, frames are empty.
+    ///
+    /// # Errors
+    /// [`Error::Count`] or [`Error::NotANumber`], in which case nothing was written; [`Error::TimeExceeded`],
+    /// [`Error::Overrun`], and others of the transport.
+    pub fn run_frames(&mut self, frames: usize, inputs: &[f64], outputs: &mut Vec<f64>) -> Result<Exchanged, Error> {
+        let count_of = self.inputs.len();
+        count(frames * count_of, inputs.len())?;
+        let (mut words, mut written) = (Vec::with_capacity(frames * self.words.len()), Written::default());
+        let kept = self.words.clone();
+        for frame in 0..frames {
+            let converted = self.convert(&inputs[frame * count_of..(frame + 1) * count_of]);
+            let converted = converted.inspect_err(|_| self.words.clone_from(&kept))?;
+            written.clamped.extend(converted.clamped);
+            written.beyond_range.extend(converted.beyond_range);
+            words.extend_from_slice(&self.words);
+        }
+        for list in [&mut written.clamped, &mut written.beyond_range] {
+            list.sort_unstable();
+            list.dedup();
+        }
+        let mut shown = Vec::new();
+        let ran = self.run_converted(frames, words, &mut shown)?;
+        let formats = self.design.map().outputs.iter().map(|output| output.format).cycle();
+        outputs.extend(shown.iter().zip(formats).map(|(word, format)| format.number(*word)));
+        Ok(Exchanged { written, ran })
+    }
+
+    /// The same with words of the ports.
+    ///
+    /// # Errors
+    /// As above, and [`Error::Range`], in which case nothing was written.
+    pub fn run_frames_words(&mut self, frames: usize, inputs: &[i64], outputs: &mut Vec<i64>) -> Result<Ran, Error> {
+        let count_of = self.inputs.len();
+        count(frames * count_of, inputs.len())?;
+        let (mut words, kept) = (Vec::with_capacity(frames * self.words.len()), self.words.clone());
+        for frame in 0..frames {
+            let taken = self.take_words(&inputs[frame * count_of..(frame + 1) * count_of]);
+            taken.inspect_err(|_| self.words.clone_from(&kept))?;
+            words.extend_from_slice(&self.words);
+        }
+        self.run_converted(frames, words, outputs)
+    }
+
+    /// Runs frames of words of all ports, in which those of the step ratio are still to be set.
+    fn run_converted(&mut self, frames: usize, mut words: Vec<i64>, outputs: &mut Vec<i64>) -> Result<Ran, Error> {
+        let first = self.sample;
+        if let Some(port) = self.ratio {
+            for frame in words.chunks_mut(self.words.len()) {
+                self.write_ratio();
+                frame[port] = self.words[port];
+                self.sample += 1;
+            }
+            self.sample = first;
+        }
+        let begin = outputs.len();
+        let ran = self.engine.run_frames(frames, &words, outputs)?;
+        self.sample = first + ran.steps;
+        let shown = self.outputs.len();
+        if outputs.len() - begin != frames * shown {
+            return Err(Error::Damaged("there are not as many outputs as steps".to_owned()));
+        }
+        if let Some(last) = frames.checked_sub(1) {
+            let last = outputs[begin + last * shown..].iter().copied().map(Some);
+            self.outputs.iter_mut().zip(last).for_each(|(output, word)| *output = word);
+        }
+        Ok(ran)
+    }
+
     fn exchange_taken(&mut self, steps: u64) -> Result<Ran, Error> {
         if steps == 0 || self.steps_alike() < steps {
             self.engine.write(&self.words)?;
@@ -255,6 +377,7 @@ impl Host {
         }
         map.check_state(&snapshot.state)?;
         self.engine.set_state(&snapshot.state)?;
+        self.parameters = self.design.map().parameters_of(&snapshot.state);
         self.sample = snapshot.sample;
         Ok(())
     }
@@ -317,7 +440,9 @@ impl Host {
         let map = self.design.map();
         count(self.inputs.len(), words.len())?;
         for (port, word) in self.inputs.iter().zip(words) {
-            let [least, most] = map.inputs[*port].format.words();
+            let input = &map.inputs[*port];
+            // A network clamps words that it does not take; of a foreign entity's port more bits would be cut off.
+            let [least, most] = if input.outside == Outside::Foreign { input.words } else { input.format.words() };
             if !(least..=most).contains(word) {
                 return Err(Error::Range(map.inputs[*port].name.clone()));
             }

@@ -31,6 +31,7 @@ mod bus;
 mod design;
 mod engine;
 mod error;
+pub mod faults;
 mod frames;
 mod host;
 mod link;
@@ -48,7 +49,7 @@ mod transport;
 mod wrapped;
 
 pub use bank::Bank;
-pub use bus::{Bus, Op};
+pub use bus::{Bus, Frames, Op};
 pub use design::Design;
 pub use engine::{Counters, Engine, Flags, Limits, Ran};
 pub use error::Error;

@@ -24,6 +24,8 @@ pub struct Link {
     bytes: Vec<u8>,
     /// Who is at the other end, in messages.
     peer: String,
+    /// Bits per second, of a serial line.
+    baud: Option<u32>,
 }
 
 impl Link {
@@ -31,7 +33,7 @@ impl Link {
         for file in [&input, &output] {
             ioctl_fionbio(file, true).map_err(|error| Error::Lost(format!("{peer}: {error}")))?;
         }
-        Ok(Link { input, output, bytes: Vec::new(), peer })
+        Ok(Link { input, output, bytes: Vec::new(), peer, baud: None })
     }
 
     /// Over a socket.
@@ -83,7 +85,14 @@ impl Link {
         line.control_modes &= !(ControlModes::CSTOPB | ControlModes::CRTSCTS);
         line.set_speed(baud).map_err(refused)?;
         tcsetattr(&file, OptionalActions::Flush, &line).map_err(refused)?;
-        Link::file(file.into(), &device.display().to_string())
+        let link = Link::file(file.into(), &device.display().to_string())?;
+        Ok(Link { baud: Some(baud), ..link })
+    }
+
+    /// Time that so many bytes take on a serial line, with their start and stop bits.
+    pub(crate) fn time_of(&self, bytes: usize) -> Duration {
+        let seconds = |baud: u32| 10.0 * bytes as f64 / f64::from(baud.max(1));
+        self.baud.map_or(Duration::ZERO, |baud| Duration::from_secs_f64(seconds(baud)))
     }
 
     /// Who is at the other end, in messages.

@@ -8,7 +8,7 @@ use pe_sim::clocked::{Causes, Clocked};
 use pe_sim::machine::Machine;
 
 use crate::design::{Design, States, count};
-use crate::engine::{Engine, Flags, Ran};
+use crate::engine::{Engine, Flags, Ran, one_by_one};
 use crate::error::Error;
 
 /// The cycle-accurate simulator.
@@ -27,6 +27,8 @@ pub struct Model {
     /// Stored words, and steps since the last sample of each tick, before the step that runs.
     state: Vec<i64>,
     stepped: bool,
+    /// Outputs of the sample that no step has made: those of the initial state, or while parameters were written.
+    shown: Option<Vec<Option<i64>>>,
 }
 
 impl Model {
@@ -45,6 +47,7 @@ impl Model {
             inputs: vec![0; map.inputs.len()],
             state: map.initial_state(),
             stepped: false,
+            shown: Some(first(&map)),
             map,
         })
     }
@@ -96,6 +99,7 @@ impl Model {
         self.registers = None;
         self.state.copy_from_slice(words);
         self.stepped = false;
+        self.shown = None;
     }
 
     fn seen(&self) -> Flags {
@@ -107,6 +111,13 @@ impl Model {
     }
 }
 
+/// Outputs of the initial state.
+fn first(map: &Map) -> Vec<Option<i64>> {
+    let mut shown = vec![None; map.outputs.len()];
+    map.first(&mut shown);
+    shown
+}
+
 fn flags_of(Causes { saturated, operand, input }: Causes) -> Flags {
     Flags::INPUT_CLAMPED.when(input) | Flags::SATURATED.when(saturated) | Flags::OPERAND_TOO_LARGE.when(operand)
 }
@@ -114,6 +125,7 @@ fn flags_of(Causes { saturated, operand, input }: Causes) -> Flags {
 impl Engine for Model {
     fn reset(&mut self) -> Result<(), Error> {
         self.begin(&self.map.initial_state());
+        self.shown = Some(first(&self.map));
         self.clear_flags()
     }
 
@@ -124,19 +136,30 @@ impl Engine for Model {
     }
 
     fn run(&mut self, steps: u64) -> Result<Ran, Error> {
+        if steps > 0 {
+            (self.stepped, self.shown) = (true, None);
+        }
         (0..steps).for_each(|_| self.step());
-        self.stepped |= steps > 0;
         Ok(Ran { steps, overruns: 0 })
     }
 
     fn read(&mut self, words: &mut [Option<i64>]) -> Result<(), Error> {
         count(self.map.outputs.len(), words.len())?;
+        if let Some(shown) = &self.shown {
+            words.copy_from_slice(shown);
+            return Ok(());
+        }
         match &self.registers {
             _ if !self.stepped => self.map.shown(&self.state, words),
             Some(registers) => words.iter_mut().zip(registers.outputs()).for_each(|(word, new)| *word = Some(new)),
             None => words.iter_mut().zip(self.machine.outputs()).for_each(|(word, new)| *word = Some(*new)),
         }
         Ok(())
+    }
+
+    fn run_frames(&mut self, frames: usize, inputs: &[i64], outputs: &mut Vec<i64>) -> Result<Ran, Error> {
+        let (ports, shown) = (self.map.inputs.len(), self.map.outputs.len());
+        one_by_one(self, ports, shown, (frames, inputs, outputs))
     }
 
     fn state(&mut self, words: &mut [i64]) -> Result<(), Error> {
@@ -148,6 +171,16 @@ impl Engine for Model {
     fn set_state(&mut self, words: &[i64]) -> Result<(), Error> {
         self.map.check_state(words)?;
         self.begin(words);
+        Ok(())
+    }
+
+    fn set_parameters(&mut self, words: &[i64]) -> Result<(), Error> {
+        self.map.check_parameters(words)?;
+        let (mut shown, mut state) = (vec![None; self.map.outputs.len()], self.state.clone());
+        self.read(&mut shown)?;
+        self.map.put_parameters(words, &mut state);
+        self.begin(&state);
+        self.shown = Some(shown);
         Ok(())
     }
 

@@ -11,7 +11,7 @@ use libloading::Library;
 use pe_map::Map;
 
 use crate::design::{Design, States, count};
-use crate::engine::{Engine, Flags, Ran};
+use crate::engine::{Engine, Flags, Ran, one_by_one};
 use crate::error::Error;
 use crate::scratch::{Scratch, run};
 
@@ -48,6 +48,8 @@ pub struct Native {
     network: *mut c_void,
     stepped: bool,
     outputs: Vec<i64>,
+    /// Outputs of the sample that no step has made: those of the initial state, or while parameters were written.
+    shown: Option<Vec<Option<i64>>>,
     /// Behind the functions and the network, which are gone before it.
     _library: Library,
 }
@@ -97,7 +99,16 @@ impl Native {
         let loaded = unsafe { Library::new(&path) }.map_err(|error| Error::file("load", library, error))?;
         let network = load(&loaded, &map, library, form)?;
         let (functions, network) = network;
-        Ok(Native { functions, network, stepped: false, outputs: vec![0; map.outputs.len()], map, _library: loaded })
+        let outputs = vec![0; map.outputs.len()];
+        let mut native = Native { functions, network, stepped: false, outputs, shown: None, map, _library: loaded };
+        native.show_first();
+        Ok(native)
+    }
+
+    fn show_first(&mut self) {
+        let mut shown = vec![None; self.map.outputs.len()];
+        self.map.first(&mut shown);
+        self.shown = Some(shown);
     }
 
     fn check(&self, code: i32) -> Result<(), Error> {
@@ -165,6 +176,7 @@ impl Drop for Native {
 impl Engine for Native {
     fn reset(&mut self) -> Result<(), Error> {
         self.stepped = false;
+        self.show_first();
         // SAFETY: as below: the network is alive, and slices are as long as they say.
         self.check(unsafe { (self.functions.reset)(self.network) })
     }
@@ -176,7 +188,9 @@ impl Engine for Native {
     }
 
     fn run(&mut self, steps: u64) -> Result<Ran, Error> {
-        self.stepped |= steps > 0;
+        if steps > 0 {
+            (self.stepped, self.shown) = (true, None);
+        }
         // SAFETY: see `reset`.
         self.check(unsafe { (self.functions.step)(self.network, steps) })?;
         Ok(Ran { steps, overruns: 0 })
@@ -184,6 +198,10 @@ impl Engine for Native {
 
     fn read(&mut self, words: &mut [Option<i64>]) -> Result<(), Error> {
         count(self.map.outputs.len(), words.len())?;
+        if let Some(shown) = &self.shown {
+            words.copy_from_slice(shown);
+            return Ok(());
+        }
         // SAFETY: see `reset`.
         let code = unsafe { (self.functions.get_outputs)(self.network, self.outputs.as_mut_ptr(), self.outputs.len()) };
         self.check(code)?;
@@ -194,6 +212,11 @@ impl Engine for Native {
         Ok(())
     }
 
+    fn run_frames(&mut self, frames: usize, inputs: &[i64], outputs: &mut Vec<i64>) -> Result<Ran, Error> {
+        let (ports, shown) = (self.map.inputs.len(), self.map.outputs.len());
+        one_by_one(self, ports, shown, (frames, inputs, outputs))
+    }
+
     fn state(&mut self, words: &mut [i64]) -> Result<(), Error> {
         count(self.map.state_words(), words.len())?;
         // SAFETY: see `reset`.
@@ -202,9 +225,20 @@ impl Engine for Native {
 
     fn set_state(&mut self, words: &[i64]) -> Result<(), Error> {
         self.map.check_state(words)?;
-        self.stepped = false;
+        (self.stepped, self.shown) = (false, None);
         // SAFETY: see `reset`.
         self.check(unsafe { (self.functions.set_state)(self.network, words.as_ptr(), words.len()) })
+    }
+
+    fn set_parameters(&mut self, words: &[i64]) -> Result<(), Error> {
+        self.map.check_parameters(words)?;
+        let (mut shown, mut state) = (vec![None; self.map.outputs.len()], vec![0; self.map.state_words()]);
+        self.read(&mut shown)?;
+        self.state(&mut state)?;
+        self.map.put_parameters(words, &mut state);
+        self.set_state(&state)?;
+        self.shown = Some(shown);
+        Ok(())
     }
 
     fn flags(&mut self) -> Result<Flags, Error> {

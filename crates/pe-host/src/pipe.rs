@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::bus::{Bus, Op};
+use crate::bus::{Bus, Frames, Op};
 use crate::error::Error;
 use crate::link::Link;
 
@@ -20,6 +20,9 @@ const STRETCH: Duration = Duration::from_millis(20);
 
 /// Time for which a wait for a register goes on after the clocks that it takes.
 const PATIENCE: Duration = Duration::from_millis(20);
+
+/// Most clocks that a wait lets pass at first.
+const MOST_CLOCKS: u32 = 1 << 16;
 
 /// Requests that are sent before answers are read; all answers fit the pipe.
 const AHEAD: usize = 256;
@@ -74,14 +77,16 @@ impl Running {
 
     fn send(&mut self, lines: &str, timeout: Duration) -> Result<(), Error> {
         let sent = self.link.send(lines.as_bytes(), timeout);
-        sent.map_err(|error| self.explained(error))
+        sent.map_err(|error| self.explained(error, timeout))
     }
 
-    /// The next answer, without its mark.
+    /// The next answer, without its mark. What the simulator says meanwhile does not count as one.
     fn answer(&mut self, timeout: Duration) -> Result<String, Error> {
         let timeout = if self.first { STARTING.max(timeout) } else { timeout };
+        let end = Instant::now() + timeout;
         loop {
-            let line = self.link.receive(b'\n', Some(timeout)).map_err(|error| self.explained(error))?;
+            let left = end.saturating_duration_since(Instant::now());
+            let line = self.link.receive(b'\n', Some(left)).map_err(|error| self.explained(error, timeout))?;
             let line = String::from_utf8_lossy(&line).trim_end().to_owned();
             if let Some(answer) = line.strip_prefix(MARK) {
                 self.first = false;
@@ -94,9 +99,13 @@ impl Running {
         }
     }
 
-    /// What is known of a simulation that does not answer.
-    fn explained(&mut self, error: Error) -> Error {
-        let Error::Lost(_) = error else { return error };
+    /// What is known of a simulation that does not answer in this time.
+    fn explained(&mut self, error: Error, timeout: Duration) -> Error {
+        match error {
+            Error::Lost(_) => {}
+            Error::Late(what, _) => return Error::Late(what, timeout),
+            error => return error,
+        }
         let ended = match self.child.try_wait() {
             Ok(Some(status)) => format!("{} ended ({status})", self.link.peer()),
             _ => format!("{} closed its output", self.link.peer()),
@@ -171,7 +180,7 @@ impl Running {
     fn poll(&mut self, poll: &Op, timeout: Duration) -> Result<u32, Error> {
         let Op::Poll { address, mask, set, clocks } = *poll else { return Ok(0) };
         let begin = Instant::now();
-        let mut left = clocks;
+        let mut left = clocks.min(MOST_CLOCKS);
         loop {
             while left > 0 {
                 left -= self.pass(left, timeout)?;
@@ -182,7 +191,7 @@ impl Running {
             if Op::holds(mask, set, word) || begin.elapsed() > PATIENCE {
                 return Ok(word);
             }
-            left = clocks / 8 + 1;
+            left = clocks.min(MOST_CLOCKS) / 8 + 1;
         }
     }
 }
@@ -191,7 +200,13 @@ impl Bus for Pipe {
     fn transact(&mut self, ops: &[Op], words: &mut Vec<u32>) -> Result<(), Error> {
         for group in ops.chunk_by(|a, b| !matches!(a, Op::Poll { .. }) && !matches!(b, Op::Poll { .. })) {
             match group {
-                [poll @ Op::Poll { .. }] => words.push(self.running.poll(poll, self.timeout)?),
+                [poll @ Op::Poll { mask, set, .. }] => {
+                    let word = self.running.poll(poll, self.timeout)?;
+                    words.push(word);
+                    if !Op::holds(*mask, *set, word) {
+                        return Ok(());
+                    }
+                }
                 _ => group.chunks(AHEAD).try_for_each(|ops| self.running.access(ops, words, self.timeout))?,
             }
         }
@@ -200,6 +215,24 @@ impl Bus for Pipe {
 
     fn is_simulated(&self) -> bool {
         true
+    }
+
+    fn has_streams(&self) -> bool {
+        true
+    }
+
+    fn stream(&mut self, frames: &Frames, words: &mut Vec<u32>) -> Result<(), Error> {
+        let Frames { inputs, words_in, words_out, patience } = *frames;
+        let mut request = format!("s {words_out:x} {words_in:x} {patience:x}");
+        inputs.iter().for_each(|word| request += &format!(" {word:x}"));
+        request.push('\n');
+        self.running.send(&request, self.timeout)?;
+        let answer = self.running.answer(self.timeout)?;
+        let before = words.len();
+        for word in answer.split_ascii_whitespace() {
+            words.push(self.running.word(word, 0)?);
+        }
+        if words.len() - before > words_out { Err(self.running.damaged(&answer)) } else { Ok(()) }
     }
 
     fn renew(&mut self) -> Result<bool, Error> {

@@ -9,6 +9,12 @@ use crate::error::Error;
 use crate::frames::{self, Answer, PROTOCOL, Request};
 use crate::link::Link;
 
+/// Time in which somebody who connects has to say something; others wait for it.
+const GREETING: Duration = Duration::from_secs(2);
+
+/// Hosts that are told at once that they have to wait; more are not answered.
+const MOST_WAITING: usize = 16;
+
 /// Time that a host has to take an answer.
 const SENDING: Duration = Duration::from_secs(1);
 
@@ -19,12 +25,18 @@ const SENDING: Duration = Duration::from_secs(1);
 /// # Errors
 /// [`Error::Lost`] when the host is gone.
 pub fn serve(bus: &mut dyn Bus, link: &mut Link) -> Result<(), Error> {
+    serve_from(bus, link, None)
+}
+
+/// The same, if the host says something within this time.
+fn serve_from(bus: &mut dyn Bus, link: &mut Link, mut time: Option<Duration>) -> Result<(), Error> {
     let mut last: Option<(u8, Vec<u8>)> = None;
     loop {
-        let stuffed = match link.receive(0, None) {
+        let stuffed = match link.receive(0, time) {
             Err(Error::Damaged(_)) => continue,
             received => received?,
         };
+        time = None;
         let request = frames::body(&stuffed).and_then(|body| Request::read(&body));
         let message = match (request, last.take()) {
             (None, before) => {
@@ -63,23 +75,28 @@ fn answer(bus: &mut dyn Bus, request: &Request) -> Answer {
 /// # Errors
 /// [`Error::Lost`] if nobody can connect any more.
 pub fn serve_tcp(bus: Box<dyn Bus>, listener: &TcpListener) -> Result<(), Error> {
-    let bus = Arc::new(Mutex::new(bus));
+    let (bus, connected) = (Arc::new(Mutex::new(bus)), Arc::new(()));
     loop {
         let (stream, _) = listener.accept().map_err(|error| Error::Lost(format!("nobody can connect: {error}")))?;
+        if Arc::strong_count(&connected) > MOST_WAITING {
+            continue;
+        }
         // A host that is gone before it was served is no matter.
         let Ok(mut link) = Link::tcp(stream) else { continue };
-        let bus = Arc::clone(&bus);
+        let (bus, connected) = (Arc::clone(&bus), Arc::clone(&connected));
         std::thread::spawn(move || {
             let mut bus = match bus.try_lock() {
                 Ok(bus) => bus,
                 Err(TryLockError::Poisoned(bus)) => bus.into_inner(),
                 Err(TryLockError::WouldBlock) => {
-                    let _ = serve(&mut Taken, &mut link);
+                    let _ = serve_from(&mut Taken, &mut link, Some(GREETING));
+                    drop(connected);
                     return;
                 }
             };
             // It ends with the host.
-            let _ = serve(&mut **bus, &mut link);
+            let _ = serve_from(&mut **bus, &mut link, Some(GREETING));
+            drop(connected);
         });
     }
 }

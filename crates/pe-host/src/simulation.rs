@@ -19,10 +19,6 @@ pub enum Simulator {
     Verilator,
 }
 
-/// Times that a simulation has for an answer what others have: it works for it, on a computer that does other work as well.
-/// One that has ended is noticed at once.
-const PATIENCE: u32 = 4;
-
 const INSTALL_GHDL: &str = "apt-get install ghdl";
 const INSTALL_VERILATOR: &str = "apt-get install verilator g++ make";
 
@@ -49,7 +45,7 @@ impl Simulator {
             command.args(&arguments).current_dir(scratch.path());
             command
         };
-        Pipe::open(name, Box::new(start), PATIENCE * timeout)
+        Pipe::open(name, Box::new(start), timeout)
     }
 }
 

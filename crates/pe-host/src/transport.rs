@@ -22,20 +22,24 @@ use crate::simulation::Simulator;
 use crate::wrapped::Wrapped;
 
 /// What all transports have in common.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// Time within which everything that hangs is an error: an answer, or the next step of a run.
-    pub timeout: Duration,
+    /// Time within which everything that hangs is an error: an answer, or the next step of a run. None takes what the
+    /// transport needs; see [`Transport::timeout`].
+    pub timeout: Option<Duration>,
     /// The reference as a library that was built before, by [`Native::build`] or the commands in `docs/library.md`; for
     /// [`Transport::Reference`].
     pub library: Option<PathBuf>,
 }
 
-impl Default for Settings {
-    fn default() -> Settings {
-        Settings { timeout: Duration::from_millis(500), library: None }
-    }
-}
+/// Time to wait on this computer: registers that are mapped, a server at the loopback.
+const NEAR: Duration = Duration::from_millis(100);
+
+/// Time to wait for a simulation that works for its answers, on a computer that does other work as well.
+const SIMULATED: Duration = Duration::from_secs(1);
+
+/// Time to wait for another computer.
+const FAR: Duration = Duration::from_millis(500);
 
 /// Bits per second of a serial line, where nothing is said.
 const BAUD: u32 = 115_200;
@@ -85,13 +89,31 @@ impl Transport {
     /// # Errors
     /// [`Error::WrongHash`] if what answers is another design; those of the transport.
     pub fn open(&self, design: &Design, settings: &Settings) -> Result<Box<dyn Engine>, Error> {
+        if let (Some(foreign), Transport::Model | Transport::Reference(_)) = (&design.map().foreign, self) {
+            return Err(Error::Transport(format!(
+                "`{}` is a VHDL entity of which there is no model: transport `{self}` cannot run it; use `ghdl`, \
+                 `verilator`, or one that reaches hardware",
+                foreign.entity
+            )));
+        }
         Ok(match self {
             Transport::Model => Box::new(Model::open(design)?),
             Transport::Reference(form) => Box::new(match &settings.library {
                 Some(library) => Native::load(design, library, *form)?,
                 None => Native::open(design, *form)?,
             }),
-            _ => Box::new(Wrapped::open(design, self.bus(design, settings)?, settings.timeout)?),
+            _ => Box::new(Wrapped::open(design, self.bus(design, settings)?, self.timeout(settings))?),
+        })
+    }
+
+    /// Time within which everything that hangs is an error: what was set, or else 0.1 s on this computer, 1 s for a
+    /// simulation, and 0.5 s for another computer. A server with a simulation has 8 times as long.
+    pub fn timeout(&self, settings: &Settings) -> Duration {
+        settings.timeout.unwrap_or_else(|| match self {
+            Transport::Model | Transport::Reference(_) | Transport::Mmap { .. } => NEAR,
+            Transport::Simulation(_) => SIMULATED,
+            Transport::Tcp(address) if is_near(address) => NEAR,
+            Transport::Tcp(_) | Transport::Uart { .. } => FAR,
         })
     }
 
@@ -102,15 +124,25 @@ impl Transport {
     pub fn bus(&self, design: &Design, settings: &Settings) -> Result<Box<dyn Bus>, Error> {
         Ok(match self {
             Transport::Model | Transport::Reference(_) => Box::new(Bank::over(design, self.open(design, settings)?)?),
-            Transport::Simulation(simulator) => Box::new(simulator.open(design, settings.timeout)?),
-            Transport::Tcp(address) => Box::new(Remote::open(connected(address, settings.timeout)?, settings.timeout)?),
-            Transport::Uart { device, baud } => Box::new(Remote::open(Link::serial(device, *baud)?, settings.timeout)?),
+            Transport::Simulation(simulator) => Box::new(simulator.open(design, self.timeout(settings))?),
+            Transport::Tcp(address) => {
+                let timeout = self.timeout(settings);
+                Box::new(Remote::open(connected(address, timeout)?, timeout)?)
+            }
+            Transport::Uart { device, baud } => {
+                Box::new(Remote::open(Link::serial(device, *baud)?, self.timeout(settings))?)
+            }
             Transport::Mmap { device, offset } => {
                 let bytes = 1 << wrap::windows(design.map()).address_bits;
                 Box::new(Mapped::open(device, *offset, bytes)?)
             }
         })
     }
+}
+
+/// Whether this computer itself is at an address.
+fn is_near(address: &str) -> bool {
+    address.to_socket_addrs().is_ok_and(|mut places| places.all(|place| place.ip().is_loopback()))
 }
 
 fn connected(address: &str, timeout: Duration) -> Result<Link, Error> {

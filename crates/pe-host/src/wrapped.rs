@@ -1,5 +1,7 @@
 //! A network behind a wrapper's registers.
 
+mod frames;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -17,6 +19,9 @@ const SPARE_CLOCKS: u64 = 1_000;
 
 /// Clocks that a simulation is asked for at once: what hangs is to be noticed.
 const STRETCH: u32 = 2_048;
+
+/// Clocks in which a stored word is read and written again, as new parameters are taken to the network.
+const CLOCKS_PER_STORED_WORD: u32 = 16;
 
 /// A network behind the registers of `docs/wrapper.md`.
 pub struct Wrapped {
@@ -54,6 +59,8 @@ struct Capabilities {
     restart: bool,
     states: bool,
     flags: bool,
+    parameters: bool,
+    stream: bool,
 }
 
 impl Wrapped {
@@ -79,7 +86,7 @@ impl Wrapped {
             bus,
             timeout,
             places,
-            has: Capabilities { restart: false, states: false, flags: false },
+            has: Capabilities { restart: false, states: false, flags: false, parameters: false, stream: false },
             step_clocks: 0,
             limits: Limits::default(),
             run_steps: 0,
@@ -119,13 +126,19 @@ impl Wrapped {
             return Err(Error::WrongHash { expected: self.map.hash.clone(), found });
         }
         let has = |field| part("CAPS", field, caps) == 1;
-        if has("FOREIGN") {
-            return Err(Error::Foreign(
-                "the wrapper is that of a foreign entity, which has no steps of a design".into(),
-            ));
+        if has("FOREIGN") != self.map.foreign.is_some() {
+            let what = if has("FOREIGN") { "a foreign entity" } else { "a network" };
+            return Err(Error::Foreign(format!("the wrapper is that of {what}, which the map is not of")));
         }
-        self.has = Capabilities { restart: has("RESTART"), states: has("STATES"), flags: has("FLAGS") };
-        self.step_clocks = step_clocks;
+        let [restart, states, flags, parameters, stream] =
+            ["RESTART", "STATES", "FLAGS", "PARAMETERS", "STREAM"].map(has);
+        self.has = Capabilities { restart, states, flags, parameters, stream };
+        // A foreign entity may take any time; its map says what is expected.
+        if step_clocks != self.map.clocks_per_step && self.map.foreign.is_none() {
+            let what = format!("a step of {step_clocks} clocks in place of {}", self.map.clocks_per_step);
+            return Err(Error::Foreign(format!("the wrapper tells of {what}")));
+        }
+        self.step_clocks = step_clocks.max(self.map.clocks_per_step);
         Ok(())
     }
 
@@ -135,7 +148,7 @@ impl Wrapped {
         self.await_status(mask("STATUS", "BUSY"), false, self.step_clocks, "does not end its run")?;
         if self.has.restart {
             self.transact(&[Op::Write(self.places.command, mask("COMMAND", "RESTART"))])?;
-            self.await_status(mask("STATUS", "BUSY"), false, 4 * self.step_clocks, "does not restart")?;
+            self.await_status(mask("STATUS", "BUSY"), false, self.step_clocks.saturating_mul(4), "does not restart")?;
         } else if self.steps()? > 0 {
             if !self.bus.renew()? {
                 return Err(Error::Lacks("restart"));
@@ -144,6 +157,10 @@ impl Wrapped {
         }
         self.run_steps = 1;
         self.transact(&[Op::Write(self.places.run_steps, 1), Op::Write(self.places.status, self.places.ends)])?;
+        if let Some(clocks) = self.map.foreign.as_ref().map(|foreign| foreign.step_clocks) {
+            self.transact(&[Op::Write(address("STEP_CLOCKS"), clocks)])?;
+            self.step_clocks = self.map.clocks_per_step;
+        }
         (self.stepped, self.set) = (false, None);
         self.limit(&self.limits.clone())?;
         if self.has.flags { self.clear_flags() } else { Ok(()) }
@@ -170,7 +187,7 @@ impl Wrapped {
     fn await_status(&mut self, mask: u32, set: bool, clocks: u32, what: &str) -> Result<u32, Error> {
         let stretch = self.stretch(clocks);
         let poll = Op::Poll { address: self.places.status, mask, set, clocks: stretch };
-        let (mut begin, mut steps, mut passed) = (Instant::now(), None, 0);
+        let (mut begin, mut steps, mut first, mut passed) = (Instant::now(), None, None, 0);
         loop {
             self.transact(&[poll])?;
             let status = self.words.first().copied().unwrap_or(0);
@@ -178,6 +195,9 @@ impl Wrapped {
                 return Ok(status);
             }
             let now = self.steps()?;
+            if now.saturating_sub(*first.get_or_insert(now)) > u64::from(u32::MAX) {
+                return Err(Error::Damaged("more steps are counted than a run has".to_owned()));
+            }
             if steps.replace(now) != Some(now) {
                 (begin, passed) = (Instant::now(), 0);
             }
@@ -349,7 +369,7 @@ impl Engine for Wrapped {
             return Ok(());
         }
         let (stepped, map) = (self.stepped, Arc::clone(&self.map));
-        let wanted = |index: usize| stepped || map.outputs[index].state.is_some();
+        let wanted = |index: usize| stepped || map.sample_0(&map.outputs[index]).is_some();
         let mut ops = Vec::new();
         let spans = self.windows.outputs.iter().enumerate();
         spans.filter(|(index, _)| wanted(*index)).for_each(|(_, span)| add_read(&mut ops, span));
@@ -370,7 +390,8 @@ impl Engine for Wrapped {
         self.add_inputs(inputs)?;
         self.add_start(now);
         // An output that has no value yet cannot be asked for before the run has ended.
-        let has_sample = self.set.is_none() && self.map.outputs.iter().all(|output| output.state.is_some());
+        let has_sample =
+            self.set.is_none() && self.map.outputs.iter().all(|output| self.map.sample_0(output).is_some());
         let together = self.stepped || has_sample;
         if together {
             self.windows.outputs.iter().for_each(|span| add_read(&mut self.ops, span));
@@ -381,6 +402,18 @@ impl Engine for Wrapped {
             self.read(outputs)?;
         }
         Ok(Ran { steps, overruns: 0 })
+    }
+
+    fn run_frames(&mut self, frames: usize, inputs: &[i64], outputs: &mut Vec<i64>) -> Result<Ran, Error> {
+        count(frames * self.windows.inputs.len(), inputs.len())?;
+        let overruns = self.overruns()?;
+        if frames > 0 && self.has.stream && self.bus.has_streams() {
+            self.stream(frames, inputs, outputs)?;
+        } else {
+            self.batches(frames, inputs, outputs)?;
+        }
+        let overruns = self.overruns()?.saturating_sub(overruns);
+        Ok(Ran { steps: frames as u64, overruns })
     }
 
     fn state(&mut self, words: &mut [i64]) -> Result<(), Error> {
@@ -412,13 +445,41 @@ impl Engine for Wrapped {
             ops.extend([poll, Op::Write(high, halves[1]), Op::Write(low, halves[0])]);
         }
         self.with_access(|wrapped| {
-            wrapped.transact(&ops)?;
+            let mut given = 0;
+            while given < order.len() {
+                wrapped.transact(&ops[3 * given..])?;
+                // A wait without success ends the transaction in front of its word.
+                let taken = wrapped.words.iter().take_while(|status| *status & ready != 0).count();
+                given += taken.min(order.len() - given);
+                if given < order.len() {
+                    wrapped.await_status(ready, true, wrapped.step_clocks, "does not take new states")?;
+                }
+            }
             let (replacing, access) = (mask("STATUS", "REPLACING"), mask("STATUS", "ACCESS"));
             wrapped.await_status(replacing, false, wrapped.step_clocks, "does not take new states")?;
             wrapped.await_status(access, true, wrapped.step_clocks, "does not take new states")
         })?;
         (self.stepped, self.set) = (false, Some(words.to_vec()));
         Ok(())
+    }
+
+    fn set_parameters(&mut self, words: &[i64]) -> Result<(), Error> {
+        self.map.check_parameters(words)?;
+        if !self.has.parameters {
+            return if words.is_empty() {
+                Ok(())
+            } else {
+                Err(Error::Lacks("parameters that are written at run time"))
+            };
+        }
+        let mut ops = Vec::new();
+        self.windows.parameters.iter().zip(words).for_each(|(span, word)| add_write(&mut ops, span, *word));
+        ops.push(Op::Write(self.places.command, mask("COMMAND", "PARAMETERS")));
+        self.transact(&ops)?;
+        // All stored words are read and written, and the network runs through a step or two in between.
+        let stored = u32::try_from(self.map.state_words()).unwrap_or(u32::MAX);
+        let clocks = stored.saturating_mul(CLOCKS_PER_STORED_WORD).saturating_add(self.step_clocks.saturating_mul(9));
+        self.await_status(mask("STATUS", "TUNING"), false, clocks, "does not take new parameters").map(drop)
     }
 
     fn flags(&mut self) -> Result<Flags, Error> {

@@ -54,6 +54,22 @@ pub struct Map {
     /// Ports for a host, of designs that have some (`compile --host`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<HostPorts>,
+    /// What runs in place of a network (`wrap --vhdl`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foreign: Option<Foreign>,
+}
+
+/// A foreign entity. All VHDL names elsewhere in the map are those of its shell, which has the handshake of a network.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+pub struct Foreign {
+    /// Name of the VHDL entity, as its file has it.
+    pub entity: String,
+    /// Architecture.
+    pub architecture: String,
+    /// Clocks for which a step enables it; 0 if a step ends when it is ready. The first content of `STEP_CLOCKS`.
+    pub step_clocks: u32,
+    /// It tells when a step has ended.
+    pub ready: bool,
 }
 
 /// VHDL names of the ports for a host.
@@ -182,9 +198,30 @@ pub enum Outside {
     Clamps,
     /// It was proven that there is none over the span that was judged.
     Proven,
+    /// Up to a foreign entity; hosts give its inputs none.
+    Foreign,
 }
 
-/// How a number becomes a word.
+/// How a host rounds a number to a word.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HostRounding {
+    /// To the nearest word; a number in the middle of two takes the one farther from zero.
+    #[default]
+    Nearest,
+    /// To the next lower word.
+    Down,
+    /// To the next word towards zero.
+    TowardsZero,
+}
+
+impl HostRounding {
+    fn is_nearest(&self) -> bool {
+        *self == HostRounding::Nearest
+    }
+}
+
+/// How a network rounds a word.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rounding {
@@ -220,6 +257,9 @@ pub struct Input {
     pub rounding: Rounding,
     /// What becomes of words beyond the limits.
     pub outside: Outside,
+    /// How a host rounds a number to a word; to the nearest where nothing is said.
+    #[serde(default, skip_serializing_if = "HostRounding::is_nearest")]
+    pub host_rounding: HostRounding,
 }
 
 /// When an input that the network makes itself is 1.
@@ -266,6 +306,9 @@ pub struct Output {
     /// Number of the state that it shows, whose stored word the network rounds to the port; none of an output that the
     /// network has only after a step.
     pub state: Option<u32>,
+    /// Of outputs that show no state: the word in the initial state with all inputs 0; missing if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial: Option<i64>,
     /// How the word in the network is rounded to the port.
     pub rounding: Rounding,
     /// What becomes of a word that rounds to more than the port carries.
@@ -316,6 +359,9 @@ pub struct Word {
     pub clamped: bool,
 }
 
+/// The largest exponent of a format, and its negative the smallest: more than any number has.
+const MOST_EXPONENT: u32 = 1 << 12;
+
 /// The least number beyond integers of 64 bits.
 const TWO_TO_63: f64 = 9_223_372_036_854_775_808.0;
 
@@ -331,11 +377,20 @@ impl Format {
     }
 
     /// The same, for words from the first to the second of `limits`.
-    pub fn word_within(&self, number: f64, [least, most]: [i64; 2]) -> Option<Word> {
+    pub fn word_within(&self, number: f64, limits: [i64; 2]) -> Option<Word> {
+        self.rounded_within(number, limits, HostRounding::Nearest)
+    }
+
+    fn rounded_within(&self, number: f64, [least, most]: [i64; 2], rounding: HostRounding) -> Option<Word> {
         if number.is_nan() {
             return None;
         }
-        let scaled = libm::round(libm::scalbn(number, -self.exponent));
+        let rounded = match rounding {
+            HostRounding::Nearest => libm::round,
+            HostRounding::Down => libm::floor,
+            HostRounding::TowardsZero => libm::trunc,
+        };
+        let scaled = rounded(libm::scalbn(number, -self.exponent));
         // The cast takes the nearest integer of 64 bits, so a comparison of integers is exact.
         let beyond = !(-TWO_TO_63..TWO_TO_63).contains(&scaled);
         let nearest = scaled as i64;
@@ -363,9 +418,9 @@ impl State {
 }
 
 impl Input {
-    /// The nearest word to a number that the network does not clamp; none for NaN.
+    /// The word for a number, of those that the network does not clamp; none for NaN.
     pub fn word(&self, number: f64) -> Option<Word> {
-        self.format.word_within(number, self.words)
+        self.format.rounded_within(number, self.words, self.host_rounding)
     }
 }
 
@@ -411,7 +466,62 @@ impl Map {
         if map_version != u64::from(VERSION) {
             return Err(Fault::Version(map_version));
         }
-        serde_json::from_str(text).map_err(damaged)
+        let map: Map = serde_json::from_str(text).map_err(damaged)?;
+        map.check().map(|()| map).map_err(Fault::Damaged)
+    }
+
+    /// That numbers fit each other, so that whoever reads the map need not look.
+    fn check(&self) -> Result<(), String> {
+        let formats = self.inputs.iter().map(|input| (&input.name, input.format));
+        let formats = formats.chain(self.outputs.iter().map(|output| (&output.name, output.format)));
+        for (name, format) in formats.chain(self.states.iter().map(|state| (&state.name, state.format))) {
+            if !(1..=64).contains(&format.bits) || format.exponent.unsigned_abs() > MOST_EXPONENT {
+                return Err(format!("`{name}` has {} bits and an exponent of {}", format.bits, format.exponent));
+            }
+        }
+        for input in &self.inputs {
+            let ([least, most], [low, high]) = (input.words, input.format.words());
+            if low > least || least > most || most > high {
+                return Err(format!("the words of input `{}` do not fit it", input.name));
+            }
+        }
+        for state in &self.states {
+            let [least, most] = state.format.words();
+            // Sums of a word and the offset fit 64 bits.
+            if state.format.bits > 62 || !(0..=most).contains(&state.offset) || !(least..=most).contains(&state.initial)
+            {
+                return Err(format!("the words of state `{}` do not fit it", state.name));
+            }
+        }
+        let is_state = |number: u32| usize::try_from(number).is_ok_and(|number| number < self.states.len());
+        for output in &self.outputs {
+            if let Some(state) = output.state {
+                let bits = self.states.get(state as usize).map(|state| state.format.bits);
+                if bits.is_none_or(|bits| bits < output.format.bits || bits - output.format.bits > 62) {
+                    return Err(format!("output `{}` shows state {state}, which does not fit it", output.name));
+                }
+            }
+        }
+        if let Some(parameter) = self.parameters.iter().find(|parameter| !is_state(parameter.state)) {
+            return Err(format!("there is no state {} for parameter `{}`", parameter.state, parameter.name));
+        }
+        if let Some(tick) = self.ticks.iter().find(|tick| tick.steps == 0) {
+            return Err(format!("tick `{}` comes every 0 steps", tick.name));
+        }
+        let is_tick = |number: u32| usize::try_from(number).is_ok_and(|number| number < self.ticks.len());
+        let order = self.host.as_ref().and_then(|host| host.access.as_ref()).map_or(&[][..], |access| &access.order);
+        for place in order {
+            if !matches!((place.state, place.tick), (Some(state), None) if is_state(state))
+                && !matches!((place.state, place.tick), (None, Some(tick)) if is_tick(tick))
+            {
+                return Err("`host.access.order` names what there is not".to_owned());
+            }
+        }
+        let early = self.early_steps.iter().map(|early| early.step);
+        if early.chain([self.step]).any(|step| !step.is_finite() || step <= 0.0) {
+            return Err("a step is not greater than 0".to_owned());
+        }
+        Ok(())
     }
 
     /// The text of the file.
@@ -440,6 +550,19 @@ mod tests {
         assert_eq!(word(f64::NEG_INFINITY), Some((-128, true)));
         assert_eq!(word(f64::NAN), None);
         assert!((-128..=127).all(|word| format.word(format.number(word)) == Some(Word { word, clamped: false })));
+    }
+
+    #[test]
+    fn a_host_rounds_as_the_input_says() {
+        let format = Format { bits: 9, exponent: -1 };
+        let words = |rounding| [-0.75, 0.74, 200.0].map(|x| format.rounded_within(x, [0, 255], rounding).unwrap());
+        let word = |word, clamped| Word { word, clamped };
+        assert_eq!(words(HostRounding::Nearest), [word(0, true), word(1, false), word(255, true)]);
+        let format = Format { bits: 9, exponent: -1 };
+        let words = |rounding| [-0.75, 0.99].map(|x| format.rounded_within(x, format.words(), rounding).unwrap().word);
+        assert_eq!(words(HostRounding::Nearest), [-2, 2]);
+        assert_eq!(words(HostRounding::Down), [-2, 1]);
+        assert_eq!(words(HostRounding::TowardsZero), [-1, 1]);
     }
 
     #[test]

@@ -28,6 +28,8 @@ pub enum Use {
     ReadWrite,
     /// Read; some bits are cleared by writing 1.
     ReadClear,
+    /// Read; of a foreign entity written as well.
+    ReadForeign,
 }
 
 impl Use {
@@ -38,6 +40,7 @@ impl Use {
             Use::Command => "W",
             Use::ReadWrite => "RW",
             Use::ReadClear => "RC",
+            Use::ReadForeign => "RF",
         }
     }
 }
@@ -53,8 +56,12 @@ pub enum Capability {
     Flags,
     /// Inputs and outputs can go through streams.
     Stream,
+    /// There are parameters that are written at run time.
+    Parameters,
     /// It is a foreign entity, which runs by its clock enable.
     Foreign,
+    /// It tells when a step has ended.
+    Ready,
 }
 
 /// Part of a register.
@@ -139,6 +146,8 @@ const CAPS: &[Field] = &[
     Field::bit("FLAGS", 2, "there is a flag per cause"),
     Field::bit("STREAM", 3, "there are streams"),
     Field::bit("FOREIGN", 4, "a foreign entity, which runs by its clock enable"),
+    Field::bit("PARAMETERS", 5, "there are parameters that are written at run time"),
+    Field::bit("READY", 6, "it tells when a step has ended: `STEP_CLOCKS` may be 0"),
     Field::bits("WINDOW", 8, 4, "each of the four windows has 400 (hex) bytes times 2 to this power"),
     Field::bits("STATE_BITS", 16, 7, "bits of a stored word; 0 without `STATES`"),
 ];
@@ -154,6 +163,12 @@ const COMMAND: &[Field] = &[
     Field::bit("CLEAR", 3, "sets counters and statistics back, but not `STEP_COUNT`"),
     Field::bit("RESTART", 4, "ends the run, brings back the initial state and sample 0, and clears counters")
         .with(Capability::Restart),
+    Field::bit(
+        "PARAMETERS",
+        5,
+        "takes all words of the parameter window to the network, between two steps: those that begin later compute with them; an error while `TUNING`, with `MODE.ACCESS`, and together with `RESTART`",
+    )
+    .with(Capability::Parameters),
 ];
 
 const STATUS: &[Field] = &[
@@ -180,6 +195,8 @@ const STATUS: &[Field] = &[
     Field::bit("FRAME", 15, "a frame was dropped: it had not as many words as there are inputs, or no step to take it")
         .cleared()
         .with(Capability::Stream),
+    Field::bit("TUNING", 16, "parameters that were taken are on their way, and no step begins")
+        .with(Capability::Parameters),
 ];
 
 const MODE: &[Field] = &[
@@ -205,7 +222,7 @@ pub const REGISTERS: &[Register] = &[
     Register::new("HASH_2", 0x010, Use::Read, "the next 8"),
     Register::new("HASH_3", 0x014, Use::Read, "the next 8"),
     Register::new("CAPS", 0x018, Use::Read, "what this wrapper has").of(CAPS),
-    Register::new("STEP_CLOCKS", 0x01C, Use::Read, "clocks of a step: from one to the next in free run"),
+    Register::new("STEP_CLOCKS", 0x01C, Use::ReadForeign, "clocks of a step: from one to the next in free run; of a foreign entity, clocks for which a step enables it, with 0 until it is ready; what is written acts in steps that begin later"),
     Register::new("COMMAND", 0x020, Use::Command, "does what bits that are 1 say; all at once").of(COMMAND),
     Register::new("STATUS", 0x024, Use::ReadClear, "what has happened").of(STATUS),
     Register::new("MODE", 0x028, Use::ReadWrite, "how runs go").of(MODE),
@@ -328,7 +345,9 @@ fn cap_name(capability: Capability) -> &'static str {
         Capability::States => "STATES",
         Capability::Flags => "FLAGS",
         Capability::Stream => "STREAM",
+        Capability::Parameters => "PARAMETERS",
         Capability::Foreign => "FOREIGN",
+        Capability::Ready => "READY",
     }
 }
 

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::registers::{REGISTER_VERSION, REGISTERS, Span, Windows};
-use crate::{Fault, Format, Map, Output, State};
+use crate::{Fault, Format, Map, Output, Parameter, State};
 
 /// What [`Wrap::wrap_version`] is in descriptions that these types describe.
 pub const WRAP_VERSION: u32 = 1;
@@ -30,6 +30,9 @@ pub struct Wrap {
     pub capabilities: Capabilities,
     /// Addresses of the registers that this wrapper has.
     pub registers: Vec<RegisterPlace>,
+    /// Where the parameters are that are written at run time, in the order of the map: their stored words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<Place>,
     /// Where the inputs are, in the order of the map.
     pub inputs: Vec<Place>,
     /// Where the outputs are, in the order of the map.
@@ -47,8 +50,14 @@ pub struct Capabilities {
     pub flags: bool,
     /// Inputs and outputs can go through streams.
     pub stream: bool,
+    /// There are parameters that are written at run time.
+    #[serde(default)]
+    pub parameters: bool,
     /// It is a foreign entity, which runs by its clock enable.
     pub foreign: bool,
+    /// A foreign entity that tells when a step has ended.
+    #[serde(default)]
+    pub ready: bool,
 }
 
 /// A register.
@@ -95,11 +104,13 @@ impl Capabilities {
             Some(Capability::States) => self.states,
             Some(Capability::Flags) => self.flags,
             Some(Capability::Stream) => self.stream,
+            Some(Capability::Parameters) => self.parameters,
             Some(Capability::Foreign) => self.foreign,
+            Some(Capability::Ready) => self.ready,
         }
     }
 
-    /// Of a network.
+    /// Of a network, or of a foreign entity.
     pub fn of(map: &Map, stream: bool) -> Capabilities {
         let host = map.host.as_ref();
         Capabilities {
@@ -107,7 +118,9 @@ impl Capabilities {
             states: host.is_some_and(|host| host.access.is_some()),
             flags: host.is_some_and(|host| host.flags.is_some()),
             stream,
-            foreign: false,
+            parameters: !windows(map).parameters.is_empty(),
+            foreign: map.foreign.is_some(),
+            ready: map.foreign.as_ref().is_some_and(|foreign| foreign.ready),
         }
     }
 }
@@ -116,7 +129,11 @@ impl Capabilities {
 pub fn windows(map: &Map) -> Windows {
     let inputs: Vec<Format> = map.inputs.iter().map(|input| input.format).collect();
     let outputs: Vec<Format> = map.outputs.iter().map(|output| output.format).collect();
-    Windows::of(&[], &inputs, &outputs)
+    // They are written through the ports that replace states.
+    let access = map.host.as_ref().and_then(|host| host.access.as_ref());
+    let stored = |parameter: &Parameter| Some(map.states.get(usize::try_from(parameter.state).ok()?)?.format);
+    let parameters: Vec<Format> = map.parameters.iter().filter(|_| access.is_some()).filter_map(stored).collect();
+    Windows::of(&parameters, &inputs, &outputs)
 }
 
 impl Wrap {
@@ -134,7 +151,7 @@ impl Wrap {
             wrap_version: WRAP_VERSION,
             generator: generator.to_owned(),
             hash: map.hash.clone(),
-            wraps: map.entity.clone(),
+            wraps: map.foreign.as_ref().map_or(&map.entity, |foreign| &foreign.entity).clone(),
             entity: format!("{}_axi", map.entity),
             register_version: REGISTER_VERSION,
             address_bits: windows.address_bits,
@@ -149,6 +166,9 @@ impl Wrap {
                         .map(|field| FieldPlace { name: field.name.to_owned(), low: field.low, bits: field.bits })
                         .collect(),
                 })
+                .collect(),
+            parameters: (map.parameters.iter().zip(&windows.parameters))
+                .map(|(parameter, span)| place(&parameter.name, span, None))
                 .collect(),
             inputs: map.inputs.iter().zip(&windows.inputs).map(|(i, span)| place(&i.name, span, None)).collect(),
             outputs: (map.outputs.iter().zip(&windows.outputs))
@@ -182,9 +202,11 @@ impl Wrap {
 }
 
 impl Map {
-    /// The word of an output in the initial state; none if the network has it only after a step.
+    /// The word of an output in the initial state, with all inputs 0: as the network rounds the state that it shows, or the
+    /// nearest one to what its equation gives. None if that is not defined.
     pub fn sample_0(&self, output: &Output) -> Option<i64> {
-        let state = self.states.get(usize::try_from(output.state?).ok()?)?;
+        let Some(state) = output.state else { return output.initial };
+        let state = self.states.get(usize::try_from(state).ok()?)?;
         Some(output.shown(state, state.initial))
     }
 }

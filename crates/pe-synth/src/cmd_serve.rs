@@ -52,7 +52,7 @@ impl Serve {
         let settings = Settings::default();
         let bus = self.transport.bus(&design, &settings).map_err(failure)?;
         // A network that does not answer, or another one, is told here and not to each host.
-        let wrapped = Wrapped::open(&design, bus, settings.timeout).map_err(failure)?;
+        let wrapped = Wrapped::open(&design, bus, self.transport.timeout(&settings)).map_err(failure)?;
         let mut bus = wrapped.into_bus();
         let (entity, transport) = (&design.map().entity, &self.transport);
         if let Some(device) = &self.uart {

@@ -1,4 +1,4 @@
-//! `pe-synth wrap`: a network behind a bus.
+//! `pe-synth wrap`: a network, or a foreign entity, behind a bus.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,21 +12,35 @@ use pe_verify::folder::DesignFolder;
 use pe_wrap::Origin;
 
 use crate::console;
+use crate::foreign::Foreign;
 use crate::messages::MessageFormat;
 use crate::output::OutputFolder;
 
-/// Puts a compiled network behind a bus: AXI4-Lite registers, and a bus master for simulations
+/// Puts a compiled network, or a VHDL entity, behind a bus: AXI4-Lite registers, and a bus master for simulations
 ///
-/// The host ports of the network decide what the wrapper can do: see `compile --host`.
+/// The host ports of a network decide what the wrapper can do: see `compile --host`. For an entity of your own, with clock
+/// and clock enable, the first call writes a map of its ports, which you edit; with the map, the wrapper is written.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
   pe-synth compile models/motor_pid/motor_pid.spec --host restart,states,flags -o out/motor_pid
   pe-synth wrap out/motor_pid
-  pe-synth wrap out/motor_pid --stream -o out/motor_board")]
+  pe-synth wrap out/motor_pid --stream -o out/motor_board
+  pe-synth wrap --vhdl divider.vhd --entity divider -o out/divider
+  pe-synth wrap --vhdl divider.vhd --entity divider --map out/divider/divider_entity.json -o out/divider")]
 pub struct Wrap {
     /// Folder that `compile` wrote
-    folder: PathBuf,
+    #[arg(required_unless_present = "vhdl")]
+    folder: Option<PathBuf>,
+    /// VHDL file with an entity of your own, or with what it needs; may be repeated, in the order of compilation
+    #[arg(long, value_name = "FILE", conflicts_with = "folder", requires_all = ["entity", "output"], help_heading = "Entity")]
+    vhdl: Vec<PathBuf>,
+    /// The entity
+    #[arg(long, value_name = "NAME", requires = "vhdl", help_heading = "Entity")]
+    entity: Option<String>,
+    /// Map of the entity's ports, edited; without it, a first one is written
+    #[arg(long, value_name = "FILE", requires = "vhdl", help_heading = "Entity")]
+    map: Option<PathBuf>,
     /// Output folder, with a copy of the design [default: the folder itself]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -49,24 +63,37 @@ impl Wrap {
 
     /// Runs the command.
     pub fn run(&self, command: &str) -> Result<(), Failure> {
-        let target = self.output.as_ref().unwrap_or(&self.folder);
-        OutputFolder::permitted(target)?;
-        let design = DesignFolder::open(&self.folder)?;
-        let map = read_map(&design)?;
-        if map.output_memory.is_some() {
-            let message = "the network has its outputs in memories, which the wrapper does not read; compile it with \
-                           `--outputs ports`";
-            return Err(Failure::Usage(message.to_owned()));
-        }
-        let list = read(&self.folder.join(format!("{}.f", map.entity)))?;
         let generator = format!("pe-synth {}", env!("CARGO_PKG_VERSION"));
         let origin = Origin { generator, command: command.to_owned() };
-        let artefacts = pe_wrap::wrap(&map, &list, self.stream, &origin);
-        let report = self.folder.join("report.json");
+        match (&self.folder, &self.entity, &self.output) {
+            (Some(folder), ..) => self.wrap_network(folder, &origin),
+            (None, Some(entity), Some(target)) => Foreign {
+                files: &self.vhdl,
+                entity,
+                map: self.map.as_deref(),
+                target,
+                stream: self.stream,
+                origin,
+                message_format: self.message_format,
+                quiet: self.quiet,
+            }
+            .run(),
+            _ => Err(Failure::Usage("--vhdl needs --entity and -o".to_owned())),
+        }
+    }
+
+    fn wrap_network(&self, home: &Path, origin: &Origin) -> Result<(), Failure> {
+        let target = self.output.as_deref().unwrap_or(home);
+        OutputFolder::permitted(target)?;
+        let design = DesignFolder::open(home)?;
+        let map = read_map(&design)?;
+        let list = read(&home.join(format!("{}.f", map.entity)))?;
+        let artefacts = pe_wrap::wrap(&map, &list, self.stream, origin);
+        let report = home.join("report.json");
         let damaged = |error: serde_json::Error| Failure::file("read", &report, error);
         let mut report: Report = serde_json::from_str(&read(&report)?).map_err(damaged)?;
         let folder = OutputFolder::create_until_interrupted(target)?;
-        copy(&self.folder, &folder, "")?;
+        copy(home, &folder, "")?;
         for artefact in &artefacts {
             folder.write(&artefact.path, &artefact.text)?;
             report.files.insert(artefact.path.clone(), sha256(artefact.text.as_bytes()));
@@ -91,10 +118,12 @@ fn told(map: &Map, stream: bool, target: &Path) -> String {
     let names = |list: Vec<&(&'static str, bool)>| list.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
     let (has, lacks) = (names(has), names(lacks));
     let lacks = if lacks.is_empty() { String::new() } else { format!("without {lacks}: see `compile --host`") };
-    let [inputs, outputs] = [words(&windows.inputs), words(&windows.outputs)];
+    let [inputs, outputs, parameters] =
+        [&windows.inputs, &windows.outputs, &windows.parameters].map(|spans| words(spans));
+    let parameters = if parameters > 0 { format!(", {parameters} of parameters") } else { String::new() };
     let streams = if stream { "; AXI4-Stream in and out" } else { "" };
     row("bus", &format!("AXI4-Lite, 32 bits, addresses of {} bits{streams}", windows.address_bits))
-        + &row("windows", &format!("{inputs} words of inputs, {outputs} of outputs"))
+        + &row("windows", &format!("{inputs} words of inputs, {outputs} of outputs{parameters}"))
         + &row("host", &[has, lacks].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; "))
         + &row("samples/s", &rates(map))
         + &row("files", &format!("{}: {}_axi.vhd, {}_wrap.json and others", target.display(), map.entity, map.entity))

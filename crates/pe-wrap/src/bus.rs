@@ -31,10 +31,10 @@ struct Cpp<'a> {
     stream_patience: u32,
 }
 
-/// The text of `NAME_bus.vhd`.
-pub fn vhdl(wrap: &Wrap, origin: &Origin) -> String {
+/// The text of `NAME_bus.vhd`; `name` is what file names begin with.
+pub fn vhdl(name: &str, wrap: &Wrap, origin: &Origin) -> String {
     let Origin { generator, command } = origin;
-    let Wrap { wraps: name, entity, address_bits, capabilities, .. } = wrap;
+    let Wrap { entity, address_bits, capabilities, .. } = wrap;
     let bus = Vhdl {
         generator,
         command,

@@ -14,7 +14,9 @@ pub fn constants() -> String {
     };
     lines.push(format!("  constant ID_WORD\t: std_ulogic_vector(31 downto 0)\t:= x\"{ID:08X}\";"));
     lines.push(set("READ_REGISTERS", &|register| register.usage != Use::Command));
-    lines.push(set("WRITE_REGISTERS", &|register| register.usage != Use::Read));
+    let written = |usage| !matches!(usage, Use::Read | Use::ReadForeign);
+    lines.push(set("WRITE_REGISTERS", &|register| written(register.usage)));
+    lines.push(set("FOREIGN_WRITES", &|register| register.usage == Use::ReadForeign));
     for (name, needed) in [("STATES", Capability::States), ("FLAGS", Capability::Flags)] {
         lines.push(set(&format!("{name}_REGISTERS"), &|register| register.needs == Some(needed)));
     }

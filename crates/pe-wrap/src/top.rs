@@ -2,18 +2,22 @@
 
 use askama::Template;
 use pe_emit::comment_text;
-use pe_map::registers::{Span, Windows};
+use pe_map::registers::{self, Span, Windows};
 use pe_map::wrap::{Wrap, windows};
-use pe_map::{Control, Format, HostPorts, Map};
+use pe_map::{Access, Control, Format, HostPorts, Map, OutputMemory, Place};
 
 use crate::Origin;
+use crate::foreign::shell_name;
 
 #[derive(Template)]
 #[template(path = "wrapper.vhd")]
 struct Top<'a> {
     generator: &'a str,
     command: &'a str,
-    wraps: &'a str,
+    name: &'a str,
+    wraps: String,
+    /// Entity that is instantiated: the network, or the shell of a foreign entity.
+    network: String,
     entity: &'a str,
     address_bits: u32,
     input_words: u32,
@@ -25,6 +29,8 @@ struct Top<'a> {
     states: bool,
     flags: bool,
     stream: bool,
+    foreign: bool,
+    ready: bool,
     /// Bits of a stored word and of its address, words that are replaced, and clocks from an address to its word.
     state_bits: u32,
     state_address_bits: u32,
@@ -35,6 +41,50 @@ struct Top<'a> {
     inputs: Vec<Port>,
     outputs: Vec<Port>,
     initial: Vec<Initial>,
+    /// Outputs in memories: where they are read, bits of one and its words, and whether all have a sample 0.
+    memory: Option<&'a OutputMemory>,
+    output_bits: u32,
+    output_halves: u32,
+    all_sampled: bool,
+    parameter_words: u32,
+    parameters: Option<Parameters>,
+}
+
+/// Parameters that are written at run time.
+struct Parameters {
+    count: usize,
+    /// Words of one.
+    halves: u32,
+    /// The window of the initial state.
+    initial: Vec<Initial>,
+    /// Rows of all stored words in the order in which they are replaced, in bits.
+    rows: Vec<String>,
+    row_bits: usize,
+}
+
+impl Parameters {
+    fn of(map: &Map, access: &Access) -> Parameters {
+        let stored = |parameter: &pe_map::Parameter| &map.states[parameter.state as usize];
+        let halves = map.parameters.first().map_or(1, |parameter| registers::words(stored(parameter).format.bits));
+        let words = |parameter| {
+            let state = stored(parameter);
+            initial(Some(state.initial), &parameter.name, registers::words(state.format.bits))
+        };
+        let number = |place: &Place| {
+            let own = |parameter: &pe_map::Parameter| Some(parameter.state) == place.state;
+            map.parameters.iter().position(own).map_or(0, |number| number + 1)
+        };
+        let number_bits = (usize::BITS - map.parameters.len().leading_zeros()) as usize;
+        let address_bits = access.address_bits as usize;
+        let row = |place: &Place| format!("{:0number_bits$b}{:0address_bits$b}", number(place), place.address);
+        Parameters {
+            count: map.parameters.len(),
+            halves,
+            initial: map.parameters.iter().flat_map(words).collect(),
+            rows: access.order.iter().map(row).collect(),
+            row_bits: number_bits + address_bits,
+        }
+    }
 }
 
 /// A port of the network in the words of its window.
@@ -80,18 +130,22 @@ pub fn render(map: &Map, wrap: &Wrap, origin: &Origin) -> String {
     let top = Top {
         generator: &origin.generator,
         command: &origin.command,
-        wraps: &wrap.wraps,
+        name: &map.entity,
+        wraps: comment_text(&wrap.wraps),
+        network: map.foreign.as_ref().map_or(map.entity.clone(), |_| shell_name(&map.entity)),
         entity: &wrap.entity,
         address_bits: wrap.address_bits,
         input_words: Windows::total(&places.inputs),
         output_words: Windows::total(&places.outputs),
         hash: &wrap.hash[..32],
         map_version: map.map_version,
-        step_clocks: map.clocks_per_step,
+        step_clocks: map.foreign.as_ref().map_or(map.clocks_per_step, |foreign| foreign.step_clocks),
         restart: wrap.capabilities.restart,
         states: wrap.capabilities.states,
         flags: wrap.capabilities.flags,
         stream: wrap.capabilities.stream,
+        foreign: wrap.capabilities.foreign,
+        ready: wrap.capabilities.ready,
         state_bits: map.states.first().filter(|_| access.is_some()).map_or(0, |state| state.format.bits),
         state_address_bits: access.map_or(1, |access| access.address_bits),
         state_count: access.map_or(0, |access| access.order.len()),
@@ -99,6 +153,12 @@ pub fn render(map: &Map, wrap: &Wrap, origin: &Origin) -> String {
         control: &map.control,
         inputs: inputs.map(|(i, span)| Port::of(&i.name, &i.port, i.format, span, input_window)).collect(),
         outputs: outputs.clone().map(|(o, span)| Port::of(&o.name, &o.port, o.format, span, output_window)).collect(),
+        memory: map.output_memory.as_ref(),
+        output_bits: map.outputs.first().map_or(0, |output| output.format.bits),
+        output_halves: places.outputs.first().map_or(1, |span| span.words),
+        all_sampled: map.outputs.iter().all(|output| map.sample_0(output).is_some()),
+        parameter_words: Windows::total(&places.parameters),
+        parameters: access.filter(|_| !map.parameters.is_empty()).map(|access| Parameters::of(map, access)),
         initial: outputs.flat_map(|(output, span)| initial(map.sample_0(output), &output.name, span.words)).collect(),
         host,
     };

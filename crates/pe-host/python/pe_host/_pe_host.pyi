@@ -31,6 +31,16 @@ class Exchanged(Written):
     def overruns(self) -> int:
         """Paced steps that were not ready in time."""
 
+class Frames(Written):
+    """What a run of frames gave."""
+
+    @property
+    def outputs(self) -> list[list[float]]:
+        """All outputs after each step."""
+    @property
+    def overruns(self) -> int:
+        """Paced steps that were not ready in time."""
+
 class Snapshot:
     """Everything that a network goes on from but its inputs. Any network of the same design takes it."""
 
@@ -52,6 +62,9 @@ class Host:
     def outputs(self) -> list[str]:
         """Names of the outputs, in the order of numbers."""
     @property
+    def parameters(self) -> list[str]:
+        """Names of the tunable parameters, in the order of numbers."""
+    @property
     def limits(self) -> list[tuple[float, float]]:
         """The numbers of each input that are not clamped."""
     @property
@@ -72,6 +85,10 @@ class Host:
         """Gives all inputs a number; they act from the next step on."""
     def write_words(self, words: Sequence[int]) -> None:
         """The same with the words of the ports."""
+    def read_parameters(self) -> list[float]:
+        """The numbers of the tunable parameters that the network computes with."""
+    def write_parameters(self, numbers: Sequence[float]) -> Written:
+        """Gives all tunable parameters a number; they act from the next step on."""
     def run(self, steps: int = 1) -> int:
         """Runs so many steps; gives the paced steps that were not ready in time."""
     def read(self) -> list[float]:
@@ -83,6 +100,10 @@ class Host:
     def exchange(self, numbers: Sequence[float], steps: int = 1) -> Exchanged:
         """Writes, runs so many steps and reads."""
     def exchange_words(self, words: Sequence[int], steps: int = 1) -> list[int | None]:
+        """The same with words of the ports."""
+    def run_frames(self, frames: Sequence[Sequence[float]]) -> Frames:
+        """Runs a step for each frame of numbers of all inputs, one after the other, in few messages."""
+    def run_frames_words(self, frames: Sequence[Sequence[int]]) -> list[list[int]]:
         """The same with words of the ports."""
     def snapshot(self) -> Snapshot:
         """Takes the state between two steps."""
@@ -104,9 +125,12 @@ class Host:
     ) -> None: ...
 
 def open(
-    folder: str | PathLike[str], transport: str = "model", timeout: float = 0.5, library: str | PathLike[str] | None = None
+    folder: str | PathLike[str],
+    transport: str = "model",
+    timeout: float | None = None,
+    library: str | PathLike[str] | None = None,
 ) -> Host:
     """Opens a network of a folder that `compile` wrote, in its initial state and with all inputs 0.
 
-    timeout in seconds; library is a reference that was built before, for `fast` and `clocked`.
+    timeout in seconds; None is what the transport needs. library is a reference that was built before, for `fast` and `clocked`.
     """

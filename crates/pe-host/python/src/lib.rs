@@ -37,6 +37,14 @@ struct Exchanged {
     overruns: u64,
 }
 
+#[pyclass(extends = Written, frozen)]
+struct Frames {
+    #[pyo3(get)]
+    outputs: Vec<Vec<f64>>,
+    #[pyo3(get)]
+    overruns: u64,
+}
+
 #[pyclass(frozen)]
 struct Snapshot(pe_host::Snapshot);
 
@@ -85,8 +93,26 @@ impl Host {
     }
 }
 
+/// The numbers of all frames in a row.
+fn flat<T: Copy>(host: &pe_host::Host, frames: &[Vec<T>]) -> Result<Vec<T>, pe_host::Error> {
+    let needed = host.inputs().len();
+    match frames.iter().find(|frame| frame.len() != needed) {
+        Some(frame) => Err(pe_host::Error::Count { needed, given: frame.len() }),
+        None => Ok(frames.concat()),
+    }
+}
+
+/// The outputs of each step.
+fn rows<T: Copy>(host: &pe_host::Host, outputs: &[T]) -> Vec<Vec<T>> {
+    outputs.chunks(host.map().outputs.len().max(1)).map(<[T]>::to_vec).collect()
+}
+
 fn names(host: &pe_host::Host, indices: &[usize]) -> Vec<String> {
     indices.iter().filter_map(|index| Some(host.inputs().nth(*index)?.name.clone())).collect()
+}
+
+fn tuned(host: &pe_host::Host, indices: &[usize]) -> Vec<String> {
+    indices.iter().filter_map(|index| Some(host.parameters().get(*index)?.name.clone())).collect()
 }
 
 fn written(host: &pe_host::Host, written: &pe_host::Written) -> Written {
@@ -103,6 +129,22 @@ impl Host {
     #[getter]
     fn outputs(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.with(py, |host| Ok(host.map().outputs.iter().map(|output| output.name.clone()).collect()))
+    }
+
+    #[getter]
+    fn parameters(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.with(py, |host| Ok(host.parameters().iter().map(|parameter| parameter.name.clone()).collect()))
+    }
+
+    fn read_parameters(&self, py: Python<'_>) -> PyResult<Vec<f64>> {
+        self.with(py, |host| Ok(host.read_parameters()))
+    }
+
+    fn write_parameters(&self, py: Python<'_>, numbers: Vec<f64>) -> PyResult<Written> {
+        self.with(py, |host| {
+            let what = host.write_parameters(&numbers)?;
+            Ok(Written { clamped: tuned(host, &what.clamped), beyond_range: tuned(host, &what.beyond_range) })
+        })
     }
 
     #[getter]
@@ -181,6 +223,26 @@ impl Host {
         self.with(py, |host| Ok(host.exchange_words(&words, steps)?.to_vec()))
     }
 
+    fn run_frames(&self, py: Python<'_>, frames: Vec<Vec<f64>>) -> PyResult<Py<Frames>> {
+        let (base, shown) = self.with(py, |host| {
+            let inputs = flat(host, &frames)?;
+            let mut outputs = Vec::new();
+            let exchanged = host.run_frames(frames.len(), &inputs, &mut outputs)?;
+            let outputs = rows(host, &outputs);
+            Ok((written(host, &exchanged.written), Frames { outputs, overruns: exchanged.ran.overruns }))
+        })?;
+        Py::new(py, PyClassInitializer::from(base).add_subclass(shown))
+    }
+
+    fn run_frames_words(&self, py: Python<'_>, frames: Vec<Vec<i64>>) -> PyResult<Vec<Vec<i64>>> {
+        self.with(py, |host| {
+            let inputs = flat(host, &frames)?;
+            let mut outputs = Vec::new();
+            host.run_frames_words(frames.len(), &inputs, &mut outputs)?;
+            Ok(rows(host, &outputs))
+        })
+    }
+
     fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
         self.with(py, |host| Ok(Snapshot(host.snapshot()?)))
     }
@@ -227,10 +289,19 @@ impl Host {
 }
 
 #[pyfunction]
-#[pyo3(signature = (folder, transport = "model", timeout = 0.5, library = None))]
-fn open(py: Python<'_>, folder: PathBuf, transport: &str, timeout: f64, library: Option<PathBuf>) -> PyResult<Host> {
-    let timeout = Duration::try_from_secs_f64(timeout)
-        .map_err(|_| PyValueError::new_err(format!("{timeout} s is no time to wait")))?;
+#[pyo3(signature = (folder, transport = "model", timeout = None, library = None))]
+fn open(
+    py: Python<'_>,
+    folder: PathBuf,
+    transport: &str,
+    timeout: Option<f64>,
+    library: Option<PathBuf>,
+) -> PyResult<Host> {
+    let wait = |seconds: f64| {
+        Duration::try_from_secs_f64(seconds)
+            .map_err(|_| PyValueError::new_err(format!("{seconds} s is no time to wait")))
+    };
+    let timeout = timeout.map(wait).transpose()?;
     let settings = Settings { timeout, library };
     let opened = py.detach(|| {
         let transport: Transport = transport.parse()?;
@@ -250,6 +321,7 @@ fn _pe_host(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<Error>())?;
     module.add_class::<Written>()?;
     module.add_class::<Exchanged>()?;
+    module.add_class::<Frames>()?;
     module.add_class::<Snapshot>()?;
     module.add_class::<Host>()?;
     module.add_function(wrap_pyfunction!(open, module)?)

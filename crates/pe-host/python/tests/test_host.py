@@ -71,6 +71,18 @@ class HostTest(unittest.TestCase):
             other.restore(pe_host.Snapshot(snapshot.hash, snapshot.sample, snapshot.state))
             self.assertEqual(other.exchange([0.1, 0.0]).outputs, host.exchange([0.1, 0.0]).outputs)
 
+    def test_frames_are_steps(self):
+        numbers = random.Random(9)
+        frames = [[numbers.uniform(-0.5, 0.5), numbers.uniform(-0.01, 0.01)] for _ in range(100)] + [[9.0, 0.0]]
+        with pe_host.open(DESIGN) as host, pe_host.open(DESIGN, self.serve()[1], timeout=5.0) as other:
+            ran = other.run_frames(frames)
+            self.assertEqual(ran.outputs, [host.exchange(frame).outputs for frame in frames])
+            self.assertEqual((ran.clamped, ran.overruns, other.sample), (["target"], 0, 101))
+            self.assertEqual(other.run_frames_words([[5, 6]]), [host.exchange_words([5, 6])])
+            self.assertEqual((host.parameters, host.read_parameters(), host.write_parameters([]).clamped), ([], [], []))
+            with self.assertRaises(pe_host.Error):
+                other.run_frames([[1.0]])
+
     def test_errors_have_a_kind_and_come_in_time(self):
         def kind(call):
             begin = time.monotonic()

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::support::bench::Folder;
+use crate::support::damage;
 use crate::support::models::spec;
 use pe_flow::failure::Failure;
 use pe_verify::engines::Engine;
@@ -124,28 +125,9 @@ fn converter(folder: &Folder, arguments: &[&str]) -> PathBuf {
     compiled(folder, &spec, arguments)
 }
 
-fn copied(from: &Path, to: &Path) {
-    let _ = fs::remove_dir_all(to);
-    for folder in ["", "hdl"] {
-        fs::create_dir_all(to.join(folder)).expect("the test folder takes folders");
-        for entry in fs::read_dir(from.join(folder)).expect("the design is there") {
-            let path = entry.expect("entries can be read").path();
-            if path.is_file() {
-                fs::copy(&path, to.join(folder).join(path.file_name().expect("files have names"))).expect("copies");
-            }
-        }
-    }
-}
-
+/// A copy of a design beside it with another text of a file.
 fn edited(design: &Path, file: &str, edit: impl Fn(&str) -> String) -> PathBuf {
-    let to = design.with_file_name("damaged");
-    copied(design, &to);
-    let path = to.join(file);
-    let before = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{file}: {error}"));
-    let after = edit(&before);
-    assert_ne!(before, after, "{file} was not damaged");
-    fs::write(path, after).expect("the test folder takes files");
-    to
+    damage::edited(design, &design.with_file_name("damaged"), file, edit)
 }
 
 /// Asserts that GHDL finds damage, and that the file is named.

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::support::bench::Folder;
+use crate::support::damage::{Damage, missed};
 use pe_map::Map;
 use pe_verify::Scratch;
 use pe_verify::engines::Bench;
@@ -146,38 +148,42 @@ output x0
 ";
 
 /// Damages of the hardware that no run without a host shows: file, what is there, what takes its place.
-const DAMAGES: [(&str, &str, &str); 16] = [
+const DAMAGES: [Damage; 16] = [
     // A restart replaces nothing.
-    ("pe.vhd", "replacement <= state_i;", "null;"),
-    ("pe_access.vhd", "replacing <= restart;", "replacing <= '0';"),
+    ("hdl/pe.vhd", "replacement <= state_i;", "null;"),
+    ("hdl/pe_access.vhd", "replacing <= restart;", "replacing <= '0';"),
     // What was read comes a clock later.
-    ("pe_access.vhd", "  state_o       <= state;", "  state_o       <= state when rising_edge(clk_i);"),
+    ("hdl/pe_access.vhd", "  state_o       <= state;", "  state_o       <= state when rising_edge(clk_i);"),
     // Operands that are too large set the other flag.
-    ("pe.vhd", "          if (SPLIT_FLAGS) then", "          if (false) then"),
+    ("hdl/pe.vhd", "          if (SPLIT_FLAGS) then", "          if (false) then"),
     // Bases are added to what replaces them.
-    ("pe_scale.vhd", "flag(control_i, LAYOUT.base.enable) and not replace_i", "flag(control_i, LAYOUT.base.enable)"),
+    (
+        "hdl/pe_scale.vhd",
+        "flag(control_i, LAYOUT.base.enable) and not replace_i",
+        "flag(control_i, LAYOUT.base.enable)",
+    ),
     // Products are added to what replaces a state.
-    ("pe.vhd", "flag(control_i, LAYOUT.own.enable) and not replace_i", "flag(control_i, LAYOUT.own.enable)"),
+    ("hdl/pe.vhd", "flag(control_i, LAYOUT.own.enable) and not replace_i", "flag(control_i, LAYOUT.own.enable)"),
     // A sum that was under way goes on.
-    ("pe.vhd", "(ACCESS_STATES and refill_i = '1')", "(false)"),
+    ("hdl/pe.vhd", "(ACCESS_STATES and refill_i = '1')", "(false)"),
     // Reading writes.
-    ("pe_scale.vhd", "write_base_i and not look_i", "write_base_i"),
+    ("hdl/pe_scale.vhd", "write_base_i and not look_i", "write_base_i"),
     // Another PE's words.
-    ("pe_scale.vhd", "look_here_i when look_i = '1'", "'1' when look_i = '1'"),
+    ("hdl/pe_scale.vhd", "look_here_i when look_i = '1'", "'1' when look_i = '1'"),
     // The offset is added twice.
-    ("pe_access.vhd", "resize(signed(source), WORD_BITS + 1) - offset", "resize(signed(source), WORD_BITS + 1)"),
+    ("hdl/pe_access.vhd", "resize(signed(source), WORD_BITS + 1) - offset", "resize(signed(source), WORD_BITS + 1)"),
     // Words in front of the pause point are matched in the first pass already.
-    ("pe_access.vhd", "unsigned(next_i) >= PAUSE_WORD - 2", "unsigned(next_i) >= 0"),
+    ("hdl/pe_access.vhd", "unsigned(next_i) >= PAUSE_WORD - 2", "unsigned(next_i) >= 0"),
     // The step that replaces states publishes outputs.
-    ("pe_sequencer.vhd", "fetch and not settle and not replace_i", "fetch and not settle"),
+    ("hdl/pe_sequencer.vhd", "fetch and not settle and not replace_i", "fetch and not settle"),
     // It counts as a step for ticks.
-    ("pe_sequencer.vhd", "sample_o  <= fetch and waiting and not replace_i", "sample_o  <= fetch and waiting"),
+    ("hdl/pe_sequencer.vhd", "sample_o  <= fetch and waiting and not replace_i", "sample_o  <= fetch and waiting"),
     // Ticks keep their counters.
-    ("pe_tick.vhd", "(replace_i = '1' and here_i = '1')", "(false)"),
+    ("hdl/pe_tick.vhd", "(replace_i = '1' and here_i = '1')", "(false)"),
     // Steps begin while a host has access.
-    ("pe_sequencer.vhd", "((step_i and not hold_i) or not waiting)", "(step_i or not waiting)"),
+    ("hdl/pe_sequencer.vhd", "((step_i and not hold_i) or not waiting)", "(step_i or not waiting)"),
     // Flags stay.
-    ("pe.vhd", "(clear_i = '1')", "(false)"),
+    ("hdl/pe.vhd", "(clear_i = '1')", "(false)"),
 ];
 
 #[test]
@@ -205,21 +211,9 @@ fn what_is_broken_for_a_host_is_caught() {
     for folder in &designs {
         assert!(judged(folder).unwrap_or_else(|what| panic!("{what}")) > 0);
     }
-    let mut missed = Vec::new();
-    for (file, from, to) in DAMAGES {
-        let is_caught = designs.iter().any(|folder| {
-            let path = folder.join("hdl").join(file);
-            let Ok(text) = fs::read_to_string(&path) else { return false };
-            assert_eq!(text.matches(from).count(), 1, "{file}: `{from}`");
-            fs::write(&path, text.replace(from, to)).unwrap();
-            let judged = judged(folder);
-            fs::write(&path, text).unwrap();
-            judged.is_err()
-        });
-        if !is_caught {
-            missed.push(from);
-        }
-    }
+    let scratch = Folder::new("host_broken");
+    let designs: Vec<&Path> = designs.iter().map(PathBuf::as_path).collect();
+    let missed = missed(&designs, &scratch.0, &DAMAGES, |broken, _| judged(broken).is_err());
     assert_eq!(missed, Vec::<&str>::new(), "not caught");
 }
 

@@ -11,6 +11,7 @@ mod cli;
 mod console;
 mod damage;
 mod explore;
+mod foreign;
 mod golden;
 mod host;
 mod inject;

@@ -1,12 +1,15 @@
 //! Outputs in memories: the words of ports, from designs with every feature, and from such designs with something broken.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use crate::support::Family;
-use crate::support::bench::assert_lively_agreement;
+use crate::support::bench::{Folder, assert_lively_agreement};
+use crate::support::damage::{Damage, missed};
 use crate::support::flow::{Flow, Placement, format};
+use pe_ir::index::PeId;
 use pe_ir::model::Solver;
 use pe_ir::program::{OutputPort, Program};
 use pe_ir::verify;
@@ -17,6 +20,7 @@ use pe_sim::machine::Machine;
 use pe_verify::engines::Engine;
 use pe_verify::inject::class::Class;
 use pe_verify::inject::classes::{Places, Sources};
+use pe_verify::inject::datasheet::{self, Design};
 use pe_verify::inject::symbolic;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -47,7 +51,9 @@ fn report(folder: &Path) -> Value {
 
 /// What `verify` says of a folder.
 fn verified(folder: &Path) -> Result<String, String> {
-    let output = pe_synth(&["verify", folder.to_str().unwrap(), "--engines", "ghdl", "--steps", "3"]);
+    // That a file was changed says nothing of what it does.
+    let options = ["--engines", "ghdl", "--steps", "3", "--allow-changed"];
+    let output = pe_synth(&[&["verify", folder.to_str().unwrap()], &options[..]].concat());
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
 }
@@ -168,28 +174,25 @@ fn many_outputs_are_in_memories_where_that_takes_less() {
     assert_eq!((&ports["outputs_in"]["kind"], &ports["outputs_in"]["reason"]), (&"ports".into(), &"asked for".into()));
     let lut = |report: &Value| report["area"]["split"]["outputs"]["lut"].as_f64().unwrap();
     assert!(lut(&many) < 0.5 * lut(&ports));
-    // A bus cannot read memories.
-    let wrapped = pe_synth(&["wrap", Path::new(env!("CARGO_TARGET_TMPDIR")).join("outputs_many").to_str().unwrap()]);
-    assert!(String::from_utf8_lossy(&wrapped.stderr).contains("--outputs ports"), "{wrapped:?}");
     // The network computes the same.
     assert_eq!(many["cycles_per_step"], ports["cycles_per_step"]);
 }
 
 /// Damages that `verify` must see: file, what is there, what takes its place.
-const DAMAGES: [(&str, &str, &str); 11] = [
-    ("pe_output_memory.vhd", "place <= place + 1;", "place <= place + 2;"),
-    ("pe_output_memory.vhd", "if (write_i = '1') then", "if (true) then"),
-    ("pe_output_memory.vhd", "write_enable_i  => write_i,", "write_enable_i  => '0',"),
-    ("pe_output_memory.vhd", "if (publish = '1' or settle = '1') then", "if (settle = '1') then"),
+const DAMAGES: [Damage; 11] = [
+    ("hdl/pe_output_memory.vhd", "place <= place + 1;", "place <= place + 2;"),
+    ("hdl/pe_output_memory.vhd", "if (write_i = '1') then", "if (true) then"),
+    ("hdl/pe_output_memory.vhd", "write_enable_i  => write_i,", "write_enable_i  => '0',"),
+    ("hdl/pe_output_memory.vhd", "if (publish = '1' or settle = '1') then", "if (settle = '1') then"),
     // A step that replaces states leaves its places behind.
-    ("pe_output_memory.vhd", "if (publish = '1' or settle = '1') then", "if (publish = '1') then"),
-    ("pe_output_memory.vhd", "published <= published xor publish;", "published <= published;"),
+    ("hdl/pe_output_memory.vhd", "if (publish = '1' or settle = '1') then", "if (publish = '1') then"),
+    ("hdl/pe_output_memory.vhd", "published <= published xor publish;", "published <= published;"),
     // Words of the step that runs.
-    ("pe_output_memory.vhd", "write_address <= not published & std", "write_address <= published & std"),
-    ("pe_output_memory.vhd", "read_enable_i   => here_i,", "read_enable_i   => '1',"),
-    ("pe_output_reader.vhd", "here(i) <= '1';", "here(i) <= '0';"),
-    ("pe_output_reader.vhd", "if (k < BELOW) then", "if (k < BELOW - 1) then"),
-    ("pe_output_reader.vhd", "place_o   <= place;", "place_o   <= row(PLACE_BITS - 1 downto 0);"),
+    ("hdl/pe_output_memory.vhd", "write_address <= not published & std", "write_address <= published & std"),
+    ("hdl/pe_output_memory.vhd", "read_enable_i   => here_i,", "read_enable_i   => '1',"),
+    ("hdl/pe_output_reader.vhd", "here(i) <= '1';", "here(i) <= '0';"),
+    ("hdl/pe_output_reader.vhd", "if (k < BELOW) then", "if (k < BELOW - 1) then"),
+    ("hdl/pe_output_reader.vhd", "place_o   <= place;", "place_o   <= row(PLACE_BITS - 1 downto 0);"),
 ];
 
 #[test]
@@ -198,18 +201,27 @@ fn what_is_broken_of_memories_is_caught() {
     let options = format!("{options} --observe x,v");
     let folder = compiled("outputs_broken", "spring_chain/spring_chain.spec", &options);
     verified(&folder).unwrap();
-    let mut missed = Vec::new();
-    for (file, from, to) in DAMAGES {
-        let path = folder.join("hdl").join(file);
-        let text = fs::read_to_string(&path).unwrap();
-        assert_eq!(text.matches(from).count(), 1, "{file}: `{from}`");
-        fs::write(&path, text.replace(from, to)).unwrap();
-        if verified(&folder).is_ok() {
-            missed.push((from, to));
-        }
-        fs::write(&path, text).unwrap();
-    }
-    assert_eq!(missed, Vec::<(&str, &str)>::new(), "not caught");
+    let scratch = Folder::new("outputs_damaged");
+    let missed = missed(&[&folder], &scratch.0, &DAMAGES, |broken, _| verified(broken).is_err());
+    assert_eq!(missed, Vec::<&str>::new(), "not caught");
+}
+
+/// Whether every output shows a word that the simulator makes of the same sum, in two designs that differ in their outputs.
+fn same_sums(flow: &Flow, one: &Design, other: &Design) -> bool {
+    let shown = |design: &Design| -> BTreeMap<String, (usize, usize)> {
+        let of_pe = |(pe, own): (usize, &datasheet::Pe)| {
+            own.outputs.iter().map(|(word, port, _)| (port.clone(), (pe, *word as usize))).collect::<Vec<_>>()
+        };
+        design.pes.iter().enumerate().flat_map(of_pe).collect()
+    };
+    let (one, other) = (shown(one), shown(other));
+    let mut network = Clocked::new(&flow.program);
+    one.len() == other.len()
+        && flow.beginning(20).stimulus.iter().all(|inputs| {
+            network.step(inputs, &mut |_| {});
+            let sum = |(pe, word): (usize, usize)| network.sums(PeId::at(pe))[word];
+            one.iter().all(|(port, place)| other.get(port).is_some_and(|other| sum(*place) == sum(*other)))
+        })
 }
 
 /// A damage of a place or of a word that is shown is no other than another output to the rules of the datasheet.
@@ -235,6 +247,7 @@ fn the_datasheet_knows_which_word_an_output_shows() {
     assert!(!of_places.is_empty());
     for damage in of_places {
         let (_, _, damaged) = sources.damaged(damage).read().unwrap();
-        assert!(symbolic::equal(&read, &damaged).is_err(), "{}", damage.what);
+        // Two words of a step may be the same sum: then it does not matter which of them is shown.
+        assert!(symbolic::equal(&read, &damaged).is_err() || same_sums(&flow, &read, &damaged), "{}", damage.what);
     }
 }

@@ -39,6 +39,18 @@ fn the_page_shows_the_register_map() {
     }
 }
 
+#[test]
+fn the_page_shows_the_fault_table() {
+    let path = root().join("docs/host.md");
+    let page = fs::read_to_string(&path).unwrap();
+    let made = with_part(&page, ["<!-- faults -->\n", "<!-- end of faults -->"], &pe_host::faults::table());
+    if std::env::var_os("UPDATE_REGISTERS").is_some() {
+        fs::write(&path, &made).unwrap();
+    } else {
+        assert!(page == made, "UPDATE_REGISTERS=1 cargo test -p pe-synth --test commands wrap renews docs/host.md");
+    }
+}
+
 /// Runs a command that must fail; its exit code and what it says.
 fn refused(arguments: &[&str]) -> (i32, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(arguments).output().unwrap();

@@ -497,8 +497,8 @@ pub const REPLACEMENTS: &[Replacement] = &[
     (Latency, Deep, "pe_replica.vhd", "value_o <= value;", "value_o <= value_i;"),
     // Inputs, outputs, ticks.
     (InputClamp, Always, "pe_input.vhd", "if (word(WORD_BITS) /= word(WORD_BITS - 1)) then", "if (false) then"),
-    (InputClamp, Always, "pe_input.vhd", "operand(DATA_BITS - 1) <= '0';", "operand(DATA_BITS - 1) <= '1';"),
-    (Flags, Always, "pe_input.vhd", "overflow               <= '1';", "overflow               <= '0';"),
+    (InputClamp, Always, "pe_input.vhd", "operand  <= most;", "operand  <= not most;"),
+    (Flags, Always, "pe_input.vhd", "overflow <= '1';", "overflow <= '0';"),
     (Rounding, Always, "pe_input.vhd", "GUARD_BITS) + half;", "GUARD_BITS);"),
     (StepHandshake, Always, "pe_input.vhd", "if (arrive = '1') then", "if (true) then"),
     (Outputs, Always, "pe_output.vhd", "if (publish = '1') then", "if (false) then"),

@@ -1,6 +1,7 @@
 //! A host's program on every transport: the same integers, whatever the inputs.
 
 mod faults;
+mod hostile;
 
 use std::fs;
 use std::io::{Read, Write};
@@ -18,13 +19,14 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::support::bench::Folder;
-use crate::support::models::spec;
+use crate::support::models::{TUNED, spec};
 use faults::{IN_TIME, within};
 
 /// Designs whose steps have everything that engines may treat differently: ticks of several rates, tables, a network
 /// without inputs, swapped buffers, a deep pipeline, sums of operands that wrap, words that saturate, early steps,
-/// interpolated inputs, outputs without a sample 0.
-const DESIGNS: [(&str, &str); 9] = [
+/// interpolated inputs, outputs without a sample 0, parameters that are written.
+const DESIGNS: [(&str, &str); 10] = [
+    (TUNED, "--pes 2 --host states"),
     ("motor_pid", "--pes 2 --span 100ms"),
     ("pendulum", "--pes 2 --span 100ms"),
     ("wave6", "--pes 3"),
@@ -39,13 +41,15 @@ const DESIGNS: [(&str, &str); 9] = [
 /// Compiles a shipped model, and builds its reference as a library.
 fn compiled(folder: &Path, name: &str, options: &str) -> Settings {
     let mut compile = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
-    compile.arg("compile").arg(spec(name)).args(["-q", "--no-pictures", "-o"]).arg(folder);
+    let own = folder.with_extension("spec");
+    let path = if name.contains('\n') { fs::write(&own, name).map(|()| own).unwrap() } else { spec(name) };
+    compile.arg("compile").arg(path).args(["-q", "--no-pictures", "-o"]).arg(folder);
     let output = compile.args(options.split_whitespace()).output().expect("it was just built");
     assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
     let library = folder.join("network.so");
     Native::build(&Design::open(folder).unwrap(), &library).unwrap();
     // Tests run side by side, and simulations take what time they get.
-    Settings { library: Some(library), timeout: Duration::from_secs(5) }
+    Settings { library: Some(library), timeout: Some(Duration::from_secs(5)) }
 }
 
 fn open(folder: &Path, transport: &str, settings: &Settings) -> Host {
@@ -72,6 +76,17 @@ fn program(host: &mut Host, steps: u64, seed: u64) -> Vec<(Vec<Option<i64>>, Fla
         if step % 97 == 50 {
             host.clear_flags().unwrap();
         }
+        if step % 41 == 7 && !host.parameters().is_empty() {
+            // They act together from the next step on, and the outputs stay.
+            let word = |parameter: &pe_map::Parameter| {
+                let [least, most] = parameter.range;
+                host.map().states[parameter.state as usize].word(rng.random_range(least..=most)).unwrap().word
+            };
+            let parameters: Vec<i64> = host.parameters().iter().map(word).collect();
+            host.write_parameter_words(&parameters).unwrap();
+            let shown = host.read_words().unwrap();
+            assert_eq!(Some(&shown), seen.last().map(|(words, _)| words), "outputs after new parameters");
+        }
         if step == steps / 3 {
             middle = Some(host.snapshot().unwrap());
         }
@@ -90,12 +105,33 @@ fn program(host: &mut Host, steps: u64, seed: u64) -> Vec<(Vec<Option<i64>>, Fla
             seen.push((host.read_words().unwrap(), host.flags().unwrap()));
         }
     }
+    // Many steps in one call; the inputs of the last one stay.
+    host.restore(middle.as_ref().unwrap()).unwrap();
+    for frames in [1, steps / 5, 3] {
+        let word = |words: [i64; 2], rng: &mut ChaCha8Rng| rng.random_range(words[0] / 2..=words[1] / 2);
+        let count = usize::try_from(frames).unwrap();
+        let inputs: Vec<i64> =
+            (0..count).flat_map(|_| formats.clone()).map(|(_, words)| word(words, &mut rng)).collect();
+        let (mut outputs, before) = (Vec::new(), host.sample());
+        assert_eq!(host.run_frames_words(count, &inputs, &mut outputs).unwrap().steps, frames);
+        assert_eq!(host.sample(), before + frames);
+        let row = host.map().outputs.len();
+        seen.extend(outputs.chunks(row).map(|row| (row.iter().copied().map(Some).collect(), Flags::default())));
+        assert_eq!(host.read_words().unwrap(), seen.last().unwrap().0);
+        host.run(1).unwrap();
+        seen.push((host.read_words().unwrap(), host.flags().unwrap()));
+    }
     host.reset().unwrap();
     assert_eq!((host.read_words().unwrap(), Flags::default()), seen[0], "the initial state after a reset");
     let ran = host.run(3).unwrap();
     assert_eq!((ran.steps, host.sample()), (3, 3));
     seen.push((host.read_words().unwrap(), host.flags().unwrap()));
     seen
+}
+
+/// What a model is called here: its name, or that of a spec.
+fn label(name: &str) -> &str {
+    name.split_whitespace().nth(1).unwrap_or(name)
 }
 
 fn assert_same(
@@ -119,7 +155,7 @@ fn assert_same(
 fn engines_in_process_give_the_same_integers() {
     let mut flags = Flags::default();
     for (number, (name, options)) in DESIGNS.iter().enumerate() {
-        let folder = Folder::new(&format!("transports_{name}_{number}"));
+        let folder = Folder::new(&format!("transports_{}_{number}", label(name)));
         let settings = compiled(&folder.0, name, options);
         let mut expected = None;
         for transport in ["clocked", "fast", "model"] {
@@ -135,11 +171,13 @@ fn engines_in_process_give_the_same_integers() {
     assert_eq!(shown, ["input_clamped", "saturated", "operand_too_large", "proof_broken"]);
 }
 
-/// Designs with ports for a host.
-const HOSTED: [(&str, &str); 3] = [
+/// Designs with ports for a host; the last two with outputs in memories, one of them with parameters.
+const HOSTED: [(&str, &str); 5] = [
     ("motor_pid", "--pes 2 --span 100ms --host restart,states,flags"),
     ("rc_ladder", "--pes 2 --span 10ms --multiplier 25x18 --storage 32 --proof off --host restart,states,flags"),
     ("pump_station", "--storage 40 --host restart,states,flags"),
+    (TUNED, "--pes 2 --storage 40 --multiplier 35x35 --outputs memory --host restart,states,flags"),
+    ("spring_chain", "--pes 3 --loop on --pipeline deep --set n=12 --outputs memory --host restart,states,flags"),
 ];
 
 /// Without the flag that hardware does not have.
@@ -225,7 +263,7 @@ fn serial(bus: Box<dyn Bus>) -> String {
 #[test]
 fn registers_give_the_same_integers_over_every_line() {
     for (name, options) in HOSTED {
-        let folder = Folder::new(&format!("transports_registers_{name}"));
+        let folder = Folder::new(&format!("transports_registers_{}", label(name)));
         let settings = compiled(&folder.0, name, options);
         let design = Design::open(&folder.0).unwrap();
         let expected = without_proof(program(&mut model(&folder.0), 1000, 11));
@@ -243,6 +281,40 @@ fn registers_give_the_same_integers_over_every_line() {
             assert_same(name, ["model", transport], &expected, &without_proof(program(&mut host, 1000, 11)));
         }
     }
+}
+
+#[test]
+fn flags_of_a_bank_are_cleared_one_by_one() {
+    let folder = Folder::new("transports_flags");
+    let (name, options) = HOSTED[1];
+    compiled(&folder.0, name, options);
+    let design = Design::open(&folder.0).unwrap();
+    let mut bus = bank(&design);
+    let register = |name| pe_map::registers::register(name).unwrap();
+    let bit = |field| register("STATUS").field(field).unwrap().mask();
+    let (status, all) = (register("STATUS").address, bit("SATURATED") | bit("OPERAND") | bit("INPUT"));
+    let read = |bus: &mut dyn Bus| {
+        let mut words = Vec::new();
+        bus.transact(&[Op::Read(status)], &mut words).unwrap();
+        words[0] & (all | bit("OVERFLOW"))
+    };
+    let places = pe_map::wrap::windows(design.map()).inputs;
+    let mut seen = 0;
+    bus.transact(&[Op::Write(register("RUN_STEPS").address, 100)], &mut Vec::new()).unwrap();
+    for number in 0..200 {
+        // Far beyond all ranges for long, to either side.
+        let word = if number / 40 % 2 == 0 { i32::MAX } else { i32::MIN };
+        let mut ops: Vec<Op> = places.iter().map(|place| Op::Write(place.address, word as u32)).collect();
+        ops.push(Op::Write(register("COMMAND").address, 1));
+        bus.transact(&ops, &mut Vec::new()).unwrap();
+        let before = read(&mut *bus);
+        let cleared = [bit("SATURATED"), bit("OPERAND"), bit("INPUT"), 0][number % 4];
+        bus.transact(&[Op::Write(status, cleared)], &mut Vec::new()).unwrap();
+        let left = before & all & !cleared;
+        assert_eq!(read(&mut *bus), left | if left == 0 { 0 } else { bit("OVERFLOW") });
+        seen |= before & all;
+    }
+    assert!(seen.count_ones() > 1, "several flags are up: {seen:x}");
 }
 
 /// Passes bytes on, of which some are lost or changed on the way.
@@ -347,19 +419,24 @@ fn rates_are_predicted_from_the_times_that_are_measured() {
     assert!((uart * (10.0 * bytes / 115_200.0) - 1.0).abs() < 0.02, "{uart}");
 }
 
-fn wrapped(folder: &Path, name: &str, options: &str) -> Settings {
+fn wrapped(folder: &Path, name: &str, options: &str, more: &[&str]) -> Settings {
     let settings = compiled(folder, name, options);
-    let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).arg("wrap").arg(folder).arg("-q").output().unwrap();
+    let mut wrap = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    let output = wrap.arg("wrap").arg(folder).arg("-q").args(more).output().unwrap();
     assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
     settings
 }
 
 #[test]
 fn simulations_of_the_hardware_give_the_same_integers() {
-    // The second one has as many PEs as a number of one bit tells apart, and no ticks.
-    for ((name, options), steps) in [(HOSTED[0], 1000), (HOSTED[1], 200)] {
-        let folder = Folder::new(&format!("transports_simulated_{name}"));
-        let settings = wrapped(&folder.0, name, options);
+    // The second one has as many PEs as a number of one bit tells apart, and no ticks; the others have streams.
+    let plain: &[&str] = &[];
+    let streams: &[&str] = &["--stream"];
+    for ((name, options), steps, more) in
+        [(HOSTED[0], 1000, plain), (HOSTED[1], 200, plain), (HOSTED[3], 200, streams), (HOSTED[4], 90, streams)]
+    {
+        let folder = Folder::new(&format!("transports_simulated_{}", label(name)));
+        let settings = wrapped(&folder.0, name, options, more);
         let expected = without_proof(program(&mut model(&folder.0), steps, 13));
         for transport in ["ghdl", "verilator"] {
             let seen = without_proof(program(&mut open(&folder.0, transport, &settings), steps, 13));
@@ -371,7 +448,7 @@ fn simulations_of_the_hardware_give_the_same_integers() {
 #[test]
 fn a_simulation_without_a_restart_begins_anew() {
     let folder = Folder::new("transports_renewed");
-    let settings = wrapped(&folder.0, "motor_pid", "--pes 2 --span 100ms");
+    let settings = wrapped(&folder.0, "motor_pid", "--pes 2 --span 100ms", &[]);
     let mut expected = model(&folder.0);
     let mut host = open(&folder.0, "ghdl", &settings);
     for _ in 0..2 {
