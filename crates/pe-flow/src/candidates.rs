@@ -11,6 +11,7 @@ use pe_hls::relay::{Relayed, relay};
 use pe_hls::rounds::Rounds;
 use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::mapping::Mapping;
+use pe_ir::word::Latency;
 
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
@@ -116,7 +117,9 @@ impl<'a> Candidates<'a> {
         }
         // Relays would take away what a stage loop saves.
         let looped = LazyCell::new(|| options.stage_loop != StageLoop::Off && Rounds::of(graph, fixed).is_some());
-        let mut pes = network.pes.unwrap_or_else(|| default_pes(&plain.as_ref().expect("not mapped yet").optimistic));
+        let mut pes = network.pes.unwrap_or_else(|| {
+            default_pes(&plain.as_ref().expect("not mapped yet").optimistic, Latency::of(&fixed.format))
+        });
         loop {
             let mut refused = None;
             let with_relays = RELAYS.iter().filter_map(|relays| relayed(pes, *relays).filter(|_| !*looped));

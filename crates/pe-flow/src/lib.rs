@@ -15,6 +15,7 @@
 pub mod accuracy;
 pub mod bottleneck;
 pub mod candidates;
+pub mod elimination;
 pub mod explore;
 pub mod failure;
 pub mod features;

@@ -2,7 +2,7 @@
 //! goals.
 //!
 //! ```text
-//! build       solver, step, form; with functions the ports    step graph
+//! build       solver, step, form, order; with functions the ports    step graph
 //! split       PEs, where equations are heavy                   step graph
 //! run         as its step graph                                run in double precision
 //! formats     multiplier, storage, coefficients                formats, judged
@@ -19,6 +19,8 @@ use pe_hls::mapping::{self, MapError, WireLength, default_pes};
 use pe_hls::pairs::{self, Paired};
 use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
+use pe_hls::step::StepOptions;
+use pe_hls::sums;
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::mapping::{Mapping, MappingCost};
@@ -30,6 +32,7 @@ use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
 use crate::candidates::{self, Candidates, Network};
+use crate::elimination::{self, Trial};
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
 use crate::selection;
@@ -87,6 +90,8 @@ pub struct Design {
     pub starts: Vec<StartResult>,
     /// Whether the number of PEs is the default.
     pub default_pes: bool,
+    /// Orders of elimination that were tried.
+    pub trials: Vec<Trial>,
 }
 
 impl Design {
@@ -106,8 +111,11 @@ pub fn design(
     point: &DesignPoint,
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
+    let (mapping, trials) = elimination::settled(loaded, settings, point, watch)?;
+    let settings = &Settings { mapping, ..settings.clone() };
     let Prepared { graph, judged, network } = prepare(loaded, settings, point, watch)?;
-    implement(loaded, &graph, &judged, network, &settings.mapping, watch)
+    let design = implement(loaded, &graph, &judged, network, &settings.mapping, watch)?;
+    Ok(Design { trials, ..design })
 }
 
 /// A step with its formats, and what its network is to be.
@@ -188,6 +196,9 @@ pub fn formats(
         watch.warn(&judged.warnings, &loaded.sources);
         return Ok((Arc::clone(&stepped.graph), judged));
     }
+    // What was run for other words may have sums that are too long for these.
+    let cut = sums::cut(&stepped.graph, &format).map(|graph| run(loaded, graph, watch)).transpose()?;
+    let stepped = cut.as_ref().unwrap_or(stepped);
     let refined = match point.coefficients {
         Coefficients::OneSlot => None,
         Coefficients::TwoSlot | Coefficients::Auto => two_slots(loaded, stepped, format, point.coefficients, watch)?,
@@ -334,6 +345,7 @@ pub fn implement(
         schedule,
         program,
         starts,
+        trials: Vec::new(),
     };
     let figure = |_: &_| "mapping, schedule, program".to_owned();
     watch.stage_saying("check", |say| check(&design, latency, mapping_options, say), figure)?;
@@ -402,7 +414,8 @@ fn step_for(
     if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
         return Ok(graph);
     }
-    Ok(split(&graph, pes, mapping_options, format).unwrap_or(graph))
+    let graph = split(&graph, pes, mapping_options, format).unwrap_or(graph);
+    Ok(sums::cut(&graph, &format).unwrap_or(graph))
 }
 
 /// Builds the step graph; functions of variables are tables in it, for the arguments that they have over the span.
@@ -415,7 +428,10 @@ pub fn build(
     if let Some(graph) = loaded.stages.as_ref().and_then(|stages| stages.graph.as_ref()) {
         return Ok(StepGraph::clone(graph));
     }
-    let options = step_options(point, mapping_options);
+    // A word that no hardware has is told where formats are made: other words of a sweep have the same step.
+    let format = point.format(&loaded.model).map_err(Failure::Usage);
+    let longest_sum = format.as_ref().map_or(u32::MAX, sums::most_products);
+    let options = StepOptions { longest_sum, ..step_options(point, mapping_options) };
     let graph = watch.stage(
         "step",
         || pe_hls::step::build_with(&loaded.model, &options),
@@ -428,7 +444,8 @@ pub fn build(
     if graph.functions.exact.is_empty() {
         return Ok(graph);
     }
-    let (format, progress) = (point.format(&loaded.model).map_err(Failure::Usage)?, watch.progress("functions"));
+    let format = format?;
+    let progress = watch.progress("functions");
     let tabulated = watch.timed(
         "functions",
         || tables::tabulate(&loaded.model, &graph, format, &*progress),
@@ -470,8 +487,9 @@ fn runs_figure(judged: Result<&Judged, &Vec<Diagnostic>>) -> String {
 
 /// The graph with its heavy equations split for a number of PEs, or the default number; none if it fits as it is.
 pub fn split(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
-    let pes = pes.unwrap_or_else(|| default_pes(graph));
-    pe_hls::split::split(graph, pes, options.max_in_degree, Latency::of(&format))
+    let latency = Latency::of(&format);
+    let pes = pes.unwrap_or_else(|| default_pes(graph, latency));
+    pe_hls::split::split(graph, pes, options.max_in_degree, latency)
 }
 
 /// A mapping error as the user gets it.

@@ -22,7 +22,8 @@ pub fn kept(model: &Model, graph: &StepGraph) -> Vec<Kept> {
     let mut computed = vec![false; model.algebraics.len()];
     for value in &graph.values {
         if let Role::Algebraic(index, _) = value.role {
-            computed[index as usize] = true;
+            // Behind the algebraic variables of the model come those of its linear systems.
+            computed.get_mut(index as usize).into_iter().for_each(|computed| *computed = true);
         }
     }
     let scene = Scene::of(model);

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pe_hls::mapping::MapOptions;
-use pe_hls::step::StepOptions;
+use pe_hls::step::{Order, StepOptions};
 use pe_judge::{Coefficients, Criteria, DesignPoint};
 
 use crate::failure::Failure;
@@ -23,6 +23,8 @@ pub struct MappingOptions {
     pub no_pre_adder: bool,
     /// One round of control words for all stages of a step.
     pub stage_loop: StageLoop,
+    /// The order in which matrices are eliminated; found by trial if there is none.
+    pub elimination: Option<Order>,
 }
 
 impl Default for MappingOptions {
@@ -33,6 +35,7 @@ impl Default for MappingOptions {
             max_in_degree: MapOptions::DEFAULT_MAX_IN_DEGREE,
             no_pre_adder: false,
             stage_loop: StageLoop::Auto,
+            elimination: None,
         }
     }
 }
@@ -120,7 +123,7 @@ impl StageLoop {
 
 /// What is asked of the form of the step.
 pub fn step_options(point: &DesignPoint, mapping: &MappingOptions) -> StepOptions {
-    let MappingOptions { max_in_degree, no_pre_adder, stage_loop, .. } = *mapping;
+    let MappingOptions { max_in_degree, no_pre_adder, stage_loop, elimination, .. } = *mapping;
     StepOptions {
         form: point.form.form(),
         pes: point.pes,
@@ -128,5 +131,7 @@ pub fn step_options(point: &DesignPoint, mapping: &MappingOptions) -> StepOption
         pre_adder: !no_pre_adder,
         sums: point.coefficients == Coefficients::OneSlot,
         rounds: stage_loop != StageLoop::Off,
+        order: elimination.unwrap_or_default(),
+        ..StepOptions::default()
     }
 }

@@ -94,7 +94,10 @@ fn values_of(graph: &StepGraph, model: &Model) -> [Vec<Vec<ValueId>>; 2] {
             Role::State(state) | Role::Stage(state, _) | Role::Next(state) => {
                 states.get_mut(state.index()).into_iter().for_each(|values| values.push(id));
             }
-            Role::Algebraic(algebraic, _) => algebraics[algebraic as usize].push(id),
+            // Behind the algebraic variables of the model come those of its linear systems.
+            Role::Algebraic(algebraic, _) => {
+                algebraics.get_mut(algebraic as usize).into_iter().for_each(|values| values.push(id));
+            }
             _ => {}
         }
     }

@@ -122,6 +122,25 @@ impl Stopwatch {
         result
     }
 
+    /// A stage made of others, whose times count as theirs; nobody hears of these.
+    pub fn absorbing<T>(
+        &mut self,
+        name: &'static str,
+        inner: &mut Stopwatch,
+        work: impl FnOnce(&mut Stopwatch) -> T,
+        figure: impl FnOnce(&T) -> String,
+    ) -> T {
+        self.listener.begin(name);
+        let begun = Begun::now();
+        let result = work(inner);
+        self.listener.end();
+        for StageTime { stage, seconds, processor_seconds } in inner.stages.drain(..) {
+            self.include(stage, seconds, processor_seconds);
+        }
+        self.listener.done(name, &figure(&result), begun.wall.elapsed().as_secs_f64());
+        result
+    }
+
     /// Times a part of a stage that goes on after another one; nothing is told yet.
     pub fn part<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let begun = Begun::now();
@@ -138,6 +157,10 @@ impl Stopwatch {
     fn note(&mut self, name: &'static str, begun: &Begun) {
         let seconds = begun.wall.elapsed().as_secs_f64();
         let processor_seconds = processor_seconds().zip(begun.processor).map(|(after, before)| after - before);
+        self.include(name, seconds, processor_seconds);
+    }
+
+    fn include(&mut self, name: &'static str, seconds: f64, processor_seconds: Option<f64>) {
         match self.stages.iter_mut().find(|time| time.stage == name) {
             Some(time) => {
                 time.seconds += seconds;

@@ -51,6 +51,8 @@ pub(crate) enum NodeKind {
     Data(usize, Vec<f64>),
     /// A sampled signal.
     Samples(Arc<Samples>),
+    /// An element of the solution of a linear system: quantities of matrix and right-hand side, and subscripts.
+    Solved(usize, usize, Vec<Node>),
 }
 
 /// A sum over an index, whose value is pushed onto the frame.
@@ -96,9 +98,10 @@ pub(crate) fn depth(node: &Node) -> usize {
         | NodeKind::Data(..)
         | NodeKind::Samples(_) => 0,
         NodeKind::Signal(_, members) => most(&mut members.iter().map(|(member, _)| member)),
-        NodeKind::Element(_, members) | NodeKind::Call(_, members) | NodeKind::Matrix(_, members) => {
-            most(&mut members.iter())
-        }
+        NodeKind::Element(_, members)
+        | NodeKind::Call(_, members)
+        | NodeKind::Matrix(_, members)
+        | NodeKind::Solved(.., members) => most(&mut members.iter()),
         NodeKind::Sum(terms) => most(&mut terms.iter().map(|(_, term)| term)),
         NodeKind::Product(first, rest) => depth(first).max(most(&mut rest.iter().map(|(_, operand)| operand))),
         NodeKind::Power(base, exponent) => depth(base).max(depth(exponent)),

@@ -8,7 +8,7 @@ use crate::arrays::write::{self as arrays, Written};
 use crate::context::Context;
 use crate::declare::settings::Settings;
 use crate::declare::{constants, initial, overrides as set, sizes, times};
-use crate::equations::{order, sampled, write as equations};
+use crate::equations::{order, sampled, systems, write as equations};
 use crate::limits::Limits;
 use crate::model::assemble::{self, Parts};
 use crate::model::unused;
@@ -76,8 +76,14 @@ fn run(spec: &Spec, overrides: &Overrides, limits: &Limits, mut report: Report) 
 
     let mut flat = equations::write_out(&mut context);
     let mut outputs = outputs::outputs(&mut context, &overrides.observe);
+    let numbers = systems::fold(&mut flat, &outputs, &context.names);
     let holders = sampled::hold(&mut flat, &mut outputs, spec, &context.names);
-    let order = order::dependency_order(&flat, &context.names, &mut context.report);
+    let mut order = order::dependency_order(&flat, &context.names, &mut context.report);
+    if let Some(known) = &order
+        && systems::mirror(&mut flat, (known, &numbers), &outputs, &context.names, &mut context.report)
+    {
+        order = order::dependency_order(&flat, &context.names, &mut context.report);
+    }
     equations::check_unused_functions(&mut context);
     let mode = overrides.units.or(settings.units).unwrap_or_default();
     units::check(spec, &mut context.names, &mut context.report, mode);

@@ -57,7 +57,7 @@ fn eval(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[Weighed]) -> 
             let base = eval(base, states, inputs, algebraics);
             Weighed { value: base.value.powi(*exponent as i32), size: base.size.powi(*exponent as i32) }
         }
-        Expr::Apply(..) | Expr::Select(_) => unreachable!("the paper's models are polynomials"),
+        Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => unreachable!("the paper's models are polynomials"),
     }
 }
 

@@ -20,6 +20,7 @@ pub mod rounds;
 pub mod schedule;
 pub mod split;
 pub mod step;
+pub mod sums;
 pub mod two_slots;
 
 pub use passes::{PASSES, Pass};

@@ -60,6 +60,7 @@ pub fn lift(model: Model) -> Model {
             *number = numbers[index::at(*number)];
         }
     }
+    model.share_systems();
     model
 }
 
@@ -128,7 +129,7 @@ fn affine(expr: &Expr) -> Option<(f64, f64)> {
             let member = affine(member)?;
             (slope == 0.0 || member.0 == 0.0).then_some((slope * member.1 + offset * member.0, offset * member.1))
         }),
-        Expr::Power(..) | Expr::Apply(..) | Expr::Select(_) => None,
+        Expr::Power(..) | Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => None,
     }
 }
 
@@ -193,7 +194,7 @@ pub(crate) fn edges(body: &Expr) -> Vec<f64> {
 /// The roots of the affine arguments of some functions, and of conditions if these count.
 fn collect_roots(expr: &Expr, counts: &impl Fn(Function) -> bool, conditions: bool, found: &mut Vec<f64>) {
     match expr {
-        Expr::Constant(_) | Expr::Variable(_) => {}
+        Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) => {}
         Expr::Sum(members) | Expr::Product(members) => {
             members.iter().for_each(|member| collect_roots(member, counts, conditions, found));
         }
@@ -229,7 +230,10 @@ impl Lifter<'_> {
     fn part(&mut self, expr: &Expr) -> Part {
         match expr {
             Expr::Constant(_) => Part::polynomial(expr.clone()),
-            Expr::Variable(variable) => Part::polynomial(Expr::Variable(self.renumbered(*variable))),
+            Expr::Variable(variable) => {
+                let variable = self.renumbered(*variable);
+                Part::polynomial(self.constant(variable).map_or(Expr::Variable(variable), Expr::Constant))
+            }
             Expr::Sum(members) => {
                 let parts = members.iter().map(|member| self.part(member)).collect();
                 self.joined(parts, Expr::sum, false)
@@ -243,10 +247,17 @@ impl Lifter<'_> {
                 Part { expr: Expr::power(base.expr, *exponent), ..base }
             }
             Expr::Apply(function, argument) => {
-                let argument = self.part(argument);
-                self.apply(*function, argument)
+                let part = match **argument {
+                    Expr::Variable(variable) if self.has_no_value(*function, variable) => {
+                        Part::polynomial(Expr::Variable(self.renumbered(variable)))
+                    }
+                    _ => self.part(argument),
+                };
+                self.apply(*function, part)
             }
             Expr::Select(select) => self.select(select),
+            // The whole of an equation, of variables and numbers alone.
+            Expr::Solution(_) => Part::polynomial(expr.renamed(&|variable| self.renumbered(variable))),
         }
     }
 
@@ -255,6 +266,22 @@ impl Lifter<'_> {
             Variable::Algebraic(number) => Variable::Algebraic(self.numbers[index::at(number)]),
             variable => variable,
         }
+    }
+
+    /// The number that a variable always is, whatever happens in a run: an equation of parameters alone.
+    fn constant(&self, variable: Variable) -> Option<f64> {
+        match variable {
+            Variable::Algebraic(number) => match self.algebraics.get(index::at(number))?.expr {
+                Expr::Constant(number) => Some(number),
+                _ => None,
+            },
+            Variable::State(_) | Variable::Input(_) => None,
+        }
+    }
+
+    /// Whether a function has no value for a variable that is always the same number.
+    fn has_no_value(&self, function: Function, variable: Variable) -> bool {
+        self.constant(self.renumbered(variable)).is_some_and(|number| !function.evaluate(number).is_finite())
     }
 
     /// A sum or product of parts. If they read several variables, those of one variable stay together, of a product
@@ -295,9 +322,12 @@ impl Lifter<'_> {
     }
 
     fn apply(&mut self, function: Function, argument: Part) -> Part {
-        if let Expr::Constant(number) = argument.expr {
-            return Part::polynomial(Expr::Constant(function.evaluate(number)));
+        let number = if let Expr::Constant(number) = argument.expr { Some(number) } else { None };
+        if let Some(value) = number.map(|number| function.evaluate(number)).filter(|value| value.is_finite()) {
+            return Part::polynomial(Expr::Constant(value));
         }
+        // What has no value there is a variable, so that the run finds it and names it.
+        let argument = if number.is_some() { Part::polynomial(self.named(argument)) } else { argument };
         let kinked = matches!(function, Function::Abs | Function::Sign);
         let argument = if argument.reads == Reads::Many || (kinked && affine(&argument.expr).is_none()) {
             Part::polynomial(self.named(argument))
@@ -360,7 +390,12 @@ impl Lifter<'_> {
     /// What an expression of the model reads, in the numbers of the lifted model.
     fn reads_renumbered(&self, expr: &Expr) -> Reads {
         let mut reads = Reads::Nothing;
-        expr.each_variable(&mut |variable| reads = reads.with(Reads::One(self.renumbered(variable))));
+        expr.each_variable(&mut |variable| {
+            let variable = self.renumbered(variable);
+            if self.constant(variable).is_none() {
+                reads = reads.with(Reads::One(variable));
+            }
+        });
         reads
     }
 
@@ -420,7 +455,7 @@ impl Lifter<'_> {
                 let moved = Expr::product(vec![taken.clone(), distance]);
                 self.apply(*function, Part::polynomial(Expr::sum(vec![Expr::Constant(safe), moved])))
             }
-            Expr::Select(_) | Expr::Constant(_) | Expr::Variable(_) => self.part(branch),
+            Expr::Select(_) | Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) => self.part(branch),
         }
     }
 
@@ -452,7 +487,7 @@ impl Lifter<'_> {
             let name = self.name(&part.expr);
             let Part { expr, .. } = part;
             self.made.insert(number);
-            self.algebraics.push(Algebraic { name, unit: None, expr, range: None, span: self.span });
+            self.algebraics.push(Algebraic { name, unit: None, expr, range: None, kept: false, span: self.span });
         }
         Expr::Variable(Variable::Algebraic(number))
     }
@@ -488,7 +523,7 @@ fn replaced(expr: &Expr, this: &Expr, by: &Expr) -> Expr {
     let again = |expr: &Expr| replaced(expr, this, by);
     match expr {
         expr if expr == this => by.clone(),
-        Expr::Constant(_) | Expr::Variable(_) => expr.clone(),
+        Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) => expr.clone(),
         Expr::Sum(members) => Expr::Sum(members.iter().map(again).collect()),
         Expr::Product(members) => Expr::Product(members.iter().map(again).collect()),
         Expr::Power(base, exponent) => Expr::Power(Box::new(again(base)), *exponent),

@@ -14,7 +14,7 @@ use pe_hls::mapping::{self, MapOptions, Problem};
 use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
-use pe_hls::{assemble, even, functions, lift, outputs, pairs, relay, schedule, split, step, two_slots};
+use pe_hls::{assemble, even, functions, lift, outputs, pairs, relay, schedule, split, step, sums, two_slots};
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
@@ -201,7 +201,16 @@ fn functions_become_tables() {
     check("functions", |case| {
         let graph = case.graph();
         let ends = |words: Vec<&str>| (words[0].parse().unwrap(), words[1].parse().unwrap());
-        let arguments: Vec<(f64, f64)> = case.options("arguments").map(ends).collect();
+        let of_functions: Vec<(f64, f64)> = case.options("arguments").map(ends).collect();
+        // Those of single values come first.
+        let labels = Labels::of_values(&graph);
+        let mut arguments = vec![(f64::INFINITY, f64::NEG_INFINITY); graph.values.len()];
+        for chain in &graph.chains {
+            let Some(function) = chain.function else { continue };
+            let index = chain.write.value.index();
+            let own = case.options("arguments_of").find(|words| labels.find(words[0]) == Some(index as u32));
+            arguments[index] = own.map_or_else(|| of_functions[function as usize], |words| ends(words[1..].to_vec()));
+        }
         match functions::tabulate(&graph, &arguments, case.format()) {
             Ok(graph) => {
                 // The entries of tables are what the unit tests are about.
@@ -223,6 +232,11 @@ fn split_makes_trees_of_heavy_equations() {
         let split = split::split(&case.graph(), case.option("pes", 2), case.option("max_in_degree", 15), latency);
         step_or_unchanged(split.as_ref())
     });
+}
+
+#[test]
+fn sums_are_cut_to_what_the_accumulator_holds() {
+    check("sums", |case| step_or_unchanged(sums::cut(&case.graph(), &case.format()).as_ref()));
 }
 
 #[test]

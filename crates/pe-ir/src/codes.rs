@@ -96,6 +96,11 @@ codes! {
     UNSUITABLE_PERIOD = "E0807", "period and step do not fit together";
     BAD_MAPPING = "E0808", "mapping file does not fit";
     BAD_STAGE_TEXT = "E0809", "text of a compiler stage cannot be read";
+    NOT_SYMMETRIC = "E0820", "matrix not symmetric";
+    SINGULAR_MATRIX = "E0821", "matrix singular whatever its numbers";
+    NO_PIVOT = "E0822", "matrix without a pivot";
+    BAD_SYSTEM = "E0823", "arguments that make no linear system";
+    ZERO_PIVOT = "E0824", "pivot of a linear system close to zero";
 
     DIVERGED = "E0901", "value not finite during the run";
     SATURATED = "E0902", "value saturates however wide its range";
@@ -111,6 +116,25 @@ codes! {
     TOO_STEEP = "E0916", "function too steep for a table";
     TOO_SMALL = "E0917", "number too small for double precision";
     INDETERMINATE = "E0918", "0/0 of two variables";
+
+    VHDL_SYNTAX = "E1001", "VHDL that cannot be read";
+    NO_ENTITY = "E1002", "no such entity";
+    SEVERAL_ENTITIES = "E1003", "entity there more than once";
+    ARCHITECTURES = "E1004", "not one architecture";
+    NO_CLOCK = "E1005", "no clock";
+    NO_CLOCK_ENABLE = "E1006", "no clock enable";
+    BAD_MODE = "E1007", "port that is neither input nor output";
+    BAD_TYPE = "E1008", "port of another type";
+    UNCONSTRAINED = "E1009", "port without a range";
+    BAD_WIDTH = "E1010", "width unknown or too large";
+    BAD_GENERIC = "E1011", "generic without a value";
+    NAME_TAKEN = "E1012", "name that the wrapper has";
+    BAD_ENTITY_MAP = "E1013", "map of an entity cannot be read";
+    MAP_DIFFERS = "E1014", "map of another entity";
+    BAD_ROLE = "E1015", "role that does not suit the port";
+    BAD_ENTRY = "E1016", "value that does not suit the port";
+    NOTHING_TO_READ = "E1017", "nothing to read";
+    VHDL_LIMITS = "E1018", "VHDL file too large or too deep";
 
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";
@@ -139,6 +163,11 @@ codes! {
     SHORT_PULSE_MISSED = "W0923", "pulse between two steps";
     CHATTERING = "W0925", "chattering at a jump";
     LIMIT_TAKEN = "W0926", "limit taken where a function is 0/0";
+    QUOTIENT_SHORT = "W0927", "quotient with few bits";
+    ROLE_UNKNOWN = "W1001", "role still to be told";
+    GENERIC_UNSET = "W1002", "generic still without a value";
+    SIGN_DIFFERS = "W1003", "sign other than that of the type";
+    NO_RESET = "W1004", "entity without a reset";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.
@@ -153,6 +182,7 @@ pub const GROUPS: &[(&str, &str)] = &[
     ("07", "Units"),
     ("08", "Number formats"),
     ("09", "Runs over the span"),
+    ("10", "Foreign entities"),
 ];
 
 /// Errors that the user may turn into warnings, for their result is only doubtful.

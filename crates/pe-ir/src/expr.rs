@@ -1,6 +1,7 @@
 //! Expressions over the variables of a flat model: evaluation, what they read, and their derivatives.
 
-use crate::index::StateId;
+use crate::index::{StateId, at};
+use crate::solution::Solution;
 
 /// A variable of the flat model: indices into the states, inputs and algebraic variables of a [`crate::model::Model`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -30,6 +31,8 @@ pub enum Expr {
     Apply(Function, Box<Expr>),
     /// A choice between two expressions.
     Select(Box<Select>),
+    /// An element of the solution of a linear system; it is the whole of an algebraic equation.
+    Solution(Box<Solution>),
 }
 
 /// `if condition > 0 then yes else no`; only the branch taken is evaluated.
@@ -249,6 +252,7 @@ impl Expr {
             Expr::Apply(function, argument) => function.evaluate(argument.evaluate(variable)),
             Expr::Select(select) if select.condition.evaluate(variable) > 0.0 => select.yes.evaluate(variable),
             Expr::Select(select) => select.no.evaluate(variable),
+            Expr::Solution(solution) => solution.all(variable)[at(solution.row)],
         }
     }
 
@@ -263,7 +267,7 @@ impl Expr {
     /// Whether it has bends or jumps: choices, magnitudes or signs.
     pub fn has_bends(&self) -> bool {
         match self {
-            Expr::Constant(_) | Expr::Variable(_) => false,
+            Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) => false,
             Expr::Sum(members) | Expr::Product(members) => members.iter().any(Expr::has_bends),
             Expr::Apply(Function::Abs | Function::Sign, _) | Expr::Select(_) => true,
             Expr::Power(base, _) | Expr::Apply(_, base) => base.has_bends(),
@@ -282,6 +286,7 @@ impl Expr {
             Expr::Select(select) => {
                 [&select.condition, &select.yes, &select.no].into_iter().for_each(|part| part.each_variable(visit));
             }
+            Expr::Solution(solution) => solution.each_variable(visit),
         }
     }
 
@@ -298,6 +303,7 @@ impl Expr {
                 let Select { condition, yes, no } = &mut **select;
                 [condition, yes, no].into_iter().for_each(|part| part.each_variable_mut(visit));
             }
+            Expr::Solution(solution) => solution.each_variable_mut(visit),
         }
     }
 
@@ -315,6 +321,7 @@ impl Expr {
                 let [condition, yes, no] = [&select.condition, &select.yes, &select.no].map(again);
                 Expr::Select(Box::new(Select { condition, yes, no }))
             }
+            Expr::Solution(solution) => Expr::Solution(Box::new(solution.substituted(&again))),
         }
     }
 
@@ -325,7 +332,7 @@ impl Expr {
             Expr::Sum(_) => 0,
             Expr::Product(_) | Expr::Apply(Function::Reciprocal, _) => 1,
             Expr::Power(..) | Expr::Apply(Function::RealPower(_), _) => 2,
-            Expr::Constant(_) | Expr::Variable(_) | Expr::Apply(..) | Expr::Select(_) => 4,
+            Expr::Constant(_) | Expr::Variable(_) | Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => 4,
         }
     }
 
@@ -385,6 +392,10 @@ impl Expr {
                 let Select { condition, yes, no } = &**select;
                 format!("if({}>0:{}:{})", at(condition, 0), at(yes, 0), at(no, 0))
             }
+            Expr::Solution(solution) => {
+                let Solution { matrix, right, row } = &**solution;
+                format!("solve({},{})[{row}]", matrix.name, right.number)
+            }
         };
         if self.rank() < rank { format!("({text})") } else { text }
     }
@@ -400,7 +411,7 @@ impl Expr {
             Expr::Constant(_) | Expr::Variable(_) => true,
             Expr::Sum(members) | Expr::Product(members) => members.iter().all(Expr::is_polynomial),
             Expr::Power(base, _) => base.is_polynomial(),
-            Expr::Apply(..) | Expr::Select(_) => false,
+            Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => false,
         }
     }
 
@@ -435,6 +446,7 @@ impl Expr {
                 }
                 Expr::Select(Box::new(Select { condition: select.condition.clone(), yes, no }))
             }
+            Expr::Solution(_) => unreachable!("linear systems are eliminated before anything is differentiated"),
         }
     }
 }

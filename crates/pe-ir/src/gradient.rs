@@ -69,6 +69,11 @@ impl Expr {
                 select.yes.gradient(variable, weight, add);
             }
             Expr::Select(select) => select.no.gradient(variable, weight, add),
+            Expr::Solution(solution) => {
+                for (part, partial) in solution.partials(variable) {
+                    part.gradient(variable, weight * partial, add);
+                }
+            }
         }
     }
 }

@@ -271,9 +271,46 @@ pub struct StepGraph {
     pub functions: Functions,
     /// The pivot of least magnitude among those that are numbers, of implicit methods: its state and the magnitude.
     pub constant_pivot: Option<(StateId, f64)>,
+    /// How the matrices of the model's linear systems are eliminated.
+    pub eliminations: Vec<Elimination>,
     /// Names: states, inputs, algebraic variables, outputs. States that the method keeps from step to step, such as
     /// slopes, come after those of the model.
     pub names: Names,
+}
+
+/// How the matrix of linear systems is eliminated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Elimination {
+    /// Name of the matrix.
+    pub name: String,
+    /// Name of the order.
+    pub order: String,
+    /// Rows.
+    pub size: u32,
+    /// Whether it is symmetric.
+    pub symmetric: bool,
+    /// Entries that are not zero all the time.
+    pub entries: u32,
+    /// Entries that the elimination adds to them; of a symmetric matrix to those of one triangle.
+    pub fill: u32,
+    /// Most pivots that wait for one another.
+    pub depth: u32,
+    /// Its pivots, in the order of the elimination.
+    pub pivots: Vec<Pivot>,
+}
+
+/// A pivot of an elimination.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pivot {
+    /// A number.
+    Number(f64),
+    /// One that varies.
+    Varying {
+        /// The algebraic variable that is its reciprocal.
+        reciprocal: u32,
+        /// Its least and largest value over the span, known once functions are tables.
+        range: Option<(f64, f64)>,
+    },
 }
 
 /// Names of a model's variables.
@@ -338,6 +375,7 @@ impl StepGraph {
             outputs: self.outputs.clone(),
             functions: self.functions.clone(),
             constant_pivot: self.constant_pivot,
+            eliminations: self.eliminations.clone(),
             names: self.names.clone(),
         }
     }

@@ -21,6 +21,7 @@ pub mod multiplier;
 pub mod place;
 pub mod program;
 pub mod schedule;
+mod solution;
 mod solver;
 pub mod source;
 mod stability;

@@ -2,6 +2,7 @@
 //!
 //! Every array element is a variable of its own here; parameters and constants are folded into the expressions.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::index::{self, List, StateId, at};
@@ -9,6 +10,7 @@ use crate::motion::Motion;
 use crate::source::Span;
 
 pub use crate::expr::{Expr, Function, Select, Variable};
+pub use crate::solution::{Entry, Matrix, Right, Solution};
 pub use crate::solver::Solver;
 pub use crate::waveform::{Chirp, Formula, Interpolation, Pwm, Samples, Unseen, Waveform};
 
@@ -58,6 +60,8 @@ pub struct Algebraic {
     pub expr: Expr,
     /// Range the user states (`in lo .. hi`).
     pub range: Option<(f64, f64)>,
+    /// Whether it is computed on its own even where it would cost less to put it in place where it is read.
+    pub kept: bool,
     /// The equation in the spec.
     pub span: Span,
 }
@@ -454,7 +458,19 @@ impl Model {
         model.states.iter_mut().for_each(|state| state.derivative = state.derivative.renamed(&renamed));
         model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr = algebraic.expr.renamed(&renamed));
         model.outputs.iter_mut().for_each(|output| output.variable = renamed(output.variable));
+        model.share_systems();
         model
+    }
+
+    /// Lets equal matrices and right-hand sides of linear systems be one in memory.
+    pub fn share_systems(&mut self) {
+        let (mut matrices, mut rights) = (BTreeMap::new(), BTreeMap::new());
+        for algebraic in &mut self.algebraics {
+            let Expr::Solution(solution) = &mut algebraic.expr else { continue };
+            let Solution { matrix, right, .. } = &mut **solution;
+            matrix.clone_from(matrices.entry(matrix.number).or_insert_with(|| Arc::clone(matrix)));
+            right.clone_from(rights.entry(right.number).or_insert_with(|| Arc::clone(right)));
+        }
     }
 }
 

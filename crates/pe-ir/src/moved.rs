@@ -149,6 +149,7 @@ impl Model {
         }
         model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr = algebraic.expr.renamed(&read));
         model.outputs.iter_mut().for_each(|output| output.variable = read(output.variable));
+        model.share_systems();
         model
     }
 

@@ -1,7 +1,7 @@
 //! A model evaluated at some values of its states and inputs.
 
 use crate::index::at;
-use crate::model::{Model, Variable};
+use crate::model::{Expr, Model, Variable};
 
 /// Numbers of all variables of a model at a place.
 #[derive(Clone, Debug)]
@@ -16,8 +16,20 @@ impl<'a> Place<'a> {
     /// The place with these states and inputs, a number for each of the model's.
     pub fn new(model: &'a Model, states: &'a [f64], inputs: &'a [f64]) -> Place<'a> {
         let mut place = Place { model, states, inputs, algebraics: Vec::with_capacity(model.algebraics.len()) };
+        // The solution of the system that the algebraic variable before was an element of, by its right-hand side.
+        let mut solved: Option<(u32, Vec<f64>)> = None;
         for algebraic in &model.algebraics {
-            let number = algebraic.expr.evaluate(&|variable| place.number(variable));
+            let number = match &algebraic.expr {
+                Expr::Solution(solution) => {
+                    let right = solution.right.number;
+                    let known = solved.take().filter(|(number, _)| *number == right);
+                    let (_, all) = known.unwrap_or_else(|| (right, solution.all(&|variable| place.number(variable))));
+                    let number = all[at(solution.row)];
+                    solved = Some((right, all));
+                    number
+                }
+                expr => expr.evaluate(&|variable| place.number(variable)),
+            };
             place.algebraics.push(number);
         }
         place

@@ -1,19 +1,94 @@
-//! The pivots of implicit methods over the run in double precision.
+//! The pivots of implicit methods and of linear systems over the run in double precision.
 //!
 //! The matrix of a step is `I - gamma h J` in the units of the states, and it is eliminated in a fixed order. A pivot is
 //! 1 for a state that nothing moves and above 1 for one that decays; near zero the step is that of another model.
 
+use std::collections::BTreeMap;
+
 use pe_ir::codes;
-use pe_ir::graph::{Role, StepGraph, ValueId};
-use pe_ir::index::StateId;
+use pe_ir::graph::{Elimination, Pivot, Role, StepGraph, ValueId};
+use pe_ir::index::{StateId, at};
 use pe_ir::model::Model;
-use pe_ir::source::Diagnostic;
+use pe_ir::source::{Diagnostic, Span};
 use pe_sim::double::DoubleRun;
 
 /// Smallest magnitude of a pivot that is accepted, beside the 1 of the identity.
 const SMALLEST: f64 = 1.0 / (1u64 << 20) as f64;
 
 const HELP: &str = "try half of the `--step`; where the model grows, its rate times the step must stay below 1";
+
+pub(crate) const SYSTEM_HELP: &str = "the system is nearly singular there, or needs another order: see `--elimination`; of a symmetric matrix that is \
+                                      not positive definite the order decides, and a matrix declared without `symmetric` may \
+                                      exchange rows";
+
+/// The eliminations of linear systems with the least and the largest value of each pivot over the span. In: by value, the
+/// arguments of the function that computes it.
+///
+/// # Errors
+/// `E0824` if a pivot falls below 2^-20 of its largest value.
+pub(crate) fn ranged(
+    model: &Model,
+    graph: &StepGraph,
+    arguments: &[(f64, f64)],
+) -> Result<Vec<Elimination>, Vec<Diagnostic>> {
+    let mut eliminations = graph.eliminations.clone();
+    let mut ranges: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
+    for (index, value) in graph.values.iter().enumerate() {
+        let Role::Algebraic(own, _) = value.role else { continue };
+        let (low, high) = arguments[index];
+        if low <= high {
+            let range = ranges.entry(own).or_insert((low, high));
+            *range = (range.0.min(low), range.1.max(high));
+        }
+    }
+    for pivot in eliminations.iter_mut().flat_map(|elimination| &mut elimination.pivots) {
+        let Pivot::Varying { reciprocal, range } = pivot else { continue };
+        *range = ranges.get(reciprocal).copied();
+        let Some((low, high)) = *range else { continue };
+        let (small, large) = (low.abs().min(high.abs()), low.abs().max(high.abs()));
+        // Where it passes zero the table of its reciprocal says so.
+        if low * high > 0.0 && small < SMALLEST * large {
+            let name = name_of_pivot(graph, *reciprocal);
+            let (time, span) = place_of(model, graph, *reciprocal, small);
+            let message = format!(
+                "the pivot of `{name}` falls from {large:.1e} to {small:.1e}, at t = {time:.6e} s: the matrix is nearly singular"
+            );
+            return Err(vec![Diagnostic::error(codes::ZERO_PIVOT, span, message).with_help(SYSTEM_HELP)]);
+        }
+    }
+    Ok(eliminations)
+}
+
+fn name_of_pivot(graph: &StepGraph, reciprocal: u32) -> &str {
+    graph.names.algebraics[at(reciprocal)].trim_end_matches(".pivot")
+}
+
+/// The time in seconds at which a pivot first has so small a magnitude, and the place of its equation.
+fn place_of(model: &Model, graph: &StepGraph, reciprocal: u32, small: f64) -> (f64, Span) {
+    let is_own = |value: &ValueId| matches!(graph.value(*value).role, Role::Algebraic(own, _) if own == reciprocal);
+    let values: Vec<ValueId> = (0..graph.values.len()).map(ValueId::at).filter(is_own).collect();
+    let span =
+        values.iter().find_map(|value| graph.equation_of(*value)).map_or(Span::default(), |equation| equation.span);
+    let mut run = DoubleRun::new(graph);
+    for step in 0..model.steps() {
+        let time = model.time(step, 0.0);
+        let finite = run.step(&model.sample_inputs(time)).is_ok();
+        let reached =
+            values.iter().map(|value| run.argument(*value)).any(|(low, high)| low.abs().min(high.abs()) <= small);
+        if reached || !finite {
+            return (time, span);
+        }
+    }
+    (model.span, span)
+}
+
+/// The row of a linear system whose pivot's reciprocal a value is, if it is one.
+pub(crate) fn of_system(graph: &StepGraph, value: ValueId) -> Option<&str> {
+    let Role::Algebraic(own, _) = graph.value(value).role else { return None };
+    let is_own = |pivot: &Pivot| matches!(pivot, Pivot::Varying { reciprocal, .. } if *reciprocal == own);
+    let mut pivots = graph.eliminations.iter().flat_map(|elimination| &elimination.pivots);
+    pivots.any(is_own).then(|| name_of_pivot(graph, own))
+}
 
 /// The smallest magnitude that the pivot of a state had.
 #[derive(Clone, Debug, PartialEq)]

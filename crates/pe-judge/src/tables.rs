@@ -2,7 +2,7 @@
 
 use pe_hls::functions::Untabled;
 use pe_ir::codes;
-use pe_ir::graph::{Role, StepGraph};
+use pe_ir::graph::{Factor, Role, StepGraph, Term, ValueId};
 use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::place::Place;
@@ -11,6 +11,7 @@ use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
 
 use crate::corners;
+use crate::pivots;
 use crate::progress::Progress;
 use crate::runs;
 
@@ -20,7 +21,8 @@ const STRIDE: u64 = 256;
 /// Runs the exact functions over the span, and puts tables in their place for the arguments that they had.
 ///
 /// # Errors
-/// `E0901` non-finite, `E0904` a function outside its domain, `E0916` one that is too steep for a table.
+/// `E0824` a pivot of a linear system that comes close to zero, `E0901` non-finite, `E0904` a function outside its domain,
+/// `E0916` one that is too steep for a table.
 pub fn tabulate(
     model: &Model,
     graph: &StepGraph,
@@ -36,7 +38,7 @@ pub fn tabulate(
             progress.advance(STRIDE);
         }
     }
-    let mut arguments = run.arguments().to_vec();
+    let mut arguments = run.arguments();
     for corner in corners::corners(model) {
         let (other, of_corner) = (corner.model(model), corner.graph(graph));
         let mut run = DoubleRun::new(&of_corner);
@@ -49,18 +51,57 @@ pub fn tabulate(
             *own = (own.0.min(other.0), own.1.max(other.1));
         }
     }
-    pe_hls::functions::tabulate(graph, &arguments, format)
-        .map_err(|untabled| untabled.into_iter().map(|untabled| with_time(model, graph, untabled)).collect())
+    let eliminations = pivots::ranged(model, graph, &arguments)?;
+    let stated = with_stated(model, graph, &arguments);
+    // A function need not have a value wherever its argument may be expected.
+    let beyond = stated.as_ref().and_then(|stated| pe_hls::functions::tabulate(graph, stated, format).ok());
+    let tabled = match beyond {
+        Some(tabled) => tabled,
+        None => pe_hls::functions::tabulate(graph, &arguments, format).map_err(|untabled| {
+            untabled.into_iter().map(|untabled| with_time(model, graph, untabled)).collect::<Vec<_>>()
+        })?,
+    };
+    Ok(StepGraph { eliminations, ..tabled })
+}
+
+/// The arguments with the stated ranges of variables that functions are applied to as they are; none if there are no such.
+fn with_stated(model: &Model, graph: &StepGraph, arguments: &[(f64, f64)]) -> Option<Vec<(f64, f64)>> {
+    let mut all = arguments.to_vec();
+    for chain in graph.chains.iter().filter(|chain| chain.function.is_some()) {
+        let [Term { operand, partner: None, factor: Factor::Coefficient(factor) }] = graph.chain_terms(chain) else {
+            continue;
+        };
+        let range = match graph.value(*operand).role {
+            Role::State(state) | Role::Stage(state, _) => model.states.find(state).and_then(|state| state.range),
+            Role::Algebraic(algebraic, _) => {
+                model.algebraics.get(index::at(algebraic)).and_then(|algebraic| algebraic.range)
+            }
+            Role::Input(input) => model.inputs.get(index::at(input)).and_then(|input| input.range),
+            _ => None,
+        };
+        let Some((low, high)) = range.filter(|_| chain.write.base.is_none() && chain.write.weight == 0) else {
+            continue;
+        };
+        let (one, other) = (factor * low, factor * high);
+        let own = &mut all[chain.write.value.index()];
+        *own = (own.0.min(one.min(other)), own.1.max(one.max(other)));
+    }
+    (all != arguments).then_some(all)
 }
 
 /// The finding with the time at which the arguments reach the place where the function has no bounds or no table, or pass it.
 fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic {
-    let Untabled { function, at, mut finding } = untabled;
-    if let Some(state) = pivot_of(graph, function).filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
+    let Untabled { values, at, mut finding } = untabled;
+    if let Some(state) = pivot_of(graph, values[0]).filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
         finding.code = codes::SMALL_PIVOT;
         finding.message = format!("the pivot of `{state}` passes zero: the matrix of the step is singular there");
         let help = "try half of the `--step`; where the model grows, its rate times the step must stay below 1";
         finding.help = Some(help.to_owned());
+    }
+    if let Some(pivot) = pivots::of_system(graph, values[0]).filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
+        finding.code = codes::ZERO_PIVOT;
+        finding.message = format!("the pivot of `{pivot}` passes zero");
+        finding.help = Some(pivots::SYSTEM_HELP.to_owned());
     }
     let mut run = DoubleRun::new(graph);
     for step in 0..model.steps() {
@@ -68,12 +109,15 @@ fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic
         let before: Vec<f64> = (0..model.states.len()).map(|state| run.state(StateId::at(state))).collect();
         let inputs = model.sample_inputs(time);
         let finite = run.step(&inputs).is_ok();
-        let (low, high) = run.arguments()[function];
+        let ranges = values.iter().map(|value| run.argument(*value));
+        let (low, high) = ranges.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).expect("a use has values");
         if low <= at && at <= high {
-            let what = if finding.code == codes::SMALL_PIVOT { "it" } else { "x" };
+            let pivot = [codes::SMALL_PIVOT, codes::ZERO_PIVOT].contains(&finding.code);
+            let what = if pivot { "it" } else { "x" };
             finding.message += &format!("; {what} gets there at t = {time:.6e} s");
             let after: Vec<f64> = (0..model.states.len()).map(|state| run.state(StateId::at(state))).collect();
-            let named = chain_of(graph, function).and_then(|name| vanishing(model, &name, (&before, &after), &inputs));
+            let named = graph.equation_of(values[0]).map(|equation| &equation.name);
+            let named = named.and_then(|name| vanishing(model, name, (&before, &after), &inputs));
             if let Some(factor) = named.filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
                 finding.message += &format!(", where `{factor}`, which it is multiplied by, is zero as well: 0/0");
                 finding.code = codes::INDETERMINATE;
@@ -90,19 +134,12 @@ fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic
     finding
 }
 
-/// The state whose pivot a function is the reciprocal of, if it is one.
-fn pivot_of(graph: &StepGraph, function: usize) -> Option<&str> {
-    let chain = graph.chains.iter().find(|chain| chain.function == Some(index::number(function)))?;
-    match graph.value(chain.write.value).role {
+/// The state whose pivot a value is the reciprocal of, if it is one.
+fn pivot_of(graph: &StepGraph, value: ValueId) -> Option<&str> {
+    match graph.value(value).role {
         Role::Pivot(state, _) => Some(&graph.names.states[state]),
         _ => None,
     }
-}
-
-/// The name of the equation that applies a function.
-fn chain_of(graph: &StepGraph, function: usize) -> Option<String> {
-    let chain = graph.chains.iter().find(|chain| chain.function == Some(index::number(function)))?;
-    Some(graph.equations[chain.equation].name.clone())
 }
 
 /// The variable that is zero within a step, given by the states before and after it, and that an algebraic variable is
@@ -144,7 +181,7 @@ fn beside(expr: &Expr, other: &Expr, found: &mut Vec<Variable>) {
         Expr::Select(select) => {
             [&select.condition, &select.yes, &select.no].into_iter().for_each(|part| beside(part, other, found));
         }
-        Expr::Constant(_) | Expr::Variable(_) => {}
+        Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) => {}
     }
 }
 

@@ -58,7 +58,7 @@ impl<'a> DoubleRun<'a> {
 
     fn with_coefficients(graph: &'a StepGraph, coefficient: impl Fn(usize) -> f64) -> Self {
         let slots = Slots::new(graph);
-        let functions = FunctionRun::new(graph);
+        let functions = FunctionRun::new(graph, slots.count());
         let class = |_, chain: &Chain| FunctionRun::class(chain);
         let tiles = slots.arrange(graph, class, coefficient, |_, _, write| write.weight);
         let tape = Tape::new(&tiles, slots.count(), power_of_two);
@@ -121,14 +121,25 @@ impl<'a> DoubleRun<'a> {
         self.slots.in_graph_order(&self.largest)
     }
 
-    /// Smallest and largest argument of each of the step's exact functions so far; an empty range if there is none.
-    pub fn arguments(&self) -> &[(f64, f64)] {
-        &self.functions.arguments
+    /// By value, smallest and largest argument so far of the exact function that computes it; an empty range if none does.
+    pub fn arguments(&self) -> Vec<(f64, f64)> {
+        (0..self.graph.values.len()).map(|value| self.argument(ValueId::at(value))).collect()
     }
 
-    /// Exact functions that took a limit where they are 0/0, so far, with the first argument of each.
-    pub fn limits(&self) -> &[(usize, f64)] {
-        &self.functions.limits
+    /// The same of one value.
+    pub fn argument(&self, value: ValueId) -> (f64, f64) {
+        self.functions.argument(self.slots.of(value))
+    }
+
+    /// Values whose functions took a limit where they are 0/0, so far, with the first argument of each.
+    pub fn limits(&self) -> impl Iterator<Item = (ValueId, f64)> {
+        let computed = self.graph.chains.iter().filter(|chain| chain.function.is_some()).map(|chain| chain.write.value);
+        let limits = &self.functions.limits;
+        let all = computed.take(if limits.is_empty() { 0 } else { usize::MAX });
+        all.filter_map(|value| {
+            let slot = self.slots.of(value);
+            limits.iter().find(|(of, _)| *of == slot).map(|(_, argument)| (value, *argument))
+        })
     }
 
     /// Advances by one step with the inputs held.

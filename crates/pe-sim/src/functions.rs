@@ -9,18 +9,21 @@ use pe_ir::index::at;
 /// Chains that apply a function are of classes of their own, so that tiles of plain sums stay what they are.
 pub(crate) struct FunctionRun {
     functions: Vec<ScalarFunction>,
-    /// Smallest and largest argument of each exact function.
+    /// By slot, smallest and largest argument of the function that computes its value.
     pub arguments: Vec<(f64, f64)>,
     /// Slot, function and argument where a function had no value.
     pub outside: Option<(u32, u32, f64)>,
-    /// Functions that took a limit in the place of 0/0, and the argument of the first time.
-    pub limits: Vec<(usize, f64)>,
+    /// Slots whose functions took a limit in the place of 0/0, and the argument of the first time.
+    pub limits: Vec<(u32, f64)>,
 }
 
+/// The range of no argument.
+const NONE: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
+
 impl FunctionRun {
-    pub fn new(graph: &StepGraph) -> FunctionRun {
+    pub fn new(graph: &StepGraph, slots: usize) -> FunctionRun {
         let functions = graph.functions.exact.clone();
-        let arguments = vec![(f64::INFINITY, f64::NEG_INFINITY); functions.len()];
+        let arguments = vec![NONE; if functions.is_empty() { 0 } else { slots }];
         FunctionRun { functions, arguments, outside: None, limits: Vec::new() }
     }
 
@@ -31,20 +34,25 @@ impl FunctionRun {
 
     /// Applies the function of a class to the sums of a tile; `target` gives the slot of a lane.
     pub fn apply(&mut self, class: u32, numbers: &mut [f64], target: impl Fn(usize) -> u32) {
-        let index = at(class) - 1;
-        let (low, high) = &mut self.arguments[index];
+        let function = &self.functions[at(class) - 1];
         for (lane, number) in numbers.iter_mut().enumerate() {
-            let argument = *number;
+            let (argument, slot) = (*number, target(lane));
+            let (low, high) = &mut self.arguments[at(slot)];
             *low = low.min(argument);
             *high = high.max(argument);
-            let (value, is_limit) = self.functions[index].evaluate_noting(argument);
+            let (value, is_limit) = function.evaluate_noting(argument);
             *number = value;
-            if is_limit && self.limits.iter().all(|(known, _)| *known != index) {
-                self.limits.push((index, argument));
+            if is_limit && self.limits.iter().all(|(known, _)| *known != slot) {
+                self.limits.push((slot, argument));
             }
             if !number.is_finite() && argument.is_finite() && self.outside.is_none() {
-                self.outside = Some((target(lane), class - 1, argument));
+                self.outside = Some((slot, class - 1, argument));
             }
         }
+    }
+
+    /// Smallest and largest argument of the function that computes the value of a slot.
+    pub fn argument(&self, slot: u32) -> (f64, f64) {
+        self.arguments.get(at(slot)).copied().unwrap_or(NONE)
     }
 }

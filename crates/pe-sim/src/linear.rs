@@ -41,6 +41,11 @@ fn degree(expr: &Expr, algebraics: &[u32]) -> u32 {
         Expr::Select(select) => {
             2 * [&select.condition, &select.yes, &select.no].into_iter().map(degree_of).max().unwrap_or(0).min(1)
         }
+        Expr::Solution(solution) => {
+            let matrix = solution.matrix.entries.iter().map(|entry| degree_of(&entry.value)).max().unwrap_or(0);
+            let right = solution.right.values.iter().map(degree_of).max().unwrap_or(0);
+            right.max(2 * matrix.min(1))
+        }
     }
 }
 
@@ -165,7 +170,14 @@ mod tests {
         let variable = |index| Expr::Variable(Variable::State(StateId::new(index)));
         let product = Expr::product(vec![variable(0), variable(1)]);
         let algebraic = Expr::Variable(Variable::Algebraic(0));
-        let shared = Algebraic { name: "a".to_owned(), unit: None, expr: product, range: None, span: Span::default() };
+        let shared = Algebraic {
+            name: "a".to_owned(),
+            unit: None,
+            expr: product,
+            range: None,
+            kept: false,
+            span: Span::default(),
+        };
         Model {
             states: List::from(vec![
                 State::new("x", Expr::product(vec![algebraic.clone(), variable(1)])),

@@ -70,10 +70,11 @@ impl Accuracy {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        let (lists, settings) = (self.lists.lists(), self.model.settings(&self.sweep.mapping));
+        let (lists, mut settings) = (self.lists.lists(), self.model.settings(&self.sweep.mapping));
         settings.mapping.of_many()?;
         let loaded = self.model.read()?;
         let model = &loaded.model;
+        let given = self.given.with_order(model, &mut settings.mapping);
         let folder = || PathBuf::from("out").join(format!("{}_accuracy", model.name));
         let target = self.sweep.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
@@ -81,7 +82,7 @@ impl Accuracy {
         hit(&lists.step, lists.sample)?;
         let plan = lists.plan(model, &settings.mapping);
         let clock = self.sweep.clock.source();
-        let row = |point: DesignPoint| (point, self.given.command(&point), None);
+        let row = |point: DesignPoint| (point, given.command(&point), None);
         let mut record = Record {
             kind: Kind { store: "accuracy.json", files: files::files },
             head: self.head(model, &plan),

@@ -7,8 +7,10 @@ use crate::console;
 use crate::messages::MessageFormat;
 use crate::options::{MappingArgs, ModelArgs, PointArgs};
 use crate::progress;
+use pe_flow::elimination;
 use pe_flow::failure::Failure;
 use pe_flow::pipeline::{self, Prepared};
+use pe_flow::settings::Settings;
 use pe_flow::stages;
 use pe_ir::index::EquationId;
 use pe_ir::text;
@@ -75,8 +77,12 @@ impl Dump {
         if self.stage == Stage::Model {
             return Ok(self.of(sections));
         }
+        let settings = self.model.settings(&self.mapping);
+        let (mapping, _) = elimination::settled(&loaded, &settings, &point, &mut watch)?;
+        let settings = Settings { mapping, ..settings };
+        let mapping = &settings.mapping;
         if matches!(self.stage, Stage::Step | Stage::OdeGraph) {
-            let graph = pipeline::step(&loaded, &point, &mapping, &mut watch)?;
+            let graph = pipeline::step(&loaded, &point, mapping, &mut watch)?;
             if self.stage == Stage::OdeGraph {
                 let named = Problem::of(&graph).ode_graph().map_owned(
                     |index, load| format!("{} ({load} slots)", graph.equations[EquationId::at(index.index())].name),
@@ -87,13 +93,12 @@ impl Dump {
             sections.push(graph.to_string());
             return Ok(self.of(sections));
         }
-        let settings = self.model.settings(&self.mapping);
         let Prepared { graph, judged, network } = pipeline::prepare(&loaded, &settings, &point, &mut watch)?;
         sections.extend([graph.to_string(), text::fixed::print(&graph, &judged.fixed)]);
         if self.stage == Stage::Fixed {
             return Ok(self.of(sections));
         }
-        let design = pipeline::implement(&loaded, &graph, &judged, network, &mapping, &mut watch)?;
+        let design = pipeline::implement(&loaded, &graph, &judged, network, mapping, &mut watch)?;
         if self.stage == Stage::PeGraph {
             return Ok(Dot::new(&Problem::of(&design.graph).pe_graph(&design.mapping)).to_string());
         }

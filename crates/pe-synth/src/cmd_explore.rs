@@ -70,10 +70,11 @@ impl Explore {
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        let settings = self.model.settings(&self.sweep.mapping);
+        let mut settings = self.model.settings(&self.sweep.mapping);
         settings.mapping.of_many()?;
         let loaded = self.model.read()?;
         let model = &loaded.model;
+        let given = self.given.with_order(model, &mut settings.mapping);
         let folder = || PathBuf::from("out").join(format!("{}_explore", model.name));
         let target = self.sweep.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
@@ -87,7 +88,7 @@ impl Explore {
             title: format!("{} ({})", model.name, model.size()),
             max_error: self.max_error,
             clock: clock.words(),
-            rows: points.map(|point| (point, self.given.command(&point), None)).collect(),
+            rows: points.map(|point| (point, given.command(&point), None)).collect(),
             target,
             kind: Kind { store: "points.json", files: Sheet::files },
         };

@@ -24,6 +24,7 @@ pub mod command;
 pub mod console;
 pub mod explore;
 pub mod figures;
+pub mod foreign;
 pub mod messages;
 pub mod options;
 pub mod origin;

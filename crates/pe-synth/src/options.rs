@@ -11,6 +11,7 @@ use pe_flow::spec::{self, LoadedModel};
 use pe_flow::stages::Stages;
 use pe_flow::watch::Stopwatch;
 use pe_hls::mapping::MapOptions;
+use pe_hls::step::Order;
 use pe_hls::two_slots;
 use pe_ir::codes;
 use pe_ir::model::{Interpolation, Model, Solver};
@@ -117,7 +118,7 @@ pub struct PointArgs {
     /// Form of the step of a model that is affine in its states
     #[arg(long, default_value = "auto", value_parser = form(), help_heading = "Mapping")]
     pub form: FormChoice,
-    /// Number of processing elements; all of them are used [default: one for every 200 issue slots]
+    /// Number of processing elements; all of them are used [default: one for every 200 words of a step, as far as more PEs make it shorter]
     #[arg(long, value_name = "N", help_heading = "Mapping")]
     pub pes: Option<u32>,
 }
@@ -140,6 +141,10 @@ pub struct MappingArgs {
     /// One round of control words for all stages of a step
     #[arg(long = "loop", value_name = "MODE", default_value = "auto", value_parser = stage_loop(), help_heading = "Mapping")]
     pub stage_loop: StageLoop,
+    /// The order in which matrices are eliminated; by default that of a trial for linear systems, and the one that fills in
+    /// least for implicit solvers
+    #[arg(long, value_name = "ORDER", value_parser = order(), help_heading = "Mapping")]
+    pub elimination: Option<Order>,
 }
 
 /// All options that say what a design is, for programs that compile one beside the commands: the design point, how it
@@ -286,6 +291,7 @@ fn conflict(stages: &Stages, point: &DesignPoint, mapping: &MappingOptions, span
             (point.step.is_some(), "--step"),
             (point.early_steps.is_some(), "--early-steps"),
             (point.form != FormChoice::Auto, "--form"),
+            (mapping.elimination.is_some(), "--elimination"),
         ];
         if let Some((_, option)) = asked.into_iter().find(|(asked, _)| *asked) {
             return decided(option, Stage::Step);
@@ -332,8 +338,8 @@ impl PointArgs {
 impl MappingArgs {
     /// What is asked of the mapping.
     pub fn options(&self) -> MappingOptions {
-        let MappingArgs { mapping, tries, max_in_degree, no_pre_adder, stage_loop } = self.clone();
-        MappingOptions { mapping, tries, max_in_degree, no_pre_adder, stage_loop }
+        let MappingArgs { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination } = self.clone();
+        MappingOptions { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination }
     }
 }
 
@@ -378,6 +384,10 @@ pub fn engine() -> impl TypedValueParser<Value = Engine> {
 
 fn proof() -> impl TypedValueParser<Value = ProofMode> {
     choice(&ProofMode::ALL, ProofMode::name, Some(ProofMode::title))
+}
+
+fn order() -> impl TypedValueParser<Value = Order> {
+    choice(&Order::ALL, Order::name, Some(Order::title))
 }
 
 fn stage_loop() -> impl TypedValueParser<Value = StageLoop> {

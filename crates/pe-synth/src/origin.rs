@@ -1,6 +1,6 @@
 //! What generated files say about their spec: files, their hashes, statements.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use pe_emit::{Driven, Interface, Provenance, Tunable};
 use pe_flow::pipeline::Design;
@@ -50,7 +50,26 @@ pub fn interface(model: &Model) -> Interface {
         early_steps: model.phases.iter().map(|phase| (phase.until, model.step / phase.ratio)).collect(),
         inputs: (0..).zip(&model.inputs).map(driven).collect(),
         parameters: model.tunables().map(tunable).collect(),
+        initial: initial(model),
     }
+}
+
+/// Numbers of the outputs in the initial state, with all inputs 0; a ratio of steps is that of the first one.
+fn initial(model: &Model) -> BTreeMap<String, f64> {
+    let ratio = model.phases.first().map_or(1.0, |phase| phase.ratio);
+    let mut algebraics: Vec<f64> = Vec::with_capacity(model.algebraics.len());
+    let number = |variable: Variable, known: &[f64]| match variable {
+        Variable::State(state) => model.states[state].initial,
+        Variable::Input(_) if model.step_ratio() == Some(variable) => ratio,
+        Variable::Input(_) => 0.0,
+        Variable::Algebraic(algebraic) => known[at(algebraic)],
+    };
+    // Each reads only earlier ones.
+    for algebraic in &model.algebraics {
+        algebraics.push(algebraic.expr.evaluate(&|variable| number(variable, &algebraics)));
+    }
+    let outputs = model.outputs.iter().map(|output| (output.name.clone(), number(output.variable, &algebraics)));
+    outputs.filter(|(_, number)| number.is_finite()).collect()
 }
 
 /// What the words of a design's program come from; the text of a stage has no statements of a spec.

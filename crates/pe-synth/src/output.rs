@@ -16,7 +16,7 @@ use pe_flow::failure::Failure;
 use pe_map::sha256;
 
 /// Files that mark a folder as written by this program; only such folders are replaced.
-const MARKERS: [&str; 3] = ["report.json", "points.json", "accuracy.json"];
+const MARKERS: [&str; 4] = ["report.json", "points.json", "accuracy.json", "wrapped.json"];
 
 /// Files of a result: path and content.
 pub type Files = Vec<(&'static str, Vec<u8>)>;

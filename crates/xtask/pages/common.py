@@ -1,6 +1,8 @@
 """For the scripts of this folder: where the project is, and the programs they run."""
 
+import functools
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -14,3 +16,13 @@ def built(variable="PE_SYNTH", program="pe-synth", *options):
         return str(Path(os.environ[variable]).resolve())
     subprocess.run(["cargo", "build", "--release", "--quiet", "--package", "pe-synth", *options], cwd=ROOT, check=True)
     return str(TARGET / "release" / program)
+
+
+@functools.cache
+def python_package():
+    """A folder from which Python imports `pe_host`, built in the profile `dev`."""
+    subprocess.run(["cargo", "build", "--quiet", "--locked", "--package", "pe-host-python"], cwd=ROOT, check=True)
+    home = TARGET / "pages"
+    shutil.copytree(ROOT / "crates/pe-host/python/pe_host", home / "pe_host", dirs_exist_ok=True)
+    shutil.copy(TARGET / "debug/lib_pe_host.so", home / "pe_host/_pe_host.abi3.so")
+    return str(home)

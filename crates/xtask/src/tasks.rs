@@ -82,6 +82,13 @@ pub const TASKS: &[Task] = &[
         "20 minutes",
     ),
     task(
+        "pages/orders.py",
+        "the compiler's order of elimination beside others",
+        &["decisions/0067-linear-systems.md"],
+        "python3 with scipy",
+        "2 hours",
+    ),
+    task(
         "pages/partitions.py",
         "the mapper against METIS",
         &["decisions/0018-mapping.md"],
@@ -161,6 +168,13 @@ pub const TASKS: &[Task] = &[
         "5 minutes",
     ),
     task(
+        "synthesis/measure-wrapper.sh",
+        "cells of wrappers without what they wrap",
+        &["wrapper.md"],
+        "ghdl, yosys",
+        "two minutes a wrapper",
+    ),
+    task(
         "synthesis/pack-registers.py",
         "moves flip-flops of an ECP5 netlist into blocks",
         &["silicon.md"],
@@ -195,4 +209,5 @@ pub const PARTS: &[&str] = &[
     "synthesis/count-cells.awk",
     "synthesis/count-pairs.py",
     "synthesis/styles.awk",
+    "synthesis/wrapper-to-verilog.sh",
 ];

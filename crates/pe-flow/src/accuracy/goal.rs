@@ -125,8 +125,9 @@ impl<'a> Search<'a> {
             plan.words.iter().copied().find(|word| *word == WORD).or(plan.words.first().copied()).unwrap_or(WORD);
         let latency = lists.point(model.solver, model.step, word).format(model).map(|format| Latency::of(&format)).ok();
         let candidate = |(solver, graph): &(Solver, StepGraph)| {
-            let bound =
-                |latency| Bound::of(graph, lists.pes.unwrap_or_else(|| default_pes(graph)), latency).binding().0;
+            let bound = |latency| {
+                Bound::of(graph, lists.pes.unwrap_or_else(|| default_pes(graph, latency)), latency).binding().0
+            };
             let cycles = latency.map_or(1.0, |latency| f64::from(bound(latency)));
             Candidate { solver: *solver, products: graph.macs() as f64, cycles }
         };

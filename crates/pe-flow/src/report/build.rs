@@ -19,9 +19,10 @@ use pe_target::clock::{Basis, Clock as Frequency};
 use pe_target::devices::Fit;
 
 use super::errors::{DeviceFit, Drift, Errors, OfTotal, OutputError, Period, Use};
+use super::systems::{self, Pivot};
 use super::types::{
     Area, AreaPart, AreaSplit, Cells, Certainties, Clock, EarlyStep, Figures, Form, FunctionTable, HostPart, LogicPart,
-    MappingCost, Pairs, Parameters, Pivot, Ranges, Report, SampleRate, Start, TunableParameter, WireLength, Word,
+    MappingCost, Pairs, Parameters, Ranges, Report, SampleRate, Start, TunableParameter, WireLength, Word,
 };
 use crate::bottleneck::Bottleneck;
 use crate::pipeline::Design;
@@ -86,6 +87,8 @@ impl Report {
             relays: relayed.then(|| design.starts[0].relays),
             instruction_words_max: program.period as usize,
             data_words_max: data_words(program),
+            eliminations: systems::eliminations(design),
+            elimination_trials: systems::trials(design),
             smallest_pivot: pivot.map(|pivot| Pivot { state: pivot.state.clone(), magnitude: pivot.magnitude }),
             headroom: variables::report(told.variables),
             outputs: model.outputs.iter().map(|output| output.name.clone()).collect(),
@@ -411,11 +414,15 @@ fn ranges(proof: &Proof, program: &Program, graph: &StepGraph, judged: &Judged) 
     ranges
 }
 
+/// Equations of a table that the report names, at most.
+const NAMED_EQUATIONS: usize = 8;
+
 /// For each table its domain, its size, and its largest error, in units of the lowest bit that a data port sees of the result.
 fn functions(graph: &StepGraph, judged: &Judged) -> Vec<FunctionTable> {
     let (tables, fixed) = (&graph.functions.tables, &judged.fixed);
     let mut uses = vec![0u64; tables.len()];
     let mut units = vec![f64::INFINITY; tables.len()];
+    let mut equations: Vec<Vec<String>> = vec![Vec::new(); tables.len()];
     for write in graph.chains.iter().map(|chain| &chain.write) {
         let Some(Role::Column(lookup, column)) = write.base.map(|base| graph.value(base).role) else { continue };
         let table = graph.functions.lookups[lookup as usize].table as usize;
@@ -423,6 +430,11 @@ fn functions(graph: &StepGraph, judged: &Judged) -> Vec<FunctionTable> {
             let exponent = fixed.exponents[write.value.index()] + fixed.format.data_drop() as i32;
             uses[table] += 1;
             units[table] = units[table].min(libm::exp2(f64::from(exponent)));
+            let name = graph.equation_of(write.value).map_or("", |equation| &equation.name);
+            let known = equations[table].iter().any(|known| known == name);
+            if equations[table].len() < NAMED_EQUATIONS && !known {
+                equations[table].push(name.to_owned());
+            }
         }
     }
     let row = |(index, table): (usize, &Table)| FunctionTable {
@@ -434,6 +446,7 @@ fn functions(graph: &StepGraph, judged: &Judged) -> Vec<FunctionTable> {
         degree: table.degree(),
         words: table.columns.iter().map(Vec::len).sum(),
         lookups: uses[index],
+        equations: equations[index].clone(),
         bound: table.error,
         bound_lsb: table.error / units[index],
     };

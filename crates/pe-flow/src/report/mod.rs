@@ -4,6 +4,7 @@
 //! types, errors   what the file holds
 //! compared        what of it is compared over time
 //! build           Design -> Report
+//! systems         pivots and eliminations: their keys, and how they are built
 //! stability       the check of the step -> its key
 //! table           Report -> summary
 //! timing          report-timing.json
@@ -15,6 +16,7 @@ mod build;
 pub mod compared;
 pub mod errors;
 mod stability;
+pub mod systems;
 pub mod table;
 mod timing;
 pub mod types;

@@ -77,6 +77,7 @@ impl Report {
         if let Some(function) = error.function {
             rows.push(("function error", format!("{function:.1e}; {}", tables(&self.functions))));
         }
+        rows.extend(self.eliminations.iter().map(|elimination| ("elimination", elimination.to_string())));
         rows.extend(total(error).map(|text| ("total error", text)));
         let early = to_date(error);
         if !early.is_empty() {

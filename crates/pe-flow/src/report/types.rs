@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::errors::{Chosen, DeviceFit, Errors, Stability};
+use super::systems::{Elimination, EliminationTrial, Pivot};
 use super::values::nullable;
 
 /// `report.json`.
@@ -50,6 +51,12 @@ pub struct Report {
     pub data_words_max: u32,
     /// The smallest pivot of an implicit method.
     pub smallest_pivot: Option<Pivot>,
+    /// Matrices of linear systems; only for models that have some.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub eliminations: Vec<Elimination>,
+    /// Orders of elimination that were tried; missing where none was.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub elimination_trials: Vec<EliminationTrial>,
     /// The variables that come closest to the limits of their formats.
     pub headroom: Vec<Headroom>,
     /// Names of the outputs.
@@ -410,15 +417,6 @@ pub struct Clock {
     pub error_mhz: Option<f64>,
 }
 
-/// A magnitude of a state.
-#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
-pub struct Pivot {
-    /// The state.
-    pub state: String,
-    /// The pivot's magnitude, relative to the 1 of the identity.
-    pub magnitude: f64,
-}
-
 /// A variable that comes close to the limit of its format.
 #[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
 pub struct Headroom {
@@ -588,6 +586,9 @@ pub struct FunctionTable {
     pub words: usize,
     /// Lookups per step.
     pub lookups: u64,
+    /// Equations that look it up, up to eight of them.
+    #[serde(default)]
+    pub equations: Vec<String>,
     /// Largest error of approximation.
     pub bound: f64,
     /// The same in units of the lowest bit of the result that a data port sees.

@@ -1,7 +1,7 @@
 //! Algebra of whole arrays: finds the shape of an expression that names vectors and matrices without subscripts, and
 //! writes out each element as an expression of scalars.
 
-use crate::language::words::{DOT, TIME, TRANSPOSE};
+use crate::language::words::{DOT, SOLVE, TIME, TRANSPOSE};
 use crate::names::table::{Names, Symbol};
 use crate::report::Report;
 use crate::syntax::ast::{Binder, Expr, ExprKind, Factor, Name, Range, Reference, Sign};
@@ -37,6 +37,17 @@ enum Form {
     If(Box<Expr>, Box<Shaped>, Box<Shaped>),
     SumOver(Box<Binder>, Option<Box<Expr>>, Box<Shaped>),
     Transposed(Box<Shaped>),
+    /// The solution of a linear system: matrix and right-hand side.
+    Solved(Name, Box<Shaped>),
+}
+
+/// A vector or matrix that has to be defined before it can be read.
+pub(crate) struct Hoisted {
+    pub(crate) name: Name,
+    /// The indices that its elements are written with.
+    pub(crate) indices: Vec<Name>,
+    pub(crate) shape: Shape,
+    pub(crate) value: Expr,
 }
 
 /// Finds shapes within one statement.
@@ -51,6 +62,10 @@ pub(crate) struct Algebra<'r, 'a> {
     pub(crate) own: Shape,
     /// Sums written so far; their indices are numbered.
     pub(crate) sums: usize,
+    /// What the elements that were written read, in the order in which it is defined.
+    pub(crate) hoisted: Vec<Hoisted>,
+    /// Linear systems written before; they are numbered.
+    pub(crate) systems: usize,
 }
 
 impl Algebra<'_, '_> {
@@ -84,8 +99,9 @@ impl Algebra<'_, '_> {
             ExprKind::Call { function, arguments, .. } => match (function.text.as_str(), arguments.as_slice()) {
                 (DOT, [one, other]) => self.dot(one, other, expr.span),
                 (TRANSPOSE, [matrix]) => self.transpose(matrix, expr.span),
-                (DOT | TRANSPOSE, _) => {
-                    let wanted = if function.text == DOT { 2 } else { 1 };
+                (SOLVE, [matrix, right]) => self.solve(matrix, right, expr.span),
+                (DOT | TRANSPOSE | SOLVE, _) => {
+                    let wanted = if function.text == TRANSPOSE { 1 } else { 2 };
                     let message = format!("`{}` takes {wanted} argument(s), found {}", function.text, arguments.len());
                     self.report.push(Diagnostic::error(codes::ARGUMENT_COUNT, expr.span, message));
                     None
@@ -271,6 +287,103 @@ impl Algebra<'_, '_> {
         Some(Shaped { form, shape: vec![columns, rows], span, own: false })
     }
 
+    fn solve(&mut self, matrix: &Expr, right: &Expr, span: Span) -> Option<Shaped> {
+        let right = self.shaped(right);
+        let own = match &matrix.kind {
+            ExprKind::Reference(reference) if reference.subscripts.is_empty() => {
+                self.names.quantity(&reference.name.text).map(|number| (number, &reference.name))
+            }
+            _ => None,
+        };
+        let own = own.filter(|(number, _)| self.names.quantities[*number].matrix.is_some());
+        let Some((number, name)) = own else {
+            let message = "the first argument of `solve` is the name of a declared matrix";
+            let help = "declare it, `matrix T[i, j] symmetric` or `matrix A[i, j]`, and give its entries equations";
+            self.report.push(Diagnostic::error(codes::BAD_SYSTEM, matrix.span, message).with_help(help));
+            return None;
+        };
+        let (right, shape) = (right?, self.shapes.get(number)?.clone()?);
+        let [rows, columns] = shape[..] else { return None };
+        let length = |(low, high): (i64, i64)| high - low;
+        if length(rows) != length(columns) || (rows != columns && self.names.quantities[number].matrix == Some(true)) {
+            let message = format!("`{}` is {}: it has not as many columns as rows", name.text, described(&shape));
+            let help = "a system has as many unknowns as equations, and a symmetric matrix one range for both";
+            self.report.push(Diagnostic::error(codes::BAD_SYSTEM, matrix.span, message).with_help(help));
+            return None;
+        }
+        if !(1..=2).contains(&right.shape.len()) || right.shape[0] != rows {
+            let (first, second) = (described(&shape), described(&right.shape));
+            let help = "the right-hand side is a vector over the rows of the matrix, or a matrix with these rows";
+            self.report.push(misfit(
+                (matrix.span, &first),
+                (right.span, &second),
+                "matrix and right-hand side",
+                Some(help),
+            ));
+            return None;
+        }
+        let shape = std::iter::once(columns).chain(right.shape.iter().skip(1).copied()).collect();
+        Some(Shaped { form: Form::Solved(name.clone(), Box::new(right)), shape, span, own: false })
+    }
+
+    /// The element of a solution; `whole` if it is all that an equation defines.
+    fn solved_element(
+        &mut self,
+        matrix: &Name,
+        right: &Shaped,
+        whole: &Shaped,
+        subscripts: &[Expr],
+        alone: bool,
+    ) -> ExprKind {
+        let span = whole.span;
+        let right = match &right.form {
+            Form::Whole(name) => name.clone(),
+            _ => {
+                let name = Name { text: format!("{}.right{}", matrix.text, self.systems + 1), span };
+                self.hoist(name, &right.shape, span, |algebra, indices| algebra.element(right, indices))
+            }
+        };
+        self.systems += 1;
+        let solved = |subscripts: &[Expr]| ExprKind::Solved {
+            matrix: Name { span, ..matrix.clone() },
+            right: right.clone(),
+            subscripts: subscripts.to_vec(),
+        };
+        if alone {
+            return solved(subscripts);
+        }
+        let name = Name { text: format!("{}.solution{}", matrix.text, self.systems), span };
+        let name = self.hoist(name, &whole.shape, span, |_, indices| Expr { kind: solved(indices), span });
+        ExprKind::Reference(Reference { name, subscripts: subscripts.to_vec(), span })
+    }
+
+    /// Gives an array a name.
+    fn hoist(
+        &mut self,
+        name: Name,
+        shape: &[(i64, i64)],
+        span: Span,
+        value: impl FnOnce(&mut Self, &[Expr]) -> Expr,
+    ) -> Name {
+        let indices: Vec<Name> =
+            (1..=shape.len()).map(|dimension| Name { text: format!("subscript {dimension}"), span }).collect();
+        let subscripts: Vec<Expr> = indices.iter().map(index).collect();
+        let value = value(self, &subscripts);
+        self.hoisted.push(Hoisted { name: name.clone(), indices, shape: shape.to_vec(), value });
+        name
+    }
+
+    /// The element of what an equation defines as a whole.
+    pub(crate) fn defined_element(&mut self, shaped: &Shaped, subscripts: &[Expr]) -> Expr {
+        match &shaped.form {
+            Form::Solved(matrix, right) => {
+                let kind = self.solved_element(matrix, right, shaped, subscripts, true);
+                Expr { kind, span: shaped.span }
+            }
+            _ => self.element(shaped, subscripts),
+        }
+    }
+
     /// Reports what keeps two arrays that fit from being multiplied.
     fn factors(&mut self, one: &Shaped, other: &Shaped) -> Option<()> {
         self.no_table(one)?;
@@ -337,6 +450,7 @@ impl Algebra<'_, '_> {
                 let swapped: Vec<Expr> = subscripts.iter().rev().cloned().collect();
                 return self.element(matrix, &swapped);
             }
+            Form::Solved(matrix, right) => self.solved_element(matrix, right, shaped, subscripts, false),
         };
         Expr { kind, span: shaped.span }
     }
@@ -363,6 +477,7 @@ fn products(shaped: &Shaped) -> usize {
         Form::Sum(terms) => terms.iter().map(|(_, term)| products(term)).max().unwrap_or(0),
         Form::Scaled(factors) => factors.iter().map(|(_, operand)| products(operand)).max().unwrap_or(0),
         Form::Contracted(one, other) => 1 + products(one).max(products(other)),
+        Form::Solved(..) => 0,
         Form::Negate(operand) | Form::SumOver(_, _, operand) | Form::Transposed(operand) => products(operand),
         Form::If(_, yes, no) => products(yes).max(products(no)),
     }
@@ -442,5 +557,6 @@ pub(crate) fn visit<'e>(expr: &'e Expr, action: &mut dyn FnMut(&'e Expr)) {
         ExprKind::Call { arguments, .. } => arguments.iter().for_each(|part| visit(part, action)),
         ExprKind::Matrix(rows) => rows.iter().flatten().for_each(|part| visit(part, action)),
         ExprKind::Logical(_, operands) => operands.iter().for_each(|part| visit(part, action)),
+        ExprKind::Solved { subscripts, .. } => subscripts.iter().for_each(|part| visit(part, action)),
     }
 }

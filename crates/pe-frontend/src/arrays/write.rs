@@ -1,18 +1,19 @@
 //! Statements that name whole arrays, `x' = A*x + B*u`: before anything else is done they are written with subscripts,
 //! so that no later pass sees them. A spec without such statements stays as it is.
 
-use crate::arrays::algebra::{Algebra, Shape, described, index, misfit, range, visit};
+use crate::arrays::algebra::{Algebra, Hoisted, Shape, described, index, misfit, range, visit};
 use crate::context::Context;
 use crate::declare::sizes::{extents, index_ranges};
 use crate::declare::{constants, overrides};
 use crate::equations::pattern::{bind, names_in};
-use crate::language::words::{DOT, TRANSPOSE};
+use crate::language::words::OF_ARRAYS;
 use crate::limits::Limits;
 use crate::names::collect::collect;
 use crate::names::table::{Kind, Names};
 use crate::report::Report;
 use crate::syntax::ast::{
-    Binder, Broken, Declared, Equation, Expr, ExprKind, LeftSide, Measure, Name, Range, Spec, StatementKind,
+    Binder, Broken, Declared, Equation, Expr, ExprKind, LeftSide, Measure, Name, Range, Reference, Spec, Statement,
+    StatementKind,
 };
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
@@ -58,7 +59,7 @@ pub(crate) fn write_out(
         .iter()
         .map(|quantity| match quantity.rank {
             0 => Some(Shape::new()),
-            _ if quantity.broken || quantity.kind == Kind::Algebraic => None,
+            _ if quantity.broken || (quantity.kind == Kind::Algebraic && quantity.matrix.is_none()) => None,
             _ => Some(quantity.dimensions.iter().map(|dimension| (dimension.low, dimension.high)).collect()),
         })
         .collect();
@@ -77,10 +78,16 @@ pub(crate) fn write_out(
         },
         lost: None,
     };
+    let mut systems = 0;
     for statement in &spec.statements {
         let mut copy = statement.clone();
-        let mut writer = Writer { names: &sizes.names, shapes: &shapes, report };
-        if writer.statement(&mut copy.kind).is_some() {
+        let mut writer = Writer { names: &sizes.names, shapes: &shapes, report, hoisted: Vec::new(), systems };
+        let done = writer.statement(&mut copy.kind);
+        let hoisted = writer.hoisted;
+        systems = writer.systems;
+        if done.is_some() {
+            let define = |hoisted| Statement { kind: definition(hoisted), files: Vec::new(), ..copy };
+            written.spec.statements.extend(hoisted.into_iter().map(define));
             written.spec.statements.push(copy);
         } else {
             written.lost = written.lost.or(Some(statement.span));
@@ -96,6 +103,7 @@ fn missing(statement: &StatementKind) -> Broken {
         StatementKind::Param { declared, .. } => ("param", vec![declared.name.text.clone()]),
         StatementKind::Input { declared, .. } => ("input", vec![declared.name.text.clone()]),
         StatementKind::State { declared, .. } => ("state", vec![declared.name.text.clone()]),
+        StatementKind::Matrix { declared, .. } => ("matrix", vec![declared.name.text.clone()]),
         StatementKind::Equation(equation) => ("", vec![equation.target.name.text.clone()]),
         StatementKind::Function { name, .. } => ("function", vec![name.text.clone()]),
         StatementKind::Step(..) => ("step", Vec::new()),
@@ -124,7 +132,7 @@ fn concerns_arrays(statement: &StatementKind, array: impl Fn(&Name) -> bool) -> 
 }
 
 fn is_of_arrays(function: &Name) -> bool {
-    [DOT, TRANSPOSE].contains(&function.text.as_str())
+    OF_ARRAYS.contains(&function.text.as_str())
 }
 
 /// The expressions of a statement that may name arrays.
@@ -164,7 +172,8 @@ fn boxes(sizes: &mut Context, shapes: &mut [Option<Shape>]) {
         let StatementKind::Equation(equation) = &statement.kind else { continue };
         let Some(number) = sizes.names.quantity(&equation.target.name.text) else { continue };
         let quantity = &sizes.names.quantities[number];
-        if quantity.kind != Kind::Algebraic || quantity.rank == 0 || equation.target.subscripts.is_empty() {
+        let declared = quantity.kind != Kind::Algebraic || quantity.matrix.is_some();
+        if declared || quantity.rank == 0 || equation.target.subscripts.is_empty() {
             continue;
         }
         let pattern = bind(sizes, number, &equation.target, &equation.ranges, None);
@@ -239,7 +248,7 @@ fn algebra<'r, 'a>(
     local: &[Name],
 ) -> Algebra<'r, 'a> {
     let local = local.iter().map(|name| name.text.clone()).collect();
-    Algebra { names, shapes, report, local, own: Shape::new(), sums: 0 }
+    Algebra { names, shapes, report, local, own: Shape::new(), sums: 0, hoisted: Vec::new(), systems: 0 }
 }
 
 /// Writes out statements; each function returns `None` after an error.
@@ -247,6 +256,10 @@ struct Writer<'r, 'a> {
     names: &'r Names<'a>,
     shapes: &'r [Option<Shape>],
     report: &'r mut Report,
+    /// What the statement reads, to be defined in front of it.
+    hoisted: Vec<Hoisted>,
+    /// Linear systems so far.
+    systems: usize,
 }
 
 impl<'a> Writer<'_, 'a> {
@@ -304,7 +317,8 @@ impl<'a> Writer<'_, 'a> {
         }
         let subscripts: Vec<Expr> = declared.dimensions.iter().map(|binder| index(&binder.name)).collect();
         *value = algebra.element(&shaped, &subscripts);
-        Some(())
+        let hoisted = algebra.hoisted;
+        self.refuse(&hoisted)
     }
 
     fn equation(&mut self, equation: &mut Equation) -> Option<()> {
@@ -324,6 +338,7 @@ impl<'a> Writer<'_, 'a> {
         }
         self.ends(&mut equation.within, &local)?;
         let mut algebra = algebra(self.names, self.shapes, self.report, &local);
+        algebra.systems = self.systems;
         let shaped = algebra.shaped(&equation.value)?;
         let shape = shape?;
         if shape != shaped.shape {
@@ -352,10 +367,39 @@ impl<'a> Writer<'_, 'a> {
             .map(|dimension| Name { text: format!("subscript {dimension}"), span: equation.target.span })
             .collect();
         let subscripts: Vec<Expr> = indices.iter().map(index).collect();
-        equation.value = algebra.element(&shaped, &subscripts);
+        let whole = equation.side == LeftSide::Algebraic && equation.condition.is_none() && !shape.is_empty();
+        equation.value = match whole {
+            true => algebra.defined_element(&shaped, &subscripts),
+            false => algebra.element(&shaped, &subscripts),
+        };
+        self.systems = algebra.systems;
+        let hoisted = std::mem::take(&mut algebra.hoisted);
+        self.stands_alone(&hoisted, &local)?;
+        self.hoisted = hoisted;
         equation.target.subscripts.extend(subscripts);
         let all = indices.into_iter().zip(&shape);
         equation.ranges.extend(all.map(|(name, ends)| Binder { range: Some(range(*ends, name.span)), name }));
+        Some(())
+    }
+
+    /// Reports a right-hand side of a linear system that reads what has a value in its equation alone.
+    fn stands_alone(&mut self, hoisted: &[Hoisted], local: &[Name]) -> Option<()> {
+        for hoisted in hoisted {
+            let mut inner = None;
+            visit(&hoisted.value, &mut |part| {
+                if let ExprKind::Reference(reference) = &part.kind
+                    && local.iter().any(|name| name.text == reference.name.text)
+                {
+                    inner = inner.or(Some(&reference.name));
+                }
+            });
+            if let Some(name) = inner {
+                let message = format!("the right-hand side of this system depends on the index `{}`", name.text);
+                let help = "give the right-hand sides a name, as the columns of a matrix, and solve for all of them at once: `X = solve(T, B)`";
+                self.report.push(Diagnostic::error(codes::BAD_SYSTEM, name.span, message).with_help(help));
+                return None;
+            }
+        }
         Some(())
     }
 
@@ -368,9 +412,37 @@ impl<'a> Writer<'_, 'a> {
     }
 
     fn scalar(&mut self, expr: &mut Expr, local: &[Name]) -> Option<()> {
-        *expr = algebra(self.names, self.shapes, self.report, local).scalar(expr)?;
-        Some(())
+        let mut algebra = algebra(self.names, self.shapes, self.report, local);
+        *expr = algebra.scalar(expr)?;
+        let hoisted = algebra.hoisted;
+        self.refuse(&hoisted)
     }
+
+    /// Reports a linear system outside of equations.
+    fn refuse(&mut self, hoisted: &[Hoisted]) -> Option<()> {
+        let Some(first) = hoisted.first() else { return Some(()) };
+        let message = "`solve` stands in right-hand sides of equations";
+        let help = "define what it gives as an algebraic quantity: `x = solve(T, b)`";
+        self.report.push(Diagnostic::error(codes::BAD_SYSTEM, first.name.span, message).with_help(help));
+        None
+    }
+}
+
+/// The equation of an array that a statement reads.
+fn definition(hoisted: Hoisted) -> StatementKind {
+    let Hoisted { name, indices, shape, value } = hoisted;
+    let span = name.span;
+    let subscripts = indices.iter().map(index).collect();
+    let all = indices.into_iter().zip(&shape);
+    StatementKind::Equation(Equation {
+        target: Reference { name, subscripts, span },
+        side: LeftSide::Algebraic,
+        unit: None,
+        value,
+        within: None,
+        ranges: all.map(|(name, ends)| Binder { range: Some(range(*ends, span)), name }).collect(),
+        condition: None,
+    })
 }
 
 fn names_of(binders: &[Binder]) -> Vec<Name> {

@@ -8,7 +8,7 @@ use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, MOST_NESTED_CALLS,
 use crate::language::functions::{self, FUNCTIONS};
 use crate::language::measures::unit_scale;
 use crate::language::waveforms::{Argument, SAMPLES, WAVEFORMS, check_count};
-use crate::language::words::{DOT, TIME, TRANSPOSE};
+use crate::language::words::{OF_ARRAYS, TIME};
 use crate::names::table::{Kind, Names, Symbol};
 use crate::nearest::suggestion;
 use crate::report::Report;
@@ -103,6 +103,13 @@ impl<'a> Resolver<'_, 'a> {
                 matrix::cells(self.names, self.owner, rows, cells, expr.span, self.report)?
             }
             ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), expr.span)?,
+            ExprKind::Solved { matrix, right, subscripts } => {
+                let subscripts = all(subscripts.iter().map(|subscript| self.number(subscript)));
+                let matrix = self.names.quantity(&matrix.text)?;
+                let right = self.names.quantity(&right.text)?;
+                [matrix, right].into_iter().for_each(|number| self.names.quantities[number].used = true);
+                NodeKind::Solved(matrix, right, subscripts?)
+            }
             ExprKind::Compare(..) | ExprKind::Logical(..) | ExprKind::Not(_) => {
                 let message = "a number is needed here, this is a condition";
                 self.report.push(
@@ -215,7 +222,7 @@ impl<'a> Resolver<'_, 'a> {
             if self.names.is_poisoned(&name.text) {
                 return None;
             }
-            if [DOT, TRANSPOSE].contains(&name.text.as_str()) {
+            if OF_ARRAYS.contains(&name.text.as_str()) {
                 // In all other places it has been written out.
                 let message = format!("`{}` cannot be used here: only scalars are known", name.text);
                 self.report.push(Diagnostic::error(codes::WRONG_KIND, span, message));
@@ -224,8 +231,7 @@ impl<'a> Resolver<'_, 'a> {
             let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
             let own = self.names.functions.iter().map(|function| function.name.text.as_str());
             let signals = WAVEFORMS.iter().map(|(word, ..)| *word).filter(|_| self.reads != Reads::Constants);
-            let known =
-                FUNCTIONS.iter().map(|function| function.name).chain([DOT, TRANSPOSE]).chain(own).chain(signals);
+            let known = FUNCTIONS.iter().map(|function| function.name).chain(OF_ARRAYS).chain(own).chain(signals);
             let help = suggestion(&name.text, known).or_else(|| {
                 let array = self.names.quantity(&name.text).is_some();
                 array.then(|| format!("subscripts need brackets, products a sign: `{0}[...]`, `{0}*(...)`", name.text))

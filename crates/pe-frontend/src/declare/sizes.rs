@@ -27,7 +27,8 @@ pub(crate) fn extents(context: &mut Context) {
     for number in 0..context.names.quantities.len() {
         let quantity = &context.names.quantities[number];
         let (kind, binders, name) = (quantity.kind, quantity.binders, quantity.name);
-        if matches!(kind, Kind::Const | Kind::Algebraic) {
+        let undeclared = kind == Kind::Algebraic && quantity.matrix.is_none();
+        if kind == Kind::Const || undeclared {
             continue;
         }
         let mut extents = Vec::with_capacity(binders.len());
@@ -38,7 +39,9 @@ pub(crate) fn extents(context: &mut Context) {
         quantity.set_extents(&extents);
         let length = quantity.length;
         let complete = extents.len() == binders.len();
-        if !complete || !context.elements.take(length, &name.text, name.span, &mut context.report) {
+        // Its elements are counted with those of other algebraic quantities.
+        let counted = kind != Kind::Algebraic;
+        if !complete || counted && !context.elements.take(length, &name.text, name.span, &mut context.report) {
             quantity.broken = true;
             quantity.length = 0;
             continue;

@@ -3,4 +3,5 @@
 pub(crate) mod order;
 pub(crate) mod pattern;
 pub(crate) mod sampled;
+pub(crate) mod systems;
 pub(crate) mod write;

@@ -226,7 +226,10 @@ fn size_algebraics(context: &mut Context, equations: &[(BoundEquation, &Equation
         }
         let nothing = vec![(1, 0); rank];
         let quantity = &mut context.names.quantities[number];
-        quantity.set_extents(extents.as_ref().unwrap_or(&nothing));
+        // A matrix has those of its declaration.
+        if quantity.matrix.is_none() {
+            quantity.set_extents(extents.as_ref().unwrap_or(&nothing));
+        }
         let (length, name) = (quantity.length, quantity.name);
         if context.names.quantities[number].broken
             || !context.elements.take(length, &name.text, name.span, &mut context.report)

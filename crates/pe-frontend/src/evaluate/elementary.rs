@@ -291,5 +291,6 @@ pub(crate) fn size(expr: &Expr) -> (u64, usize) {
             let parts = [&select.condition, &select.yes, &select.no].map(size);
             (parts.iter().map(|part| part.0).sum(), parts.iter().map(|part| part.1).max().unwrap_or(0) + 1)
         }
+        Expr::Solution(_) => (1, 1),
     }
 }

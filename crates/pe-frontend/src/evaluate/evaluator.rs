@@ -5,14 +5,15 @@ use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, Node, NodeKind, Su
 use crate::evaluate::elementary::{self, Truth, reciprocal, size};
 use crate::evaluate::fold::{ProductBuilder, SumBuilder, negate};
 use crate::evaluate::signals::{SIGNALS, Signals};
+use crate::evaluate::systems::Systems;
 use crate::fault::{Budget, Fault, Purpose, fault, not_constant, not_finite};
 use crate::language::functions::modulo;
 use crate::language::measures::scaled;
 use crate::language::waveforms::{Argument, SAMPLES, WAVEFORMS, waveform_of};
-use crate::names::table::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names};
+use crate::names::table::{Kind, MOST_DIMENSIONS, Names};
 use crate::syntax::ast::{Connective, Factor, Sign};
 use pe_ir::codes;
-use pe_ir::index::{StateId, at, number as number_of};
+use pe_ir::index::{at, number as number_of};
 use pe_ir::model::{Expr, Formula, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Span};
 use std::sync::Arc;
@@ -35,12 +36,23 @@ pub(crate) struct Evaluator {
     parts: Option<Vec<Waveform>>,
     /// Whether all left-hand sides are known; before, any algebraic element may still get its equation.
     pub(crate) left_sides_known: bool,
+    /// Linear systems.
+    systems: Systems,
 }
 
 impl Evaluator {
     pub(crate) fn new(work: u64, reads: u64) -> Self {
         let (frame, arguments, signals, budget) = (Vec::new(), Vec::new(), Signals::default(), Budget { work, reads });
-        Evaluator { frame, arguments, first_argument: 0, budget, signals, parts: None, left_sides_known: false }
+        Evaluator {
+            frame,
+            arguments,
+            first_argument: 0,
+            budget,
+            signals,
+            parts: None,
+            left_sides_known: false,
+            systems: Systems::default(),
+        }
     }
 
     /// The value of an expression over variables.
@@ -85,6 +97,14 @@ impl Evaluator {
                 let quantity = &names.quantities[*quantity];
                 let offset = quantity.offset(&self.frame[..quantity.rank]).map_err(|_| Fault::Silent)?;
                 self.expr(names, cells.get(offset).ok_or(Fault::Silent)?)
+            }
+            NodeKind::Solved(matrix, right, subscripts) => {
+                let mut values = [0; 2];
+                for (value, subscript) in values.iter_mut().zip(subscripts) {
+                    *value = self.integer(names, subscript)?;
+                }
+                let values = &values[..subscripts.len().min(2)];
+                self.systems.solution(names, *matrix, *right, values, node.span)
             }
             NodeKind::Data(quantity, values) => {
                 let quantity = &names.quantities[*quantity];
@@ -176,30 +196,15 @@ impl Evaluator {
             // Left-hand sides may read constants only; that this is none is all that matters.
             return Ok(Expr::Variable(Variable::Algebraic(0)));
         }
-        let offset = match quantity.offset(values) {
-            Ok(offset) => offset,
-            Err(_) if quantity.kind == Kind::Algebraic => {
-                return Err(fault(no_such_element(names, number, values, span)));
-            }
-            Err(dimension) => {
-                let span = subscripts.get(dimension).map_or(span, |subscript| subscript.span);
-                return Err(fault(out_of_range(names, number, values, dimension, span)));
-            }
-        };
-        let variable = match quantity.kind {
-            Kind::Const | Kind::Param => {
-                let value = quantity.values[offset];
-                return if value.is_nan() { Err(Fault::Missing(number, offset)) } else { Ok(Expr::Constant(value)) };
-            }
-            Kind::Input => Variable::Input(quantity.base + number_of(offset)),
-            Kind::State => Variable::State(StateId::new(quantity.base + number_of(offset))),
-            Kind::Algebraic if quantity.defined_by[offset] == NO_EQUATION => {
-                return Err(fault(no_such_element(names, number, values, span)));
-            }
-            Kind::Algebraic => Variable::Algebraic(quantity.base + number_of(offset)),
-        };
+        if let Err(dimension) = quantity.offset(values)
+            && (quantity.kind != Kind::Algebraic || quantity.matrix.is_some())
+        {
+            let span = subscripts.get(dimension).map_or(span, |subscript| subscript.span);
+            return Err(fault(out_of_range(names, number, values, dimension, span)));
+        }
+        let element = element(names, number, values, span)?;
         self.budget.read(1, span)?;
-        Ok(Expr::Variable(variable))
+        Ok(element)
     }
 
     fn product(&mut self, names: &Names, first: &Node, rest: &[(Factor, Node)], span: Span) -> Result<Expr, Fault> {
@@ -363,6 +368,29 @@ impl Evaluator {
         let message = "the signal is not finite";
         let help = "keep divisors away from zero and arguments in the domains of their functions, over all values of the signals in it";
         Err(fault(Diagnostic::error(codes::BAD_WAVEFORM, node.span, message).with_help(help)))
+    }
+}
+
+/// The element of a quantity with these subscripts. One of a matrix that no equation defines is zero, or what stands
+/// across the diagonal of a symmetric one.
+pub(super) fn element(names: &Names, number: usize, values: &[i64], span: Span) -> Result<Expr, Fault> {
+    let quantity = &names.quantities[number];
+    let Ok(offset) = quantity.offset(values) else {
+        return Err(fault(no_such_element(names, number, values, span)));
+    };
+    if matches!(quantity.kind, Kind::Const | Kind::Param) {
+        let value = quantity.values[offset];
+        return if value.is_nan() { Err(Fault::Missing(number, offset)) } else { Ok(Expr::Constant(value)) };
+    }
+    if quantity.exists(offset) {
+        return Ok(Expr::Variable(quantity.variable(offset)));
+    }
+    let across =
+        quantity.matrix.filter(|symmetric| *symmetric).and_then(|_| quantity.offset(&[values[1], values[0]]).ok());
+    match (quantity.matrix, across.filter(|across| quantity.exists(*across))) {
+        (_, Some(across)) => Ok(Expr::Variable(quantity.variable(across))),
+        (Some(_), None) => Ok(Expr::Constant(0.0)),
+        (None, None) => Err(fault(no_such_element(names, number, values, span))),
     }
 }
 

@@ -4,3 +4,4 @@ mod elementary;
 pub(crate) mod evaluator;
 mod fold;
 pub(crate) mod signals;
+mod systems;

@@ -220,6 +220,7 @@ impl Signals {
             unit: Some("s".to_owned()),
             expr: Expr::Variable(Variable::State(StateId::new(clock))),
             range: None,
+            kept: false,
             span: self.time_read.unwrap_or_default(),
         }
     }

@@ -12,6 +12,12 @@ pub(crate) const DOT: &str = "dot";
 /// A matrix with rows and columns exchanged.
 pub(crate) const TRANSPOSE: &str = "transpose";
 
+/// The solution of a linear system.
+pub(crate) const SOLVE: &str = "solve";
+
+/// Functions of whole arrays.
+pub(crate) const OF_ARRAYS: [&str; 3] = [DOT, TRANSPOSE, SOLVE];
+
 /// The value of a predefined number.
 pub(crate) fn predefined(name: &str) -> Option<f64> {
     PREDEFINED.iter().find(|(word, _)| *word == name).map(|(_, value)| *value)

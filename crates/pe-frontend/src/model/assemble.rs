@@ -123,6 +123,7 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
         outputs,
         left_out,
     };
+    model.share_systems();
     model.add_step_ratio();
     model.set_step(step);
     Some(model)
@@ -203,6 +204,7 @@ fn algebraics(names: &Names, parts: &mut Parts, numbers: &mut Numbers, signals: 
             unit: unit(quantity),
             expr: row.expr,
             range: row.range,
+            kept: false,
             span: row.span,
         });
     }

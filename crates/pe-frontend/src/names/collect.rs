@@ -2,7 +2,7 @@
 
 use crate::language::functions;
 use crate::language::waveforms::{SAMPLES, WAVEFORMS};
-use crate::language::words::{DOT, TRANSPOSE, predefined};
+use crate::language::words::{OF_ARRAYS, predefined};
 use crate::names::table::{Defined, Index, Kind, MOST_DIMENSIONS, Names, Quantity, Symbol};
 use crate::report::Report;
 use crate::syntax::ast::{Binder, Expr as Tree, LeftSide, Name, Spec, StatementKind};
@@ -28,6 +28,18 @@ pub(crate) fn collect<'a>(spec: &'a Spec, report: &mut Report) -> Names<'a> {
                 if let Some(quantity) = all.names.quantities.last_mut().filter(|q| q.name.span == d.name.span) {
                     quantity.block = statement.block;
                     quantity.tunable = *tunable;
+                }
+            }
+            StatementKind::Matrix { declared: d, symmetric } => {
+                all.declare(&d.name, Kind::Algebraic, d.unit.as_ref(), &d.dimensions);
+                if d.dimensions.len() != 2 {
+                    let message = format!("`{}` has {} dimensions; a matrix has two", d.name.text, d.dimensions.len());
+                    all.report.push(Diagnostic::error(codes::SUBSCRIPT_COUNT, d.name.span, message));
+                }
+                if let Some(quantity) = all.names.quantities.last_mut().filter(|q| q.name.span == d.name.span) {
+                    quantity.block = statement.block;
+                    quantity.matrix = Some(*symmetric);
+                    quantity.broken |= d.dimensions.len() != 2;
                 }
             }
             StatementKind::Index(binders) => {
@@ -85,6 +97,7 @@ impl<'a> Collector<'_, 'a> {
             unit,
             block: None,
             tunable: false,
+            matrix: None,
             rank: binders.len(),
             binders,
             dimensions: Vec::new(),
@@ -143,7 +156,7 @@ impl<'a> Collector<'_, 'a> {
                 self.report.push(Diagnostic::error(codes::DUPLICATE, parameter.span, message));
             }
         }
-        let of_arrays = [DOT, TRANSPOSE].contains(&name.text.as_str());
+        let of_arrays = OF_ARRAYS.contains(&name.text.as_str());
         let waveform =
             WAVEFORMS.iter().any(|(word, ..)| *word == name.text) || name.text == SAMPLES || name.text == "data";
         if waveform || of_arrays || functions::find(&name.text).is_some() {

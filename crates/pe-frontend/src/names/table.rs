@@ -85,9 +85,11 @@ pub(crate) struct Quantity<'a> {
     pub(crate) block: Option<usize>,
     /// Whether a state is a tunable parameter.
     pub(crate) tunable: bool,
+    /// Of a declared matrix whether it is symmetric. Its elements without an equation are zero.
+    pub(crate) matrix: Option<bool>,
     /// Number of subscripts.
     pub(crate) rank: usize,
-    /// Declared indices; empty for algebraic quantities.
+    /// Declared indices; empty for algebraic quantities that are no matrices.
     pub(crate) binders: &'a [Binder],
     /// Extents, known once the index ranges are.
     pub(crate) dimensions: Vec<Dimension>,
@@ -108,7 +110,11 @@ pub(crate) struct Quantity<'a> {
 impl Quantity<'_> {
     /// What it is, with article, for messages.
     pub(crate) fn describe(&self) -> &'static str {
-        if self.tunable { "a tunable parameter" } else { self.kind.describe() }
+        match self.matrix {
+            Some(_) => "a matrix",
+            None if self.tunable => "a tunable parameter",
+            None => self.kind.describe(),
+        }
     }
 
     /// Name of the element with these subscripts.

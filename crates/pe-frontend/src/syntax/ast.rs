@@ -137,6 +137,13 @@ pub enum StatementKind {
         /// Whether it is a tunable parameter.
         tunable: bool,
     },
+    /// `matrix T[i, j] [unit] symmetric`.
+    Matrix {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// Whether it equals its transpose.
+        symmetric: bool,
+    },
     /// `V[b]' = expr where condition`.
     Equation(Equation),
     /// `output V[1], w`.
@@ -321,6 +328,15 @@ pub enum ExprKind {
     },
     /// `[1, 2; 3, 4]`, row by row.
     Matrix(Vec<Vec<Expr>>),
+    /// An element of `solve(matrix, right)`; made where whole arrays are written out.
+    Solved {
+        /// The matrix.
+        matrix: Name,
+        /// The right-hand side, an array.
+        right: Name,
+        /// Subscripts of the element.
+        subscripts: Vec<Expr>,
+    },
     /// `left < right` and its like.
     Compare(Comparison, Box<Expr>, Box<Expr>),
     /// Conditions joined by one operator, at least two.

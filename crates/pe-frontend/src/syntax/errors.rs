@@ -106,6 +106,7 @@ fn in_words(rule: Rule) -> &'static str {
         Rule::kw_then => "`then`",
         Rule::kw_else => "`else`",
         Rule::kw_tunable | Rule::tunable => "`tunable`",
+        Rule::kw_symmetric | Rule::symmetric => "`symmetric`",
         Rule::kw_in | Rule::within => "`in`",
         Rule::kw_for | Rule::for_clause => "`for`",
         Rule::kw_where | Rule::where_clause => "`where`",

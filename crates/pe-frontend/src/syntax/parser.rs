@@ -57,6 +57,7 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "units" => Rule::units_statement,
         "every" => Rule::every_statement,
         "next" => Rule::next_statement,
+        "matrix" => Rule::matrix_statement,
         "}" => Rule::end_statement,
         _ => Rule::equation,
     };
@@ -139,6 +140,10 @@ impl Builder<'_> {
                 let declared = self.declared(&mut parts)?;
                 let initial = self.expr(parts.take(Rule::expr)?)?;
                 StatementKind::State { declared, initial, within: self.within(&mut parts)?, tunable: false }
+            }
+            Rule::matrix_statement => {
+                let declared = self.declared(&mut parts)?;
+                StatementKind::Matrix { declared, symmetric: parts.take(Rule::symmetric).is_some() }
             }
             Rule::output_statement => {
                 let mut items = Vec::new();
@@ -467,6 +472,8 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_step
             | Rule::kw_until
             | Rule::kw_tunable
+            | Rule::kw_matrix
+            | Rule::kw_symmetric
             | Rule::kw_span
             | Rule::kw_const
             | Rule::kw_index
@@ -530,6 +537,7 @@ mod tests {
                 format!("({})", list(operands, &format!(" {connective:?} ")))
             }
             ExprKind::Not(operand) => format!("(not {})", show(operand)),
+            ExprKind::Solved { .. } => unreachable!("no text has it"),
         }
     }
 

@@ -146,7 +146,7 @@ impl Reader<'_> {
                 }
                 self.block = None;
             }
-            (StatementKind::State { .. } | StatementKind::Equation(_), _) => {
+            (StatementKind::State { .. } | StatementKind::Matrix { .. } | StatementKind::Equation(_), _) => {
                 self.fill_block();
                 return false;
             }

@@ -292,6 +292,13 @@ impl<'a> Checker<'_, 'a> {
             }
             ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), span, scope),
             ExprKind::Matrix(rows) => self.all_same(rows.iter().flatten(), scope),
+            ExprKind::Solved { matrix, right, .. } => match (self.own(right).0, self.own(matrix).0) {
+                (Known(right), Known(matrix)) => right.times(matrix, -1).map_or(Unknown, Known),
+                (Known(right), Number) => Known(right),
+                (Number, Known(matrix)) => Dimension::ONE.times(matrix, -1).map_or(Unknown, Known),
+                (Number, Number) => Number,
+                _ => Unknown,
+            },
             ExprKind::Data { path, column } | ExprKind::Samples { path, column, .. } => self.data(path, column).0,
             ExprKind::Compare(_, left, right) => {
                 self.all_same([&**left, right], scope);
@@ -507,6 +514,7 @@ fn each_name<'a>(expr: &'a Expr, action: &mut impl FnMut(&'a Name)) {
             each_name(no, action);
         }
         ExprKind::Matrix(rows) => rows.iter().flatten().for_each(|cell| each_name(cell, action)),
+        ExprKind::Solved { matrix, right, .. } => [matrix, right].into_iter().for_each(action),
         ExprKind::Call { arguments, .. } => arguments.iter().for_each(|argument| each_name(argument, action)),
     }
 }

@@ -183,6 +183,7 @@ fn enclose(expr: &Expr, x: Interval) -> Interval {
                 enclose(&select.yes, x).hull(enclose(&select.no, x))
             }
         }
+        Expr::Solution(_) => unreachable!("no function of one variable"),
     }
 }
 

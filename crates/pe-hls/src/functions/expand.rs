@@ -2,7 +2,7 @@
 
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
-use pe_ir::index::{self, EquationId, List, at};
+use pe_ir::index::{self, ChainId, EquationId, List};
 
 use super::domain::Domain;
 use super::fit::{Fit, Layout};
@@ -65,14 +65,19 @@ impl<'a> Computed<'a> {
     }
 }
 
-/// The step graph with the tables of its functions.
-pub(super) fn expand(graph: &StepGraph, segments: Segments, computed: &[Option<Computed>]) -> StepGraph {
+/// The step graph with the tables of its functions; for each chain that applies one, how it is computed.
+pub(super) fn expand(
+    graph: &StepGraph,
+    segments: Segments,
+    computed: &[Computed],
+    computed_of: &List<ChainId, Option<usize>>,
+) -> StepGraph {
     let mut tables = Vec::new();
     // Of each part the numbers of its tables.
     let table_of: Vec<Vec<Vec<u32>>> = computed
         .iter()
         .map(|computed| {
-            let parts = computed.iter().flat_map(|computed| &computed.parts);
+            let parts = computed.parts.iter();
             parts
                 .map(|part| {
                     let all = part.clamps.iter().chain([&part.table]);
@@ -102,16 +107,13 @@ pub(super) fn expand(graph: &StepGraph, segments: Segments, computed: &[Option<C
         },
         serials,
     };
-    for chain in &graph.chains {
-        match chain.function {
+    for (chain, of) in graph.chains.iter().zip(computed_of) {
+        match *of {
             None => {
                 let terms = graph.chain_terms(chain).to_vec();
                 expansion.chain(chain.equation, terms, chain.write, chain.second);
             }
-            Some(function) => {
-                let computed = computed[at(function)].as_ref().expect("a function in use is planned");
-                expansion.function(graph, chain, computed, &table_of[at(function)]);
-            }
+            Some(of) => expansion.function(graph, chain, &computed[of], &table_of[of]),
         }
     }
     expansion.graph
@@ -185,8 +187,9 @@ impl Expansion {
             }
         };
         self.write(equation, term, u, (lookup, 0));
+        // Of the segment alone: it does not wait for the local coordinate.
         let mut factor = self.inner(equation, true);
-        self.write(equation, nothing(u), factor, (lookup, column));
+        self.write(equation, nothing(z), factor, (lookup, column));
         for column in column + 1..last {
             let next = self.inner(equation, true);
             self.write(equation, Term::new(u, Factor::Value(factor)), next, (lookup, column));

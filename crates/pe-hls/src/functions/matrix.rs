@@ -184,8 +184,8 @@ impl Tally {
             return;
         }
         let (largest, tolerance, blur) = (domain.largest, domain.tolerance, domain.blur);
-        let (segments, mut all) = computed(vec![Some(domain)], &[1], format);
-        let computed = all.remove(0).expect("a function in use");
+        let (segments, mut all) = computed(vec![domain], &[1], format);
+        let computed = all.remove(0);
         if let Some((at, error)) = computed.misses(COARSEST, parts::COARSE) {
             self.steep += 1;
             let message = || format!("{name}: too steep at {at:e}, {error:e}, {} parts", computed.parts());

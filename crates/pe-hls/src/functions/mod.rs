@@ -12,19 +12,23 @@ mod expand;
 mod fit;
 mod parts;
 mod places;
+mod uses;
+
+use std::collections::HashMap;
 
 use expand::{Computed, Planned, PlannedPart, expand};
 
 use pe_ir::codes;
 use pe_ir::functions::Segments;
 use pe_ir::graph::StepGraph;
-use pe_ir::index;
+use pe_ir::index::{ChainId, List, ValueId};
 use pe_ir::source::{Diagnostic, Span};
 use pe_ir::word::WordFormat;
 
 use divisions::divisions;
 use domain::Domain;
 use fit::{Fit, Layout};
+use uses::{Cluster, Use};
 
 /// Words of tables that are as good as twice the products.
 const WORDS: f64 = 4096.0;
@@ -35,11 +39,14 @@ const SAMPLED: usize = 24;
 /// Largest error of a table, relative to the largest value of its function; a coarser one is refused.
 const COARSEST: f64 = 1.0 / 256.0;
 
-/// A function that has no table for its arguments.
+/// Findings about uses of one function, at most.
+const MOST_FINDINGS: usize = 8;
+
+/// A use of a function that has no table for its arguments.
 #[derive(Clone, Debug)]
 pub struct Untabled {
-    /// The function among those of the step graph.
-    pub function: usize,
+    /// What the function computes there, in all stages of the step.
+    pub values: Vec<ValueId>,
     /// The argument where it grows beyond all bounds, or where its table is worst.
     pub at: f64,
     /// `E0904` or `E0916`.
@@ -47,111 +54,118 @@ pub struct Untabled {
 }
 
 /// The step graph with tables in place of its exact functions, for words of a format. `arguments` are smallest and
-/// largest argument of each function over the run. A function that one table does not hold becomes a sum of parts.
+/// largest argument over the run of the function that computes a value, by value. Uses of a function whose arguments are
+/// far apart have tables of their own; what one table does not hold becomes a sum of parts.
 ///
 /// # Errors
-/// All functions that grow beyond all bounds between their arguments, or that are too steep for tables.
+/// Uses whose function grows beyond all bounds between their arguments, or is too steep for tables.
 pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat) -> Result<StepGraph, Vec<Untabled>> {
-    let mut uses = vec![0u64; graph.functions.exact.len()];
-    let mut place: Vec<Option<(&str, Span)>> = vec![None; uses.len()];
-    for chain in &graph.chains {
-        if let Some(function) = chain.function {
-            let equation = &graph.equations[chain.equation];
-            uses[index::at(function)] += 1;
-            place[index::at(function)].get_or_insert((&equation.name, equation.span));
-        }
-    }
-    let (mut domains, mut errors) = (Vec::new(), Vec::new());
-    for (index, function) in graph.functions.exact.iter().enumerate() {
-        let domain = match place[index] {
-            None => None,
-            Some(place) => match Domain::of(function, arguments[index], format) {
-                Ok(domain) => Some(domain),
-                Err(at) => {
-                    let finding = unbounded(&function.name, place, arguments[index], at);
-                    errors.push(Untabled { function: index, at, finding });
-                    None
-                }
-            },
+    let (uses, use_of) = uses::uses(graph, arguments);
+    let exact = &graph.functions.exact;
+    let about = |of: usize| {
+        let Use { function, equation, range, .. } = &uses[of];
+        let equation = &graph.equations[*equation];
+        (&*exact[*function].name, (&*equation.name, equation.span), *range)
+    };
+    let untabled = |of: usize, at: f64, finding: Diagnostic| {
+        (uses[of].function, Untabled { values: uses[of].values.clone(), at, finding })
+    };
+    let clusters = uses::clusters(exact, &uses, format).map_err(|places| {
+        let of = |(of, at): (usize, f64)| {
+            let (function, place, range) = about(of);
+            untabled(of, at, unbounded(function, place, range, at))
         };
+        few(places.into_iter().map(of).collect())
+    })?;
+    let mut cluster_of = vec![0; uses.len()];
+    let (mut domains, mut counts, mut members) = (Vec::new(), Vec::new(), Vec::new());
+    for (index, Cluster { domain, uses, count }) in clusters.into_iter().enumerate() {
+        uses.iter().for_each(|of| cluster_of[*of] = index);
         domains.push(domain);
+        counts.push(count);
+        members.push(uses);
     }
-    if !errors.is_empty() {
-        return Err(errors);
+    let (segments, computed) = computed(domains, &counts, format);
+    let missing = computed.iter().zip(&members).filter_map(|(computed, members)| {
+        let (at, error) = computed.misses(COARSEST, parts::COARSE)?;
+        // The use whose arguments come closest to the worst place.
+        let distance = |of: &usize| {
+            let (low, high) = uses[*of].range;
+            (low - at).max(at - high).max(0.0)
+        };
+        let of = members.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let (function, place, range) = about(of);
+        Some(untabled(of, at, too_steep(function, place, range, (at, error), computed.parts())))
+    });
+    let missing: Vec<(usize, Untabled)> = missing.collect();
+    if !missing.is_empty() {
+        return Err(few(missing));
     }
-    let (segments, computed) = computed(domains, &uses, format);
-    for (index, computed) in computed.iter().enumerate() {
-        let (Some(computed), Some(place)) = (computed, place[index]) else { continue };
-        if let Some((at, error)) = computed.misses(COARSEST, parts::COARSE) {
-            let name = &graph.functions.exact[index].name;
-            let finding = too_steep(name, place, arguments[index], (at, error), computed.parts());
-            errors.push(Untabled { function: index, at, finding });
-        }
-    }
-    if errors.is_empty() { Ok(expand(graph, segments, &computed)) } else { Err(errors) }
+    let cluster_of: List<ChainId, Option<usize>> = use_of.iter().map(|of| of.map(|of| cluster_of[of])).collect();
+    Ok(expand(graph, segments, &computed, &cluster_of))
 }
 
-/// The division of all tables, and how each function is computed with them: by one table, or by parts if one does not
-/// hold it and parts do.
-fn computed<'a>(
-    domains: Vec<Option<Domain<'a>>>,
-    uses: &[u64],
-    format: WordFormat,
-) -> (Segments, Vec<Option<Computed<'a>>>) {
+/// The first findings about each function.
+fn few(all: Vec<(usize, Untabled)>) -> Vec<Untabled> {
+    let mut counts: HashMap<usize, usize> = HashMap::new();
+    let first = all.into_iter().filter(|(function, _)| {
+        let count = counts.entry(*function).or_default();
+        *count += 1;
+        *count <= MOST_FINDINGS
+    });
+    first.map(|(_, untabled)| untabled).collect()
+}
+
+/// The division of all tables, and how each domain is computed with them: by one table, or by parts if one does not
+/// hold it and parts do. `uses` are the lookups of each.
+fn computed<'a>(domains: Vec<Domain<'a>>, uses: &[u64], format: WordFormat) -> (Segments, Vec<Computed<'a>>) {
     let (segments, planned) = plan(domains, uses, format);
     let misses = |planned: &Planned| planned.fit.blurred_excess > parts::COARSE;
     let divided: Vec<Option<Vec<parts::Part>>> = planned
         .iter()
-        .map(|planned| parts::parts(&planned.as_ref().filter(|planned| misses(planned))?.domain, format))
+        .map(|planned| if misses(planned) { parts::parts(&planned.domain, format) } else { None })
         .collect();
     if divided.iter().all(Option::is_none) {
-        return (segments, planned.into_iter().map(|planned| planned.map(Computed::whole)).collect());
+        return (segments, planned.into_iter().map(Computed::whole).collect());
     }
     // Tables of parts have a say in the division of all.
     let (mut domains, mut again, mut shapes) = (Vec::new(), Vec::new(), Vec::new());
     for ((planned, divided), uses) in planned.into_iter().zip(divided).zip(uses) {
-        shapes.push(match (&planned, &divided) {
-            (None, _) => None,
-            (Some(_), None) => Some(Vec::new()),
-            (Some(planned), Some(parts)) => {
-                let largest = planned.domain.largest;
-                Some(parts.iter().map(|part| (part.clamps.len(), part.origin, largest)).collect::<Vec<_>>())
-            }
-        });
+        let shape: Option<Vec<(usize, f64)>> =
+            divided.as_ref().map(|parts| parts.iter().map(|part| (part.clamps.len(), part.origin)).collect());
+        shapes.push((planned.domain.largest, shape));
         let of: Vec<Domain> = match divided {
             Some(parts) => parts.into_iter().flat_map(|part| part.clamps.into_iter().chain([part.domain])).collect(),
-            None => planned.into_iter().map(|planned| planned.domain).collect(),
+            None => vec![planned.domain],
         };
         again.extend(of.iter().map(|_| *uses));
-        domains.extend(of.into_iter().map(Some));
+        domains.extend(of);
     }
     let (segments, planned) = plan(domains, &again, format);
-    let mut planned = planned.into_iter().map(|planned| planned.expect("a domain has a plan"));
+    let mut planned = planned.into_iter();
     let mut next = || planned.next().expect("as many plans as domains");
-    let computed = shapes.into_iter().map(|shape| {
-        let shape = shape?;
-        if shape.is_empty() {
-            return Some(Computed::whole(next()));
-        }
-        let largest = shape[0].2;
-        let part = |(clamps, origin, _): (usize, f64, f64)| {
+    let computed = shapes.into_iter().map(|(largest, shape)| {
+        let Some(shape) = shape else { return Computed::whole(next()) };
+        let part = |(clamps, origin): (usize, f64)| {
             let clamps = (0..clamps).map(|_| next()).collect();
             PlannedPart { clamps, table: next(), origin }
         };
-        Some(Computed { largest, parts: shape.into_iter().map(part).collect() })
+        Computed { largest, parts: shape.into_iter().map(part).collect() }
     });
     let computed = computed.collect();
     (segments, computed)
 }
 
-/// The division of all tables, and of each function its table.
-fn plan<'a>(
-    domains: Vec<Option<Domain<'a>>>,
-    uses: &[u64],
-    format: WordFormat,
-) -> (Segments, Vec<Option<Planned<'a>>>) {
-    let known: Vec<(&Domain, u64)> =
-        domains.iter().zip(uses).filter_map(|(domain, uses)| Some((domain.as_ref()?, *uses))).collect();
+/// The division of all tables, and of each domain its table.
+fn plan<'a>(domains: Vec<Domain<'a>>, uses: &[u64], format: WordFormat) -> (Segments, Vec<Planned<'a>>) {
+    let known: Vec<(&Domain, u64)> = domains.iter().zip(uses).map(|(domain, uses)| (domain, *uses)).collect();
+    let segments = divide_sampled(&known, format);
+    let planned = domains.into_iter().map(|domain| Planned { fit: Fit::of(&domain, segments), domain });
+    (segments, planned.collect())
+}
+
+/// The division for so many tables that only some of them are asked.
+fn divide_sampled(known: &[(&Domain, u64)], format: WordFormat) -> Segments {
     let stride = known.len().div_ceil(SAMPLED).max(1);
     let mut sampled: Vec<(&Domain, u64)> = known.iter().step_by(stride).copied().collect();
     let mut segments = divide(&sampled, format);
@@ -167,11 +181,7 @@ fn plan<'a>(
             segments = divide(&sampled, format);
         }
     }
-    let planned = domains.into_iter().map(|domain| {
-        let domain = domain?;
-        Some(Planned { fit: Fit::of(&domain, segments), domain })
-    });
-    (segments, planned.collect())
+    segments
 }
 
 /// The division with the fewest products of these functions, so often used, in not too many words.

@@ -1,12 +1,13 @@
 //! Tables against the functions themselves, on dense grids.
 
 use pe_ir::functions::{ScalarFunction, Segments};
-use pe_ir::index::StateId;
+use pe_ir::index::{EquationId, StateId, ValueId};
 use pe_ir::model::{Expr, Function, Select, Variable};
 use pe_ir::word::WordFormat;
 
 use super::domain::Domain;
 use super::fit::{Fit, Layout};
+use super::uses::{self, Cluster, Use};
 use super::{Planned, plan};
 
 /// Points of a dense grid.
@@ -26,8 +27,8 @@ fn scalar(body: Expr) -> ScalarFunction {
 
 fn planned(function: &ScalarFunction, range: (f64, f64), format: WordFormat) -> (Segments, Planned<'_>) {
     let domain = Domain::of(function, range, format).expect("a bounded function");
-    let (segments, mut planned) = plan(vec![Some(domain)], &[1], format);
-    (segments, planned.remove(0).expect("a table"))
+    let (segments, mut planned) = plan(vec![domain], &[1], format);
+    (segments, planned.remove(0))
 }
 
 fn looked_up(planned: &Planned, segments: Segments, x: f64) -> f64 {
@@ -209,4 +210,80 @@ fn a_pole_between_the_arguments_is_found() {
         let reciprocal = scalar(apply(Function::Reciprocal, x()));
         assert!(Domain::of(&reciprocal, range, format).is_err_and(|place| place.abs() < 1e-9), "{range:?}");
     }
+}
+
+fn use_of(function: usize, range: (f64, f64), lookups: usize) -> Use {
+    let values = vec![ValueId::new(0); lookups];
+    Use { function, equation: EquationId::new(0), values, range }
+}
+
+/// Numbers between 0 and 1 that are the same every time.
+fn noise() -> impl FnMut() -> f64 {
+    let mut state = 1u64;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+#[test]
+fn every_use_is_covered_by_one_table_however_ranges_lie() {
+    let format = WordFormat::new(32, 32, 32);
+    let bodies = [Function::Reciprocal, Function::Exp, Function::Sin, Function::Log, Function::Abs];
+    let functions: Vec<ScalarFunction> = bodies.into_iter().map(|function| scalar(apply(function, x()))).collect();
+    let mut noise = noise();
+    for case in 0..20 {
+        let uses: Vec<Use> = (0..1 + case % 9)
+            .map(|_| {
+                let function = (noise() * functions.len() as f64) as usize;
+                // Exponentials overflow, and have their poles far away.
+                let decades = if function == 1 { 2.0 } else { 9.0 };
+                let low = libm::pow(10.0, decades * (noise() - 0.5));
+                let (low, high) = (low, low * (1.0 + libm::pow(10.0, 5.0 * noise() - 4.0)));
+                let negative = function != 3 && noise() < 0.3;
+                use_of(function, if negative { (-high, -low) } else { (low, high) }, 1 + (noise() * 8.0) as usize)
+            })
+            .collect();
+        let clusters = uses::clusters(&functions, &uses, format).expect("no use has a pole");
+        let mut of = vec![0; uses.len()];
+        for Cluster { domain, uses: members, count } in &clusters {
+            assert_eq!(*count, members.iter().map(|index| uses[*index].values.len() as u64).sum::<u64>());
+            for index in members {
+                of[*index] += 1;
+                let (low, high) = uses[*index].range;
+                assert!(domain.low <= low && high <= domain.high, "case {case}: {low} .. {high} is not covered");
+                assert_eq!(*domain.function, functions[uses[*index].function]);
+            }
+        }
+        assert!(of.iter().all(|count| *count == 1), "case {case}: {of:?}");
+    }
+}
+
+#[test]
+fn many_uses_share_few_tables() {
+    let format = WordFormat::new(32, 32, 32);
+    let functions = [scalar(apply(Function::Reciprocal, x())), scalar(apply(Function::Exp, x()))];
+    let mut noise = noise();
+    let uses: Vec<Use> = (0..100_000)
+        .map(|index| {
+            let middle = libm::pow(10.0, if index % 2 == 0 { 8.0 * noise() } else { 0.1 * noise() });
+            use_of(index % 2, (middle * (0.5 + 0.1 * noise()), middle * (1.5 + 0.1 * noise())), 4)
+        })
+        .collect();
+    let clusters = uses::clusters(&functions, &uses, format).expect("no use has a pole");
+    let count = |function: usize| clusters.iter().filter(|cluster| uses[cluster.uses[0]].function == function).count();
+    // Exponentials span two powers of two, reciprocals 27.
+    assert!(count(1) <= 2 && (2..=33).contains(&count(0)), "{} and {} tables", count(0), count(1));
+}
+
+#[test]
+fn the_use_with_a_pole_is_named_and_no_other() {
+    let functions = [scalar(apply(Function::Reciprocal, x()))];
+    let ranges = [(1.0, 2.0), (-1.0, 3.0), (-5.0, -4.0), (0.5, 9.0), (-2.0, 1e-3)];
+    let uses: Vec<Use> = ranges.into_iter().map(|range| use_of(0, range, 1)).collect();
+    let places = uses::clusters(&functions, &uses, WordFormat::new(32, 32, 32)).err().expect("two uses have a pole");
+    let mut named: Vec<usize> = places.iter().map(|(of, _)| *of).collect();
+    named.sort_unstable();
+    assert_eq!(named, [1, 4]);
+    assert!(places.iter().all(|(_, at)| at.abs() < 1e-9), "{places:?}");
 }

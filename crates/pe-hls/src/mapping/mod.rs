@@ -29,9 +29,11 @@ use std::fmt;
 use pe_ir::graph::StepGraph;
 use pe_ir::index::{EquationId, PeId, number};
 use pe_ir::mapping::{Mapping, MappingCost};
+use pe_ir::word::Latency;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use crate::schedule::Bound;
 use anneal::{Plan, anneal, rank};
 pub use problem::Problem;
 pub use wires::{WireLength, wire_length};
@@ -60,13 +62,22 @@ impl MapOptions {
     }
 }
 
-/// Issue slots per PE that the default number of PEs aims at: small designs stay small, large ones fit a large device.
-const DEFAULT_SLOTS_PER_PE: u64 = 200;
+/// Words of a step per PE that the default number of PEs aims at: small designs stay small, large ones fit a large
+/// device.
+const DEFAULT_WORDS_PER_PE: u64 = 200;
 
-/// The default number of PEs.
-pub fn default_pes(graph: &StepGraph) -> u32 {
-    let slots: u64 = graph.loads().iter().map(|load| u64::from(*load)).sum();
-    slots.div_ceil(DEFAULT_SLOTS_PER_PE).clamp(1, graph.equations.len() as u64) as u32
+/// Part of the words of a step, in percent, that PEs fill at least where states cannot follow from states any faster.
+const FILLED: u64 = 80;
+
+/// The default number of PEs: one for so many words, but only as many as make a step shorter.
+pub fn default_pes(graph: &StepGraph, latency: Latency) -> u32 {
+    let words: u64 = graph.loads().iter().map(|load| u64::from(*load)).sum();
+    let by_words = words.div_ceil(DEFAULT_WORDS_PER_PE).clamp(1, graph.equations.len() as u64) as u32;
+    let useful = match Bound::of(graph, by_words, latency).recurrence {
+        0 => u64::from(by_words),
+        cycles => (words * 100).div_ceil(u64::from(cycles) * FILLED),
+    };
+    useful.clamp(1, u64::from(by_words)) as u32
 }
 
 /// A mapping and where it comes from.

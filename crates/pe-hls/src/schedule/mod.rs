@@ -19,6 +19,7 @@ use pe_ir::word::Latency;
 
 pub use bound::Bound;
 use problem::Problem;
+pub use recurrence::arrivals;
 
 /// Repetitions of the placement; more brought nothing on any of the shipped models.
 const REPETITIONS: usize = 6;

@@ -9,6 +9,8 @@ use pe_ir::mapping::Mapping;
 use pe_ir::schedule::{Schedule, Transfer};
 use pe_ir::word::Latency;
 
+use super::bound::words_of;
+
 pub(super) const NONE: u32 = u32::MAX;
 
 pe_ir::ids! {
@@ -271,13 +273,16 @@ impl<'a> Problem<'a> {
         (own, imported.map(|import| (at(self.imports[import].slot), import)))
     }
 
-    /// The largest number of issue slots of a PE.
+    /// The control words that the chains of the busiest PE need at least.
     pub fn load_bound(&self) -> u32 {
-        let mut load = List::filled(0, self.pes);
+        let mut loads = List::filled((Vec::new(), Vec::new()), self.pes);
         for chain in &self.chains {
-            load[chain.pe] += chain.len().max(number(chain.stores().count()));
+            let (operands, held) = &mut loads[chain.pe];
+            operands.push(chain.len());
+            held.push(chain.held);
         }
-        load.into_iter().max().unwrap_or(0).max(self.latency.pause() + 1)
+        let words = loads.into_iter().map(|(operands, held)| words_of(operands, held)).max().unwrap_or(0);
+        u32::try_from(words).unwrap_or(u32::MAX).max(self.latency.pause() + 1)
     }
 
     /// The chain that feeds each import.

@@ -20,6 +20,8 @@ use pe_ir::word::Latency;
 const PAST: i64 = i64::MIN / 4;
 /// Steps until the times grow regularly.
 const SETTLING: usize = 8;
+/// Results that wait for one another in a table that is taken for a function.
+const TABLE: i64 = 6;
 /// Steps over which growth is measured, `c` of the formula: growth need not be the same in every step.
 const WINDOW: usize = 4;
 
@@ -45,6 +47,14 @@ pub(super) fn recurrence(graph: &StepGraph, latency: Latency, known: u32) -> u32
     let alone: Vec<bool> = (0..times.len()).map(|state| state == last).collect();
     let proved = [everything, fast, alone].iter().map(|set| step.growth(&times, set)).max().unwrap_or(0);
     u32::try_from(proved.max(0)).unwrap_or(u32::MAX)
+}
+
+/// When each value can be read, in a step that others came before; what nothing waits for is long past.
+pub fn arrivals(graph: &StepGraph, latency: Latency) -> Vec<i64> {
+    let mut step = Step::new(graph, latency);
+    let mut times = vec![0; graph.states.len()];
+    (0..SETTLING).for_each(|_| step.advance(&mut times));
+    step.ready
 }
 
 /// The function `F`.
@@ -117,8 +127,10 @@ impl<'a> Step<'a> {
             }
             last = last.max(self.inner_sums(index));
             self.starts[index] = last - (count - 1);
+            let result = i64::from(self.latency.write() + Latency::WRITE_TO_READ);
+            let function = if chain.function.is_some() { TABLE * result } else { 0 };
             for (delay, write) in chain.delayed(self.latency) {
-                let read = i64::from(self.latency.write() + Latency::WRITE_TO_READ + delay);
+                let read = result + i64::from(delay) + function;
                 self.ready[write.value.index()] = if last < PAST / 2 { PAST } else { last + read };
             }
         }
@@ -162,7 +174,7 @@ impl<'a> Step<'a> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use pe_ir::graph::{Chain, Equation, Names, StageForm, Term, Value, Write};
     use pe_ir::index::{EquationId, StateId};
     use pe_ir::source::Span;
@@ -170,12 +182,12 @@ mod tests {
 
     use super::*;
 
-    const LATENCY: Latency = Latency { multiplier: 1, pipeline: Pipeline::Short };
+    pub const LATENCY: Latency = Latency { multiplier: 1, pipeline: Pipeline::Short };
     const RESULT: u32 = 7;
 
     /// An Euler step: per state the values its chain reads, each an index; inner sums are `(state, operands)`, values
     /// behind those of the states.
-    fn graph(states: &[&[u32]], inner: &[(u32, &[u32])]) -> StepGraph {
+    pub fn graph(states: &[&[u32]], inner: &[(u32, &[u32])]) -> StepGraph {
         let count = states.len() as u32;
         let value = |role, equation, factor| Value { role, equation, factor };
         let start =
@@ -229,6 +241,7 @@ mod tests {
             outputs: Vec::new(),
             functions: pe_ir::functions::Functions::default(),
             constant_pivot: None,
+            eliminations: Vec::new(),
             names: Names::default(),
         }
     }

@@ -4,6 +4,7 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 
+use super::elimination::system;
 use super::forms::StepOptions;
 use super::{method, planned, played, sampled, staged};
 
@@ -20,7 +21,7 @@ pub fn build(model: &Model) -> Result<StepGraph, Vec<Diagnostic>> {
 ///
 /// # Errors
 /// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have, `E0806`
-/// for a solver that does not suit it.
+/// for a solver that does not suit it, `E0821` and `E0822` for linear systems that have no solution or no pivots.
 pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
     let mut played = None;
     if model.has_played() {
@@ -28,10 +29,15 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
         played.insert(model.clone()).retime();
     }
     let model = played.as_ref().unwrap_or(model);
+    if system::has_systems(model) {
+        let eliminated = system::eliminate(model, options.order)?;
+        let graph = build_with(&eliminated.model, options)?;
+        return Ok(eliminated.named(model, graph));
+    }
     if !model.rates.is_empty() {
         return sampled::build(model, options, build_with);
     }
-    match method::plan(model)? {
+    match method::plan(model, options.order)? {
         Some(plan) => planned::build(plan, options),
         None => staged::build(model, options),
     }

@@ -156,6 +156,7 @@ impl Builder {
             outputs: Vec::new(),
             functions: Functions::default(),
             constant_pivot: None,
+            eliminations: Vec::new(),
             names: Names::of(model),
         };
         for (index, state) in model.states.iter().enumerate() {

@@ -11,6 +11,7 @@ use pe_ir::memory;
 use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
 
+use super::elimination::order::Order;
 use super::rows::Rows;
 use super::sharing::Expanded;
 use crate::mapping::MapOptions;
@@ -68,6 +69,10 @@ pub struct StepOptions {
     pub sums: bool,
     /// Whether stages that are alike may share their control words.
     pub rounds: bool,
+    /// Most products of two variables in a sum that inlining makes; see [`crate::sums`].
+    pub longest_sum: u32,
+    /// The order in which linear systems and the matrices of implicit methods are eliminated.
+    pub order: Order,
 }
 
 impl Default for StepOptions {
@@ -79,6 +84,8 @@ impl Default for StepOptions {
             pre_adder: true,
             sums: true,
             rounds: true,
+            longest_sum: u32::MAX,
+            order: Order::default(),
         }
     }
 }

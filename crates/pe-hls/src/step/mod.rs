@@ -1,7 +1,9 @@
 //! Builds the step graph: one solver step of a model as chains of products.
 
+mod arrival;
 mod build;
 mod builder;
+mod elimination;
 mod forms;
 mod method;
 mod motion;
@@ -18,5 +20,7 @@ mod staged;
 mod ticked;
 
 pub use build::{build, build_with};
+pub use elimination::order::Order;
+pub use elimination::system::orders;
 pub use forms::StepOptions;
 pub use sampled::coupled;

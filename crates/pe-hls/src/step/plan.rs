@@ -11,6 +11,7 @@ use pe_ir::index::{self, List, StateId, at};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::motion::Motion;
 
+use super::elimination::order::Order;
 use super::motion;
 use super::played::{self, Score};
 
@@ -56,6 +57,8 @@ pub struct Plan<'m> {
     pub ends: List<StateId, Option<Variable>>,
     /// The pivot of least magnitude among those that are numbers: its state and the magnitude.
     pub constant_pivot: Option<(StateId, f64)>,
+    /// The order in which matrices are eliminated.
+    pub order: Order,
 }
 
 /// States at some point of a step, and the algebraic variables there.
@@ -92,7 +95,15 @@ impl<'m> Plan<'m> {
     /// A plan without equations.
     pub fn new(model: &'m Model) -> Plan<'m> {
         let ends = List::filled(None, model.states.len());
-        Plan { model, equations: Vec::new(), auxiliaries: Vec::new(), memories: Vec::new(), ends, constant_pivot: None }
+        Plan {
+            model,
+            equations: Vec::new(),
+            auxiliaries: Vec::new(),
+            memories: Vec::new(),
+            ends,
+            constant_pivot: None,
+            order: Order::default(),
+        }
     }
 
     /// The start of the step.
@@ -131,7 +142,7 @@ impl<'m> Plan<'m> {
             if !point.algebraics.contains_key(&algebraic) {
                 let sum = model.algebraics[index].expr.renamed(&|variable| point.variable(variable));
                 let role = Role::Algebraic(algebraic, point.stage);
-                let keep = keep && asked[index];
+                let keep = (keep && asked[index]) || model.algebraics[index].kept;
                 let variable = self.add(Planned { role, owner: None, base: None, sum, same_sum: None, keep });
                 point.algebraics.insert(algebraic, variable);
             }

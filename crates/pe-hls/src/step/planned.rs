@@ -7,6 +7,7 @@ use pe_ir::index::{self, ChainId, EquationId, List, StateId, at};
 use pe_ir::model::{Algebraic, Model, Variable};
 use pe_ir::source::Diagnostic;
 
+use super::arrival::{Arrivals, soonest};
 use super::builder::{Builder, Operands, of_state, push};
 use super::forms::{self, StepOptions};
 use super::plan::{Plan, Planned, Point};
@@ -23,11 +24,11 @@ use crate::pairs;
 pub fn build(mut plan: Plan, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
     let model = plan.model;
     let published = publish(&mut plan);
-    let mut graph = whole(&plan, &published)?;
+    let mut graph = ordered(&plan, &published, options)?;
     if !can_overwrite(&graph) {
         // Words in pairs, which no order of equations can spoil; there only states are operands and bases.
         if plan.put_bases_in_place() {
-            graph = whole(&plan, &published)?;
+            graph = ordered(&plan, &published, options)?;
         }
         (graph.form, graph.stages) = (StageForm::Euler, 1);
     }
@@ -37,10 +38,33 @@ pub fn build(mut plan: Plan, options: &StepOptions) -> Result<StepGraph, Vec<Dia
     Ok(graph)
 }
 
+/// The step graph of a plan whose products take their variables in a good order.
+fn ordered(plan: &Plan, published: &Point, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
+    // Entries and solutions of an elimination are large at different times: there the order decides the accuracy.
+    let kept = plan.model.algebraics.iter().any(|algebraic| algebraic.kept);
+    if kept || plan.equations.iter().any(|planned| matches!(planned.role, Role::Pivot(..))) {
+        return whole(plan, published, options, &Arrivals::default());
+    }
+    soonest(options, || variables(plan), |arrivals| whole(plan, published, options, arrivals))
+}
+
+/// The variables of a plan, with their roles.
+fn variables(plan: &Plan) -> Vec<(Variable, Role)> {
+    let states = plan.model.states.ids().map(|state| (Variable::State(state), Role::State(state)));
+    let equations = plan.equations.iter().enumerate();
+    let equations = equations.map(|(index, planned)| (Variable::Algebraic(index::number(index)), planned.role));
+    states.chain(equations).collect()
+}
+
 /// The step graph of a plan with what it publishes.
-fn whole(plan: &Plan, published: &Point) -> Result<StepGraph, Vec<Diagnostic>> {
+fn whole(
+    plan: &Plan,
+    published: &Point,
+    options: &StepOptions,
+    arrivals: &Arrivals,
+) -> Result<StepGraph, Vec<Diagnostic>> {
     let model = plan.model;
-    let (mut builder, algebraics) = chains(plan)?;
+    let (mut builder, algebraics) = chains(plan, options, arrivals)?;
     let ends: Vec<ValueId> = builder.graph.states.iter().map(|(_, next)| *next).collect();
     for (index, output) in model.outputs.iter().enumerate() {
         let value = match output.variable {
@@ -60,10 +84,14 @@ fn whole(plan: &Plan, published: &Point) -> Result<StepGraph, Vec<Diagnostic>> {
 ///
 /// # Errors
 /// `E0801` for an equation that expands to too many products.
-pub(super) fn chains(plan: &Plan) -> Result<(Builder, HashMap<u32, ValueId>), Vec<Diagnostic>> {
+pub(super) fn chains(
+    plan: &Plan,
+    options: &StepOptions,
+    arrivals: &Arrivals,
+) -> Result<(Builder, HashMap<u32, ValueId>), Vec<Diagnostic>> {
     let model = plan.model;
     let flat = flat(plan);
-    let expanded = sharing::expand_keeping(&flat, &|index| plan.equations[index].keep)?;
+    let expanded = sharing::expand_keeping(&flat, options.longest_sum, &|index| plan.equations[index].keep)?;
     let cost = FormCost {
         form: StageForm::Method,
         stages: model.solver.stages(),
@@ -86,7 +114,12 @@ pub(super) fn chains(plan: &Plan) -> Result<(Builder, HashMap<u32, ValueId>), Ve
     }
     for index in (0..plan.equations.len()).filter(|index| expanded.shared[*index]) {
         if plan.equations[index].same_sum.is_none() {
-            let nested = Nested::of(&expanded.algebraics[index]);
+            let nested = match plan.equations[index].role {
+                Role::Algebraic(algebraic, _) if model.algebraics[at(algebraic)].kept => {
+                    Nested::last_first(&expanded.algebraics[index])
+                }
+                _ => Nested::of(&expanded.algebraics[index], arrivals),
+            };
             let rider = riders[index].map(|rider| (index::number(rider), &plan.equations[rider]));
             equation(&mut builder, plan, (index::number(index), rider), &nested, &mut operands);
             let function = expanded.functions[index].as_ref().map(|function| builder.function(function));
@@ -121,7 +154,7 @@ fn flat(plan: &Plan) -> Model {
             }
             (_, None) => unreachable!("only algebraic variables have no owner"),
         };
-        Algebraic { name, unit: None, expr: planned.sum.clone(), range: None, span }
+        Algebraic { name, unit: None, expr: planned.sum.clone(), range: None, kept: false, span }
     };
     let Model { ref name, solver, step, span, .. } = *plan.model;
     Model {

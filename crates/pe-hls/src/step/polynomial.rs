@@ -1,8 +1,11 @@
 //! Polynomials over model variables, and their arrangement as nested sums of products.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use pe_ir::index::StateId;
 use pe_ir::model::{Expr, Variable};
+
+use super::arrival::Arrivals;
 
 /// Variables of a product, sorted, powers by repetition. Empty for the constant term.
 pub type Monomial = Vec<Variable>;
@@ -52,7 +55,9 @@ impl Polynomial {
                 }
                 Ok(product)
             }
-            Expr::Apply(..) | Expr::Select(_) => unreachable!("functions are algebraic equations of their own"),
+            Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => {
+                unreachable!("functions are algebraic equations of their own")
+            }
             Expr::Power(base, exponent) => {
                 let base = Polynomial::expand(base, inline)?;
                 let mut product = Polynomial::constant(1.0);
@@ -144,21 +149,36 @@ pub enum NestedFactor {
 impl Nested {
     /// Arranges a polynomial by greedy multivariate Horner: the variable that occurs in most nonlinear monomials is
     /// factored out, its linear term becoming the constant of the inner sum, until only linear monomials are left.
-    pub fn of(polynomial: &Polynomial) -> Nested {
-        let mut rest = polynomial.terms.clone();
-        let mut nested = Nested { constant: rest.remove(&Vec::new()).unwrap_or(0.0), products: Vec::new() };
-        while let Some(variable) = most_frequent(&rest) {
+    /// Of variables in equally many monomials the one that arrives last is factored out first, for the rest is copied.
+    pub fn of(polynomial: &Polynomial, arrivals: &Arrivals) -> Nested {
+        Nested::arranged(polynomial, arrivals, false)
+    }
+
+    /// The same where of variables that occur equally often the last one counts most: what is computed last then waits for
+    /// no factor.
+    pub fn last_first(polynomial: &Polynomial) -> Nested {
+        Nested::arranged(polynomial, &Arrivals::default(), true)
+    }
+
+    fn arranged(polynomial: &Polynomial, arrivals: &Arrivals, last_first: bool) -> Nested {
+        let constant = polynomial.terms.get(&Vec::new()).copied().unwrap_or(0.0);
+        let mut nested = Nested { constant, products: Vec::new() };
+        let mut rest: Vec<Option<(&Monomial, f64)>> =
+            polynomial.terms().filter(|(monomial, _)| !monomial.is_empty()).map(Some).collect();
+        let mut frequent = Frequent::of(&rest, arrivals);
+        while let Some(variable) = frequent.first(last_first) {
             let mut inner = Polynomial::default();
-            rest.retain(|monomial, coefficient| {
-                let Ok(position) = monomial.binary_search(&variable) else { return true };
+            for place in frequent.take(variable) {
+                let Some((monomial, coefficient)) = rest[place].take() else { continue };
+                frequent.remove(monomial);
                 let mut quotient = monomial.clone();
-                quotient.remove(position);
-                inner.add(quotient, *coefficient);
-                false
-            });
-            nested.products.push((variable, NestedFactor::Inner(Box::new(Nested::of(&inner)))));
+                quotient.remove(monomial.binary_search(&variable).expect("the monomial has the variable"));
+                inner.add(quotient, coefficient);
+            }
+            let inner = Nested::arranged(&inner, arrivals, last_first);
+            nested.products.push((variable, NestedFactor::Inner(Box::new(inner))));
         }
-        for (monomial, coefficient) in rest {
+        for (monomial, coefficient) in rest.into_iter().flatten() {
             nested.products.push((monomial[0], NestedFactor::Coefficient(coefficient)));
         }
         nested
@@ -174,25 +194,68 @@ impl Nested {
     }
 }
 
-/// The variable in most nonlinear monomials, the smallest of equals; `None` if all are linear.
-fn most_frequent(terms: &BTreeMap<Monomial, f64>) -> Option<Variable> {
-    let mut counts: BTreeMap<Variable, usize> = BTreeMap::new();
-    for monomial in terms.keys().filter(|monomial| monomial.len() > 1) {
-        let mut last = None;
-        for variable in monomial {
-            if last != Some(variable) {
-                *counts.entry(*variable).or_default() += 1;
+/// In how many nonlinear monomials each variable is, as monomials go.
+struct Frequent<'a> {
+    /// Places of the monomials of each variable, linear ones included, and the number of nonlinear ones that are left.
+    of: BTreeMap<Variable, (Vec<usize>, usize)>,
+    /// Variables by that number, if it is not zero, and by arrival.
+    order: BTreeSet<(usize, i64, Variable)>,
+    arrivals: &'a Arrivals,
+}
+
+impl<'a> Frequent<'a> {
+    fn of(monomials: &[Option<(&Monomial, f64)>], arrivals: &'a Arrivals) -> Frequent<'a> {
+        let mut of: BTreeMap<Variable, (Vec<usize>, usize)> = BTreeMap::new();
+        for (place, (monomial, _)) in monomials.iter().flatten().enumerate() {
+            for variable in distinct(monomial) {
+                let (places, count) = of.entry(variable).or_default();
+                places.push(place);
+                *count += usize::from(monomial.len() > 1);
             }
-            last = Some(variable);
+        }
+        let counted = of.iter().filter(|(_, (_, count))| *count > 0);
+        let order = counted.map(|(variable, (_, count))| (*count, arrivals.of(*variable), *variable));
+        let order = order.collect();
+        Frequent { of, order, arrivals }
+    }
+
+    /// The variable in most nonlinear monomials, of equals the last one to arrive, of these the smallest or the largest;
+    /// `None` if all are linear.
+    fn first(&self, largest: bool) -> Option<Variable> {
+        const SMALLEST: Variable = Variable::State(StateId::new(0));
+        let (count, arrival, last) = *self.order.last()?;
+        let first = || self.order.range((count, arrival, SMALLEST)..).next().map(|(.., variable)| *variable);
+        if largest { Some(last) } else { first() }
+    }
+
+    /// The places of a variable's monomials, ascending.
+    fn take(&mut self, variable: Variable) -> Vec<usize> {
+        self.of.get_mut(&variable).map(|(places, _)| std::mem::take(places)).unwrap_or_default()
+    }
+
+    fn remove(&mut self, monomial: &Monomial) {
+        if monomial.len() < 2 {
+            return;
+        }
+        for variable in distinct(monomial) {
+            let (_, count) = self.of.get_mut(&variable).expect("every variable is counted");
+            let arrival = self.arrivals.of(variable);
+            self.order.remove(&(*count, arrival, variable));
+            *count -= 1;
+            if *count > 0 {
+                self.order.insert((*count, arrival, variable));
+            }
         }
     }
-    counts.into_iter().max_by(|a, b| a.1.cmp(&b.1).then(b.0.cmp(&a.0))).map(|(variable, _)| variable)
+}
+
+/// The variables of a monomial, each once.
+fn distinct(monomial: &Monomial) -> impl Iterator<Item = Variable> {
+    monomial.chunk_by(|a, b| a == b).map(|same| same[0])
 }
 
 #[cfg(test)]
 mod tests {
-    use pe_ir::index::StateId;
-
     use super::*;
 
     fn state(i: u32) -> Expr {
@@ -208,7 +271,7 @@ mod tests {
         // k V (V - a)(V - 1), the membrane current of Nagumo's equation.
         let minus = |c: f64| Expr::Sum(vec![state(0), Expr::Constant(-c)]);
         let cubic = Expr::Product(vec![Expr::Constant(-8.0), state(0), minus(0.1), minus(1.0)]);
-        assert_eq!(Nested::of(&expand(&cubic)).cost(), 3);
+        assert_eq!(Nested::of(&expand(&cubic), &Arrivals::default()).cost(), 3);
     }
 
     #[test]
@@ -230,7 +293,7 @@ mod tests {
                 Expr::Product(vec![Expr::Constant(-8.0 / 3.0), state(2)]),
             ]),
         ];
-        let costs: Vec<usize> = rows.iter().map(|row| Nested::of(&expand(row)).cost()).collect();
+        let costs: Vec<usize> = rows.iter().map(|row| Nested::of(&expand(row), &Arrivals::default()).cost()).collect();
         assert_eq!(costs, [2, 3, 3]);
     }
 

@@ -16,6 +16,7 @@ use pe_ir::index::{self, EquationId, List, StateId, at};
 use pe_ir::model::{Expr, Model, Rate, Variable};
 use pe_ir::source::Diagnostic;
 
+use super::arrival::Arrivals;
 use super::builder::push;
 use super::forms::StepOptions;
 use super::plan::{Plan, Point, of, times};
@@ -51,9 +52,9 @@ pub fn build(
     }
     // Stages beside sampled parts are not shared.
     let rest = continuous_part(&model.continuous(), &StepOptions { sums: false, ..*options })?;
-    let mut first = planned::chains(&samples(&ticking, false))?.0.graph;
+    let mut first = planned::chains(&samples(&ticking, false), options, &Arrivals::default())?.0.graph;
     if !rest.swaps() && !can_overwrite(&first) {
-        first = planned::chains(&samples(&ticking, true))?.0.graph;
+        first = planned::chains(&samples(&ticking, true), options, &Arrivals::default())?.0.graph;
     }
     let mut graph = joined(first, rest, continuous);
     for (index, output) in model.outputs.iter().enumerate() {

@@ -1,12 +1,13 @@
 //! Which algebraic equations are computed once and shared, and which are inlined into every equation that reads them.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use pe_ir::codes;
 use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
+use super::arrival::Arrivals;
 use super::polynomial::{Nested, Polynomial, TooManyTerms};
 
 /// Expanded equations of a model after the decision.
@@ -45,23 +46,17 @@ fn polynomial_of<'a>(
 /// Above this product of terms and readers inlining is not even priced: it would cost more than it could save.
 const PRICING_LIMIT: usize = 4096;
 
-/// Inlines an algebraic equation of a lifted model unless it is a function, or sharing it costs fewer products. Ties are
-/// inlined: no transfer, no waiting.
+/// Inlines an algebraic equation of a lifted model unless it is a function, sharing it costs fewer products, or a sum of
+/// two of its products and more would get longer than `longest`; and but for those that are always computed on their own.
+/// Ties are inlined: no transfer, no waiting.
 ///
 /// # Errors
 /// `E0801` for an equation with too many monomials.
-pub fn expand(model: &Model) -> Result<Expanded, Vec<Diagnostic>> {
-    expand_keeping(model, &|_| false)
-}
-
-/// The same, with some algebraic equations that are always computed on their own.
-///
-/// # Errors
-/// `E0801` for an equation with too many monomials.
-pub fn expand_keeping(model: &Model, keep: &dyn Fn(usize) -> bool) -> Result<Expanded, Vec<Diagnostic>> {
+pub fn expand_keeping(model: &Model, longest: u32, keep: &dyn Fn(usize) -> bool) -> Result<Expanded, Vec<Diagnostic>> {
     let readers = Readers::of(model);
     let mut algebraics: Vec<Polynomial> = Vec::with_capacity(model.algebraics.len());
     let mut shared = vec![false; model.algebraics.len()];
+    let mut sums = Sums { longest: at(longest), inlined: BTreeMap::new() };
     let mut errors = Vec::new();
     for (index, algebraic) in model.algebraics.iter().enumerate() {
         let polynomial = match polynomial_of(&algebraic.expr, &inlined(&algebraics, &shared)) {
@@ -72,7 +67,13 @@ pub fn expand_keeping(model: &Model, keep: &dyn Fn(usize) -> bool) -> Result<Exp
             }
         };
         algebraics.push(polynomial);
-        shared[index] = keep(index) || sharing_pays(model, &readers, index, &algebraics, &mut shared);
+        shared[index] = true;
+        if !keep(index) && !sums.lengthen(&algebraics[index], readers.of_algebraic(index)) {
+            shared[index] = sharing_pays(model, &readers, index, &algebraics, &mut shared);
+        }
+        if !shared[index] {
+            sums.add(&algebraics[index], readers.of_algebraic(index));
+        }
     }
     let mut derivatives = Vec::with_capacity(model.states.len());
     for state in &model.states {
@@ -118,16 +119,17 @@ fn sharing_pays(
     if own.len() > 2 && own.len() * readers.len() > PRICING_LIMIT {
         return true;
     }
+    let arrivals = Arrivals::default();
     let mut price = |share: bool| -> Option<usize> {
         shared[index] = share;
-        let mut cost = if share { Nested::of(own).cost() } else { 0 };
+        let mut cost = if share { Nested::of(own, &arrivals).cost() } else { 0 };
         for reader in readers {
             let expr = match *reader {
                 Variable::State(s) => &model.states[s].derivative,
                 Variable::Algebraic(a) => &model.algebraics[at(a)].expr,
                 Variable::Input(_) => continue,
             };
-            cost += Nested::of(&polynomial_of(expr, &inlined(algebraics, shared)).ok()?).cost();
+            cost += Nested::of(&polynomial_of(expr, &inlined(algebraics, shared)).ok()?, &arrivals).cost();
         }
         Some(cost)
     };
@@ -135,6 +137,31 @@ fn sharing_pays(
         (Some(inline), Some(share)) => share < inline,
         (None, _) => true,
         (Some(_), None) => false,
+    }
+}
+
+/// How many products of variables were inlined where.
+struct Sums {
+    longest: usize,
+    inlined: BTreeMap<Variable, usize>,
+}
+
+impl Sums {
+    /// Products of two variables and more.
+    fn products(own: &Polynomial) -> usize {
+        own.terms().filter(|(monomial, _)| monomial.len() > 1).count()
+    }
+
+    /// Whether a reader would get a sum that is too long.
+    fn lengthen(&self, own: &Polynomial, readers: &[Variable]) -> bool {
+        let count = Sums::products(own);
+        let of = |reader| self.inlined.get(reader).copied().unwrap_or(0);
+        count > 1 && readers.iter().any(|reader| of(reader) > 0 && of(reader) + count > self.longest)
+    }
+
+    fn add(&mut self, own: &Polynomial, readers: &[Variable]) {
+        let count = Sums::products(own);
+        readers.iter().for_each(|reader| *self.inlined.entry(*reader).or_default() += count);
     }
 }
 

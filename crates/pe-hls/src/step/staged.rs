@@ -2,12 +2,13 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use pe_ir::graph::{StageForm, StepGraph, ValueId};
+use pe_ir::graph::{Role, StageForm, StepGraph, ValueId};
 use pe_ir::index::{self, StateId, at};
-use pe_ir::model::{Model, Solver, Variable};
+use pe_ir::model::{Algebraic, Model, Solver, Variable};
 use pe_ir::motion::Motion;
 use pe_ir::source::Diagnostic;
 
+use super::arrival::{Arrivals, soonest};
 use super::builder::{Builder, Operands, close, mark, stages};
 use super::forms::{self, StepOptions};
 use super::polynomial::{Nested, NestedFactor};
@@ -24,14 +25,39 @@ const TABLE_PRODUCTS: u32 = 7;
 /// # Errors
 /// Those of [`super::build_with`].
 pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
-    let expanded = sharing::expand(model)?;
-    let derivatives: Vec<Nested> = expanded.derivatives.iter().map(Nested::of).collect();
-    let algebraics: Vec<Nested> = expanded.algebraics.iter().map(Nested::of).collect();
-    let used = shared_by_derivatives(&expanded);
+    let expanded = sharing::expand_keeping(model, options.longest_sum, &|index| model.algebraics[index].kept)?;
+    let variables = || {
+        let states = model.states.ids().map(|state| (Variable::State(state), Role::State(state)));
+        let algebraics = (0..index::number(model.algebraics.len()))
+            .map(|algebraic| (Variable::Algebraic(algebraic), Role::Algebraic(algebraic, 1)));
+        states.chain(algebraics).collect()
+    };
+    let build = |arrivals: &Arrivals| arranged(model, &expanded, arrivals, options);
+    // The accuracy of an elimination depends on the order of its products.
+    if model.algebraics.iter().any(|algebraic| algebraic.kept) {
+        return build(&Arrivals::default());
+    }
+    soonest(options, variables, build)
+}
+
+/// The step graph of expanded equations, whose products take variables that arrive so.
+fn arranged(
+    model: &Model,
+    expanded: &Expanded,
+    arrivals: &Arrivals,
+    options: &StepOptions,
+) -> Result<StepGraph, Vec<Diagnostic>> {
+    let derivatives: Vec<Nested> = expanded.derivatives.iter().map(|sum| Nested::of(sum, arrivals)).collect();
+    let nested = |(polynomial, algebraic): (&_, &Algebraic)| match algebraic.kept {
+        true => Nested::last_first(polynomial),
+        false => Nested::of(polynomial, arrivals),
+    };
+    let algebraics: Vec<Nested> = expanded.algebraics.iter().zip(&model.algebraics).map(nested).collect();
+    let used = shared_by_derivatives(expanded);
     let plain = match model.solver {
         Solver::Euler => StageForm::Euler,
         Solver::Exact => StageForm::Full,
-        _ if is_affine(&expanded) => StageForm::Horner,
+        _ if is_affine(expanded) => StageForm::Horner,
         _ => StageForm::Increments,
     };
     let slots = |nested: &Nested| index::number(nested.cost()) + u32::from(nested.constant != 0.0);
@@ -57,8 +83,8 @@ pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diag
         written.push(forms::sums_cost(model.solver, &slots, &outer, options.pes));
     }
     let (form, costs) = match model.solver {
-        Solver::Exact => forms::single(model, method::exponential(model, &expanded)?, options)?,
-        _ => forms::choose(model, &expanded, &written, options)?,
+        Solver::Exact => forms::single(model, method::exponential(model, expanded)?, options)?,
+        _ => forms::choose(model, expanded, &written, options)?,
     };
     let mut builder = Builder::new(model, form.cost);
     builder.graph.forms = costs;
@@ -99,7 +125,7 @@ pub fn build(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diag
             .collect();
         current = next;
     }
-    builder.outputs(model, &expanded, &algebraics, &current);
+    builder.outputs(model, expanded, &algebraics, &current);
     let mut graph = prune(builder.graph);
     graph.pre_adder = options.pre_adder && pairs::worthwhile(&graph);
     Ok(graph)

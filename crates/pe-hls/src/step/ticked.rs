@@ -108,7 +108,7 @@ fn is_affine(expr: &Expr) -> bool {
             let mut varying = members.iter().filter(|member| member.as_constant().is_none());
             varying.next().is_none_or(is_affine) && varying.next().is_none()
         }
-        Expr::Power(..) | Expr::Apply(..) | Expr::Select(_) => false,
+        Expr::Power(..) | Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => false,
     }
 }
 
@@ -133,7 +133,7 @@ impl Ticked {
                 }
                 None => Expr::product(members.iter().cloned().chain([of(self.tick)]).collect()),
             },
-            Expr::Power(..) | Expr::Apply(..) | Expr::Select(_) => unreachable!("not affine"),
+            Expr::Power(..) | Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => unreachable!("not affine"),
         }
     }
 }

@@ -141,6 +141,8 @@ impl Printer<'_> {
                 self.push(" else ");
                 self.at(&select.no, Rank::Sum);
             }
+            // Of a whole equation, which the model prints in its own way.
+            Expr::Solution(solution) => _ = write!(self.text, "solution {}", solution.row),
         }
     }
 }

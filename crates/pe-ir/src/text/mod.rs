@@ -6,6 +6,7 @@
 //! exactly; words of memories are hexadecimal. A name with characters other than letters, digits, `_`, `.`, `~` and
 //! subscripts stands in quotes. What is read has the places of the file's lines.
 
+mod elimination;
 pub mod expr;
 pub mod fixed;
 pub mod labels;

@@ -1,16 +1,19 @@
 //! The model: its settings, then an item for each variable and its equation.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use crate::index::{self, StateId};
 use crate::model::{
-    Algebraic, Expr, Input, Interpolation, Model, Output, Phase, Rate, Signal, Solver, State, Variable,
+    Algebraic, Entry, Expr, Input, Interpolation, Matrix, Model, Output, Phase, Rate, Right, Signal, Solution, Solver,
+    State, Variable,
 };
 use crate::motion::{Motion, Source};
 use crate::verify;
 
-use super::{Line, Section, Stage, TextError, expr, labels::Labels, name, number, quoted, single, waveform};
+use super::{Line, Lines, Section, Stage, TextError, expr, labels::Labels, name, number, quoted, single, waveform};
 
 const MOTIONS: [&str; 9] = ["clock", "sine", "cosine", "swept_sine", "swept_cosine", "held", "line", "before", "after"];
 
@@ -78,6 +81,14 @@ impl Printer<'_> {
         }
     }
 
+    fn matrix(&self, f: &mut fmt::Formatter<'_>, matrix: &Matrix) -> fmt::Result {
+        write!(f, "matrix {} number {} size {}", name(&matrix.name), matrix.number, matrix.size)?;
+        write!(f, " first {} {}", matrix.first.0, matrix.first.1)?;
+        writeln!(f, "{}", if matrix.symmetric { " symmetric" } else { "" })?;
+        let entry = |Entry { row, column, value }: &Entry| format!("  entry {row} {column} = {}\n", self.expr(value));
+        matrix.entries.iter().try_for_each(|each| f.write_str(&entry(each)))
+    }
+
     fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let model = self.model;
         writeln!(f, "{}", Stage::Model.header())?;
@@ -105,10 +116,27 @@ impl Printer<'_> {
         for signal in &model.signals {
             writeln!(f, "signal {}", waveform::print(&signal.waveform))?;
         }
+        let (mut matrices, mut rights) = (BTreeSet::new(), BTreeSet::new());
         for (index, algebraic) in model.algebraics.iter().enumerate() {
+            if let Expr::Solution(solution) = &algebraic.expr {
+                if matrices.insert(solution.matrix.number) {
+                    self.matrix(f, &solution.matrix)?;
+                }
+                if rights.insert(solution.right.number) {
+                    writeln!(f, "right {}", solution.right.number)?;
+                    solution.right.values.iter().try_for_each(|value| writeln!(f, "  value = {}", self.expr(value)))?;
+                }
+            }
             write!(f, "algebraic {}", self.algebraics.text(index::number(index)))?;
             common(f, algebraic.range, &algebraic.unit)?;
-            writeln!(f, " = {}", self.expr(&algebraic.expr))?;
+            f.write_str(if algebraic.kept { " kept" } else { "" })?;
+            match &algebraic.expr {
+                Expr::Solution(solution) => {
+                    let Solution { matrix, right, row } = &**solution;
+                    writeln!(f, " matrix {} right {} row {row}", matrix.number, right.number)?;
+                }
+                expr => writeln!(f, " = {}", self.expr(expr))?,
+            }
         }
         for (index, state) in model.states.iter().enumerate() {
             let label = self.states.text(index::number(index));
@@ -186,9 +214,12 @@ struct Reader {
     algebraics: Labels,
     /// Algebraic variables before the equation that is read.
     before: Option<u32>,
+    /// Matrices and right-hand sides of linear systems.
+    matrices: Vec<Arc<Matrix>>,
+    rights: Vec<Arc<Right>>,
 }
 
-const ITEMS: [&str; 13] = [
+const ITEMS: [&str; 15] = [
     "model",
     "title",
     "solver",
@@ -198,6 +229,8 @@ const ITEMS: [&str; 13] = [
     "rate",
     "input",
     "signal",
+    "matrix",
+    "right",
     "algebraic",
     "state",
     "output",
@@ -311,14 +344,29 @@ impl Reader {
                     model.inputs.push(Input { name: label, unit, waveform, range, between, span: whole });
                 }
                 "signal" => model.signals.push(Signal { waveform: waveform::read(&mut line)?, span: whole }),
+                "matrix" => {
+                    self.before = Some(index::number(model.algebraics.len()));
+                    let matrix = self.matrix(&mut line, &mut lines)?;
+                    self.matrices.push(Arc::new(matrix));
+                }
+                "right" => {
+                    self.before = Some(index::number(model.algebraics.len()));
+                    let right = self.right(&mut line, &mut lines)?;
+                    self.rights.push(Arc::new(right));
+                }
                 "algebraic" => {
                     let label = line.name("a name")?;
                     let (range, unit) = (read_range(&mut line)?, read_unit(&mut line)?);
-                    line.sign("=")?;
+                    let kept = line.take_word("kept");
                     self.before = Some(index::number(model.algebraics.len()));
-                    let expr = self.expr(&mut line)?;
+                    let expr = if line.take_word("matrix") {
+                        self.solution(&mut line)?
+                    } else {
+                        line.sign("=")?;
+                        self.expr(&mut line)?
+                    };
                     self.before = None;
-                    model.algebraics.push(Algebraic { name: label, unit, expr, range, span: whole });
+                    model.algebraics.push(Algebraic { name: label, unit, expr, range, kept, span: whole });
                 }
                 "state" => {
                     let mut state = self.state(&mut line)?;
@@ -341,6 +389,50 @@ impl Reader {
         model.step = step.ok_or_else(|| section.error("there is no item `step`"))?;
         model.span = span.ok_or_else(|| section.error("there is no item `span`"))?;
         Ok(model)
+    }
+
+    /// A matrix and the lines of its entries.
+    fn matrix(&self, line: &mut Line, lines: &mut Lines) -> Result<Matrix, TextError> {
+        let label = line.name("a name")?;
+        let number = line.keyed("number")?;
+        if self.matrices.iter().any(|known| known.number == number) {
+            return Err(line.error(format!("matrix {number} is declared twice")));
+        }
+        let size = line.keyed("size")?;
+        line.word("first")?;
+        let first = (line.integer()?, line.integer()?);
+        let symmetric = line.take_word("symmetric");
+        let mut entries = Vec::new();
+        while let Some(mut entry) = lines.next_if("entry") {
+            let (row, column) = (entry.integer()?, entry.integer()?);
+            entry.sign("=")?;
+            entries.push(Entry { row, column, value: self.expr(&mut entry)? });
+        }
+        Ok(Matrix { number, name: label, symmetric, size, first, entries })
+    }
+
+    /// A right-hand side and the lines of its values.
+    fn right(&self, line: &mut Line, lines: &mut Lines) -> Result<Right, TextError> {
+        let number = line.integer()?;
+        if self.rights.iter().any(|known| known.number == number) {
+            return Err(line.error(format!("right-hand side {number} is declared twice")));
+        }
+        let mut values = Vec::new();
+        while let Some(mut value) = lines.next_if("value") {
+            value.sign("=")?;
+            values.push(self.expr(&mut value)?);
+        }
+        Ok(Right { number, values })
+    }
+
+    fn solution(&self, line: &mut Line) -> Result<Expr, TextError> {
+        let number: u32 = line.integer()?;
+        let matrix = self.matrices.iter().find(|matrix| matrix.number == number).map(Arc::clone);
+        let matrix = matrix.ok_or_else(|| line.error(format!("there is no matrix {number} above")))?;
+        let number: u32 = line.keyed("right")?;
+        let right = self.rights.iter().find(|right| right.number == number).map(Arc::clone);
+        let right = right.ok_or_else(|| line.error(format!("there is no right-hand side {number} above")))?;
+        Ok(Expr::Solution(Box::new(Solution { matrix, right, row: line.keyed("row")? })))
     }
 
     fn state(&self, line: &mut Line) -> Result<State, TextError> {

@@ -13,7 +13,7 @@ use crate::model::Variable;
 use crate::verify;
 
 use super::labels::Labels;
-use super::{Line, Section, Stage, TextError, expr, name, number, single};
+use super::{Line, Section, Stage, TextError, elimination, expr, name, number, single};
 
 /// What the variable of a function is called in its expression.
 const ARGUMENT: &str = "x";
@@ -89,6 +89,8 @@ impl Printer<'_> {
         if let Some((state, magnitude)) = graph.constant_pivot {
             writeln!(f, "constant_pivot {} magnitude {}", self.labels.states.text(state.number()), number(magnitude))?;
         }
+        let algebraics = &self.labels.algebraics;
+        graph.eliminations.iter().try_for_each(|each| elimination::print(f, each, algebraics))?;
         let value = |value: ValueId| self.labels.values.value(value);
         for ((index, (start, end)), initial) in graph.states.numbered().zip(&graph.initial) {
             let label = called(&self.labels.states, index.index(), &graph.names.states[index]);
@@ -232,11 +234,12 @@ pub fn read(section: &Section) -> Result<StepGraph, TextError> {
     section.accept(graph, "step graph", verify::step::check)
 }
 
-const ITEMS: [&str; 16] = [
+const ITEMS: [&str; 17] = [
     "step",
     "considered",
     "pre_adder",
     "constant_pivot",
+    "elimination",
     "state",
     "input",
     "algebraic",
@@ -361,6 +364,7 @@ impl Lists {
             "constant_pivot" => {
                 graph.constant_pivot = Some((self.state(line)?, line.keyed_number("magnitude")?));
             }
+            "elimination" => graph.eliminations.push(elimination::read(line, &self.algebraics)?),
             "state" => {
                 graph.names.states.push(read_called(line)?);
                 graph.initial.push(line.keyed_number("initial")?);
@@ -570,6 +574,7 @@ fn empty(step: f64, form: StageForm, stages: u32) -> StepGraph {
         outputs: Vec::new(),
         functions: Default::default(),
         constant_pivot: None,
+        eliminations: Vec::new(),
         names: Default::default(),
     }
 }

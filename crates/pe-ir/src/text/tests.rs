@@ -144,7 +144,8 @@ fn damaged(text: &str, seed: &mut u64) -> String {
         let at = next(seed) as usize % bytes.len();
         let end = (at + 1 + next(seed) as usize % 12).min(bytes.len());
         match next(seed) % 5 {
-            0 => drop(bytes.drain(at..end)),
+            // Something is left.
+            0 => drop(bytes.drain(at..end.min(at + bytes.len() - 1))),
             1 => bytes[at] = b" \n()*+-^=.,:#\"\\'0129aexz"[next(seed) as usize % 24],
             2 => {
                 let copy = bytes[at..end].to_vec();

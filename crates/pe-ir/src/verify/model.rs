@@ -13,7 +13,7 @@
 use std::collections::BTreeSet;
 
 use crate::index::{self, StateId};
-use crate::model::{Expr, Function, Model, Variable, Waveform, step_count_problem};
+use crate::model::{Expr, Function, Model, Solution, Variable, Waveform, step_count_problem};
 use crate::motion::{Motion, Source};
 
 /// Returns what is wrong with a model; empty if nothing is.
@@ -76,7 +76,13 @@ impl Checker<'_> {
     fn equations(&mut self) {
         let model = self.model;
         for (index, algebraic) in model.algebraics.iter().enumerate() {
-            self.expr(&algebraic.expr, &algebraic.name, index);
+            match &algebraic.expr {
+                Expr::Solution(solution) => {
+                    self.reads(&algebraic.expr, &algebraic.name, index);
+                    self.require(is_system(solution), || format!("`{}` is no element of a solution", algebraic.name));
+                }
+                expr => self.expr(expr, &algebraic.name, index),
+            }
         }
         for state in &model.states {
             self.expr(&state.derivative, &state.name, model.algebraics.len());
@@ -95,10 +101,14 @@ impl Checker<'_> {
         }
     }
 
-    fn expr(&mut self, expr: &Expr, name: &str, algebraics: usize) {
+    fn reads(&mut self, expr: &Expr, name: &str, algebraics: usize) {
         let mut unknown = false;
         expr.each_variable(&mut |variable| unknown |= !self.exists(variable, algebraics));
         self.require(!unknown, || format!("the equation of `{name}` reads what is not known before it"));
+    }
+
+    fn expr(&mut self, expr: &Expr, name: &str, algebraics: usize) {
+        self.reads(expr, name, algebraics);
         self.require(is_finite(expr), || format!("the equation of `{name}` has a number that is not finite"));
     }
 
@@ -157,5 +167,21 @@ fn is_finite(expr: &Expr) -> bool {
             own && is_finite(argument)
         }
         Expr::Select(select) => [&select.condition, &select.yes, &select.no].into_iter().all(is_finite),
+        // It is the whole of an algebraic equation.
+        Expr::Solution(_) => false,
     }
+}
+
+/// Whether a linear system is made of finite numbers and variables, each entry once and row by row.
+fn is_system(solution: &Solution) -> bool {
+    let Solution { matrix, right, row } = solution;
+    let simple = |value: &Expr| matches!(value, Expr::Variable(_)) || value.as_constant().is_some_and(f64::is_finite);
+    let places: Vec<(u32, u32)> = matrix.entries.iter().map(|entry| (entry.row, entry.column)).collect();
+    let mirrored = || places.iter().all(|(row, column)| places.binary_search(&(*column, *row)).is_ok());
+    *row < matrix.size
+        && right.values.len() == index::at(matrix.size)
+        && places.is_sorted_by(|one, next| one < next)
+        && places.iter().all(|(row, column)| *row.max(column) < matrix.size)
+        && (!matrix.symmetric || mirrored())
+        && matrix.entries.iter().map(|entry| &entry.value).chain(&right.values).all(simple)
 }

@@ -11,7 +11,7 @@
 //! 7. Tables have as many entries in all columns as the step has segments.
 //! 8. Every equation has a chain or a value.
 
-use crate::graph::{Chain, Factor, Role, StepGraph, ValueId};
+use crate::graph::{Chain, Factor, Pivot, Role, StepGraph, ValueId};
 use crate::index::{self, StateId, at};
 use crate::model::Expr;
 
@@ -58,6 +58,12 @@ impl Checker<'_> {
             .constant_pivot
             .is_none_or(|(state, magnitude)| graph.states.find(state).is_some() && magnitude.is_finite());
         self.require(pivot, || "its constant pivot is none".to_owned());
+        let known = |pivot: &Pivot| match *pivot {
+            Pivot::Number(number) => number.is_finite(),
+            Pivot::Varying { reciprocal, .. } => at(reciprocal) < names.algebraics.len(),
+        };
+        let pivots = graph.eliminations.iter().all(|each| each.pivots.iter().all(known));
+        self.require(pivots, || "a pivot of an elimination does not exist".to_owned());
         let value = |id: ValueId| id.index() < graph.values.len();
         let ends = graph.states.iter().flat_map(|(start, end)| [*start, *end]);
         let ports = graph.inputs.iter().chain(&graph.outputs).copied();

@@ -138,5 +138,6 @@ fn bounds(expr: &Expr, part: &impl Fn(u32) -> (f64, f64)) -> (f64, f64) {
             let (yes, no) = (bounds(&select.yes, part), bounds(&select.no, part));
             hull([yes.0, yes.1, no.0, no.1])
         }
+        Expr::Solution(_) => ANY,
     }
 }

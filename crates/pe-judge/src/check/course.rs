@@ -4,7 +4,7 @@ use pe_hls::lift;
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::codes;
 use pe_ir::graph::{Role, StepGraph, ValueId};
-use pe_ir::index::{at, number};
+use pe_ir::index::at;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
@@ -14,6 +14,9 @@ use super::trials::affordable;
 /// Steps in a row that cross a jump from which on it is no crossing but chattering: an oscillation that a step resolves
 /// crosses far less often.
 const IN_A_ROW: u64 = 12;
+
+/// Equations whose limits are named, at most.
+const MOST_LIMITS: usize = 8;
 
 /// Part of a jump by which a value changes across it.
 const PART: f64 = 0.5;
@@ -41,21 +44,23 @@ pub(super) fn findings(model: &Model, graph: &StepGraph) -> Vec<Diagnostic> {
     let Ok(exact) = build_with(model, &options) else { return Vec::new() };
     let mut jumps = jumps(model, &exact);
     let mut run = DoubleRun::new(&exact);
-    let mut limits: Vec<(usize, f64, f64)> = Vec::new();
+    // The first value of each equation that does, what it is computed from, and when.
+    let mut limits: Vec<(ValueId, f64, f64)> = Vec::new();
     for step in 0..model.steps().min(affordable(exact.macs())) {
         let time = model.time(step, 0.0);
         if run.step(&model.sample_inputs(time)).is_err() {
             break;
         }
-        for (function, argument) in run.limits() {
-            if limits.iter().all(|(known, ..)| known != function) {
-                limits.push((*function, *argument, time));
+        for (value, argument) in run.limits() {
+            let equation = exact.value(value).equation;
+            if limits.iter().all(|(known, ..)| exact.value(*known).equation != equation) {
+                limits.push((value, argument, time));
             }
         }
         jumps.iter_mut().for_each(|jump| jump.follow(&run, time));
     }
     let chattering = jumps.iter().filter_map(|jump| Some(chattering(model, jump.algebraic, jump.found?)));
-    let limits = limits.into_iter().map(|(function, argument, time)| limit(&exact, function, argument, time));
+    let limits = limits.into_iter().take(MOST_LIMITS).filter_map(|found| limit(&exact, found));
     chattering.chain(limits).collect()
 }
 
@@ -106,12 +111,13 @@ fn chattering(model: &Model, algebraic: usize, time: f64) -> Diagnostic {
     Diagnostic::error(codes::CHATTERING, algebraic.span, message).with_help(help).into_warning()
 }
 
-fn limit(graph: &StepGraph, function: usize, argument: f64, time: f64) -> Diagnostic {
-    let name = &graph.functions.exact[function].name;
-    let chain = graph.chains.iter().find(|chain| chain.function == Some(number(function)));
-    let equation = chain.map(|chain| &graph.equations[chain.equation]);
-    let message = format!("`{name}` is 0/0 at x = {argument:e}, t = {time:.6e} s: its limit is taken there");
+fn limit(graph: &StepGraph, (value, argument, time): (ValueId, f64, f64)) -> Option<Diagnostic> {
+    let chain = graph.chains.iter().find(|chain| chain.write.value == value)?;
+    let (equation, function) = (&graph.equations[chain.equation], &graph.functions.exact[at(chain.function?)]);
+    let message = format!(
+        "`{}` is 0/0 at x = {argument:e}, t = {time:.6e} s: the limit of `{}` is taken there",
+        equation.name, function.name
+    );
     let help = "this is right where the limit is meant; else keep the argument away with `max`, `min` or `if`";
-    let span = equation.map(|equation| equation.span).unwrap_or_default();
-    Diagnostic::error(codes::LIMIT_TAKEN, span, message).with_help(help).into_warning()
+    Some(Diagnostic::error(codes::LIMIT_TAKEN, equation.span, message).with_help(help).into_warning())
 }

@@ -9,6 +9,7 @@ use pe_sim::linear::is_affine;
 use super::answer::Check;
 use super::causes;
 use super::course;
+use super::losses;
 use super::observed;
 use super::prediction::{Basis, eigenvalue};
 use super::question::{Question, SAFE, rounded};
@@ -76,6 +77,7 @@ impl Check {
                 _ => finding,
             };
             findings = findings.into_iter().map(about_word).collect();
+            findings.extend(losses::findings(question));
         }
         findings.extend(self.dead_band(model));
         if findings.iter().all(|finding| finding.code != codes::CHAOTIC) {

@@ -8,6 +8,7 @@ mod answer;
 mod causes;
 mod course;
 mod findings;
+mod losses;
 mod observed;
 mod prediction;
 mod question;
@@ -51,8 +52,9 @@ pub const EXPLAINED: [&str; 10] = [
 ];
 
 /// Findings of the check alone; others come from the runs.
-const OWN: [&str; 11] = [
+const OWN: [&str; 12] = [
     codes::CHATTERING,
+    codes::QUOTIENT_SHORT,
     codes::LIMIT_TAKEN,
     codes::NEAR_LIMIT,
     codes::METHOD_GROWTH,
@@ -101,6 +103,10 @@ impl Check {
         }
         check.findings =
             refusals.into_iter().map(|refusal| check.explained(question, refusal, &trusted, &trials)).collect();
+        let short = [codes::SATURATED, codes::WORD_TOO_SHORT, codes::NO_FORMAT];
+        if check.findings.iter().any(|finding| short.contains(&finding.code)) {
+            check.findings.extend(losses::findings(question));
+        }
         check.findings.extend(runs::outside(model));
         check.findings.extend(findings::of_span(model));
         check

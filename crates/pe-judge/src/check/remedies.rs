@@ -55,8 +55,9 @@ impl Remedy {
 
 /// Lower bound of the cycles per step.
 fn cycles(graph: &StepGraph, pes: Option<u32>, format: &WordFormat) -> u32 {
-    let pes = pes.unwrap_or_else(|| default_pes(graph));
-    Bound::of(graph, pes, Latency::of(format)).binding().0
+    let latency = Latency::of(format);
+    let pes = pes.unwrap_or_else(|| default_pes(graph, latency));
+    Bound::of(graph, pes, latency).binding().0
 }
 
 /// A method and step that may be tried.

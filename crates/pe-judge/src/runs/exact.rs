@@ -220,7 +220,7 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
             _ => continue,
         };
         if let Variable::Algebraic(algebraic) = variable {
-            let range = model.algebraics[at(algebraic)].range;
+            let range = model.algebraics.get(at(algebraic)).and_then(|algebraic| algebraic.range);
             range.into_iter().for_each(|range| include(ValueId::at(index), range));
         }
     }

@@ -5,8 +5,9 @@ use std::ops::Range;
 
 use differential_equations::linalg::Matrix;
 use differential_equations::ode::ODE;
+use nalgebra::{DMatrix, DVector};
 use pe_ir::index::{self, StateId};
-use pe_ir::model::{Expr, Input, Model, Rate, Variable};
+use pe_ir::model::{Expr, Input, Model, Rate, Solution, Variable};
 
 use super::states::States;
 use crate::linear::Linearised;
@@ -78,10 +79,22 @@ impl<'a> Equations<'a> {
         for (slot, declared) in slots[states.len()..].iter_mut().zip(self.inputs) {
             *slot = input(declared);
         }
+        // The solution of the system that was solved last, by its right-hand side.
+        let mut solved: Option<(u32, Vec<f64>)> = None;
         for sum in &self.sums {
             if let Some(expr) = &sum.exact {
                 let number = |variable| slots[index::at(slot(variable, self.states, index::number(self.inputs.len())))];
-                let value = expr.evaluate(&number);
+                let value = match expr {
+                    Expr::Solution(solution) => {
+                        let right = solution.right.number;
+                        let known = solved.take().filter(|(number, _)| *number == right);
+                        let (_, all) = known.unwrap_or_else(|| (right, by_library(solution, &number)));
+                        let value = all[index::at(solution.row)];
+                        solved = Some((right, all));
+                        value
+                    }
+                    expr => expr.evaluate(&number),
+                };
                 slots[index::at(sum.slot)] = value;
                 continue;
             }
@@ -119,7 +132,7 @@ impl Builder {
     }
 
     fn store(&mut self, slot: u32, expr: &Expr) {
-        if matches!(expr, Expr::Apply(..) | Expr::Select(_)) {
+        if matches!(expr, Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_)) {
             self.sums.push(Sum { slot, terms: 0..0, exact: Some(expr.clone()) });
             return;
         }
@@ -147,7 +160,7 @@ impl Builder {
         match expr {
             Expr::Constant(number) => *coefficient *= number,
             Expr::Variable(variable) => factors.push(self.slot(*variable)),
-            Expr::Sum(_) | Expr::Apply(..) | Expr::Select(_) => factors.push(self.fresh(expr)),
+            Expr::Sum(_) | Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => factors.push(self.fresh(expr)),
             Expr::Product(members) => members.iter().for_each(|member| self.multiply(member, coefficient, factors)),
             Expr::Power(base, exponent) => {
                 let base = if let Expr::Variable(variable) = **base { self.slot(variable) } else { self.fresh(base) };
@@ -159,6 +172,15 @@ impl Builder {
     fn slot(&self, variable: Variable) -> u32 {
         slot(variable, self.states, self.inputs)
     }
+}
+
+/// The solution of a linear system, with complete pivoting; not finite where its matrix is singular.
+fn by_library(solution: &Solution, number: &impl Fn(Variable) -> f64) -> Vec<f64> {
+    let size = index::at(solution.matrix.size);
+    let matrix = DMatrix::from_row_slice(size, size, &solution.matrix.numbers(number));
+    let right = DVector::from_vec(solution.right.numbers(number));
+    let solved = matrix.full_piv_lu().solve(&right);
+    solved.map_or_else(|| vec![f64::NAN; size], |solved| solved.as_slice().to_vec())
 }
 
 /// Slot of a variable of a model with so many states and inputs.

@@ -46,6 +46,8 @@ impl Timed<'_> {
     fn shaped(&self, expr: &Expr) -> bool {
         match expr {
             Expr::Constant(_) | Expr::Variable(_) => false,
+            // Where a matrix of time is nearly singular, its solution may be as narrow as any function.
+            Expr::Solution(solution) => solution.matrix.entries.iter().any(|entry| self.depends(&entry.value)),
             Expr::Sum(members) | Expr::Product(members) => members.iter().any(|member| self.shaped(member)),
             Expr::Power(base, _) => self.shaped(base),
             Expr::Apply(_, argument) => self.depends(argument) || self.shaped(argument),

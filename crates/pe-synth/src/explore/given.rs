@@ -1,10 +1,13 @@
 //! The options that the user gave, as words of commands.
 
 use pe_flow::explore::row;
+use pe_flow::settings::MappingOptions;
+use pe_hls::step;
 use pe_judge::DesignPoint;
 use std::marker::PhantomData;
 
 use clap::{Args, FromArgMatches};
+use pe_ir::model::Model;
 use pe_ir::word::Pipeline;
 
 use crate::cmd_compile::Compile;
@@ -68,6 +71,18 @@ impl<C: Sweeping> Args for Given<C> {
 }
 
 impl<C: Sweeping> Given<C> {
+    /// The same where all points eliminate the linear systems of a model in the order that is estimated to be the shortest,
+    /// unless one is given: a trial for each point would be the most of a sweep.
+    pub fn with_order(&self, model: &Model, options: &mut MappingOptions) -> Given<C> {
+        let mut given = Given { command: self.command.clone(), shared: self.shared.clone(), sweep: PhantomData };
+        let shortest = step::orders(model).first().map(|(order, _)| *order);
+        if let (None, Some(order)) = (options.elimination, shortest) {
+            options.elimination = Some(order);
+            given.shared.push(format!("--elimination {}", order.name()));
+        }
+        given
+    }
+
     /// The command that compiles a point alone.
     pub fn command(&self, point: &DesignPoint) -> String {
         let mut words = vec!["pe-synth".to_owned(), "compile".to_owned()];

@@ -8,6 +8,7 @@ use std::process::Command;
 use pe_flow::report::Report;
 use pe_map::Map;
 use pe_map::wrap::Wrap;
+use pe_wrap::foreign::EntityMap;
 use serde_json::Value;
 
 fn root() -> PathBuf {
@@ -45,12 +46,13 @@ fn reports_of_every_kind_are_read_back_to_the_byte() {
 }
 
 /// What is written for others to read: page, schema and the schema of the types.
-fn schemas() -> [(&'static str, &'static str, Value); 3] {
+fn schemas() -> [(&'static str, &'static str, Value); 4] {
     let value = |schema: schemars::Schema| serde_json::to_value(schema).unwrap();
     [
         ("docs/report.md", "docs/report.schema.json", value(schemars::schema_for!(Report))),
         ("docs/map.md", "docs/map.schema.json", value(schemars::schema_for!(Map))),
         ("docs/wrapper.md", "docs/wrap.schema.json", value(schemars::schema_for!(Wrap))),
+        ("docs/wrapper.md", "docs/entity.schema.json", value(schemars::schema_for!(EntityMap))),
     ]
 }
 

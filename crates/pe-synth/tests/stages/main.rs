@@ -35,6 +35,8 @@ mod slots;
 mod solvers;
 mod split;
 mod step_error;
+mod sums;
+mod systems;
 mod tables;
 mod texts;
 mod total_error;

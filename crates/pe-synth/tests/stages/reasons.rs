@@ -172,6 +172,28 @@ fn refusals_and_warnings_name_what_is_the_matter() {
     assert!(failures.is_empty(), "{}", failures.join("\n---\n"));
 }
 
+#[test]
+fn quotients_with_few_bits_are_named_where_the_word_is_too_short() {
+    let folder = Folder::new("reasons_quotients");
+    let statements = "state c = 1\nstate s = 0\nstate w = 1\nstate y = 0\nd = 5000 + 4999.9*c*w\nn = 5000.1 + 4999.8*c*w\n\
+                      c' = -s\ns' = c\nw' = 1e-6*s\ny' = 5*(n/d - y)\noutput y\n";
+    let head = "solver rk4\nstep 1 ms\nspan 7 s";
+    let (exit, errors, _) = run(&folder, "check", head, statements, &["--multiplier", "25x16"]);
+    let told = ["W0927", "`1/d` loses 18 of 25 bits", "t = 6.28", "a table of its own keeps 8 bits", "E0907"];
+    assert!(exit == Some(1) && told.iter().all(|part| errors.contains(part)), "{errors}");
+    // As many are lost of a word that has enough of them.
+    let (exit, errors, _) = run(&folder, "check", head, statements, &["--multiplier", "32x32"]);
+    assert!(exit == Some(0) && !errors.contains("W0927"), "{errors}");
+}
+
+#[test]
+fn a_constant_divisor_of_zero_is_refused_for_it() {
+    let folder = Folder::new("reasons_constant");
+    let statements = "state x = 1\nd = 1 - 1\ne = 1/(d*2)\nx' = e - x\noutput x\n";
+    let (exit, errors, _) = run(&folder, "check", "solver rk4\nstep 1 ms\nspan 10 ms", statements, &[]);
+    assert!(exit == Some(1) && errors.contains("E0904") && errors.contains("`e`"), "{errors}");
+}
+
 /// A seeded stream of numbers from 0 to 1.
 struct Random(u64);
 

@@ -33,7 +33,7 @@ fn value(expr: &Expr, states: &[f64], inputs: &[f64], algebraics: &[f64]) -> f64
         Expr::Sum(members) => members.iter().map(of).sum(),
         Expr::Product(members) => members.iter().map(of).product(),
         Expr::Power(base, exponent) => of(base).powi(*exponent as i32),
-        Expr::Apply(..) | Expr::Select(_) => unreachable!("these models are polynomials"),
+        Expr::Apply(..) | Expr::Select(_) | Expr::Solution(_) => unreachable!("these models are polynomials"),
     }
 }
 
@@ -90,7 +90,7 @@ fn affine_model(family: Family, solver: Solver) -> Model {
         sum.push(Expr::Constant(0.25));
         sum.extend((0..index).map(|earlier| scaled(0.3, Variable::Algebraic(earlier))));
         let (name, expr) = (format!("a[{index}]"), Expr::Sum(sum));
-        model.algebraics.push(Algebraic { name, unit: None, expr, range: None, span: Span::default() });
+        model.algebraics.push(Algebraic { name, unit: None, expr, range: None, kept: false, span: Span::default() });
     }
     for (index, state) in model.states.iter_mut().enumerate() {
         let algebraic = scaled(0.2, Variable::Algebraic(index as u32 % 2));

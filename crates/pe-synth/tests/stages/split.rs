@@ -49,7 +49,7 @@ impl pe_frontend::Loader for NoFiles {
     }
 }
 
-fn model(text: &str) -> Model {
+pub(super) fn model(text: &str) -> Model {
     let mut sources = Sources::new("test.spec", text);
     let compiled = pe_frontend::compile(&mut sources, &NoFiles, &pe_frontend::Overrides::default());
     compiled.unwrap_or_else(|findings| panic!("{findings:?}")).0

@@ -16,7 +16,16 @@ fn models() -> PathBuf {
 
 /// The specs of the validation set, and those of the shipped models that compile in a moment.
 fn specs() -> Vec<PathBuf> {
-    let large = ["lutchen4000", "wave80", "weibel11", "weibel11_pressure", "weibel11_square", "atrial15", "gray_scott"];
+    let large = [
+        "lutchen4000",
+        "wave80",
+        "weibel11",
+        "weibel11_pressure",
+        "weibel11_square",
+        "atrial15",
+        "gray_scott",
+        "dense42",
+    ];
     let mut specs: Vec<PathBuf> = Vec::new();
     for entry in fs::read_dir(models()).unwrap() {
         let path = entry.unwrap().path();

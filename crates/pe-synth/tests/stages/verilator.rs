@@ -66,10 +66,13 @@ fn shrink(program: &mut Program) {
 #[test]
 fn the_netlist_keeps_an_image_of_64_bits_whose_lower_half_is_0() {
     // GHDL 2.0 loses such constants; `pe_ram.vhd` avoids them.
-    let flow = Flow::random(Family::Shared, (6, 3), Solver::Rk4, format(32, 32, 32), Placement::Scattered, 42);
-    let mut start = flow.middle(2);
-    shrink(&mut start.program);
     let lost = |pe: &PeProgram| pe.imported_image.len() == 2 && pe.imported_image[0] == 0 && pe.imported_image[1] != 0;
-    assert!(start.program.pes.iter().any(lost), "no PE has such an image");
+    let seeded = |seed| {
+        let flow = Flow::random(Family::Shared, (6, 3), Solver::Rk4, format(32, 32, 32), Placement::Scattered, seed);
+        let mut start = flow.middle(2);
+        shrink(&mut start.program);
+        start.program.pes.iter().any(lost).then_some((flow, start))
+    };
+    let (flow, start) = (42..62).find_map(seeded).expect("a PE has such an image");
     assert_agreement(&format!("{}, small memories", flow.label), &[start], &[Engine::Verilator]);
 }

@@ -124,10 +124,19 @@ impl Flow {
         Flow::with(label, model, graph, pes, format, placement)
     }
 
-    fn with(label: String, model: Model, graph: StepGraph, pes: u32, format: WordFormat, placement: Placement) -> Flow {
+    /// A model with the graph of its step, whose functions are tables.
+    pub fn with(
+        label: String,
+        model: Model,
+        graph: StepGraph,
+        pes: u32,
+        format: WordFormat,
+        placement: Placement,
+    ) -> Flow {
         let pes = pes.min(graph.equations.len() as u32);
         let latency = Latency::of(&format);
         let graph = pe_hls::split::split(&graph, pes, MAX_IN_DEGREE, latency).unwrap_or(graph);
+        let graph = pe_hls::sums::cut(&graph, &format).unwrap_or(graph);
         let fixed = settled(&label, &model, &graph, format);
         let mapping = place(&label, &graph, pes, placement);
         Flow::mapped(label, model, graph, fixed, mapping)

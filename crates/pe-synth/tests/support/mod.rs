@@ -6,6 +6,7 @@
 
 pub mod bench;
 pub mod bus;
+pub mod damage;
 pub mod faults;
 pub mod flow;
 pub mod hubs;
@@ -100,6 +101,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
                 unit: None,
                 expr,
                 range: None,
+                kept: false,
                 span: Span::default(),
             });
         }

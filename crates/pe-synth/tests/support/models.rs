@@ -62,3 +62,27 @@ impl Compiled {
         Start { name: "middle", program, stimulus, step: checkpoint.step }
     }
 }
+
+/// Parameters that are written at run time, inputs, ticks, and two outputs that show no state: one has no sample 0.
+pub const TUNED: &str = "\
+model tuned
+solver rk4
+step 1 ms
+span 200 ms
+index i in 1..2
+param rate [1/s] = 5 tunable in 1 .. 10
+param gain[i] = i tunable in -2 .. 4
+input drive = sine(1, 20 Hz) in -1 .. 1
+input level = 2 in 1 .. 3
+state x = 1
+state y[i] = 0
+x' = drive - rate*x
+y[i]' = gain[i]*x - 3*y[i]
+every 10 ms {
+  state u = 0
+  next u = u/2 + x
+}
+run = x*gain[1] + drive
+share = x/level
+output x, y, u, run, share
+";

@@ -102,7 +102,7 @@ fn put_in(model: &Model, expr: &Expr, parts: &mut usize) -> Option<Expr> {
         Expr::Power(base, exponent) => Expr::Power(Box::new(put_in(model, base, parts)?), *exponent),
         Expr::Apply(function, argument) => Expr::Apply(*function, Box::new(put_in(model, argument, parts)?)),
         // Rates with branches are seldom and long; they stay with Euler's method.
-        Expr::Select(_) => return None,
+        Expr::Select(_) | Expr::Solution(_) => return None,
     })
 }
 

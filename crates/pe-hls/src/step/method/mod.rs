@@ -2,7 +2,6 @@
 
 mod adams;
 mod chebyshev;
-mod elimination;
 mod exponential;
 mod gates;
 mod implicit;
@@ -15,14 +14,16 @@ use pe_ir::source::Diagnostic;
 
 pub use exponential::exponential;
 
+use super::elimination::order::Order;
 use super::plan::Plan;
 use suit::unsuitable;
 
-/// The step of a model by its method; none if the method is an explicit Runge-Kutta method, or needs no plan.
+/// The step of a model by its method, which eliminates its matrices in an order; none if the method is an explicit
+/// Runge-Kutta method, or needs no plan.
 ///
 /// # Errors
 /// `E0806` if the method does not suit the model.
-pub fn plan(model: &Model) -> Result<Option<Plan<'_>>, Vec<Diagnostic>> {
+pub fn plan(model: &Model, order: Order) -> Result<Option<Plan<'_>>, Vec<Diagnostic>> {
     if !model.phases.is_empty() && !model.solver.takes_lists() {
         let reason = "a list of steps needs an implicit solver";
         return Err(unsuitable(
@@ -37,10 +38,10 @@ pub fn plan(model: &Model) -> Result<Option<Plan<'_>>, Vec<Diagnostic>> {
         Solver::Leapfrog => partitioned::leapfrog(model)?,
         Solver::Ab2 | Solver::Ab3 | Solver::Ab4 => adams::plan(model),
         Solver::Rkc5 | Solver::Rkc10 => chebyshev::plan(model),
-        Solver::ImplicitEuler => implicit::implicit_euler(model)?,
-        Solver::Trapezoidal => implicit::trapezoidal(model)?,
-        Solver::Ros2 => implicit::ros2(model)?,
-        Solver::Rodas3 => implicit::rodas3(model)?,
+        Solver::ImplicitEuler => implicit::implicit_euler(model, order)?,
+        Solver::Trapezoidal => implicit::trapezoidal(model, order)?,
+        Solver::Ros2 => implicit::ros2(model, order)?,
+        Solver::Rodas3 => implicit::rodas3(model, order)?,
         Solver::RushLarsen => gates::plan(model)?,
     };
     Ok(Some(plan))
