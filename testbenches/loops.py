@@ -32,15 +32,18 @@ def built(folder, name):
 
 
 class Program:
-    """Words of the inputs of each step."""
+    """Words of the inputs of each step: now and then a wide jump, else small ones, which leave controllers unclamped."""
 
     def __init__(self, design):
         self.random = random.Random(7)
         self.limits = [(low // 2, high // 2) for low, high in (port["words"] for port in design["inputs"])]
+        self.steps = 0
 
     def inputs(self, outputs):
         fed = sum(word or 0 for word in outputs) >> 3
-        return [min(max(self.random.randint(low, high) // 2 + fed, low), high) for low, high in self.limits]
+        narrow = 0 if self.steps % 25 == 0 else 4 + self.steps % 9
+        self.steps += 1
+        return [min(max(self.random.randint(low, high) // 2 + fed, low), high) >> narrow for low, high in self.limits]
 
 
 def by_host(folder, design, transport, steps):
@@ -95,7 +98,7 @@ def main():
         wanted = by_host(folder, design, "model", options.steps)
         with pe_host.open(folder, "model") as host:
             frames = frames_of(design, wanted, host.read_words())
-        moving = sum(a != b for a, b in zip(wanted, wanted[1:]))
+        changes = sum(a != b for a, b in zip(wanted, wanted[1:]))
         counts = []
         for column in COLUMNS[1:]:
             kind = column.split(",")[0]
@@ -107,8 +110,10 @@ def main():
                 seen = by_host(folder, design, kind, options.steps)
             short = abs(len(wanted) - len(seen)) * len(design["outputs"])
             counts.append(short + sum(a != b for row, other in zip(wanted, seen) for a, b in zip(row, other)))
-        failed |= any(counts) or moving < options.steps // 2
         print(f"| {name} | {options.steps * len(design['outputs'])} | " + " | ".join(map(str, counts)) + " |", flush=True)
+        if changes < options.steps // 2:
+            print(f"loops.py: {name}: outputs change in {changes} of {options.steps} steps, too few to compare", file=sys.stderr)
+        failed |= any(counts) or changes < options.steps // 2
     sys.exit(failed)
 
 
