@@ -56,8 +56,9 @@ pub fn elaborate_within(spec: &Spec, overrides: &Overrides, limits: &Limits) -> 
 
 /// All passes over a spec without whole arrays.
 fn run(spec: &Spec, overrides: &Overrides, limits: &Limits, mut report: Report) -> (Option<Model>, Report) {
-    let names = collect::collect(spec, &mut report);
+    let mut names = collect::collect(spec, &mut report);
     let settings = Settings::collect(spec, &mut report);
+    names.time = settings.time.unwrap_or_default();
     let mut context = Context::new(spec, names, limits, report);
     let set = set::check(&context.names, &overrides.set, &mut context.report);
 
@@ -70,12 +71,13 @@ fn run(spec: &Spec, overrides: &Overrides, limits: &Limits, mut report: Report) 
     // What is fixed before time zero.
     let times = times::times(&mut context, &settings);
     context.evaluator.signals.span = times.as_ref().map_or(1.0, |times| times.span);
+    context.evaluator.signals.unit = context.names.time;
     let initials = initial::states(&mut context, &set);
     let inputs = initial::inputs(&mut context, overrides.inputs);
     let rates = times::rates(&mut context);
 
     let mut flat = equations::write_out(&mut context);
-    let mut outputs = outputs::outputs(&mut context, &overrides.observe);
+    let mut outputs = outputs::outputs(&mut context, &mut flat, &overrides.observe);
     let numbers = systems::fold(&mut flat, &outputs, &context.names);
     let holders = sampled::hold(&mut flat, &mut outputs, spec, &context.names);
     let mut order = order::dependency_order(&flat, &context.names, &mut context.report);

@@ -391,6 +391,21 @@ impl Model {
         rates.filter(|(_, steps)| *steps > 1)
     }
 
+    /// The outputs in the initial state with these numbers of the inputs; not finite where an equation has no value.
+    pub fn initial_outputs(&self, inputs: &[f64]) -> Vec<f64> {
+        let mut algebraics: Vec<f64> = Vec::with_capacity(self.algebraics.len());
+        let number = |variable: Variable, known: &[f64]| match variable {
+            Variable::State(state) => self.states[state].initial,
+            Variable::Input(input) => inputs[at(input)],
+            Variable::Algebraic(algebraic) => known[at(algebraic)],
+        };
+        // Each reads only earlier ones.
+        for algebraic in &self.algebraics {
+            algebraics.push(algebraic.expr.evaluate(&|variable| number(variable, &algebraics)));
+        }
+        self.outputs.iter().map(|output| number(output.variable, &algebraics)).collect()
+    }
+
     /// The model with its ticks as inputs.
     pub fn with_ticks(&self) -> Model {
         let mut model = self.clone();

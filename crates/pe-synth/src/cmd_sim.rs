@@ -62,7 +62,7 @@ impl Sim {
         let model = &loaded.model;
         let graph = pipeline::build(loaded, &self.point.point(), &self.mapping.options(), &mut Stopwatch::silent())?;
         let mut run = DoubleRun::new(&graph);
-        let mut rows = Vec::new();
+        let mut rows = vec![first_row(model)];
         for step in 0..model.steps() {
             let time = model.time(step, 0.0);
             run.step(&model.sample_inputs(time)).map_err(|diverged| {
@@ -85,17 +85,29 @@ impl Sim {
             &mut progress::stopwatch(true, self.message_format()),
         )?;
         let mut machine = Machine::new(&design.program);
-        let mut rows = Vec::new();
+        let ports = &design.program.outputs;
+        let most = libm::ldexp(1.0, design.program.format.storage_bits as i32 - 1);
+        let shown = |(number, port): (f64, &pe_ir::program::OutputPort)| {
+            let word = libm::floor(libm::ldexp(number, -port.exponent) + 0.5).clamp(-most, most - 1.0);
+            libm::ldexp(word, port.exponent)
+        };
+        let mut rows = vec![first_row(model).into_iter().zip(ports).map(shown).collect()];
         for inputs in pipeline::stimulus(model, &design, 0, model.steps()) {
             machine.step(&inputs, &mut |_| {});
             if machine.escaped() {
                 return Err(Failure::Internal("a word is out of range, which was proven impossible".to_owned()));
             }
             let number = |(word, port): (&i64, &pe_ir::program::OutputPort)| libm::ldexp(*word as f64, port.exponent);
-            rows.push(machine.outputs().iter().zip(&design.program.outputs).map(number).collect());
+            rows.push(machine.outputs().iter().zip(ports).map(number).collect());
         }
         Ok(rows)
     }
+}
+
+/// The outputs at time zero.
+fn first_row(model: &Model) -> Vec<f64> {
+    let inputs: Vec<f64> = model.inputs.iter().map(|input| input.waveform.at(0.0)).collect();
+    model.initial_outputs(&inputs)
 }
 
 /// Rows of time and outputs.
@@ -106,7 +118,7 @@ fn csv(model: &Model, rows: &[Vec<f64>]) -> String {
     }
     csv.push('\n');
     for (step, row) in rows.iter().enumerate() {
-        csv += &format!("{:e}", model.time(step as u64 + 1, 0.0));
+        csv += &format!("{:e}", model.time(step as u64, 0.0));
         for number in row {
             csv += &format!(",{number:e}");
         }

@@ -56,19 +56,12 @@ pub fn interface(model: &Model) -> Interface {
 
 /// Numbers of the outputs in the initial state, with all inputs 0; a ratio of steps is that of the first one.
 fn initial(model: &Model) -> BTreeMap<String, f64> {
-    let ratio = model.phases.first().map_or(1.0, |phase| phase.ratio);
-    let mut algebraics: Vec<f64> = Vec::with_capacity(model.algebraics.len());
-    let number = |variable: Variable, known: &[f64]| match variable {
-        Variable::State(state) => model.states[state].initial,
-        Variable::Input(_) if model.step_ratio() == Some(variable) => ratio,
-        Variable::Input(_) => 0.0,
-        Variable::Algebraic(algebraic) => known[at(algebraic)],
-    };
-    // Each reads only earlier ones.
-    for algebraic in &model.algebraics {
-        algebraics.push(algebraic.expr.evaluate(&|variable| number(variable, &algebraics)));
+    let mut inputs = vec![0.0; model.inputs.len()];
+    if let Some(Variable::Input(ratio)) = model.step_ratio() {
+        inputs[at(ratio)] = model.phases.first().map_or(1.0, |phase| phase.ratio);
     }
-    let outputs = model.outputs.iter().map(|output| (output.name.clone(), number(output.variable, &algebraics)));
+    let numbers = model.initial_outputs(&inputs);
+    let outputs = model.outputs.iter().map(|output| output.name.clone()).zip(numbers);
     outputs.filter(|(_, number)| number.is_finite()).collect()
 }
 

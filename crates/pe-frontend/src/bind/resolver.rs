@@ -94,7 +94,7 @@ impl<'a> Resolver<'_, 'a> {
             }
             ExprKind::Samples { path, column, interpolation } => {
                 self.check_signal(SAMPLES, expr.span)?;
-                let samples = samples::samples(self.spec, (path, column), interpolation, self.report)?;
+                let samples = samples::samples(self.spec, (path, column), interpolation, self.names.time, self.report)?;
                 NodeKind::Samples(Arc::new(samples))
             }
             ExprKind::Matrix(rows) => {
@@ -375,7 +375,8 @@ impl<'a> Resolver<'_, 'a> {
         let mut bound = Vec::with_capacity(arguments.len());
         for (at, (argument, (meaning, kind))) in arguments.iter().zip(meanings).enumerate() {
             let unit = units.iter().find(|(of, _)| *of == at).map(|(_, unit)| unit);
-            let scale = unit_scale(unit, kind.units(), meaning).map_err(|error| self.report.push(error));
+            let scale = unit_scale(unit, kind.units(), meaning, kind.unstated(self.names.time))
+                .map_err(|error| self.report.push(error));
             self.reads = if *kind == Argument::Modulation { Reads::Signals } else { Reads::Constants };
             let value = self.number(argument);
             bound.extend(value.zip(scale.ok()));

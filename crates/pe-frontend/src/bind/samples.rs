@@ -1,7 +1,7 @@
 //! Sampled signals from data files: `samples("breath.csv", "p", linear)`.
 
 use crate::bind::data::{find_column, numbers};
-use crate::language::measures::{TIMES, scaled, unit_scale};
+use crate::language::measures::{TIMES, TimeUnit, scaled, unit_scale};
 use crate::language::waveforms::between;
 use crate::report::Report;
 use crate::syntax::ast::{Name, Spec};
@@ -14,6 +14,7 @@ pub(crate) fn samples(
     spec: &Spec,
     (path, column): (&Name, &Name),
     interpolation: &Name,
+    time: TimeUnit,
     report: &mut Report,
 ) -> Option<Samples> {
     let interpolation = between(interpolation).map_err(|error| report.push(error)).ok()?;
@@ -21,7 +22,7 @@ pub(crate) fn samples(
     let number = find_column(table, column, report)?;
     let unit = &table.columns[0].unit;
     let unit = unit.as_ref().map(|unit| Name { text: unit.clone(), span: table.columns[0].place });
-    let scale = unit_scale(unit.as_ref(), &TIMES, "times in the first column");
+    let scale = unit_scale(unit.as_ref(), &TIMES, "times in the first column", time.seconds);
     let scale = scale.map_err(|error| report.push(error)).ok()?;
     let times = numbers(table, 0, report)?;
     let values = numbers(table, number, report)?;

@@ -1,5 +1,6 @@
 //! The statements that occur once: `model`, `solver`, `step`, `span`.
 
+use crate::language::measures::{TimeUnit, time_unit};
 use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::syntax::ast::{Measure, Name, Spec, StatementKind};
@@ -17,6 +18,7 @@ pub(crate) struct Settings<'a> {
     pub(crate) early: &'a [(Measure, Measure)],
     pub(crate) span: Option<&'a Measure>,
     pub(crate) units: Option<Units>,
+    pub(crate) time: Option<TimeUnit>,
 }
 
 /// What the model is called, and how it is solved.
@@ -32,17 +34,29 @@ impl<'a> Settings<'a> {
         let mut settings = Settings::default();
         let mut seen: [Option<Span>; 4] = [None; 4];
         const SECTIONS: [&str; 4] = ["model", "solver", "step", "span"];
-        let mut units: Option<Span> = None;
+        let (mut units, mut time): (Option<Span>, Option<Span>) = (None, None);
         for statement in &spec.statements {
-            if let StatementKind::Units(name) = &statement.kind {
-                match units.replace(statement.span) {
-                    None => settings.units = units_mode(name, report),
-                    Some(first) => report.push(
-                        Diagnostic::error(codes::DUPLICATE, statement.span, "a second `units` statement")
-                            .with_label(first, "the first one"),
-                    ),
+            let (word, place) = match &statement.kind {
+                StatementKind::Units(_) => ("units", &mut units),
+                StatementKind::Time(_) => ("time", &mut time),
+                _ => continue,
+            };
+            match (*place, &statement.kind) {
+                (Some(first), _) => {
+                    let message = format!("a second `{word}` statement");
+                    let error = Diagnostic::error(codes::DUPLICATE, statement.span, message);
+                    report.push(error.with_label(first, "the first one"));
+                    continue;
                 }
+                (None, StatementKind::Units(name)) => settings.units = units_mode(name, report),
+                (None, StatementKind::Time(unit)) => {
+                    settings.time = time_unit(unit).map_err(|error| report.push(error)).ok();
+                }
+                _ => {}
             }
+            *place = Some(statement.span);
+        }
+        for statement in &spec.statements {
             let section = match &statement.kind {
                 StatementKind::Model { .. } => 0,
                 StatementKind::Solver(_) => 1,

@@ -54,25 +54,16 @@ fn phases<'a>(context: &mut Context<'a>, early: &'a [(Measure, Measure)], last: 
 
 /// A positive time.
 fn time<'a>(context: &mut Context<'a>, measure: &'a Measure, what: &str) -> Option<f64> {
-    let value = scaled_constant(context, measure, &TIMES, what)?;
+    let unstated = context.names.time.seconds;
+    let scale =
+        unit_scale(measure.unit.as_ref(), &TIMES, what, unstated).map_err(|error| context.report.push(error)).ok();
+    let value = scaled(context.constant(&measure.value)?, scale?);
     if value > 0.0 {
         return Some(value);
     }
     let message = format!("the {what} is {value} s; it must be positive");
     context.report.push(Diagnostic::error(codes::NOT_POSITIVE, measure.value.span, message));
     None
-}
-
-/// Value of a constant with an optional unit.
-fn scaled_constant<'a>(
-    context: &mut Context<'a>,
-    measure: &'a Measure,
-    units: &[(&str, f64)],
-    what: &str,
-) -> Option<f64> {
-    let scale = unit_scale(measure.unit.as_ref(), units, what).map_err(|error| context.report.push(error)).ok();
-    let value = context.constant(&measure.value)?;
-    Some(scaled(value, scale?))
 }
 
 /// The rates of all blocks; `None` after an error.

@@ -323,9 +323,10 @@ fn define(
 fn check_all_defined(context: &mut Context) {
     let declares_state = context.names.quantities.iter().any(|quantity| quantity.kind == Kind::State)
         || context.spec.broken.iter().any(|broken| broken.section == "state");
-    if !declares_state && context.spec.blocks.is_empty() {
-        let help = "declare one, for example `state x = 0`, and give it an equation `x' = ...`";
-        context.report.push(Diagnostic::global(codes::NO_STATE, "the spec has no state variable").with_help(help));
+    let equations = context.names.quantities.iter().any(|quantity| quantity.kind.has_equations());
+    if !declares_state && !equations && context.spec.blocks.is_empty() && context.spec.broken.is_empty() {
+        let help = "declare a state, for example `state x = 0`, and give it an equation `x' = ...`";
+        context.report.push(Diagnostic::global(codes::NO_STATE, "the spec has no equation").with_help(help));
     }
     for quantity in &context.names.quantities {
         if quantity.kind != Kind::State || quantity.broken || context.names.is_poisoned(&quantity.name.text) {
@@ -361,10 +362,11 @@ fn right_sides<'a>(context: &mut Context<'a>, equations: impl Iterator<Item = Bo
     for equation in equations {
         let Some(body) = &equation.body else { continue };
         let mut seen = Seen::default();
-        let (kind, base) = {
+        let (kind, base, moves) = {
             let quantity = &context.names.quantities[equation.pattern.quantity];
-            (quantity.kind, at(quantity.base))
+            (quantity.kind, at(quantity.base), quantity.kind == Kind::State && quantity.block.is_none())
         };
+        let per_second = if moves { context.names.time.per_second() } else { 1.0 };
         for (combination, offset) in &equation.instances {
             if context.report.is_exhausted() {
                 return flat;
@@ -374,6 +376,7 @@ fn right_sides<'a>(context: &mut Context<'a>, equations: impl Iterator<Item = Bo
             match range.and_then(|range| Ok((context.evaluator.expr(&context.names, body)?, range))) {
                 Ok((expr, range)) => {
                     let quantity = equation.pattern.quantity;
+                    let expr = faster(expr, per_second);
                     let row = Row { quantity, offset: *offset, expr, range, span: equation.span };
                     let rows = if kind == Kind::State { &mut flat.states } else { &mut flat.algebraics };
                     rows[base + offset] = Some(row);
@@ -387,6 +390,16 @@ fn right_sides<'a>(context: &mut Context<'a>, equations: impl Iterator<Item = Bo
         }
     }
     flat
+}
+
+/// A rate of change, counted in a unit of which so many are a second, per second: sums term by term, as they would be
+/// written.
+fn faster(expr: Expr, per_second: f64) -> Expr {
+    match expr {
+        expr if per_second == 1.0 => expr,
+        Expr::Sum(terms) => Expr::sum(terms.into_iter().map(|term| Expr::scaled(per_second, term)).collect()),
+        expr => Expr::scaled(per_second, expr),
+    }
 }
 
 /// Looks at the functions that nothing calls: what is wrong with them is wrong.

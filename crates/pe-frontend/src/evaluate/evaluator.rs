@@ -84,7 +84,11 @@ impl Evaluator {
             }
             NodeKind::Time => {
                 let span = self.signals.span;
-                Ok(self.part(|| Waveform::Time { span }).unwrap_or_else(|| self.signals.time(node.span)))
+                let per_second = self.signals.unit.per_second();
+                match self.part(|| Waveform::Time { span }) {
+                    Some(seconds) => Ok(Expr::scaled(per_second, seconds)),
+                    None => Ok(self.signals.time(node.span)),
+                }
             }
             NodeKind::Signal(number, arguments) => {
                 let waveform = self.signal(names, *number, arguments)?;

@@ -4,6 +4,7 @@
 //! written out they have numbers from [`SIGNALS`] on; the last pass gives them their places behind the declared states.
 
 use crate::evaluate::fold::{ProductBuilder, SumBuilder};
+use crate::language::measures::TimeUnit;
 use pe_ir::index::{StateId, at, number};
 use pe_ir::model::{Algebraic, Expr, Function, Interpolation, Samples, Signal, State, Variable, Waveform};
 use pe_ir::motion::{Motion, Source};
@@ -20,7 +21,7 @@ const RESIDUE: f64 = 1e-15;
 pub(crate) const TIME: Variable = Variable::Algebraic(SIGNALS);
 
 /// The count of steps.
-const CLOCK: Variable = Variable::State(StateId::new(SIGNALS));
+pub(crate) const CLOCK: Variable = Variable::State(StateId::new(SIGNALS));
 
 /// A state that represents a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +41,8 @@ enum SignalState {
 pub(crate) struct Signals {
     /// Span of the model in seconds.
     pub(crate) span: f64,
+    /// The unit in which `time` counts.
+    pub(crate) unit: TimeUnit,
     /// Where time is read first.
     time_read: Option<Span>,
     /// States after the clock, each with the place where it occurs first.
@@ -50,7 +53,7 @@ pub(crate) struct Signals {
 
 impl Default for Signals {
     fn default() -> Self {
-        Signals { span: 1.0, time_read: None, entries: Vec::new(), played: Vec::new() }
+        Signals { span: 1.0, unit: TimeUnit::default(), time_read: None, entries: Vec::new(), played: Vec::new() }
     }
 }
 
@@ -213,19 +216,27 @@ impl Signals {
         (signals.collect(), numbers)
     }
 
-    /// The algebraic equation of the time, which reads the clock.
-    pub(crate) fn time_equation(&self, clock: u32, name: &str) -> Algebraic {
-        Algebraic {
-            name: name.to_owned(),
-            unit: Some("s".to_owned()),
-            expr: Expr::Variable(Variable::State(StateId::new(clock))),
+    /// The algebraic equations of the time, the last of which is the time in the unit of the spec. The first reads the
+    /// clock, in seconds.
+    pub(crate) fn time_equations(&self, clock: u32, name: &str) -> Vec<Algebraic> {
+        let equation = |name: String, unit: &str, expr: Expr| Algebraic {
+            name,
+            unit: Some(unit.to_owned()),
+            expr,
             range: None,
             kept: false,
             span: self.time_read.unwrap_or_default(),
+        };
+        let clock = Expr::Variable(Variable::State(StateId::new(clock)));
+        let seconds = TimeUnit::default().name;
+        if self.unit.name == seconds {
+            return vec![equation(name.to_owned(), seconds, clock)];
         }
+        let counted = scaled(self.unit.per_second(), Expr::Variable(Variable::Algebraic(0)));
+        vec![equation(format!("{name}.seconds"), seconds, clock), equation(name.to_owned(), self.unit.name, counted)]
     }
 
-    /// The time.
+    /// The time in the unit of the spec.
     pub(crate) fn time(&mut self, span: Span) -> Expr {
         self.time_read.get_or_insert(span);
         Expr::Variable(TIME)
@@ -245,6 +256,8 @@ impl Signals {
                 self.turned(sine, amplitude, phase, offset)
             }
             Waveform::Ramp { from, to, start, duration } => {
+                // In the unit of the time that is read.
+                let [start, duration] = [start, duration].map(|time| time * self.unit.per_second());
                 let slope = (to - from) / duration;
                 let since = |corner: f64, time: Expr| sum([time, Expr::Constant(-corner)]);
                 let mut part = |corner: f64, sign: f64| {

@@ -1,6 +1,6 @@
 //! The signals of the language: their names, arguments and values.
 
-use crate::language::measures::{FREQUENCIES, TIMES};
+use crate::language::measures::{FREQUENCIES, TIMES, TimeUnit};
 use crate::syntax::ast::Name;
 use pe_ir::codes;
 use pe_ir::model::{Chirp, Interpolation, Pwm, Waveform};
@@ -31,6 +31,15 @@ impl Argument {
             Value | Number | Modulation => &[],
             Time => &TIMES,
             Frequency => &FREQUENCIES,
+        }
+    }
+
+    /// What a number without a unit is in seconds or hertz, if it is a time or a frequency.
+    pub(crate) fn unstated(self, time: TimeUnit) -> f64 {
+        match self {
+            Value | Number | Modulation => 1.0,
+            Time => time.seconds,
+            Frequency => time.per_second(),
         }
     }
 }

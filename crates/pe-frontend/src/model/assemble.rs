@@ -4,7 +4,7 @@ use crate::declare::initial::{Driven, Initial};
 use crate::declare::settings::Header;
 use crate::declare::times::Times;
 use crate::equations::write::{Flat, Row};
-use crate::evaluate::signals::{SIGNALS, Signals, TIME};
+use crate::evaluate::signals::{CLOCK, SIGNALS, Signals, TIME};
 use crate::language::words;
 use crate::names::table::{Kind, Names, Quantity};
 use crate::report::Report;
@@ -77,7 +77,8 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
         let block = |row: &Option<Row>| row.as_ref().and_then(|row| names.quantities[row.quantity].block);
         parts.flat.states.iter().map(block).collect()
     };
-    number_all(&mut numbers, &blocks, &parts.order, signals.states());
+    let times = number_of(signals.time_equations(0, "").len());
+    number_all(&mut numbers, &blocks, &parts.order, (signals.states(), times));
     let (rates, rate_of) = rates_in_use(&parts.rates, &numbers.states, &blocks);
     let inputs = inputs_in_use(names, &parts.inputs, &numbers);
     let input_names: Vec<String> = inputs.iter().map(|input| input.name.clone()).collect();
@@ -85,11 +86,6 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
 
     let mut states =
         declared_states(names, &mut parts, &mut numbers, |state| blocks[state].map(|block| rate_of[block]));
-    if states.is_empty() {
-        let help = "a model computes state variables; name one in `output`, or let an output read one";
-        report.push(Diagnostic::global(codes::NO_STATE, "no output depends on a state variable").with_help(help));
-        return None;
-    }
     let quantities = number_of(names.quantities.len());
     for (place, own) in numbers.signals[..signals.states()].iter().enumerate().filter(|(_, own)| **own != LEFT_OUT) {
         states.push(signals.state(
@@ -131,7 +127,7 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
 
 /// Numbers what is kept in the order of the lists: states and inputs as declared, but states that stand for signals
 /// and then sampled ones last; the time, then algebraic equations as computed.
-fn number_all(numbers: &mut Numbers, blocks: &[Option<usize>], order: &[u32], signals: usize) {
+fn number_all(numbers: &mut Numbers, blocks: &[Option<usize>], order: &[u32], (signals, times): (usize, u32)) {
     let (continuous, discrete): (Vec<_>, Vec<_>) =
         numbers.states.iter_mut().zip(blocks).partition(|(_, block)| block.is_none());
     let (signals, time) = numbers.signals.split_at_mut(signals);
@@ -141,8 +137,8 @@ fn number_all(numbers: &mut Numbers, blocks: &[Option<usize>], order: &[u32], si
     let kept = |entry: &u32| *entry != LEFT_OUT;
     let mut next = 0;
     for entry in time.iter_mut().filter(|entry| kept(entry)) {
-        *entry = next;
-        next += 1;
+        next += times;
+        *entry = next - 1;
     }
     for equation in order {
         let entry = &mut numbers.algebraics[at(*equation)];
@@ -190,7 +186,7 @@ fn algebraics(names: &Names, parts: &mut Parts, numbers: &mut Numbers, signals: 
     let mut algebraics = Vec::new();
     if numbers.signals[signals.states()] != LEFT_OUT {
         let own = names.find(words::TIME).is_some();
-        algebraics.push(signals.time_equation(numbers.signals[0], if own { "time_" } else { "time" }));
+        algebraics.extend(signals.time_equations(numbers.signals[0], if own { "time_" } else { "time" }));
     }
     for equation in &parts.order {
         let kept = numbers.algebraics[at(*equation)] != LEFT_OUT;
@@ -283,6 +279,10 @@ fn needed(parts: &Parts, signals: &Signals) -> Numbers {
         if let Some(row) = row {
             row.expr.each_variable(&mut |read| need(read, &mut waiting));
         }
+    }
+    // A network without any state has nothing to do in a step: it counts its steps.
+    if numbers.states.iter().chain(&numbers.signals[..signals.states()]).all(|number| *number == LEFT_OUT) {
+        *numbers.of(CLOCK) = 0;
     }
     numbers
 }

@@ -3,6 +3,7 @@
 //! A name is found by its text once, when an expression is bound; from then on it is a [`Symbol`].
 
 use crate::bound::Body;
+use crate::language::measures::TimeUnit;
 use crate::language::words::{PREDEFINED, predefined};
 use crate::nearest::suggestion;
 use crate::report::Report;
@@ -56,11 +57,6 @@ impl Kind {
     /// Whether equations define it.
     pub(crate) fn has_equations(self) -> bool {
         matches!(self, Kind::State | Kind::Algebraic)
-    }
-
-    /// Whether it changes over time.
-    pub(crate) fn varies(self) -> bool {
-        matches!(self, Kind::Input | Kind::State | Kind::Algebraic)
     }
 }
 
@@ -218,6 +214,8 @@ pub(crate) struct Defined<'a> {
 #[derive(Debug, Default)]
 pub(crate) struct Names<'a> {
     pub(super) symbols: HashMap<&'a str, Symbol>,
+    /// The unit in which the spec counts time.
+    pub(crate) time: TimeUnit,
     /// In source order; algebraic quantities after the declared ones.
     pub(crate) quantities: Vec<Quantity<'a>>,
     /// In source order.
@@ -282,7 +280,7 @@ impl<'a> Names<'a> {
         let known = local.iter().copied().chain(self.all()).chain(PREDEFINED.iter().map(|(word, _)| *word));
         let help = suggestion(&name.text, known).or_else(|| {
             let time = matches!(name.text.as_str(), "t" | "T");
-            time.then(|| "if it is to be the time in seconds: that is `time`".to_owned())
+            time.then(|| "if it is to be the time: that is `time`".to_owned())
         });
         Diagnostic { help, ..error }
     }

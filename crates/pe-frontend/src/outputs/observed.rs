@@ -1,18 +1,20 @@
 //! Outputs named on the command line, in place of the spec's.
 
+use crate::context::Context;
 use crate::fault::Fault;
+use crate::language::words::TIME;
 use crate::names::table::{Names, Symbol};
 use crate::nearest::suggestion;
+use crate::outputs::constants::{Constants, is_time, variable_of_time};
 use crate::outputs::item::{Item, existing, extents, parse, split};
-use crate::report::Report;
-use crate::syntax::ast::Spec;
 use pe_ir::codes;
 use pe_ir::model::Output;
-use pe_ir::source::Diagnostic;
+use pe_ir::source::{Diagnostic, Span};
 use std::collections::HashSet;
 
 /// The elements that the lists name, in order of mention; an element counts once.
-pub(crate) fn observed(lists: &[String], spec: &Spec, names: &Names, report: &mut Report) -> Vec<Output> {
+pub(super) fn observed(lists: &[String], context: &mut Context, constants: &mut Constants) -> Vec<Output> {
+    let Context { spec, names, report, evaluator, .. } = context;
     let mut outputs = Vec::new();
     let mut taken = HashSet::new();
     for text in lists.iter().flat_map(|list| split(list)) {
@@ -20,11 +22,20 @@ pub(crate) fn observed(lists: &[String], spec: &Spec, names: &Names, report: &mu
             Diagnostic::global(codes::OVERRIDE, format!("`{text}` names nothing that can be observed"))
                 .with_help("name scalars, elements or whole arrays: `--observe 'p,V[3],w[1,2]'`")
         });
+        if text == TIME && is_time(names) {
+            let (variable, name) = variable_of_time();
+            evaluator.signals.time(Span::default());
+            if taken.insert(variable) {
+                outputs.push(Output { name, variable, span: Span::default() });
+            }
+            continue;
+        }
         match found.and_then(|item| elements(&item, names)) {
             Ok((number, offsets)) => {
                 for offset in offsets {
                     let quantity = &names.quantities[number];
-                    let (variable, name) = (quantity.variable(offset), quantity.name_at(offset));
+                    let variable = constants.variable(names, number, offset, quantity.name.span);
+                    let name = quantity.name_at(offset);
                     if taken.insert(variable) {
                         outputs.push(Output { name, variable, span: quantity.name.span });
                     }
@@ -46,7 +57,7 @@ fn elements(item: &Item, names: &Names) -> Result<(usize, Vec<usize>), Diagnosti
         _ if names.is_poisoned(name) => return Ok((0, Vec::new())),
         Some(Symbol::Quantity(number)) => number,
         None => {
-            let known = names.quantities.iter().filter(|quantity| quantity.kind.varies());
+            let known = names.quantities.iter();
             let error = Diagnostic::global(codes::UNKNOWN_NAME, format!("unknown name `{name}` to observe"));
             return Err(Diagnostic { help: suggestion(name, known.map(|q| q.name.text.as_str())), ..error });
         }
@@ -56,11 +67,6 @@ fn elements(item: &Item, names: &Names) -> Result<(usize, Vec<usize>), Diagnosti
         }
     };
     let quantity = &names.quantities[number];
-    if !quantity.kind.varies() {
-        let message = format!("`{name}` is {} and cannot be observed", quantity.kind.describe());
-        return Err(Diagnostic::error(codes::WRONG_KIND, quantity.name.span, message)
-            .with_help("states, inputs and algebraic quantities can be observed"));
-    }
     if quantity.broken {
         return Ok((number, Vec::new()));
     }

@@ -2,7 +2,10 @@
 
 use crate::context::Context;
 use crate::equations::pattern::{Seen, bind};
-use crate::names::table::{Kind, Symbol};
+use crate::equations::write::Flat;
+use crate::language::words::TIME;
+use crate::names::table::Symbol;
+use crate::outputs::constants::{Constants, is_time, variable_of_time};
 use crate::outputs::item::existing;
 use crate::outputs::observed::observed;
 use crate::syntax::ast::{OutputItem, StatementKind};
@@ -12,16 +15,17 @@ use pe_ir::source::{Diagnostic, Span};
 use std::collections::HashMap;
 
 /// Outputs found so far and where each variable was asked for first.
-#[derive(Default)]
-struct Found {
+struct Found<'f> {
     outputs: Vec<Output>,
     places: HashMap<Variable, Span>,
+    constants: Constants<'f>,
 }
 
 /// All outputs in order of mention. `observe` takes the place of the spec's; those are still looked at, because
 /// what is wrong with them is wrong however the model is compiled.
-pub(crate) fn outputs(context: &mut Context, observe: &[String]) -> Vec<Output> {
-    let mut found = Found::default();
+pub(crate) fn outputs(context: &mut Context, flat: &mut Flat, observe: &[String]) -> Vec<Output> {
+    let constants = Constants::new(flat);
+    let mut found = Found { outputs: Vec::new(), places: HashMap::new(), constants };
     let mut asked = context.spec.broken.iter().any(|broken| broken.section == "output");
     for statement in &context.spec.statements {
         let StatementKind::Output(items) = &statement.kind else { continue };
@@ -31,7 +35,8 @@ pub(crate) fn outputs(context: &mut Context, observe: &[String]) -> Vec<Output> 
         }
     }
     if !observe.is_empty() {
-        return observed(observe, context.spec, &context.names, &mut context.report);
+        let Found { mut constants, .. } = found;
+        return observed(observe, context, &mut constants);
     }
     if !asked {
         let help = "name an output, for example `output x`";
@@ -44,6 +49,11 @@ pub(crate) fn outputs(context: &mut Context, observe: &[String]) -> Vec<Output> 
 
 fn output<'a>(context: &mut Context<'a>, item: &'a OutputItem, found: &mut Found) {
     let target = &item.target;
+    let plain = target.subscripts.is_empty() && item.ranges.is_empty() && item.condition.is_none();
+    if target.name.text == TIME && plain && is_time(&context.names) {
+        context.evaluator.signals.time(target.span);
+        return keep(context, variable_of_time(), target.span, found);
+    }
     let number = match context.names.find(&target.name.text) {
         Some(Symbol::Quantity(number)) => number,
         _ if context.names.is_poisoned(&target.name.text) => return,
@@ -59,13 +69,7 @@ fn output<'a>(context: &mut Context<'a>, item: &'a OutputItem, found: &mut Found
     };
     let quantity = &mut context.names.quantities[number];
     quantity.used = true;
-    if matches!(quantity.kind, Kind::Const | Kind::Param) {
-        let message = format!("`{}` is {} and cannot be an output", target.name.text, quantity.kind.describe());
-        let error = Diagnostic::error(codes::WRONG_KIND, target.span, message);
-        context.report.push(error.with_help("outputs are states, inputs and algebraic quantities"));
-        return;
-    }
-    if target.subscripts.is_empty() && quantity.rank > 0 && item.ranges.is_empty() && item.condition.is_none() {
+    if plain && quantity.rank > 0 {
         whole(context, number, target.span, found);
     } else {
         elements(context, number, item, found);
@@ -117,7 +121,12 @@ fn elements<'a>(context: &mut Context<'a>, number: usize, item: &'a OutputItem, 
 /// Takes an element as output, unless it already is one.
 fn take(context: &mut Context, number: usize, offset: usize, span: Span, found: &mut Found) {
     let quantity = &context.names.quantities[number];
-    let (variable, name) = (quantity.variable(offset), quantity.name_at(offset));
+    let variable = found.constants.variable(&context.names, number, offset, span);
+    keep(context, (variable, quantity.name_at(offset)), span, found);
+}
+
+/// Takes a variable of a name as output, unless it already is one.
+fn keep(context: &mut Context, (variable, name): (Variable, String), span: Span, found: &mut Found) {
     let first = *found.places.entry(variable).or_insert(span);
     if first != span {
         let message = format!("`{name}` is already an output");

@@ -159,6 +159,8 @@ pub enum StatementKind {
     },
     /// `units strict`.
     Units(Name),
+    /// The unit in which the model counts time.
+    Time(Name),
     /// `every 1 ms {`.
     Every(Measure),
     /// `}`.

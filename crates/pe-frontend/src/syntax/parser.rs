@@ -7,7 +7,7 @@ use crate::report::Report;
 use crate::syntax::ast::*;
 use crate::syntax::errors::describe;
 use crate::syntax::grammar::{OdeParser, Rule};
-use crate::syntax::lexer::Token;
+use crate::syntax::lexer::{Token, TokenKind};
 use crate::syntax::statements::text_of;
 use pe_ir::codes;
 use pe_ir::index::{at, number};
@@ -46,6 +46,7 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "solver" => Rule::solver_statement,
         "step" => Rule::step_statement,
         "span" => Rule::span_statement,
+        "time" if !tokens.iter().any(|token| token.kind == TokenKind::Equals) => Rule::time_statement,
         "const" => Rule::const_statement,
         "index" => Rule::index_statement,
         "param" => Rule::param_statement,
@@ -119,6 +120,7 @@ impl Builder<'_> {
                 StatementKind::Step(self.measure(parts.take(Rule::measure)?)?, early)
             }
             Rule::span_statement => StatementKind::Span(self.measure(parts.take(Rule::measure)?)?),
+            Rule::time_statement => StatementKind::Time(parts.take(Rule::unit).and_then(|unit| self.unit(unit))?),
             Rule::const_statement => {
                 let name = self.name(parts.take(Rule::name)?);
                 StatementKind::Const { name, value: self.expr(parts.take(Rule::expr)?)? }
@@ -475,6 +477,7 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_matrix
             | Rule::kw_symmetric
             | Rule::kw_span
+            | Rule::kw_time
             | Rule::kw_const
             | Rule::kw_index
             | Rule::kw_param

@@ -16,7 +16,7 @@ use std::sync::Arc;
 const DEEPEST_INCLUDE: usize = 32;
 
 /// Sections that describe the whole model.
-const MAIN_ONLY: [&str; 5] = ["model", "solver", "step", "span", "units"];
+const MAIN_ONLY: [&str; 6] = ["model", "solver", "step", "span", "units", "time"];
 
 /// Parses all files of a spec; `sources` holds the main one and takes up the others.
 pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Report) -> Spec {
@@ -267,6 +267,7 @@ fn section(kind: &StatementKind) -> Option<&'static str> {
         StatementKind::Step(..) => MAIN_ONLY[2],
         StatementKind::Span(_) => MAIN_ONLY[3],
         StatementKind::Units(_) => MAIN_ONLY[4],
+        StatementKind::Time(_) => MAIN_ONLY[5],
         _ => return None,
     })
 }

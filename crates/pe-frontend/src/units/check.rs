@@ -5,6 +5,7 @@
 
 use crate::bound::MOST_NESTED_CALLS;
 use crate::language::functions;
+use crate::language::measures::TIMES;
 use crate::language::waveforms::{Argument, WAVEFORMS};
 use crate::language::words::TIME;
 use crate::names::table::{Kind, Names, Symbol};
@@ -218,12 +219,22 @@ impl<'a> Checker<'_, 'a> {
         let (unit, span) = self.own(&equation.target.name);
         let own = match unit {
             Known(unit) if equation.side == LeftSide::Derivative => {
-                (unit.times(Dimension::SECOND, -1).map_or(Unknown, Known), equation.target.span)
+                (unit.times(self.time(), -1).map_or(Unknown, Known), equation.target.span)
             }
             unit => (unit, span),
         };
         let value = self.unit(&equation.value, TOLD);
-        self.same(own, value, TOLD);
+        let counts_in = match (unit, value.0) {
+            (Known(unit), Known(value)) if equation.side == LeftSide::Derivative => {
+                let of = |(name, _): &(&'static str, f64)| parse(name).ok().and_then(|time| unit.times(time, -1));
+                TIMES.iter().find(|time| of(time).is_some_and(|rate| rate.is(value))).map(|(name, _)| *name)
+            }
+            _ => None,
+        };
+        let help = counts_in.map(|name| {
+            format!("numbers are not converted; if the model counts time in {name}, say so: `time [{name}]`")
+        });
+        self.same_or(own, value, TOLD, help);
         self.range(own, equation.within.as_ref());
         if let Some(condition) = &equation.condition {
             self.unit(condition, TOLD);
@@ -247,7 +258,7 @@ impl<'a> Checker<'_, 'a> {
         let kind = |at: usize| kinds.get(at).map_or(Argument::Value, |(_, kind)| *kind);
         for (at, argument) in arguments.iter().enumerate().filter(|(at, _)| kind(*at) != Argument::Value) {
             let value = self.unit(argument, scope);
-            self.same((wanted(kind(at), units.iter().any(|(of, _)| *of == at)), value.1), value, scope);
+            self.same((wanted(kind(at), self.time(), units.iter().any(|(of, _)| *of == at)), value.1), value, scope);
         }
         let values = arguments.iter().enumerate().filter(|(at, _)| kind(*at) == Argument::Value);
         self.all_same(values.map(|(_, argument)| argument), scope)
@@ -323,7 +334,7 @@ impl<'a> Checker<'_, 'a> {
         }
         match self.names.find(name) {
             Some(Symbol::Quantity(number)) => self.units[number].unwrap_or(Unknown),
-            None if name == TIME => Known(Dimension::SECOND),
+            None if name == TIME => Known(self.time()),
             // Indices and what is predefined are numbers.
             Some(Symbol::Index(_) | Symbol::Predefined(_)) | None => Number,
         }
@@ -422,8 +433,18 @@ impl<'a> Checker<'_, 'a> {
         all.map_or(Number, |(unit, _)| unit)
     }
 
+    /// The unit in which the spec counts time.
+    fn time(&self) -> Dimension {
+        parse(self.names.time.name).unwrap_or(Dimension::SECOND)
+    }
+
     /// Reports two units that ought to be the same.
     fn same(&mut self, one: Side, other: Side, scope: Scope) {
+        self.same_or(one, other, scope, None);
+    }
+
+    /// The same, with advice of the caller's.
+    fn same_or(&mut self, one: Side, other: Side, scope: Scope, advice: Option<String>) {
         let ((Known(first), first_place), (Known(second), second_place)) = (one, other) else { return };
         if !scope.told || first.is(second) {
             return;
@@ -439,7 +460,7 @@ impl<'a> Checker<'_, 'a> {
             let help = format!(
                 "numbers are not converted; multiply by a parameter, for example `param k [{first_text}/({second_text})] = {ratio}`"
             );
-            Diagnostic::error(code, second_place, message).with_help(help)
+            Diagnostic::error(code, second_place, message).with_help(advice.unwrap_or(help))
         } else if alone {
             let message = format!("[{first_text}] is needed here, this is [{second_text}]");
             Diagnostic::error(code, second_place, message).with_help(DIMENSION_HELP)
@@ -460,20 +481,21 @@ impl<'a> Checker<'_, 'a> {
         if let Some(text) = named(unit) {
             return text.to_owned();
         }
-        // A derivative: the unit of its variable over a second.
-        match unit.times(Dimension::SECOND, 1).and_then(named) {
-            Some(text) if text.contains('/') => format!("({text})/s"),
-            Some(text) => format!("{text}/s"),
+        // A derivative: the unit of its variable over that of time.
+        let time = self.names.time.name;
+        match unit.times(self.time(), 1).and_then(named) {
+            Some(text) if text.contains('/') => format!("({text})/{time}"),
+            Some(text) => format!("{text}/{time}"),
             None => unit.to_string(),
         }
     }
 }
 
 /// The unit that an argument of a signal must have which is no value. A unit written behind it is that of the number.
-fn wanted(kind: Argument, written: bool) -> Unit {
+fn wanted(kind: Argument, time: Dimension, written: bool) -> Unit {
     match kind {
-        Argument::Time if !written => Known(Dimension::SECOND),
-        Argument::Frequency if !written => Dimension::ONE.times(Dimension::SECOND, -1).map_or(Unknown, Known),
+        Argument::Time if !written => Known(time),
+        Argument::Frequency if !written => Dimension::ONE.times(time, -1).map_or(Unknown, Known),
         _ => Known(Dimension::ONE),
     }
 }

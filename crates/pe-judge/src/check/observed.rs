@@ -92,6 +92,10 @@ pub fn dead_bands(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted:
 
 /// Whether no state ever moves, not even in double precision.
 pub fn is_still(model: &Model, trusted: &Trusted) -> bool {
+    if model.states.iter().all(|state| state.motion.is_some()) {
+        // Nothing is there to move.
+        return false;
+    }
     let (states, first) = (trusted.states.states, trusted.at(0));
     let inputs = model.sample_inputs(0.0);
     let derivatives = Place::new(model, first, &inputs).derivatives();

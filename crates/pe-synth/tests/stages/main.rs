@@ -40,5 +40,6 @@ mod systems;
 mod tables;
 mod texts;
 mod total_error;
+mod unit_of_time;
 mod validation;
 mod verilator;
