@@ -78,6 +78,12 @@ pub(crate) enum Condition {
     Compare(Comparison, Node, Node),
     Logical(Connective, Vec<Condition>),
     Not(Box<Condition>),
+    /// Whether both hold or neither, or, if negated, just one of them.
+    Same {
+        one: Box<Condition>,
+        other: Box<Condition>,
+        negated: bool,
+    },
 }
 
 /// The bound body of a function.
@@ -123,5 +129,6 @@ fn condition_depth(condition: &Condition) -> usize {
         Condition::Compare(_, left, right) => depth(left).max(depth(right)),
         Condition::Logical(_, operands) => operands.iter().map(condition_depth).max().unwrap_or(0),
         Condition::Not(operand) => condition_depth(operand),
+        Condition::Same { one, other, .. } => condition_depth(one).max(condition_depth(other)),
     }
 }

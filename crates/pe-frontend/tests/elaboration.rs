@@ -365,6 +365,34 @@ fn a_duty_is_written_out_and_not_named() {
 }
 
 #[test]
+fn comparisons_of_conditions_hold_where_both_or_neither_do() {
+    let cases = [
+        ("(x > 1) == (y > 1)", [true, false, false, true]),
+        ("(x > 1) != (y > 1)", [false, true, true, false]),
+        ("not (x > 1) == (y > 1)", [false, true, true, false]),
+        ("(x > 1) == (2 > 1)", [false, false, true, true]),
+        ("(x > 1 and y > 1) != (x > 1 or y > 1)", [false, true, true, false]),
+        ("((x > 1) == (y > 1)) == (x > 1)", [false, true, false, true]),
+    ];
+    for (condition, holds) in cases {
+        let text = format!("state x = 1\nx' = if {condition} then 1 else 0\nstate y = 1\ny' = 0\noutput x, y");
+        let derivative = &model(&spec(&text)).states[StateId::new(0)].derivative;
+        for (at, holds) in [(0.0, 0.0), (0.0, 2.0), (2.0, 0.0), (2.0, 2.0)].into_iter().zip(holds) {
+            let number = |variable| if variable == Variable::State(StateId::new(0)) { at.0 } else { at.1 };
+            assert_eq!(derivative.evaluate(&number) == 1.0, holds, "{condition} at {at:?}");
+        }
+    }
+    for wrong in ["x > 1 == 1", "1 < x < 2", "(x > 1) < (y > 1)", "1 == (x > 1)"] {
+        let text = format!("state x = 1\nx' = if {wrong} then 1 else 0\nstate y = 1\ny' = 0\noutput x, y");
+        assert_eq!(codes(&spec(&text)), ["E0402"], "{wrong}");
+    }
+    // However deep, it is no larger than it is written.
+    let deep = (0..60).fold("(x > 1)".to_owned(), |all, _| format!("((y > 1) == {all})"));
+    let text = format!("state x = 1\nx' = if {deep} then 1 else 0\nstate y = 1\ny' = 0\noutput x, y");
+    assert_eq!(codes(&spec(&text)), Vec::<&str>::new());
+}
+
+#[test]
 fn a_model_means_the_same_in_any_unit_of_time() {
     // Rates, times and frequencies of one model, written in each unit.
     let of = |unit: &str, seconds: f64| {

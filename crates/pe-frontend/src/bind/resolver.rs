@@ -12,7 +12,7 @@ use crate::language::words::{OF_ARRAYS, TIME};
 use crate::names::table::{Kind, Names, Symbol};
 use crate::nearest::suggestion;
 use crate::report::Report;
-use crate::syntax::ast::{Binder, Expr, ExprKind, Name, Reference, Spec};
+use crate::syntax::ast::{Binder, Comparison, Expr, ExprKind, Name, Reference, Spec};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 use std::rc::Rc;
@@ -125,6 +125,12 @@ impl<'a> Resolver<'_, 'a> {
     /// Binds a condition.
     pub(crate) fn condition(&mut self, expr: &'a Expr) -> Option<Condition> {
         match &expr.kind {
+            ExprKind::Compare(comparison @ (Comparison::Equal | Comparison::NotEqual), left, right)
+                if is_condition(left) && is_condition(right) =>
+            {
+                let (one, other) = (self.condition(left).map(Box::new), self.condition(right).map(Box::new));
+                Some(Condition::Same { one: one?, other: other?, negated: *comparison == Comparison::NotEqual })
+            }
             ExprKind::Compare(comparison, left, right) => {
                 if matches!(left.kind, ExprKind::Compare(..)) {
                     let message = "comparisons cannot be chained";
@@ -450,6 +456,11 @@ impl<'a> Resolver<'_, 'a> {
 /// The message for a function that does not exist.
 pub(crate) fn unknown_function(name: &str) -> String {
     format!("unknown function `{name}`")
+}
+
+/// Whether an expression is a condition and no number.
+fn is_condition(expr: &Expr) -> bool {
+    matches!(expr.kind, ExprKind::Compare(..) | ExprKind::Logical(..) | ExprKind::Not(_))
 }
 
 /// All items, or `None` if one is missing; unlike `collect` it visits all of them.

@@ -100,6 +100,25 @@ impl Truth {
         Ok(Truth::from_indicator(indicator))
     }
 
+    /// Whether two conditions hold both or neither. Each is written down once, so that nesting stays small.
+    pub(crate) fn same(one: Truth, other: Truth) -> Truth {
+        let indicator = |truth: Truth| truth.choose(Expr::Constant(1.0), Expr::Constant(0.0));
+        match (one, other) {
+            (Truth::Known(holds), truth) | (truth, Truth::Known(holds)) => {
+                if holds {
+                    truth
+                } else {
+                    truth.not()
+                }
+            }
+            (one, other) => {
+                let apart = Expr::power(sum([(indicator(one), false), (indicator(other), true)]), 2);
+                let above_zero = sum([(Expr::Constant(0.5), false), (apart, true)]);
+                Truth::Depends { above_zero, negated: false }
+            }
+        }
+    }
+
     /// From an expression that is 1 where the condition holds, else 0.
     fn from_indicator(indicator: Expr) -> Truth {
         match indicator {

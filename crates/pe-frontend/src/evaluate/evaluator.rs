@@ -4,6 +4,7 @@
 use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, Node, NodeKind, SumOver};
 use crate::evaluate::elementary::{self, Truth, reciprocal, size};
 use crate::evaluate::fold::{ProductBuilder, SumBuilder, negate};
+use crate::evaluate::guards;
 use crate::evaluate::signals::{SIGNALS, Signals};
 use crate::evaluate::systems::Systems;
 use crate::fault::{Budget, Fault, Purpose, fault, not_constant, not_finite};
@@ -11,7 +12,7 @@ use crate::language::functions::modulo;
 use crate::language::measures::scaled;
 use crate::language::waveforms::{Argument, SAMPLES, WAVEFORMS, waveform_of};
 use crate::names::table::{Kind, MOST_DIMENSIONS, Names};
-use crate::syntax::ast::{Connective, Factor, Sign};
+use crate::syntax::ast::{Comparison, Connective, Factor, Sign};
 use pe_ir::codes;
 use pe_ir::index::{at, number as number_of};
 use pe_ir::model::{Expr, Formula, Variable, Waveform};
@@ -175,6 +176,10 @@ impl Evaluator {
                 Ok(!decisive)
             }
             Condition::Not(operand) => Ok(!self.condition(names, operand)?),
+            Condition::Same { one, other, negated } => {
+                let same = self.condition(names, one)? == self.condition(names, other)?;
+                Ok(same != *negated)
+            }
         }
     }
 
@@ -278,7 +283,18 @@ impl Evaluator {
             Truth::Known(holds) => self.expr(names, if holds { yes } else { no }),
             truth => {
                 let (yes, no) = (self.expr(names, yes), self.expr(names, no));
-                Ok(truth.choose(yes?, no?))
+                let (yes, no) = (yes?, no?);
+                if let Condition::Compare(comparison @ (Comparison::Equal | Comparison::NotEqual), left, right) =
+                    condition
+                {
+                    let sides = (self.expr(names, left)?, self.expr(names, right)?);
+                    let equal = *comparison == Comparison::Equal;
+                    let (limit, formula) = if equal { (&yes, &no) } else { (&no, &yes) };
+                    if guards::only_fills_a_gap(&sides, limit, formula) {
+                        return Ok(if equal { no } else { yes });
+                    }
+                }
+                Ok(truth.choose(yes, no))
             }
         }
     }
@@ -294,6 +310,10 @@ impl Evaluator {
                 Truth::of_connective(*connective, operands.iter().map(|operand| self.truth(names, operand)))
             }
             Condition::Not(operand) => Ok(self.truth(names, operand)?.not()),
+            Condition::Same { one, other, negated } => {
+                let same = Truth::same(self.truth(names, one)?, self.truth(names, other)?);
+                Ok(if *negated { same.not() } else { same })
+            }
         }
     }
 

@@ -3,5 +3,6 @@
 mod elementary;
 pub(crate) mod evaluator;
 mod fold;
+mod guards;
 pub(crate) mod signals;
 mod systems;
