@@ -18,7 +18,6 @@ pub(crate) enum Fault {
 #[derive(Clone, Copy)]
 pub(crate) enum Purpose {
     Condition,
-    Argument(&'static str),
     Integer,
     /// Values before time zero, bounds, waveform arguments.
     Constant,
@@ -66,11 +65,6 @@ pub(crate) fn not_constant(span: Span, purpose: Purpose) -> Diagnostic {
             codes::VARIABLE_CONDITION,
             "the condition depends on a variable".to_owned(),
             "`where` chooses between equations when the model is built; it can read indices and constants only. `if` can read variables",
-        ),
-        Purpose::Argument(function) => (
-            codes::VARIABLE_ARGUMENT,
-            format!("`{function}` of a variable cannot be computed"),
-            "add up its steps: where 0 <= x < 10, `sum(k in 1..9: if x >= k then 1 else 0)` is `floor(x)`",
         ),
         Purpose::Integer => (
             codes::NOT_CONSTANT,

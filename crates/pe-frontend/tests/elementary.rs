@@ -9,7 +9,7 @@ type Case = (&'static str, fn(f64, f64) -> f64);
 
 #[test]
 fn functions_and_choices_of_variables_have_the_values_of_a_library() {
-    let cases: [Case; 18] = [
+    let cases: [Case; 23] = [
         ("x/y", |x, y| x / y),
         ("1/(x*y^2)", |x, y| 1.0 / (x * y * y)),
         ("x^-2.5 + y^0.5 - x^-1", |x, y| x.powf(-2.5) + y.sqrt() - 1.0 / x),
@@ -19,6 +19,11 @@ fn functions_and_choices_of_variables_have_the_values_of_a_library() {
         ("asin(x/9) + acos(y/9) + atan(x)", |x, y| (x / 9.0).asin() + (y / 9.0).acos() + x.atan()),
         ("sinh(x) - cosh(y) + tanh(x - y) + tan(y/9)", |x, y| x.sinh() - y.cosh() + (x - y).tanh() + (y / 9.0).tan()),
         ("abs(x - y) + sign(y - x)", |x, y| (x - y).abs() + (y - x).signum()),
+        ("floor(x - y) + ceil(x - y)", |x, y| (x - y).floor() + (x - y).ceil()),
+        ("round(x - y) + round(y - x) + round(2*x)", |x, _| (2.0 * x).round()),
+        ("quotient(x - y, 0.3) - quotient(y, x)", |x, y| ((x - y) / 0.3).trunc() - (y / x).trunc()),
+        ("mod(x - y, 0.7)", |x, y| (x - y).rem_euclid(0.7)),
+        ("mod(x, y) + mod(-x, y)", |x, y| x.rem_euclid(y) + (-x).rem_euclid(y)),
         ("min(x, y, 1.3, x*y)", |x, y| x.min(y).min(1.3).min(x * y)),
         ("max(x, 2*y, 3) - min(x, y)", |x, y| x.max(2.0 * y).max(3.0) - x.min(y)),
         ("if x > y then x - y else 7", |x, y| if x > y { x - y } else { 7.0 }),

@@ -140,10 +140,20 @@ fn root(expr: &Expr) -> Option<f64> {
     Some(-offset / slope + 0.0).filter(|root| root.is_finite())
 }
 
-/// Where a lifted function of one variable has a kink or jumps.
-pub(crate) fn kinks(body: &Expr) -> Vec<f64> {
+/// Jumps of a rounded number that are looked at; a table has fewer segments.
+const MOST_JUMPS: f64 = 8192.0;
+
+/// Where a lifted function of one variable has a kink or jumps; where it rounds, from one argument to another.
+pub(crate) fn kinks(body: &Expr, low: f64, high: f64) -> Vec<f64> {
     let mut found = Vec::new();
     collect_roots(body, &|function| matches!(function, Function::Abs | Function::Sign), true, &mut found);
+    collect_steps(body, &mut |slope, offset| {
+        let ends = [low, high].map(|end| slope * end + offset);
+        let first = libm::ceil(ends[0].min(ends[1]));
+        let count = (libm::floor(ends[0].max(ends[1])) - first + 1.0).clamp(0.0, MOST_JUMPS);
+        // Adding zero turns -0 into 0.
+        found.extend((0..count as u32).map(|step| (first + f64::from(step) - offset) / slope + 0.0));
+    });
     found.sort_unstable_by(f64::total_cmp);
     found.dedup();
     found
@@ -177,7 +187,33 @@ pub fn jump(body: &Expr) -> Option<f64> {
         // The difference of both sides of a mere kink falls with their distance.
         (near > 0.0 && near.is_finite() && near > 0.9 * far).then_some(near)
     };
-    if Reads::of(body) == Reads::Many { None } else { kinks(body).into_iter().filter_map(height).reduce(f64::max) }
+    if Reads::of(body) == Reads::Many {
+        return None;
+    }
+    // One jump of a rounded number is like the others.
+    let mut first = 0.0;
+    collect_steps(body, &mut |slope, offset| first = -offset / slope);
+    kinks(body, first, first).into_iter().filter_map(height).reduce(f64::max)
+}
+
+/// Slopes and offsets of the affine arguments that are rounded.
+fn collect_steps(expr: &Expr, found: &mut impl FnMut(f64, f64)) {
+    match expr {
+        Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) => {}
+        Expr::Sum(members) | Expr::Product(members) => {
+            members.iter().for_each(|member| collect_steps(member, found));
+        }
+        Expr::Power(base, _) => collect_steps(base, found),
+        Expr::Apply(Function::Floor, argument) => {
+            if let Some((slope, offset)) = affine(argument).filter(|(slope, _)| *slope != 0.0) {
+                found(slope, offset);
+            }
+        }
+        Expr::Apply(_, argument) => collect_steps(argument, found),
+        Expr::Select(select) => {
+            [&select.yes, &select.no].into_iter().for_each(|branch| collect_steps(branch, found));
+        }
+    }
 }
 
 /// Where divisors, radicands and arguments of logarithms in a function of one variable are zero, as far as they are
@@ -328,8 +364,10 @@ impl Lifter<'_> {
         }
         // What has no value there is a variable, so that the run finds it and names it.
         let argument = if number.is_some() { Part::polynomial(self.named(argument)) } else { argument };
-        let kinked = matches!(function, Function::Abs | Function::Sign);
-        let argument = if argument.reads == Reads::Many || (kinked && affine(&argument.expr).is_none()) {
+        let kinked = matches!(function, Function::Abs | Function::Sign | Function::Floor);
+        // A table takes a jump with the value on its right, so what falls is an argument of its own.
+        let falls = function == Function::Floor && affine(&argument.expr).is_some_and(|(slope, _)| slope < 0.0);
+        let argument = if argument.reads == Reads::Many || falls || (kinked && affine(&argument.expr).is_none()) {
             Part::polynomial(self.named(argument))
         } else {
             argument
@@ -339,7 +377,9 @@ impl Lifter<'_> {
             kinks.extend(root(&argument.expr));
         }
         let expr = Expr::Apply(function, Box::new(argument.expr));
-        Part { expr, reads: argument.reads, polynomial: false, kinks }
+        let part = Part { expr, reads: argument.reads, polynomial: false, kinks };
+        // As many jumps as whole numbers are more than a table takes beside anything else.
+        if function == Function::Floor { Part::polynomial(self.lifted(part)) } else { part }
     }
 
     fn select(&mut self, select: &Select) -> Part {

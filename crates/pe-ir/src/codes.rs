@@ -66,7 +66,6 @@ codes! {
     NUMBER_OR_CONDITION = "E0402", "number and condition mixed up";
     BAD_POWER = "E0404", "power too large";
     VARIABLE_CONDITION = "E0405", "condition on a variable";
-    VARIABLE_ARGUMENT = "E0406", "function of a variable";
     NOT_CONSTANT = "E0407", "constant expected";
     NOT_INTEGER = "E0408", "integer expected";
 

@@ -81,11 +81,13 @@ pub enum Function {
     Abs,
     /// -1, 0 or 1.
     Sign,
+    /// The largest whole number that is not above it.
+    Floor,
 }
 
 impl Function {
     /// Functions that stand in front of their argument and have a name of their own.
-    pub const NAMED: [Function; 14] = [
+    pub const NAMED: [Function; 15] = [
         Function::Sqrt,
         Function::Exp,
         Function::Log,
@@ -100,6 +102,7 @@ impl Function {
         Function::Tanh,
         Function::Abs,
         Function::Sign,
+        Function::Floor,
     ];
 
     /// The value at `x`; not finite where the function is not defined.
@@ -122,6 +125,7 @@ impl Function {
             Function::Abs => x.abs(),
             Function::Sign if x == 0.0 => 0.0,
             Function::Sign => x.signum(),
+            Function::Floor => libm::floor(x),
         }
     }
 
@@ -144,6 +148,7 @@ impl Function {
             Function::Tanh => "tanh",
             Function::Abs => "abs",
             Function::Sign => "sign",
+            Function::Floor => "floor",
         }
     }
 
@@ -171,7 +176,7 @@ impl Function {
                 Expr::sum(vec![Expr::Constant(1.0), Expr::scaled(-1.0, Expr::power(apply(Function::Tanh), 2))])
             }
             Function::Abs => apply(Function::Sign),
-            Function::Sign => Expr::Constant(0.0),
+            Function::Sign | Function::Floor => Expr::Constant(0.0),
         }
     }
 }
@@ -269,7 +274,7 @@ impl Expr {
         match self {
             Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) => false,
             Expr::Sum(members) | Expr::Product(members) => members.iter().any(Expr::has_bends),
-            Expr::Apply(Function::Abs | Function::Sign, _) | Expr::Select(_) => true,
+            Expr::Apply(Function::Abs | Function::Sign | Function::Floor, _) | Expr::Select(_) => true,
             Expr::Power(base, _) | Expr::Apply(_, base) => base.has_bends(),
         }
     }

@@ -22,7 +22,7 @@ impl Function {
             Function::Cosh => libm::sinh(x),
             Function::Tanh => 1.0 - libm::tanh(x) * libm::tanh(x),
             Function::Abs => Function::Sign.evaluate(x),
-            Function::Sign => 0.0,
+            Function::Sign | Function::Floor => 0.0,
         }
     }
 }

@@ -237,6 +237,7 @@ impl Valued {
             }
             Expr::Apply(Function::Abs, argument) => again(argument).applied(&|x| libm::log(libm::cosh(x))),
             Expr::Apply(Function::Sign, argument) => again(argument).applied(&libm::tanh),
+            Expr::Apply(Function::Floor, argument) => again(argument).applied(&|x| x - 0.1 * libm::sin(x)),
             Expr::Apply(function, argument) => again(argument).applied(&|x| function.evaluate(x)),
             Expr::Select(select) => {
                 let part = again(&select.condition).applied(&|x| 0.5 + libm::atan(x) / 4.0);

@@ -4,7 +4,7 @@
 //! from them: `min(a, b) = (a + b - |a - b|)/2`, `a^b = exp(b log(a))`, conditions as expressions above zero.
 
 use crate::evaluate::fold::{ProductBuilder, SumBuilder, negate};
-use crate::fault::{Budget, Fault, Purpose, fault, not_constant, not_finite};
+use crate::fault::{Budget, Fault, fault, not_finite};
 use crate::language::functions;
 use crate::syntax::ast::{Comparison, Connective};
 use pe_ir::codes;
@@ -259,11 +259,47 @@ pub(crate) fn call(
     if minimum || function.name == "max" {
         return extreme(arguments.into_iter().map(|(value, _)| value).collect(), minimum, span, budget);
     }
-    let variable = arguments.iter().find(|(value, _)| value.as_constant().is_none()).map_or(span, |(_, span)| *span);
+    if ROUNDING.contains(&function.name) {
+        return rounded(function.name, arguments.into_iter().map(|(value, _)| value).collect(), span, budget);
+    }
     match (of_one_variable(function.name), arguments.into_iter().next()) {
         (Some((function, scale)), Some((argument, _))) => Ok(product(Expr::Constant(scale), apply(function, argument))),
-        _ => Err(fault(not_constant(variable, Purpose::Argument(function.name)))),
+        _ => unreachable!("`{}` is none of the functions of the language", function.name),
     }
+}
+
+/// Functions that make whole numbers, and what is left.
+const ROUNDING: [&str; 5] = ["floor", "ceil", "round", "quotient", "mod"];
+
+/// A function of [`ROUNDING`].
+fn rounded(name: &str, arguments: Vec<Expr>, span: Span, budget: &mut Budget) -> Result<Expr, Fault> {
+    let down = |expr| apply(Function::Floor, expr);
+    let mut arguments = arguments.into_iter();
+    let (Some(first), second) = (arguments.next(), arguments.next()) else { return Ok(Expr::Constant(0.0)) };
+    // Away from zero by half, or towards zero.
+    let of_magnitude = |expr: Expr, more: f64| {
+        let magnitude = sum([(apply(Function::Abs, expr.clone()), false), (Expr::Constant(more), false)]);
+        product(apply(Function::Sign, expr), down(magnitude))
+    };
+    let Some(divisor) = second else {
+        budget.read(size(&first).0, span)?;
+        return Ok(match name {
+            "ceil" => negate(down(negate(first))),
+            "round" => of_magnitude(first, 0.5),
+            _ => down(first),
+        });
+    };
+    budget.read(2 * (size(&first).0 + size(&divisor).0), span)?;
+    let mut ratio = ProductBuilder::new(first.clone());
+    match divisor.as_constant() {
+        Some(0.0) => return Err(fault(not_finite(span, "division by zero"))),
+        Some(number) => ratio.divide(number),
+        None => ratio.multiply(reciprocal(divisor.clone())),
+    }
+    if name == "quotient" {
+        return Ok(of_magnitude(ratio.finish(), 0.0));
+    }
+    Ok(sum([(first, false), (product(divisor, down(ratio.finish())), true)]))
 }
 
 /// Smallest or largest of some expressions, in pairs of halves, so that nesting stays flat.

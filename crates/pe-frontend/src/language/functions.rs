@@ -26,7 +26,7 @@ const fn one(name: &'static str, apply: fn(&[f64]) -> f64) -> Function {
 }
 
 /// All functions.
-pub(crate) const FUNCTIONS: [Function; 22] = [
+pub(crate) const FUNCTIONS: [Function; 23] = [
     one("floor", |x| libm::floor(x[0])),
     one("ceil", |x| libm::ceil(x[0])),
     one("round", |x| libm::round(x[0])),
@@ -49,6 +49,7 @@ pub(crate) const FUNCTIONS: [Function; 22] = [
     Function { name: "min", arguments: (2, MANY), apply: |x| x.iter().copied().fold(f64::INFINITY, libm::fmin) },
     Function { name: "max", arguments: (2, MANY), apply: |x| x.iter().copied().fold(f64::NEG_INFINITY, libm::fmax) },
     Function { name: "mod", arguments: (2, 2), apply: |x| modulo(x[0], x[1]) },
+    Function { name: "quotient", arguments: (2, 2), apply: |x| libm::trunc(x[0] / x[1]) },
 ];
 
 /// The function of this name.

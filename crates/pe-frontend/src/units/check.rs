@@ -384,6 +384,10 @@ impl<'a> Checker<'_, 'a> {
             self.report.label_from(before, span, "called from here");
             return unit;
         }
+        if name == "quotient" {
+            self.all_same(arguments, scope);
+            return Number;
+        }
         if SAME.contains(&name) {
             return self.all_same(arguments, scope);
         }

@@ -90,11 +90,11 @@ impl<'a> Domain<'a> {
         if let Some(place) = pole {
             return Err(place);
         }
-        let kinks = kinks(&function.body);
         let (middle, half) = (0.5 * (run.0 + run.1), 0.5 * (run.1 - run.0));
         let magnitude = run.0.abs().max(run.1.abs());
         // An argument that hardly changes still needs room for what rounding makes of it.
         let room = (MARGIN * half).max(1e-3 * if magnitude == 0.0 { 1.0 } else { magnitude });
+        let kinks = kinks(&function.body, middle - room, middle + room);
         let reach = |from: f64, to: f64| {
             // What has a sign keeps it: it may be a divisor, or under a root.
             let to = if from != 0.0 && to / from < 1.0 / MARGIN { from / MARGIN } else { to };
@@ -176,7 +176,7 @@ impl<'a> Domain<'a> {
             return map;
         }
         let inside = |kink: &f64| (self.low..=self.high).contains(kink);
-        let kink = kinks(&self.function.body).into_iter().find(inside);
+        let kink = kinks(&self.function.body, self.low, self.high).into_iter().find(inside);
         let centre = kink.unwrap_or(0.5 * (self.low + self.high));
         let reach = (self.high - centre).max(centre - self.low);
         let sign = match kink {
@@ -193,7 +193,7 @@ impl<'a> Domain<'a> {
 
     /// The map for a function with several kinks: all of them fall between two segments.
     fn knotted(&self) -> Option<Map> {
-        let kinks = kinks(&self.function.body);
+        let kinks = kinks(&self.function.body, self.low, self.high);
         if kinks.len() < 2 {
             return None;
         }
@@ -207,7 +207,7 @@ impl<'a> Domain<'a> {
     /// The map for octaves of distances from where the function is steep, or from zero, if all arguments are on one
     /// side of that place.
     pub fn octaves(&self, whole: bool) -> Option<Map> {
-        let kinks = kinks(&self.function.body);
+        let kinks = kinks(&self.function.body, self.low, self.high);
         if kinks.iter().any(|kink| *kink > self.low && *kink < self.high) {
             return None;
         }

@@ -154,6 +154,7 @@ impl Interval {
             Function::Tanh => self.rising(libm::tanh),
             Function::Abs => self.magnitude(),
             Function::Sign => self.rising(|x| Function::Sign.evaluate(x)),
+            Function::Floor => self.rising(libm::floor),
         }
     }
 }

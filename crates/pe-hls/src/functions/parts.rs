@@ -128,8 +128,9 @@ fn mesh(domain: &Domain) -> Option<Vec<f64>> {
     let (low, high) = (domain.low, domain.high);
     let inside = |x: &f64| *x > low && *x < high;
     let mut ends: Vec<f64> = (0..=CELLS).map(|cell| low + (high - low) * (cell as f64 / CELLS as f64)).collect();
-    let jumps: Vec<f64> = kinks(&domain.function.body).into_iter().filter(|kink| jumps(domain, *kink)).collect();
-    ends.extend(kinks(&domain.function.body).into_iter().chain(edges(&domain.function.body)).filter(inside));
+    let kinks = kinks(&domain.function.body, low, high);
+    let jumps: Vec<f64> = kinks.iter().copied().filter(|kink| jumps(domain, *kink)).collect();
+    ends.extend(kinks.into_iter().chain(edges(&domain.function.body)).filter(inside));
     ends.sort_unstable_by(f64::total_cmp);
     ends.dedup();
     let mut places = ends.clone();

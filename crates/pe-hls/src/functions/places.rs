@@ -42,7 +42,9 @@ const NOISE: f64 = 1e-3;
 /// The ends of the first cells.
 fn cells(function: &ScalarFunction, low: f64, high: f64) -> Vec<(f64, f64)> {
     let mut ends: Vec<f64> = (0..=CELLS).map(|cell| low + (high - low) * (cell as f64 / CELLS as f64)).collect();
-    ends.extend(kinks(&function.body).into_iter().chain(edges(&function.body)).filter(|x| *x > low && *x < high));
+    ends.extend(
+        kinks(&function.body, low, high).into_iter().chain(edges(&function.body)).filter(|x| *x > low && *x < high),
+    );
     ends.sort_unstable_by(f64::total_cmp);
     ends.dedup();
     ends.windows(2).map(|ends| (ends[0], ends[1])).collect()
@@ -156,7 +158,7 @@ pub(super) fn features(function: &ScalarFunction, low: f64, high: f64) -> Vec<f6
     };
     let mut places: Vec<f64> = found.iter().flat_map(inside).collect();
     // At a kink itself the function may belong to the other side.
-    let kinks = kinks(&function.body);
+    let kinks = kinks(&function.body, low, high);
     places.retain(|place| !kinks.contains(place));
     places.sort_unstable_by(f64::total_cmp);
     places.dedup();

@@ -81,6 +81,9 @@ fn cases() -> Vec<Case> {
         (Function::Cosh, libm::cosh, (-4.0, 4.0)),
         (Function::Tanh, libm::tanh, (-6.0, 6.0)),
         (Function::Abs, |x| if x < 0.0 { -x } else { x }, (-2.0, 3.0)),
+        (Function::Floor, libm::floor, (-2.3, 3.4)),
+        (Function::Floor, libm::floor, (0.0, 40.2)),
+        (Function::Floor, libm::floor, (0.1, 0.9)),
         (Function::Sign, |x| if x < 0.0 { -1.0 } else { 1.0 }, (-2.0, 3.0)),
     ]
 }

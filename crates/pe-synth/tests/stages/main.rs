@@ -28,6 +28,7 @@ mod random_models;
 mod ranges;
 mod reasons;
 mod relay;
+mod rounding;
 mod sampled;
 mod scene;
 mod signals;
