@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pe_hls::mapping::MapOptions;
-use pe_hls::step::{Order, StepOptions};
+use pe_hls::step::{Order, Scheme, StepOptions};
 use pe_judge::{Coefficients, Criteria, DesignPoint};
 
 use crate::failure::Failure;
@@ -25,6 +25,8 @@ pub struct MappingOptions {
     pub stage_loop: StageLoop,
     /// The order in which matrices are eliminated; found by trial if there is none.
     pub elimination: Option<Order>,
+    /// How symmetric matrices of linear systems are eliminated; found by trial if there is none.
+    pub factors: Option<Scheme>,
 }
 
 impl Default for MappingOptions {
@@ -36,6 +38,7 @@ impl Default for MappingOptions {
             no_pre_adder: false,
             stage_loop: StageLoop::Auto,
             elimination: None,
+            factors: None,
         }
     }
 }
@@ -123,7 +126,7 @@ impl StageLoop {
 
 /// What is asked of the form of the step.
 pub fn step_options(point: &DesignPoint, mapping: &MappingOptions) -> StepOptions {
-    let MappingOptions { max_in_degree, no_pre_adder, stage_loop, elimination, .. } = *mapping;
+    let MappingOptions { max_in_degree, no_pre_adder, stage_loop, elimination, factors, .. } = *mapping;
     StepOptions {
         form: point.form.form(),
         pes: point.pes,
@@ -132,6 +135,7 @@ pub fn step_options(point: &DesignPoint, mapping: &MappingOptions) -> StepOption
         sums: point.coefficients == Coefficients::OneSlot,
         rounds: stage_loop != StageLoop::Off,
         order: elimination.unwrap_or_default(),
+        scheme: factors.unwrap_or_default(),
         ..StepOptions::default()
     }
 }

@@ -285,6 +285,8 @@ pub struct Elimination {
     pub name: String,
     /// Name of the order.
     pub order: String,
+    /// Name of the scheme in which its triangles are computed.
+    pub scheme: String,
     /// Rows.
     pub size: u32,
     /// Whether it is symmetric.

@@ -11,7 +11,7 @@ use pe_flow::spec::{self, LoadedModel};
 use pe_flow::stages::Stages;
 use pe_flow::watch::Stopwatch;
 use pe_hls::mapping::MapOptions;
-use pe_hls::step::Order;
+use pe_hls::step::{Order, Scheme};
 use pe_hls::two_slots;
 use pe_ir::codes;
 use pe_ir::model::{Interpolation, Model, Solver};
@@ -145,6 +145,9 @@ pub struct MappingArgs {
     /// least for implicit solvers
     #[arg(long, value_name = "ORDER", value_parser = order(), help_heading = "Mapping")]
     pub elimination: Option<Order>,
+    /// How symmetric matrices of linear systems are eliminated; by default what a trial finds
+    #[arg(long, value_name = "SCHEME", value_parser = scheme(), help_heading = "Mapping")]
+    pub factors: Option<Scheme>,
 }
 
 /// All options that say what a design is, for programs that compile one beside the commands: the design point, how it
@@ -292,6 +295,7 @@ fn conflict(stages: &Stages, point: &DesignPoint, mapping: &MappingOptions, span
             (point.early_steps.is_some(), "--early-steps"),
             (point.form != FormChoice::Auto, "--form"),
             (mapping.elimination.is_some(), "--elimination"),
+            (mapping.factors.is_some(), "--factors"),
         ];
         if let Some((_, option)) = asked.into_iter().find(|(asked, _)| *asked) {
             return decided(option, Stage::Step);
@@ -338,8 +342,9 @@ impl PointArgs {
 impl MappingArgs {
     /// What is asked of the mapping.
     pub fn options(&self) -> MappingOptions {
-        let MappingArgs { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination } = self.clone();
-        MappingOptions { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination }
+        let MappingArgs { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination, factors } =
+            self.clone();
+        MappingOptions { mapping, tries, max_in_degree, no_pre_adder, stage_loop, elimination, factors }
     }
 }
 
@@ -388,6 +393,10 @@ fn proof() -> impl TypedValueParser<Value = ProofMode> {
 
 fn order() -> impl TypedValueParser<Value = Order> {
     choice(&Order::ALL, Order::name, Some(Order::title))
+}
+
+fn scheme() -> impl TypedValueParser<Value = Scheme> {
+    choice(&Scheme::ALL, Scheme::name, Some(Scheme::title))
 }
 
 fn stage_loop() -> impl TypedValueParser<Value = StageLoop> {

@@ -29,6 +29,9 @@ pub struct Elimination {
     pub symmetric: bool,
     /// The order.
     pub order: String,
+    /// How the triangles are computed: `ahead`, `plain` or `root`.
+    #[serde(default)]
+    pub scheme: String,
     /// Entries that are not zero all the time.
     pub entries: u32,
     /// Entries that the elimination adds; of a symmetric matrix to one triangle.
@@ -47,8 +50,8 @@ pub struct Elimination {
 
 impl fmt::Display for Elimination {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Elimination { matrix, size, order, fill, depth, .. } = self;
-        write!(f, "`{matrix}`, {size} rows, order `{order}`: depth {depth}, fill {fill}")?;
+        let Elimination { matrix, size, order, scheme, fill, depth, .. } = self;
+        write!(f, "`{matrix}`, {size} rows, order `{order}`, scheme `{scheme}`: depth {depth}, fill {fill}")?;
         match (self.smallest_pivot, self.largest_pivot) {
             (Some(least), Some(largest)) => write!(f, ", pivots {least:.2e} .. {largest:.2e}"),
             _ => Ok(()),
@@ -61,6 +64,9 @@ impl fmt::Display for Elimination {
 pub struct EliminationTrial {
     /// The order.
     pub order: String,
+    /// The scheme.
+    #[serde(default)]
+    pub scheme: String,
     /// Cycles per step of a quick mapping.
     pub cycles_per_step: u32,
     /// Word-length error; missing where it was too slow to be run, or refused.
@@ -91,6 +97,7 @@ fn elimination(of: &graph::Elimination) -> Elimination {
         size: of.size,
         symmetric: of.symmetric,
         order: of.order.clone(),
+        scheme: of.scheme.clone(),
         entries: of.entries,
         fill: of.fill,
         depth: of.depth,
@@ -102,8 +109,9 @@ fn elimination(of: &graph::Elimination) -> Elimination {
 
 /// The orders that were tried for a design.
 pub(super) fn trials(design: &Design) -> Vec<EliminationTrial> {
-    let trial = |Trial { order, cycles, word_length, taken }: &Trial| EliminationTrial {
+    let trial = |Trial { order, scheme, cycles, word_length, taken, .. }: &Trial| EliminationTrial {
         order: order.name().to_owned(),
+        scheme: scheme.name().to_owned(),
         cycles_per_step: *cycles,
         word_length: *word_length,
         taken: *taken,

@@ -30,7 +30,7 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     }
     let model = played.as_ref().unwrap_or(model);
     if system::has_systems(model) {
-        let eliminated = system::eliminate(model, options.order)?;
+        let eliminated = system::eliminate(model, options.order, options.scheme)?;
         let graph = build_with(&eliminated.model, options)?;
         return Ok(eliminated.named(model, graph));
     }

@@ -12,6 +12,7 @@ use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
 
 use super::elimination::order::Order;
+use super::elimination::scheme::Scheme;
 use super::rows::Rows;
 use super::sharing::Expanded;
 use crate::mapping::MapOptions;
@@ -73,6 +74,8 @@ pub struct StepOptions {
     pub longest_sum: u32,
     /// The order in which linear systems and the matrices of implicit methods are eliminated.
     pub order: Order,
+    /// How linear systems are eliminated.
+    pub scheme: Scheme,
 }
 
 impl Default for StepOptions {
@@ -86,6 +89,7 @@ impl Default for StepOptions {
             rounds: true,
             longest_sum: u32::MAX,
             order: Order::default(),
+            scheme: Scheme::default(),
         }
     }
 }

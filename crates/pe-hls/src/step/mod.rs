@@ -21,6 +21,7 @@ mod ticked;
 
 pub use build::{build, build_with};
 pub use elimination::order::Order;
-pub use elimination::system::orders;
+pub use elimination::scheme::Scheme;
+pub use elimination::system::{orders, schemes};
 pub use forms::StepOptions;
 pub use sampled::coupled;

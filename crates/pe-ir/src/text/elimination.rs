@@ -9,8 +9,8 @@ use super::{Line, TextError, name, number};
 
 /// Prints the item.
 pub fn print(f: &mut fmt::Formatter<'_>, elimination: &Elimination, algebraics: &Labels) -> fmt::Result {
-    let Elimination { name: matrix, order, size, symmetric, entries, fill, depth, pivots } = elimination;
-    write!(f, "elimination {} order {} size {size}", name(matrix), name(order))?;
+    let Elimination { name: matrix, order, scheme, size, symmetric, entries, fill, depth, pivots } = elimination;
+    write!(f, "elimination {} order {} scheme {} size {size}", name(matrix), name(order), name(scheme))?;
     f.write_str(if *symmetric { " symmetric" } else { "" })?;
     write!(f, " entries {entries} fill {fill} depth {depth} pivots")?;
     for pivot in pivots {
@@ -33,6 +33,8 @@ pub fn read(line: &mut Line, algebraics: &Labels) -> Result<Elimination, TextErr
     let matrix = line.name("the name of a matrix")?;
     line.word("order")?;
     let order = line.name("the name of an order")?;
+    line.word("scheme")?;
+    let scheme = line.name("the name of a scheme")?;
     let size = line.keyed("size")?;
     let symmetric = line.take_word("symmetric");
     let (entries, fill, depth) = (line.keyed("entries")?, line.keyed("fill")?, line.keyed("depth")?);
@@ -55,5 +57,5 @@ pub fn read(line: &mut Line, algebraics: &Labels) -> Result<Elimination, TextErr
             }
         });
     }
-    Ok(Elimination { name: matrix, order, size, symmetric, entries, fill, depth, pivots })
+    Ok(Elimination { name: matrix, order, scheme, size, symmetric, entries, fill, depth, pivots })
 }

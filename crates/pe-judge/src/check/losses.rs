@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use pe_hls::formats::RANGE_MARGIN;
-use pe_hls::step::{StepOptions, build_with};
+use pe_hls::step::{Order, Scheme, StepOptions, build_with};
 use pe_ir::codes;
 
 use pe_ir::functions::{ScalarFunction, Table};
@@ -44,7 +44,11 @@ pub(super) fn findings(question: &Question) -> Vec<Diagnostic> {
     if graph.functions.tables.is_empty() {
         return Vec::new();
     }
-    let options = StepOptions { form: Some(graph.form), ..StepOptions::default() };
+    // Pivots are those of the order and the scheme in which the step was built.
+    let elimination = graph.eliminations.first();
+    let order = elimination.and_then(|elimination| Order::named(&elimination.order)).unwrap_or_default();
+    let scheme = elimination.and_then(|elimination| Scheme::named(&elimination.scheme)).unwrap_or_default();
+    let options = StepOptions { form: Some(graph.form), order, scheme, ..StepOptions::default() };
     let Ok(exact) = build_with(model, &options) else { return Vec::new() };
     let steps = model.steps().min(affordable(exact.macs()));
     let mut run = DoubleRun::new(&exact);
@@ -157,7 +161,9 @@ impl<'a> Use<'a> {
         let help = if wide >= PART * bits {
             format!("take `--multiplier 35x35`; {estimate}")
         } else {
-            format!("scale the divisor, so that it changes less, or eliminate in another order; {estimate}")
+            format!(
+                "scale the divisor, so that it changes less, or eliminate in another order or with other `--factors`; {estimate}"
+            )
         };
         Diagnostic::error(codes::QUOTIENT_SHORT, equation.span, message).with_help(help).into_warning()
     }

@@ -80,6 +80,10 @@ impl<C: Sweeping> Given<C> {
             options.elimination = Some(order);
             given.shared.push(format!("--elimination {}", order.name()));
         }
+        if let (None, Some(scheme)) = (options.factors, step::schemes(model).first().copied()) {
+            options.factors = Some(scheme);
+            given.shared.push(format!("--factors {}", scheme.name()));
+        }
         given
     }
 

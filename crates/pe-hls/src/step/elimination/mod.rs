@@ -1,9 +1,10 @@
 //! Gaussian elimination as equations, for the linear systems of a model and for the matrices of implicit methods.
 //!
 //! The order is fixed at compile time ([`order`]), without exchanges by size. A pivot takes one reciprocal; entries that
-//! are numbers are computed here. Of a symmetric matrix one triangle is eliminated, `L D L^T`.
+//! are numbers are computed here. Of a symmetric matrix one triangle is eliminated, in a [`scheme`].
 
 pub mod order;
+pub mod scheme;
 pub mod system;
 
 use std::collections::BTreeMap;
@@ -11,6 +12,7 @@ use std::collections::BTreeMap;
 use pe_ir::model::Expr;
 
 use order::Pattern;
+use scheme::Scheme;
 
 /// Entries of both triangles, at most.
 const LARGEST: usize = 1 << 22;
@@ -26,19 +28,22 @@ pub trait Sink {
     /// Something that stands for an expression of a row and is cheap to read.
     fn quantity(&mut self, row: usize, name: &dyn Fn() -> String, expr: Expr) -> Expr;
 
-    /// The reciprocal of a pivot that is no number.
-    fn reciprocal(&mut self, row: usize, pivot: Expr) -> Expr;
+    /// The reciprocal of a pivot that is no number, or of its square root.
+    fn reciprocal(&mut self, row: usize, pivot: Expr, root: bool) -> Expr;
 
     /// Takes note of a pivot that is a number.
     fn constant_pivot(&mut self, row: usize, number: f64);
 
-    /// Whether products are spent for short paths. Entries right of a pivot are divided by it once, one product less between
-    /// two unknowns; those of a symmetric matrix are in any case. And the next pivot does not wait for the multiple of a row,
-    /// one product less between two pivots.
+    /// Whether products are spent for short paths: entries right of a pivot are divided by it once, one product less between
+    /// two unknowns; those of a symmetric matrix are in any case.
     fn is_short(&self) -> bool;
 
-    /// Whether products of so many entries right of a pivot, and below it, are computed ahead of its reciprocal.
+    /// Whether products of so many entries right of a pivot, and below it, are computed ahead of its reciprocal; those of
+    /// one entry alone are for the next pivot, which then does not wait for the multiple of a row.
     fn multiplies_ahead(&self, entries: usize) -> bool;
+
+    /// How a symmetric matrix is eliminated.
+    fn scheme(&self) -> Scheme;
 }
 
 /// Why a matrix cannot be eliminated.
@@ -65,10 +70,18 @@ pub struct Factors {
     lower: Vec<Vec<(usize, Expr)>>,
     /// For each row the entries right of its pivot.
     upper: Vec<Vec<(usize, Expr)>>,
-    /// Reciprocals of the pivots.
-    reciprocals: Vec<Expr>,
+    /// Reciprocals of the pivots, or of their roots.
+    reciprocals: Vec<Reciprocal>,
     /// Whether all entries are numbers.
     pub constant: bool,
+}
+
+/// What entries are divided by.
+enum Reciprocal {
+    /// The reciprocal of the pivot.
+    Whole(Expr),
+    /// That of its square root.
+    Root(Expr),
 }
 
 /// The places of the entries of a matrix.
@@ -102,22 +115,25 @@ pub fn factor(
         scaled: symmetric || sink.is_short(),
         lower: vec![Vec::new(); count],
         upper: vec![Vec::new(); count],
-        reciprocals: vec![Expr::Constant(0.0); count],
+        reciprocals: Vec::new(),
         order: Vec::new(),
         constant,
     };
+    let mut reciprocals: Vec<Option<Reciprocal>> = (0..count).map(|_| None).collect();
+    let rooted = symmetric && sink.scheme() == Scheme::Root;
     let mut entries = 0;
     for pivot in order.iter().copied() {
         let mut row = std::mem::take(&mut rows[pivot]);
         let diagonal = row.remove(&pivot).unwrap_or(Expr::Constant(0.0));
         let name = sink.row_name(pivot);
-        let reciprocal = match diagonal {
+        // A reciprocal that is a number keeps all bits.
+        let (reciprocal, root) = match diagonal {
             Expr::Constant(number) if number == 0.0 || !number.is_finite() => return Err(Obstacle::Singular(pivot)),
             Expr::Constant(number) => {
                 sink.constant_pivot(pivot, number);
-                Expr::Constant(1.0 / number)
+                (Expr::Constant(1.0 / number), false)
             }
-            expr => sink.reciprocal(pivot, expr),
+            expr => (sink.reciprocal(pivot, expr, rooted), rooted),
         };
         let mut upper: Vec<(usize, Expr)> = Vec::with_capacity(row.len());
         for (column, expr) in row {
@@ -133,29 +149,39 @@ pub fn factor(
             }
         };
         entries += upper.len() + 1;
-        let ahead = reciprocal.as_constant().is_none() && sink.multiplies_ahead(upper.len().max(below.len()));
+        let varies = reciprocal.as_constant().is_none() && !root;
+        let ahead = varies && sink.multiplies_ahead(upper.len().max(below.len()));
         let mut multiples = Vec::with_capacity(below.len());
         for (other, entry) in below {
             let own = sink.row_name(other);
-            let next = sink.is_short() && reciprocal.as_constant().is_none() && place[other] == place[pivot] + 1;
+            let next = varies && sink.multiplies_ahead(1) && place[other] == place[pivot] + 1;
             let entry = match ahead || next {
                 true => sink.quantity(other, &|| format!("{own}.below({name})"), entry),
                 false => entry,
             };
-            let multiple = Expr::product(vec![entry.clone(), reciprocal.clone()]);
-            let multiple = sink.quantity(other, &|| format!("{own}.lower({name})"), multiple);
+            let mut multiple = Expr::product(vec![entry.clone(), reciprocal.clone()]);
+            let part = if root { "rooted" } else { "lower" };
+            multiple = sink.quantity(other, &|| format!("{own}.{part}({name})"), multiple);
             for (column, expr) in upper.iter().filter(|(column, _)| !symmetric || place[*column] >= place[other]) {
                 let fills = if ahead || (next && *column == other) {
                     let across = sink.row_name(*column);
                     let product = Expr::product(vec![entry.clone(), expr.clone()]);
                     let product = sink.quantity(other, &|| format!("{own}.product({name},{across})"), product);
                     subtract(&mut rows[other], &reciprocal, *column, &product)
+                } else if root {
+                    // As a product, so that it goes to the coefficient port at once, and not as a copy.
+                    let rooted = Expr::product(vec![expr.clone(), reciprocal.clone()]);
+                    subtract(&mut rows[other], &multiple, *column, &rooted)
                 } else {
                     subtract(&mut rows[other], &multiple, *column, expr)
                 };
                 if fills && !symmetric && place[*column] < place[other] {
                     columns[*column].push(other);
                 }
+            }
+            if root {
+                let lower = Expr::product(vec![multiple, reciprocal.clone()]);
+                multiple = sink.quantity(other, &|| format!("{own}.lower({name})"), lower);
             }
             factors.lower[other].push((pivot, multiple.clone()));
             multiples.push((other, multiple));
@@ -175,8 +201,9 @@ pub fn factor(
         if entries > LARGEST {
             return Err(Obstacle::Large);
         }
-        factors.reciprocals[pivot] = reciprocal;
+        reciprocals[pivot] = Some(if root { Reciprocal::Root(reciprocal) } else { Reciprocal::Whole(reciprocal) });
     }
+    factors.reciprocals = reciprocals.into_iter().map(|each| each.expect("each row has a pivot")).collect();
     factors.order = order;
     Ok(factors)
 }
@@ -205,13 +232,20 @@ impl Factors {
             reduced[row] = sink.quantity(row, &|| format!("{own}.reduced.{name}"), Expr::sum(terms));
         }
         for row in self.order.iter().rev().copied() {
-            let reciprocal = &self.reciprocals[row];
+            let own = sink.row_name(row);
+            let (reciprocal, reduced) = match &self.reciprocals[row] {
+                Reciprocal::Whole(reciprocal) => (reciprocal, reduced[row].clone()),
+                Reciprocal::Root(root) => {
+                    let rooted = Expr::product(vec![reduced[row].clone(), root.clone()]);
+                    (root, sink.quantity(row, &|| format!("{own}.rooted.{name}"), rooted))
+                }
+            };
             let known = self.upper[row].iter().map(|(column, entry)| minus(entry, &solution[*column]));
             let expr = if self.scaled {
-                let first = Expr::product(vec![reciprocal.clone(), reduced[row].clone()]);
+                let first = Expr::product(vec![reciprocal.clone(), reduced]);
                 Expr::sum(std::iter::once(first).chain(known).collect())
             } else {
-                let terms: Vec<Expr> = std::iter::once(reduced[row].clone()).chain(known).collect();
+                let terms: Vec<Expr> = std::iter::once(reduced).chain(known).collect();
                 match reciprocal {
                     Expr::Constant(1.0) => Expr::sum(terms),
                     Expr::Constant(number) => {
@@ -220,7 +254,6 @@ impl Factors {
                     reciprocal => Expr::product(vec![reciprocal.clone(), Expr::sum(terms)]),
                 }
             };
-            let own = sink.row_name(row);
             solution[row] = sink.quantity(row, &|| format!("{own}.{name}"), expr);
         }
         solution

@@ -29,6 +29,11 @@ impl Order {
     pub const ALL: [Order; 6] =
         [Order::Natural, Order::Fill, Order::Depth, Order::Twisted, Order::Dissection, Order::Search];
 
+    /// The one with a name.
+    pub fn named(name: &str) -> Option<Order> {
+        Order::ALL.into_iter().find(|order| order.name() == name)
+    }
+
     /// The name that options and reports have for it.
     pub fn name(self) -> &'static str {
         match self {

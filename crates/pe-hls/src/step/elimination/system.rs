@@ -15,6 +15,7 @@ use pe_ir::model::{Algebraic, Expr, Function, Matrix, Model, Solution, Variable}
 use pe_ir::source::{Diagnostic, Span};
 
 use super::order::{Order, Pattern};
+use super::scheme::Scheme;
 use super::{Factors, Obstacle, Row, Sink, factor, largest, pattern};
 
 /// A model whose linear systems are equations.
@@ -71,11 +72,24 @@ pub fn orders(model: &Model) -> Vec<(Order, u64)> {
     found
 }
 
+/// The schemes that differ for the linear systems of a model; none if there is no system.
+pub fn schemes(model: &Model) -> &'static [Scheme] {
+    let mut matrices = model.algebraics.iter().filter_map(|algebraic| match &algebraic.expr {
+        Expr::Solution(solution) => Some(solution.matrix.symmetric),
+        _ => None,
+    });
+    match matrices.next() {
+        None => &[],
+        Some(first) if first || matrices.any(|symmetric| symmetric) => &Scheme::ALL,
+        Some(_) => &[Scheme::Ahead, Scheme::Plain],
+    }
+}
+
 /// Eliminates the linear systems of a model.
 ///
 /// # Errors
 /// `E0821`, `E0822` for matrices without pivots, `E0601` for one that fills in beyond a limit.
-pub fn eliminate(model: &Model, order: Order) -> Result<Eliminated, Vec<Diagnostic>> {
+pub fn eliminate(model: &Model, order: Order, scheme: Scheme) -> Result<Eliminated, Vec<Diagnostic>> {
     let mut eliminator = Eliminator {
         given: model,
         model: Model { algebraics: Vec::new(), ..model.clone() },
@@ -86,6 +100,7 @@ pub fn eliminate(model: &Model, order: Order) -> Result<Eliminated, Vec<Diagnost
         matrices: BTreeMap::new(),
         elements: elements(model),
         order,
+        scheme,
     };
     let mut errors = Vec::new();
     let mut refused = BTreeSet::new();
@@ -171,6 +186,7 @@ struct Eliminator<'m> {
     matrices: BTreeMap<u32, Done>,
     elements: Elements,
     order: Order,
+    scheme: Scheme,
 }
 
 /// For each right-hand side the elements of its solution that the model has: rows, and numbers of their equations.
@@ -293,6 +309,7 @@ impl Eliminator<'_> {
         self.eliminations.push(Elimination {
             name: matrix.name.clone(),
             order: self.order.name().to_owned(),
+            scheme: self.scheme.name().to_owned(),
             size: matrix.size,
             symmetric: matrix.symmetric,
             entries: number(matrix.entries.len()),
@@ -334,13 +351,14 @@ impl Sink for Rows<'_, '_> {
         }
     }
 
-    fn reciprocal(&mut self, row: usize, pivot: Expr) -> Expr {
+    fn reciprocal(&mut self, row: usize, pivot: Expr, root: bool) -> Expr {
         let name = self.row_name(row);
         let divisor = match pivot {
             Expr::Variable(_) => pivot,
             pivot => self.push(format!("{name}.divisor"), pivot),
         };
-        let reciprocal = self.push(format!("{name}.pivot"), Expr::Apply(Function::Reciprocal, Box::new(divisor)));
+        let function = if root { Function::RealPower(-0.5) } else { Function::Reciprocal };
+        let reciprocal = self.push(format!("{name}.pivot"), Expr::Apply(function, Box::new(divisor)));
         if let Expr::Variable(Variable::Algebraic(reciprocal)) = reciprocal {
             self.pivots.push(Pivot::Varying { reciprocal, range: None });
         }
@@ -356,7 +374,11 @@ impl Sink for Rows<'_, '_> {
     }
 
     fn multiplies_ahead(&self, entries: usize) -> bool {
-        entries <= MOST_AHEAD
+        self.eliminator.scheme == Scheme::Ahead && entries <= MOST_AHEAD
+    }
+
+    fn scheme(&self) -> Scheme {
+        self.eliminator.scheme
     }
 }
 

@@ -18,6 +18,7 @@ use pe_ir::source::Diagnostic;
 use super::jacobian::jacobian;
 use super::suit::unsuitable;
 use crate::step::elimination::order::Order;
+use crate::step::elimination::scheme::Scheme;
 use crate::step::elimination::{self, Factors, Obstacle, Row, Sink};
 use crate::step::plan::{Plan, Point, of};
 
@@ -59,7 +60,7 @@ impl Sink for Rows<'_, '_> {
         }
     }
 
-    fn reciprocal(&mut self, row: usize, pivot: Expr) -> Expr {
+    fn reciprocal(&mut self, row: usize, pivot: Expr, _root: bool) -> Expr {
         let state = StateId::at(row);
         let divisor = self.plan.auxiliary(state, format!("{}.divisor", self.row_name(row)), pivot, true);
         of(self.plan.pivot(state, self.matrix, Expr::Apply(Function::Reciprocal, Box::new(of(divisor)))))
@@ -75,6 +76,10 @@ impl Sink for Rows<'_, '_> {
 
     fn multiplies_ahead(&self, _: usize) -> bool {
         false
+    }
+
+    fn scheme(&self) -> Scheme {
+        Scheme::Plain
     }
 }
 
