@@ -77,7 +77,7 @@ fn completed(fragment: &[&str]) -> String {
                 (Some(_), Some(index)) => format!("[{index}]"),
                 (Some(_), None) => "[k in 1..4]".to_owned(),
             };
-            if !starts(format!("state {name}")) {
+            if !["state", "angle"].iter().any(|kind| starts(format!("{kind} {name}"))) {
                 text += &format!("state {name}{subscript} = 0\n");
             }
             if !starts(format!("{name}'")) && !starts(format!("{name}[")) {

@@ -11,6 +11,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use pe_ir::index;
 use pe_ir::model::{Algebraic, Expr, Function, Model, Select, Variable};
 use pe_ir::source::Span;
+use pe_ir::turns::{self, MOST_MULTIPLES};
 
 /// Most kinks and jumps of a function.
 const MOST_KINKS: usize = 1;
@@ -140,6 +141,15 @@ fn root(expr: &Expr) -> Option<f64> {
     Some(-offset / slope + 0.0).filter(|root| root.is_finite())
 }
 
+/// Where an affine number of turns, as many as sums of angles have, is half a turn and any number of whole ones.
+fn half_turns(expr: &Expr) -> Vec<f64> {
+    let Some((slope, offset)) = affine(expr).filter(|(slope, _)| *slope != 0.0) else { return Vec::new() };
+    let turns = (-MOST_MULTIPLES - 1..=MOST_MULTIPLES).map(|turns| turns as f64 + turns::HALF);
+    let mut places: Vec<f64> = turns.map(|turns| (turns - offset) / slope).collect();
+    places.sort_unstable_by(f64::total_cmp);
+    places
+}
+
 /// Jumps of a rounded number that are looked at; a table has fewer segments.
 const MOST_JUMPS: f64 = 8192.0;
 
@@ -236,7 +246,10 @@ fn collect_roots(expr: &Expr, counts: &impl Fn(Function) -> bool, conditions: bo
         }
         Expr::Power(base, _) => collect_roots(base, counts, conditions, found),
         Expr::Apply(function, argument) => {
-            found.extend(root(argument).filter(|_| counts(*function)));
+            match function {
+                Function::Wrap if conditions => found.extend(half_turns(argument)),
+                _ => found.extend(root(argument).filter(|_| counts(*function))),
+            }
             collect_roots(argument, counts, conditions, found);
         }
         Expr::Select(select) => {
@@ -364,7 +377,7 @@ impl Lifter<'_> {
         }
         // What has no value there is a variable, so that the run finds it and names it.
         let argument = if number.is_some() { Part::polynomial(self.named(argument)) } else { argument };
-        let kinked = matches!(function, Function::Abs | Function::Sign | Function::Floor);
+        let kinked = matches!(function, Function::Abs | Function::Sign | Function::Floor | Function::Wrap);
         // A table takes a jump with the value on its right, so what falls is an argument of its own.
         let falls = function == Function::Floor && affine(&argument.expr).is_some_and(|(slope, _)| slope < 0.0);
         let argument = if argument.reads == Reads::Many || falls || (kinked && affine(&argument.expr).is_none()) {
@@ -373,8 +386,10 @@ impl Lifter<'_> {
             argument
         };
         let mut kinks = argument.kinks;
-        if kinked {
-            kinks.extend(root(&argument.expr));
+        match function {
+            Function::Wrap => kinks.extend(half_turns(&argument.expr)),
+            _ if kinked => kinks.extend(root(&argument.expr)),
+            _ => {}
         }
         let expr = Expr::Apply(function, Box::new(argument.expr));
         let part = Part { expr, reads: argument.reads, polynomial: false, kinks };
@@ -527,7 +542,15 @@ impl Lifter<'_> {
             let name = self.name(&part.expr);
             let Part { expr, .. } = part;
             self.made.insert(number);
-            self.algebraics.push(Algebraic { name, unit: None, expr, range: None, kept: false, span: self.span });
+            self.algebraics.push(Algebraic {
+                name,
+                unit: None,
+                expr,
+                range: None,
+                kept: false,
+                angle: false,
+                span: self.span,
+            });
         }
         Expr::Variable(Variable::Algebraic(number))
     }

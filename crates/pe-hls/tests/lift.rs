@@ -60,8 +60,15 @@ fn model(derivatives: Vec<Expr>, algebraics: Vec<Expr>) -> Model {
         .into_iter()
         .enumerate()
         .map(|(index, derivative)| State { quantity: index as u32, ..State::new(format!("x{index}"), derivative) });
-    let named =
-        |(index, expr)| Algebraic { name: format!("a{index}"), unit: None, expr, range: None, kept: false, span };
+    let named = |(index, expr)| Algebraic {
+        name: format!("a{index}"),
+        unit: None,
+        expr,
+        range: None,
+        kept: false,
+        angle: false,
+        span,
+    };
     let algebraics: Vec<Algebraic> = algebraics.into_iter().enumerate().map(named).collect();
     let outputs = (0..algebraics.len()).map(|index| Output {
         name: format!("a{index}"),

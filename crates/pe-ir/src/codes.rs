@@ -51,6 +51,7 @@ codes! {
     SUBSCRIPT_COUNT = "E0207", "wrong number of subscripts";
     WRONG_KIND = "E0208", "name cannot be used here";
     OVERRIDE = "E0209", "value from the command line does not fit";
+    ANGLE_AS_NUMBER = "E0210", "angle used as a number";
 
     MISSING_SECTION = "E0301", "missing section";
     NO_STATE = "E0302", "no state variable";
@@ -115,6 +116,7 @@ codes! {
     TOO_STEEP = "E0916", "function too steep for a table";
     TOO_SMALL = "E0917", "number too small for double precision";
     INDETERMINATE = "E0918", "0/0 of two variables";
+    ANGLE_TOO_FAST = "E0919", "angle too fast for the step";
 
     VHDL_SYNTAX = "E1001", "VHDL that cannot be read";
     NO_ENTITY = "E1002", "no such entity";

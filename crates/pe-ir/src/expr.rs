@@ -83,11 +83,13 @@ pub enum Function {
     Sign,
     /// The largest whole number that is not above it.
     Floor,
+    /// A number of turns without the whole ones: from -1/2 to 1/2, the upper end excluded.
+    Wrap,
 }
 
 impl Function {
     /// Functions that stand in front of their argument and have a name of their own.
-    pub const NAMED: [Function; 15] = [
+    pub const NAMED: [Function; 16] = [
         Function::Sqrt,
         Function::Exp,
         Function::Log,
@@ -103,6 +105,7 @@ impl Function {
         Function::Abs,
         Function::Sign,
         Function::Floor,
+        Function::Wrap,
     ];
 
     /// The value at `x`; not finite where the function is not defined.
@@ -126,6 +129,7 @@ impl Function {
             Function::Sign if x == 0.0 => 0.0,
             Function::Sign => x.signum(),
             Function::Floor => libm::floor(x),
+            Function::Wrap => x - libm::floor(x + 0.5),
         }
     }
 
@@ -149,6 +153,7 @@ impl Function {
             Function::Abs => "abs",
             Function::Sign => "sign",
             Function::Floor => "floor",
+            Function::Wrap => "wrap",
         }
     }
 
@@ -177,6 +182,7 @@ impl Function {
             }
             Function::Abs => apply(Function::Sign),
             Function::Sign | Function::Floor => Expr::Constant(0.0),
+            Function::Wrap => Expr::Constant(1.0),
         }
     }
 }
@@ -274,7 +280,7 @@ impl Expr {
         match self {
             Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) => false,
             Expr::Sum(members) | Expr::Product(members) => members.iter().any(Expr::has_bends),
-            Expr::Apply(Function::Abs | Function::Sign | Function::Floor, _) | Expr::Select(_) => true,
+            Expr::Apply(Function::Abs | Function::Sign | Function::Floor | Function::Wrap, _) | Expr::Select(_) => true,
             Expr::Power(base, _) | Expr::Apply(_, base) => base.has_bends(),
         }
     }

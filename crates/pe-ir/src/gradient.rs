@@ -23,6 +23,7 @@ impl Function {
             Function::Tanh => 1.0 - libm::tanh(x) * libm::tanh(x),
             Function::Abs => Function::Sign.evaluate(x),
             Function::Sign | Function::Floor => 0.0,
+            Function::Wrap => 1.0,
         }
     }
 }

@@ -26,6 +26,7 @@ mod solver;
 pub mod source;
 mod stability;
 pub mod text;
+pub mod turns;
 pub mod verify;
 mod waveform;
 pub mod word;

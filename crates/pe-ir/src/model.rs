@@ -27,6 +27,8 @@ pub struct State {
     pub range: Option<(f64, f64)>,
     /// Whether it is a tunable parameter: it stands still, and a host gives it values within the range.
     pub tunable: bool,
+    /// Whether it is an angle: a number of turns, of which the step drops whole ones.
+    pub angle: bool,
     /// Unit as written, without brackets.
     pub unit: Option<String>,
     /// Right-hand side of `state' = ...`; of `next state = ...` if it has a rate.
@@ -62,6 +64,8 @@ pub struct Algebraic {
     pub range: Option<(f64, f64)>,
     /// Whether it is computed on its own even where it would cost less to put it in place where it is read.
     pub kept: bool,
+    /// Whether it is an angle in radians: values that differ by whole turns are the same.
+    pub angle: bool,
     /// The equation in the spec.
     pub span: Span,
 }
@@ -181,6 +185,7 @@ impl State {
             initial: 0.0,
             range: None,
             tunable: false,
+            angle: false,
             unit: None,
             derivative,
             rate: None,

@@ -3,6 +3,7 @@
 use crate::index::{self, StateId};
 use crate::model::{Expr, Input, Interpolation, Model, Phase, State, Variable, Waveform};
 use crate::motion::{MIDDLE, Motion, Source};
+use crate::turns;
 
 impl Model {
     /// The time in seconds that every step is a whole number of: the step, or the shortest of a list whose ratios are
@@ -176,11 +177,14 @@ impl Model {
     }
 
     /// Scales of states for relative errors, but for states that stand for signals: these move exactly, and whatever is
-    /// wrong with them is seen in what reads them.
+    /// wrong with them is seen in what reads them; and but for angles, whose scale is half a turn.
     pub fn own_scales(&self, mut scales: Vec<f64>) -> Vec<f64> {
         for (scale, state) in scales.iter_mut().zip(&self.states) {
             if state.motion.is_some() {
                 *scale = f64::INFINITY;
+            }
+            if state.angle {
+                *scale = turns::HALF;
             }
         }
         scales

@@ -81,9 +81,9 @@ impl Conserved {
                 .collect();
             let inputs: Vec<f64> = model.inputs.iter().map(|_| random.random_range(0.1..1.0)).collect();
             let mut derivatives = Place::new(model, &states, &inputs).derivatives();
-            // What stands for a signal is no part of anything conserved.
+            // What stands for a signal is no part of anything conserved, nor what drops whole turns.
             for (derivative, state) in derivatives.iter_mut().zip(&model.states) {
-                if state.motion.is_some() {
+                if state.motion.is_some() || state.angle {
                     *derivative = random.random_range(0.1..1.0);
                 }
             }

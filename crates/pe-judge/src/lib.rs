@@ -5,6 +5,7 @@
 //! reference of high accuracy, [`check`] says whether the step is stable and what would cure it. Findings are returned,
 //! never printed.
 
+mod angles;
 pub mod check;
 pub mod conserved;
 pub mod corners;

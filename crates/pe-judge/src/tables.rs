@@ -10,6 +10,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::DoubleRun;
 
+use crate::angles;
 use crate::corners;
 use crate::pivots;
 use crate::progress::Progress;
@@ -38,6 +39,7 @@ pub fn tabulate(
             progress.advance(STRIDE);
         }
     }
+    angles::followed(model, graph, &run.largest())?;
     let mut arguments = run.arguments();
     for corner in corners::corners(model) {
         let (other, of_corner) = (corner.model(model), corner.graph(graph));
@@ -47,11 +49,13 @@ pub fn tabulate(
             run.step(&other.sample_inputs(time))
                 .map_err(|diverged| corner.named(vec![runs::non_finite(graph, diverged, time)]))?;
         }
+        angles::followed(model, graph, &run.largest()).map_err(|findings| corner.named(findings))?;
         for (own, other) in arguments.iter_mut().zip(run.arguments()) {
             *own = (own.0.min(other.0), own.1.max(other.1));
         }
     }
     let eliminations = pivots::ranged(model, graph, &arguments)?;
+    angles::include_arguments(model, graph, &mut arguments);
     let stated = with_stated(model, graph, &arguments);
     // A function need not have a value wherever its argument may be expected.
     let beyond = stated.as_ref().and_then(|stated| pe_hls::functions::tabulate(graph, stated, format).ok());

@@ -45,6 +45,8 @@ pub struct Reference {
     candidates: Vec<StateId>,
     /// Quantities that the solution conserves.
     conserved: Vec<Conserved>,
+    /// States that are angles, each with the length of a turn.
+    turns: Vec<(usize, f64)>,
     /// Relative difference to a solution with a tolerance `LOOSER` times as large.
     pub uncertainty: f64,
     /// The method that found it.
@@ -165,12 +167,16 @@ impl Reference {
             let solution = reference::solve_with_limit(model, times, reference::TOLERANCE, steps, &mut tell);
             (loose.join().unwrap_or_else(ended), second.join().unwrap_or_else(ended), solution)
         });
-        let (loose, Solution { states: solution, method }) = (loose?, solution?);
+        let turns = model.turns();
+        let Solution { states: solution, method } = solution?;
+        let solution = solution.principal(&turns);
+        let loose = loose?.states.turned(&solution, &turns);
         let scales = model.own_scales(solution.scales(&quantities(model)));
-        let uncertainty = solution.deviation(&loose.states).worst(&scales).1.max(reference::TOLERANCE);
+        let uncertainty = solution.deviation(&loose).worst(&scales).1.max(reference::TOLERANCE);
         let conserved = conserved.iter().cloned().chain(Conserved::found(model, &scales)).collect();
         let candidates = if varying_inputs(model) || model.has_signals() { Vec::new() } else { outputs_first(model) };
-        let agreement = second.map(|second| agreement(times, &solution, &second, &scales));
+        let turned = |second: Solution| Solution { states: second.states.turned(&solution, &turns), ..second };
+        let agreement = second.map(|second| agreement(times, &solution, &turned(second), &scales));
         let (whole, times) = (solution, samples.to_vec());
         let mut solution = Trajectory::new(whole.states);
         let rows = whole.samples.chunks_exact(whole.states).zip(&sampled).filter(|(_, sampled)| **sampled);
@@ -184,6 +190,7 @@ impl Reference {
             scales,
             candidates,
             conserved,
+            turns,
             uncertainty,
             method,
             agreement,
@@ -192,7 +199,7 @@ impl Reference {
 
     /// How far the fixed-point run of `judged`, sampled and looked at at the same times, is from it.
     pub fn compare(&self, model: &Model, judged: &Judged) -> TotalError {
-        let run = &judged.hardware;
+        let run = &judged.hardware.clone().turned(&self.solution, &self.turns);
         let last = self.solution.last();
         let end = |run: &Trajectory| {
             let (state, error) = last.deviation(&run.last()).worst(&self.scales);
@@ -205,6 +212,7 @@ impl Reference {
         let added: Vec<f64> =
             unseen.word_length.iter().zip(&unseen.double).map(|(word, double)| word + double).collect();
         let double = self.compared(model, &self.together(&judged.double, &judged.looks.double));
+        let judged_double = judged.double.as_ref().clone().turned(&self.solution, &self.turns);
         // What method and word length are at all steps, which is all they can be together.
         let together = double.relative().zip(&unseen.double).zip(&judged.state_errors);
         let together = together.map(|((seen, unseen), word_length)| seen + unseen + word_length);
@@ -224,7 +232,7 @@ impl Reference {
             to_date: compared.to_date().max(judged.errors.largest_to_date()),
             compared: self.all_times.len(),
             end: end(run),
-            double: (worst(&double, &unseen.double).error, end(&judged.double).error),
+            double: (worst(&double, &unseen.double).error, end(&judged_double).error),
             l2: self.l2(run),
             digits: self.digits(&last, &run.last()),
             diverged: first_beyond(&self.all_times, &self.whole, &hardware, &self.scales, DIVERGED),
@@ -253,7 +261,7 @@ impl Reference {
             let row = both[usize::from(!sampled)].next().expect("as many as times");
             together.push(|state| row[state]);
         }
-        together
+        together.turned(&self.whole, &self.turns)
     }
 
     /// A run compared with the solution at all times.
@@ -357,7 +365,7 @@ fn outputs_first(model: &Model) -> Vec<StateId> {
     });
     let mut states: Vec<StateId> = Vec::new();
     for state in outputs.chain(model.states.ids()) {
-        if states.len() < MOST && !states.contains(&state) {
+        if states.len() < MOST && !states.contains(&state) && !model.states[state].angle {
             states.push(state);
         }
     }
@@ -398,6 +406,7 @@ mod tests {
             scales: vec![4.0],
             candidates: Vec::new(),
             conserved: Vec::new(),
+            turns: Vec::new(),
             uncertainty: 1e-12,
             method: Method::Dop853,
             agreement: Ok(Agreement { method: Method::Verner98, difference: 0.0, apart: None }),

@@ -1,5 +1,7 @@
 //! Two runs compared at every step: running maxima of their deviation.
 
+use pe_ir::turns;
+
 use crate::error::{SCALE_FLOOR, Trajectory};
 
 /// Columns that are compared side by side: a cache line.
@@ -76,6 +78,8 @@ pub struct Compared {
     last: Vec<f64>,
     /// Largest relative deviation of each block, with the steps done at the end of its first one.
     course: Vec<(u64, f64)>,
+    /// Columns that are angles, counted from the first one that is compared, each with the length of a turn.
+    turns: Vec<(usize, f64)>,
 }
 
 impl Compared {
@@ -93,6 +97,23 @@ impl Compared {
             to_date: vec![0.0; count],
             last: vec![0.0; count],
             course: Vec::new(),
+            turns: Vec::new(),
+        }
+    }
+
+    /// The same, where some columns are angles: they deviate by what they differ by modulo a turn, whose length stands beside
+    /// the column.
+    #[must_use]
+    pub fn modulo(self, turns: Vec<(usize, f64)>) -> Compared {
+        Compared { turns, ..self }
+    }
+
+    /// Takes the numbers of columns that are angles, in a row, a turn further, so that they are closest to those of another
+    /// row.
+    fn turn(&self, run: &[f64], other: &mut [f64]) {
+        for (column, turn) in &self.turns {
+            let place = self.from + column;
+            other[place] = turns::nearest(other[place], run[place], *turn);
         }
     }
 
@@ -103,6 +124,14 @@ impl Compared {
     /// If the rows are not as many, or none.
     pub fn include(&mut self, done: u64, run: &Rows, other: &Rows) {
         assert!(run.len() == other.len() && !run.is_empty(), "{} and {} rows", run.len(), other.len());
+        let turned = (!self.turns.is_empty()).then(|| {
+            let mut turned = other.clone();
+            for (index, row) in turned.numbers.chunks_exact_mut(turned.width).enumerate() {
+                self.turn(run.row(index), row);
+            }
+            turned
+        });
+        let other = turned.as_ref().unwrap_or(other);
         let worst = block(self, run, other);
         self.course.push((done + 1 - run.len() as u64, worst));
         let (own, others) = (run.row(run.len() - 1), other.row(run.len() - 1));
@@ -113,6 +142,12 @@ impl Compared {
 
     /// Notes that others look at this step, too: a row of each run.
     pub fn see(&mut self, run: &[f64], other: &[f64]) {
+        let turned = (!self.turns.is_empty()).then(|| {
+            let mut turned = other.to_vec();
+            self.turn(run, &mut turned);
+            turned
+        });
+        let other = turned.as_deref().unwrap_or(other);
         for ((seen, own), other) in self.seen.iter_mut().zip(&run[self.from..]).zip(&other[self.from..]) {
             *seen = seen.max((other - own).abs());
         }

@@ -1,6 +1,7 @@
 //! Comparison of a run with a reference run at sample times, state by state; [`crate::compared`] does it at every step.
 
 use pe_ir::index::at;
+use pe_ir::turns;
 
 /// Part of the largest magnitude of its quantity that the scale of a state has at least.
 pub const SCALE_FLOOR: f64 = 1e-6;
@@ -59,6 +60,29 @@ impl Trajectory {
     pub fn last(&self) -> Trajectory {
         let from = self.samples.len() - self.states.min(self.samples.len());
         Trajectory { states: self.states, samples: self.samples[from..].to_vec(), largest: Vec::new() }
+    }
+
+    /// The same, where the states that are angles lie in one turn around zero. `turns` are their numbers, each with the
+    /// length of a turn.
+    #[must_use]
+    pub fn principal(mut self, turns: &[(usize, f64)]) -> Trajectory {
+        for row in self.samples.chunks_exact_mut(self.states.max(1)) {
+            turns.iter().for_each(|(state, turn)| row[*state] = turns::principal(row[*state], *turn));
+        }
+        self
+    }
+
+    /// The same, where the states that are angles are taken whole turns further, so that they are closest to those of
+    /// another trajectory at the same times. `turns` are their numbers, each with the length of a turn.
+    #[must_use]
+    pub fn turned(mut self, other: &Trajectory, turns: &[(usize, f64)]) -> Trajectory {
+        let states = self.states.max(1);
+        for (own, others) in self.samples.chunks_exact_mut(states).zip(other.samples.chunks_exact(states)) {
+            for (state, turn) in turns {
+                own[*state] = turns::nearest(own[*state], others[*state], *turn);
+            }
+        }
+        self
     }
 
     /// How far `other`, sampled at the same times, deviates.

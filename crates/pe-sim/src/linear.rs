@@ -176,6 +176,7 @@ mod tests {
             expr: product,
             range: None,
             kept: false,
+            angle: false,
             span: Span::default(),
         };
         Model {

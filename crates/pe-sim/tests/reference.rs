@@ -33,8 +33,15 @@ fn model(states: Vec<(f64, Expr)>, inputs: Vec<Waveform>, algebraics: Vec<Expr>,
         between: pe_ir::model::Interpolation::Hold,
         span: SPAN,
     };
-    let algebraic =
-        |(index, expr)| Algebraic { name: format!("a{index}"), unit: None, range: None, expr, kept: false, span: SPAN };
+    let algebraic = |(index, expr)| Algebraic {
+        name: format!("a{index}"),
+        unit: None,
+        range: None,
+        expr,
+        kept: false,
+        angle: false,
+        span: SPAN,
+    };
     Model {
         states: states.collect(),
         algebraics: algebraics.into_iter().enumerate().map(algebraic).collect(),

@@ -271,6 +271,7 @@ fn error_of(model: &Model, reference: &Trajectory, states: &[f64], name: &str) -
     let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
     let mut run = Trajectory::new(states.len());
     run.push(|state| states[state]);
+    let run = run.turned(reference, &model.turns());
     let error = reference.deviation(&run).worst(&reference.scales(&quantities)).1;
     if error.is_finite() { Ok(error) } else { Err(Failure::Mismatch(format!("{name} is not finite"))) }
 }

@@ -10,6 +10,7 @@ use crate::syntax::ast::{Comparison, Connective};
 use pe_ir::codes;
 use pe_ir::model::{Expr, Function, Select};
 use pe_ir::source::{Diagnostic, Span};
+use pe_ir::turns;
 
 /// Largest magnitude of the power of a variable; more is a mistake.
 const LARGEST_POWER: u32 = 255;
@@ -261,6 +262,11 @@ pub(crate) fn call(
     }
     if ROUNDING.contains(&function.name) {
         return rounded(function.name, arguments.into_iter().map(|(value, _)| value).collect(), span, budget);
+    }
+    if function.name == "wrap" {
+        let turns = arguments.into_iter().map(|(value, _)| product(Expr::Constant(1.0 / turns::RADIANS), value)).next();
+        let turns = turns.unwrap_or(Expr::Constant(0.0));
+        return Ok(product(Expr::Constant(turns::RADIANS), apply(Function::Wrap, turns)));
     }
     match (of_one_variable(function.name), arguments.into_iter().next()) {
         (Some((function, scale)), Some((argument, _))) => Ok(product(Expr::Constant(scale), apply(function, argument))),

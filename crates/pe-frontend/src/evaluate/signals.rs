@@ -136,6 +136,7 @@ impl Signals {
             initial,
             range: None,
             tunable: false,
+            angle: false,
             unit: None,
             derivative,
             rate: None,
@@ -225,6 +226,7 @@ impl Signals {
             expr,
             range: None,
             kept: false,
+            angle: false,
             span: self.time_read.unwrap_or_default(),
         };
         let clock = Expr::Variable(Variable::State(StateId::new(clock)));

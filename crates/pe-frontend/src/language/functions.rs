@@ -1,6 +1,8 @@
 //! Functions of the language, applied to constants. All are evaluated with `libm`, so that every platform gives the
 //! same bits.
 
+use pe_ir::turns;
+
 /// A function of the language.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Function {
@@ -26,7 +28,7 @@ const fn one(name: &'static str, apply: fn(&[f64]) -> f64) -> Function {
 }
 
 /// All functions.
-pub(crate) const FUNCTIONS: [Function; 23] = [
+pub(crate) const FUNCTIONS: [Function; 24] = [
     one("floor", |x| libm::floor(x[0])),
     one("ceil", |x| libm::ceil(x[0])),
     one("round", |x| libm::round(x[0])),
@@ -46,6 +48,7 @@ pub(crate) const FUNCTIONS: [Function; 23] = [
     one("tanh", |x| libm::tanh(x[0])),
     one("abs", |x| libm::fabs(x[0])),
     one("sign", |x| if x[0] == 0.0 { 0.0 } else { libm::copysign(1.0, x[0]) }),
+    one("wrap", |x| turns::principal(x[0], turns::RADIANS)),
     Function { name: "min", arguments: (2, MANY), apply: |x| x.iter().copied().fold(f64::INFINITY, libm::fmin) },
     Function { name: "max", arguments: (2, MANY), apply: |x| x.iter().copied().fold(f64::NEG_INFINITY, libm::fmax) },
     Function { name: "mod", arguments: (2, 2), apply: |x| modulo(x[0], x[1]) },

@@ -6,6 +6,7 @@ use crate::declare::times::Times;
 use crate::equations::write::{Flat, Row};
 use crate::evaluate::signals::{CLOCK, SIGNALS, Signals, TIME};
 use crate::language::words;
+use crate::model::angles;
 use crate::names::table::{Kind, Names, Quantity};
 use crate::report::Report;
 use pe_ir::codes;
@@ -122,7 +123,7 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
     model.share_systems();
     model.add_step_ratio();
     model.set_step(step);
-    Some(model)
+    angles::write_out(model, report)
 }
 
 /// Numbers what is kept in the order of the lists: states and inputs as declared, but states that stand for signals
@@ -171,6 +172,7 @@ fn declared_states(
             initial: value,
             range,
             tunable: quantity.tunable,
+            angle: quantity.angle,
             unit: unit(quantity),
             derivative: row.expr,
             rate: rate(state),
@@ -201,6 +203,7 @@ fn algebraics(names: &Names, parts: &mut Parts, numbers: &mut Numbers, signals: 
             expr: row.expr,
             range: row.range,
             kept: false,
+            angle: false,
             span: row.span,
         });
     }

@@ -1,4 +1,5 @@
-//! The last passes: names that nothing uses, and the model of what the outputs depend on.
+//! The last passes: names that nothing uses, the model of what the outputs depend on, and angles in it.
 
+pub(crate) mod angles;
 pub(crate) mod assemble;
 pub(crate) mod unused;

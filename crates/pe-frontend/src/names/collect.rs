@@ -5,7 +5,7 @@ use crate::language::waveforms::{SAMPLES, WAVEFORMS};
 use crate::language::words::{OF_ARRAYS, predefined};
 use crate::names::table::{Defined, Index, Kind, MOST_DIMENSIONS, Names, Quantity, Symbol};
 use crate::report::Report;
-use crate::syntax::ast::{Binder, Expr as Tree, LeftSide, Name, Spec, StatementKind};
+use crate::syntax::ast::{Binder, Expr as Tree, LeftSide, Name, Sort, Spec, StatementKind};
 use pe_ir::codes;
 use pe_ir::source::Diagnostic;
 
@@ -23,11 +23,12 @@ pub(crate) fn collect<'a>(spec: &'a Spec, report: &mut Report) -> Names<'a> {
             StatementKind::Input { declared: d, .. } => {
                 all.declare(&d.name, Kind::Input, d.unit.as_ref(), &d.dimensions);
             }
-            StatementKind::State { declared: d, tunable, .. } => {
+            StatementKind::State { declared: d, sort, .. } => {
                 all.declare(&d.name, Kind::State, d.unit.as_ref(), &d.dimensions);
                 if let Some(quantity) = all.names.quantities.last_mut().filter(|q| q.name.span == d.name.span) {
                     quantity.block = statement.block;
-                    quantity.tunable = *tunable;
+                    quantity.tunable = *sort == Sort::Tunable;
+                    quantity.angle = *sort == Sort::Angle;
                 }
             }
             StatementKind::Matrix { declared: d, symmetric } => {
@@ -97,6 +98,7 @@ impl<'a> Collector<'_, 'a> {
             unit,
             block: None,
             tunable: false,
+            angle: false,
             matrix: None,
             rank: binders.len(),
             binders,

@@ -81,6 +81,8 @@ pub(crate) struct Quantity<'a> {
     pub(crate) block: Option<usize>,
     /// Whether a state is a tunable parameter.
     pub(crate) tunable: bool,
+    /// Whether a state is an angle.
+    pub(crate) angle: bool,
     /// Of a declared matrix whether it is symmetric. Its elements without an equation are zero.
     pub(crate) matrix: Option<bool>,
     /// Number of subscripts.
@@ -109,6 +111,7 @@ impl Quantity<'_> {
         match self.matrix {
             Some(_) => "a matrix",
             None if self.tunable => "a tunable parameter",
+            None if self.angle => "an angle",
             None => self.kind.describe(),
         }
     }

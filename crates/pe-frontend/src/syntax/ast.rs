@@ -126,7 +126,7 @@ pub enum StatementKind {
         /// Stated range.
         within: Option<Range>,
     },
-    /// `state V[b] [unit] = expr in lo .. hi`.
+    /// `state V[b] [unit] = expr in lo .. hi`, or `angle x [unit] = expr`.
     State {
         /// Name, dimensions, unit.
         declared: Declared,
@@ -134,8 +134,8 @@ pub enum StatementKind {
         initial: Expr,
         /// Stated range.
         within: Option<Range>,
-        /// Whether it is a tunable parameter.
-        tunable: bool,
+        /// What is special about it.
+        sort: Sort,
     },
     /// `matrix T[i, j] [unit] symmetric`.
     Matrix {
@@ -167,6 +167,17 @@ pub enum StatementKind {
     End,
     /// `include "lib/gates.spec"`: the path as written, with the place of its quotes.
     Include(Name),
+}
+
+/// What is special about a declared state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sort {
+    /// Nothing.
+    Plain,
+    /// It is a tunable parameter.
+    Tunable,
+    /// It is an angle, which is the same a turn further.
+    Angle,
 }
 
 /// A declared name with its dimensions and unit.

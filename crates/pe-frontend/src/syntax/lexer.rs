@@ -6,9 +6,9 @@ use pe_ir::index::at;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Keywords that begin a statement.
-pub(crate) const SECTIONS: [&str; 16] = [
+pub(crate) const SECTIONS: [&str; 17] = [
     "model", "solver", "step", "span", "const", "index", "param", "input", "state", "output", "include", "function",
-    "units", "every", "next", "matrix",
+    "units", "every", "next", "matrix", "angle",
 ];
 
 /// Keywords inside statements.

@@ -52,6 +52,7 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "param" => Rule::param_statement,
         "input" => Rule::input_statement,
         "state" => Rule::state_statement,
+        "angle" => Rule::angle_statement,
         "output" => Rule::output_statement,
         "include" => Rule::include_statement,
         "function" => Rule::function_statement,
@@ -141,7 +142,13 @@ impl Builder<'_> {
             Rule::state_statement => {
                 let declared = self.declared(&mut parts)?;
                 let initial = self.expr(parts.take(Rule::expr)?)?;
-                StatementKind::State { declared, initial, within: self.within(&mut parts)?, tunable: false }
+                let sort = Sort::Plain;
+                StatementKind::State { declared, initial, within: self.within(&mut parts)?, sort }
+            }
+            Rule::angle_statement => {
+                let declared = self.declared(&mut parts)?;
+                let initial = self.expr(parts.take(Rule::expr)?)?;
+                StatementKind::State { declared, initial, within: None, sort: Sort::Angle }
             }
             Rule::matrix_statement => {
                 let declared = self.declared(&mut parts)?;
@@ -483,6 +490,7 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_param
             | Rule::kw_input
             | Rule::kw_state
+            | Rule::kw_angle
             | Rule::kw_output
             | Rule::kw_include
             | Rule::kw_function

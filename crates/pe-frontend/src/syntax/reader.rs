@@ -1,6 +1,7 @@
 //! Reads a spec: its main file and, where they stand, the files that it includes.
 
 use crate::report::Report;
+use crate::syntax::ast::Sort;
 use crate::syntax::ast::{
     Binder, Block, Broken, Equation, Expr, ExprKind, LeftSide, Measure, Name, Reference, Spec, Statement, StatementKind,
 };
@@ -145,6 +146,12 @@ impl Reader<'_> {
                     self.refuse(error.with_help(help));
                 }
                 self.block = None;
+            }
+            (StatementKind::State { sort: Sort::Angle, .. }, Some(_)) => {
+                self.fill_block();
+                let help = "sampled states are no angles: declare it outside of the block";
+                self.refuse(wrong("an angle in a block".to_owned(), help));
+                return false;
             }
             (StatementKind::State { .. } | StatementKind::Matrix { .. } | StatementKind::Equation(_), _) => {
                 self.fill_block();
@@ -292,6 +299,6 @@ fn written_out(statement: Statement) -> Vec<Statement> {
         condition: None,
     });
     let equation = Statement { kind: equation, files: Vec::new(), ..statement };
-    let kind = StatementKind::State { declared, initial: value, within: Some(within), tunable: true };
+    let kind = StatementKind::State { declared, initial: value, within: Some(within), sort: Sort::Tunable };
     vec![Statement { kind, files: statement.files, ..equation }, equation]
 }

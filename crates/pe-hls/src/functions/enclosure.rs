@@ -15,6 +15,7 @@ pub(super) struct Interval {
 }
 
 const ALL: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
+const HALF_TURNS: Interval = Interval { low: -0.5, high: 0.5 };
 
 impl Interval {
     fn new(low: f64, high: f64) -> Interval {
@@ -131,6 +132,7 @@ impl Interval {
                 Function::Exp => Interval::new(libm::exp(self.low), libm::exp(self.high)),
                 Function::Sin | Function::Cos => Interval { low: -1.0, high: 1.0 },
                 Function::Sign => Interval { low: -1.0, high: 1.0 },
+                Function::Wrap => HALF_TURNS,
                 Function::Abs => self.magnitude(),
                 _ => ALL,
             };
@@ -155,6 +157,10 @@ impl Interval {
             Function::Abs => self.magnitude(),
             Function::Sign => self.rising(|x| Function::Sign.evaluate(x)),
             Function::Floor => self.rising(libm::floor),
+            Function::Wrap if libm::floor(self.low + 0.5) == libm::floor(self.high + 0.5) => {
+                self.rising(|x| Function::Wrap.evaluate(x))
+            }
+            Function::Wrap => HALF_TURNS,
         }
     }
 }

@@ -6,7 +6,7 @@ use pe_ir::source::Diagnostic;
 
 use super::elimination::system;
 use super::forms::StepOptions;
-use super::{method, planned, played, sampled, staged};
+use super::{method, planned, played, sampled, staged, turns};
 
 /// Builds the step graph of a model with its own solver and step, in the form with the fewest products.
 ///
@@ -37,8 +37,11 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
     if !model.rates.is_empty() {
         return sampled::build(model, options, build_with);
     }
-    match method::plan(model, options.order)? {
-        Some(plan) => planned::build(plan, options),
-        None => staged::build(model, options),
-    }
+    // Running sums would add the turns that a step drops to what its stages read.
+    let options = &StepOptions { sums: options.sums && !model.has_angles(), ..*options };
+    let graph = match method::plan(model, options.order)? {
+        Some(plan) => planned::build(plan, options)?,
+        None => staged::build(model, options)?,
+    };
+    Ok(turns::drop_turns(model, graph))
 }

@@ -18,6 +18,7 @@ mod score;
 mod sharing;
 mod staged;
 mod ticked;
+mod turns;
 
 pub use build::{build, build_with};
 pub use elimination::order::Order;

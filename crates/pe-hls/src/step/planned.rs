@@ -154,7 +154,7 @@ fn flat(plan: &Plan) -> Model {
             }
             (_, None) => unreachable!("only algebraic variables have no owner"),
         };
-        Algebraic { name, unit: None, expr: planned.sum.clone(), range: None, kept: false, span }
+        Algebraic { name, unit: None, expr: planned.sum.clone(), range: None, kept: false, angle: false, span }
     };
     let Model { ref name, solver, step, span, .. } = *plan.model;
     Model {

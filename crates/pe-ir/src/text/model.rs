@@ -130,6 +130,7 @@ impl Printer<'_> {
             write!(f, "algebraic {}", self.algebraics.text(index::number(index)))?;
             common(f, algebraic.range, &algebraic.unit)?;
             f.write_str(if algebraic.kept { " kept" } else { "" })?;
+            f.write_str(if algebraic.angle { " angle" } else { "" })?;
             match &algebraic.expr {
                 Expr::Solution(solution) => {
                     let Solution { matrix, right, row } = &**solution;
@@ -143,6 +144,7 @@ impl Printer<'_> {
             write!(f, "state {label} quantity {} initial {}", state.quantity, number(state.initial))?;
             common(f, state.range, &state.unit)?;
             f.write_str(if state.tunable { " tunable" } else { "" })?;
+            f.write_str(if state.angle { " angle" } else { "" })?;
             if let Some(rate) = state.rate {
                 write!(f, " rate {rate}")?;
             }
@@ -358,6 +360,7 @@ impl Reader {
                     let label = line.name("a name")?;
                     let (range, unit) = (read_range(&mut line)?, read_unit(&mut line)?);
                     let kept = line.take_word("kept");
+                    let angle = line.take_word("angle");
                     self.before = Some(index::number(model.algebraics.len()));
                     let expr = if line.take_word("matrix") {
                         self.solution(&mut line)?
@@ -366,7 +369,7 @@ impl Reader {
                         self.expr(&mut line)?
                     };
                     self.before = None;
-                    model.algebraics.push(Algebraic { name: label, unit, expr, range, kept, span: whole });
+                    model.algebraics.push(Algebraic { name: label, unit, expr, range, kept, angle, span: whole });
                 }
                 "state" => {
                     let mut state = self.state(&mut line)?;
@@ -441,10 +444,12 @@ impl Reader {
         let initial = line.keyed_number("initial")?;
         let (range, unit) = (read_range(line)?, read_unit(line)?);
         let tunable = line.take_word("tunable");
+        let angle = line.take_word("angle");
         let rate = if line.take_word("rate") { Some(line.integer()?) } else { None };
         let motion = if line.take_word("motion") { Some(self.motion(line)?) } else { None };
         let derivative = Expr::Constant(0.0);
-        Ok(State { name: label, quantity, initial, range, tunable, unit, derivative, rate, motion, span: line.span() })
+        let span = line.span();
+        Ok(State { name: label, quantity, initial, range, tunable, angle, unit, derivative, rate, motion, span })
     }
 
     /// The line of a state's equation.

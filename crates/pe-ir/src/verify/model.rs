@@ -9,6 +9,7 @@
 //! 5. Motions name states, inputs and signals that exist; what has a partner behind or before it has it.
 //! 6. With phases the last input is the step ratio.
 //! 7. Tunable parameters stand still, and have a range.
+//! 8. Angles change all the time, by equations of the spec.
 
 use std::collections::BTreeSet;
 
@@ -126,6 +127,10 @@ impl Checker<'_> {
                 && state.motion.is_none()
                 && state.derivative == Expr::Constant(0.0);
             self.require(!state.tunable || still, || format!("`{name}` is tunable, and moves or has no range"));
+            let turns = state.rate.is_none() && state.motion.is_none() && !state.tunable;
+            self.require(!state.angle || turns, || {
+                format!("`{name}` is an angle, and no state of the continuous part")
+            });
             let has_rate = state.rate.is_none_or(|rate| (index::at(rate)) < model.rates.len());
             self.require(has_rate, || format!("`{name}` has a rate that does not exist"));
             if let Some(motion) = state.motion {

@@ -127,6 +127,7 @@ fn bounds(expr: &Expr, part: &impl Fn(u32) -> (f64, f64)) -> (f64, f64) {
             let crosses = low < 0.0 && high > 0.0;
             match function {
                 Function::Sin | Function::Cos => (-1.0, 1.0),
+                Function::Wrap => (-0.5, 0.5),
                 Function::Abs | Function::Cosh if crosses => hull([ends.1, function.evaluate(0.0)]),
                 Function::Reciprocal | Function::RealPower(_) if low <= 0.0 && high >= 0.0 => ANY,
                 Function::Tan if high - low >= PI || libm::cos(low) * libm::cos(high) <= 0.0 => ANY,

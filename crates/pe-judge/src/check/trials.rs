@@ -133,6 +133,7 @@ impl<'a> Trials<'a> {
             let shared = widths[index::at(state.quantity)];
             let width = (*high - *low).max(1e-2 * shared).max(1e-6 * largest);
             let width = if width > 0.0 { width } else { f64::INFINITY };
+            let width = if state.angle { f64::INFINITY } else { width };
             (*low, *high) = (*low - width, *high + width);
         }
         let of: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();

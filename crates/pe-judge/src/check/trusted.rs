@@ -72,7 +72,7 @@ impl Trusted {
             solution = solve(0.98 * error.time);
         }
         if let Ok((times, states)) = solution {
-            trusted.append(&times, &states);
+            trusted.append(&times, &states.principal(&model.turns()));
         }
         trusted
     }

@@ -251,7 +251,7 @@ struct Frame<'a> {
 impl Frame<'_> {
     fn compared(&self) -> Compared {
         let start: Vec<f64> = self.plan.model.states.iter().map(|state| state.initial).collect();
-        Compared::new(0, self.scales, &start)
+        Compared::new(0, self.scales, &start).modulo(self.plan.model.turns())
     }
 }
 

@@ -13,6 +13,7 @@ use pe_ir::word::WordFormat;
 use pe_sim::double::{Diverged, DoubleRun};
 use pe_sim::error::Trajectory;
 
+use crate::angles;
 use crate::corners::{self, Corner};
 use crate::pivots::{self, SmallestPivot};
 use crate::progress::Progress;
@@ -212,6 +213,9 @@ fn include_declared(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
     }
     for (state, (value, _)) in model.states.iter().zip(&graph.states) {
         state.range.into_iter().for_each(|range| include(*value, range));
+    }
+    for (value, largest) in angles::functions(model, graph) {
+        include(value, (-largest, largest));
     }
     for (index, value) in graph.values.iter().enumerate() {
         let variable = match value.role {

@@ -209,11 +209,12 @@ impl Exact {
     ) -> Result<Measured, Ended> {
         let plan = &self.plan;
         let (states, outputs) = (model.states.len(), curve_count(graph));
+        let output_turns = model.output_turns().into_iter().filter(|(output, _)| *output < outputs).collect();
         let mut run = FixedPass::new(graph, fixed, (states, outputs));
         let mut quantised = Pass::new(plan, DoubleRun::quantised(graph, fixed), 0);
         let mut measured = Measured {
             word: self.compared(),
-            outputs: Compared::new(states, &self.output_scales, &vec![0.0; outputs]),
+            outputs: Compared::new(states, &self.output_scales, &vec![0.0; outputs]).modulo(output_turns),
             quantised: self.compared(),
             hardware: Trajectory::new(states),
             looks: Trajectory::new(states),

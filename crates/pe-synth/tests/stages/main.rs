@@ -7,6 +7,7 @@ mod support;
 #[path = "../support/validation.rs"]
 mod validation_set;
 
+mod angles;
 mod arithmetic;
 mod check;
 mod check_limits;

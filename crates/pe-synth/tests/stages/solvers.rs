@@ -90,7 +90,15 @@ fn affine_model(family: Family, solver: Solver) -> Model {
         sum.push(Expr::Constant(0.25));
         sum.extend((0..index).map(|earlier| scaled(0.3, Variable::Algebraic(earlier))));
         let (name, expr) = (format!("a[{index}]"), Expr::Sum(sum));
-        model.algebraics.push(Algebraic { name, unit: None, expr, range: None, kept: false, span: Span::default() });
+        model.algebraics.push(Algebraic {
+            name,
+            unit: None,
+            expr,
+            range: None,
+            kept: false,
+            angle: false,
+            span: Span::default(),
+        });
     }
     for (index, state) in model.states.iter_mut().enumerate() {
         let algebraic = scaled(0.2, Variable::Algebraic(index as u32 % 2));

@@ -102,6 +102,7 @@ pub fn random_model(family: Family, states: usize, solver: Solver, seed: u64) ->
                 expr,
                 range: None,
                 kept: false,
+                angle: false,
                 span: Span::default(),
             });
         }

@@ -332,7 +332,7 @@ struct Rows<'e, 'm> {
 
 impl Rows<'_, '_> {
     fn push(&mut self, name: String, expr: Expr) -> Expr {
-        let algebraic = Algebraic { name, unit: None, expr, range: None, kept: true, span: self.span };
+        let algebraic = Algebraic { name, unit: None, expr, range: None, kept: true, angle: false, span: self.span };
         Expr::Variable(self.eliminator.push(None, algebraic))
     }
 }
