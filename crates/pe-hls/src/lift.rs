@@ -206,6 +206,13 @@ pub fn jump(body: &Expr) -> Option<f64> {
     kinks(body, first, first).into_iter().filter_map(height).reduce(f64::max)
 }
 
+/// Whether a lifted function rounds its argument.
+pub(crate) fn rounds(body: &Expr) -> bool {
+    let mut found = false;
+    collect_steps(body, &mut |_, _| found = true);
+    found
+}
+
 /// Slopes and offsets of the affine arguments that are rounded.
 fn collect_steps(expr: &Expr, found: &mut impl FnMut(f64, f64)) {
     match expr {

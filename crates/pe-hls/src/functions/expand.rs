@@ -1,11 +1,15 @@
 //! Chains of lookups in place of chains that apply functions.
 
+use crate::lift::rounds;
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::index::{self, ChainId, EquationId, List};
 
 use super::domain::Domain;
 use super::fit::{Fit, Layout};
+
+/// Error of a rounded number from which on its table does not have its steps, each of which is 1.
+const PART_OF_STEP: f64 = 0.25;
 
 /// Largest magnitude of a base in a chain whose result has full scale 1.
 const LARGEST_BASE: f64 = 0.99;
@@ -58,7 +62,9 @@ impl<'a> Computed<'a> {
     /// what arguments excuse by more than a factor.
     pub fn misses(&self, part: f64, excess: f64) -> Option<(f64, f64)> {
         let missing = self.parts.iter().filter(|PlannedPart { table, .. }| {
-            table.fit.error > part * self.largest && table.fit.blurred_excess > excess
+            // A slope in the place of steps is wrong, however small these are beside the largest value.
+            let step = if rounds(&table.domain.function.body) { PART_OF_STEP } else { f64::INFINITY };
+            table.fit.error > (part * self.largest).min(step) && table.fit.blurred_excess > excess
         });
         let worst = missing.max_by(|a, b| a.table.fit.error.total_cmp(&b.table.fit.error))?;
         Some((worst.origin + worst.table.fit.worst, worst.table.fit.error / self.largest))

@@ -129,6 +129,11 @@ fn cases() -> Vec<Case> {
         }
     }
     let choice = Select { condition: plus(x(), -0.3), yes: apply(Function::Log, x()), no: Expr::Constant(2.0) };
+    let floor = || apply(Function::Floor, x());
+    add("steps of some".to_owned(), floor(), (-20.3, 30.4), Must::Run);
+    add("steps of some, again".to_owned(), floor(), (-20.3, 30.4), Must::Run);
+    add("steps of many".to_owned(), floor(), (0.0, 1e6), Must::RunOrSteep);
+    add("steps of many, again".to_owned(), floor(), (0.0, 1e6), Must::RunOrSteep);
     add("jump".to_owned(), Expr::Select(Box::new(choice)), (-1.0, 2.0), Must::Run);
     cases
 }

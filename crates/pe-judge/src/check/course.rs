@@ -29,6 +29,8 @@ struct Jump {
     /// Its values in the stages of a step.
     stages: Vec<ValueId>,
     last: Option<f64>,
+    /// The latest jump, if the step had one.
+    rise: Option<f64>,
     /// Steps in a row that crossed it so far, and the first of them.
     row: (u64, f64),
     /// The first time of chattering.
@@ -75,7 +77,7 @@ fn jumps(model: &Model, graph: &StepGraph) -> Vec<Jump> {
         let belongs = |role: Role| matches!(role, Role::Algebraic(own, _) if at(own) == algebraic);
         let values = graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
         let stages = values.filter(|value| belongs(graph.value(*value).role)).collect();
-        Jump { algebraic, height, stages, last: None, row: (0, 0.0), found: None }
+        Jump { algebraic, height, stages, last: None, rise: None, row: (0, 0.0), found: None }
     };
     jumping.map(of).filter(|jump: &Jump| !jump.stages.is_empty()).collect()
 }
@@ -86,8 +88,15 @@ impl Jump {
         let mut crossed = false;
         for value in &self.stages {
             let now = run.value(value.index());
-            crossed |= self.last.is_some_and(|last| (now - last).abs() > PART * self.height);
+            if let Some(rise) = self.last.map(|last| now - last).filter(|rise| rise.abs() > PART * self.height) {
+                // Steps that are taken one after another, in one direction, are a staircase.
+                crossed |= self.rise.is_none_or(|before| (before > 0.0) != (rise > 0.0));
+                self.rise = Some(rise);
+            }
             self.last = Some(now);
+        }
+        if !crossed {
+            self.rise = None;
         }
         self.row = match (crossed, self.row) {
             (false, _) => (0, time),
