@@ -22,7 +22,7 @@ pub mod features;
 pub mod mapping_file;
 pub mod outputs;
 pub mod pipeline;
-mod read;
+pub mod read;
 pub mod report;
 pub mod scene;
 pub mod selection;

@@ -137,6 +137,16 @@ codes! {
     NOTHING_TO_READ = "E1017", "nothing to read";
     VHDL_LIMITS = "E1018", "VHDL file too large or too deep";
 
+    IMPORT_SYNTAX = "E1101", "model file that cannot be read";
+    IMPORT_LIMIT = "E1102", "model file too large or too deep";
+    IMPORT_UNSUPPORTED = "E1103", "construct that a spec cannot express";
+    IMPORT_UNKNOWN = "E1104", "reference to what is not there";
+    IMPORT_DUPLICATE = "E1105", "id there or determined twice";
+    IMPORT_NO_VALUE = "E1106", "quantity without a value";
+    IMPORT_NUMBER = "E1107", "number that is none";
+    IMPORT_LOOP = "E1108", "quantity that needs itself";
+    IMPORT_MATH = "E1109", "expression that cannot be read";
+
     UNUSED = "W0001", "name never used";
     LEFT_OUT = "W0002", "no output depends on it";
     OUTSIDE_BOUNDS = "W0003", "value outside the stated range";
@@ -169,6 +179,7 @@ codes! {
     GENERIC_UNSET = "W1002", "generic still without a value";
     SIGN_DIFFERS = "W1003", "sign other than that of the type";
     NO_RESET = "W1004", "entity without a reset";
+    IMPORT_LEFT_OUT = "W1101", "part of a model file left out";
 }
 
 /// Groups of codes: the two digits after the letter, and what their codes are about.
@@ -184,6 +195,7 @@ pub const GROUPS: &[(&str, &str)] = &[
     ("08", "Number formats"),
     ("09", "Runs over the span"),
     ("10", "Foreign entities"),
+    ("11", "Imported models"),
 ];
 
 /// Errors that the user may turn into warnings, for their result is only doubtful.

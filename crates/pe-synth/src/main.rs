@@ -9,7 +9,7 @@ use pe_flow::failure::Failure;
 use pe_synth::messages::{MessageFormat, guarded, print_failure, print_plain};
 use pe_synth::{
     cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_fmu, cmd_golden,
-    cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
+    cmd_import, cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -34,6 +34,7 @@ Examples:
   pe-synth sim models/van_der_pol/van_der_pol.spec --double -o van_der_pol.csv
   pe-synth explore models/van_der_pol/van_der_pol.spec --pes 1,2 --solver rk4
   pe-synth accuracy models/van_der_pol/van_der_pol.spec --max-error 1e-4
+  pe-synth import model.xml -o model.spec
   pe-synth explain E0307
 
 Exit codes:
@@ -49,6 +50,7 @@ Exit codes:
 Documents:
   docs/guide.md        how to choose PEs, word lengths and ranges, and how to read the report
   docs/language.md     the language of specs
+  docs/import.md       what is imported, and what becomes of it
   docs/diagnostics.md  every error and warning, as `pe-synth explain` prints them
   docs/report.md       every key of report.json, and of messages in JSON";
 
@@ -64,6 +66,7 @@ enum Command {
     Sim(Box<cmd_sim::Sim>),
     Bench(Box<cmd_bench::Bench>),
     Dump(Box<cmd_dump::Dump>),
+    Import(Box<cmd_import::Import>),
     Golden(cmd_golden::Golden),
     Diff(cmd_diff::Diff),
     Rates(cmd_rates::Rates),
@@ -89,6 +92,7 @@ fn main() -> ExitCode {
         Command::Sim(sim) => (sim.message_format(), sim.run()),
         Command::Bench(bench) => (bench.message_format(), bench.run()),
         Command::Dump(dump) => (dump.message_format(), dump.run()),
+        Command::Import(import) => (import.message_format(), import.run()),
         Command::Golden(golden) => (MessageFormat::Human, golden.run()),
         Command::Diff(diff) => (diff.message_format(), diff.run()),
         Command::Rates(rates) => (rates.message_format(), rates.run()),

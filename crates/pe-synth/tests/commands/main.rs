@@ -14,6 +14,7 @@ mod explore;
 mod foreign;
 mod golden;
 mod host;
+mod import;
 mod inject;
 mod interruption;
 mod library;

@@ -1,0 +1,274 @@
+//! What all formats have in common after reading: what never changes becomes a parameter, initial values read
+//! parameters only, and what a spec cannot hold is found.
+
+use std::collections::HashMap;
+
+use pe_ir::codes;
+use pe_ir::source::{Diagnostic, Span};
+
+use crate::expr::{Expr, Relation};
+use crate::model::{Kind, Model, Quantity};
+use crate::pulses;
+
+/// Deepest expression that is written; the language takes 200 brackets.
+const DEEPEST: usize = 150;
+
+/// Prepares a model for writing; findings if it cannot be written.
+pub(crate) fn finish(model: &mut Model, findings: &mut Vec<Diagnostic>) {
+    missing(model, findings);
+    extents(model, findings);
+    if findings.is_empty() {
+        promote(model);
+        let still: Vec<bool> =
+            model.quantities.iter().map(|quantity| matches!(quantity.kind, Kind::Constant(_))).collect();
+        for expr in model.quantities.iter_mut().flat_map(|quantity| quantity.kind.expressions_mut()) {
+            *expr = pulses::recognised(expr, &|quantity| still[quantity]);
+        }
+        initial_values(model);
+        keep_equations(model);
+        loops(model, findings);
+    }
+    events(model, findings);
+}
+
+/// Finds events.
+pub(crate) fn events(model: &Model, findings: &mut Vec<Diagnostic>) {
+    for event in &model.events {
+        let finding = Diagnostic::error(
+            codes::IMPORT_UNSUPPORTED,
+            event.span,
+            format!("event {}cannot be expressed", quoted(&event.id)),
+        );
+        findings.push(
+            finding.with_help("a spec has no events: state what happens with a choice (`if`) on time or on a state"),
+        );
+    }
+}
+
+fn quoted(id: &str) -> String {
+    if id.is_empty() { String::new() } else { format!("`{id}` ") }
+}
+
+/// Names of quantities that an expression reads.
+fn reads(expr: &Expr) -> Vec<usize> {
+    let mut found = Vec::new();
+    expr.each(&mut |part| {
+        if let Expr::Name(quantity) = part {
+            found.push(*quantity);
+        }
+    });
+    found
+}
+
+fn missing(model: &Model, findings: &mut Vec<Diagnostic>) {
+    let mut needed: HashMap<usize, Span> = HashMap::new();
+    for (_, quantity) in &model.outputs {
+        needed.entry(*quantity).or_insert(model.quantities[*quantity].span);
+    }
+    let event = |event: &crate::model::Event| {
+        let own = [Some(&event.trigger), event.delay.as_ref(), event.priority.as_ref()].into_iter().flatten();
+        own.chain(event.assignments.iter().map(|(_, value)| value)).flat_map(reads).collect::<Vec<_>>()
+    };
+    for quantity in &model.quantities {
+        for read in quantity.kind.expressions().into_iter().flat_map(reads) {
+            needed.entry(read).or_insert(quantity.equation);
+        }
+    }
+    for one in &model.events {
+        for read in event(one) {
+            needed.entry(read).or_insert(one.span);
+        }
+    }
+    for (index, quantity) in model.quantities.iter().enumerate() {
+        if quantity.kind == Kind::Missing
+            && let Some(reader) = needed.get(&index)
+        {
+            let finding =
+                Diagnostic::error(codes::IMPORT_NO_VALUE, quantity.span, format!("`{}` has no value", quantity.id));
+            let finding =
+                if *reader == quantity.span { finding } else { finding.with_label(*reader, "it is read here") };
+            findings.push(finding.with_help("give it a value in the model file"));
+        }
+    }
+}
+
+fn extents(model: &Model, findings: &mut Vec<Diagnostic>) {
+    let bodies = model.functions.iter().map(|function| (&function.body, function.span, &function.id));
+    let equations = model.quantities.iter().flat_map(|quantity| {
+        quantity.kind.expressions().into_iter().map(|expr| (expr, quantity.equation, &quantity.id))
+    });
+    for (expr, span, id) in equations.chain(bodies) {
+        if expr.extent().0 > DEEPEST {
+            let message = format!("the expression of `{id}` is nested more than {DEEPEST} deep");
+            findings.push(Diagnostic::error(codes::IMPORT_LIMIT, span, message));
+        }
+    }
+}
+
+/// Finds quantities that need themselves: at one time, or at the beginning.
+fn loops(model: &Model, findings: &mut Vec<Diagnostic>) {
+    let now = |kind: &Kind| match kind {
+        Kind::Constant(expr) | Kind::Algebraic(expr) => reads(expr),
+        _ => Vec::new(),
+    };
+    // 0 not seen, 1 on the path, 2 done.
+    let mut marks = vec![0u8; model.quantities.len()];
+    for start in 0..marks.len() {
+        if marks[start] != 0 {
+            continue;
+        }
+        marks[start] = 1;
+        let mut path = vec![(start, now(&model.quantities[start].kind))];
+        while let Some((index, left)) = path.last_mut() {
+            let Some(next) = left.pop() else {
+                marks[*index] = 2;
+                path.pop();
+                continue;
+            };
+            match marks[next] {
+                0 => {
+                    marks[next] = 1;
+                    path.push((next, now(&model.quantities[next].kind)));
+                }
+                1 => {
+                    let from = path.iter().position(|(index, _)| *index == next).unwrap_or(0);
+                    let chain: Vec<String> =
+                        path[from..].iter().map(|(index, _)| format!("`{}`", model.quantities[*index].id)).collect();
+                    let message = format!("{} needs its own value: {}", chain[0], chain.join(" reads "));
+                    let span = model.quantities[next].equation;
+                    findings.push(
+                        Diagnostic::error(codes::IMPORT_LOOP, span, message)
+                            .with_help("solve the equations for it by hand, or give it a rate"),
+                    );
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Algebraic quantities that read nothing that moves become constants.
+fn promote(model: &mut Model) {
+    let mut readers: Vec<Vec<usize>> = vec![Vec::new(); model.quantities.len()];
+    let mut moving = Vec::new();
+    for (index, quantity) in model.quantities.iter().enumerate() {
+        match &quantity.kind {
+            Kind::State { .. } => moving.push(index),
+            Kind::Algebraic(expr) => {
+                let mut clocked = false;
+                expr.each(&mut |part| clocked |= matches!(part, Expr::Time | Expr::Pulse(_)));
+                if clocked {
+                    moving.push(index);
+                }
+                reads(expr).into_iter().for_each(|read| readers[read].push(index));
+            }
+            _ => {}
+        }
+    }
+    let moves = spread(moving, &readers);
+    for (index, quantity) in model.quantities.iter_mut().enumerate() {
+        if !moves[index]
+            && let Kind::Algebraic(expr) = &quantity.kind
+        {
+            quantity.kind = Kind::Constant(expr.clone());
+        }
+    }
+}
+
+fn spread(mut from: Vec<usize>, readers: &[Vec<usize>]) -> Vec<bool> {
+    let mut marked = vec![false; readers.len()];
+    from.iter().for_each(|index| marked[*index] = true);
+    while let Some(index) = from.pop() {
+        for reader in &readers[index] {
+            if !marked[*reader] {
+                marked[*reader] = true;
+                from.push(*reader);
+            }
+        }
+    }
+    marked
+}
+
+/// Initial values and constants that read what moves get parameters for its values at the beginning.
+fn initial_values(model: &mut Model) {
+    let moves: Vec<bool> = model
+        .quantities
+        .iter()
+        .map(|quantity| matches!(quantity.kind, Kind::State { .. } | Kind::Algebraic(_)))
+        .collect();
+    let mut at_start: HashMap<usize, usize> = HashMap::new();
+    let mut todo: Vec<usize> = (0..model.quantities.len()).collect();
+    let mut next = 0;
+    while next < todo.len() {
+        let index = todo[next];
+        next += 1;
+        let expr = match &model.quantities[index].kind {
+            Kind::Constant(expr) | Kind::State { initial: expr, .. } => expr.clone(),
+            _ => continue,
+        };
+        let mut changed = false;
+        let started = expr.map(&mut |leaf| {
+            let start = match leaf {
+                Expr::Time => Expr::number(0.0),
+                Expr::Pulse(pulse) => {
+                    let [height, start, width, _] = &**pulse;
+                    let begun = Expr::compare(Relation::LessEqual, start.clone(), Expr::number(0.0));
+                    let lasts = Expr::compare(Relation::Greater, width.clone(), Expr::number(0.0));
+                    Expr::choice(vec![(Expr::all(vec![begun, lasts]), height.clone())], Expr::number(0.0))
+                }
+                Expr::Name(read) if moves.get(*read) == Some(&true) => {
+                    let twin = *at_start.entry(*read).or_insert_with(|| {
+                        let of = &model.quantities[*read];
+                        let value = match &of.kind {
+                            Kind::State { initial, .. } => initial.clone(),
+                            Kind::Algebraic(expr) => expr.clone(),
+                            _ => Expr::number(0.0),
+                        };
+                        let kind = Kind::Constant(value);
+                        let short = if of.short.is_empty() { String::new() } else { format!("{}_0", of.short) };
+                        let twin = Quantity {
+                            id: format!("{}_0", of.id),
+                            short,
+                            kind,
+                            label: "at the beginning".to_owned(),
+                            ..of.clone()
+                        };
+                        todo.push(model.quantities.len());
+                        model.quantities.push(twin);
+                        model.quantities.len() - 1
+                    });
+                    Expr::Name(twin)
+                }
+                _ => return None,
+            };
+            changed = true;
+            Some(start)
+        });
+        if changed && let Kind::Constant(expr) | Kind::State { initial: expr, .. } = &mut model.quantities[index].kind {
+            *expr = started;
+        }
+    }
+    let twins: Vec<(usize, usize)> = (0..moves.len()).filter_map(|of| Some((of, *at_start.get(&of)?))).collect();
+    for (of, twin) in twins {
+        if let Kind::State { initial, .. } = &mut model.quantities[of].kind {
+            *initial = Expr::Name(twin);
+        }
+    }
+}
+
+/// A spec has an equation: where nothing moves, the outputs are equations, with all that reads them.
+fn keep_equations(model: &mut Model) {
+    if model.quantities.iter().any(|quantity| !matches!(quantity.kind, Kind::Missing | Kind::Constant(_))) {
+        return;
+    }
+    let mut readers: Vec<Vec<usize>> = vec![Vec::new(); model.quantities.len()];
+    for (index, quantity) in model.quantities.iter().enumerate() {
+        quantity.kind.expressions().into_iter().flat_map(reads).for_each(|read| readers[read].push(index));
+    }
+    let kept = spread(model.outputs.iter().map(|(_, output)| *output).collect(), &readers);
+    for (quantity, _) in model.quantities.iter_mut().zip(kept).filter(|(_, kept)| *kept) {
+        if let Kind::Constant(expr) = &quantity.kind {
+            quantity.kind = Kind::Algebraic(expr.clone());
+        }
+    }
+}

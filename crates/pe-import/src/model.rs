@@ -1,0 +1,196 @@
+//! What all formats are read into, and specs are written from.
+
+use pe_ir::source::Span;
+
+use crate::expr::Expr;
+
+/// An imported model. Quantities, functions and groups are numbered as they stand in the lists.
+#[derive(Clone, Debug, Default)]
+pub struct Model {
+    /// Identifier of the model in its file, or the name of the file.
+    pub id: String,
+    /// What it is called in words; may be empty.
+    pub title: String,
+    /// The format it comes from, in words.
+    pub format: String,
+    /// Unit of time, in the terms of the language.
+    pub time_unit: Option<String>,
+    /// Whether units of numbers in expressions were left out, so that units cannot be checked.
+    pub units_off: bool,
+    /// Headings, in the order in which they are written.
+    pub groups: Vec<String>,
+    /// Functions.
+    pub functions: Vec<Function>,
+    /// Quantities.
+    pub quantities: Vec<Quantity>,
+    /// Events.
+    pub events: Vec<Event>,
+    /// What a user wants to see: name of the column, quantity.
+    pub outputs: Vec<(String, usize)>,
+    /// What the file says of its simulation.
+    pub run: Run,
+}
+
+/// What a file says of its simulation, in the unit of time of the model.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Run {
+    /// Time over which it is run.
+    pub span: Option<f64>,
+    /// Time from one row of results to the next.
+    pub interval: Option<f64>,
+}
+
+/// A named value.
+#[derive(Clone, Debug)]
+pub struct Quantity {
+    /// Its name in the file, complete.
+    pub id: String,
+    /// The name to use if no other quantity wants it; empty for that of the file.
+    pub short: String,
+    /// What it is called in words; may be empty.
+    pub label: String,
+    /// Unit, in the terms of the language.
+    pub unit: Option<String>,
+    /// Its group.
+    pub group: usize,
+    /// What it is.
+    pub kind: Kind,
+    /// Where it is declared.
+    pub span: Span,
+    /// Where its equation stands.
+    pub equation: Span,
+}
+
+/// What a quantity is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// Nothing gives it a value.
+    Missing,
+    /// The same during the run; what it reads is taken at the beginning.
+    Constant(Expr),
+    /// Computed from others at all times.
+    Algebraic(Expr),
+    /// A state.
+    State {
+        /// Its value at the beginning.
+        initial: Expr,
+        /// Its derivative.
+        rate: Expr,
+    },
+}
+
+/// A function of the model. Its body gives a number and reads its arguments only.
+#[derive(Clone, Debug)]
+pub struct Function {
+    /// Its name in the file.
+    pub id: String,
+    /// Names of its arguments.
+    pub arguments: Vec<String>,
+    /// Its body.
+    pub body: Expr,
+    /// Where it is defined.
+    pub span: Span,
+}
+
+/// An event: when the trigger becomes true, all quantities take their new values at once.
+#[derive(Clone, Debug)]
+pub struct Event {
+    /// Its name in the file; may be empty.
+    pub id: String,
+    /// The condition.
+    pub trigger: Expr,
+    /// Whether the trigger counts as true before the beginning.
+    pub held_before: bool,
+    /// Whether a delayed event comes also if the trigger is false again by then.
+    pub persistent: bool,
+    /// Whether new values are computed when the event is triggered rather than when it comes.
+    pub early_values: bool,
+    /// Time from the trigger to the new values.
+    pub delay: Option<Expr>,
+    /// Which of several events at one time comes first: the one with the greatest.
+    pub priority: Option<Expr>,
+    /// New values.
+    pub assignments: Vec<(usize, Expr)>,
+    /// Where it stands.
+    pub span: Span,
+}
+
+impl Quantity {
+    /// A quantity without a value so far.
+    pub fn new(id: impl Into<String>, group: usize, span: Span) -> Quantity {
+        Quantity {
+            id: id.into(),
+            short: String::new(),
+            label: String::new(),
+            unit: None,
+            group,
+            kind: Kind::Missing,
+            span,
+            equation: span,
+        }
+    }
+}
+
+impl Kind {
+    /// The expressions it is made of, to be changed.
+    pub fn expressions_mut(&mut self) -> Vec<&mut Expr> {
+        match self {
+            Kind::Missing => Vec::new(),
+            Kind::Constant(expr) | Kind::Algebraic(expr) => vec![expr],
+            Kind::State { initial, rate } => vec![initial, rate],
+        }
+    }
+
+    /// The expressions it is made of.
+    pub fn expressions(&self) -> Vec<&Expr> {
+        match self {
+            Kind::Missing => Vec::new(),
+            Kind::Constant(expr) | Kind::Algebraic(expr) => vec![expr],
+            Kind::State { initial, rate } => vec![initial, rate],
+        }
+    }
+}
+
+/// Units of time that the language has, in seconds.
+const TIMES: [(&str, f64); 6] = [("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3), ("s", 1.0), ("min", 60.0), ("h", 3600.0)];
+
+impl Model {
+    /// Seconds in the unit of time, as the spec counts it: one if the language does not have the unit.
+    pub fn seconds(&self) -> f64 {
+        let unit = self.time_unit.as_deref().unwrap_or("s");
+        TIMES.iter().find(|(known, _)| *known == unit).map_or(1.0, |(_, seconds)| *seconds)
+    }
+
+    /// The word of the language for the unit of time; `None` if it has none.
+    pub fn time_word(&self) -> Option<&'static str> {
+        let unit = self.time_unit.as_deref().unwrap_or("s");
+        TIMES.iter().find(|(known, _)| *known == unit).map(|(known, _)| *known)
+    }
+
+    /// Takes in one more quantity; its number.
+    pub fn add(&mut self, quantity: Quantity) -> usize {
+        self.quantities.push(quantity);
+        self.quantities.len() - 1
+    }
+
+    /// Puts one number of a quantity in the place of another in all expressions.
+    pub fn rename(&mut self, from: usize, to: usize) {
+        let own = self.quantities.iter_mut().flat_map(|quantity| quantity.kind.expressions_mut());
+        let of_events = self.events.iter_mut().flat_map(|event| {
+            let conditions = [Some(&mut event.trigger), event.delay.as_mut(), event.priority.as_mut()];
+            let values = event.assignments.iter_mut().map(|(_, value)| value);
+            conditions.into_iter().flatten().chain(values).collect::<Vec<_>>()
+        });
+        for expr in own.chain(of_events) {
+            *expr = expr.map(&mut |leaf| (*leaf == Expr::Name(from)).then_some(Expr::Name(to)));
+        }
+    }
+
+    /// The number of a group; it is made where it is missing.
+    pub fn group(&mut self, heading: &str) -> usize {
+        self.groups.iter().position(|known| known == heading).unwrap_or_else(|| {
+            self.groups.push(heading.to_owned());
+            self.groups.len() - 1
+        })
+    }
+}
