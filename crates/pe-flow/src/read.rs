@@ -17,8 +17,16 @@ pub fn at_most(path: &Path, most: u64) -> Result<Vec<u8>, LoadError> {
         return Err(LoadError::TooLarge(data.len()));
     }
     // Pipes and devices have no size beforehand.
+    stream_at_most(&mut &file, most)
+}
+
+/// What a stream gives up to its end, unless that is more than so many bytes.
+///
+/// # Errors
+/// As of [`at_most`].
+pub fn stream_at_most(stream: &mut dyn Read, most: u64) -> Result<Vec<u8>, LoadError> {
     let mut bytes = Vec::new();
-    file.take(most + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    stream.take(most + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     if bytes.len() as u64 > most {
         return Err(LoadError::TooLarge(bytes.len() as u64));
     }

@@ -1,5 +1,6 @@
 //! A model and the files of the spec that it comes from.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,8 +10,11 @@ use pe_ir::model::Model;
 use pe_ir::source::{Diagnostic, Sources};
 
 use crate::failure::Failure;
-use crate::read::{at_most, unreadable};
+use crate::read::{self, at_most, unreadable};
 use crate::stages::{self, Stages};
+
+/// The path that stands for standard input; files that a spec from there names are read from the present folder.
+pub const STANDARD_INPUT: &str = "-";
 
 /// A model with the texts it comes from.
 #[derive(Clone)]
@@ -28,7 +32,7 @@ pub struct LoadedModel {
 /// # Errors
 /// [`Failure::File`], and the findings of the spec.
 pub fn load(spec: &Path, overrides: &Overrides) -> Result<(LoadedModel, Vec<Diagnostic>), Failure> {
-    let mut sources = main_file(spec)?;
+    let mut sources = main_text(spec)?;
     match pe_frontend::compile(&mut sources, &ModelFolder::of(spec), overrides) {
         Ok((model, warnings)) => {
             Ok((LoadedModel { model: pe_hls::lift::lift(model), sources, stages: None }, warnings))
@@ -46,25 +50,83 @@ pub fn load_stages(path: &Path) -> Result<LoadedModel, Failure> {
     Ok(LoadedModel { model, sources, stages: Some(Arc::new(stages)) })
 }
 
+/// Reads the main file of a spec, or standard input in its place.
+///
+/// # Errors
+/// As of [`main_file`].
+pub fn main_text(path: &Path) -> Result<Sources, Failure> {
+    if path == Path::new(STANDARD_INPUT) { standard_input() } else { main_file(path) }
+}
+
+/// The files that a spec is read from, whether they exist or not, its main file first.
+pub fn files(spec: &Path) -> Vec<PathBuf> {
+    let named = Named { folder: ModelFolder::of(spec), paths: RefCell::default() };
+    if let Ok(mut sources) = main_file(spec) {
+        pe_frontend::parse(&mut sources, &named);
+    }
+    let others = named.paths.into_inner();
+    std::iter::once(spec.to_owned()).chain(others.iter().map(|path| named.folder.0.join(path))).collect()
+}
+
+/// A folder that notes what is read from it.
+struct Named {
+    folder: ModelFolder,
+    paths: RefCell<Vec<String>>,
+}
+
+impl Loader for Named {
+    fn load(&self, path: &str) -> Result<Vec<u8>, LoadError> {
+        self.paths.borrow_mut().push(path.to_owned());
+        self.folder.load(path)
+    }
+}
+
 /// Reads the main file of a spec.
+///
+/// # Errors
+/// [`Failure::File`], and files that are too large or no text.
 pub fn main_file(path: &Path) -> Result<Sources, Failure> {
-    let name = path.display().to_string();
-    let bytes = match at_most(path, LARGEST_FILE as u64) {
+    sources(path.display().to_string(), at_most(path, LARGEST_FILE as u64)).map_err(|error| match error {
+        Unusable::Unread(reason) => Failure::file("read", path, reason),
+        Unusable::Refused(failure) => failure,
+    })
+}
+
+/// Reads the spec on standard input.
+fn standard_input() -> Result<Sources, Failure> {
+    let bytes = read::stream_at_most(&mut std::io::stdin().lock(), LARGEST_FILE as u64);
+    sources("standard input".to_owned(), bytes).map_err(|error| match error {
+        Unusable::Unread(reason) => Failure::File(format!("cannot read standard input: {reason}")),
+        Unusable::Refused(failure) => failure,
+    })
+}
+
+/// Why there are no sources.
+enum Unusable {
+    /// In the words of the system.
+    Unread(String),
+    /// The content was refused.
+    Refused(Failure),
+}
+
+/// The sources that begin with these bytes.
+fn sources(name: String, bytes: Result<Vec<u8>, LoadError>) -> Result<Sources, Unusable> {
+    let bytes = match bytes {
         Ok(bytes) => bytes,
         Err(LoadError::TooLarge(size)) => {
             let message = format!("the file has {size} bytes; the most allowed is {LARGEST_FILE}");
             let finding = Diagnostic::global(codes::FILE_TOO_LARGE, message)
                 .with_help("describe repeated equations with indices instead of writing them out");
-            return Err(Failure::Spec(vec![finding], Sources::new(name, "")));
+            return Err(Unusable::Refused(Failure::Spec(vec![finding], Sources::new(name, ""))));
         }
-        Err(LoadError::Unreadable(reason)) => return Err(Failure::file("read", path, reason)),
+        Err(LoadError::Unreadable(reason)) => return Err(Unusable::Unread(reason)),
         Err(LoadError::Missing | LoadError::Outside) => {
-            return Err(Failure::file("read", path, "there is no such file"));
+            return Err(Unusable::Unread("there is no such file".to_owned()));
         }
     };
     match pe_frontend::main_file(&name, &bytes) {
         (sources, None) => Ok(sources),
-        (sources, Some(problem)) => Err(Failure::Spec(vec![problem], sources)),
+        (sources, Some(problem)) => Err(Unusable::Refused(Failure::Spec(vec![problem], sources))),
     }
 }
 

@@ -30,6 +30,7 @@ pub use limits::Limits;
 pub use passes::{Overrides, elaborate, elaborate_within};
 pub use syntax::ast::{self, Spec};
 pub use syntax::files::{LARGEST_FILE, LoadError, Loader, NoFiles, main_file};
+pub use syntax::format::format;
 pub use units::dimension::Units;
 
 use pe_ir::model::Model;

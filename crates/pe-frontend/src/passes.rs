@@ -96,6 +96,7 @@ fn run(spec: &Spec, overrides: &Overrides, limits: &Limits, mut report: Report) 
             return None;
         }
         unused::warn(&names, &mut report);
+        unused::empty_sums(&evaluator.sums, &mut report);
         Some(Parts {
             header: settings.header()?,
             times: times?,

@@ -182,7 +182,12 @@ impl Row {
             }
             "failed" => {
                 let exit_code = u8::try_from(row.get("exit_code")?.as_u64()?).ok()?;
-                Some(Outcome::Failed(Reason { code: text("code"), message: text("message")?, exit_code, beyond: None }))
+                // What is no number, because it is infinite, is stored as null.
+                let beyond = row.get("error").filter(|error| error.get("double").is_some()).map(|error| {
+                    let number = |key: &str| error.get(key).and_then(Value::as_f64).unwrap_or(f64::INFINITY);
+                    (number("total"), number("double"))
+                });
+                Some(Outcome::Failed(Reason { code: text("code"), message: text("message")?, exit_code, beyond }))
             }
             _ => None,
         }

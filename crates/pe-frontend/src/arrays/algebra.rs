@@ -536,7 +536,7 @@ pub(crate) fn described(shape: &[(i64, i64)]) -> String {
 pub(crate) fn visit<'e>(expr: &'e Expr, action: &mut dyn FnMut(&'e Expr)) {
     action(expr);
     match &expr.kind {
-        ExprKind::Number(_) | ExprKind::Data { .. } | ExprKind::Samples { .. } => {}
+        ExprKind::Number(_) | ExprKind::Measured(..) | ExprKind::Data { .. } | ExprKind::Samples { .. } => {}
         ExprKind::Reference(reference) => reference.subscripts.iter().for_each(|part| visit(part, action)),
         ExprKind::Sum(terms) => terms.iter().for_each(|(_, part)| visit(part, action)),
         ExprKind::Product(first, rest) => {

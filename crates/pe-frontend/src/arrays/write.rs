@@ -73,6 +73,7 @@ pub(crate) fn write_out(
             broken: spec.broken.clone(),
             blocks: spec.blocks.clone(),
             names_missing: spec.names_missing,
+            measured: spec.measured,
             tables: spec.tables.clone(),
             table_at: spec.table_at.clone(),
         },
@@ -132,7 +133,7 @@ fn concerns_arrays(statement: &StatementKind, array: impl Fn(&Name) -> bool) -> 
 }
 
 fn is_of_arrays(function: &Name) -> bool {
-    OF_ARRAYS.contains(&function.text.as_str())
+    OF_ARRAYS.iter().any(|(word, _)| *word == function.text)
 }
 
 /// The expressions of a statement that may name arrays.

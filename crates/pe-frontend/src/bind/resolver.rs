@@ -6,6 +6,7 @@
 use crate::bind::{data, matrix, samples};
 use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, MOST_NESTED_CALLS, Node, NodeKind, SumOver, depth};
 use crate::language::functions::{self, FUNCTIONS};
+use crate::language::habits;
 use crate::language::measures::unit_scale;
 use crate::language::waveforms::{Argument, SAMPLES, WAVEFORMS, check_count};
 use crate::language::words::{OF_ARRAYS, TIME};
@@ -68,7 +69,7 @@ impl<'a> Resolver<'_, 'a> {
     /// Binds a number.
     pub(crate) fn number(&mut self, expr: &'a Expr) -> Option<Node> {
         let kind = match &expr.kind {
-            ExprKind::Number(value) => NodeKind::Number(*value),
+            ExprKind::Number(value) | ExprKind::Measured(value, _) => NodeKind::Number(*value),
             ExprKind::Reference(reference) => self.reference(reference)?,
             ExprKind::Sum(terms) => {
                 let bound = terms.iter().map(|(sign, term)| self.number(term).map(|term| (*sign, term)));
@@ -220,6 +221,11 @@ impl<'a> Resolver<'_, 'a> {
                     .with_help("only arguments of signals take units; a product needs its sign"),
             );
         }
+        if let Some(help) = self.habit(name, arguments) {
+            let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
+            self.report.push(error.with_help(help));
+            return None;
+        }
         let bound = all(arguments.iter().map(|argument| self.number(argument)));
         if let Some(number) = self.names.function_numbers.get(name.text.as_str()).copied() {
             return self.inline(number, bound, arguments.len(), span);
@@ -228,20 +234,14 @@ impl<'a> Resolver<'_, 'a> {
             if self.names.is_poisoned(&name.text) {
                 return None;
             }
-            if OF_ARRAYS.contains(&name.text.as_str()) {
+            if OF_ARRAYS.iter().any(|(word, _)| *word == name.text) {
                 // In all other places it has been written out.
                 let message = format!("`{}` cannot be used here: only scalars are known", name.text);
                 self.report.push(Diagnostic::error(codes::WRONG_KIND, span, message));
                 return None;
             }
             let error = Diagnostic::error(codes::UNKNOWN_FUNCTION, name.span, unknown_function(&name.text));
-            let own = self.names.functions.iter().map(|function| function.name.text.as_str());
-            let signals = WAVEFORMS.iter().map(|(word, ..)| *word).filter(|_| self.reads != Reads::Constants);
-            let known = FUNCTIONS.iter().map(|function| function.name).chain(OF_ARRAYS).chain(own).chain(signals);
-            let help = suggestion(&name.text, known).or_else(|| {
-                let array = self.names.quantity(&name.text).is_some();
-                array.then(|| format!("subscripts need brackets, products a sign: `{0}[...]`, `{0}*(...)`", name.text))
-            });
+            let help = self.other_function(name, arguments);
             self.report.push(Diagnostic { help, ..error });
             return None;
         };
@@ -253,6 +253,51 @@ impl<'a> Resolver<'_, 'a> {
             return None;
         }
         Some(NodeKind::Call(function, bound?))
+    }
+
+    /// How a call of another language is written here; what is wrong with its arguments is reported.
+    fn habit(&mut self, name: &Name, arguments: &'a [Expr]) -> Option<String> {
+        if functions::find(&name.text).is_some() || self.names.is_poisoned(&name.text) {
+            return None;
+        }
+        let quantity = self.names.quantity(&name.text).is_some();
+        if quantity || self.names.function(&name.text).is_some() {
+            let time = |argument: &Expr| match &argument.kind {
+                ExprKind::Reference(reference) => ["t", TIME].contains(&reference.name.text.as_str()),
+                _ => false,
+            };
+            let present = quantity && matches!(arguments, [argument] if time(argument));
+            return present.then(|| format!("write `{}` alone: every quantity is that of the present time", name.text));
+        }
+        let help = habits::function(&name.text)?;
+        for argument in arguments {
+            match argument.kind {
+                ExprKind::Compare(..) | ExprKind::Logical(..) | ExprKind::Not(_) => _ = self.condition(argument),
+                _ => _ = self.number(argument),
+            }
+        }
+        Some(help.to_owned())
+    }
+
+    /// What to write in place of a function that does not exist: the nearest one that takes as many arguments.
+    fn other_function(&self, name: &Name, arguments: &[Expr]) -> Option<String> {
+        if self.names.quantity(&name.text).is_some() {
+            return Some(format!("subscripts need brackets, products a sign: `{0}[...]`, `{0}*(...)`", name.text));
+        }
+        let count = arguments.len();
+        let built_in =
+            FUNCTIONS.iter().filter(|function| (function.arguments.0..=function.arguments.1).contains(&count));
+        let own = self.names.functions.iter().filter(|function| function.parameters.len() == count);
+        let signals = WAVEFORMS.iter().filter(|(_, meanings, needed)| {
+            self.reads != Reads::Constants && (*needed..=meanings.len()).contains(&count)
+        });
+        let of_arrays = OF_ARRAYS.iter().filter(|(_, taken)| *taken == count);
+        let known = built_in
+            .map(|function| function.name)
+            .chain(of_arrays.map(|(word, _)| *word))
+            .chain(own.map(|function| function.name.text.as_str()))
+            .chain(signals.map(|(word, ..)| *word));
+        suggestion(&name.text, known)
     }
 
     fn reference(&mut self, reference: &'a Reference) -> Option<NodeKind> {

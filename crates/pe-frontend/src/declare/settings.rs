@@ -1,5 +1,6 @@
 //! The statements that occur once: `model`, `solver`, `step`, `span`.
 
+use crate::language::habits;
 use crate::language::measures::{TimeUnit, time_unit};
 use crate::nearest::suggestion;
 use crate::report::Report;
@@ -124,7 +125,9 @@ fn solver(name: &Name, report: &mut Report) -> Option<Solver> {
     let found = Solver::ALL.into_iter().find(|solver| solver.name() == name.text);
     if found.is_none() {
         let message = format!("unknown solver `{}`", name.text);
-        let help = suggestion(&name.text, Solver::ALL.map(Solver::name))
+        let help = habits::solver(&name.text)
+            .map(str::to_owned)
+            .or_else(|| suggestion(&name.text, Solver::ALL.map(Solver::name)))
             .unwrap_or_else(|| format!("there are `{}`", Solver::ALL.map(Solver::name).join("`, `")));
         report.push(Diagnostic::error(codes::UNKNOWN_SOLVER, name.span, message).with_help(help));
     }

@@ -5,6 +5,7 @@ use crate::bound::Node;
 use crate::context::{BoundBounds, Context};
 use crate::equations::pattern::{Pattern, Seen, bind, check_plain_subscripts, names_in};
 use crate::fault::{Fault, fault};
+use crate::language::habits::derivative_names;
 use crate::names::table::{Kind, MOST_DIMENSIONS, NO_EQUATION, Names, Quantity, Symbol};
 use crate::nearest::suggestion;
 use crate::syntax::ast::{Equation, LeftSide, Statement, StatementKind};
@@ -268,6 +269,12 @@ fn define(
         context.names.quantities[bound.pattern.quantity].broken = true;
         return;
     }
+    if let Some((low, high)) = bound.pattern.ranges.iter().find(|(low, high)| low > high) {
+        let message = format!("the equation stands for no element: `{low}..{high}` is empty");
+        let help = "check the range, or leave the equation out";
+        let warning = Diagnostic::error(codes::EMPTY_RANGE, bound.target, message).with_help(help).into_warning();
+        context.report.push(warning);
+    }
     let mut seen = Seen::default();
     for combination in 0..combinations {
         bound.pattern.set_frame(combination, &mut context.evaluator.frame);
@@ -347,8 +354,20 @@ fn check_all_defined(context: &mut Context) {
                 ("the next value", format!("add an equation to its block, for example `next {name} = {name}`"))
             }
         };
-        let (message, help) = (format!("no equation for {what} of {}{more}", shown.join(", ")), example);
-        context.report.push(Diagnostic::error(codes::NO_EQUATION, quantity.name.span, message).with_help(help));
+        let message = format!("no equation for {what} of {}{more}", shown.join(", "));
+        let error = Diagnostic::error(codes::NO_EQUATION, quantity.name.span, message);
+        let algebraic = |name: &String| {
+            let other = &context.names.quantities[context.names.quantity(name)?];
+            (other.kind == Kind::Algebraic).then_some(other.name)
+        };
+        let name = &quantity.name.text;
+        let meant = quantity.block.is_none().then(|| derivative_names(name).iter().find_map(algebraic)).flatten();
+        context.report.push(match meant {
+            Some(meant) => error
+                .with_label(meant.span, "an algebraic quantity of its own")
+                .with_help(format!("if `{}` is to be the derivative: that is written `{name}' = ...`", meant.text)),
+            None => error.with_help(example),
+        });
     }
 }
 

@@ -17,6 +17,7 @@ use pe_ir::codes;
 use pe_ir::index::{at, number as number_of};
 use pe_ir::model::{Expr, Formula, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Span};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Integers up to this size are exact in double precision.
@@ -39,6 +40,8 @@ pub(crate) struct Evaluator {
     pub(crate) left_sides_known: bool,
     /// Linear systems.
     systems: Systems,
+    /// The sums by their places, with the first range of those that have had no term.
+    pub(crate) sums: BTreeMap<Span, Option<(i64, i64)>>,
 }
 
 impl Evaluator {
@@ -53,6 +56,7 @@ impl Evaluator {
             parts: None,
             left_sides_known: false,
             systems: Systems::default(),
+            sums: BTreeMap::new(),
         }
     }
 
@@ -252,6 +256,8 @@ impl Evaluator {
 
     fn sum_over(&mut self, names: &Names, sum_over: &SumOver, span: Span) -> Result<Expr, Fault> {
         let (low, high) = self.range(names, &sum_over.range)?;
+        let empty = self.sums.entry(span).or_insert(Some((low, high)));
+        *empty = empty.filter(|_| low > high);
         let mut sum = SumBuilder::default();
         let place = self.frame.len();
         for value in low..=high {

@@ -15,8 +15,8 @@ pub(crate) const TRANSPOSE: &str = "transpose";
 /// The solution of a linear system.
 pub(crate) const SOLVE: &str = "solve";
 
-/// Functions of whole arrays.
-pub(crate) const OF_ARRAYS: [&str; 3] = [DOT, TRANSPOSE, SOLVE];
+/// Functions of whole arrays, with the number of their arguments.
+pub(crate) const OF_ARRAYS: [(&str, usize); 3] = [(DOT, 2), (TRANSPOSE, 1), (SOLVE, 2)];
 
 /// The value of a predefined number.
 pub(crate) fn predefined(name: &str) -> Option<f64> {

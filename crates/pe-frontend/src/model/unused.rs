@@ -1,10 +1,11 @@
-//! The pass that warns about what nothing reads.
+//! The passes that warn about what nothing reads, and about sums of nothing.
 
 use crate::names::table::{Kind, Names};
 use crate::report::Report;
 use crate::syntax::ast::Name;
 use pe_ir::codes;
-use pe_ir::source::Diagnostic;
+use pe_ir::source::{Diagnostic, Span};
+use std::collections::BTreeMap;
 
 /// Warns about constants, parameters and indices that nothing reads.
 pub(crate) fn warn(names: &Names, report: &mut Report) {
@@ -15,5 +16,14 @@ pub(crate) fn warn(names: &Names, report: &mut Report) {
     for name in unused.into_iter().filter(|name| !name.text.starts_with('_')) {
         let message = format!("`{}` is never used", name.text);
         report.push(Diagnostic::error(codes::UNUSED, name.span, message).into_warning());
+    }
+}
+
+/// Warns about sums that had no term wherever they were evaluated: their places, with the ranges of those.
+pub(crate) fn empty_sums(sums: &BTreeMap<Span, Option<(i64, i64)>>, report: &mut Report) {
+    for (span, (low, high)) in sums.iter().filter_map(|(span, range)| range.map(|range| (*span, range))) {
+        let message = format!("nothing is summed here: `{low}..{high}` is empty, so the sum is always 0");
+        let help = "check the range, or leave the sum out";
+        report.push(Diagnostic::error(codes::EMPTY_RANGE, span, message).with_help(help).into_warning());
     }
 }

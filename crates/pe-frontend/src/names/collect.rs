@@ -158,7 +158,7 @@ impl<'a> Collector<'_, 'a> {
                 self.report.push(Diagnostic::error(codes::DUPLICATE, parameter.span, message));
             }
         }
-        let of_arrays = OF_ARRAYS.contains(&name.text.as_str());
+        let of_arrays = OF_ARRAYS.iter().any(|(word, _)| *word == name.text);
         let waveform =
             WAVEFORMS.iter().any(|(word, ..)| *word == name.text) || name.text == SAMPLES || name.text == "data";
         if waveform || of_arrays || functions::find(&name.text).is_some() {

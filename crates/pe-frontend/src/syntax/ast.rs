@@ -19,6 +19,8 @@ pub struct Spec {
     pub blocks: Vec<Block>,
     /// Whether a file could not be read, so that any name may be defined in it.
     pub names_missing: bool,
+    /// Whether a number has a unit behind it.
+    pub measured: bool,
     /// The data files.
     pub(crate) tables: Vec<Arc<Table>>,
     /// Number of the table that a path stands for, by the place of the path; none for a file that could not be read.
@@ -286,6 +288,8 @@ pub struct Expr {
 pub enum ExprKind {
     /// A literal.
     Number(f64),
+    /// A literal with a unit behind it, `0.02 [mM]`.
+    Measured(f64, Name),
     /// A name with or without subscripts.
     Reference(Reference),
     /// Terms with their signs, at least two.

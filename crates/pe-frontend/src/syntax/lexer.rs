@@ -158,7 +158,11 @@ impl Lexer<'_> {
 
     fn unexpected(&mut self, sign: char) {
         let shown = if sign.is_control() { sign.escape_default().to_string() } else { sign.to_string() };
-        self.bad(codes::BAD_CHARACTER, sign.len_utf8(), format!("unexpected character `{shown}`"), remedy(sign));
+        let next = self.text[self.at + sign.len_utf8()..].chars().next();
+        let help = remedy(sign, next);
+        // `&&` is one sign to its writer.
+        let length = if next == Some(sign) { 2 * sign.len_utf8() } else { sign.len_utf8() };
+        self.bad(codes::BAD_CHARACTER, length, format!("unexpected character `{shown}`"), help);
     }
 
     fn bad(&mut self, code: &'static str, length: usize, message: String, help: Option<&str>) {
@@ -187,9 +191,18 @@ fn number_length(text: &str) -> usize {
 }
 
 /// What the writer of a character most likely wanted.
-fn remedy(sign: char) -> Option<&'static str> {
+fn remedy(sign: char, next: Option<char>) -> Option<&'static str> {
     Some(match sign {
-        '#' | '%' => "comments begin with `//`",
+        '#' => "comments begin with `//`",
+        '%' => "comments begin with `//`; the remainder of integers is `a mod b`",
+        '?' => "write `if c then a else b`",
+        '~' if next == Some('=') => "write `!=`",
+        '~' => "write `not`, or `=` for an equation",
+        '\\' => "a linear system is solved by `x = solve(T, b)`",
+        '$' | '@' | '`' => "names consist of the letters A to Z and a to z, digits and `_`",
+        '.' if matches!(next, Some('*' | '/' | '^')) => {
+            "element by element means with indices: `z[i] = a[i]*b[i]`; scalars have plain operators"
+        }
         ';' => "a statement ends at the end of its line; no mark is needed",
         '!' => "write `not`, or `!=` for `not equal`",
         '&' => "write `and`",
@@ -197,6 +210,12 @@ fn remedy(sign: char) -> Option<&'static str> {
         '.' => "a number needs digits on both sides of its point, a range is written `1..5`",
         '\u{2212}' | '\u{2013}' | '\u{2014}' => "write the minus sign as `-`",
         '\u{00D7}' | '\u{00B7}' | '\u{22C5}' => "write multiplication as `*`",
+        '\u{00F7}' | '\u{2215}' => "write division as `/`",
+        '\u{00B2}' | '\u{00B3}' | '\u{2070}'..='\u{209C}' => "write powers as `x^2`, and numbers in names as `x2`",
+        '\u{221A}' => "write `sqrt(x)`",
+        '\u{03C0}' => "write `pi`",
+        '\u{201C}' | '\u{201D}' | '\u{201E}' => "write quotes as `\"`",
+        '\u{2026}' => "a range is written `1..5`",
         '\u{2019}' | '\u{2032}' => "write the derivative mark as `'`",
         '\u{2264}' => "write `<=`",
         '\u{2265}' => "write `>=`",
@@ -227,6 +246,16 @@ mod tests {
     fn a_blank_makes_a_bracket_a_unit() {
         assert_eq!(kinds("V[b]"), [TokenKind::Word, TokenKind::Open, TokenKind::Word, TokenKind::Close]);
         assert_eq!(kinds("V [\u{3a9} m]"), [TokenKind::Word, TokenKind::Unit]);
+    }
+
+    #[test]
+    fn characters_of_other_languages_have_a_remedy() {
+        for (sign, next) in
+            [('?', None), ('%', None), ('~', Some('=')), ('~', None), ('\\', None), ('.', Some('*')), ('\u{b2}', None)]
+        {
+            assert!(remedy(sign, next).is_some(), "{sign}");
+        }
+        assert_ne!(remedy('.', Some('*')), remedy('.', None));
     }
 
     #[test]

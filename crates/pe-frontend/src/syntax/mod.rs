@@ -3,8 +3,11 @@
 pub mod ast;
 mod errors;
 pub(crate) mod files;
+pub(crate) mod format;
 mod grammar;
-mod lexer;
+mod habits;
+pub(crate) mod lexer;
+mod operators;
 mod parser;
 pub(crate) mod reader;
 mod statements;

@@ -8,33 +8,13 @@ use crate::syntax::ast::*;
 use crate::syntax::errors::describe;
 use crate::syntax::grammar::{OdeParser, Rule};
 use crate::syntax::lexer::{Token, TokenKind};
+use crate::syntax::operators::{PRECEDENCE, join};
 use crate::syntax::statements::text_of;
 use pe_ir::codes;
 use pe_ir::index::{at, number};
 use pe_ir::source::{Diagnostic, Span};
 use pest::Parser;
 use pest::iterators::Pair;
-use pest::pratt_parser::{Assoc, Op, PrattParser};
-use std::sync::LazyLock;
-
-/// Operators from loosest to tightest.
-static PRECEDENCE: LazyLock<PrattParser<Rule>> = LazyLock::new(|| {
-    let left = |rule| Op::infix(rule, Assoc::Left);
-    PrattParser::new()
-        .op(left(Rule::kw_or))
-        .op(left(Rule::kw_and))
-        .op(Op::prefix(Rule::kw_not))
-        .op(left(Rule::equal)
-            | left(Rule::not_equal)
-            | left(Rule::less)
-            | left(Rule::less_equal)
-            | left(Rule::greater)
-            | left(Rule::greater_equal))
-        .op(left(Rule::add) | left(Rule::subtract))
-        .op(left(Rule::multiply) | left(Rule::divide) | left(Rule::kw_div) | left(Rule::kw_mod))
-        .op(Op::prefix(Rule::negate))
-        .op(Op::infix(Rule::power, Assoc::Right))
-});
 
 /// Parses one statement; an error is reported and gives `None`.
 pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report) -> Option<Statement> {
@@ -343,12 +323,15 @@ impl Builder<'_> {
                 let yes = Box::new(self.expr(parts.take(Rule::expr)?)?);
                 ExprKind::If { condition, yes, no: Box::new(self.expr(parts.take(Rule::expr)?)?) }
             }
-            Rule::sum => {
+            Rule::measured => {
                 let mut parts = Parts::of(pair);
-                let binder = Box::new(self.binder(parts.take(Rule::binder)?)?);
-                let condition = self.condition(&mut parts)?.map(Box::new);
-                ExprKind::SumOver { binder, condition, body: Box::new(self.expr(parts.take(Rule::expr)?)?) }
+                let value = self.number(&parts.take(Rule::number)?)?;
+                match parts.take(Rule::unit).and_then(|unit| self.unit(unit)) {
+                    Some(unit) => ExprKind::Measured(value, unit),
+                    None => ExprKind::Number(value),
+                }
             }
+            Rule::sum => return self.sum(Parts::of(pair), span),
             Rule::data => {
                 let (path, column) = self.file_column(&mut Parts::of(pair))?;
                 ExprKind::Data { path, column }
@@ -387,6 +370,21 @@ impl Builder<'_> {
         Some(Expr { kind, span })
     }
 
+    /// A sum over several indices is one sum inside the other; the condition, which may read them all, is the innermost's.
+    fn sum(&mut self, mut parts: Parts, span: Span) -> Option<Expr> {
+        let mut binders = Vec::new();
+        while let Some(binder) = parts.take(Rule::binder) {
+            binders.push(self.binder(binder)?);
+        }
+        let mut condition = self.condition(&mut parts)?.map(Box::new);
+        let mut body = self.expr(parts.take(Rule::expr)?)?;
+        for binder in binders.into_iter().rev() {
+            let (binder, condition) = (Box::new(binder), condition.take());
+            body = Expr { kind: ExprKind::SumOver { binder, condition, body: Box::new(body) }, span };
+        }
+        Some(body)
+    }
+
     fn number(&mut self, pair: &Node) -> Option<f64> {
         let value: f64 = pair.as_str().parse().ok()?;
         if value.is_finite() {
@@ -397,62 +395,6 @@ impl Builder<'_> {
         self.explained = true;
         None
     }
-}
-
-/// Joins two operands; chains of one rank become one list.
-fn join(left: Expr, operator: Rule, right: Expr) -> Option<Expr> {
-    let span = Span { start: left.span.start, end: right.span.end };
-    let kind = match operator {
-        Rule::add => term(left, Sign::Plus, right),
-        Rule::subtract => term(left, Sign::Minus, right),
-        Rule::multiply => factor(left, Factor::Multiply, right),
-        Rule::divide => factor(left, Factor::Divide, right),
-        Rule::kw_div => factor(left, Factor::IntegerDivide, right),
-        Rule::kw_mod => factor(left, Factor::Modulo, right),
-        Rule::power => ExprKind::Power(Box::new(left), Box::new(right)),
-        Rule::kw_and => logical(left, Connective::And, right),
-        Rule::kw_or => logical(left, Connective::Or, right),
-        _ => {
-            let comparison = match operator {
-                Rule::equal => Comparison::Equal,
-                Rule::not_equal => Comparison::NotEqual,
-                Rule::less => Comparison::Less,
-                Rule::less_equal => Comparison::LessEqual,
-                Rule::greater => Comparison::Greater,
-                Rule::greater_equal => Comparison::GreaterEqual,
-                _ => return None,
-            };
-            ExprKind::Compare(comparison, Box::new(left), Box::new(right))
-        }
-    };
-    Some(Expr { kind, span })
-}
-
-fn term(left: Expr, sign: Sign, right: Expr) -> ExprKind {
-    let mut terms = match left.kind {
-        ExprKind::Sum(terms) => terms,
-        kind => vec![(Sign::Plus, Expr { kind, span: left.span })],
-    };
-    terms.push((sign, right));
-    ExprKind::Sum(terms)
-}
-
-fn factor(left: Expr, operator: Factor, right: Expr) -> ExprKind {
-    let (first, mut rest) = match left.kind {
-        ExprKind::Product(first, rest) => (first, rest),
-        kind => (Box::new(Expr { kind, span: left.span }), Vec::new()),
-    };
-    rest.push((operator, right));
-    ExprKind::Product(first, rest)
-}
-
-fn logical(left: Expr, connective: Connective, right: Expr) -> ExprKind {
-    let mut operands = match left.kind {
-        ExprKind::Logical(inner, operands) if inner == connective => operands,
-        kind => vec![Expr { kind, span: left.span }],
-    };
-    operands.push(right);
-    ExprKind::Logical(connective, operands)
 }
 
 /// The children of a pair, taken by rule in order; keywords and signs between them are skipped.
@@ -521,6 +463,7 @@ mod tests {
         let list = |items: &[Expr], mark: &str| items.iter().map(show).collect::<Vec<_>>().join(mark);
         match &expr.kind {
             ExprKind::Number(value) => value.to_string(),
+            ExprKind::Measured(value, unit) => format!("{value}[{}]", unit.text),
             ExprKind::Reference(reference) if reference.subscripts.is_empty() => reference.name.text.clone(),
             ExprKind::Reference(reference) => {
                 format!("{}[{}]", reference.name.text, list(&reference.subscripts, ","))
@@ -587,6 +530,16 @@ mod tests {
     #[test]
     fn a_range_is_not_read_as_a_decimal_point() {
         assert_eq!(shape("sum(k in 1..n: V[k])"), "sum(k:V[k])");
+    }
+
+    #[test]
+    fn a_sum_over_several_indices_is_one_in_another() {
+        assert_eq!(shape("sum(i, k in 1..i where k > 1: V[k])"), "sum(i:sum(k:V[k]))");
+    }
+
+    #[test]
+    fn a_bracket_after_a_number_and_a_blank_holds_its_unit() {
+        assert_eq!(shape("1 + x/0.02 [mM]"), "(Plus 1 Plus (x Divide 0.02[mM]))");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::syntax::ast::{
     Binder, Block, Broken, Equation, Expr, ExprKind, LeftSide, Measure, Name, Reference, Spec, Statement, StatementKind,
 };
 use crate::syntax::files::{LARGEST_FILE, Loader, folder, load, resolve};
-use crate::syntax::lexer::{SECTIONS, tokenize};
+use crate::syntax::lexer::{SECTIONS, Token, TokenKind, tokenize};
 use crate::syntax::tables::Table;
 use crate::syntax::{parser, statements};
 use pe_ir::codes;
@@ -71,6 +71,8 @@ impl Reader<'_> {
     fn file(&mut self, file: Span, own_folder: &str) {
         let text = &self.sources.text()[..file.range().end];
         let tokens = tokenize(text, file.start, self.report);
+        let measured = |pair: &[Token]| pair[0].kind == TokenKind::Number && pair[1].kind == TokenKind::Unit;
+        self.spec.measured |= tokens.windows(2).any(measured);
         let mut parsed = Vec::new();
         for statement in statements::split(text, &tokens) {
             let tree = statements::check(text, &statement, self.report)

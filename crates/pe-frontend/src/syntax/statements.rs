@@ -1,9 +1,11 @@
 //! Splits the text into statements and checks each one's brackets and nesting, so that one broken statement does not
 //! hide the others and no input can make the recursive parser overflow its stack.
 
+use crate::language::habits as words;
 use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::syntax::ast::Broken;
+use crate::syntax::habits;
 use crate::syntax::lexer::{SECTIONS, Token, TokenKind, is_keyword};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
@@ -116,7 +118,10 @@ pub(crate) fn check(text: &str, statement: &[Token], report: &mut Report) -> boo
     if statement.iter().any(|token| token.kind == TokenKind::Bad) {
         return false;
     }
-    let problem = first_word(text, statement).or_else(|| brackets(text, statement)).or_else(|| depth(text, statement));
+    let problem = habits::left_side(text, statement)
+        .or_else(|| first_word(text, statement))
+        .or_else(|| brackets(text, statement))
+        .or_else(|| depth(text, statement));
     match problem {
         Some(problem) => {
             report.push(problem);
@@ -135,7 +140,7 @@ fn first_word(text: &str, statement: &[Token]) -> Option<Diagnostic> {
         let second = second?;
         let name = text_of(text, second);
         let names_something = !matches!(word, "solver" | "step" | "span" | "output" | "include" | "units" | "every");
-        return (names_something && is_keyword(name)).then(|| keyword_as_name(name, second.span));
+        return (names_something && is_keyword(name)).then(|| keyword_as_name(name, second.span, false));
     }
     if first.kind != TokenKind::Word {
         return None;
@@ -143,18 +148,28 @@ fn first_word(text: &str, statement: &[Token]) -> Option<Diagnostic> {
     if is_keyword(word) {
         let left_side =
             second.is_some_and(|t| matches!(t.kind, TokenKind::Equals | TokenKind::Prime) || text_of(text, t) == "[");
-        return left_side.then(|| keyword_as_name(word, first.span));
+        return left_side.then(|| keyword_as_name(word, first.span, false));
     }
-    // `ouput w`: two words in a row are no equation.
-    second.filter(|second| second.kind == TokenKind::Word)?;
-    let section = suggestion(word, SECTIONS)?;
-    Some(Diagnostic::error(codes::SYNTAX, first.span, format!("no statement begins with `{word}`")).with_help(section))
+    // `ouput w`: two words in a row are no equation, and neither is one alone.
+    let other = |second: &Token| matches!(second.kind, TokenKind::Word | TokenKind::Number | TokenKind::Text);
+    second.is_none_or(|second| other(&second)).then_some(())?;
+    let section = second.filter(|second| second.kind == TokenKind::Word).and_then(|_| suggestion(word, SECTIONS));
+    let help = section.or_else(|| words::statement(word).map(str::to_owned))?;
+    Some(Diagnostic::error(codes::SYNTAX, first.span, format!("no statement begins with `{word}`")).with_help(help))
 }
 
-/// The error for a keyword in the place of a name.
-pub(crate) fn keyword_as_name(word: &str, span: Span) -> Diagnostic {
+/// The error for a keyword in the place of a name; `called` says that a bracket follows, as behind a function.
+pub(crate) fn keyword_as_name(word: &str, span: Span, called: bool) -> Diagnostic {
+    let help = match word {
+        "step" if called => {
+            "a signal that steps is `pulse(1, 0.5 s, 1e9 s)`, a pulse that outlasts the run; of a variable it is \
+             `if x >= 0 then 1 else 0`"
+                .to_owned()
+        }
+        _ => format!("choose another name, for example `{word}_`"),
+    };
     Diagnostic::error(codes::KEYWORD_AS_NAME, span, format!("`{word}` is a keyword and cannot be a name"))
-        .with_help(format!("choose another name, for example `{word}_`"))
+        .with_help(help)
 }
 
 /// A bracket without partner.
@@ -189,21 +204,26 @@ fn brackets(text: &str, statement: &[Token]) -> Option<Diagnostic> {
 /// Nesting deeper than the limit. Counts whatever makes the parser recurse: brackets, `if`, and runs of prefix signs
 /// and powers.
 fn depth(text: &str, statement: &[Token]) -> Option<Diagnostic> {
-    let mut outer: Vec<(usize, usize)> = Vec::new();
+    let mut outer: Vec<(usize, usize, bool)> = Vec::new();
     let (mut base, mut run) = (0usize, 0usize);
+    // Whether the indices of a sum are being named: each is a sum inside the last one.
+    let mut naming = false;
     let mut after_operand = false;
-    for token in statement {
+    for (at, token) in statement.iter().enumerate() {
         let word = text_of(text, *token);
         match token.kind {
             TokenKind::Open => {
-                outer.push((base, run));
+                outer.push((base, run, naming));
                 (base, run) = (base + run + 1, 0);
+                naming = at > 0 && text_of(text, statement[at - 1]) == "sum";
                 after_operand = false;
             }
             TokenKind::Close => {
-                (base, run) = outer.pop().unwrap_or_default();
+                (base, run, naming) = outer.pop().unwrap_or_default();
                 after_operand = true;
             }
+            TokenKind::Sign if naming && word == "," => (base, run, after_operand) = (base + 1, 0, false),
+            TokenKind::Sign if word == ":" => (naming, run, after_operand) = (false, 0, false),
             // Its branches reach as far as the bracket, so its level ends with the bracket, too.
             TokenKind::Word if word == "if" => (base, run, after_operand) = (base + run + 1, 0, false),
             TokenKind::Word if word == "not" => run += 1,
@@ -231,6 +251,9 @@ fn depth(text: &str, statement: &[Token]) -> Option<Diagnostic> {
 pub(crate) fn salvage(text: &str, statement: &[Token]) -> Broken {
     let mut words = statement.iter().filter(|token| token.kind == TokenKind::Word).map(|token| text_of(text, *token));
     let first = words.next().unwrap_or("");
+    if let Some(name) = habits::defined(text, statement) {
+        return Broken { section: String::new(), names: vec![name.to_owned()] };
+    }
     if !SECTIONS.contains(&first) {
         return Broken { section: String::new(), names: vec![first.to_owned()] };
     }

@@ -65,6 +65,12 @@ impl Table {
             let global = |(from, to): (usize, usize)| Span::of(start + from, start + to);
             let place = |at: usize| global(places.get(at).copied().unwrap_or(line));
             if table.columns.is_empty() {
+                if let Some(mark) = other_separator(&record) {
+                    let message = format!("the cells look parted by {mark}: the first row has no comma");
+                    let help = "part cells by commas and write decimals with a point: `t,p` and `0.5,1.25`";
+                    report.push(Diagnostic::error(codes::BAD_TABLE, global(line), message).with_help(help));
+                    return None;
+                }
                 table.columns.extend(record.iter().enumerate().map(|(at, name)| header(name, place(at))));
             } else if record.len() == table.columns.len() {
                 let value = |text: &str| {
@@ -85,6 +91,13 @@ impl Table {
         }
         (complete && !table.columns.is_empty()).then_some(table)
     }
+}
+
+/// What parts the names of a header that is a single cell, if it is not a comma.
+fn other_separator(header: &csv::StringRecord) -> Option<&'static str> {
+    let mut cells = header.iter();
+    let (only, None) = (cells.next()?, cells.next()) else { return None };
+    [(";", "`;`"), ("\t", "tabs"), ("|", "`|`")].into_iter().find(|(mark, _)| only.contains(mark)).map(|(_, name)| name)
 }
 
 /// A cell without the quotes that a blank before them made part of the text.
@@ -171,6 +184,10 @@ mod tests {
             findings.iter().map(|finding| finding.span.map(|span| span.start)).collect::<Vec<_>>(),
             [Some(20), Some(22)]
         );
+        for (other, mark) in [("t;p\n0;1\n", "`;`"), ("t\tp\n0\t1\n", "tabs"), ("t [s];p [Pa]\n0,5;1\n", "`;`")] {
+            let (table, findings) = read(other);
+            assert!(table.is_none() && findings.len() == 1 && findings[0].message.contains(mark), "{findings:?}");
+        }
         for empty in ["", "\n\n", "# nothing\n"] {
             assert_eq!(read(empty).1.len(), 1, "{empty:?}");
         }

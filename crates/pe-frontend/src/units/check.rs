@@ -20,7 +20,7 @@ use pe_ir::source::{Diagnostic, Span};
 const SAME: [&str; 7] = ["floor", "ceil", "round", "abs", "min", "max", "mod"];
 
 /// What to do about units of different dimensions.
-const DIMENSION_HELP: &str = "check the equation; a constant with a unit must be a parameter";
+const DIMENSION_HELP: &str = "check the equation; a number has the unit that is written behind it, as in `0.02 [mM]`";
 
 /// Bodies of functions that are looked into; each call looks again, for its arguments have units of their own.
 const MOST_CALLS: usize = 20_000;
@@ -76,7 +76,7 @@ pub(crate) fn check<'a>(spec: &'a Spec, names: &mut Names<'a>, report: &mut Repo
     let mut checker = Checker { spec, names, report, strict, units, named: Vec::new(), calls: MOST_CALLS };
     checker.declared();
     // A spec without any unit is a system of numbers, its time is one, too.
-    if checker.named.is_empty() {
+    if checker.named.is_empty() && !spec.measured {
         return;
     }
     checker.infer();
@@ -278,6 +278,7 @@ impl<'a> Checker<'_, 'a> {
         let span = expr.span;
         let unit = match &expr.kind {
             ExprKind::Number(_) => Number,
+            ExprKind::Measured(_, unit) => self.read(unit),
             ExprKind::Reference(reference) => self.reference(reference, scope),
             ExprKind::Sum(terms) => self.all_same(terms.iter().map(|(_, term)| term), scope),
             ExprKind::Product(first, rest) => self.product(first, rest, scope),
@@ -521,6 +522,7 @@ fn literal(expr: &Expr) -> Option<f64> {
 fn each_name<'a>(expr: &'a Expr, action: &mut impl FnMut(&'a Name)) {
     match &expr.kind {
         ExprKind::Number(_)
+        | ExprKind::Measured(..)
         | ExprKind::Data { .. }
         | ExprKind::Samples { .. }
         | ExprKind::Compare(..)

@@ -3,4 +3,4 @@
 pub(crate) mod check;
 pub(crate) mod dimension;
 mod known;
-mod parse;
+pub(crate) mod parse;

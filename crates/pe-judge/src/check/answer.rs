@@ -19,6 +19,8 @@ pub struct Check {
     pub found: Option<Found>,
     /// Step for the accuracy asked for, and its method error.
     pub accuracy: Option<Accuracy>,
+    /// The stable step that accuracy is compared with, by trial or by eigenvalues, in seconds.
+    pub stable: Option<f64>,
     /// How many times the stable step accuracy would allow.
     pub stiffness_ratio: Option<f64>,
     /// Growth of one step, with exact and rounded coefficients.

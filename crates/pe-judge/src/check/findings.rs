@@ -250,7 +250,9 @@ impl Check {
     /// Adds the largest stable step and the cheapest remedy.
     fn with_limit(&self, question: &Question, refusal: Diagnostic, trials: &Trials) -> Diagnostic {
         let model = question.model;
-        if let Some(chaos) = self.chaos.filter(|_| refusal.code == codes::STEP_TOO_LARGE) {
+        // A span that is not shorter is no advice.
+        let chaos = self.chaos.filter(|chaos| 0.5 * chaos.divergence < model.span);
+        if let Some(chaos) = chaos.filter(|_| refusal.code == codes::STEP_TOO_LARGE) {
             let help = format!(
                 "the model is chaotic: errors grow by e every {:.2e} s. Judge it over a shorter span, such as `--span {:e}`",
                 1.0 / chaos.rate,

@@ -77,6 +77,7 @@ impl Check {
         let stable = check.found.map(|found| found.stable);
         check.accuracy =
             question.goal.and_then(|goal| trials.accuracy_step(question.graph, judged.errors.method, goal, stable));
+        check.stable = check.stable();
         check.stiffness_ratio = check.ratio(model, question.goal);
         check.growth = observed::step_growth(model, question.graph, &judged.fixed, &trusted);
         check.pivot = judged.smallest_pivot.clone();
@@ -138,17 +139,21 @@ impl Check {
         refusals.into_iter().map(explained).collect()
     }
 
+    /// The stable step.
+    fn stable(&self) -> Option<f64> {
+        let predicted = self.prediction.limit.as_ref().map(|limit| limit.step);
+        match self.found {
+            // Trials that met no end, say at the period of a sampled part, are a lower bound.
+            Some(Found { stable, unstable: None, .. }) => Some(predicted?.max(stable)),
+            Some(found) => Some(found.stable),
+            None => predicted,
+        }
+    }
+
     /// The accuracy step over the stable one.
     fn ratio(&self, model: &Model, goal: Option<f64>) -> Option<f64> {
-        let predicted = self.prediction.limit.as_ref().map(|limit| limit.step);
-        let stable = match self.found {
-            // Trials that met no end, say at the period of a sampled part, are a lower bound.
-            Some(Found { stable, unstable: None, .. }) => predicted?.max(stable),
-            Some(found) => found.stable,
-            None => predicted?,
-        };
         let Accuracy { step, error, .. } = self.accuracy?;
-        Some(stiffness::ratio(stable, (step, error), goal?, model.solver))
+        Some(stiffness::ratio(self.stable?, (step, error), goal?, model.solver))
     }
 
     fn explain(question: &Question, trusted: &Trusted, trials: &Trials) -> Check {
@@ -162,6 +167,7 @@ impl Check {
             own_trajectory: trusted.own,
             found,
             accuracy: None,
+            stable: None,
             stiffness_ratio: None,
             growth: None,
             pivot: None,

@@ -122,6 +122,8 @@ pub struct StepGrowth {
     pub steps: u64,
     /// Whether all eigenvalues were computed; else the outer ones were estimated.
     pub all: bool,
+    /// Time around which a step that is not linear was linearised, in seconds.
+    pub linearised: Option<f64>,
 }
 
 impl StepGrowth {
@@ -158,7 +160,8 @@ pub fn step_growth(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted
     }
     let exact = magnitudes(model, DoubleRun::new(graph), affine, trusted, point)?;
     let rounded = magnitudes(model, DoubleRun::quantised(graph, fixed), affine, trusted, point)?;
-    Some(StepGrowth { exact, rounded, steps, all: model.states.len() <= COLUMNS })
+    let linearised = (!affine).then(|| trusted.times[point]);
+    Some(StepGrowth { exact, rounded, steps, all: model.states.len() <= COLUMNS, linearised })
 }
 
 fn magnitudes(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, point: usize) -> Option<Vec<f64>> {

@@ -34,25 +34,34 @@ pub(super) fn poles(model: &Model, growth: Option<&StepGrowth>) -> Option<Diagno
         1 => "a step".to_owned(),
         steps => format!("{steps} steps"),
     };
+    // Of a loop that is not linear this is said of small disturbances there, and of nothing else.
+    let (what, locally) = match growth.linearised {
+        Some(time) => (format!("linearised at t = {time:.3e} s, "), ", locally"),
+        None => (String::new(), ""),
+    };
+    let steps = format!("{steps}{locally}");
     let help = "take a wider coefficient port, the second number in `--multiplier AxB`, or sections of second order";
     if growth.exact() > 1.0 + UNIT_CIRCLE {
-        let message = format!("a pole lies outside of the unit circle: |z| = {:.9} over {steps}", growth.exact());
-        let help = "the sampled loop is unstable: check its gains and its period";
+        let message = format!("{what}a pole lies outside of the unit circle: |z| = {:.9} over {steps}", growth.exact());
+        let help = match growth.linearised {
+            Some(_) => {
+                "small disturbances grow there; limits, dead zones and other times may keep the run bounded all the same: look \
+                 at its outputs, then at gains and period"
+            }
+            None => "the sampled loop is unstable: check its gains and its period",
+        };
         return Some(Diagnostic::error(codes::POLE, rate.span, message).with_help(help).into_warning());
     }
     let (exact, rounded) = growth.moved_pole()?;
+    let values = format!("|z| = {rounded:.9}, not {exact:.9}, over {steps}");
     if rounded >= 1.0 {
-        let message = format!(
-            "rounded coefficients move a pole to the unit circle or beyond: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
-        );
+        let message = format!("{what}rounded coefficients move a pole to the unit circle or beyond: {values}");
         return Some(Diagnostic::error(codes::POLE_MOVED, rate.span, message).with_help(help));
     }
     if 1.0 - rounded >= POLE_MARGIN * (1.0 - exact) {
         return None;
     }
-    let message = format!(
-        "rounded coefficients move a pole towards the unit circle: |z| = {rounded:.9}, not {exact:.9}, over {steps}"
-    );
+    let message = format!("{what}rounded coefficients move a pole towards the unit circle: {values}");
     Some(Diagnostic::error(codes::POLE, rate.span, message).with_help(help).into_warning())
 }
 
