@@ -115,6 +115,7 @@ fn columns_of_neighbouring_lines_are_equal_and_empty_lines_single() {
     );
     let declared = "param a        [m]    = 1\nparam long_one [kg/s] = 2\nstate x               = 3\n";
     assert_eq!(units, format!("{declared}\nindex i in 1..3  // three\noutput a\nw = 1            // last\n"));
+    assert_eq!(laid_out("solver rk4\ntime [ms]\nunits strict\n"), "solver rk4\ntime   [ms]\nunits  strict\n");
     // What lies too far apart has no column.
     let far = "a = 1\nthis_is_a_very_long_name_for_a_quantity_of_it = 2\n";
     assert_eq!(laid_out(far), far);

@@ -74,15 +74,29 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
         }
         None => row("found by trial", not_found(model).to_owned()),
     }
+    let beyond = check.stiffness_ratio.zip(check.stable).filter(|(ratio, _)| *ratio > 1.0);
     if let Some(Accuracy { step, error, tried }) = check.accuracy {
         let how = if tried { "" } else { ", by its order" };
-        row("accuracy step", format!("{step:.3e} s has a method error of {error:.1e}{how}"));
+        let own = format!("{step:.3e} s has a method error of {error:.1e}{how}");
+        row(
+            "accuracy step",
+            match beyond {
+                Some((_, stable)) => format!("> {stable:.3e} s, capped by stability; {own}"),
+                None => own,
+            },
+        );
     }
-    let ratio = check.stiffness_ratio;
-    let stiff = match ratio {
-        Some(ratio) if ratio > STIFF => format!("; accuracy allows {ratio:.0} x: try implicit methods"),
-        Some(ratio) => format!("; accuracy step / stable step {ratio:.2}"),
-        None => String::new(),
+    let stiff = match (check.stiffness_ratio, check.stable, check.accuracy) {
+        (Some(ratio), Some(stable), _) if ratio > STIFF => {
+            format!("; accuracy allows about {ratio:.0} x the stable step of {stable:.3e} s: try implicit methods")
+        }
+        (Some(ratio), Some(stable), _) if ratio > 1.0 => {
+            format!("; accuracy allows about {ratio:.2} x the stable step of {stable:.3e} s")
+        }
+        (Some(_), Some(stable), Some(accuracy)) => {
+            format!("; the accuracy step is {:.2} of the stable step of {stable:.3e} s", accuracy.step / stable)
+        }
+        _ => String::new(),
     };
     row("stiffness", format!("fastest decay x span {:.1e}{stiff}", prediction.fastest * model.span));
     if prediction.growth > 1e-3 {

@@ -1,6 +1,7 @@
 //! `pe-synth accuracy`: error against run time for solvers, steps and word lengths.
 
 use pe_judge::DesignPoint;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use pe_ir::model::Model;
@@ -15,7 +16,7 @@ use crate::explore::given::{Given, Sweeping};
 use crate::explore::record::{Kind, Record};
 use crate::messages::MessageFormat;
 use crate::options::{ConservedArgs, ModelArgs, SweepArgs, positive};
-use crate::output::OutputFolder;
+use crate::output::{FolderLock, OutputFolder};
 use pe_flow::accuracy::goal::Search;
 use pe_flow::accuracy::lists::Plan;
 use pe_flow::explore::estimate::Estimate;
@@ -46,8 +47,11 @@ pub struct Accuracy {
     sweep: SweepArgs,
     /// Picks the cheapest point with at most this total error, trying more steps and words; points that miss it show only
     /// their error
-    #[arg(long, value_name = "E", value_parser = positive, help_heading = "Points")]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = positive, help_heading = "Points")]
     max_error: Option<f64>,
+    /// Continues the study in the output folder: points that it holds are not compiled again
+    #[arg(long, help_heading = "Points")]
+    resume: bool,
     #[command(flatten)]
     conserved: ConservedArgs,
     #[command(flatten)]
@@ -82,16 +86,24 @@ impl Accuracy {
         hit(&lists.step, lists.sample)?;
         let plan = lists.plan(model, &settings.mapping);
         let clock = self.sweep.clock.source();
-        let row = |point: DesignPoint| (point, given.command(&point), None);
+        let row = |point: DesignPoint| (point, given.command(&point));
+        let lock = FolderLock::take(&target)?;
         let mut record = Record {
             kind: Kind { store: "accuracy.json", files: files::files },
             head: self.head(model, &plan),
             title: format!("{} ({})", model.name, model.size()),
             max_error: self.max_error,
             clock: clock.words(),
-            rows: plan.points.iter().copied().map(row).collect(),
+            rows: Vec::new(),
             target,
+            searches: self.max_error.is_some(),
+            kept: BTreeMap::new(),
+            lock,
         };
+        record.extend(plan.points.iter().copied().map(row));
+        if self.resume {
+            record.resume()?;
+        }
         let estimate = Estimate::of(model, &plan.graphs, &settings.mapping);
         let sweep = |within: Option<f64>| Sweep {
             loaded: loaded.clone(),
@@ -107,7 +119,9 @@ impl Accuracy {
                 estimate.total(&family::families(record.pending(), family::has_functions(model))) / threads as f64;
             let (points, title) = (record.rows.len(), &record.title);
             let time = indicatif::HumanDuration(std::time::Duration::from_secs_f64(seconds.max(1.0)));
-            console::err(&format!("  accuracy  {title}: {points} points, about {time}\n"));
+            let done = points - record.pending().len();
+            let kept = if done > 0 { format!(", {done} done before") } else { String::new() };
+            console::err(&format!("  accuracy  {title}: {points} points{kept}, about {time}\n"));
         }
         let driver = Driver::new(Self::NAME, threads)?;
         driver.round(&mut record, sweep(None), quiet)?;
@@ -118,7 +132,10 @@ impl Accuracy {
                 if more.is_empty() {
                     break;
                 }
-                record.rows.extend(more.into_iter().map(row));
+                if !quiet {
+                    console::err(&format!("            {} points more in search of the goal\n", more.len()));
+                }
+                record.extend(more.into_iter().map(row));
                 driver.round(&mut record, sweep(Some(limit)), quiet)?;
             }
         }

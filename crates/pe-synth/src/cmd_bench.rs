@@ -42,7 +42,7 @@ pub struct Bench {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Clock of the hardware [default: 150, marked as assumed]
-    #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
+    #[arg(long, value_name = "MHZ", allow_hyphen_values = true, value_parser = positive, help_heading = "Output")]
     clock: Option<f64>,
     /// Steps per repetition [default: enough for a fraction of a second]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000_000), help_heading = "Output")]

@@ -8,6 +8,7 @@ use crate::console;
 use crate::messages::{MessageFormat, print_findings};
 use crate::options::{MappingArgs, ModelArgs, PointArgs};
 use crate::progress;
+use crate::rerun::{self, WatchArgs};
 use pe_flow::failure::Failure;
 use pe_flow::pipeline;
 use pe_flow::variables;
@@ -37,11 +38,13 @@ pub struct Check {
     #[command(flatten)]
     mapping: MappingArgs,
     /// Method error for which the accuracy step is computed
-    #[arg(long, value_name = "E", default_value_t = pe_judge::check::ACCURACY, value_parser = crate::options::positive, help_heading = "Numbers")]
+    #[arg(long, value_name = "E", default_value_t = pe_judge::check::ACCURACY, allow_hyphen_values = true, value_parser = crate::options::positive, help_heading = "Numbers")]
     max_error: f64,
     /// Shows the ranges of all variables, not only those with the least headroom
     #[arg(long, help_heading = "Output")]
     all: bool,
+    #[command(flatten)]
+    again: WatchArgs,
     #[command(flatten)]
     model: ModelArgs,
 }
@@ -57,6 +60,9 @@ impl Check {
     /// # Errors
     /// The findings of a refused step; those of the spec and the options.
     pub fn run(&self) -> Result<(), Failure> {
+        if self.again.watch {
+            return rerun::watch(&self.model, &self.mapping);
+        }
         let json = self.message_format() == MessageFormat::Json;
         let (point, mapping, criteria) = (self.point.point(), self.mapping.options(), self.model.criteria());
         let mut watch = progress::stopwatch(true, self.message_format());

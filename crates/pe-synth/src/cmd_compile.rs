@@ -22,6 +22,7 @@ use crate::options::{ClockArgs, ConservedArgs, MappingArgs, ModelArgs, PointArgs
 use crate::origin;
 use crate::output::OutputFolder;
 use crate::progress;
+use crate::rerun::{self, WatchArgs};
 use pe_flow::accuracy::choice::{Choice, Question};
 use pe_flow::failure::Failure;
 use pe_flow::outputs;
@@ -88,11 +89,13 @@ pub struct Compile {
     conserved: ConservedArgs,
     /// Chooses solver, step, multiplier and storage that meet this total error with the shortest run time; options that
     /// are given are kept
-    #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = positive, help_heading = "Output")]
     max_error: Option<f64>,
     /// Longest time between two outputs of the design that `--max-error` chooses: its step divides this time
-    #[arg(long, value_name = "T", value_parser = duration, requires = "max_error", help_heading = "Output")]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, requires = "max_error", help_heading = "Output")]
     sample: Option<f64>,
+    #[command(flatten)]
+    again: WatchArgs,
     #[command(flatten)]
     model: ModelArgs,
     /// Prints errors and warnings only
@@ -117,6 +120,9 @@ impl Compile {
 
     /// Runs the command.
     pub fn run(&self, command: &str) -> Result<(), Failure> {
+        if self.again.watch {
+            return rerun::watch(&self.model, &self.mapping);
+        }
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
         let mut watch = progress::stopwatch(quiet, self.message_format());
         let loaded = watch.stage(

@@ -1,5 +1,6 @@
 //! `pe-synth explore`: many design points of a model, their size, speed and error.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -12,11 +13,11 @@ use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::options::AxesArgs;
 use crate::explore::record::{Kind, Record};
-use crate::explore::sheet::Sheet;
+use crate::explore::sheet::{Sheet, USUAL_ERROR};
 use crate::explore::show;
 use crate::messages::MessageFormat;
 use crate::options::{ModelArgs, SweepArgs, positive};
-use crate::output::OutputFolder;
+use crate::output::{FolderLock, OutputFolder};
 use pe_flow::explore::axes::{Axes, Completed};
 use pe_flow::explore::estimate::Estimate;
 use pe_flow::explore::family;
@@ -44,9 +45,9 @@ pub struct Explore {
     axes: AxesArgs,
     #[command(flatten)]
     sweep: SweepArgs,
-    /// Largest total error of points that compete in size and speed [default: any]
-    #[arg(long, value_name = "E", value_parser = positive, help_heading = "Output")]
-    max_error: Option<f64>,
+    /// Largest total error of points that compete in size and speed, or `any` [default: 0.01]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = error_limit, help_heading = "Output")]
+    max_error: Option<ErrorLimit>,
     /// Continues the sweep in the output folder: points that it holds are not compiled again
     #[arg(long, help_heading = "Sweep")]
     resume: bool,
@@ -55,6 +56,18 @@ pub struct Explore {
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
+}
+
+/// Largest total error of points that compete; none lets all.
+#[derive(Clone, Copy, Debug)]
+struct ErrorLimit(Option<f64>);
+
+/// Parses a largest error, or the word for none.
+fn error_limit(text: &str) -> Result<ErrorLimit, String> {
+    match text {
+        "any" => Ok(ErrorLimit(None)),
+        _ => positive(text).map(|limit| ErrorLimit(Some(limit))).map_err(|error| format!("{error}, or `any`")),
+    }
 }
 
 impl Sweeping for Explore {
@@ -83,14 +96,18 @@ impl Explore {
         let Completed { axes, graphs, stiffness } = axes.complete(model);
         let clock = self.sweep.clock.source();
         let points = axes.formed(model, &settings.mapping).into_iter();
+        let lock = FolderLock::take(&target)?;
         let mut record = Record {
             head: self.head(model, &axes),
             title: format!("{} ({})", model.name, model.size()),
-            max_error: self.max_error,
+            max_error: self.max_error.map_or(Some(USUAL_ERROR), |limit| limit.0),
             clock: clock.words(),
             rows: points.map(|point| (point, given.command(&point), None)).collect(),
             target,
             kind: Kind { store: "points.json", files: Sheet::files },
+            searches: false,
+            kept: BTreeMap::new(),
+            lock,
         };
         if self.resume {
             record.resume()?;
@@ -126,6 +143,7 @@ impl Explore {
             "model": model.name,
             "odes": model.odes(),
             "model_sha256": fingerprint(model),
+            "span_s": model.span,
             "command": self.given.command,
             "shared_options": self.given.shared.join(" "),
             "axes": {

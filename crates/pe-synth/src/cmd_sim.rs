@@ -12,6 +12,7 @@ use crate::console;
 use crate::messages::MessageFormat;
 use crate::options::{MappingArgs, ModelArgs, PointArgs};
 use crate::progress;
+use crate::rerun::{self, WatchArgs};
 use crate::waveforms;
 use pe_flow::failure::Failure;
 use pe_flow::pipeline;
@@ -37,6 +38,8 @@ pub struct Sim {
     #[arg(long, help_heading = "Numbers")]
     double: bool,
     #[command(flatten)]
+    again: WatchArgs,
+    #[command(flatten)]
     model: ModelArgs,
 }
 
@@ -48,6 +51,9 @@ impl Sim {
 
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
+        if self.again.watch {
+            return rerun::watch(&self.model, &self.mapping);
+        }
         let loaded = self.model.load(&self.point.point())?;
         let rows = if self.double { self.double_rows(&loaded)? } else { self.machine_rows(&loaded)? };
         let is_vcd = self.output.as_ref().and_then(|path| path.extension()).is_some_and(|end| end == "vcd");

@@ -55,6 +55,9 @@ impl Verify {
 
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
+        if !self.folder.exists() {
+            return Err(Failure::file("read", &self.folder, "there is no such folder"));
+        }
         if let Some(count) = self.inject {
             return self.campaign(count as usize);
         }

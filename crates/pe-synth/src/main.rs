@@ -1,15 +1,16 @@
 //! `pe-synth`: compiles ordinary differential equations to a network of processing elements.
 
+use std::path::Path;
 use std::process::ExitCode;
 
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
 
 use pe_flow::failure::Failure;
 use pe_synth::messages::{MessageFormat, guarded, print_failure, print_plain};
 use pe_synth::{
-    cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_fmu, cmd_golden,
-    cmd_import, cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
+    cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_fmt, cmd_fmu,
+    cmd_golden, cmd_import, cmd_new, cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -36,13 +37,15 @@ Examples:
   pe-synth accuracy models/van_der_pol/van_der_pol.spec --max-error 1e-4
   pe-synth import model.xml -o model.spec
   pe-synth explain E0307
+  pe-synth new oscillator
+  pe-synth check oscillator.spec --watch
 
 Exit codes:
    0  success
    1  the model is wrong, or its result would be; the findings carry codes
    2  wrong options
    3  a file cannot be read or written
-   4  engines disagree, figures changed beyond their tolerance, or nothing was compared
+   4  engines disagree, figures changed beyond their tolerance, nothing was compared, or `fmt --check` found something
    5  a required program is missing
   70  internal error; please report it
  130  interrupted; a sweep keeps the points computed so far
@@ -64,6 +67,8 @@ enum Command {
     Explore(Box<cmd_explore::Explore>),
     Accuracy(Box<cmd_accuracy::Accuracy>),
     Sim(Box<cmd_sim::Sim>),
+    New(cmd_new::New),
+    Fmt(cmd_fmt::Fmt),
     Bench(Box<cmd_bench::Bench>),
     Dump(Box<cmd_dump::Dump>),
     Import(Box<cmd_import::Import>),
@@ -89,6 +94,8 @@ fn main() -> ExitCode {
         Command::Fmu(fmu) => (fmu.message_format(), fmu.run()),
         Command::Accuracy(accuracy) => (accuracy.message_format(), accuracy.run()),
         Command::Explore(explore) => (explore.message_format(), explore.run()),
+        Command::New(new) => (MessageFormat::Human, new.run()),
+        Command::Fmt(fmt) => (fmt.message_format(), fmt.run()),
         Command::Sim(sim) => (sim.message_format(), sim.run()),
         Command::Bench(bench) => (bench.message_format(), bench.run()),
         Command::Dump(dump) => (dump.message_format(), dump.run()),
@@ -129,7 +136,7 @@ fn asked_format() -> MessageFormat {
 
 /// Help, version, or options that do not exist.
 fn refused(error: &clap::Error) -> ExitCode {
-    let text = error.render();
+    let text = with_command(error).as_ref().unwrap_or(error).render();
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
             return ended(console::out(&text.ansi().to_string()), asked_format());
@@ -146,6 +153,19 @@ fn refused(error: &clap::Error) -> ExitCode {
         _ => console::err(&text.ansi().to_string()),
     }
     Failure::Usage(String::new()).exit_code()
+}
+
+/// The error with a tip, if a spec stands where a command should.
+fn with_command(error: &clap::Error) -> Option<clap::Error> {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return None };
+    if word != "-" && Path::new(word).extension().is_none_or(|extension| extension != "spec") {
+        return None;
+    }
+    let mut told = clap::Error::new(ErrorKind::InvalidSubcommand).with_cmd(&Arguments::command());
+    let tip = format!("a command comes first: 'pe-synth compile {}'", pe_synth::command::quoted(word));
+    told.insert(ContextKind::InvalidSubcommand, ContextValue::String(word.clone()));
+    told.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    Some(told)
 }
 
 /// The command as it can be typed again in the folder of an absolute path, without the output folder: that does not

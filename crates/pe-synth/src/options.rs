@@ -30,7 +30,7 @@ use crate::messages::{MessageFormat, print_findings};
 /// What is computed: the model, and what it is judged over.
 #[derive(Args, Clone, Debug)]
 pub struct ModelArgs {
-    /// Model specification
+    /// Model specification; `-` reads it from standard input
     #[arg(required_unless_present = "from", conflicts_with = "from")]
     pub spec: Option<PathBuf>,
     /// Continues from the text of a compiler stage printed by `dump` instead of a spec: `compile` and `dump` from any
@@ -38,7 +38,7 @@ pub struct ModelArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["set", "observe", "inputs", "units"], help_heading = "Model")]
     pub from: Option<PathBuf>,
     /// Time over which ranges and errors are judged; overrides the spec
-    #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, help_heading = "Model")]
     pub span: Option<f64>,
     /// Sets a constant, a parameter or an initial value, or one element (`R[3]=2`); may be repeated
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment, help_heading = "Model")]
@@ -97,10 +97,10 @@ pub struct PointArgs {
     #[arg(long, value_parser = solver(), help_heading = "Model")]
     pub solver: Option<Solver>,
     /// Step, for example `1e-4` or `100us`; overrides the spec
-    #[arg(long, value_name = "T", value_parser = duration, help_heading = "Model")]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, help_heading = "Model")]
     pub step: Option<f64>,
     /// Other steps for the beginning, each with the time at which it ends, for implicit solvers; overrides the spec
-    #[arg(long, value_name = "T@UNTIL,...", value_parser = early::parse, help_heading = "Model")]
+    #[arg(long, value_name = "T@UNTIL,...", allow_hyphen_values = true, value_parser = early::parse, help_heading = "Model")]
     pub early_steps: Option<Early>,
     /// Bits of a stored word, without its guard bits
     #[arg(long, value_name = "BITS", default_value_t = 32, value_parser = storage(), help_heading = "Numbers")]
@@ -187,7 +187,7 @@ impl DesignArgs {
 #[derive(Args, Clone, Copy, Debug)]
 pub struct ClockArgs {
     /// Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]
-    #[arg(long, value_name = "MHZ", value_parser = positive, help_heading = "Output")]
+    #[arg(long, value_name = "MHZ", allow_hyphen_values = true, value_parser = positive, help_heading = "Output")]
     pub clock: Option<f64>,
     /// Estimates the clock for this device, if networks were measured on its family; `compile` compares the size with
     /// it

@@ -21,6 +21,55 @@ const MARKERS: [&str; 4] = ["report.json", "points.json", "accuracy.json", "wrap
 /// Files of a result: path and content.
 pub type Files = Vec<(&'static str, Vec<u8>)>;
 
+/// A lock on a folder that a command writes again and again: no other one does so meanwhile. It is a hidden file beside
+/// the folder, for the folder itself is exchanged; a process that is killed leaves the file, but not the lock.
+pub struct FolderLock {
+    path: PathBuf,
+    _file: File,
+}
+
+impl FolderLock {
+    /// Locks a folder, which need not exist yet.
+    ///
+    /// # Errors
+    /// If another process holds the lock, or nothing can be written beside the folder.
+    pub fn take(target: &Path) -> Result<FolderLock, Failure> {
+        let name = target.file_name().ok_or_else(|| Failure::file("write to", target, "it has no name"))?;
+        let parent = target.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+        fs::create_dir_all(parent).map_err(|error| Failure::file("create", parent, error))?;
+        let path = parent.join(format!(".{}.lock", name.to_string_lossy()));
+        loop {
+            let file = File::options().create(true).truncate(false).write(true).open(&path);
+            let file = file.map_err(|error| Failure::file("write to", target, error))?;
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(fs::TryLockError::WouldBlock) => {
+                    let reason = "another sweep is writing to it; wait until it ends, or choose another folder with -o";
+                    return Err(Failure::file("write to", target, reason));
+                }
+                Err(fs::TryLockError::Error(error)) => return Err(Failure::file("lock", target, error)),
+            }
+            // The process before may have removed the file between the two calls.
+            if is_at(&file, &path) {
+                return Ok(FolderLock { path, _file: file });
+            }
+        }
+    }
+}
+
+/// Whether a path leads to this open file.
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let number = |data: fs::Metadata| (data.dev(), data.ino());
+    file.metadata().ok().map(number) == fs::metadata(path).ok().map(number)
+}
+
+impl Drop for FolderLock {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
 /// Writes files into a new folder beside the target and puts it in place at the end.
 pub struct OutputFolder {
     target: PathBuf,
@@ -74,7 +123,7 @@ impl OutputFolder {
         let finished: Arc<Mutex<bool>> = Arc::default();
         before(&partial, &finished);
         let held = finished.lock().unwrap_or_else(PoisonError::into_inner);
-        let lock = create_locked(&partial).map_err(|error| Failure::file("create", &partial, error))?;
+        let lock = create_locked(&partial).map_err(|error| Failure::file("create", target, error))?;
         drop(held);
         Ok(OutputFolder { target: target.to_owned(), partial, hashes: Mutex::default(), _lock: lock, finished })
     }

@@ -141,7 +141,9 @@ fn add(line: &mut Line, text: &str, statement: &[Token]) {
         if at > 0 && blank(text, statement, at, tight[at] || tight[at - 1]) {
             line.code.push(' ');
         }
-        if alone && at == 1 && SETTINGS.contains(&first) {
+        // `time [ms]` is a setting, `time = ...` an equation.
+        let unit_of_time = first == "time" && at == 1 && token.kind == TokenKind::Unit && statement.len() == 2;
+        if alone && at == 1 && (SETTINGS.contains(&first) || unit_of_time) {
             line.word = Some(line.code.len());
         }
         let before_value = alone && line.equals.is_none() && DECLARATIONS.contains(&first);

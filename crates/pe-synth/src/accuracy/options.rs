@@ -17,7 +17,7 @@ pub struct ListArgs {
     #[arg(long, visible_alias = "solvers", value_name = "SOLVER,...", value_delimiter = ',', value_parser = solver(), help_heading = "Points")]
     solver: Vec<Solver>,
     /// Steps [default: the spec's, times and divided by 2 and 4; with many solvers by 2 only]
-    #[arg(long, visible_alias = "steps", value_name = "T,...", value_delimiter = ',', value_parser = duration, help_heading = "Points")]
+    #[arg(long, visible_alias = "steps", value_name = "T,...", value_delimiter = ',', allow_hyphen_values = true, value_parser = duration, help_heading = "Points")]
     step: Vec<f64>,
     /// Multipliers; with these lists every solver and step is combined with every word length
     #[arg(long, visible_alias = "multipliers", value_name = "AxB,...", value_delimiter = ',', value_parser = multiplier, help_heading = "Points")]
@@ -42,7 +42,7 @@ pub struct ListArgs {
     #[arg(long, value_parser = form(), default_value = "auto", help_heading = "Points")]
     form: FormChoice,
     /// Longest time between two outputs: steps divide this time
-    #[arg(long, value_name = "T", value_parser = duration, help_heading = "Points")]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, help_heading = "Points")]
     sample: Option<f64>,
     /// Number of processing elements of every point [default: one for every 200 issue slots]
     #[arg(long, value_name = "N", help_heading = "Points")]

@@ -10,6 +10,7 @@
 //! files      rows -> points.json, points.csv, pictures, page
 //! ```
 
+pub mod changes;
 pub mod drive;
 pub mod files;
 pub mod given;

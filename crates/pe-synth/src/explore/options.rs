@@ -19,10 +19,10 @@ pub struct AxesArgs {
     #[arg(long, value_name = "SOLVER,...", value_delimiter = ',', value_parser = solver(), help_heading = "Sweep")]
     solver: Vec<Solver>,
     /// Steps [default: the spec's, its half and its double]
-    #[arg(long, value_name = "T,...", value_delimiter = ',', value_parser = duration, help_heading = "Sweep")]
+    #[arg(long, value_name = "T,...", value_delimiter = ',', allow_hyphen_values = true, value_parser = duration, help_heading = "Sweep")]
     step: Vec<f64>,
     /// Longest time between two outputs: steps divide this time
-    #[arg(long, value_name = "T", value_parser = duration, help_heading = "Sweep")]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, help_heading = "Sweep")]
     sample: Option<f64>,
     /// Pipeline of the PEs
     #[arg(long, default_value = "short", value_parser = pipeline(), help_heading = "Sweep")]

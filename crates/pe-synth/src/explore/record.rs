@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value};
 
+use super::changes;
 use super::sheet::Sheet;
-use crate::output::{Files, OutputFolder};
+use crate::output::{Files, FolderLock, OutputFolder};
 use pe_flow::explore::family::Job;
 use pe_flow::explore::row::{Outcome, Row};
 use pe_flow::explore::sweep::Event;
@@ -43,40 +44,56 @@ pub struct Record {
     pub rows: Vec<(DesignPoint, String, Option<Outcome>)>,
     /// The folder.
     pub target: PathBuf,
+    /// Whether further points depend on the outcomes of these.
+    pub searches: bool,
+    /// Rows of an earlier result by their commands that no point has asked for yet.
+    pub kept: BTreeMap<String, Value>,
+    /// No other sweep writes to the folder.
+    pub lock: FolderLock,
 }
 
 impl Record {
     /// Takes over the points of an earlier result; without one the sweep starts from the beginning.
     ///
     /// # Errors
-    /// If that result is of another version, model or options, or has points that this sweep has not.
+    /// If that result is damaged, of another version, model or options, or has points that this sweep has not.
     pub fn resume(&mut self) -> Result<(), Failure> {
         let path = self.target.join(self.kind.store);
         if !path.exists() {
             return Ok(());
         }
-        let text = std::fs::read_to_string(&path).map_err(|error| Failure::file("read", &path, error))?;
-        let stored: Value = serde_json::from_str(&text).map_err(|error| Failure::file("read", &path, error))?;
-        for (key, what) in [("generator", "version"), ("model_sha256", "model"), ("shared_options", "options")] {
-            let (then, now) = (stored.get(key), self.head.get(key));
-            if then != now {
-                let shown = |value: Option<&Value>| value.and_then(Value::as_str).unwrap_or("none").to_owned();
-                return Err(refusal(
-                    &self.target,
-                    &format!("the {what} differs: `{}` then, `{}` now", shown(then), shown(now)),
-                ));
+        let bytes = std::fs::read(&path).map_err(|error| Failure::file("read", &path, error))?;
+        let stored: Option<Value> = serde_json::from_slice(&bytes).ok();
+        let Some((stored, points)) =
+            stored.as_ref().and_then(|stored| Some((stored, stored.get("points")?.as_array()?)))
+        else {
+            let reason = format!("{} is damaged, so none of its points can be used", path.display());
+            return Err(refusal(&self.target, &reason));
+        };
+        if let Some(changed) = changes::between(stored, &self.head) {
+            return Err(refusal(&self.target, &changed));
+        }
+        let command = |row: &Value| row.get("command").and_then(Value::as_str).unwrap_or("").to_owned();
+        self.kept = points.iter().map(|row| (command(row), row.clone())).collect();
+        for (_, command, outcome) in &mut self.rows {
+            *outcome = self.kept.remove(command).as_ref().and_then(Row::outcome_from_json);
+        }
+        // A search that is asked the same again asks for its points again.
+        let searches_again = self.searches && stored.get("command") == self.head.get("command");
+        match self.kept.first_key_value().filter(|_| !searches_again) {
+            Some((command, _)) => {
+                Err(refusal(&self.target, &format!("this sweep lacks a point of that one: `{command}`")))
             }
+            None => Ok(()),
         }
-        let places: BTreeMap<String, usize> =
-            self.rows.iter().enumerate().map(|(place, (_, command, _))| (command.clone(), place)).collect();
-        for row in stored.get("points").and_then(Value::as_array).into_iter().flatten() {
-            let command = row.get("command").and_then(Value::as_str).unwrap_or("");
-            let Some(place) = places.get(command) else {
-                return Err(refusal(&self.target, &format!("this sweep lacks a point of that one: `{command}`")));
-            };
-            self.rows[*place].2 = Row::outcome_from_json(row);
+    }
+
+    /// Adds points, whose outcomes an earlier result may have.
+    pub fn extend(&mut self, points: impl IntoIterator<Item = (DesignPoint, String)>) {
+        for (point, command) in points {
+            let outcome = self.kept.remove(&command).as_ref().and_then(Row::outcome_from_json);
+            self.rows.push((point, command, outcome));
         }
-        Ok(())
     }
 
     /// Points without a result.
@@ -157,9 +174,21 @@ impl Record {
     fn save(&self) -> Result<(), Failure> {
         let folder = OutputFolder::create(&self.target)?;
         for (path, bytes) in (self.kind.files)(&self.sheet())? {
+            let bytes = if path == self.kind.store { self.with_kept(bytes) } else { bytes };
             folder.write_bytes(path, &bytes)?;
         }
         folder.finish()
+    }
+
+    /// The store with the rows that a search may still ask for: another interrupt must not lose them.
+    fn with_kept(&self, store: Vec<u8>) -> Vec<u8> {
+        if self.kept.is_empty() {
+            return store;
+        }
+        let mut whole: Value = serde_json::from_slice(&store).unwrap_or_default();
+        let points = whole.get_mut("points").and_then(Value::as_array_mut);
+        points.into_iter().for_each(|points| points.extend(self.kept.values().cloned()));
+        format!("{whole:#}\n").into_bytes()
     }
 }
 

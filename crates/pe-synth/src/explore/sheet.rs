@@ -5,6 +5,9 @@ use pe_flow::explore::row::Row;
 use pe_flow::report::Figures;
 use serde_json::{Map, Value};
 
+/// Total error up to which a design is shown among the best ones unless more is asked for.
+pub const USUAL_ERROR: f64 = 0.01;
+
 /// The rows of a sweep, and what it was asked for.
 pub struct Sheet {
     /// Keys of `points.json` that say what was asked for.
@@ -50,21 +53,30 @@ impl Sheet {
         text
     }
 
-    /// Both fronts.
+    /// Both fronts. Size and speed are compared among points that are right enough; a front of errors shows larger ones
+    /// than [`USUAL_ERROR`] only if they are asked for.
     pub fn fronts(&self) -> [Front; 2] {
-        let of = |key, title: String, pair: Pair, rows: Vec<usize>| {
+        let of = |key, title: &str, pair: Pair, limit: Option<f64>| {
+            let right_enough = |index: &usize| {
+                let total = self.rows[*index].figures().and_then(Figures::total_error);
+                limit.is_none_or(|limit| total.is_some_and(|error| error <= limit))
+            };
+            let rows: Vec<usize> = (0..self.rows.len()).filter(right_enough).collect();
             let rows = front(&self.rows, &rows, pair);
-            Front { key, title, knee: knee(&self.rows, &rows, pair), rows }
+            let within = limit.map_or(String::new(), |limit| format!(", total error at most {limit:e}"));
+            Front { key, title: format!("{title}{within}"), knee: knee(&self.rows, &rows, pair), rows }
         };
-        let right_enough = |index: &usize| {
-            let total = self.rows[*index].figures().and_then(Figures::total_error);
-            self.max_error.is_none_or(|limit| total.is_some_and(|error| error <= limit))
-        };
-        let all = 0..self.rows.len();
-        let within = self.max_error.map_or(String::new(), |limit| format!(", total error at most {limit:e}"));
+        let shown = self.max_error.map(|limit| limit.max(USUAL_ERROR));
         [
-            of("error_time", "Error against run time".into(), time_and_error, all.clone().collect()),
-            of("size_speed", format!("Size against speed{within}"), size_and_time, all.filter(right_enough).collect()),
+            of("error_time", "Error against run time", time_and_error, shown),
+            of("size_speed", "Size against speed", size_and_time, self.max_error),
         ]
+    }
+
+    /// The smallest total error, if it is larger than what competes.
+    pub fn out_of_reach(&self) -> Option<f64> {
+        let errors = self.rows.iter().filter_map(|row| row.figures()?.total_error());
+        let smallest = errors.fold(f64::INFINITY, f64::min);
+        self.max_error.filter(|limit| smallest.is_finite() && smallest > *limit).map(|_| smallest)
     }
 }

@@ -56,6 +56,9 @@ pub fn summary(sheet: &Sheet) -> String {
             .map(|(place, index)| (cells(&sheet.rows[*index]), if place == 0 { "  <- chosen" } else { "" }));
         text += &columns(&lines.collect::<Vec<_>>());
     }
+    if let Some(smallest) = sheet.out_of_reach() {
+        text += &format!("  The smallest total error is {smallest:.1e}: `--max-error any` lets all points compete\n");
+    }
     let mut reasons: Vec<(String, usize)> = Vec::new();
     for row in &sheet.rows {
         if let Outcome::Failed(reason) = &row.outcome {

@@ -10,6 +10,7 @@ mod bench;
 mod cli;
 mod console;
 mod damage;
+mod everyday;
 mod explore;
 mod foreign;
 mod golden;
