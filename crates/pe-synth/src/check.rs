@@ -74,28 +74,20 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
         }
         None => row("found by trial", not_found(model).to_owned()),
     }
-    let beyond = check.stiffness_ratio.zip(check.stable).filter(|(ratio, _)| *ratio > 1.0);
+    let (ratio, stable) = (check.stiffness_ratio, check.stable);
     if let Some(Accuracy { step, error, tried }) = check.accuracy {
         let how = if tried { "" } else { ", by its order" };
-        let own = format!("{step:.3e} s has a method error of {error:.1e}{how}");
-        row(
-            "accuracy step",
-            match beyond {
-                Some((_, stable)) => format!("> {stable:.3e} s, capped by stability; {own}"),
-                None => own,
-            },
-        );
+        let words = match stable.filter(|_| ratio.is_some_and(|ratio| ratio > 1.0)) {
+            Some(stable) => format!("> {stable:.3e} s (stability-limited); error {error:.1e} at {step:.3e}"),
+            None => format!("{step:.3e} s has a method error of {error:.1e}{how}"),
+        };
+        row("accuracy step", words);
     }
-    let stiff = match (check.stiffness_ratio, check.stable, check.accuracy) {
-        (Some(ratio), Some(stable), _) if ratio > STIFF => {
-            format!("; accuracy allows about {ratio:.0} x the stable step of {stable:.3e} s: try implicit methods")
-        }
-        (Some(ratio), Some(stable), _) if ratio > 1.0 => {
-            format!("; accuracy allows about {ratio:.2} x the stable step of {stable:.3e} s")
-        }
-        (Some(_), Some(stable), Some(accuracy)) => {
-            format!("; the accuracy step is {:.2} of the stable step of {stable:.3e} s", accuracy.step / stable)
-        }
+    let stiff = match (ratio, stable.zip(check.accuracy)) {
+        (Some(ratio), _) if ratio > STIFF => format!("; accuracy allows {ratio:.0} x: try implicit methods"),
+        // Beyond the stable step the order of the method tells how far.
+        (Some(ratio), _) if ratio > 1.0 => format!("; accuracy / stable step ~{ratio:.2}"),
+        (Some(_), Some((stable, accuracy))) => format!("; accuracy / stable step {:.2}", accuracy.step / stable),
         _ => String::new(),
     };
     row("stiffness", format!("fastest decay x span {:.1e}{stiff}", prediction.fastest * model.span));

@@ -292,3 +292,29 @@ fn designs_that_are_wrong_by_more_than_a_percent_are_shown_only_if_asked_for() {
     let none = sweep(&["--max-error", "1e-12"]);
     assert!(none.contains("`--max-error any` lets all points compete"), "{none}");
 }
+
+#[test]
+fn check_prints_steps_that_agree_and_tells_what_holds_locally() {
+    let folder = Folder::new("consistent_check");
+    let output = run(&folder.0, &["check", &spec("weibel5").display().to_string()]);
+    let said = text(&output.stdout);
+    let word = |row: &str, at: usize| {
+        let line = said.lines().find(|line| line.trim_start().starts_with(row)).unwrap_or_else(|| panic!("{said}"));
+        line.trim_start()[row.len()..].split_whitespace().nth(at).unwrap_or("").to_owned()
+    };
+    // Accuracy would allow more than stability does: the row says so, with the step of the row above.
+    assert_eq!((word("accuracy step", 0), word("accuracy step", 1)), (">".to_owned(), word("found by trial", 0)));
+    assert!(
+        said.contains("accuracy / stable step ~1.") && said.lines().all(|line| line.chars().count() <= 80),
+        "{said}"
+    );
+    let limited = "model n\nsolver rk4\nstep 1 ms\nspan 40 ms\nstate x = 0.5\nx' = -u\nevery 4 ms {\n\
+                   u = 600*min(max(x, -1), 1) + 0.001*x^2\n}\noutput x\n";
+    fs::write(folder.0.join("n.spec"), limited).unwrap();
+    let said = ends(&folder.0, &["check", "n.spec"], 0);
+    assert!(
+        said.contains("W0912") && said.contains("linearised at t = 2.000e-2 s") && said.contains("locally"),
+        "{said}"
+    );
+    assert!(!said.contains("is unstable"), "{said}");
+}
