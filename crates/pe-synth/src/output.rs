@@ -89,7 +89,12 @@ impl OutputFolder {
     /// If `target` exists and is not ours.
     pub fn permitted(target: &Path) -> Result<(), Failure> {
         if target.exists() && !is_ours(target) {
-            let reason = "it exists and was not written by pe-synth; choose another folder with -o";
+            let reason = match MARKERS.iter().find(|marker| target.join(marker).exists()) {
+                Some(marker) => format!(
+                    "{marker} in it is damaged or not from pe-synth; remove the folder, or choose another one with -o"
+                ),
+                None => "it exists and was not written by pe-synth; choose another folder with -o".to_owned(),
+            };
             return Err(Failure::file("replace", target, reason));
         }
         Ok(())
