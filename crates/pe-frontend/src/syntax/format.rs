@@ -19,7 +19,7 @@ const WIDEST: usize = 32;
 const BEFORE_COMMENT: usize = 2;
 
 /// Statements that give a name a value.
-const DECLARATIONS: [&str; 5] = ["param", "const", "input", "state", "matrix"];
+const DECLARATIONS: [&str; 6] = ["param", "const", "input", "state", "angle", "matrix"];
 
 /// Statements whose first words are made equally wide.
 const SETTINGS: [&str; 4] = ["solver", "step", "span", "units"];
