@@ -78,6 +78,16 @@ pub enum Expr {
 }
 
 impl Expr {
+    /// A number with its unit behind it, as it is needed in products; anything else as it is.
+    pub fn measured(self, unit: Option<&str>) -> Expr {
+        match (self, unit) {
+            (Expr::Number(value, Some(text)), Some(unit)) if value != 0.0 && !unit.is_empty() => {
+                Expr::Number(value, Some(format!("{text} [{unit}]")))
+            }
+            (expr, _) => expr,
+        }
+    }
+
     /// A number that no text stands for.
     pub fn number(value: f64) -> Expr {
         Expr::Number(value, None)

@@ -16,6 +16,8 @@ pub(super) struct Species<'a> {
     compartment: usize,
     /// Whether expressions mean its amount by its name, and not its concentration.
     is_amount: bool,
+    /// Units of its amount and its concentration.
+    units: [Option<String>; 2],
     /// The quantity that holds its amount, where that is another one.
     amount: Option<usize>,
     /// What reactions add to its amount per time; members with `true` are taken away.
@@ -37,8 +39,10 @@ impl<'a> Reader<'a, '_> {
             };
             let is_point = around.attribute("spatialDimensions").is_some_and(|text| text.trim().parse() == Ok(0.0));
             let is_amount = flag(node, "hasOnlySubstanceUnits", false) || is_point;
-            let species = Species { node, compartment: *compartment, is_amount, amount: None, flows: Vec::new() };
-            self.model.quantities[index].unit = self.species_unit(node, *around, is_amount);
+            let units = [true, false].map(|amount| self.species_unit(node, *around, amount));
+            self.model.quantities[index].unit = units[usize::from(!is_amount)].clone();
+            let species =
+                Species { node, compartment: *compartment, is_amount, units, amount: None, flows: Vec::new() };
             self.species.insert(index, species);
         }
     }
@@ -84,11 +88,14 @@ impl<'a> Reader<'a, '_> {
         let compartment_varies = self.varies(&self.model.quantities[species.compartment].id);
         let amount = self.attribute(species.node, "initialAmount");
         let concentration = self.attribute(species.node, "initialConcentration");
+        let [amount_unit, concentration_unit] = &species.units;
         let start = match (self.start(index), amount, concentration, species.is_amount) {
             (Some(start), ..) => Some(start),
             (None, Some(amount), _, true) => Some(amount),
-            (None, Some(amount), _, false) => Some(amount.over(around.clone())),
-            (None, None, Some(concentration), true) => Some(concentration.times(around.clone())),
+            (None, Some(amount), _, false) => Some(amount.measured(amount_unit.as_deref()).over(around.clone())),
+            (None, None, Some(concentration), true) => {
+                Some(concentration.measured(concentration_unit.as_deref()).times(around.clone()))
+            }
             (None, None, Some(concentration), false) => Some(concentration),
             (None, None, None, _) => None,
         };
