@@ -6,7 +6,7 @@ use pe_ir::functions::ScalarFunction;
 use pe_ir::word::WordFormat;
 
 use super::places::{self, Singular};
-use crate::lift::{edges, even_grid, kinks};
+use crate::kinks::{edges, even_grid, kinks};
 
 /// Factor by which a table covers more than the run needed.
 const MARGIN: f64 = 1.2;

@@ -1,6 +1,6 @@
 //! Chains of lookups in place of chains that apply functions.
 
-use crate::lift::rounds;
+use crate::kinks::rounds;
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::index::{self, ChainId, EquationId, List};

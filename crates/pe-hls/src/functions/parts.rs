@@ -12,7 +12,7 @@ use pe_ir::word::WordFormat;
 use super::divisions::divisions;
 use super::domain::Domain;
 use super::fit;
-use crate::lift::{edges, kinks};
+use crate::kinks::{edges, kinks};
 
 /// Excess over what an argument excuses from which on a function is cut, and that parts shall have.
 pub(super) const COARSE: f64 = 16.0;

@@ -5,7 +5,7 @@
 use pe_ir::functions::ScalarFunction;
 
 use super::enclosure::bounds;
-use crate::lift::{edges, kinks};
+use crate::kinks::{edges, kinks};
 
 /// Cells that a search begins with, besides those that kinks and edges make.
 const CELLS: usize = 64;

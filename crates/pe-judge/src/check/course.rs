@@ -1,6 +1,6 @@
 //! What a run with exact functions shows on its way: jumps that it keeps crossing, and limits of 0/0 that it uses.
 
-use pe_hls::lift;
+use pe_hls::kinks;
 use pe_hls::step::{StepOptions, build_with};
 use pe_ir::codes;
 use pe_ir::graph::{Role, StepGraph, ValueId};
@@ -72,7 +72,7 @@ fn jumps(model: &Model, graph: &StepGraph) -> Vec<Jump> {
         return Vec::new();
     }
     let all = model.algebraics.iter().enumerate();
-    let jumping = all.filter_map(|(index, algebraic)| Some((index, lift::jump(&algebraic.expr)?)));
+    let jumping = all.filter_map(|(index, algebraic)| Some((index, kinks::jump(&algebraic.expr)?)));
     let of = |(algebraic, height): (usize, f64)| {
         let belongs = |role: Role| matches!(role, Role::Algebraic(own, _) if at(own) == algebraic);
         let values = graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);

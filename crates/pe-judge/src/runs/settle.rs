@@ -1,6 +1,5 @@
 //! Number formats under which the span runs without saturation, and the roundings of coefficients.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
@@ -28,10 +27,6 @@ use super::settled::{Measured, Settled};
 
 /// Fixed-point runs before a saturating model is refused.
 const WIDENINGS: usize = 24;
-
-/// A range is widened by a bit the first time and so many times more, then by two bits, by four and by eight.
-const PATIENCE: u32 = 1;
-const MOST_DOUBLED: u32 = 3;
 
 /// Word-length error from which on pairs of operands are given up for the accuracy that they cost.
 const PAIR_ERROR: f64 = 1e-3;
@@ -127,7 +122,6 @@ impl Exact {
         mut shared: Option<Receiver<Arc<Rows>>>,
     ) -> Result<Settled, Vec<Diagnostic>> {
         let mut widenings = 0;
-        let mut before: BTreeMap<ValueId, u32> = BTreeMap::new();
         loop {
             let chosen = formats::choose(graph, &ranges, format).map_err(|error| vec![error])?;
             let mut fixed = chosen.clone();
@@ -147,10 +141,7 @@ impl Exact {
                 Err(Ended::Saturated(saturated)) if widenings < WIDENINGS => {
                     widenings += 1;
                     for value in &saturated.values {
-                        let times = before.entry(*value).or_insert(0);
-                        // What rests in double precision and is all rounding here may want many bits.
-                        ranges.widened[value.index()] += 1 << u32::saturating_sub(*times, PATIENCE).min(MOST_DOUBLED);
-                        *times += 1;
+                        ranges.widened[value.index()] += 1;
                     }
                 }
                 Err(Ended::Saturated(saturated)) => return Err(vec![saturated.refusal(model, graph)]),
