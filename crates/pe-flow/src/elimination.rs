@@ -110,7 +110,7 @@ fn tried(
         // The first is the shortest.
         let mut orders = orders.to_vec();
         if index > 0 {
-            if all.iter().all(|(_, graph)| !has_varying_pivots(graph)) {
+            if !all.is_empty() && !all.iter().any(|(_, graph)| has_varying_pivots(graph)) {
                 break;
             }
             let cycles_of =
