@@ -134,7 +134,7 @@ fn tried(
         for (mut trial, graph) in built {
             if f64::from(trial.cycles) <= SLOWER * f64::from(fewest) {
                 let judged = pipeline::run(loaded, graph.clone(), watch)
-                    .and_then(|stepped| pipeline::formats(loaded, &settings.criteria, point, &stepped, None, watch));
+                    .and_then(|stepped| pipeline::formatted(loaded, &settings.criteria, point, &stepped, watch));
                 match judged {
                     Ok((_, judged)) => {
                         trial.word_length = Some(judged.errors.word_length);

@@ -9,8 +9,8 @@
 //! implement   PEs, mapping                                     design
 //! ```
 //!
-//! In the middle is what decides a stage beside the stages before it. [`design`] does all of them for one point;
-//! [`crate::explore::sweep`] calls them for many and keeps what several points share.
+//! In the middle is what decides a stage beside those before it. [`design`] does all of them for one point,
+//! [`crate::explore::sweep`] for many, and keeps what these share.
 
 use std::sync::Arc;
 
@@ -41,7 +41,7 @@ use crate::spec::LoadedModel;
 use crate::stages::{self, CHECKED_ROUNDS};
 use crate::watch::Stopwatch;
 use pe_judge::proof;
-use pe_judge::runs::{self, Comparison, Exact, Judged};
+use pe_judge::runs::{self, Aids, Beyond, Comparison, Exact, Judged, Kept, Unsettled};
 use pe_judge::slots;
 use pe_judge::tables;
 use pe_judge::{Coefficients, Criteria, DesignPoint, ProofMode};
@@ -143,7 +143,7 @@ pub fn prepare(
     let graph = step_for(loaded, point, mapping_options, pes, watch)?;
     let given = file.map(|file| candidates::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
     let stepped = run(loaded, graph, watch)?;
-    let (graph, judged) = formats(loaded, criteria, point, &stepped, None, watch)?;
+    let (graph, judged) = formatted(loaded, criteria, point, &stepped, watch)?;
     Ok(Prepared { graph, judged: Arc::new(judged), network: Network { pes, seed: *seed, given } })
 }
 
@@ -160,39 +160,90 @@ pub struct Stepped {
 /// # Errors
 /// Those of the run.
 pub fn run(loaded: &LoadedModel, graph: StepGraph, watch: &mut Stopwatch) -> Result<Stepped, Failure> {
-    let progress = watch.progress("runs");
-    let exact = watch.part("runs", || Exact::run(&loaded.model, &graph, progress));
-    let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
-    Ok(Stepped { graph: Arc::new(graph), exact })
+    let stepped = run_while(loaded, graph, &mut |_, _| true, watch)?;
+    Ok(stepped.expect("nobody ends it"))
 }
 
-/// What runs in double precision say about the method, or why they are refused.
-pub type Compared = Result<Comparison, Vec<Diagnostic>>;
+/// The same, for as long as `goes_on` says so, see [`Exact::run_while`].
+///
+/// # Errors
+/// Those of the run.
+pub fn run_while(
+    loaded: &LoadedModel,
+    graph: StepGraph,
+    goes_on: &mut dyn FnMut(usize, &[f64]) -> bool,
+    watch: &mut Stopwatch,
+) -> Result<Option<Stepped>, Failure> {
+    let progress = watch.progress("runs");
+    let exact = watch.part("runs", || Exact::run_while(&loaded.model, &graph, progress, goes_on));
+    let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    Ok(exact.map(|exact| Stepped { graph: Arc::new(graph), exact }))
+}
 
-/// Number formats of a step, and the errors of its runs in them: of the step that was run, or of that with coefficients
-/// in two slots. `compared` is given where the same step is run in several formats; else the runs that it needs share
-/// the machine with those in fixed point.
+/// What designs with the same step share beside it.
+#[derive(Clone, Copy)]
+pub struct Compared<'a> {
+    /// What runs in double precision say about the method, or why they are refused.
+    pub comparison: &'a Result<Comparison, Vec<Diagnostic>>,
+    /// The run of the step.
+    pub kept: Option<&'a Kept>,
+    /// Word-length error beyond which a run in fixed point ends.
+    pub most: Option<f64>,
+}
+
+/// Why a step has no number formats.
+pub enum Unformatted {
+    /// They are refused.
+    Failed(Failure),
+    /// A run in fixed point ended early, see [`Compared::most`].
+    Beyond(Beyond),
+}
+
+impl From<Failure> for Unformatted {
+    fn from(failure: Failure) -> Unformatted {
+        Unformatted::Failed(failure)
+    }
+}
+
+/// Number formats of a step, and the errors of its runs in them; the runs that it needs share the machine.
 ///
 /// # Errors
 /// Those of the runs, and words that no hardware has.
+pub fn formatted(
+    loaded: &LoadedModel,
+    criteria: &Criteria,
+    point: &DesignPoint,
+    stepped: &Stepped,
+    watch: &mut Stopwatch,
+) -> Result<(Arc<StepGraph>, Judged), Failure> {
+    formats(loaded, criteria, point, stepped, None, watch).map_err(|unformatted| match unformatted {
+        Unformatted::Failed(failure) => failure,
+        Unformatted::Beyond(_) => unreachable!("no error is too large"),
+    })
+}
+
+/// The same of the step that was run, or of that with coefficients in two slots, where `compared` is given if the step is
+/// run in several formats.
+///
+/// # Errors
+/// Those of [`formatted`], and runs that end early.
 pub fn formats(
     loaded: &LoadedModel,
     criteria: &Criteria,
     point: &DesignPoint,
     stepped: &Stepped,
-    compared: Option<&Compared>,
+    compared: Option<Compared>,
     watch: &mut Stopwatch,
-) -> Result<(Arc<StepGraph>, Judged), Failure> {
+) -> Result<(Arc<StepGraph>, Judged), Unformatted> {
     let model = &loaded.model;
     let format = point.format(model).map_err(Failure::Usage)?;
     // Ranges are proven for runs from the initial states, not for what a host makes of them.
     let tunable = model.tunables().next().is_some();
     let criteria = &Criteria { proof: if tunable { ProofMode::Off } else { criteria.proof }, ..criteria.clone() };
     let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
-    let figure = |judged: &Result<Judged, _>| runs_figure(judged.as_ref());
     if let Some(fixed) = loaded.stages.as_ref().and_then(|stages| stages.fixed.as_ref()) {
         let judge = || stepped.exact.judge_given(model, &stepped.graph, fixed, criteria);
-        let judged = watch.timed("runs", judge, figure).map_err(refused)?;
+        let judged = watch.timed("runs", judge, |judged| runs_figure(judged.as_ref().ok())).map_err(refused)?;
         watch.warn(&judged.warnings, &loaded.sources);
         return Ok((Arc::clone(&stepped.graph), judged));
     }
@@ -203,6 +254,7 @@ pub fn formats(
         Coefficients::OneSlot => None,
         Coefficients::TwoSlot | Coefficients::Auto => two_slots(loaded, stepped, format, point.coefficients, watch)?,
     };
+    let other = cut.is_some() || refined.is_some();
     let Stepped { graph, exact } = refined.as_ref().unwrap_or(stepped);
     let proposal = match criteria.proof {
         ProofMode::Off => None,
@@ -213,13 +265,20 @@ pub fn formats(
         ),
     };
     let judge = || match compared {
-        None => exact.judge(model, graph, format, criteria, proposal.as_ref()),
+        None => Ok(exact.judge(model, graph, format, criteria, proposal.as_ref())?),
         Some(compared) => {
-            let settled = exact.settle_proven(model, graph, format, proposal.as_ref());
-            exact.conclude(model, graph, settled, compared.clone(), criteria)
+            // Another step than the one that was run has another run.
+            let kept = compared.kept.filter(|_| !other);
+            let aids = Aids { kept, most: compared.most };
+            let settled = exact.settle_proven(model, graph, format, proposal.as_ref(), aids)?;
+            Ok(exact.conclude(model, graph, Ok(settled), compared.comparison.clone(), criteria)?)
         }
     };
-    let judged = watch.timed("runs", judge, figure).map_err(refused)?;
+    let judged = watch.timed("runs", judge, |judged| runs_figure(judged.as_ref().ok()));
+    let judged = judged.map_err(|unsettled| match unsettled {
+        Unsettled::Refused(findings) => Unformatted::Failed(refused(findings)),
+        Unsettled::Beyond(beyond) => Unformatted::Beyond(beyond),
+    })?;
     watch.warn(&judged.warnings, &loaded.sources);
     Ok((Arc::clone(graph), judged))
 }
@@ -476,13 +535,10 @@ fn two_slots(
     Ok(refined.map(|(split, exact)| Stepped { graph: Arc::new(split), exact }))
 }
 
-fn runs_figure(judged: Result<&Judged, &Vec<Diagnostic>>) -> String {
-    match judged {
-        Ok(judged) => {
-            format!("word-length error {:.1e}, method error {:.1e}", judged.errors.word_length, judged.errors.method)
-        }
-        Err(_) => "refused".to_owned(),
-    }
+fn runs_figure(judged: Option<&Judged>) -> String {
+    judged.map_or("refused".to_owned(), |Judged { errors, .. }| {
+        format!("word-length error {:.1e}, method error {:.1e}", errors.word_length, errors.method)
+    })
 }
 
 /// The graph with its heavy equations split for a number of PEs, or the default number; none if it fits as it is.

@@ -244,6 +244,25 @@ impl Reference {
         }
     }
 
+    /// By how much states differ from the solution, of the worst one relative to its scale, at one of all times.
+    pub fn deviation(&self, index: usize, states: &[f64]) -> f64 {
+        let width = self.whole.states;
+        let start = vec![0.0; width];
+        let mut compared = Compared::new(0, &self.scales, &start).modulo(self.turns.clone());
+        let row = |numbers: &[f64]| {
+            let mut rows = Rows::new(width);
+            rows.add(numbers.iter().copied());
+            rows
+        };
+        compared.include(1, &row(&self.whole.samples[index * width..(index + 1) * width]), &row(states));
+        compared.worst().1
+    }
+
+    /// One of all times in seconds.
+    pub fn time(&self, index: usize) -> f64 {
+        self.all_times[index]
+    }
+
     /// Total error of a run in double precision alone: what method, held inputs and functions cost; without a comparison
     /// only that at the times of the solution.
     pub fn double_error(&self, model: &Model, exact: &Exact, comparison: Option<&Comparison>) -> f64 {

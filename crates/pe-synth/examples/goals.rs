@@ -177,6 +177,8 @@ fn grid(question: &Question) -> Result<String, Failure> {
         settings: settings.clone(),
         conserved: Vec::new(),
         within: Some(CANCELLED * goal),
+        early: false,
+        until: None,
         clock: ClockSource { given: None, device: None },
         estimate: Estimate::of(model, &graphs, &settings.mapping),
     };

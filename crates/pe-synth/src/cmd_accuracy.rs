@@ -11,16 +11,15 @@ use crate::accuracy::files;
 use crate::accuracy::options::ListArgs;
 use crate::accuracy::view::View;
 use crate::console;
-use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
+use crate::explore::drive::{Driver, GENERATOR, duration, fingerprint, verdict};
 use crate::explore::given::{Given, Sweeping};
-use crate::explore::record::{Kind, Record};
+use crate::explore::record::{Ended, Kind, Record};
 use crate::messages::MessageFormat;
 use crate::options::{ConservedArgs, ModelArgs, SweepArgs, positive};
 use crate::output::{FolderLock, OutputFolder};
 use pe_flow::accuracy::goal::Search;
 use pe_flow::accuracy::lists::Plan;
 use pe_flow::explore::estimate::Estimate;
-use pe_flow::explore::family;
 use pe_flow::explore::steps::hit;
 use pe_flow::explore::sweep::Sweep;
 use pe_flow::failure::Failure;
@@ -98,6 +97,7 @@ impl Accuracy {
             target,
             searches: self.max_error.is_some(),
             kept: BTreeMap::new(),
+            late: false,
             lock,
         };
         record.extend(plan.points.iter().copied().map(row));
@@ -110,39 +110,48 @@ impl Accuracy {
             settings: settings.clone(),
             conserved: conserved.clone(),
             within,
+            // How wrong a point is says which one is tried next.
+            early: false,
+            until: None,
             clock,
             estimate: estimate.clone(),
         };
         let threads = Driver::threads(self.sweep.jobs);
+        let driver = Driver::new(Self::NAME, threads, self.sweep.within)?;
         if !quiet {
-            let seconds =
-                estimate.total(&family::families(record.pending(), family::has_functions(model))) / threads as f64;
+            let seconds = driver.forecast(&record, &sweep(None)).remaining();
             let (points, title) = (record.rows.len(), &record.title);
             let time = indicatif::HumanDuration(std::time::Duration::from_secs_f64(seconds.max(1.0)));
             let done = points - record.pending().len();
             let kept = if done > 0 { format!(", {done} done before") } else { String::new() };
             console::err(&format!("  accuracy  {title}: {points} points{kept}, about {time}\n"));
         }
-        let driver = Driver::new(Self::NAME, threads)?;
-        driver.round(&mut record, sweep(None), quiet)?;
+        let mut ended = driver.round(&mut record, sweep(None), quiet)?;
         if let Some(limit) = self.max_error {
             let mut search = Search::new(model, &settings.mapping, &lists, &plan, limit);
-            loop {
+            while ended == Ended::Done {
                 let more = search.next(&record.sheet().rows);
                 if more.is_empty() {
                     break;
                 }
-                if !quiet {
-                    console::err(&format!("            {} points more in search of the goal\n", more.len()));
-                }
+                let count = more.len();
                 record.extend(more.into_iter().map(row));
-                driver.round(&mut record, sweep(Some(limit)), quiet)?;
+                let sweep = sweep(Some(limit));
+                if !quiet {
+                    let time = duration(driver.forecast(&record, &sweep).remaining());
+                    console::err(&format!("            {count} points more in search of the goal, about {time}\n"));
+                }
+                ended = driver.round(&mut record, sweep, quiet)?;
             }
         }
         let sheet = record.sheet();
         let view = View::new(&sheet);
         if !quiet {
             console::out(&format!("{}  see {}\n", view.summary(), record.target.display()))?;
+            if ended == Ended::Late {
+                let (done, total) = (sheet.rows.len(), sheet.total);
+                console::out(&format!("  {done} of {total} points in the time of `--within`; `--resume` goes on\n"))?;
+            }
         }
         verdict(&sheet)?;
         match (self.max_error, view.chosen) {

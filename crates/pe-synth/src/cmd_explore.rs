@@ -13,14 +13,13 @@ use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::options::AxesArgs;
 use crate::explore::record::{Kind, Record};
-use crate::explore::sheet::{Sheet, USUAL_ERROR};
+use crate::explore::sheet::{Sheet, USUAL_ERROR, shown};
 use crate::explore::show;
 use crate::messages::MessageFormat;
 use crate::options::{ModelArgs, SweepArgs, positive};
 use crate::output::{FolderLock, OutputFolder};
 use pe_flow::explore::axes::{Axes, Completed};
 use pe_flow::explore::estimate::Estimate;
-use pe_flow::explore::family;
 use pe_flow::explore::steps::hit;
 use pe_flow::explore::sweep::Sweep;
 use pe_flow::failure::Failure;
@@ -107,17 +106,21 @@ impl Explore {
             kind: Kind { store: "points.json", files: Sheet::files },
             searches: false,
             kept: BTreeMap::new(),
+            late: false,
             lock,
         };
         if self.resume {
             record.resume()?;
         }
-        let jobs = record.pending();
         let threads = Driver::threads(self.sweep.jobs);
         let estimate = Estimate::of(model, &graphs, &settings.mapping);
-        let seconds = estimate.total(&family::families(jobs.clone(), family::has_functions(model)));
+        let driver = Driver::new(Self::NAME, threads, self.sweep.within)?;
+        let within = shown(record.max_error);
+        let sweep =
+            Sweep { loaded, settings, conserved: Vec::new(), within, early: true, until: None, clock, estimate };
         if !quiet {
-            console::err(&announcement(&axes, &record, jobs.len(), seconds, threads));
+            let seconds = driver.forecast(&record, &sweep).remaining();
+            console::err(&announcement(&axes, &record, seconds, threads));
             let ratio = stiffness.into_iter();
             ratio.for_each(|ratio| {
                 console::err(&format!(
@@ -125,8 +128,7 @@ impl Explore {
                 ))
             });
         }
-        let sweep = Sweep { loaded, settings, conserved: Vec::new(), within: None, clock, estimate };
-        Driver::new(Self::NAME, threads)?.round(&mut record, sweep, quiet)?;
+        driver.round(&mut record, sweep, quiet)?;
         let sheet = record.sheet();
         if !quiet {
             let page = record.target.join("index.html");
@@ -160,7 +162,7 @@ impl Explore {
 }
 
 /// Number of points, axis by axis, and roughly how long they take.
-fn announcement(axes: &Axes, record: &Record, pending: usize, seconds: f64, threads: usize) -> String {
+fn announcement(axes: &Axes, record: &Record, seconds: f64, threads: usize) -> String {
     let axis = |count: usize, name: &str| format!("{count} {name}{}", if count == 1 { "" } else { "s" });
     let sizes = [
         axis(axes.step.len(), "step"),
@@ -169,9 +171,9 @@ fn announcement(axes: &Axes, record: &Record, pending: usize, seconds: f64, thre
         axis(axes.storage.len(), "word length"),
         axis(axes.pes.len(), "PE count"),
     ];
-    let done = record.rows.len() - pending;
+    let done = record.rows.len() - record.pending().len();
     let kept = if done > 0 { format!(", {done} done before") } else { String::new() };
-    let time = HumanDuration(Duration::from_secs_f64((seconds / threads.min(pending).max(1) as f64).max(1.0)));
+    let time = HumanDuration(Duration::from_secs_f64(seconds.max(1.0)));
     format!(
         "   explore  {}: {} points = {}{kept}; about {time} on {}\n",
         record.title,

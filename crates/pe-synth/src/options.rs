@@ -210,6 +210,10 @@ pub struct SweepArgs {
     /// Points compiled at the same time; the result does not depend on it [default: one per core]
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Output")]
     pub jobs: Option<u16>,
+    /// Stops after this time with the best points that were found, the cheapest to compute first; the one option with
+    /// which the result may differ from run to run
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, help_heading = "Output")]
+    pub within: Option<f64>,
 }
 
 impl ClockArgs {

@@ -38,6 +38,13 @@ pub const TASKS: &[Task] = &[
     task("pages/baseline.sh", "native programs against plain C", &["baseline.md"], "gcc, python3", "5 minutes"),
     task("pages/benchmarks.py", "times of the stages of a compilation", &["benchmarks.md"], "python3", "some minutes"),
     task(
+        "pages/sweeps.py",
+        "how long sweeps take, and how well that is told",
+        &["decisions/0083-time-of-sweeps.md"],
+        "python3",
+        "20 minutes",
+    ),
+    task(
         "pages/check-cost.py",
         "processor time of `check` against that of `compile`",
         &["decisions/0027-check.md"],

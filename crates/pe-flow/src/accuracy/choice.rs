@@ -112,6 +112,9 @@ impl Question<'_> {
             },
             conserved: self.conserved.to_vec(),
             within: Some(self.max_error),
+            // How wrong a point is says which one is tried next.
+            early: false,
+            until: None,
             clock: self.clock,
             estimate: estimate.clone(),
         };

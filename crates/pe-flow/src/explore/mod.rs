@@ -8,6 +8,7 @@
 //! row        what became of a point, and how it is stored
 //! fronts     which points no other point beats
 //! estimate   how long a sweep takes
+//! queue      tasks of several threads, the cheapest first
 //! ```
 //!
 //! A row holds what `compile` reports for its point: both go through the same functions of [`crate::pipeline`] and
@@ -17,6 +18,7 @@ pub mod axes;
 pub mod estimate;
 pub mod family;
 pub mod fronts;
+pub mod queue;
 pub mod row;
 pub mod steps;
 pub mod sweep;

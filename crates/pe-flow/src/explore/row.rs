@@ -77,6 +77,17 @@ impl Reason {
         Reason { code: None, message, exit_code: 0, beyond: Some((error, double)) }
     }
 
+    /// A total error that exceeded the goal before the run was over: after so many seconds it was as large as that.
+    pub fn at_least(error: f64, time: f64) -> Reason {
+        let message = format!("total error exceeds the goal: {error:.1e} by t = {time:.3e} s, where the run was ended");
+        Reason { code: None, message, exit_code: 0, beyond: None }
+    }
+
+    /// Whether there would be a design, but a more wrong one than was asked for.
+    pub fn is_beyond(&self) -> bool {
+        self.exit_code == 0
+    }
+
     /// The reason that a failure gives.
     pub fn of(failure: &Failure) -> Reason {
         let exit_code = failure.code();

@@ -2,32 +2,35 @@
 //!
 //! ```text
 //! step                     reference solution at the times of the samples
-//! solver, step             step graph, runs in double precision          a family
-//! multiplier, storage      number formats, run in fixed point            its formats
-//! PEs                      mapping, schedule, program, checkers          its points
+//! solver, step             step graph, run in double precision; other runs in double precision      a family
+//! multiplier, storage      number formats, run in fixed point                                       its formats
+//! PEs                      mapping, schedule, program, checkers                                     its points
 //! ```
 //!
-//! Each level hands tasks to the pool; a worker takes its newest task first and steals the oldest of another, so that
-//! at most one family per worker is in memory. What a point yields does not depend on who computes it or when.
+//! Cheap work comes first, and of a family that was begun all of it before the next one; only their first runs come before
+//! everything else, where they fit in memory together: they say which families are right enough. What a point yields does
+//! not depend on who computes it or when.
 
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, OnceLock};
+use std::time::Instant;
 
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
-use pe_ir::source::Severity;
+use pe_ir::source::{Diagnostic, Severity};
 use pe_sim::reference::ReferenceError;
-use rayon::Scope;
 
-use super::estimate::Estimate;
+use super::estimate::{Estimate, Kind, Work};
 use super::family::{Family, Job, families, has_functions};
+use super::queue::Queue;
 use super::row::{Compiled, Outcome, Reason};
 use crate::candidates::Network;
 use crate::failure::Failure;
 use crate::outputs;
-use crate::pipeline::{self, Compared, Stepped};
+use crate::pipeline::{self, Compared, Stepped, Unformatted};
 use crate::report::{Figures, Silicon, Told};
 use crate::settings::Settings;
 use crate::spec::LoadedModel;
@@ -37,7 +40,8 @@ use pe_judge::DesignPoint;
 use pe_judge::check::sampled;
 use pe_judge::conserved::Conserved;
 use pe_judge::progress::silent;
-use pe_judge::runs::{Comparison, Exact, Judged};
+use pe_judge::runs::{Comparison, Exact, Judged, Kept};
+use pe_judge::times::thread_seconds;
 use pe_judge::total::{Reference, TotalError};
 use pe_target::area;
 use pe_target::clock::ClockSource;
@@ -52,6 +56,10 @@ pub struct Sweep {
     pub conserved: Vec<Conserved>,
     /// Largest total error of points whose networks are designed; others fail. All are designed if there is none.
     pub within: Option<f64>,
+    /// Whether runs end as soon as they are more wrong than that; then it is not known how wrong they would become.
+    pub early: bool,
+    /// When no more work is begun; points that are not done by then are not told.
+    pub until: Option<Instant>,
     /// The clock that speeds are computed with.
     pub clock: ClockSource,
     /// How long the pieces of work take.
@@ -60,8 +68,8 @@ pub struct Sweep {
 
 /// Something that got done.
 pub enum Event {
-    /// Work that was estimated to take so many seconds.
-    Work(f64),
+    /// Work that needs not be done any more.
+    Work(Work),
     /// A point, with its place in the sweep.
     Point(usize, Outcome),
     /// All points.
@@ -70,12 +78,26 @@ pub enum Event {
     Interrupted,
 }
 
+/// The solution that a family is compared with.
+type Shared = Arc<OnceLock<Result<Reference, ReferenceError>>>;
+
+/// A family that was run.
+struct Ran {
+    loaded: LoadedModel,
+    reference: Shared,
+    stepped: Stepped,
+    formats: Vec<Vec<Job>>,
+}
+
 /// What the points of a family share.
 struct Base {
     loaded: Arc<LoadedModel>,
-    reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
+    reference: Shared,
     stepped: Stepped,
-    compared: Compared,
+    comparison: Result<Comparison, Vec<Diagnostic>>,
+    kept: Option<Kept>,
+    /// Word-length error with which no total error is small enough, and what is subtracted for a lower bound of that.
+    most: Option<(f64, f64)>,
 }
 
 /// What the points with the same formats share.
@@ -87,49 +109,168 @@ struct Format {
     total: Result<TotalError, ReferenceError>,
 }
 
-/// Compiles all jobs in the pool and sends what got done; ends early if nobody listens any more.
-pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sender<Event>) {
-    let families = families(jobs, has_functions(&sweep.loaded.model));
-    pool.scope(|scope| {
-        // The newest task is taken first.
-        for family in families.into_iter().rev() {
-            scope.spawn(move |scope| sweep.family(family, scope, sender));
-        }
-    });
+/// A piece of work.
+enum Task {
+    Run(Family),
+    Compare(Box<Ran>),
+    Format(Arc<Base>, Vec<Job>),
+    Network(Arc<Format>, Job),
 }
 
-impl Sweep {
-    fn family<'a>(&'a self, family: Family, scope: &Scope<'a>, sender: &'a Sender<Event>) {
-        let any = family.formats[0][0].point;
-        let loaded = match guarded(|| self.at(&any)) {
+/// Levels of tasks: those of the smallest one come first.
+const NETWORK: u8 = 1;
+const FORMAT: u8 = 2;
+const COMPARE: u8 = 3;
+
+/// States of all families together that are run before anything else.
+const MOST_STATES: usize = 100_000;
+
+/// Part of the span that a run has behind it before the solution is asked for that it may be ended by: what blows up at
+/// once needs none.
+const BEGINNING: f64 = 1.0 / 64.0;
+
+/// Word-length error over that from which on no total error is small enough: scales of the run and of the solution differ.
+const CLEARLY: f64 = 1.2;
+
+/// A sweep at work.
+struct Crew<'a> {
+    sweep: &'a Sweep,
+    queue: Queue<Task>,
+    sender: &'a Sender<Event>,
+}
+
+/// Compiles all jobs in the pool and sends what got done.
+pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sender<Event>) {
+    let model = &sweep.loaded.model;
+    let families = families(jobs, has_functions(model));
+    let together = families.len().saturating_mul(model.states.len()) <= MOST_STATES;
+    let crew = Crew { sweep, queue: Queue::default(), sender };
+    for family in families {
+        crew.queue.add(if together { 0 } else { COMPARE + 1 }, sweep.estimate.whole(&family), Task::Run(family));
+    }
+    pool.broadcast(|_| crew.queue.work(sweep.until, |task| crew.take(task)));
+}
+
+impl Crew<'_> {
+    fn take(&self, task: Task) {
+        match task {
+            Task::Run(family) => self.family(family),
+            Task::Compare(ran) => self.compare(*ran),
+            Task::Format(base, jobs) => self.format(&base, jobs),
+            Task::Network(format, job) => self.network(&format, &job),
+        }
+    }
+
+    fn family(&self, family: Family) {
+        let (sweep, any) = (self.sweep, family.formats[0][0].point);
+        let loaded = match guarded(|| sweep.at(&any)) {
             Ok(loaded) => loaded,
-            Err(reason) => return fail(family.formats.iter().flatten(), &reason, sender),
+            Err(reason) => return self.give_up_family(family.formats, &reason),
         };
         // Widths that do not go together are found before anything runs, as in `compile`.
         let mut formats = Vec::new();
         for jobs in family.formats {
-            match guarded(|| jobs[0].point.format(&self.loaded.model).map_err(Failure::Usage)) {
+            match guarded(|| jobs[0].point.format(&sweep.loaded.model).map_err(Failure::Usage)) {
                 Ok(_) => formats.push(jobs),
-                Err(reason) => fail(&jobs, &reason, sender),
+                Err(reason) => self.give_up(&jobs, &reason),
             }
         }
         if formats.is_empty() {
-            return;
+            return self.give_up_family(formats, &Reason::of(&Failure::Internal("no formats".to_owned())));
         }
-        let base = self.base(loaded, &any, family.reference, sender);
-        let _ = sender.send(Event::Work(self.estimate.family(&any)));
-        match base {
-            Ok(base) => {
-                let base = Arc::new(base);
-                for jobs in formats.into_iter().rev() {
-                    let base = Arc::clone(&base);
-                    scope.spawn(move |scope| self.format(&base, jobs, scope, sender));
-                }
+        let clock = thread_seconds();
+        // Time in which the reference was solved, and tables were made.
+        let waited = Cell::new(0.0);
+        let stepped = guarded_reason(|| sweep.run(&loaded, &any, &family.reference, &waited, self.sender));
+        let took = thread_seconds() - clock - waited.get();
+        self.tell(Kind::Run, sweep.estimate.run(&any), stepped.is_ok().then_some(took));
+        match stepped {
+            Ok(stepped) => {
+                let seconds = sweep.estimate.comparison(&any);
+                let ran = Ran { loaded, reference: family.reference, stepped, formats };
+                self.queue.add(COMPARE, seconds, Task::Compare(Box::new(ran)));
             }
-            Err(reason) => fail(formats.iter().flatten(), &reason, sender),
+            Err(reason) => self.give_up_family(formats, &reason),
         }
     }
 
+    fn compare(&self, ran: Ran) {
+        let (sweep, clock) = (self.sweep, thread_seconds());
+        let Ran { loaded, reference, stepped, formats } = ran;
+        let any = formats[0][0].point;
+        let waited = Cell::new(0.0);
+        let base = guarded_reason(|| sweep.base(loaded, &any, reference, stepped, &waited, self.sender));
+        let took = thread_seconds() - clock - waited.get();
+        self.tell(Kind::Comparison, sweep.estimate.comparison(&any), base.is_ok().then_some(took));
+        match base {
+            Ok(base) => {
+                let base = Arc::new(base);
+                for jobs in formats {
+                    let seconds = sweep.estimate.format(&jobs[0].point);
+                    self.queue.add(FORMAT, seconds, Task::Format(Arc::clone(&base), jobs));
+                }
+            }
+            Err(reason) => formats.iter().for_each(|jobs| self.give_up(jobs, &reason)),
+        }
+    }
+
+    fn format(&self, base: &Arc<Base>, jobs: Vec<Job>) {
+        let (sweep, clock) = (self.sweep, thread_seconds());
+        let point = &jobs[0].point;
+        let waited = Cell::new(0.0);
+        let format = guarded_reason(|| {
+            let (graph, judged) = sweep.judged(base, &base.stepped, point)?;
+            let total = sweep.total(base, &judged, point, &waited, self.sender);
+            sweep.admitted(Format { base: Arc::clone(base), graph, judged: Arc::new(judged), total })
+        });
+        let took = thread_seconds() - clock - waited.get();
+        self.tell(Kind::Format, sweep.estimate.format(point), format.is_ok().then_some(took));
+        match format {
+            Ok(format) => {
+                let format = Arc::new(format);
+                for job in jobs {
+                    let seconds = sweep.estimate.network(&job.point);
+                    self.queue.add(NETWORK, seconds, Task::Network(Arc::clone(&format), job));
+                }
+            }
+            Err(reason) => {
+                self.tell(Kind::Network, sweep.estimate.networks(&jobs), None);
+                fail(&jobs, &reason, self.sender);
+            }
+        }
+    }
+
+    fn network(&self, format: &Format, job: &Job) {
+        let clock = thread_seconds();
+        let compiled = guarded_reason(|| self.sweep.network(format, job, self.sender));
+        let outcome = compiled.map_or_else(Outcome::Failed, |compiled| Outcome::Compiled(Box::new(compiled)));
+        let took = matches!(outcome, Outcome::Compiled(_)).then(|| thread_seconds() - clock);
+        self.tell(Kind::Network, self.sweep.estimate.network(&job.point), took);
+        let _ = self.sender.send(Event::Point(job.index, outcome));
+    }
+
+    /// Points of the same formats fail before these are known.
+    fn give_up(&self, jobs: &[Job], reason: &Reason) {
+        let Some(first) = jobs.first() else { return };
+        self.tell(Kind::Format, self.sweep.estimate.format(&first.point), None);
+        self.tell(Kind::Network, self.sweep.estimate.networks(jobs), None);
+        fail(jobs, reason, self.sender);
+    }
+
+    /// The same of all points of a family.
+    fn give_up_family(&self, formats: Vec<Vec<Job>>, reason: &Reason) {
+        if let Some(first) = formats.first() {
+            self.tell(Kind::Comparison, self.sweep.estimate.comparison(&first[0].point), None);
+        }
+        formats.iter().for_each(|jobs| self.give_up(jobs, reason));
+    }
+
+    fn tell(&self, kind: Kind, estimated: f64, took: Option<f64>) {
+        let _ = self.sender.send(Event::Work(Work { kind, estimated, took }));
+    }
+}
+
+impl Sweep {
     /// The model at a point.
     fn at(&self, point: &DesignPoint) -> Result<LoadedModel, Failure> {
         let mut loaded = self.loaded.clone();
@@ -137,61 +278,71 @@ impl Sweep {
         Ok(loaded)
     }
 
-    /// What the points of a family share. A run in double precision that is more wrong than was asked for ends it: first at
-    /// the times of the reference alone, then with what comes on top between them.
+    /// The run in double precision of a family. One that is more wrong than was asked for ends it, at the times of the
+    /// reference.
+    fn run(
+        &self,
+        loaded: &LoadedModel,
+        point: &DesignPoint,
+        reference: &Shared,
+        waited: &Cell<f64>,
+        sender: &Sender<Event>,
+    ) -> Result<Stepped, Reason> {
+        let (model, watch) = (&loaded.model, &mut Stopwatch::silent());
+        let solution = || self.reference(reference, model, point, waited, sender).as_ref().ok();
+        let clock = thread_seconds();
+        let graph = guarded(|| pipeline::build(loaded, point, &self.settings.mapping, watch))?;
+        waited.set(thread_seconds() - clock);
+        let (samples, looks) = Exact::times(model);
+        let early = |time: &&f64| **time < BEGINNING * model.span;
+        let beginning = samples.iter().chain(&looks).filter(early).count();
+        let mut known: Option<&Reference> = None;
+        let mut ended = None;
+        let mut goes_on = |index: usize, states: &[f64]| -> bool {
+            let Some(limit) = self.within.filter(|_| self.early) else { return true };
+            if index < beginning {
+                return true;
+            }
+            known = known.or_else(solution);
+            let Some(solution) = known else { return true };
+            let error = solution.deviation(index, states);
+            if error > limit {
+                ended = Some(Reason::at_least(error, solution.time(index)));
+            }
+            error <= limit
+        };
+        let stepped = guarded(|| pipeline::run_while(loaded, graph, &mut goes_on, watch))?;
+        let Some(stepped) = stepped else { return Err(ended.expect("it was ended by its error")) };
+        let Some((limit, solution)) = self.within.zip(solution()) else { return Ok(stepped) };
+        let error = solution.double_error(model, &stepped.exact, None);
+        if error > limit || error.is_nan() { Err(Reason::beyond(error, error)) } else { Ok(stepped) }
+    }
+
+    /// What the points of a family share. A run that is more wrong than was asked for, with what comes on top between the
+    /// times of the reference, ends it.
     fn base(
         &self,
         loaded: LoadedModel,
         point: &DesignPoint,
-        reference: Arc<OnceLock<Result<Reference, ReferenceError>>>,
+        reference: Shared,
+        stepped: Stepped,
+        waited: &Cell<f64>,
         sender: &Sender<Event>,
     ) -> Result<Base, Reason> {
-        let stepped = guarded(|| {
-            let watch = &mut Stopwatch::silent();
-            let graph = pipeline::build(&loaded, point, &self.settings.mapping, watch)?;
-            pipeline::run(&loaded, graph, watch)
-        })?;
+        let model = &loaded.model;
         let Stepped { graph, exact } = &stepped;
-        let refused = |comparison: Option<&Comparison>| -> Option<Reason> {
-            let limit = self.within?;
-            let solution = self.reference(&reference, &loaded.model, exact, point, sender).as_ref().ok()?;
-            let error = solution.double_error(&loaded.model, exact, comparison);
-            (error > limit || error.is_nan()).then(|| Reason::beyond(error, error))
-        };
-        if let Some(reason) = refused(None) {
-            return Err(reason);
-        }
-        let compared = guarded(|| Ok(exact.compare(&loaded.model, graph)))?;
-        if let Some(reason) = compared.as_ref().ok().and_then(|comparison| refused(Some(comparison))) {
-            return Err(reason);
-        }
-        Ok(Base { loaded: Arc::new(loaded), reference, stepped, compared })
-    }
-
-    fn format<'a>(&'a self, base: &Arc<Base>, jobs: Vec<Job>, scope: &Scope<'a>, sender: &'a Sender<Event>) {
-        let judged = guarded(|| {
-            let point = &jobs[0].point;
-            let (graph, judged) = self.judged(base, &base.stepped, point)?;
-            let total = self.total(base, &judged, point, sender);
-            Ok(Format { base: Arc::clone(base), graph, judged: Arc::new(judged), total })
-        });
-        let _ = sender.send(Event::Work(self.estimate.format(&jobs[0].point)));
-        match judged.and_then(|format| self.admitted(format)) {
-            Ok(format) => {
-                let format = Arc::new(format);
-                for job in jobs.into_iter().rev() {
-                    let format = Arc::clone(&format);
-                    scope.spawn(move |_| {
-                        let compiled = guarded(|| self.network(&format, &job, sender));
-                        let outcome =
-                            compiled.map_or_else(Outcome::Failed, |compiled| Outcome::Compiled(Box::new(compiled)));
-                        let _ = sender.send(Event::Work(self.estimate.network(&job.point)));
-                        let _ = sender.send(Event::Point(job.index, outcome));
-                    });
-                }
+        let (comparison, kept) = guarded(|| Ok(exact.compare_keeping(model, graph)))?;
+        let mut most = None;
+        if let (Some(limit), Ok(compared)) = (self.within, &comparison)
+            && let Ok(solution) = self.reference(&reference, model, point, waited, sender)
+        {
+            let error = solution.double_error(model, exact, Some(compared));
+            if error > limit || error.is_nan() {
+                return Err(Reason::beyond(error, error));
             }
-            Err(reason) => fail(&jobs, &reason, sender),
+            most = self.early.then_some((CLEARLY * (limit + error), error));
         }
+        Ok(Base { loaded: Arc::new(loaded), reference, stepped, comparison, kept, most })
     }
 
     /// The runs of points if they are right enough for a network.
@@ -204,18 +355,23 @@ impl Sweep {
     /// The solution that a family is compared with.
     fn reference<'r>(
         &self,
-        reference: &'r OnceLock<Result<Reference, ReferenceError>>,
+        reference: &'r Shared,
         model: &Model,
-        exact: &Exact,
         point: &DesignPoint,
+        waited: &Cell<f64>,
         sender: &Sender<Event>,
     ) -> &'r Result<Reference, ReferenceError> {
-        reference.get_or_init(|| {
-            let (times, looks) = exact.times();
+        let clock = thread_seconds();
+        let solution = reference.get_or_init(|| {
+            let (times, looks) = Exact::times(model);
             let solution = Reference::solve(model, &times, &looks, &self.conserved, &*silent());
-            let _ = sender.send(Event::Work(self.estimate.reference(point)));
+            let took = Some(thread_seconds() - clock);
+            let work = Work { kind: Kind::Reference, estimated: self.estimate.reference(point), took };
+            let _ = sender.send(Event::Work(work));
             solution
-        })
+        });
+        waited.set(waited.get() + thread_seconds() - clock);
+        solution
     }
 
     /// The total error of a fixed-point run.
@@ -224,44 +380,60 @@ impl Sweep {
         base: &Base,
         judged: &Judged,
         point: &DesignPoint,
+        waited: &Cell<f64>,
         sender: &Sender<Event>,
     ) -> Result<TotalError, ReferenceError> {
         let model = &base.loaded.model;
-        let reference = self.reference(&base.reference, model, &base.stepped.exact, point, sender).as_ref();
+        let reference = self.reference(&base.reference, model, point, waited, sender).as_ref();
         reference.map(|reference| reference.compare(model, judged)).map_err(|error| *error)
     }
 
     /// The graph that a point has, and its formats and errors; what was run is the graph of the family or a split of it.
-    fn judged(&self, base: &Base, stepped: &Stepped, point: &DesignPoint) -> Result<(Arc<StepGraph>, Judged), Failure> {
+    fn judged(&self, base: &Base, stepped: &Stepped, point: &DesignPoint) -> Result<(Arc<StepGraph>, Judged), Reason> {
         let (loaded, criteria) = (&base.loaded, &self.settings.criteria);
         let watch = &mut Stopwatch::silent();
-        let (graph, mut judged) = pipeline::formats(loaded, criteria, point, stepped, Some(&base.compared), watch)?;
+        let own = std::ptr::eq(stepped, &base.stepped);
+        let compared = Compared {
+            comparison: &base.comparison,
+            kept: base.kept.as_ref().filter(|_| own),
+            most: base.most.map(|(most, _)| most).filter(|_| own),
+        };
+        let formats = pipeline::formats(loaded, criteria, point, stepped, Some(compared), watch);
+        let (graph, mut judged) = formats.map_err(|unformatted| match unformatted {
+            Unformatted::Failed(failure) => Reason::of(&failure),
+            Unformatted::Beyond(beyond) => {
+                let known = base.most.map_or(0.0, |(_, double)| double);
+                Reason::at_least(beyond.error - known, beyond.time)
+            }
+        })?;
         let findings = sampled::findings(&loaded.model, &graph, &judged).into_iter();
         let (refusals, warnings): (Vec<_>, Vec<_>) = findings.partition(|finding| finding.severity == Severity::Error);
         judged.warnings.extend(warnings);
-        let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
+        let refused = |findings| Reason::of(&Failure::Spec(findings, loaded.sources.clone()));
         judged.warnings.extend(criteria.permit(refusals).map_err(refused)?);
         Ok((graph, judged))
     }
 
     /// Designs the network of a point and reports on it as `compile` does.
-    fn network(&self, format: &Format, job: &Job, sender: &Sender<Event>) -> Result<Compiled, Failure> {
+    fn network(&self, format: &Format, job: &Job, sender: &Sender<Event>) -> Result<Compiled, Reason> {
+        let failed = |failure: Failure| Reason::of(&failure);
         let Format { base, graph, judged, total } = format;
         let (loaded, point) = (&base.loaded, &job.point);
         let (mut graph, mut judged, mut total) = (Arc::clone(graph), Arc::clone(judged), total.clone());
         // Heavy equations are split differently for every number of PEs; then nothing is shared.
-        let words = point.format(&loaded.model).map_err(Failure::Usage)?;
+        let words = point.format(&loaded.model).map_err(|text| failed(Failure::Usage(text)))?;
         if let Some(split) = pipeline::split(&base.stepped.graph, point.pes, &self.settings.mapping, words) {
-            let stepped = pipeline::run(loaded, split, &mut Stopwatch::silent())?;
+            let stepped = pipeline::run(loaded, split, &mut Stopwatch::silent()).map_err(failed)?;
             let (of_split, judged_split) = self.judged(base, &stepped, point)?;
-            total = self.total(base, &judged_split, point, sender);
+            total = self.total(base, &judged_split, point, &Cell::new(0.0), sender);
             (graph, judged) = (of_split, Arc::new(judged_split));
         }
         let seed = self.settings.seed;
         let watch = &mut Stopwatch::silent();
         let network = Network { pes: point.pes, seed, given: None };
-        let mut design = pipeline::implement(loaded, &graph, &judged, network, &self.settings.mapping, watch)?;
-        outputs::place(&mut design.program, outputs::Wanted::Auto, self.clock.family())?;
+        let mapping = &self.settings.mapping;
+        let mut design = pipeline::implement(loaded, &graph, &judged, network, mapping, watch).map_err(failed)?;
+        outputs::place(&mut design.program, outputs::Wanted::Auto, self.clock.family()).map_err(failed)?;
         let (model, total) = (&loaded.model, Some(total));
         let silicon = Silicon {
             area: area::estimate(&design.program, self.clock.family()),
@@ -282,11 +454,15 @@ impl Sweep {
 
 /// Does work of which neither a failure nor a panic shall end the sweep.
 fn guarded<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Reason> {
-    let result = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+    guarded_reason(|| work().map_err(|failure| Reason::of(&failure)))
+}
+
+/// The same of work that knows why it fails.
+fn guarded_reason<T>(work: impl FnOnce() -> Result<T, Reason>) -> Result<T, Reason> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
         let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
-        Err(Failure::Internal(text.unwrap_or("panic").to_owned()))
-    });
-    result.map_err(|failure| Reason::of(&failure))
+        Err(Reason::of(&Failure::Internal(text.unwrap_or("panic").to_owned())))
+    })
 }
 
 fn fail<'j>(jobs: impl IntoIterator<Item = &'j Job>, reason: &Reason, sender: &Sender<Event>) {

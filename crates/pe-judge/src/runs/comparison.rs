@@ -3,7 +3,6 @@
 
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::mpsc::SyncSender;
 
 use pe_hls::step::StepOptions;
 use pe_ir::codes;
@@ -75,6 +74,14 @@ struct Bent {
     /// Method error over the difference to a quarter of the step.
     gain: f64,
 }
+
+/// A run in double precision, to be compared with again.
+pub struct Kept {
+    pub(super) blocks: Vec<Arc<Rows>>,
+}
+
+/// Numbers of a run that is kept, at most: 128 MiB.
+const MOST_KEPT: u64 = 1 << 24;
 
 impl Comparison {
     /// The method error of each state: with an error C h^p the difference of steps h and h/2 is C h^p (1 - 2^-p).
@@ -157,33 +164,50 @@ impl Exact {
     /// # Errors
     /// `E0901` non-finite.
     pub fn compare(&self, model: &Model, graph: &StepGraph) -> Result<Comparison, Vec<Diagnostic>> {
-        self.compare_telling(model, graph, None)
+        self.compare_telling(model, graph, &mut |_| false)
     }
 
-    /// The same, where somebody listens to the run of the step itself, block by block.
+    /// The same; keeps the run of the step itself if that is not too large.
+    pub fn compare_keeping(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+    ) -> (Result<Comparison, Vec<Diagnostic>>, Option<Kept>) {
+        let width = (model.states.len() + curve_count(graph)) as u64;
+        let small = self.plan.steps.saturating_mul(width) <= MOST_KEPT;
+        let mut blocks = Vec::new();
+        let comparison = self.compare_telling(model, graph, &mut |rows| {
+            if small {
+                blocks.push(Arc::clone(rows));
+            }
+            small
+        });
+        (comparison, small.then_some(Kept { blocks }))
+    }
+
+    /// The same, where somebody listens to the run of the step itself, block by block, for as long as that says so.
     pub(super) fn compare_telling(
         &self,
         model: &Model,
         graph: &StepGraph,
-        mut listener: Option<SyncSender<Arc<Rows>>>,
+        listener: &mut dyn FnMut(&Arc<Rows>) -> bool,
     ) -> Result<Comparison, Vec<Diagnostic>> {
         let plan = &self.plan;
         let frame = self.frame();
         let graphs = Graphs::of(&frame, model);
         let mut others = graphs.as_ref().map(|graphs| Others::new(&frame, graph, graphs)).map_err(Clone::clone);
         let mut own = self.own(graph);
+        let mut listens = true;
         for block in plan.blocks() {
             own.block(plan, &block).expect("it was finite before");
             let rows = Arc::new(own.take());
-            if listener.as_ref().is_some_and(|listener| listener.send(Arc::clone(&rows)).is_err()) {
-                listener = None;
-            }
+            listens = listens && listener(&rows);
             if let Ok(runs) = &mut others
                 && let Err(findings) = runs.block(plan, &block, &rows)
             {
                 others = Err(findings);
             }
-            if listener.is_none() && others.is_err() {
+            if !listens && others.is_err() {
                 break;
             }
         }

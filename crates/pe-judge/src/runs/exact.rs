@@ -16,7 +16,7 @@ use pe_sim::error::Trajectory;
 use crate::angles;
 use crate::corners::{self, Corner};
 use crate::pivots::{self, SmallestPivot};
-use crate::progress::Progress;
+use crate::progress::{Progress, silent};
 use crate::times::thread_seconds;
 
 use super::inputs;
@@ -66,11 +66,27 @@ impl Exact {
     /// # Errors
     /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero, `E0914` a sine faster than the steps.
     pub fn run(model: &Model, graph: &StepGraph, progress: Arc<dyn Progress>) -> Result<Exact, Vec<Diagnostic>> {
-        let mut own = Exact::run_alone(model, graph, Arc::clone(&progress))?;
+        let whole = Exact::run_while(model, graph, progress, &mut |_, _| true)?;
+        Ok(whole.expect("nobody ends it"))
+    }
+
+    /// The same, for as long as `goes_on` says so: it hears of every sample and look how many came before, and the
+    /// states. None if it ended the run.
+    ///
+    /// # Errors
+    /// Those of [`Exact::run`].
+    pub fn run_while(
+        model: &Model,
+        graph: &StepGraph,
+        progress: Arc<dyn Progress>,
+        goes_on: &mut dyn FnMut(usize, &[f64]) -> bool,
+    ) -> Result<Option<Exact>, Vec<Diagnostic>> {
+        let Some(mut own) = Exact::run_alone(model, graph, Arc::clone(&progress), goes_on)? else { return Ok(None) };
         for corner in corners::corners(model) {
             let other = corner.model(model);
-            let exact = Exact::run_alone(&other, &corner.graph(graph), Arc::clone(&progress))
-                .map_err(|findings| corner.named(findings))?;
+            let exact = Exact::run_alone(&other, &corner.graph(graph), Arc::clone(&progress), &mut |_, _| true)
+                .map_err(|findings| corner.named(findings))?
+                .expect("nobody ends it");
             for (own, other) in own.largest.iter_mut().zip(&exact.largest) {
                 *own = own.max(*other);
             }
@@ -79,17 +95,23 @@ impl Exact {
             }
             own.corners.push(AtCorner { corner, model: other, exact });
         }
-        Ok(own)
+        Ok(Some(own))
     }
 
     /// With the values of the spec alone.
-    fn run_alone(model: &Model, graph: &StepGraph, progress: Arc<dyn Progress>) -> Result<Exact, Vec<Diagnostic>> {
+    fn run_alone(
+        model: &Model,
+        graph: &StepGraph,
+        progress: Arc<dyn Progress>,
+        goes_on: &mut dyn FnMut(usize, &[f64]) -> bool,
+    ) -> Result<Option<Exact>, Vec<Diagnostic>> {
         if let Some(finding) = inputs::too_fast(model) {
             return Err(vec![finding]);
         }
         let plan = Plan::of(model, progress);
         let begin = thread_seconds();
-        let ReferenceRun { reference, looks, curves, mut ranges, moments } = reference_run(model, graph, &plan)?;
+        let Some(run) = reference_run(model, graph, &plan, goes_on)? else { return Ok(None) };
+        let ReferenceRun { reference, looks, curves, mut ranges, moments } = run;
         let (reference, looks) = (Arc::new(reference), Arc::new(looks));
         let output_scales = graph.outputs[..curve_count(graph)].iter().map(|output| ranges.largest[output.index()]);
         let output_scales = output_scales.collect();
@@ -99,7 +121,7 @@ impl Exact {
         include_declared(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = model.own_scales(reference.scales(&quantities));
-        Ok(Exact {
+        Ok(Some(Exact {
             plan,
             form: graph.form,
             tables: !graph.functions.tables.is_empty(),
@@ -114,12 +136,13 @@ impl Exact {
             seconds,
             smallest_pivot,
             corners: Vec::new(),
-        })
+        }))
     }
 
-    /// Times of samples and of looks, in seconds.
-    pub fn times(&self) -> (Vec<f64>, Vec<f64>) {
-        (self.plan.times(&self.plan.samples), self.plan.times(&self.plan.looks))
+    /// Times of samples and of looks of a model's runs, in seconds.
+    pub fn times(model: &Model) -> (Vec<f64>, Vec<f64>) {
+        let plan = Plan::of(model, silent());
+        (plan.times(&plan.samples), plan.times(&plan.looks))
     }
 
     /// States at these times.
@@ -153,7 +176,12 @@ struct ReferenceRun {
     moments: Moments,
 }
 
-fn reference_run(model: &Model, graph: &StepGraph, plan: &Plan) -> Result<ReferenceRun, Vec<Diagnostic>> {
+fn reference_run(
+    model: &Model,
+    graph: &StepGraph,
+    plan: &Plan,
+    goes_on: &mut dyn FnMut(usize, &[f64]) -> bool,
+) -> Result<Option<ReferenceRun>, Vec<Diagnostic>> {
     let mut sampling = Sampling::new(graph);
     let mut run = DoubleRun::new(graph);
     let mut reference = Trajectory::new(model.states.len());
@@ -164,19 +192,25 @@ fn reference_run(model: &Model, graph: &StepGraph, plan: &Plan) -> Result<Refere
         let time = model.time(done - 1, 0.0);
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
-        if samples.next_if_eq(&&done).is_some() {
+        let sampled = samples.next_if_eq(&&done).is_some();
+        if sampled {
             reference.push(|state| run.state(StateId::at(state)));
             curves.double.push(|output| run.output(output));
             sampling.add(|value| run.value(value));
         }
-        if looked_at.next_if_eq(&&done).is_some() {
+        let looked = looked_at.next_if_eq(&&done).is_some();
+        if looked {
             looks.push(|state| run.state(StateId::at(state)));
+        }
+        let before = reference.len() + looks.len();
+        if (sampled || looked) && !goes_on(before - 1, &run.states()[..model.states.len()]) {
+            return Ok(None);
         }
     }
     let largest = run.largest();
     reference.largest = graph.states.iter().map(|(state, _)| largest[state.index()]).collect();
     let ranges = Ranges { largest, widened: vec![0; graph.values.len()] };
-    Ok(ReferenceRun { reference, looks, curves, ranges, moments: sampling.moments() })
+    Ok(Some(ReferenceRun { reference, looks, curves, ranges, moments: sampling.moments() }))
 }
 
 /// Magnitude of an argument from which on an infinite value is an overflow, not a pole.

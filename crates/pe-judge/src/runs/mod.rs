@@ -44,13 +44,14 @@ use crate::progress::Progress;
 use self::exact::AtCorner;
 use self::settled::Measured;
 
-pub use self::comparison::{Comparison, method_error};
+pub use self::comparison::{Comparison, Kept, method_error};
 pub use self::exact::{Exact, non_finite};
 pub use self::inputs::{outside, varying_inputs};
 pub use self::judged::{Checkpoint, Curves, Errors, Judged, Looks, ToDate, Unseen};
 pub use self::proven::Proposal;
+pub use self::saturated::Beyond;
 pub use self::sensitivity::{APART, SENSITIVE, Sensitivity};
-pub use self::settle::port_words;
+pub use self::settle::{Aids, Unsettled, port_words};
 pub use self::settled::Settled;
 
 /// Estimated method error from which on the step is refused, unless it is that of the beginning alone, and from which on
@@ -106,7 +107,8 @@ impl Exact {
         let (sender, blocks) = sync_channel(BLOCKS_AHEAD);
         let (settled, comparison) = side_by_side(
             || self.settle_listening(model, graph, format, proposal, Some(blocks)),
-            || self.compare_telling(model, graph, Some(sender)),
+            // The listener must hear of it if this run ends.
+            move || self.compare_telling(model, graph, &mut |rows| sender.send(Arc::clone(rows)).is_ok()),
         );
         self.conclude(model, graph, settled, comparison, criteria)
     }
@@ -122,10 +124,8 @@ impl Exact {
         fixed: &FixedPoint,
         criteria: &Criteria,
     ) -> Result<Judged, Vec<Diagnostic>> {
-        let (settled, comparison) = side_by_side(
-            || self.settle_given(model, graph, fixed, criteria.proof),
-            || self.compare_telling(model, graph, None),
-        );
+        let (settled, comparison) =
+            side_by_side(|| self.settle_given(model, graph, fixed, criteria.proof), || self.compare(model, graph));
         self.conclude(model, graph, settled, comparison, criteria)
     }
 

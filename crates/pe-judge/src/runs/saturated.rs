@@ -12,6 +12,8 @@ pub(super) enum Ended {
     Saturated(Saturated),
     /// Double precision with quantised coefficients met what is not finite.
     Diverged(Vec<Diagnostic>),
+    /// The word-length error is larger than anybody wants to know.
+    Beyond(Beyond),
 }
 
 impl From<Saturated> for Ended {
@@ -24,6 +26,15 @@ impl From<Vec<Diagnostic>> for Ended {
     fn from(findings: Vec<Diagnostic>) -> Ended {
         Ended::Diverged(findings)
     }
+}
+
+/// A word-length error that ended a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beyond {
+    /// The error of the worst state so far, relative to its scale.
+    pub error: f64,
+    /// Seconds of the span that were run.
+    pub time: f64,
 }
 
 /// A fixed-point run met the end of a range.

@@ -18,11 +18,12 @@ use crate::criteria::ProofMode;
 use crate::proof::{self, Proof};
 use crate::times::thread_seconds;
 
+use super::comparison::Kept;
 use super::exact::{AtCorner, Exact, curve_count};
 use super::judged::Checkpoint;
 use super::lockstep::Pass;
 use super::proven::{self, Proposal};
-use super::saturated::{self, Ended, Saturated};
+use super::saturated::{self, Beyond, Ended, Saturated};
 use super::settled::{Measured, Settled};
 
 /// Fixed-point runs before a saturating model is refused.
@@ -38,7 +39,42 @@ const BALANCED_ERROR: f64 = 1e-7;
 enum Source<'a> {
     /// A run that another thread does anyway.
     Shared(Receiver<Arc<Rows>>),
+    /// A run of before.
+    Kept(std::slice::Iter<'a, Arc<Rows>>),
     Own(Box<Pass<'a>>),
+}
+
+/// What makes runs in fixed point shorter where many are made.
+#[derive(Clone, Copy, Default)]
+pub struct Aids<'a> {
+    /// The run of the same step in double precision.
+    pub kept: Option<&'a Kept>,
+    /// Word-length error beyond which a run ends.
+    pub most: Option<f64>,
+}
+
+/// Why no formats were settled on.
+pub enum Unsettled {
+    /// They are refused.
+    Refused(Vec<Diagnostic>),
+    /// The run ended early, see [`Aids::most`].
+    Beyond(Beyond),
+}
+
+impl From<Vec<Diagnostic>> for Unsettled {
+    fn from(findings: Vec<Diagnostic>) -> Unsettled {
+        Unsettled::Refused(findings)
+    }
+}
+
+impl Unsettled {
+    /// The findings, where runs do not end early.
+    fn findings(self) -> Vec<Diagnostic> {
+        match self {
+            Unsettled::Refused(findings) => findings,
+            Unsettled::Beyond(_) => unreachable!("no error is too large"),
+        }
+    }
 }
 
 impl Exact {
@@ -47,21 +83,22 @@ impl Exact {
     /// # Errors
     /// `E0902` saturates however wide, `E080x` no format.
     pub fn settle(&self, model: &Model, graph: &StepGraph, format: WordFormat) -> Result<Settled, Vec<Diagnostic>> {
-        self.unless_paired(model, graph, format, &self.ranges, None)
+        self.unless_paired(model, graph, format, &self.ranges, None, Aids::default()).map_err(Unsettled::findings)
     }
 
     /// The same, in the formats that are proposed if there are such and they cost little accuracy.
     ///
     /// # Errors
-    /// Those of [`Exact::settle`].
+    /// Those of [`Exact::settle`], and runs that end early.
     pub fn settle_proven(
         &self,
         model: &Model,
         graph: &StepGraph,
         format: WordFormat,
         proposal: Option<&Proposal>,
-    ) -> Result<Settled, Vec<Diagnostic>> {
-        self.settle_listening(model, graph, format, proposal, None)
+        aids: Aids,
+    ) -> Result<Settled, Unsettled> {
+        self.settle_aided(model, graph, format, proposal, None, aids)
     }
 
     /// The same, where the first run can listen to one in double precision.
@@ -71,18 +108,31 @@ impl Exact {
         graph: &StepGraph,
         format: WordFormat,
         proposal: Option<&Proposal>,
-        mut shared: Option<Receiver<Arc<Rows>>>,
+        shared: Option<Receiver<Arc<Rows>>>,
     ) -> Result<Settled, Vec<Diagnostic>> {
+        let settled = self.settle_aided(model, graph, format, proposal, shared, Aids::default());
+        settled.map_err(Unsettled::findings)
+    }
+
+    fn settle_aided(
+        &self,
+        model: &Model,
+        graph: &StepGraph,
+        format: WordFormat,
+        proposal: Option<&Proposal>,
+        mut shared: Option<Receiver<Arc<Rows>>>,
+        aids: Aids,
+    ) -> Result<Settled, Unsettled> {
         let mut wide = None;
         if let Some(proposal) = proposal.filter(|proposal| proposal.widened() > 0) {
-            let settled = self.unless_paired(model, graph, format, proposal.ranges(), shared.take());
+            let settled = self.unless_paired(model, graph, format, proposal.ranges(), shared.take(), aids);
             let proven = settled.ok().and_then(|settled| proposal.proven(model, graph, settled));
             match proven {
                 Some(settled) if settled.word_length() <= proven::HARMLESS => return Ok(settled),
                 settled => wide = settled,
             }
         }
-        let narrow = self.unless_paired(model, graph, format, &self.ranges, shared)?;
+        let narrow = self.unless_paired(model, graph, format, &self.ranges, shared, aids)?;
         match wide {
             Some(wide) if wide.word_length() <= proven::ERROR_GROWTH * narrow.word_length() => {
                 Ok(wide.with_error_before(narrow.word_length()))
@@ -102,13 +152,19 @@ impl Exact {
         format: WordFormat,
         ranges: &Ranges,
         shared: Option<Receiver<Arc<Rows>>>,
-    ) -> Result<Settled, Vec<Diagnostic>> {
-        let settled = self.widened(model, graph, format, ranges.clone(), shared)?;
-        if !graph.pre_adder || settled.word_length() <= PAIR_ERROR {
-            return Ok(settled);
-        }
+        aids: Aids,
+    ) -> Result<Settled, Unsettled> {
+        let settled = match self.widened(model, graph, format, ranges.clone(), shared, aids) {
+            Ok(settled) if !graph.pre_adder || settled.word_length() <= PAIR_ERROR => return Ok(settled),
+            Ok(settled) => Some(settled),
+            // Without pairs the same word may be accurate enough.
+            Err(Unsettled::Beyond(_)) if graph.pre_adder => None,
+            Err(other) => return Err(other),
+        };
         let alone = StepGraph { pre_adder: false, ..graph.clone() };
-        let alone = self.widened(model, &alone, format, ranges.clone(), None)?;
+        let most = aids.most.filter(|_| settled.is_none());
+        let alone = self.widened(model, &alone, format, ranges.clone(), None, Aids { kept: None, most })?;
+        let Some(settled) = settled else { return Ok(alone) };
         Ok(if alone.word_length() < settled.word_length() { alone } else { settled })
     }
 
@@ -120,23 +176,25 @@ impl Exact {
         format: WordFormat,
         mut ranges: Ranges,
         mut shared: Option<Receiver<Arc<Rows>>>,
-    ) -> Result<Settled, Vec<Diagnostic>> {
+        aids: Aids,
+    ) -> Result<Settled, Unsettled> {
         let mut widenings = 0;
         loop {
             let chosen = formats::choose(graph, &ranges, format).map_err(|error| vec![error])?;
             let mut fixed = chosen.clone();
             let aim = Aim::Chain;
             rounding::improve(graph, &mut fixed, &self.moments, aim);
-            let source = shared.take().map_or_else(|| self.source(graph), Source::Shared);
-            let measured = self.measure(model, graph, &fixed, source);
+            let source = shared.take().map_or_else(|| self.source(graph, aids), Source::Shared);
+            let measured = self.measure(model, graph, &fixed, source, aids.most);
             match measured.and_then(|measured| self.hold_at_corners(graph, &fixed).map(|()| measured)) {
                 Ok(measured) => {
                     let settled = Settled { fixed, aim: Some(aim), widenings, measured, proof: None };
-                    return self.balanced(model, graph, chosen, settled);
+                    return Ok(self.balanced(model, graph, chosen, settled, aids));
                 }
-                Err(Ended::Diverged(findings)) => return Err(findings),
+                Err(Ended::Diverged(findings)) => return Err(findings.into()),
+                Err(Ended::Beyond(beyond)) => return Err(Unsettled::Beyond(beyond)),
                 Err(Ended::Saturated(saturated)) if saturated.argument(graph).is_some() => {
-                    return Err(vec![saturated.refusal(model, graph)]);
+                    return Err(vec![saturated.refusal(model, graph)].into());
                 }
                 Err(Ended::Saturated(saturated)) if widenings < WIDENINGS => {
                     widenings += 1;
@@ -144,7 +202,7 @@ impl Exact {
                         ranges.widened[value.index()] += 1;
                     }
                 }
-                Err(Ended::Saturated(saturated)) => return Err(vec![saturated.refusal(model, graph)]),
+                Err(Ended::Saturated(saturated)) => return Err(vec![saturated.refusal(model, graph)].into()),
             }
         }
     }
@@ -167,10 +225,11 @@ impl Exact {
         if let Some(value) = cramped {
             return Err(vec![saturated::too_narrow(graph, ValueId::at(value), "uses more than half of its range")]);
         }
-        let measured = self.measure(model, graph, fixed, self.source(graph));
+        let measured = self.measure(model, graph, fixed, self.source(graph, Aids::default()), None);
         let measured = match measured.and_then(|measured| self.hold_at_corners(graph, fixed).map(|()| measured)) {
             Ok(measured) => measured,
             Err(Ended::Diverged(findings)) => return Err(findings),
+            Err(Ended::Beyond(_)) => unreachable!("no error is too large"),
             Err(Ended::Saturated(saturated)) => {
                 let what = format!("saturates at t = {:.6e} s", model.time(saturated.step, 0.0));
                 return Err(vec![saturated::too_narrow(graph, saturated.values[0], &what)]);
@@ -186,8 +245,11 @@ impl Exact {
         Ok(Settled { fixed: fixed.clone(), aim: None, widenings: 0, measured, proof })
     }
 
-    fn source<'a>(&self, graph: &'a StepGraph) -> Source<'a> {
-        Source::Own(Box::new(self.own(graph)))
+    fn source<'a>(&self, graph: &'a StepGraph, aids: Aids<'a>) -> Source<'a> {
+        match aids.kept {
+            Some(kept) => Source::Kept(kept.blocks.iter()),
+            None => Source::Own(Box::new(self.own(graph))),
+        }
     }
 
     /// Runs in fixed point, and in double precision with quantised coefficients, beside the run in double precision.
@@ -197,6 +259,7 @@ impl Exact {
         graph: &StepGraph,
         fixed: &FixedPoint,
         mut source: Source,
+        most: Option<f64>,
     ) -> Result<Measured, Ended> {
         let plan = &self.plan;
         let (states, outputs) = (model.states.len(), curve_count(graph));
@@ -220,6 +283,7 @@ impl Exact {
                     shared = blocks.recv().expect("all blocks are sent");
                     &*shared
                 }
+                Source::Kept(blocks) => &**blocks.next().expect("all blocks are kept"),
                 Source::Own(own) => own.block(plan, &block).expect("it was finite before"),
             };
             let begin = thread_seconds();
@@ -233,6 +297,10 @@ impl Exact {
             }
             measured.seconds += thread_seconds() - begin;
             plan.compare(&block, &mut measured.word, double, &run.rows);
+            let error = measured.word.worst().1;
+            if most.is_some_and(|most| error > most) {
+                return Err(Ended::Beyond(Beyond { error, time: model.time(block.end, 0.0) }));
+            }
             if outputs > 0 {
                 measured.outputs.include(block.end, double, &run.rows);
             }
@@ -263,29 +331,23 @@ impl Exact {
 
     /// The same formats with roundings that cancel over the step, if the coefficient error matters and they make it
     /// smaller. `chosen` are the formats with nearest roundings.
-    fn balanced(
-        &self,
-        model: &Model,
-        graph: &StepGraph,
-        chosen: FixedPoint,
-        settled: Settled,
-    ) -> Result<Settled, Vec<Diagnostic>> {
+    fn balanced(&self, model: &Model, graph: &StepGraph, chosen: FixedPoint, settled: Settled, aids: Aids) -> Settled {
         if settled.coefficient() <= BALANCED_ERROR || !rounding::can_balance(graph) {
-            return Ok(settled);
+            return settled;
         }
         let mut fixed = chosen;
         let aim = Aim::Step;
         rounding::improve(graph, &mut fixed, &self.moments, aim);
         self.plan.progress.add_length(3 * self.plan.steps);
         // Formats that were wide enough for the other roundings are kept with those.
-        let measured = self.measure(model, graph, &fixed, self.source(graph));
+        let measured = self.measure(model, graph, &fixed, self.source(graph, aids), None);
         let measured = measured.and_then(|measured| self.hold_at_corners(graph, &fixed).map(|()| measured));
-        let Ok(measured) = measured else { return Ok(settled) };
-        Ok(if measured.quantised.worst().1 < settled.coefficient() {
-            Settled { fixed, aim: Some(aim), measured, ..settled }
-        } else {
-            settled
-        })
+        match measured {
+            Ok(measured) if measured.quantised.worst().1 < settled.coefficient() => {
+                Settled { fixed, aim: Some(aim), measured, ..settled }
+            }
+            _ => settled,
+        }
     }
 }
 

@@ -143,7 +143,7 @@ impl Sheet {
 
     /// What a picture says about its points.
     fn caption(&self, more: &str) -> String {
-        format!("{}. Clock {}. {more}", self.points("sweep", "failed"), self.clock)
+        format!("{}. Clock {}. {more}", self.points("sweep", "failed, or are too wrong for a network,"), self.clock)
     }
 
     fn error_time(&self, front: &Front) -> String {

@@ -3,14 +3,15 @@
 use pe_judge::DesignPoint;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use super::changes;
 use super::sheet::Sheet;
 use crate::output::{Files, FolderLock, OutputFolder};
+use pe_flow::explore::estimate::Work;
 use pe_flow::explore::family::Job;
 use pe_flow::explore::row::{Outcome, Row};
 use pe_flow::explore::sweep::Event;
@@ -48,8 +49,19 @@ pub struct Record {
     pub searches: bool,
     /// Rows of an earlier result by their commands that no point has asked for yet.
     pub kept: BTreeMap<String, Value>,
+    /// Whether the time ran out that the sweep was given.
+    pub late: bool,
     /// No other sweep writes to the folder.
     pub lock: FolderLock,
+}
+
+/// How a round of a sweep ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// All points are done.
+    Done,
+    /// The time ran out.
+    Late,
 }
 
 impl Record {
@@ -74,7 +86,10 @@ impl Record {
             return Err(refusal(&self.target, &changed));
         }
         let command = |row: &Value| row.get("command").and_then(Value::as_str).unwrap_or("").to_owned();
-        self.kept = points.iter().map(|row| (command(row), row.clone())).collect();
+        // What a point was too wrong for is another limit now.
+        let other_limit = stored.get("max_error") != Some(&json!(self.max_error));
+        let ended = |row: &Value| other_limit && row.get("exit_code") == Some(&json!(0));
+        self.kept = points.iter().filter(|row| !ended(row)).map(|row| (command(row), row.clone())).collect();
         for (_, command, outcome) in &mut self.rows {
             *outcome = self.kept.remove(command).as_ref().and_then(Row::outcome_from_json);
         }
@@ -102,35 +117,47 @@ impl Record {
         rows.map(|(index, (point, command, _))| Job { index, point: *point, command: command.clone() }).collect()
     }
 
-    /// Waits for the sweep to end, writing what is there from time to time; the whole result at the end. `progress`
-    /// hears the number of points done, that of all points, and the seconds that the work done was estimated to take.
+    /// Waits for the sweep to end, or for some time, writing what is there from time to time; the whole result at the end.
+    /// `progress` hears the number of points done, that of all points, and of the work that is over.
     ///
     /// # Errors
-    /// [`Failure::Interrupted`] after a signal, when the partial result has been written.
+    /// [`Failure::Interrupted`] after a signal, when the partial result has been written; [`Failure::Fruitless`] if the
+    /// time was too short for a point.
     pub fn follow(
         &mut self,
         events: &Receiver<Event>,
-        progress: &mut dyn FnMut(usize, usize, f64),
-    ) -> Result<(), Failure> {
+        until: Option<Instant>,
+        progress: &mut dyn FnMut(usize, usize, Option<&Work>),
+    ) -> Result<Ended, Failure> {
         let mut saved = Instant::now();
         let mut done = self.done();
-        progress(done, self.rows.len(), 0.0);
-        for event in events {
+        progress(done, self.rows.len(), None);
+        loop {
+            let event = match until {
+                Some(until) => events.recv_timeout(until.saturating_duration_since(Instant::now())),
+                None => events.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            };
             match event {
-                Event::Work(seconds) => progress(done, self.rows.len(), seconds),
-                Event::Point(index, outcome) => {
+                Ok(Event::Work(work)) => progress(done, self.rows.len(), Some(&work)),
+                Ok(Event::Point(index, outcome)) => {
                     self.rows[index].2 = Some(outcome);
                     done += 1;
                 }
-                Event::Finished => break,
-                Event::Interrupted => return Err(self.interrupted()),
+                Ok(Event::Finished) | Err(_) => break,
+                Ok(Event::Interrupted) => return Err(self.interrupted()),
             }
             if done > 0 && saved.elapsed() > SAVE_EVERY {
                 self.save()?;
                 saved = Instant::now();
             }
         }
-        self.save()
+        self.late = done < self.rows.len();
+        if self.late && done == 0 {
+            let text = "no point was done in the time of `--within`; nothing was written";
+            return Err(Failure::Fruitless(text.to_owned()));
+        }
+        self.save()?;
+        Ok(if self.late { Ended::Late } else { Ended::Done })
     }
 
     fn done(&self) -> usize {
@@ -166,6 +193,7 @@ impl Record {
             clock: self.clock.clone(),
             max_error: self.max_error,
             total: self.rows.len(),
+            late: self.late,
             rows,
             places,
         }

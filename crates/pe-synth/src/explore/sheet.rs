@@ -8,6 +8,11 @@ use serde_json::{Map, Value};
 /// Total error up to which a design is shown among the best ones unless more is asked for.
 pub const USUAL_ERROR: f64 = 0.01;
 
+/// Largest total error of points that some front shows, where so large a one competes in size and speed.
+pub fn shown(max_error: Option<f64>) -> Option<f64> {
+    max_error.map(|limit| limit.max(USUAL_ERROR))
+}
+
 /// The rows of a sweep, and what it was asked for.
 pub struct Sheet {
     /// Keys of `points.json` that say what was asked for.
@@ -20,6 +25,8 @@ pub struct Sheet {
     pub max_error: Option<f64>,
     /// Number of points of the whole sweep.
     pub total: usize,
+    /// Whether the time ran out that the sweep was given.
+    pub late: bool,
     /// The points that are done, in the order of the sweep, each with its place in it.
     pub rows: Vec<Row>,
     /// The place of each row in the sweep.
@@ -43,7 +50,10 @@ impl Sheet {
     /// that a picture lacks.
     pub fn points(&self, run: &str, failed: &str) -> String {
         let mut text = format!("{} points", self.rows.len());
-        if self.rows.len() < self.total {
+        if self.late {
+            let differs = "how many that are differs from run to run";
+            text += &format!(" of {}, the {run} was stopped by `--within` ({differs})", self.total);
+        } else if self.rows.len() < self.total {
             text += &format!(" of {}, the {run} was interrupted", self.total);
         }
         let lacking = self.rows.iter().filter(|row| row.figures().is_none()).count();
@@ -66,11 +76,15 @@ impl Sheet {
             let within = limit.map_or(String::new(), |limit| format!(", total error at most {limit:e}"));
             Front { key, title: format!("{title}{within}"), knee: knee(&self.rows, &rows, pair), rows }
         };
-        let shown = self.max_error.map(|limit| limit.max(USUAL_ERROR));
         [
-            of("error_time", "Error against run time", time_and_error, shown),
+            of("error_time", "Error against run time", time_and_error, shown(self.max_error)),
             of("size_speed", "Size against speed", size_and_time, self.max_error),
         ]
+    }
+
+    /// Largest total error of points that a sweep designs: those of any front.
+    pub fn runs_within(&self) -> Option<f64> {
+        shown(self.max_error)
     }
 
     /// The smallest total error, if it is larger than what competes.

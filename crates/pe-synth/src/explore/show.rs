@@ -62,7 +62,11 @@ pub fn summary(sheet: &Sheet) -> String {
     let mut reasons: Vec<(String, usize)> = Vec::new();
     for row in &sheet.rows {
         if let Outcome::Failed(reason) = &row.outcome {
-            let name = reason.code.clone().unwrap_or_else(|| reason.message.clone());
+            let limit = sheet.runs_within();
+            let name = match (reason.is_beyond(), limit) {
+                (true, Some(limit)) => format!("total error beyond {limit:e}; `--max-error any` designs these, too"),
+                _ => reason.code.clone().unwrap_or_else(|| reason.message.clone()),
+            };
             match reasons.iter_mut().find(|(known, _)| *known == name) {
                 Some((_, count)) => *count += 1,
                 None => reasons.push((name, 1)),
@@ -71,6 +75,10 @@ pub fn summary(sheet: &Sheet) -> String {
     }
     for (name, count) in reasons {
         text += &format!("  {count} failed: {name}\n");
+    }
+    if sheet.late {
+        let (done, total) = (sheet.rows.len(), sheet.total);
+        text += &format!("  {done} of {total} points in the time of `--within`; `--resume` goes on\n");
     }
     text
 }

@@ -202,7 +202,9 @@ fn the_command_of_a_row_gives_the_figures_of_the_row() {
     let options = ["--pes", "3", "--step", "2ms,1/2000", "--solver", "euler,rk4", "--multiplier", "25x18,32x32"];
     let mut command = sweep(&model, Path::new("sweep"), &options);
     succeeded(
-        command.args(["--span", "200ms", "--clock", "100", "--tries", "3000", "--seed", "5"]).current_dir(&folder.0),
+        command
+            .args(["--span", "200ms", "--clock", "100", "--tries", "3000", "--seed", "5", "--max-error", "any"])
+            .current_dir(&folder.0),
     );
     let rows = rows(&target);
     assert_eq!(rows.len(), 8);
@@ -223,7 +225,7 @@ fn points_that_fail_are_rows_with_their_reason() {
     let options =
         ["--pes", "1,3", "--step", "1ms,1s", "--solver", "euler", "--multiplier", "25x18", "--storage", "12,32"];
     let model = spec("van_der_pol");
-    succeeded(sweep(&model, &target, &options).args(["--span", "20s"]));
+    succeeded(sweep(&model, &target, &options).args(["--span", "20s", "--max-error", "any"]));
     let rows = rows(&target);
     let of = |step: f64, storage: u32, pes: u32| {
         let found = rows
@@ -285,7 +287,7 @@ next m2 = 0.1*x - 0.8475628573300946*(0.1*x + m1)";
 fn a_run_that_explodes_but_stays_finite_has_no_format() {
     let folder = Folder::new("exploding");
     let target = folder.0.join("out");
-    let options = ["--pes", "1", "--step", "1s", "--span", "2s", "--jobs", "2"];
+    let options = ["--pes", "1", "--step", "1s", "--span", "2s", "--jobs", "2", "--max-error", "any"];
     let output = run(&mut sweep(&spec("lorenz"), &target, &options));
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));

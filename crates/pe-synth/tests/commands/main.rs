@@ -23,6 +23,7 @@ mod map;
 mod mapping_file;
 mod outputs;
 mod report;
+mod sweep;
 mod tidy;
 mod transports;
 mod tunable;
