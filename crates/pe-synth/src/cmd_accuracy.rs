@@ -19,6 +19,7 @@ use crate::options::{ConservedArgs, ModelArgs, SweepArgs, positive};
 use crate::output::{FolderLock, OutputFolder};
 use pe_flow::accuracy::goal::Search;
 use pe_flow::accuracy::lists::Plan;
+use pe_flow::accuracy::wanted::Goals;
 use pe_flow::explore::estimate::Estimate;
 use pe_flow::explore::steps::hit;
 use pe_flow::explore::sweep::Sweep;
@@ -92,6 +93,7 @@ impl Accuracy {
             head: self.head(model, &plan),
             title: format!("{} ({})", model.name, model.size()),
             max_error: self.max_error,
+            goals: self.max_error.map_or_else(Goals::default, Goals::error),
             clock: clock.words(),
             rows: Vec::new(),
             target,

@@ -18,12 +18,13 @@ use crate::check;
 use crate::command::shown_path;
 use crate::console;
 use crate::messages::MessageFormat;
-use crate::options::{ClockArgs, ConservedArgs, MappingArgs, ModelArgs, PointArgs, positive};
+use crate::options::{ClockArgs, ConservedArgs, GoalArgs, MappingArgs, ModelArgs, PointArgs, positive};
 use crate::origin;
 use crate::output::OutputFolder;
 use crate::progress;
 use crate::rerun::{self, WatchArgs};
 use pe_flow::accuracy::choice::{Choice, Question};
+use pe_flow::accuracy::wanted::{Goals, USUAL_ERROR};
 use pe_flow::failure::Failure;
 use pe_flow::outputs;
 use pe_flow::pipeline::{self, Design};
@@ -91,9 +92,11 @@ pub struct Compile {
     /// are given are kept
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = positive, help_heading = "Output")]
     max_error: Option<f64>,
-    /// Longest time between two outputs of the design that `--max-error` chooses: its step divides this time
-    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, requires = "max_error", help_heading = "Output")]
+    /// Longest time between two outputs of the design that `--max-error` or another goal chooses: its step divides this time
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, help_heading = "Output")]
     sample: Option<f64>,
+    #[command(flatten)]
+    goal: GoalArgs,
     #[command(flatten)]
     again: WatchArgs,
     #[command(flatten)]
@@ -142,15 +145,19 @@ impl Compile {
         let conserved = self.conserved.of(&loaded.model)?;
         let measured = self.area_from.as_deref().map_or_else(|| Ok(Measured::default()), measured)?;
         let mut settings = self.model.settings(&self.mapping);
-        let mut choice = match self.max_error {
-            Some(max_error) => {
+        let goals = self.goal.goals(self.max_error, self.clock);
+        if goals.is_none() && self.sample.is_some() {
+            let message = "`--sample` needs a goal, such as `--max-error`, for which a step is chosen";
+            return Err(Failure::Usage(message.to_owned()));
+        }
+        let mut choice = match goals {
+            Some(goals) => {
                 settings.mapping.of_many()?;
                 if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
-                    let message =
-                        "`--max-error` chooses solver and step, which the text has decided; start from a model";
+                    let message = "a goal (`--max-error`) chooses solver and step, which the text has decided; start from a model";
                     return Err(Failure::Usage(message.to_owned()));
                 }
-                Some(self.choose(&loaded, &settings, &conserved, clock, max_error, &mut watch)?)
+                Some(self.choose(&loaded, &settings, &conserved, clock, goals, &mut watch)?)
             }
             None => None,
         };
@@ -160,7 +167,7 @@ impl Compile {
         }
         let points = choice.as_ref().map_or_else(|| vec![self.point.point()], Choice::points);
         let (place, built) = first_that_works(&points, |point| {
-            let built = self.build(&loaded, &settings, point, &conserved, &mut watch);
+            let built = self.build(&loaded, &settings, (point, goals), &conserved, &mut watch);
             if let (Err(Failure::Fruitless(text)), false) = (&built, quiet) {
                 console::err(&format!("{:>10}  {text}\n", "refused"));
             }
@@ -185,6 +192,9 @@ impl Compile {
         let area = area::size(&design.program, &measured, clock.family());
         let pes = design.program.pes.len() as u32;
         let fit = self.clock.device.map(|device| Fit::of(device, &area));
+        if let Some(complaint) = fit.as_ref().filter(|_| self.goal.fit).and_then(Fit::complaint) {
+            return Err(Failure::Fruitless(format!("{complaint}; leave out `--fit`, `--host` or `--outputs`")));
+        }
         let silicon = Silicon { area, clock: clock.of(&design.program.format, pes) };
         let variables = variables(model, &design.graph, &design.judged);
         let told = Told { variables: &variables, silicon, total: &total, seed: self.model.seed, command };
@@ -242,11 +252,11 @@ impl Compile {
         settings: &Settings,
         conserved: &[Conserved],
         clock: ClockSource,
-        max_error: f64,
+        goals: Goals,
         watch: &mut Stopwatch,
     ) -> Result<Choice, Failure> {
         let (point, fixed) = (self.point.point(), self.fixed.0);
-        let question = Question { loaded, settings, point, fixed, conserved, clock, max_error, sample: self.sample };
+        let question = Question { loaded, settings, point, fixed, conserved, clock, goals, sample: self.sample };
         watch.stage(
             "choose",
             || question.answer(),
@@ -290,7 +300,7 @@ impl Compile {
         &self,
         loaded: &LoadedModel,
         settings: &Settings,
-        point: &DesignPoint,
+        (point, goals): (&DesignPoint, Option<Goals>),
         conserved: &[Conserved],
         watch: &mut Stopwatch,
     ) -> Result<Built, Failure> {
@@ -299,10 +309,9 @@ impl Compile {
         let design = pipeline::design(&loaded, settings, point, watch)
             .map_err(|failure| explained(failure, &loaded, settings, point))?;
         let check = checked(&loaded, settings, &design, point, watch)?;
-        let total =
-            (self.reference || self.max_error.is_some()).then(|| total_error(&loaded, &design, conserved, watch));
-        if let (Some(max_error), Some(total)) = (self.max_error, &total) {
-            confirm(max_error, total)?;
+        let total = (self.reference || goals.is_some()).then(|| total_error(&loaded, &design, conserved, watch));
+        if let (Some(goals), Some(total)) = (goals, &total) {
+            confirm(goals.max_error.unwrap_or(USUAL_ERROR), total)?;
         }
         Ok(Built { loaded, design, check, total })
     }

@@ -13,11 +13,12 @@ use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::options::AxesArgs;
 use crate::explore::record::{Kind, Record};
-use crate::explore::sheet::{Sheet, USUAL_ERROR, shown};
+use crate::explore::sheet::{Sheet, shown};
 use crate::explore::show;
 use crate::messages::MessageFormat;
-use crate::options::{ModelArgs, SweepArgs, positive};
+use crate::options::{GoalArgs, ModelArgs, SweepArgs, positive};
 use crate::output::{FolderLock, OutputFolder};
+use pe_flow::accuracy::wanted::{Goals, USUAL_ERROR};
 use pe_flow::explore::axes::{Axes, Completed};
 use pe_flow::explore::estimate::Estimate;
 use pe_flow::explore::steps::hit;
@@ -50,6 +51,8 @@ pub struct Explore {
     /// Continues the sweep in the output folder: points that it holds are not compiled again
     #[arg(long, help_heading = "Sweep")]
     resume: bool,
+    #[command(flatten)]
+    goal: GoalArgs,
     #[command(flatten)]
     model: ModelArgs,
     /// Prints errors and warnings only
@@ -94,12 +97,15 @@ impl Explore {
         hit(&axes.step, axes.sample)?;
         let Completed { axes, graphs, stiffness } = axes.complete(model);
         let clock = self.sweep.clock.source();
+        let limit = self.max_error.map_or(Some(USUAL_ERROR), |limit| limit.0);
+        let given_goals = self.goal.goals(self.max_error.and_then(|limit| limit.0), self.sweep.clock);
         let points = axes.formed(model, &settings.mapping).into_iter();
         let lock = FolderLock::take(&target)?;
         let mut record = Record {
             head: self.head(model, &axes),
             title: format!("{} ({})", model.name, model.size()),
-            max_error: self.max_error.map_or(Some(USUAL_ERROR), |limit| limit.0),
+            max_error: limit,
+            goals: Goals { max_error: limit, ..given_goals.unwrap_or_default() },
             clock: clock.words(),
             rows: points.map(|point| (point, given.command(&point), None)).collect(),
             target,
@@ -134,7 +140,11 @@ impl Explore {
             let page = record.target.join("index.html");
             console::out(&format!("{}  see {}\n", show::summary(&sheet), page.display()))?;
         }
-        verdict(&sheet)
+        verdict(&sheet)?;
+        if given_goals.is_some() && sheet.goals.ranked(&sheet.rows).is_empty() {
+            return Err(Failure::Fruitless(sheet.goals.refusal(&sheet.rows, show::described)));
+        }
+        Ok(())
     }
 
     /// What was asked for, as `points.json` says it.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser};
+use pe_flow::accuracy::wanted::{Figure, Goals};
 use pe_flow::failure::Failure;
 use pe_flow::pipeline::{self, Design};
 use pe_flow::settings::{MappingOptions, Settings, StageLoop};
@@ -193,6 +194,30 @@ pub struct ClockArgs {
     /// it
     #[arg(long, value_name = "NAME", value_parser = device(), ignore_case = true, help_heading = "Output")]
     pub device: Option<&'static Device>,
+}
+
+/// What designs are wanted to be beside a total error.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct GoalArgs {
+    /// Keeps designs that are at least so many times as fast as real time at their clock
+    #[arg(long, value_name = "X", allow_hyphen_values = true, value_parser = positive, help_heading = "Goals")]
+    pub realtime: Option<f64>,
+    /// Keeps designs that fit the device of `--device`
+    #[arg(long, requires = "device", help_heading = "Goals")]
+    pub fit: bool,
+    /// What is to be small among the designs that keep all limits [default: time]
+    #[arg(long, value_name = "FIGURE", value_parser = figure(), help_heading = "Goals")]
+    pub minimise: Option<Figure>,
+}
+
+impl GoalArgs {
+    /// The goals with a limit of the total error, if any was given.
+    pub fn goals(&self, max_error: Option<f64>, clock: ClockArgs) -> Option<Goals> {
+        let GoalArgs { realtime, fit, minimise } = *self;
+        let given = max_error.is_some() || realtime.is_some() || fit || minimise.is_some();
+        let fit = clock.device.filter(|_| fit);
+        given.then_some(Goals { max_error, realtime, fit, minimise: minimise.unwrap_or_default() })
+    }
 }
 
 /// What sweeps over points take beside the points.
@@ -405,6 +430,11 @@ fn scheme() -> impl TypedValueParser<Value = Scheme> {
 
 fn stage_loop() -> impl TypedValueParser<Value = StageLoop> {
     choice(&StageLoop::ALL, StageLoop::name, Some(StageLoop::title))
+}
+
+/// Parses the figure that is to be small.
+fn figure() -> impl TypedValueParser<Value = Figure> {
+    choice(&Figure::ALL, Figure::name, Some(Figure::title))
 }
 
 /// Parses the name of a device.

@@ -1,12 +1,13 @@
-//! The design that `compile --max-error` builds: the cheapest one that meets the goal.
+//! The design that `compile --max-error` and other goals choose: the best one that keeps all limits.
 
 use std::sync::mpsc::channel;
 
 use pe_ir::model::Model;
 use pe_sim::reference::TOLERANCE;
 
-use super::goal::{MOST_PRODUCTS, Search, cheapest, errors};
-use super::lists::Lists;
+use super::goal::{MOST_PRODUCTS, Search, errors};
+use super::lists::{Lists, Plan};
+use super::wanted::{Figure, Goals, USUAL_ERROR};
 use crate::explore::estimate::Estimate;
 use crate::explore::family::Job;
 use crate::explore::row::{self, Outcome, RUNNERS_UP, Row};
@@ -43,8 +44,8 @@ pub struct Question<'a> {
     pub conserved: &'a [Conserved],
     /// The clock that run times are computed with.
     pub clock: ClockSource,
-    /// Largest total error.
-    pub max_error: f64,
+    /// What the design is wanted to be.
+    pub goals: Goals,
     /// Longest time between two outputs, in seconds.
     pub sample: Option<f64>,
 }
@@ -58,8 +59,19 @@ pub struct Choice {
     /// Points that were tried, and those that were right enough.
     tried: usize,
     met: usize,
-    max_error: f64,
+    goals: Goals,
+    /// The limit that costs the most, and points that miss limits, in words.
+    binding: Option<String>,
+    misses: Vec<String>,
 }
+
+/// Part of the smallest total error so far that the next search aims at where the error is to be small, and what is left
+/// of it if that was worth the time.
+const SMALLER: f64 = 0.25;
+const WORTH: f64 = 0.8;
+
+/// Total error over the limit up to which a point gets a network if there are goals beside the error.
+const SLACK: f64 = 4.0;
 
 impl Question<'_> {
     /// Tries solvers, steps and word lengths. Only points that are right enough get a network.
@@ -84,25 +96,68 @@ impl Question<'_> {
         };
         hit(&lists.step, self.sample)?;
         let plan = lists.plan(model, &self.settings.mapping);
-        let mut search = Search::new(model, &self.settings.mapping, &lists, &plan, self.max_error);
         let pool = rayon::ThreadPoolBuilder::new().build();
         let pool = pool.map_err(|error| Failure::File(format!("cannot start threads: {error}")))?;
         let estimate = Estimate::of(model, &plan.graphs, &self.settings.mapping);
+        let goals = self.limited();
         let mut rows: Vec<Row> = Vec::new();
-        let mut points = search.begin(&plan);
-        while !points.is_empty() {
-            rows.extend(self.compiled(&points, &estimate, &pool));
-            points = search.next(&rows);
+        let mut limit = self.max_error();
+        loop {
+            let compiled = |points: &[DesignPoint]| self.compiled(points, limit, &estimate, &pool);
+            self.search(limit, (&lists, &plan), &mut rows, &compiled);
+            let ranked = goals.ranked(&rows);
+            let error = ranked.first().and_then(|best| errors(&rows[*best])).map(|(error, _)| error);
+            // A smaller error is sought as long as there is one.
+            match error.filter(|_| goals.minimise == Figure::Error) {
+                Some(error) if error <= WORTH * limit && SMALLER * error >= TOLERANCE => limit = SMALLER * error,
+                _ => break,
+            }
         }
-        let ranked = cheapest(&rows, self.max_error);
+        let ranked = goals.ranked(&rows);
         if ranked.is_empty() {
             return Err(self.refusal(&rows));
         }
         let shown = ranked.iter().take(1 + RUNNERS_UP).map(|index| rows[*index].clone()).collect();
-        Ok(Choice { rows: shown, unconfirmed: 0, tried: rows.len(), met: ranked.len(), max_error: self.max_error })
+        let binding = goals.binding(&rows).map(|(limit, gain)| {
+            format!("{}: without it the {} could be {gain:.2} times smaller", limit.name(), goals.minimise.words())
+        });
+        let misses = goals.misses(&rows).into_iter().map(|miss| {
+            let row = &rows[miss.row];
+            let taken: Vec<String> = miss.limits.iter().map(|limit| goals.taken(*limit, row)).collect();
+            format!("{} would take {}", sized(model, row), taken.join(" and "))
+        });
+        let misses = misses.collect();
+        Ok(Choice { rows: shown, unconfirmed: 0, tried: rows.len(), met: ranked.len(), goals, binding, misses })
     }
 
-    fn compiled(&self, points: &[DesignPoint], estimate: &Estimate, pool: &rayon::ThreadPool) -> Vec<Row> {
+    /// Largest total error.
+    fn max_error(&self) -> f64 {
+        self.goals.max_error.unwrap_or(USUAL_ERROR)
+    }
+
+    /// The goals with a limit of the total error.
+    fn limited(&self) -> Goals {
+        Goals { max_error: Some(self.max_error()), ..self.goals }
+    }
+
+    /// Adds to the rows those of a search for such an error.
+    fn search(
+        &self,
+        limit: f64,
+        (lists, plan): (&Lists, &Plan),
+        rows: &mut Vec<Row>,
+        compiled: &dyn Fn(&[DesignPoint]) -> Vec<Row>,
+    ) {
+        let (model, mapping) = (&self.loaded.model, &self.settings.mapping);
+        let mut search = Search::new(model, mapping, lists, plan, limit).wanting(&self.goals);
+        let mut points = if rows.is_empty() { search.begin(plan) } else { search.next(rows) };
+        while !points.is_empty() {
+            rows.extend(compiled(&points));
+            points = search.next(rows);
+        }
+    }
+
+    fn compiled(&self, points: &[DesignPoint], limit: f64, estimate: &Estimate, pool: &rayon::ThreadPool) -> Vec<Row> {
         let sweep = Sweep {
             loaded: self.loaded.clone(),
             // The chosen design keeps its formats, so no proof can change what is compared here.
@@ -111,7 +166,8 @@ impl Question<'_> {
                 ..self.settings.clone()
             },
             conserved: self.conserved.to_vec(),
-            within: Some(self.max_error),
+            // What misses the error by little is of interest beside other goals.
+            within: Some(if self.goals.concern_others() { SLACK * limit } else { limit }),
             // How wrong a point is says which one is tried next.
             early: false,
             until: None,
@@ -132,9 +188,14 @@ impl Question<'_> {
     }
 
     fn refusal(&self, rows: &[Row]) -> Failure {
+        let max_error = self.max_error();
+        let reached = rows.iter().filter_map(errors).any(|(error, _)| error <= max_error);
+        if reached {
+            return Failure::Fruitless(self.limited().refusal(rows, |row| sized(&self.loaded.model, row)));
+        }
         // Where the method is right enough, what its word makes of it; else what the method comes to.
         let known = rows.iter().filter_map(|row| Some((errors(row)?, row)));
-        let rank = |(total, double): (f64, f64)| (double > self.max_error, total);
+        let rank = |(total, double): (f64, f64)| (double > max_error, total);
         let best = known.min_by(|a, b| {
             let (a, b) = (rank(a.0), rank(b.0));
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
@@ -142,7 +203,7 @@ impl Question<'_> {
         let text = match best {
             Some(((error, double), row)) => format!(
                 "no design has a total error of at most {:e}; the best of {} has {error:.1e}: {}. {}",
-                self.max_error,
+                max_error,
                 rows.len(),
                 described(&self.loaded.model, row),
                 self.limited_by(error, double)
@@ -162,11 +223,11 @@ impl Question<'_> {
     /// What keeps the best point from the goal, and what would help.
     fn limited_by(&self, error: f64, double: f64) -> String {
         let fixed_words = self.point.multiplier.is_some() || self.fixed.storage || self.fixed.coefficients;
-        if double <= self.max_error {
+        if double <= self.max_error() {
             let help = if fixed_words { "let the search choose the word" } else { "no longer word is there" };
             return format!("Its word limits it: {double:.1e} in double precision; {help}");
         }
-        let limit = if self.max_error < TOLERANCE {
+        let limit = if self.max_error() < TOLERANCE {
             format!("reference solutions are accurate to {TOLERANCE:.0e} only")
         } else if self.point.step.is_some() {
             "the step is given; leave `--step` out".to_owned()
@@ -184,6 +245,12 @@ fn described(model: &Model, row: &Row) -> String {
     let slots = if row.point.coefficients == Coefficients::TwoSlot { ", coefficients in two slots" } else { "" };
     let (step, multiplier) = (row::step(&row.point), row::multiplier(&row.point));
     format!("{solver}, step {step}, {} bits, {multiplier}{slots}", row.point.storage)
+}
+
+/// The same with its number of PEs.
+fn sized(model: &Model, row: &Row) -> String {
+    let pes = row.figures().map_or(row.point.pes, |figures| Some(figures.pes as u32));
+    format!("{}{}", described(model, row), pes.map_or(String::new(), |pes| format!(", PEs: {pes}")))
 }
 
 impl Choice {
@@ -214,17 +281,29 @@ impl Choice {
                 equivalent_lut: figures.map(Figures::equivalent_lut),
             }
         });
-        let Choice { max_error, tried, met, unconfirmed, .. } = *self;
-        Chosen { max_error, tried, met, unconfirmed, runners_up: runners_up.collect() }
+        let Choice { goals, tried, met, unconfirmed, .. } = *self;
+        Chosen {
+            max_error: goals.max_error.unwrap_or(USUAL_ERROR),
+            realtime: goals.realtime,
+            fits: goals.fit.map(|device| device.name.to_owned()),
+            minimise: goals.minimise.name().to_owned(),
+            binding: self.binding.clone(),
+            misses: self.misses.clone(),
+            tried,
+            met,
+            unconfirmed,
+            runners_up: runners_up.collect(),
+        }
     }
 
     /// In a few words.
     pub fn figure(&self, model: &Model) -> String {
         format!(
-            "{}: cheapest of {} points that meet {:e}, {} tried",
+            "{}: {} of {} points that meet {}, {} tried",
             described(model, &self.rows[0]),
+            if self.goals.minimise == Figure::Time { "cheapest" } else { "best" },
             self.met,
-            self.max_error,
+            self.goals.words(),
             self.tried
         )
     }
@@ -237,8 +316,12 @@ impl Choice {
             let seconds = figures.map_or(f64::NAN, |figures| figures.time_ms() * 1e-3 * model.span);
             let size = figures.map_or(f64::NAN, |figures| figures.equivalent_lut());
             let name = if place == 0 { "chosen" } else { "next" };
-            (name, format!("{}: error {error:.1e}, {seconds:.2e} s, {size:.0} eq. LUT", described(model, row)))
+            let described = if self.goals.concern_others() { sized(model, row) } else { described(model, row) };
+            (name, format!("{described}: error {error:.1e}, {seconds:.2e} s, {size:.0} eq. LUT"))
         };
-        self.rows.iter().enumerate().map(line).collect()
+        let mut table: Vec<(&'static str, String)> = self.rows.iter().enumerate().map(line).collect();
+        table.extend(self.binding.iter().map(|binding| ("binding", binding.clone())));
+        table.extend(self.misses.iter().map(|miss| ("missed", miss.clone())));
+        table
     }
 }

@@ -9,6 +9,7 @@ use pe_sim::reference::TOLERANCE;
 
 use super::early::{self, Method};
 use super::lists::{Lists, Plan, WORD, Word};
+use super::wanted::{Figure, Goals};
 use crate::explore::axes::{once, with_forms};
 use crate::explore::row::{Outcome, Row};
 use crate::report::Figures;
@@ -18,9 +19,6 @@ use pe_judge::DesignPoint;
 use pe_judge::check::stiffness;
 use pe_judge::early::Early;
 
-/// Run times this close count as equal; then size decides.
-const EQUAL_TIME: f64 = 1.02;
-
 /// Products over the span that a run may take: first so many, then four times as many in every round.
 const FIRST_PRODUCTS: f64 = 1e7;
 
@@ -29,6 +27,9 @@ pub const MOST_PRODUCTS: f64 = 1e9;
 
 /// Lower bound of the run time over the lowest of those that are right enough, from which on others are no rivals.
 const RIVAL: f64 = 2.5;
+
+/// The same where the size is to be small.
+const SMALL_RIVAL: f64 = 16.0;
 
 /// Doublings of a step at once, at most, and how far it may be from one that is known to be too long.
 const DOUBLINGS: f64 = 3.0;
@@ -66,24 +67,9 @@ const LIST_ROUNDS: u32 = 3;
 const ROUNDS: u32 = 10;
 const WORD_ROUNDS: u32 = 4;
 
-/// Rows whose total error is at most `limit`: the cheapest first, then the others by run time. Cheap is a short run
-/// time; of those within two percent of the shortest the smallest design.
+/// Rows whose total error is at most `limit`: the cheapest first, then the others by run time, see [`Goals::ranked`].
 pub fn cheapest(rows: &[Row], limit: f64) -> Vec<usize> {
-    let figures = |index: &usize| rows[*index].figures().expect("filtered");
-    let met = |index: &usize| rows[*index].figures().and_then(Figures::total_error).is_some_and(|error| error <= limit);
-    let mut met: Vec<usize> = (0..rows.len()).filter(met).collect();
-    let key = |index: &usize| (figures(index).time_ms(), figures(index).equivalent_lut());
-    met.sort_by(|a, b| {
-        let (a, b) = (key(a), key(b));
-        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
-    });
-    let Some(first) = met.first() else { return met };
-    let slowest = EQUAL_TIME * key(first).0;
-    let fastest = met.iter().enumerate().take_while(|(_, index)| key(index).0 <= slowest);
-    let smallest = fastest.min_by(|(_, a), (_, b)| key(a).1.total_cmp(&key(b).1)).map_or(0, |(place, _)| place);
-    let chosen = met.remove(smallest);
-    met.insert(0, chosen);
-    met
+    Goals::error(limit).ranked(rows)
 }
 
 /// A search for the cheapest point: first solvers and steps whose run in double precision is right enough, at one word,
@@ -98,12 +84,18 @@ pub struct Search<'a> {
     /// The word at which solvers and steps are compared.
     word: Word,
     limit: f64,
+    /// Whether numbers of PEs are tried.
+    sizes: bool,
+    /// Whether the size is to be small.
+    small: bool,
     next: Stage,
 }
 
 /// A solver and what its step takes.
 struct Candidate {
     solver: Solver,
+    /// Numbers of PEs, as long as more of them can be faster.
+    pes: Vec<u32>,
     products: f64,
     /// Clock cycles, at least.
     cycles: f64,
@@ -115,6 +107,7 @@ enum Stage {
     Steps(u32),
     Lists(u32),
     Words(u32),
+    Sizes,
     Done,
 }
 
@@ -129,11 +122,26 @@ impl<'a> Search<'a> {
                 Bound::of(graph, lists.pes.unwrap_or_else(|| default_pes(graph, latency)), latency).binding().0
             };
             let cycles = latency.map_or(1.0, |latency| f64::from(bound(latency)));
-            Candidate { solver: *solver, products: graph.macs() as f64, cycles }
+            let pes = latency.map_or_else(Vec::new, |latency| useful_pes(graph, latency));
+            Candidate { solver: *solver, pes, products: graph.macs() as f64, cycles }
         };
         let solvers = plan.graphs.iter().map(candidate).collect();
         let (free_steps, words) = (plan.free_steps, plan.words.clone());
-        Search { model, mapping, lists, solvers, free_steps, words, word, limit, next: Stage::Steps(0) }
+        let (sizes, small, next) = (false, false, Stage::Steps(0));
+        Search { model, mapping, lists, solvers, free_steps, words, word, limit, sizes, small, next }
+    }
+
+    /// The same for goals beside the error: numbers of PEs are tried for the best points unless one is given, and slower
+    /// methods where the size is to be small.
+    #[must_use]
+    pub fn wanting(self, goals: &Goals) -> Search<'a> {
+        let small = goals.minimise == Figure::Area;
+        Search { sizes: goals.concern_size() && self.lists.pes.is_none(), small, ..self }
+    }
+
+    /// Run time over the shortest up to which a method is worth a try.
+    fn rival(&self) -> f64 {
+        if self.small { SMALL_RIVAL } else { RIVAL }
     }
 
     /// The points that a search begins with: solvers and steps at one word. Where a run with the spec's steps takes
@@ -183,8 +191,12 @@ impl<'a> Search<'a> {
                     let found = round > 0 && !cheapest(rows, self.limit).is_empty();
                     let over = found || round >= WORD_ROUNDS;
                     let points = if over { Vec::new() } else { self.new_ones(rows, self.finals(rows, round)) };
-                    self.next = if over { Stage::Done } else { Stage::Words(round + 1) };
+                    self.next = if over { Stage::Sizes } else { Stage::Words(round + 1) };
                     points
+                }
+                Stage::Sizes => {
+                    self.next = Stage::Done;
+                    self.new_ones(rows, self.sizes(rows))
                 }
                 Stage::Done => return Vec::new(),
             };
@@ -236,6 +248,7 @@ impl<'a> Search<'a> {
         let of_solver = |row: &&Row| {
             Method::of(row).is_some_and(|method| method == self.single(solver, method.step))
                 && Word::of(&row.point) == self.word
+                && row.point.pes == self.lists.pes
         };
         let mut tried: Vec<(f64, &Row)> =
             rows.iter().filter(of_solver).filter_map(|row| Some((row.point.step?, row))).collect();
@@ -256,7 +269,7 @@ impl<'a> Search<'a> {
                     .smaller(solver, &tried)
                     .filter(|step| self.products(self.single(solver, *step)) <= budget.min(self.most_products(solver))),
             };
-            let step = step.filter(|step| self.cycles(self.single(solver, *step)) <= RIVAL * least)?;
+            let step = step.filter(|step| self.cycles(self.single(solver, *step)) <= self.rival() * least)?;
             Some(self.lists.point(solver, step, self.word))
         };
         self.solvers.iter().filter_map(next).collect()
@@ -306,15 +319,19 @@ impl<'a> Search<'a> {
     /// The best solvers and steps with all words; longer words where only the word is wrong.
     fn finals(&self, rows: &[Row], round: u32) -> Vec<DesignPoint> {
         let mut best: Vec<Method> = Vec::new();
-        let ranked = cheapest(rows, self.limit);
         let time = |index: usize| rows[index].figures().map_or(f64::INFINITY, Figures::time_ms);
-        let close = |index: &&usize| time(**index) <= CLOSE_TIME * time(ranked[0]);
-        for index in ranked.iter().filter(close) {
-            if let Some(method) = Method::of(&rows[*index])
-                && best.len() < FINALISTS
-                && !best.contains(&method)
-            {
-                best.push(method);
+        let smallest = self.small.then_some(Figure::Area);
+        for minimise in [Figure::Time].into_iter().chain(smallest) {
+            let ranked = Goals { minimise, ..Goals::error(self.limit) }.ranked(rows);
+            let close = |index: &&usize| minimise == Figure::Area || time(**index) <= CLOSE_TIME * time(ranked[0]);
+            let most = best.len() + FINALISTS;
+            for index in ranked.iter().filter(close) {
+                if let Some(method) = Method::of(&rows[*index])
+                    && best.len() < most
+                    && !best.contains(&method)
+                {
+                    best.push(method);
+                }
             }
         }
         let words = |method: Method| self.words.iter().map(move |word| self.point(method, *word));
@@ -341,6 +358,23 @@ impl<'a> Search<'a> {
             points.extend(self.words.iter().filter(longer).map(|word| self.point(method, *word)));
         }
         points
+    }
+
+    /// The fastest and the smallest of the points that are right enough with other numbers of PEs.
+    fn sizes(&self, rows: &[Row]) -> Vec<DesignPoint> {
+        let mut best: Vec<usize> = Vec::new();
+        for minimise in [Figure::Time, Figure::Area].into_iter().filter(|_| self.sizes) {
+            let ranked = Goals { minimise, ..Goals::error(self.limit) }.ranked(rows);
+            best.extend(ranked.into_iter().take(FINALISTS));
+        }
+        once(&mut best);
+        let sized = |index: usize| {
+            let (point, known) = (rows[index].point, rows[index].figures().map(|figures| figures.pes as u32));
+            let pes = point.solver.and_then(|solver| self.of_solver(solver, |candidate| candidate.pes.clone()));
+            let others = pes.unwrap_or_default().into_iter().filter(move |pes| Some(*pes) != known);
+            others.map(move |pes| DesignPoint { pes: Some(pes), ..point })
+        };
+        best.into_iter().flat_map(sized).collect()
     }
 
     /// Half of the step, if steps are free.
@@ -396,6 +430,21 @@ impl<'a> Search<'a> {
         }
         lists.retain(|list| self.cycles(*list) < least && self.products(*list) <= self.most_products(list.solver));
         lists.into_iter().map(|list| self.point(list, self.word)).collect()
+    }
+}
+
+/// Powers of two, for as long as the bound of the cycles falls.
+fn useful_pes(graph: &StepGraph, latency: Latency) -> Vec<u32> {
+    let bound = |pes: u32| Bound::of(graph, pes, latency).binding().0;
+    let mut pes = vec![1];
+    let mut last = bound(1);
+    loop {
+        let next = 2 * pes[pes.len() - 1];
+        if next as usize > graph.equations.len() || bound(next) >= last {
+            return pes;
+        }
+        last = bound(next);
+        pes.push(next);
     }
 }
 

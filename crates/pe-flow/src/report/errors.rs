@@ -357,6 +357,16 @@ pub struct Use {
 pub struct Chosen {
     /// Largest total error.
     pub max_error: f64,
+    /// Simulated time over run time that was asked for, at least.
+    pub realtime: Option<f64>,
+    /// The device that had to be large enough.
+    pub fits: Option<String>,
+    /// The figure that was to be small.
+    pub minimise: String,
+    /// The limit that costs the most.
+    pub binding: Option<String>,
+    /// Points that would be better and miss a limit, and what they would take.
+    pub misses: Vec<String>,
     /// Points that were tried.
     pub tried: usize,
     /// Points that were right enough.

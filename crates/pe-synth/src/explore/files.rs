@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use super::sheet::{Front, Sheet};
 use super::show;
 use crate::output::Files;
-use pe_flow::accuracy::goal::cheapest;
+use pe_flow::accuracy::wanted::{Figure, Goals};
 use pe_flow::explore::fronts::{Pair, size_and_time, time_and_error};
 use pe_flow::explore::row::{Outcome, Row};
 use pe_flow::failure::Failure;
@@ -60,11 +60,28 @@ impl Sheet {
         let knees: Map<String, Value> =
             fronts.iter().map(|front| (front.key.to_owned(), json!(place(front.knee)))).collect();
         whole.insert("knees".into(), Value::Object(knees));
-        if let Some(limit) = self.max_error {
-            let mut met = cheapest(&self.rows, limit).into_iter();
+        if self.goals.limits().next().is_some() {
+            let mut met = self.goals.ranked(&self.rows).into_iter();
             whole.insert("chosen".into(), json!(place(met.next())));
             let next = met.take(row::RUNNERS_UP).map(|row| json!(self.places[row]));
             whole.insert("runners_up".into(), next.collect());
+        }
+        let Goals { realtime, fit, minimise, .. } = self.goals;
+        if realtime.is_some() || fit.is_some() || minimise != Figure::default() {
+            let binding =
+                self.goals.binding(&self.rows).map(|(limit, gain)| json!({"limit": limit.name(), "gain": gain}));
+            let misses = self.goals.misses(&self.rows).into_iter().map(|miss| {
+                let limits = miss.limits.iter().map(|(limit, factor)| json!({"limit": limit.name(), "factor": factor}));
+                json!({"point": self.places[miss.row], "limits": limits.collect::<Vec<_>>()})
+            });
+            let goals = json!({
+                "realtime": realtime,
+                "fits": fit.map(|device| device.name),
+                "minimise": minimise.name(),
+                "binding": binding,
+                "misses": misses.collect::<Vec<_>>(),
+            });
+            whole.insert("goals".into(), goals);
         }
         format!("{:#}\n", Value::Object(whole))
     }

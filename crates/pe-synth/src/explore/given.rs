@@ -19,7 +19,7 @@ use pe_judge::Coefficients;
 const WITHOUT_EFFECT: [&str; 6] = ["output", "jobs", "within", "resume", "quiet", "message_format"];
 
 /// Options of sweeps that a point's command lacks, or has with another meaning.
-const OF_SWEEPS: [&str; 2] = ["max_error", "sample"];
+const OF_SWEEPS: [&str; 5] = ["max_error", "sample", "realtime", "fit", "minimise"];
 
 /// A command that sweeps over points.
 pub trait Sweeping: Args {

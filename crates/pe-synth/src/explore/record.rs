@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 use super::changes;
 use super::sheet::Sheet;
 use crate::output::{Files, FolderLock, OutputFolder};
+use pe_flow::accuracy::wanted::Goals;
 use pe_flow::explore::estimate::Work;
 use pe_flow::explore::family::Job;
 use pe_flow::explore::row::{Outcome, Row};
@@ -41,6 +42,8 @@ pub struct Record {
     pub clock: String,
     /// Largest total error of points that compete in size and speed.
     pub max_error: Option<f64>,
+    /// What the best point is wanted to be.
+    pub goals: Goals,
     /// All points in order: the command of each, and what became of it.
     pub rows: Vec<(DesignPoint, String, Option<Outcome>)>,
     /// The folder.
@@ -192,6 +195,7 @@ impl Record {
             title: self.title.clone(),
             clock: self.clock.clone(),
             max_error: self.max_error,
+            goals: self.goals,
             total: self.rows.len(),
             late: self.late,
             rows,

@@ -1,12 +1,10 @@
 //! The rows of a sweep, and the fronts among them.
 
+use pe_flow::accuracy::wanted::{Goals, USUAL_ERROR};
 use pe_flow::explore::fronts::{Pair, front, knee, size_and_time, time_and_error};
 use pe_flow::explore::row::Row;
 use pe_flow::report::Figures;
 use serde_json::{Map, Value};
-
-/// Total error up to which a design is shown among the best ones unless more is asked for.
-pub const USUAL_ERROR: f64 = 0.01;
 
 /// Largest total error of points that some front shows, where so large a one competes in size and speed.
 pub fn shown(max_error: Option<f64>) -> Option<f64> {
@@ -23,6 +21,8 @@ pub struct Sheet {
     pub clock: String,
     /// Largest total error of points that compete in size and speed.
     pub max_error: Option<f64>,
+    /// What the best point is wanted to be.
+    pub goals: Goals,
     /// Number of points of the whole sweep.
     pub total: usize,
     /// Whether the time ran out that the sweep was given.

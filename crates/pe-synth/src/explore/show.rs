@@ -1,7 +1,7 @@
 //! Rows as a person reads them.
 
 use super::sheet::Sheet;
-use pe_flow::accuracy::goal::cheapest;
+use pe_flow::accuracy::wanted::Figure;
 use pe_flow::explore::row::{self, RUNNERS_UP};
 use pe_flow::explore::row::{Outcome, Row};
 use pe_flow::report::Figures;
@@ -46,15 +46,24 @@ pub fn summary(sheet: &Sheet) -> String {
         });
         text += &columns(&lines.collect::<Vec<_>>());
     }
-    if let Some(limit) = sheet.max_error {
-        let met = cheapest(&sheet.rows, limit);
-        text += &format!("  Cheapest by run time, then size, with a total error of at most {limit:e}\n");
+    let goals = &sheet.goals;
+    if goals.limits().next().is_some() {
+        let met = goals.ranked(&sheet.rows);
+        let order = match goals.minimise {
+            Figure::Time => "Cheapest by run time, then size",
+            Figure::Area => "Smallest, then by run time",
+            Figure::Error => "Smallest total error, then by run time",
+        };
+        text += &format!("  {order}, with {}\n", goals.words());
         let lines = met
             .iter()
             .take(1 + RUNNERS_UP)
             .enumerate()
             .map(|(place, index)| (cells(&sheet.rows[*index]), if place == 0 { "  <- chosen" } else { "" }));
         text += &columns(&lines.collect::<Vec<_>>());
+        if sheet.rows.iter().any(|row| row.figures().is_some()) && goals.concern_others() {
+            text += &judged(sheet);
+        }
     }
     if let Some(smallest) = sheet.out_of_reach() {
         text += &format!("  The smallest total error is {smallest:.1e}: `--max-error any` lets all points compete\n");
@@ -81,6 +90,31 @@ pub fn summary(sheet: &Sheet) -> String {
         text += &format!("  {done} of {total} points in the time of `--within`; `--resume` goes on\n");
     }
     text
+}
+
+/// What the goals cost, and what would meet them with a little more.
+fn judged(sheet: &Sheet) -> String {
+    let (goals, rows) = (&sheet.goals, &sheet.rows);
+    let mut text = String::new();
+    if let Some((limit, gain)) = goals.binding(rows) {
+        let figure = goals.minimise.words();
+        text += &format!("  binding: {}; without it the {figure} could be {gain:.2} times smaller\n", limit.name());
+    }
+    if goals.ranked(rows).is_empty() {
+        return text + &format!("  {}\n", goals.refusal(rows, described));
+    }
+    for miss in goals.misses(rows) {
+        let row = &rows[miss.row];
+        let taken: Vec<String> = miss.limits.iter().map(|limit| goals.taken(*limit, row)).collect();
+        text += &format!("  missed: {} would take {}\n", described(row), taken.join(" and "));
+    }
+    text
+}
+
+/// A point in a few words.
+pub fn described(row: &Row) -> String {
+    let [.., pes, solver, step, word] = cells(row);
+    format!("{solver}, step {step}, {word}, PEs: {pes}")
 }
 
 fn columns(lines: &[([String; 12], &str)]) -> String {

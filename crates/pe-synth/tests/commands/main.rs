@@ -27,5 +27,6 @@ mod sweep;
 mod tidy;
 mod transports;
 mod tunable;
+mod wanted;
 mod wrap;
 mod wrap_files;
