@@ -11,7 +11,7 @@ use crate::accuracy::files;
 use crate::accuracy::options::ListArgs;
 use crate::accuracy::view::View;
 use crate::console;
-use crate::explore::drive::{Driver, GENERATOR, duration, fingerprint, verdict};
+use crate::explore::drive::{Driver, GENERATOR, duration, fingerprint, tell_of_store, verdict};
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::record::{Ended, Kind, Record};
 use crate::messages::MessageFormat;
@@ -87,7 +87,8 @@ impl Accuracy {
         let plan = lists.plan(model, &settings.mapping);
         let clock = self.sweep.clock.source();
         let row = |point: DesignPoint| (point, given.command(&point));
-        let lock = FolderLock::take(&target)?;
+        // The parts of a sweep are computed side by side.
+        let lock = self.sweep.shard.is_none().then(|| FolderLock::take(&target)).transpose()?;
         let mut record = Record {
             kind: Kind { store: "accuracy.json", files: files::files },
             head: self.head(model, &plan),
@@ -100,6 +101,9 @@ impl Accuracy {
             searches: self.max_error.is_some(),
             kept: BTreeMap::new(),
             late: false,
+            store: None,
+            damaged: 0,
+            share: self.sweep.shard,
             lock,
         };
         record.extend(plan.points.iter().copied().map(row));
@@ -120,31 +124,44 @@ impl Accuracy {
         };
         let threads = Driver::threads(self.sweep.jobs);
         let driver = Driver::new(Self::NAME, threads, self.sweep.within)?;
+        let store = self.sweep.store.as_deref();
+        record.ask(store, &sweep(None));
         if !quiet {
             let seconds = driver.forecast(&record, &sweep(None)).remaining();
             let (points, title) = (record.rows.len(), &record.title);
             let time = indicatif::HumanDuration(std::time::Duration::from_secs_f64(seconds.max(1.0)));
-            let done = points - record.pending().len();
+            let done = record.done();
             let kept = if done > 0 { format!(", {done} done before") } else { String::new() };
             console::err(&format!("  accuracy  {title}: {points} points{kept}, about {time}\n"));
         }
         let mut ended = driver.round(&mut record, sweep(None), quiet)?;
+        if record.share.is_some() {
+            record.ask(store, &sweep(None));
+        }
         if let Some(limit) = self.max_error {
             let mut search = Search::new(model, &settings.mapping, &lists, &plan, limit);
-            while ended == Ended::Done {
+            // Of parts the next round takes the results of all.
+            while ended == Ended::Done && !record.waits() {
                 let more = search.next(&record.sheet().rows);
                 if more.is_empty() {
                     break;
                 }
                 let count = more.len();
                 record.extend(more.into_iter().map(row));
-                let sweep = sweep(Some(limit));
+                let round = sweep(Some(limit));
+                record.ask(store, &round);
                 if !quiet {
-                    let time = duration(driver.forecast(&record, &sweep).remaining());
+                    let time = duration(driver.forecast(&record, &round).remaining());
                     console::err(&format!("            {count} points more in search of the goal, about {time}\n"));
                 }
-                ended = driver.round(&mut record, sweep, quiet)?;
+                ended = driver.round(&mut record, round, quiet)?;
+                if record.share.is_some() {
+                    record.ask(store, &sweep(Some(limit)));
+                }
             }
+        }
+        if tell_of_store(&record, store, quiet) {
+            return Ok(());
         }
         let sheet = record.sheet();
         let view = View::new(&sheet);

@@ -9,7 +9,7 @@ use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
 
 use crate::console;
-use crate::explore::drive::{Driver, GENERATOR, fingerprint, verdict};
+use crate::explore::drive::{Driver, GENERATOR, fingerprint, tell_of_store, verdict};
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::options::AxesArgs;
 use crate::explore::record::{Kind, Record};
@@ -100,7 +100,8 @@ impl Explore {
         let limit = self.max_error.map_or(Some(USUAL_ERROR), |limit| limit.0);
         let given_goals = self.goal.goals(self.max_error.and_then(|limit| limit.0), self.sweep.clock);
         let points = axes.formed(model, &settings.mapping).into_iter();
-        let lock = FolderLock::take(&target)?;
+        // The parts of a sweep are computed side by side.
+        let lock = self.sweep.shard.is_none().then(|| FolderLock::take(&target)).transpose()?;
         let mut record = Record {
             head: self.head(model, &axes),
             title: format!("{} ({})", model.name, model.size()),
@@ -113,6 +114,9 @@ impl Explore {
             searches: false,
             kept: BTreeMap::new(),
             late: false,
+            store: None,
+            damaged: 0,
+            share: self.sweep.shard,
             lock,
         };
         if self.resume {
@@ -124,6 +128,7 @@ impl Explore {
         let within = shown(record.max_error);
         let sweep =
             Sweep { loaded, settings, conserved: Vec::new(), within, early: true, until: None, clock, estimate };
+        record.ask(self.sweep.store.as_deref(), &sweep);
         if !quiet {
             let seconds = driver.forecast(&record, &sweep).remaining();
             console::err(&announcement(&axes, &record, seconds, threads));
@@ -135,13 +140,17 @@ impl Explore {
             });
         }
         driver.round(&mut record, sweep, quiet)?;
+        if tell_of_store(&record, self.sweep.store.as_deref(), quiet) {
+            return Ok(());
+        }
         let sheet = record.sheet();
         if !quiet {
             let page = record.target.join("index.html");
             console::out(&format!("{}  see {}\n", show::summary(&sheet), page.display()))?;
         }
         verdict(&sheet)?;
-        if given_goals.is_some() && sheet.goals.ranked(&sheet.rows).is_empty() {
+        // Of an error alone the fronts say what there is.
+        if given_goals.is_some_and(|goals| goals.concern_others()) && sheet.goals.ranked(&sheet.rows).is_empty() {
             return Err(Failure::Fruitless(sheet.goals.refusal(&sheet.rows, show::described)));
         }
         Ok(())
@@ -181,7 +190,7 @@ fn announcement(axes: &Axes, record: &Record, seconds: f64, threads: usize) -> S
         axis(axes.storage.len(), "word length"),
         axis(axes.pes.len(), "PE count"),
     ];
-    let done = record.rows.len() - record.pending().len();
+    let done = record.done();
     let kept = if done > 0 { format!(", {done} done before") } else { String::new() };
     let time = HumanDuration(Duration::from_secs_f64(seconds.max(1.0)));
     format!(

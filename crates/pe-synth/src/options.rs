@@ -239,6 +239,20 @@ pub struct SweepArgs {
     /// which the result may differ from run to run
     #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, help_heading = "Output")]
     pub within: Option<f64>,
+    /// Folder of points that several sweeps share: what it has is not computed again
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    pub store: Option<PathBuf>,
+    /// Computes the K-th of N parts of the points for the store alone, and writes no page; the same command without it puts
+    /// the parts together
+    #[arg(long, value_name = "K/N", value_parser = shard, requires = "store", help_heading = "Output")]
+    pub shard: Option<(u32, u32)>,
+}
+
+/// Parses a part of several.
+fn shard(text: &str) -> Result<(u32, u32), String> {
+    let parsed = text.split_once('/').and_then(|(part, parts)| Some((part.parse().ok()?, parts.parse().ok()?)));
+    let (part, parts) = parsed.ok_or("expected K/N, such as 1/4")?;
+    if (1..=parts).contains(&part) { Ok((part, parts)) } else { Err(format!("there are parts 1 to {parts}")) }
 }
 
 impl ClockArgs {

@@ -176,6 +176,9 @@ impl Row {
                 map.insert("code".into(), json!(reason.code));
                 map.insert("message".into(), json!(reason.message));
                 map.insert("exit_code".into(), json!(reason.exit_code));
+                if let Some((total, double)) = reason.beyond {
+                    map.insert("error".into(), json!({"total": total, "double": double}));
+                }
             }
         }
         map

@@ -1,5 +1,6 @@
 //! The common part of all sweeps: threads, progress, termination.
 
+use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -140,6 +141,21 @@ pub fn duration(seconds: f64) -> String {
         ..5970.0 => format!("{:.1} min", seconds / 60.0),
         _ => format!("{:.1} h", seconds / 3600.0),
     }
+}
+
+/// What is said of a store: damaged files, and the end of a part.
+/// Whether this was a part.
+pub fn tell_of_store(record: &Record, store: Option<&Path>, quiet: bool) -> bool {
+    if record.damaged > 0 {
+        let (count, noun) = (record.damaged, if record.damaged == 1 { "point" } else { "points" });
+        console::err(&format!("     store  {count} {noun} had a damaged file and were computed again\n"));
+    }
+    let (Some((part, parts)), Some(store)) = (record.share, store) else { return false };
+    if !quiet {
+        let rest = if record.waits() { "; other parts lack points" } else { "" };
+        console::err(&format!("     shard  part {part} of {parts} is in {}{rest}\n", store.display()));
+    }
+    true
 }
 
 /// A hash of all that a model is, wherever it was read from.

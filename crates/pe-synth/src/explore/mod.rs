@@ -5,6 +5,7 @@
 //! given      what the user gave, as words of commands
 //! drive      threads, progress and end of a sweep
 //! sheet      the rows that are there, and the fronts among them
+//! store      points that several sweeps share
 //! record     the rows as they come, the folder they are kept in, taking up an earlier result
 //! show       rows as a person reads them
 //! files      rows -> points.json, points.csv, pictures, page
@@ -18,3 +19,4 @@ pub mod options;
 pub mod record;
 pub mod sheet;
 pub mod show;
+pub mod store;

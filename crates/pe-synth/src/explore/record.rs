@@ -1,5 +1,6 @@
 //! The result of a sweep as it grows, and the folder it is kept in.
 
+use pe_ir::model::Solver;
 use pe_judge::DesignPoint;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,12 +11,13 @@ use serde_json::{Map, Value, json};
 
 use super::changes;
 use super::sheet::Sheet;
+use super::store::{Known, Store};
 use crate::output::{Files, FolderLock, OutputFolder};
 use pe_flow::accuracy::wanted::Goals;
 use pe_flow::explore::estimate::Work;
 use pe_flow::explore::family::Job;
 use pe_flow::explore::row::{Outcome, Row};
-use pe_flow::explore::sweep::Event;
+use pe_flow::explore::sweep::{Event, Sweep};
 use pe_flow::failure::Failure;
 
 /// Time between two writings of an unfinished result.
@@ -54,8 +56,14 @@ pub struct Record {
     pub kept: BTreeMap<String, Value>,
     /// Whether the time ran out that the sweep was given.
     pub late: bool,
-    /// No other sweep writes to the folder.
-    pub lock: FolderLock,
+    /// Points that other sweeps share.
+    pub store: Option<Store>,
+    /// Number of points with a damaged file there, which are computed again.
+    pub damaged: usize,
+    /// The part of the points that is computed, of so many, for the store alone.
+    pub share: Option<(u32, u32)>,
+    /// No other sweep writes to the folder; none if this one does not, either.
+    pub lock: Option<FolderLock>,
 }
 
 /// How a round of a sweep ended.
@@ -114,9 +122,42 @@ impl Record {
         }
     }
 
-    /// Points without a result.
+    /// Takes over what the store has of the points without a result, for a sweep that has such limits.
+    pub fn ask(&mut self, folder: Option<&Path>, sweep: &Sweep) {
+        self.store = folder.map(|folder| Store::of(folder, sweep));
+        let Some(store) = &self.store else { return };
+        for (_, command, outcome) in self.rows.iter_mut().filter(|(_, _, outcome)| outcome.is_none()) {
+            match store.find(command) {
+                Known::Outcome(known) => *outcome = Some(known),
+                Known::Damaged => self.damaged += 1,
+                Known::Nothing => {}
+            }
+        }
+    }
+
+    /// Whether points without a result are left to others.
+    pub fn waits(&self) -> bool {
+        self.rows.iter().any(|(_, _, outcome)| outcome.is_none())
+    }
+
+    /// Whether a point is of the part that is computed: points with the same step graph are, or are not.
+    fn shares(&self) -> Vec<bool> {
+        let Some((part, parts)) = self.share else { return vec![true; self.rows.len()] };
+        let mut known: Vec<(Option<Solver>, Option<u64>)> = Vec::new();
+        let of = |point: &DesignPoint| (point.solver, point.step.map(f64::to_bits));
+        self.rows.iter().for_each(|(point, ..)| {
+            if !known.contains(&of(point)) {
+                known.push(of(point));
+            }
+        });
+        let place = |point: &DesignPoint| known.iter().position(|other| *other == of(point)).expect("pushed above");
+        self.rows.iter().map(|(point, ..)| place(point) as u32 % parts == part - 1).collect()
+    }
+
+    /// Points without a result that are to be computed.
     pub fn pending(&self) -> Vec<Job> {
-        let rows = self.rows.iter().enumerate().filter(|(_, (_, _, outcome))| outcome.is_none());
+        let shares = self.shares();
+        let rows = self.rows.iter().enumerate().filter(|(index, (_, _, outcome))| outcome.is_none() && shares[*index]);
         rows.map(|(index, (point, command, _))| Job { index, point: *point, command: command.clone() }).collect()
     }
 
@@ -143,7 +184,10 @@ impl Record {
             match event {
                 Ok(Event::Work(work)) => progress(done, self.rows.len(), Some(&work)),
                 Ok(Event::Point(index, outcome)) => {
-                    self.rows[index].2 = Some(outcome);
+                    let (point, command, _) = &self.rows[index];
+                    let row = Row { point: *point, command: command.clone(), outcome };
+                    self.store.as_ref().map_or(Ok(()), |store| store.keep(&row))?;
+                    self.rows[index].2 = Some(row.outcome);
                     done += 1;
                 }
                 Ok(Event::Finished) | Err(_) => break,
@@ -154,7 +198,7 @@ impl Record {
                 saved = Instant::now();
             }
         }
-        self.late = done < self.rows.len();
+        self.late = !self.pending().is_empty();
         if self.late && done == 0 {
             let text = "no point was done in the time of `--within`; nothing was written";
             return Err(Failure::Fruitless(text.to_owned()));
@@ -163,7 +207,8 @@ impl Record {
         Ok(if self.late { Ended::Late } else { Ended::Done })
     }
 
-    fn done(&self) -> usize {
+    /// Number of points with a result.
+    pub fn done(&self) -> usize {
         self.rows.iter().filter(|(_, _, outcome)| outcome.is_some()).count()
     }
 
@@ -173,11 +218,15 @@ impl Record {
         if done == 0 {
             return Failure::Interrupted("interrupted before the first point was done; nothing was written".into());
         }
+        let target = match self.share {
+            Some(_) => "the store".to_owned(),
+            None => self.target.display().to_string(),
+        };
         match self.save() {
             Ok(()) => Failure::Interrupted(format!(
                 "interrupted; {done} of {} points are in {}, the same command with `--resume` continues",
                 self.rows.len(),
-                self.target.display()
+                target
             )),
             Err(failure) => failure,
         }
@@ -204,6 +253,9 @@ impl Record {
     }
 
     fn save(&self) -> Result<(), Failure> {
+        if self.share.is_some() {
+            return Ok(());
+        }
         let folder = OutputFolder::create(&self.target)?;
         for (path, bytes) in (self.kind.files)(&self.sheet())? {
             let bytes = if path == self.kind.store { self.with_kept(bytes) } else { bytes };

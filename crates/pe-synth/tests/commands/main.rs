@@ -23,6 +23,7 @@ mod map;
 mod mapping_file;
 mod outputs;
 mod report;
+mod store;
 mod sweep;
 mod tidy;
 mod transports;
