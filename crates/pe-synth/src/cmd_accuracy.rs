@@ -1,7 +1,7 @@
 //! `pe-synth accuracy`: error against run time for solvers, steps and word lengths.
 
 use pe_judge::DesignPoint;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use pe_ir::model::Model;
@@ -102,7 +102,7 @@ impl Accuracy {
             kept: BTreeMap::new(),
             late: false,
             store: None,
-            damaged: 0,
+            damaged: BTreeSet::new(),
             share: self.sweep.shard,
             lock,
         };
@@ -123,7 +123,7 @@ impl Accuracy {
             estimate: estimate.clone(),
         };
         let threads = Driver::threads(self.sweep.jobs);
-        let driver = Driver::new(Self::NAME, threads, self.sweep.within)?;
+        let driver = Driver::new(Self::NAME, threads, &self.sweep)?;
         let store = self.sweep.store.as_deref();
         record.ask(store, &sweep(None));
         if !quiet {

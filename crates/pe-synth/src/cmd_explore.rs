@@ -1,6 +1,6 @@
 //! `pe-synth explore`: many design points of a model, their size, speed and error.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -115,7 +115,7 @@ impl Explore {
             kept: BTreeMap::new(),
             late: false,
             store: None,
-            damaged: 0,
+            damaged: BTreeSet::new(),
             share: self.sweep.shard,
             lock,
         };
@@ -124,7 +124,7 @@ impl Explore {
         }
         let threads = Driver::threads(self.sweep.jobs);
         let estimate = Estimate::of(model, &graphs, &settings.mapping);
-        let driver = Driver::new(Self::NAME, threads, self.sweep.within)?;
+        let driver = Driver::new(Self::NAME, threads, &self.sweep)?;
         let within = shown(record.max_error);
         let sweep =
             Sweep { loaded, settings, conserved: Vec::new(), within, early: true, until: None, clock, estimate };

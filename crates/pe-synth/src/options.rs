@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::explore::cluster::{Cluster, Scheduler};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser};
 use pe_flow::accuracy::wanted::{Figure, Goals};
@@ -246,6 +247,20 @@ pub struct SweepArgs {
     /// the parts together
     #[arg(long, value_name = "K/N", value_parser = shard, requires = "store", help_heading = "Output")]
     pub shard: Option<(u32, u32)>,
+    /// Computes the points as jobs of a cluster whose machines see the store and this folder
+    #[arg(long, value_enum, value_name = "SCHEDULER", requires = "store", conflicts_with_all = ["shard", "within"], help_heading = "Output")]
+    pub cluster: Option<Scheduler>,
+    /// Jobs that `--cluster` submits at once
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=10_000), requires = "cluster", help_heading = "Output")]
+    pub parts: u32,
+}
+
+impl SweepArgs {
+    /// Where points are computed, if not here.
+    pub fn cluster(&self) -> Option<Cluster> {
+        let Scheduler::Slurm = self.cluster?;
+        Some(Cluster { parts: self.parts, store: self.store.clone()? })
+    }
 }
 
 /// Parses a part of several.

@@ -8,9 +8,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use pe_ir::model::Model;
 use pe_map::sha256;
 
+use super::cluster::Cluster;
 use super::record::{Ended, Record};
 use super::sheet::Sheet;
 use crate::console;
+use crate::options::SweepArgs;
 use pe_flow::explore::estimate::{Forecast, Work};
 use pe_flow::explore::family;
 use pe_flow::explore::row::Outcome;
@@ -43,20 +45,22 @@ pub struct Driver {
     threads: usize,
     /// When no more work is begun.
     until: Option<Instant>,
+    /// Where points are computed, if not here.
+    cluster: Option<Cluster>,
 }
 
 impl Driver {
-    /// Threads of a command that may go on for so many seconds. From here on Ctrl-C ends sweeps, not the process.
+    /// Threads of a command. From here on Ctrl-C ends sweeps, not the process.
     ///
     /// # Errors
     /// If threads cannot be started or signals not be watched.
-    pub fn new(name: &'static str, threads: usize, within: Option<f64>) -> Result<Driver, Failure> {
+    pub fn new(name: &'static str, threads: usize, options: &SweepArgs) -> Result<Driver, Failure> {
         let (sender, events) = channel();
         watch_signals(sender.clone())?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.map_err(|error| Failure::File(format!("cannot start {threads} threads: {error}")))?;
-        let until = within.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
-        Ok(Driver { name, pool: pool.into(), sender, events, threads, until })
+        let until = options.within.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
+        Ok(Driver { name, pool: pool.into(), sender, events, threads, until, cluster: options.cluster() })
     }
 
     /// Number of threads that were asked for, or of cores.
@@ -76,6 +80,9 @@ impl Driver {
     /// # Errors
     /// As of [`Record::follow`].
     pub fn round(&self, record: &mut Record, sweep: Sweep, quiet: bool) -> Result<Ended, Failure> {
+        if let Some(cluster) = &self.cluster {
+            return cluster.round(&self.events, record, &sweep, quiet);
+        }
         let jobs = record.pending();
         let sweep = Sweep { until: self.until, ..sweep };
         let mut teller = Teller::new(self.name, self.forecast(record, &sweep), self.threads, quiet);
@@ -146,8 +153,9 @@ pub fn duration(seconds: f64) -> String {
 /// What is said of a store: damaged files, and the end of a part.
 /// Whether this was a part.
 pub fn tell_of_store(record: &Record, store: Option<&Path>, quiet: bool) -> bool {
-    if record.damaged > 0 {
-        let (count, noun) = (record.damaged, if record.damaged == 1 { "point" } else { "points" });
+    if !record.damaged.is_empty() {
+        let count = record.damaged.len();
+        let noun = if count == 1 { "point" } else { "points" };
         console::err(&format!("     store  {count} {noun} had a damaged file and were computed again\n"));
     }
     let (Some((part, parts)), Some(store)) = (record.share, store) else { return false };

@@ -16,7 +16,8 @@ use crate::options::PointArgs;
 use pe_judge::Coefficients;
 
 /// Options that do not change a result.
-const WITHOUT_EFFECT: [&str; 8] = ["output", "jobs", "within", "store", "shard", "resume", "quiet", "message_format"];
+const WITHOUT_EFFECT: [&str; 10] =
+    ["output", "jobs", "within", "store", "shard", "cluster", "parts", "resume", "quiet", "message_format"];
 
 /// Options of sweeps that a point's command lacks, or has with another meaning.
 const OF_SWEEPS: [&str; 5] = ["max_error", "sample", "realtime", "fit", "minimise"];

@@ -5,6 +5,7 @@
 //! given      what the user gave, as words of commands
 //! drive      threads, progress and end of a sweep
 //! sheet      the rows that are there, and the fronts among them
+//! cluster    parts of a sweep as jobs
 //! store      points that several sweeps share
 //! record     the rows as they come, the folder they are kept in, taking up an earlier result
 //! show       rows as a person reads them
@@ -12,6 +13,7 @@
 //! ```
 
 pub mod changes;
+pub mod cluster;
 pub mod drive;
 pub mod files;
 pub mod given;

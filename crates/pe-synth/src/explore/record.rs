@@ -2,7 +2,7 @@
 
 use pe_ir::model::Solver;
 use pe_judge::DesignPoint;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -59,7 +59,7 @@ pub struct Record {
     /// Points that other sweeps share.
     pub store: Option<Store>,
     /// Number of points with a damaged file there, which are computed again.
-    pub damaged: usize,
+    pub damaged: BTreeSet<usize>,
     /// The part of the points that is computed, of so many, for the store alone.
     pub share: Option<(u32, u32)>,
     /// No other sweep writes to the folder; none if this one does not, either.
@@ -126,10 +126,13 @@ impl Record {
     pub fn ask(&mut self, folder: Option<&Path>, sweep: &Sweep) {
         self.store = folder.map(|folder| Store::of(folder, sweep));
         let Some(store) = &self.store else { return };
-        for (_, command, outcome) in self.rows.iter_mut().filter(|(_, _, outcome)| outcome.is_none()) {
+        for (index, (_, command, outcome)) in self.rows.iter_mut().enumerate() {
+            if outcome.is_some() {
+                continue;
+            }
             match store.find(command) {
                 Known::Outcome(known) => *outcome = Some(known),
-                Known::Damaged => self.damaged += 1,
+                Known::Damaged => drop(self.damaged.insert(index)),
                 Known::Nothing => {}
             }
         }
@@ -213,7 +216,7 @@ impl Record {
     }
 
     /// Saves what is there after a signal.
-    fn interrupted(&self) -> Failure {
+    pub fn interrupted(&self) -> Failure {
         let done = self.done();
         if done == 0 {
             return Failure::Interrupted("interrupted before the first point was done; nothing was written".into());
@@ -252,7 +255,11 @@ impl Record {
         }
     }
 
-    fn save(&self) -> Result<(), Failure> {
+    /// Writes what there is.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn save(&self) -> Result<(), Failure> {
         if self.share.is_some() {
             return Ok(());
         }
