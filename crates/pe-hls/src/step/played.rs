@@ -8,10 +8,15 @@ use pe_ir::codes;
 use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Function, Interpolation, Model, Pwm, Samples, Select, Variable, Waveform};
 use pe_ir::motion::{MIDDLE, Motion, Source};
-use pe_ir::source::Diagnostic;
+use pe_ir::source::{Diagnostic, Span};
 
-/// Parts of a period, at most: as many as a short data port tells apart.
+/// Parts of a period that one counter counts, at most: as many as a short data port tells apart.
 const MOST_PARTS: f64 = 262_144.0;
+
+/// Parts of a period that two counters count, at most, one of which counts blocks; and parts of a step, so that a step is
+/// less than half a block.
+const MOST_LONG_PARTS: f64 = 8_589_934_592.0;
+const MOST_IN_STEP: f64 = 16_384.0;
 
 /// Parts of a step by which edges may come early or late at the end of the span for a period that is no ratio of the step:
 /// what is sought, and what is refused.
@@ -119,28 +124,65 @@ fn tune(waveform: &Waveform) -> Tune<'_> {
     }
 }
 
-/// Periods per step as a ratio: parts of a period in a step, and in a period; the edges' drift over the span in steps.
-fn ratio(model: &Model, frequency: f64) -> (f64, f64, f64) {
+/// Parts of a period in a step, and in a period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Ratio {
+    parts: f64,
+    of: f64,
+    /// How far edges are off at the end of the span, in steps.
+    drift: f64,
+}
+
+impl Ratio {
+    /// Whether one counter holds a period.
+    fn is_short(self) -> bool {
+        self.of <= MOST_PARTS
+    }
+}
+
+/// Periods per step as a ratio; one that takes two counters only where one does not do.
+fn ratio(model: &Model, frequency: f64) -> Ratio {
+    let short = convergent(model, frequency, (MOST_PARTS, MOST_PARTS));
+    if short.drift <= MOST_DRIFT {
+        return short;
+    }
+    let long = convergent(model, frequency, (MOST_IN_STEP, MOST_LONG_PARTS));
+    if long.drift < short.drift { long } else { short }
+}
+
+/// The convergent of the continued fraction with so many parts at most that drifts little enough, or least.
+fn convergent(model: &Model, frequency: f64, (most_parts, most_of): (f64, f64)) -> Ratio {
     let periods = frequency * model.step;
     let periods = periods - libm::floor(periods);
     let drift =
         |parts: f64, of: f64| model.steps() as f64 * (periods - parts / of).abs() / periods.max(f64::MIN_POSITIVE);
-    // Convergents of the continued fraction.
     let (mut before, mut last) = ((1.0, 0.0), (0.0, 1.0));
     let mut rest = periods;
     while drift(last.0, last.1) > DRIFT {
-        if rest < 1.0 / MOST_PARTS {
+        if rest < 1.0 / most_of {
             break;
         }
         let whole = libm::floor(1.0 / rest);
         let next = (whole * last.0 + before.0, whole * last.1 + before.1);
-        if next.1 > MOST_PARTS {
+        if next.1 > most_of || next.0 > most_parts {
             break;
         }
         (before, last) = (last, next);
         rest = 1.0 / rest - whole;
     }
-    (last.0, last.1, drift(last.0, last.1))
+    Ratio { parts: last.0, of: last.1, drift: drift(last.0, last.1) }
+}
+
+/// A step near the model's with which edges do not drift, if there is one: one that divides the period, or the shortest
+/// of which a period is not too many.
+fn fitting_step(model: &Model, frequency: f64, most_of: f64) -> Option<f64> {
+    let wanted = (1.0 / (frequency * model.step)).min(most_of);
+    [libm::ceil(wanted), libm::floor(wanted)].into_iter().filter(|parts| *parts >= 1.0).find_map(|parts| {
+        let mut other = model.clone();
+        other.set_step(1.0 / (frequency * parts));
+        let ratio = ratio(&other, frequency);
+        (ratio.drift <= MOST_DRIFT && ratio.of <= most_of).then_some(other.step)
+    })
 }
 
 /// Knots of a table: samples that matter in the span, and their even grid.
@@ -201,23 +243,8 @@ pub(super) fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
                 let help = "declare it as an input, `input u = pwm(...)`, or take a shorter `--span`";
                 findings.push(Diagnostic::error(codes::SIGNAL_TOO_LONG, span, message).with_help(help));
             }
-            Tune::Periodic { frequency, .. } | Tune::Modulated(&Pwm { frequency, .. }) => {
-                let (.., drift) = ratio(model, frequency);
-                if drift > MOST_DRIFT {
-                    let message = format!(
-                        "a period of {:e} s and the step of {:e} s have no ratio that fits a counter: edges drift by {drift:.2} \
-                         steps in {} s",
-                        1.0 / frequency,
-                        model.step,
-                        model.span
-                    );
-                    let help = format!("take a step that divides the period, such as `--step {:e}`", {
-                        let parts = libm::ceil(1.0 / (frequency * model.step));
-                        1.0 / (frequency * parts)
-                    });
-                    findings.push(Diagnostic::error(codes::SIGNAL_DRIFTS, span, message).with_help(help));
-                }
-            }
+            Tune::Periodic { frequency, .. } => findings.extend(drifts(model, frequency, MOST_LONG_PARTS, span)),
+            Tune::Modulated(&Pwm { frequency, .. }) => findings.extend(drifts(model, frequency, MOST_PARTS, span)),
             Tune::Once { .. } => {}
             Tune::Samples(samples) => {
                 if let (knots, false) = Knots::of(samples, model.span) {
@@ -232,6 +259,29 @@ pub(super) fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
         }
     }
     if findings.is_empty() { Ok(()) } else { Err(findings) }
+}
+
+/// `E0118` if no counter of so many parts at most follows a period.
+fn drifts(model: &Model, frequency: f64, most_of: f64, span: Span) -> Option<Diagnostic> {
+    let Ratio { of, drift, .. } = ratio(model, frequency);
+    if drift <= MOST_DRIFT && of <= most_of {
+        return None;
+    }
+    let (period, step) = (1.0 / frequency, model.step);
+    let message = if period / step > most_of {
+        format!("a period of {period:e} s is {:.3e} steps of {step:e} s: a counter takes {most_of}", period / step)
+    } else {
+        format!(
+            "a period of {period:e} s and the step of {step:e} s have no ratio that fits a counter: edges drift by \
+             {drift:.2} steps in {} s",
+            model.span
+        )
+    };
+    let help = match fitting_step(model, frequency, most_of) {
+        Some(step) => format!("take a step that divides the period, such as `--step {step:e}`"),
+        None => "declare it as an input, or take a shorter `--span`".to_owned(),
+    };
+    Some(Diagnostic::error(codes::SIGNAL_DRIFTS, span, message).with_help(help))
 }
 
 /// Writes down what all played signals, and the lines of inputs, are at the end of the step.
@@ -260,8 +310,37 @@ struct Player<'a, S: Score> {
     model: &'a Model,
     /// The count of steps.
     steps: Option<S::Value>,
-    /// Counts of phases: frequency, phase at time zero, value, parts of a period.
-    phases: Vec<(f64, f64, S::Value, f64)>,
+    /// Counts of phases: frequency, phase at time zero, and how it is counted.
+    phases: Vec<(f64, f64, Phase<S::Value>)>,
+}
+
+/// Where in its period a signal is.
+#[derive(Clone, Copy)]
+enum Phase<V> {
+    /// Parts since its beginning, and parts that it has.
+    Short { value: V, of: f64 },
+    /// Blocks of parts before its end, and parts within a block.
+    Long { coarse: V, fine: V, of: f64, digits: Digits },
+}
+
+/// How a number of parts is written as blocks and parts of a block.
+#[derive(Clone, Copy)]
+struct Digits {
+    block: f64,
+    /// What all counts are beyond a whole number.
+    fraction: f64,
+}
+
+impl Digits {
+    fn of(self, parts: f64) -> (f64, f64) {
+        let blocks = libm::floor(parts / self.block);
+        (blocks, parts - blocks * self.block)
+    }
+
+    /// The middle between the counts at either side of a place.
+    fn between(self, place: f64) -> f64 {
+        libm::ceil(place - self.fraction) - 0.5 + self.fraction
+    }
 }
 
 impl<S: Score> Player<'_, S> {
@@ -281,20 +360,74 @@ impl<S: Score> Player<'_, S> {
         steps
     }
 
-    /// The phase of the next step, where a signal that jumps is looked at, and the parts of a period that it counts in.
-    fn phase(&mut self, owner: StateId, frequency: f64, phase: f64) -> (S::Value, f64) {
-        if let Some((.., value, of)) = self.phases.iter().find(|known| (known.0, known.1) == (frequency, phase)) {
-            return (*value, *of);
+    /// The phase of the next step, where a signal that jumps is looked at.
+    fn phase(&mut self, owner: StateId, frequency: f64, phase: f64) -> Phase<S::Value> {
+        if let Some((.., known)) = self.phases.iter().find(|known| (known.0, known.1) == (frequency, phase)) {
+            return *known;
         }
-        let (parts, of, _) = ratio(self.model, frequency);
-        let first = parts / of * (1.0 + MIDDLE) + phase;
-        let first = of * (first - libm::floor(first));
+        let ratio = ratio(self.model, frequency);
+        let first = ratio.parts / ratio.of * (1.0 + MIDDLE) + phase;
+        let first = ratio.of * (first - libm::floor(first));
+        let made =
+            if ratio.is_short() { self.counter(owner, ratio, first) } else { self.counters(owner, ratio, first) };
+        self.phases.push((frequency, phase, made));
+        made
+    }
+
+    fn counter(&mut self, owner: StateId, Ratio { parts, of, .. }: Ratio, first: f64) -> Phase<S::Value> {
         let (name, wrap) = (self.name(owner, "phase"), self.name(owner, "turn"));
         let value = self.score.memory(owner, name, first);
         let turn = self.score.function(owner, wrap, value, jump(of - parts - 0.25, parts, parts - of));
         self.score.keep(owner, value, &[(1.0, turn)], 0.0);
-        self.phases.push((frequency, phase, value, of));
-        (value, of)
+        Phase::Short { value, of }
+    }
+
+    /// Parts of a period in blocks and parts of a block, both of which any data port tells apart. They count from minus
+    /// one period to zero, so that a period ends where the last block does; only the first block may be shorter.
+    fn counters(&mut self, owner: StateId, Ratio { parts, of, .. }: Ratio, first: f64) -> Phase<S::Value> {
+        // A block has parts at least as many as there are blocks and those of a step, so what follows the turn is within one.
+        let blocks = libm::floor(libm::sqrt(0.5 * of).min(0.5 * of / parts));
+        let block = libm::ceil(of / blocks);
+        let missing = blocks * block - of;
+        let digits = Digits { block, fraction: first - libm::floor(first) };
+        let (begin, rest) = digits.of(first - of);
+        let [of_block, in_block, carry, last, both, turn] =
+            ["block", "phase", "carry", "last", "both", "turn"].map(|what| self.name(owner, what));
+        let coarse = self.score.memory(owner, of_block, begin);
+        let fine = self.score.memory(owner, in_block, rest);
+        let place = digits.between(block - parts);
+        let carry = self.score.function(owner, carry, fine, jump(place, 0.0, 1.0));
+        let last = self.score.function(owner, last, coarse, jump(-1.5, 0.0, 1.0));
+        let both = self.score.sum(owner, both, &[(1.0, carry), (1.0, last)], 0.0);
+        let turn = self.score.function(owner, turn, both, jump(1.5, 0.0, 1.0));
+        self.score.keep(owner, fine, &[(-block, carry), (missing, turn)], parts);
+        self.score.keep(owner, coarse, &[(1.0, carry), (-blocks, turn)], 0.0);
+        Phase::Long { coarse, fine, of, digits }
+    }
+
+    /// `below` up to a part of the period, and then `above`.
+    fn since(
+        &mut self,
+        state: StateId,
+        name: String,
+        phase: Phase<S::Value>,
+        part: f64,
+        below: f64,
+        above: f64,
+    ) -> S::Value {
+        match phase {
+            Phase::Short { value, of } => self.score.function(state, name, value, jump(part * of, below, above)),
+            Phase::Long { coarse, fine, of, digits } => {
+                let (block, rest) = digits.of(digits.between(part * of - of));
+                let [beyond, within, after] = ["beyond", "within", "after"].map(|what| format!("{name}.{what}"));
+                let beyond = self.score.function(state, beyond, coarse, jump(block + 0.5, 0.0, 1.0));
+                let within = self.score.function(state, within, coarse, jump(block - 0.5, 0.0, 1.0));
+                let after = self.score.function(state, after, fine, jump(rest, 0.0, 1.0));
+                let terms = [(1.0, beyond), (1.0, within), (1.0, after)];
+                let all = self.score.sum(state, format!("{name}.all"), &terms, 0.0);
+                self.score.function(state, name, all, jump(1.5, below, above))
+            }
+        }
     }
 
     fn held(&mut self, state: StateId, signal: u32) {
@@ -303,11 +436,11 @@ impl<S: Score> Player<'_, S> {
         let place = |time: f64| time / step - 1.0 - MIDDLE;
         match tune(&model.signals[index::at(signal)].waveform) {
             Tune::Periodic { frequency, phase, part, on, off, start } => {
-                let (phase, of) = self.phase(state, frequency, phase);
+                let phase = self.phase(state, frequency, phase);
                 let (name, started) = (self.name(state, "next"), self.name(state, "started"));
                 let whole = start == 0.0;
                 let (first, second) = if whole { (on, off) } else { (1.0, 0.0) };
-                let mut value = self.score.function(state, name.clone(), phase, jump(part * of, first, second));
+                let mut value = self.since(state, name.clone(), phase, part, first, second);
                 if !whole {
                     let steps = self.steps(state);
                     let since = self.score.function(state, started.clone(), steps, jump(place(start), 0.0, 1.0));
@@ -333,8 +466,10 @@ impl<S: Score> Player<'_, S> {
     }
 
     fn modulated(&mut self, state: StateId, pwm: &Pwm) {
-        let (parts, of, _) = ratio(self.model, pwm.frequency);
-        let (phase, _) = self.phase(state, pwm.frequency, 0.0);
+        let Ratio { parts, of, .. } = ratio(self.model, pwm.frequency);
+        let Phase::Short { value: phase, .. } = self.phase(state, pwm.frequency, 0.0) else {
+            unreachable!("a period that takes two counters was refused")
+        };
         let first = libm::floor(parts / of * (1.0 + MIDDLE));
         let [count, begins, duty, beyond, next] =
             ["period", "begins", "duty", "beyond", "next"].map(|what| self.name(state, what));

@@ -169,16 +169,24 @@ fn what_cannot_be_played_is_refused_by_name() {
         ("rk4", "10 ms", "samples(\"long.csv\", \"p\", linear)", "E0116"),
         ("rk4", "10 ms", "pwm(-1, 1, 200 Hz, 0.5 + 0.1*sine(1, 1 Hz))", "E0116"),
         ("ros2", "1 ms until 20 ms, then 10 ms", "square(1, 5 Hz)", "E0117"),
-        ("heun", "1 us", "square(1, 3.14159265358979 Hz)", "E0118"),
+        ("heun", "1 ns", "square(1, 0.1 Hz, 0, 0.2)", "E0118"),
+        ("heun", "1 us", "pwm(-1, 1, 0.5 Hz, 0.5 + 0.1*square(1, 0.1 Hz))", "E0118"),
         ("rk4", "10 ms", "chirp(1, 1 Hz, 45 Hz, 2 s)", "E0914"),
     ];
     for (solver, step, signal, code) in cases {
         let text =
             format!("model m\nsolver {solver}\nstep {step}\nspan 4 s\nstate x = 0\nx' = {signal} - x\noutput x\n");
         std::fs::write(folder.0.join("m.spec"), text).expect("the spec can be written");
-        let span = if code == "E0118" { "4000s" } else { "4s" };
-        let (exit, said, messages) = run(&folder, &["compile", "m.spec", "-o", "out", "--span", span]);
+        let (exit, said, messages) = run(&folder, &["compile", "m.spec", "-o", "out"]);
         assert!(exit == Some(1) && messages.contains(code), "{signal}: {exit:?} {said}{messages}");
+        if let Some((_, step)) = messages.split_once("such as `--step ").filter(|_| signal.starts_with("pwm")) {
+            let step = step.split('`').next().expect("a number");
+            let (_, _, messages) = run(&folder, &["dump", "m.spec", "--stage", "step", "--step", step]);
+            assert!(
+                !messages.contains("E0118"),
+                "{signal}: the step {step} of the help is refused as well: {messages}"
+            );
+        }
     }
 }
 
@@ -196,6 +204,57 @@ fn run(folder: &Folder, arguments: &[&str]) -> (Option<i32>, String, String) {
     let output = command.current_dir(&folder.0).args(arguments).output().expect("pe-synth starts");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (output.status.code(), text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn periods_of_any_length_begin_and_end_with_their_steps() {
+    // Period and width in steps of 1 us, start in steps: whole ones, ratios, one that two counters do not divide evenly.
+    let cases = [
+        (1_000_000.0, 500.0, 50_000.0),
+        (1_000_003.0, 300_001.0, 999_000.0),
+        (700_000.5, 350_000.25, 0.0),
+        (400_000.0 / 3.0, 1000.0, 0.0),
+        (262_144.0, 1.0, 262_143.0),
+        (262_145.0, 262_144.0, 1.0),
+        (1_414_213.562_373_095_1, 700_000.0, 77.0),
+        (543.21, 200.0, 3.0),
+    ];
+    for (period, width, start) in cases {
+        let text = format!(
+            "model m\nsolver euler\nstep 1 us\nspan 3 s\nstate x = 0\nx' = u - x\n\
+             u = pulse(1, {start:e} us, {width:e} us, 0, {period:e} us)\noutput x, u\n"
+        );
+        let model = model(&text);
+        let graph = pe_hls::step::build(&model).unwrap_or_else(|error| panic!("{period}: {error:?}"));
+        let held = model.states.iter().position(|state| state.motion.is_some()).expect("a played signal");
+        let mut run = DoubleRun::new(&graph);
+        let (mut jumps, mut before) = (0, f64::NAN);
+        for step in 0..model.steps() {
+            let is = run.state(StateId::at(held));
+            let since = step as f64 + pe_ir::motion::MIDDLE - start;
+            let within = since - period * libm::floor(since / period);
+            let on = since >= 0.0 && within < width;
+            // Where a jump falls on the place that is looked at, within the drift, either side will do.
+            let near = |place: f64| (within - place).abs().min(period - (within - place).abs()) < 0.01;
+            assert!(is == f64::from(u8::from(on)) || near(0.0) || near(width), "{period} {width} {start}: step {step}");
+            jumps += u32::from(is != before);
+            before = is;
+            run.step(&[]).expect("finite");
+        }
+        assert!(jumps > 3, "{period}: {jumps} jumps");
+    }
+}
+
+#[test]
+fn a_short_port_plays_a_long_period() {
+    let folder = Folder::new("signals_long_period");
+    let text = "model m\nsolver heun\nstep 1 us\nspan 2.5 s\nstate x = 0\nx' = u - x\nu = pulse(1, 50 ms, 0.5 ms, 0, 1 s)\n\
+                output x, u\n";
+    std::fs::write(folder.0.join("m.spec"), text).expect("the spec can be written");
+    let (_, said, messages) = run(&folder, &["check", "m.spec", "--message-format", "json", "--multiplier", "25x18"]);
+    let result: Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}{messages}"));
+    let error = result["error"]["word_length"].as_f64().unwrap_or(f64::INFINITY);
+    assert!(error < 1e-2, "{error:e}");
 }
 
 /// Statements of a driven oscillator.
@@ -279,6 +338,7 @@ fn ghdl_computes_the_same_words_of_signals_with_jumps_and_of_lines() {
         "signals_jumps",
         &[
             ("pulse", "euler", SHORT, "u = pulse(1, 180 ms, 50 ms, 0.1, 0.2) + pulse(1, 0.1 s, 0.3 s)"),
+            ("long_period", "rk4", "1 us", "u = pulse(1, 5 us, 3 us, 0.1, 0.7 s)"),
             ("pwm", "ros2", SHORT, "u = pwm(-1, 1, 10 Hz, 0.5 + 0.4*sine(1, 1 Hz))"),
             ("chirp", "rk4", SHORT, "u = chirp(1, 1 Hz, 5 Hz, 0.6 s)"),
             ("samples", "ab3", SHORT, "u = samples(\"s.csv\", \"p\", linear)"),
