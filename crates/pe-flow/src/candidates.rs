@@ -9,13 +9,16 @@ use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, default_pe
 use pe_hls::pairs;
 use pe_hls::relay::{Relayed, relay};
 use pe_hls::rounds::Rounds;
+use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::mapping::Mapping;
+use pe_ir::source::Diagnostic;
 use pe_ir::word::Latency;
 
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
 use crate::settings::{MappingOptions, StageLoop};
+use crate::spec::LoadedModel;
 use pe_judge::runs::Judged;
 
 /// Numbers of relays that are tried: one gathers most, more are closer to their readers.
@@ -26,6 +29,8 @@ const RELAYS: [u32; 4] = [1, 2, 4, 8];
 pub struct Network {
     /// Their number, unless the default is wanted.
     pub pes: Option<u32>,
+    /// Whether a number of PEs that is larger than useful is refused rather than taken for the largest useful one.
+    pub exact: bool,
     /// Seed of the annealer.
     pub seed: u64,
     /// The mapping that the user gives, and the number of relays in it.
@@ -89,12 +94,14 @@ pub struct Candidates<'a> {
     pub of: Vec<usize>,
     /// Mappings without relays, which are the first.
     pub plain: usize,
+    /// Most input ports that they may have.
+    pub ports: u32,
     starts: usize,
 }
 
 impl<'a> Candidates<'a> {
     /// Maps the equations, or takes the mapping that is given. A default number of PEs is halved as long as some PE would
-    /// need too many input ports with and without relays.
+    /// need too many input ports with and without relays; for a number that is asked for a default limit of ports is raised.
     ///
     /// # Errors
     /// That of the step without relays, if no alternative has a mapping.
@@ -105,33 +112,37 @@ impl<'a> Candidates<'a> {
         options: &MappingOptions,
     ) -> Result<Self, MapError> {
         let mut plain = Some(Alternative::new(Arc::clone(graph), Cow::Borrowed(fixed), 0, None));
-        let relayed = |pes, relays| Alternative::with_relays(graph, fixed, pes, options.max_in_degree, relays);
+        let relayed = |pes, ports, relays| Alternative::with_relays(graph, fixed, pes, ports, relays);
+        let (ports, starts) = (options.ports(), 0);
         let mut set =
-            Candidates { alternatives: Vec::new(), candidates: Vec::new(), of: Vec::new(), plain: 0, starts: 0 };
+            Candidates { alternatives: Vec::new(), candidates: Vec::new(), of: Vec::new(), plain: 0, ports, starts };
         if let Some((mapping, relays)) = &network.given {
             let alternative =
-                (*relays > 0).then(|| relayed(mapping.pes, *relays)).flatten().or(plain).expect("one of two");
-            let candidate = mapping::given(&alternative.problem, mapping, options.max_in_degree)?;
-            set.add(alternative, vec![candidate], None);
+                (*relays > 0).then(|| relayed(mapping.pes, ports, *relays)).flatten().or(plain).expect("one of two");
+            let candidate = mapping::given(&alternative.problem, mapping, options.most_ports())?;
+            set.ports = ports.max(candidate.cost.max_in_degree);
+            set.of_given(alternative, candidate);
             return Ok(set);
         }
         // Relays would take away what a stage loop saves.
         let looped = LazyCell::new(|| options.stage_loop != StageLoop::Off && Rounds::of(graph, fixed).is_some());
-        let mut pes = network.pes.unwrap_or_else(|| {
-            default_pes(&plain.as_ref().expect("not mapped yet").optimistic, Latency::of(&fixed.format))
-        });
+        let first = plain.as_ref().expect("not mapped yet");
+        let useful = |pes: u32| if network.exact { pes } else { pes.min(first.problem.equations()) };
+        let default = || default_pes(&first.optimistic, Latency::of(&fixed.format));
+        let mut pes = network.pes.map_or_else(default, useful);
         loop {
             let mut refused = None;
-            let with_relays = RELAYS.iter().filter_map(|relays| relayed(pes, *relays).filter(|_| !*looped));
+            let ports = set.ports;
+            let with_relays = RELAYS.iter().filter_map(|relays| relayed(pes, ports, *relays).filter(|_| !*looped));
             for alternative in plain.take().into_iter().chain(with_relays) {
                 let map_options = MapOptions {
                     pes,
                     seed: network.seed,
                     tries: options.tries.unwrap_or_else(|| MapOptions::default_tries(alternative.problem.equations())),
-                    max_in_degree: options.max_in_degree,
+                    max_in_degree: ports,
                 };
                 match mapping::map(&alternative.problem, &map_options) {
-                    Ok(candidates) => set.add(alternative, candidates, Some(options.max_in_degree)),
+                    Ok(candidates) => set.add(alternative, candidates),
                     Err(error) if alternative.relays == 0 => {
                         refused = Some(error);
                         plain = Some(alternative);
@@ -141,6 +152,9 @@ impl<'a> Candidates<'a> {
             }
             match refused {
                 Some(MapError::InDegree { .. }) if set.of.is_empty() && network.pes.is_none() && pes > 1 => pes /= 2,
+                Some(MapError::InDegree { .. }) if set.of.is_empty() && set.ports < options.most_ports() => {
+                    set.ports = (2 * set.ports + 1).min(options.most_ports());
+                }
                 Some(error) if set.of.is_empty() => return Err(error),
                 _ => break,
             }
@@ -148,14 +162,23 @@ impl<'a> Candidates<'a> {
         Ok(set)
     }
 
-    /// Adds a alternative with its mappings; with a limit of input ports also those evened out under the pairs they allow.
-    fn add(&mut self, alternative: Alternative<'a>, candidates: Vec<Candidate>, even_within: Option<u32>) {
+    /// Adds an alternative with its mappings and those evened out under the pairs they allow.
+    fn add(&mut self, alternative: Alternative<'a>, candidates: Vec<Candidate>) {
         self.starts += candidates.len();
-        let evened: Vec<Candidate> = match even_within {
-            Some(limit) => candidates.iter().filter_map(|candidate| alternative.evened(candidate, limit)).collect(),
-            None => Vec::new(),
-        };
-        self.candidates.extend(candidates.into_iter().chain(evened));
+        let ports = self.ports;
+        let evened: Vec<Candidate> =
+            candidates.iter().filter_map(|candidate| alternative.evened(candidate, ports)).collect();
+        self.take(alternative, candidates.into_iter().chain(evened));
+    }
+
+    /// Adds an alternative with the mapping that is given for it.
+    fn of_given(&mut self, alternative: Alternative<'a>, candidate: Candidate) {
+        self.starts += 1;
+        self.take(alternative, [candidate]);
+    }
+
+    fn take(&mut self, alternative: Alternative<'a>, candidates: impl IntoIterator<Item = Candidate>) {
+        self.candidates.extend(candidates);
         self.of.resize(self.candidates.len(), self.alternatives.len());
         if alternative.relays == 0 {
             self.plain = self.candidates.len();
@@ -182,5 +205,36 @@ pub fn given(file: &MappingFile, graph: &StepGraph, max_in_degree: u32) -> Resul
     match relayed {
         Some(relayed) => Ok((file.mapping(&relayed.graph)?, relays)),
         None => Ok((file.mapping(graph)?, 0)),
+    }
+}
+
+/// Warnings about a network that has fewer PEs than asked for, or PEs with more ports than usual.
+pub fn other_than_asked(network: &Network, options: &MappingOptions, pes: u32, ports: u32) -> Vec<Diagnostic> {
+    let mut warnings = Vec::new();
+    if let Some(asked) = network.pes.filter(|asked| *asked > pes) {
+        let message = format!("{pes} PEs in place of {asked}: the step has no more equations");
+        let help = "more PEs than equations would stand idle; `--pes` says how many there are at most";
+        warnings.push(Diagnostic::global(codes::FEWER_PES, message).with_help(help).into_warning());
+    }
+    if ports > options.ports() {
+        let message = format!("up to {ports} input ports are given to a PE, as {} do not do", options.ports());
+        let help =
+            "wide multiplexers take cells and lower the clock: fewer PEs need fewer; `--max-in-degree` sets a bound";
+        warnings.push(Diagnostic::global(codes::MANY_PORTS, message).with_help(help).into_warning());
+    }
+    warnings
+}
+
+/// A mapping error as the user gets it.
+pub fn failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Failure {
+    match error {
+        MapError::Pes { .. } => Failure::Usage(error.to_string()),
+        MapError::InDegree { pe, equation, degree, limit } => {
+            let equation = &graph.equations[equation];
+            let message = format!("PE {pe}, which computes `{}`, needs {degree} input ports of {limit}", equation.name);
+            let finding = Diagnostic::error(codes::IN_DEGREE, equation.span, message)
+                .with_help("use fewer PEs with `--pes`, or allow more ports with `--max-in-degree`");
+            Failure::Spec(vec![finding], loaded.sources.clone())
+        }
     }
 }

@@ -15,13 +15,12 @@
 use std::sync::Arc;
 
 use pe_hls::assemble::TooLarge;
-use pe_hls::mapping::{self, MapError, WireLength, default_pes};
+use pe_hls::mapping::{self, WireLength, default_pes};
 use pe_hls::pairs::{self, Paired};
 use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
 use pe_hls::step::StepOptions;
 use pe_hls::sums;
-use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::mapping::{Mapping, MappingCost};
 use pe_ir::model::Model;
@@ -141,10 +140,10 @@ pub fn prepare(
     let Settings { criteria, mapping: mapping_options, seed } = settings;
     let (file, pes) = given_mapping(loaded, mapping_options, point.pes)?;
     let graph = step_for(loaded, point, mapping_options, pes, watch)?;
-    let given = file.map(|file| candidates::given(&file, &graph, mapping_options.max_in_degree)).transpose()?;
+    let given = file.map(|file| candidates::given(&file, &graph, mapping_options.ports())).transpose()?;
     let stepped = run(loaded, graph, watch)?;
     let (graph, judged) = formatted(loaded, criteria, point, &stepped, watch)?;
-    Ok(Prepared { graph, judged: Arc::new(judged), network: Network { pes, seed: *seed, given } })
+    Ok(Prepared { graph, judged: Arc::new(judged), network: Network { pes, exact: false, seed: *seed, given } })
 }
 
 /// A step and its run in double precision: what designs that differ in their words share.
@@ -317,9 +316,10 @@ pub fn implement(
             Err(_) => "impossible".to_owned(),
         },
     );
-    let Candidates { alternatives, candidates, of, plain, .. } =
-        mapped.map_err(|error| map_failure(error, graph, loaded))?;
+    let Candidates { alternatives, candidates, of, plain, ports, .. } =
+        mapped.map_err(|error| candidates::failure(error, graph, loaded))?;
     let taken_pes = candidates[0].mapping.pes;
+    watch.warn(&candidates::other_than_asked(&network, mapping_options, taken_pes, ports), &loaded.sources);
     let alternative = |index: usize| &alternatives[of[index]];
     let pairs: Vec<Option<Paired>> = (candidates.iter().zip(&of))
         .map(|(candidate, of)| pairs::pair(&alternatives[*of].graph, &alternatives[*of].fixed, &candidate.mapping))
@@ -338,15 +338,15 @@ pub fn implement(
             // Relays have no say in how well the others are scheduled.
             let (graphs, more_graphs) = graphs.split_at(plain);
             let (candidates, more) = candidates.split_at(plain);
-            let mut all = selection::schedules(graphs, candidates, latency, mapping_options.max_in_degree, say);
-            all.extend(selection::schedules(more_graphs, more, latency, mapping_options.max_in_degree, say));
+            let mut all = selection::schedules(graphs, candidates, latency, ports, say);
+            all.extend(selection::schedules(more_graphs, more, latency, ports, say));
             all
         },
         |schedules: &Vec<Schedule>| {
             format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
         },
     );
-    let order = selection::rank(&candidates, &schedules, mapping_options.max_in_degree, plain);
+    let order = selection::rank(&candidates, &schedules, ports, plain);
     let starts: Vec<StartResult> = order
         .iter()
         .map(|index| StartResult {
@@ -545,28 +545,14 @@ fn runs_figure(judged: Option<&Judged>) -> String {
 pub fn split(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
     let latency = Latency::of(&format);
     let pes = pes.unwrap_or_else(|| default_pes(graph, latency));
-    pe_hls::split::split(graph, pes, options.max_in_degree, latency)
-}
-
-/// A mapping error as the user gets it.
-fn map_failure(error: MapError, graph: &StepGraph, loaded: &LoadedModel) -> Failure {
-    match error {
-        MapError::Pes { .. } => Failure::Usage(error.to_string()),
-        MapError::InDegree { pe, equation, degree, limit } => {
-            let equation = &graph.equations[equation];
-            let message = format!("PE {pe}, which computes `{}`, needs {degree} input ports of {limit}", equation.name);
-            let finding = Diagnostic::error(codes::IN_DEGREE, equation.span, message)
-                .with_help("use fewer PEs with `--pes`, or allow more ports with `--max-in-degree`");
-            Failure::Spec(vec![finding], loaded.sources.clone())
-        }
-    }
+    pe_hls::split::split(graph, pes, options.ports(), latency)
 }
 
 /// Proves mapping, schedule and program with the independent checkers.
 fn check(design: &Design, latency: Latency, options: &MappingOptions, say: &dyn Fn(String)) -> Result<(), Failure> {
     let Design { graph, optimistic, judged, mapping, schedule, program, cost, .. } = design;
     say("mapping".to_owned());
-    let mut violations = verify::mapping::check(optimistic, mapping, cost, options.max_in_degree);
+    let mut violations = verify::mapping::check(optimistic, mapping, cost, options.most_ports());
     say("schedule".to_owned());
     violations.extend(verify::schedule::check(design.issued(), mapping, schedule, latency));
     say("program".to_owned());

@@ -17,8 +17,8 @@ pub struct MappingOptions {
     pub mapping: Option<PathBuf>,
     /// Annealing budget in tries; it grows with the number of equations if there is none.
     pub tries: Option<u64>,
-    /// Most input ports a PE may have.
-    pub max_in_degree: u32,
+    /// Most input ports a PE may have; if there is none the usual number, or as many more as a mapping needs.
+    pub max_in_degree: Option<u32>,
     /// Whether operands with equal coefficients are never added in front of the multiplier.
     pub no_pre_adder: bool,
     /// One round of control words for all stages of a step.
@@ -34,7 +34,7 @@ impl Default for MappingOptions {
         MappingOptions {
             mapping: None,
             tries: None,
-            max_in_degree: MapOptions::DEFAULT_MAX_IN_DEGREE,
+            max_in_degree: None,
             no_pre_adder: false,
             stage_loop: StageLoop::Auto,
             elimination: None,
@@ -55,6 +55,19 @@ pub struct Settings {
 }
 
 impl MappingOptions {
+    /// Most input ports that a PE can have.
+    pub const MOST_PORTS: u32 = 256;
+
+    /// The number of input ports that mappings aim at.
+    pub fn ports(&self) -> u32 {
+        self.max_in_degree.unwrap_or(MapOptions::DEFAULT_MAX_IN_DEGREE)
+    }
+
+    /// The number of input ports that no mapping may exceed.
+    pub fn most_ports(&self) -> u32 {
+        self.max_in_degree.unwrap_or(MappingOptions::MOST_PORTS)
+    }
+
     /// The mapping file and the number of PEs: those of the file, or those asked for.
     ///
     /// # Errors
@@ -126,11 +139,11 @@ impl StageLoop {
 
 /// What is asked of the form of the step.
 pub fn step_options(point: &DesignPoint, mapping: &MappingOptions) -> StepOptions {
-    let MappingOptions { max_in_degree, no_pre_adder, stage_loop, elimination, factors, .. } = *mapping;
+    let MappingOptions { no_pre_adder, stage_loop, elimination, factors, .. } = *mapping;
     StepOptions {
         form: point.form.form(),
         pes: point.pes,
-        max_in_degree,
+        max_in_degree: mapping.ports(),
         pre_adder: !no_pre_adder,
         sums: point.coefficients == Coefficients::OneSlot,
         rounds: stage_loop != StageLoop::Off,

@@ -156,6 +156,8 @@ codes! {
     UNIT_MISMATCH = "W0701", "units do not agree";
     UNREAD_UNIT = "W0702", "unknown unit";
     DOES_NOT_FIT = "W0801", "design larger than the device";
+    FEWER_PES = "W0802", "fewer PEs than asked for";
+    MANY_PORTS = "W0803", "more input ports than usual";
     STEP_LARGE = "W0903", "step large for the accuracy";
     NO_REFERENCE = "W0904", "no reference solution";
     WORD_SHORT = "W0905", "word short for the accuracy";
@@ -176,6 +178,7 @@ codes! {
     CHATTERING = "W0925", "chattering at a jump";
     LIMIT_TAKEN = "W0926", "limit taken where a function is 0/0";
     QUOTIENT_SHORT = "W0927", "quotient with few bits";
+    GUARD_LEFT_OUT = "W0928", "choice against 0/0 left out";
     ROLE_UNKNOWN = "W1001", "role still to be told";
     GENERIC_UNSET = "W1002", "generic still without a value";
     SIGN_DIFFERS = "W1003", "sign other than that of the type";

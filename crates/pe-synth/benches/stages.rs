@@ -62,7 +62,7 @@ fn stages(criterion: &mut Criterion) {
             pes: design.mapping.pes,
             seed: options.model.seed,
             tries: MapOptions::default_tries(problem.equations()),
-            max_in_degree: options.mapping.max_in_degree,
+            max_in_degree: options.mapping.options().ports(),
         };
         bench("map", equations.clone(), &mut || drop(mapping::map(&problem, &map_options).expect("mapped before")));
         let latency = Latency::of(&fixed.format);

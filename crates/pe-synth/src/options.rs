@@ -12,7 +12,6 @@ use pe_flow::settings::{MappingOptions, Settings, StageLoop};
 use pe_flow::spec::{self, LoadedModel};
 use pe_flow::stages::Stages;
 use pe_flow::watch::Stopwatch;
-use pe_hls::mapping::MapOptions;
 use pe_hls::step::{Order, Scheme};
 use pe_hls::two_slots;
 use pe_ir::codes;
@@ -134,9 +133,9 @@ pub struct MappingArgs {
     /// Annealing budget in moves tried [default: grows with the number of equations]
     #[arg(long, value_name = "N", help_heading = "Mapping")]
     pub tries: Option<u64>,
-    /// Most input ports a PE may have
-    #[arg(long, value_name = "N", default_value_t = MapOptions::DEFAULT_MAX_IN_DEGREE, help_heading = "Mapping")]
-    pub max_in_degree: u32,
+    /// Most input ports a PE may have [default: 15, or more if no mapping does with 15]
+    #[arg(long, value_name = "N", help_heading = "Mapping")]
+    pub max_in_degree: Option<u32>,
     /// Does not use the pre-adder for operands with equal coefficients
     #[arg(long, help_heading = "Mapping")]
     pub no_pre_adder: bool,

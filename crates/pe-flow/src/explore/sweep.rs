@@ -430,7 +430,7 @@ impl Sweep {
         }
         let seed = self.settings.seed;
         let watch = &mut Stopwatch::silent();
-        let network = Network { pes: point.pes, seed, given: None };
+        let network = Network { pes: point.pes, exact: true, seed, given: None };
         let mapping = &self.settings.mapping;
         let mut design = pipeline::implement(loaded, &graph, &judged, network, mapping, watch).map_err(failed)?;
         outputs::place(&mut design.program, outputs::Wanted::Auto, self.clock.family()).map_err(failed)?;
