@@ -15,6 +15,7 @@ mod number;
 mod pulses;
 mod sbml;
 pub mod settings;
+mod solve;
 mod write;
 mod xml;
 

@@ -3,6 +3,8 @@
 //! A species stands in expressions for its amount or for its concentration. It is a state of that kind, but where its
 //! compartment changes during the run the amount is the state and the concentration is computed from it.
 
+mod algebraic;
+mod comp;
 mod events;
 mod functions;
 mod reactions;
@@ -36,14 +38,22 @@ pub(crate) fn read(document: &Document, wanted: &Wanted, findings: &mut Vec<Diag
         findings.push(Diagnostic::error(codes::IMPORT_UNSUPPORTED, span(sbml), message).with_help(help));
         return None;
     }
+    let mut is_composed = false;
     for attribute in sbml.attributes() {
         if attribute.name() == "required" && attribute.value() == "true" {
             let url = attribute.namespace().unwrap_or("");
+            if comp::is_package(url) {
+                is_composed = true;
+                continue;
+            }
             let package = url.rsplit('/').nth(1).unwrap_or(url);
             let message = format!("the model needs the SBML package `{}`", package.escape_debug());
-            let help = "only the core of SBML can be imported; tools such as libSBML flatten `comp` models";
+            let help = "only the core of SBML and composed models (`comp`) can be imported";
             findings.push(Diagnostic::error(codes::IMPORT_UNSUPPORTED, span(sbml), message).with_help(help));
         }
+    }
+    if is_composed {
+        return composed(document, wanted, findings);
     }
     let Some(node) = child(sbml, "model") else {
         findings.push(Diagnostic::error(codes::IMPORT_SYNTAX, span(sbml), "there is no `<model>` in the file"));
@@ -56,6 +66,32 @@ pub(crate) fn read(document: &Document, wanted: &Wanted, findings: &mut Vec<Diag
     reader.read();
     reader.outputs(wanted);
     Some(reader.model)
+}
+
+/// Reads a model that is composed of others.
+fn composed(document: &Document, wanted: &Wanted, findings: &mut Vec<Diagnostic>) -> Option<Model> {
+    let flat = comp::flat(document, findings)?;
+    let mut own = Vec::new();
+    let model = match crate::xml::read(&flat.text) {
+        Ok(document) => read(&document, wanted, &mut own),
+        Err(finding) => {
+            own.push(finding);
+            None
+        }
+    };
+    findings.extend(own.into_iter().map(|finding| Diagnostic {
+        span: finding.span.map(|span| flat.place(span)),
+        labels: finding.labels.into_iter().map(|(span, text)| (flat.place(span), text)).collect(),
+        ..finding
+    }));
+    model.map(|mut model| {
+        for quantity in &mut model.quantities {
+            (quantity.span, quantity.equation) = (flat.place(quantity.span), flat.place(quantity.equation));
+        }
+        model.functions.iter_mut().for_each(|function| function.span = flat.place(function.span));
+        model.events.iter_mut().for_each(|event| event.span = flat.place(event.span));
+        model
+    })
 }
 
 /// Reads one `<model>`.
@@ -132,6 +168,7 @@ impl<'a, 'f> Reader<'a, 'f> {
         }
         self.reactions();
         self.species();
+        self.algebraic_rules();
         self.events();
         self.rates_of();
     }
@@ -170,18 +207,6 @@ impl<'a, 'f> Reader<'a, 'f> {
             let is_rate = match rule.tag_name().name() {
                 "assignmentRule" => false,
                 "rateRule" => true,
-                "algebraicRule" => {
-                    if child(rule, "math").is_some() {
-                        let help = "solve it for one of its variables by hand, and write that as an assignment rule";
-                        let finding = Diagnostic::error(
-                            codes::IMPORT_UNSUPPORTED,
-                            span(rule),
-                            "an algebraic rule cannot be expressed",
-                        );
-                        self.findings.push(finding.with_help(help));
-                    }
-                    continue;
-                }
                 _ => continue,
             };
             let target = rule.attribute("variable").unwrap_or("").to_owned();

@@ -135,7 +135,7 @@ impl<'a> Reader<'a, '_> {
 }
 
 /// Reactants, with `true`, and products of a reaction.
-fn references<'a>(reaction: Node<'a, 'a>) -> Vec<(bool, Node<'a, 'a>)> {
+pub(super) fn references<'a>(reaction: Node<'a, 'a>) -> Vec<(bool, Node<'a, 'a>)> {
     let reactants = listed(reaction, "listOfReactants").into_iter().map(|node| (true, node));
     let products = listed(reaction, "listOfProducts").into_iter().map(|node| (false, node));
     reactants.chain(products).filter(|(_, node)| node.tag_name().name() == "speciesReference").collect()

@@ -143,6 +143,20 @@ impl<'a> Reader<'a, '_> {
         amount
     }
 
+    /// The quantity that holds what a species is.
+    pub(super) fn held(&self, index: usize) -> usize {
+        self.species.get(&index).and_then(|species| species.amount).unwrap_or(index)
+    }
+
+    /// Makes an expression the equation of a quantity; the amount of a species that is held apart follows it.
+    pub(super) fn determine(&mut self, index: usize, value: Expr) {
+        if let Some(Species { amount: Some(amount), compartment, .. }) = self.species.get(&index) {
+            let amount_of = Expr::Name(index).times(Expr::Name(*compartment));
+            self.model.quantities[*amount].kind = Kind::Algebraic(amount_of);
+        }
+        self.model.quantities[index].kind = Kind::Algebraic(value);
+    }
+
     /// The quantity to which an event gives a new value for a species, and that value.
     pub(super) fn assigned(&mut self, index: usize, value: Expr) -> (usize, Expr) {
         match self.species.get(&index) {
