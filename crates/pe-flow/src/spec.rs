@@ -34,7 +34,9 @@ pub struct LoadedModel {
 pub fn load(spec: &Path, overrides: &Overrides) -> Result<(LoadedModel, Vec<Diagnostic>), Failure> {
     let mut sources = main_text(spec)?;
     match pe_frontend::compile(&mut sources, &ModelFolder::of(spec), overrides) {
-        Ok((model, warnings)) => {
+        Ok((model, mut warnings)) => {
+            let (model, left_out) = pe_hls::fuse::fuse(model);
+            warnings.extend(left_out);
             Ok((LoadedModel { model: pe_hls::lift::lift(model), sources, stages: None }, warnings))
         }
         Err(findings) => Err(Failure::Spec(findings, sources)),

@@ -151,6 +151,37 @@ fn collect_roots(expr: &Expr, counts: &impl Fn(Function) -> bool, conditions: bo
     }
 }
 
+/// Places where an expression of one variable bends or jumps; none if these are not those of affine conditions and
+/// magnitudes alone.
+pub(crate) fn bends(expr: &Expr) -> Option<Vec<f64>> {
+    fn collect(expr: &Expr, found: &mut Vec<f64>) -> Option<()> {
+        match expr {
+            Expr::Constant(_) | Expr::Variable(_) => Some(()),
+            Expr::Solution(_) | Expr::Apply(Function::Floor | Function::Wrap, _) => None,
+            Expr::Sum(members) | Expr::Product(members) => members.iter().try_for_each(|member| collect(member, found)),
+            Expr::Power(base, _) => collect(base, found),
+            Expr::Apply(function, argument) => {
+                if matches!(function, Function::Abs | Function::Sign) {
+                    affine(argument)?;
+                    found.extend(root(argument));
+                }
+                collect(argument, found)
+            }
+            Expr::Select(select) => {
+                affine(&select.condition)?;
+                found.extend(root(&select.condition));
+                collect(&select.yes, found)?;
+                collect(&select.no, found)
+            }
+        }
+    }
+    let mut found = Vec::new();
+    collect(expr, &mut found)?;
+    found.sort_unstable_by(f64::total_cmp);
+    found.dedup();
+    Some(found)
+}
+
 /// Whether an expression reads one variable at most.
 fn reads_one(body: &Expr) -> bool {
     let (mut first, mut one) = (None, true);

@@ -8,6 +8,7 @@ pub mod assemble;
 pub mod even;
 pub mod formats;
 pub mod functions;
+pub mod fuse;
 pub mod kinks;
 pub mod lift;
 pub mod mapping;

@@ -15,7 +15,7 @@ use pe_ir::source::Span;
 use crate::kinks::{affine, half_turns, root};
 
 /// Most kinks and jumps of a function.
-const MOST_KINKS: usize = 1;
+pub(crate) const MOST_KINKS: usize = 1;
 
 /// Characters of an expression that its name keeps.
 const LONGEST_NAME: usize = 60;
@@ -68,14 +68,14 @@ pub fn lift(model: Model) -> Model {
 
 /// What an expression reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reads {
+pub(crate) enum Reads {
     Nothing,
     One(Variable),
     Many,
 }
 
 impl Reads {
-    fn with(self, other: Reads) -> Reads {
+    pub(crate) fn with(self, other: Reads) -> Reads {
         match (self, other) {
             (Reads::Nothing, reads) | (reads, Reads::Nothing) => reads,
             (Reads::One(a), Reads::One(b)) if a == b => self,

@@ -20,6 +20,7 @@ const fn pass(name: &'static str, reads: &'static str, makes: &'static str, purp
 /// All passes. Runs over the span lie between `step` and `functions`, and between `split` and `formats`: ranges come
 /// from them.
 pub const PASSES: &[Pass] = &[
+    pass("fuse", "Model", "Model", "writes out equations within functions of one variable"),
     pass("lift", "Model", "Model", "makes functions of one variable equations of their own"),
     pass("step", "Model", "StepGraph", "writes one step of the method as chains of products"),
     pass("functions", "StepGraph", "StepGraph", "replaces functions by function tables"),

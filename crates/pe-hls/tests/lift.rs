@@ -132,6 +132,46 @@ fn is_lifted(model: &Model) -> bool {
 }
 
 #[test]
+fn fusing_keeps_all_values() {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let (mut compared, mut written_out) = (0, 0);
+    for _ in 0..400 {
+        let mut known: Vec<Variable> = StateId::all(STATES as u32).map(Variable::State).collect();
+        let mut algebraics = Vec::new();
+        for number in 0..4 {
+            algebraics.push(expression(&mut rng, 2, &known, false));
+            known.push(Variable::Algebraic(number));
+        }
+        let derivatives = (0..STATES).map(|_| expression(&mut rng, 3, &known, true)).collect();
+        let mut original = model(derivatives, algebraics);
+        original.outputs.truncate(2);
+        let (fused, _) = pe_hls::fuse::fuse(original.clone());
+        let names = |model: &Model| model.outputs.iter().map(|output| output.name.clone()).collect::<Vec<_>>();
+        assert_eq!(names(&fused), names(&original));
+        let lifted = lift(fused.clone());
+        assert!(is_lifted(&lifted), "{original:#?}\n{lifted:#?}");
+        written_out += usize::from(format!("{:?}", fused.states) != format!("{:?}", original.states));
+        for _ in 0..10 {
+            let at: Vec<f64> = (0..STATES).map(|_| between(&mut rng, -2.0, 2.0)).collect();
+            let should = values(&original, &at);
+            let nearby: Vec<f64> = at.iter().map(|number| number * (1.0 + 1e-13)).collect();
+            let moved = values(&original, &nearby);
+            let sound =
+                |(value, moved): (&f64, &f64)| value.abs() < 1e6 && (value - moved).abs() <= 1e-8 * (1.0 + value.abs());
+            if !should.iter().zip(&moved).all(sound) {
+                continue;
+            }
+            for (is, should) in values(&fused, &at).iter().zip(&should) {
+                let close = (is - should).abs() <= 1e-6 * (1.0 + should.abs());
+                assert!(close, "{is} is not {should} at {at:?}\n{}\n{}", text(&original), text(&fused));
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 2000 && written_out > 100, "{compared} values, {written_out} models");
+}
+
+#[test]
 fn lifting_keeps_all_values_and_happens_once() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let (mut compared, mut lifted_functions) = (0, 0);

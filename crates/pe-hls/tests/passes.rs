@@ -14,7 +14,7 @@ use pe_hls::mapping::{self, MapOptions, Problem};
 use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
-use pe_hls::{assemble, even, functions, lift, outputs, pairs, relay, schedule, split, step, sums, two_slots};
+use pe_hls::{assemble, even, functions, fuse, lift, outputs, pairs, relay, schedule, split, step, sums, two_slots};
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
@@ -163,6 +163,16 @@ fn valid_fixed(graph: &StepGraph, fixed: &FixedPoint) -> String {
     let text = text::fixed::print(graph, fixed);
     assert_eq!(&reread(&text, Stage::Fixed, |section| text::fixed::read(section, graph)), fixed);
     text
+}
+
+#[test]
+fn fuse_writes_out_equations_within_functions() {
+    check("fuse", |case| {
+        let (fused, findings) = fuse::fuse(case.model());
+        assert_eq!(verify::model::check(&fused), Vec::<String>::new());
+        let lifted = lift::lift(fused);
+        format!("{lifted}{}", case.findings(&findings))
+    });
 }
 
 #[test]

@@ -44,22 +44,23 @@ impl ScalarFunction {
         (limit.unwrap_or(value), limit.is_some())
     }
 
-    /// The limit at `x`: the mean of two points around it, as far apart as the means of points half as far away agree.
-    /// Nearer ones would be rounded off.
-    fn limit(&self, x: f64) -> Option<f64> {
+    /// The limit at `x`: what the means of two points around it, a distance, half and a quarter of it away, lead to, as far
+    /// away as the first two and the last two lead to the same. Nearer ones would be rounded off.
+    pub fn limit(&self, x: f64) -> Option<f64> {
         const CLOSE: f64 = 1e-9;
         let at = |distance: f64| {
             let (left, right) = (self.body.evaluate(&|_| x - distance), self.body.evaluate(&|_| x + distance));
             (left.is_finite() && right.is_finite()).then_some((left, right))
         };
+        let mean = |(left, right): (f64, f64)| 0.5 * (left + right);
         let scale = if x == 0.0 { 1.0 } else { x.abs() };
         (4..40).map(|power| libm::scalbn(scale, -power)).find_map(|distance| {
-            let ((left, right), (nearer_left, nearer_right)) = (at(distance)?, at(0.5 * distance)?);
-            let (mean, nearer) = (0.5 * (left + right), 0.5 * (nearer_left + nearer_right));
-            let size = left.abs() + right.abs();
+            let (far, near, nearest) = (at(distance)?, at(0.5 * distance)?, at(0.25 * distance)?);
+            let (first, last) = ((4.0 * mean(near) - mean(far)) / 3.0, (4.0 * mean(nearest) - mean(near)) / 3.0);
+            let size = far.0.abs() + far.1.abs();
             // Across a pole or a jump the sides do not approach each other.
-            let approaching = (nearer_left - nearer_right).abs() <= 0.6 * (left - right).abs() + CLOSE * size;
-            (approaching && (mean - nearer).abs() <= CLOSE * size).then_some(nearer)
+            let approaching = (near.0 - near.1).abs() <= 0.6 * (far.0 - far.1).abs() + CLOSE * size;
+            (approaching && (first - last).abs() <= CLOSE * size).then_some(last)
         })
     }
 }

@@ -4,7 +4,6 @@
 use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, Node, NodeKind, SumOver};
 use crate::evaluate::elementary::{self, Truth, reciprocal, size};
 use crate::evaluate::fold::{ProductBuilder, SumBuilder, negate};
-use crate::evaluate::guards;
 use crate::evaluate::signals::{SIGNALS, Signals};
 use crate::evaluate::systems::Systems;
 use crate::fault::{Budget, Fault, Purpose, fault, not_constant, not_finite};
@@ -12,7 +11,7 @@ use crate::language::functions::modulo;
 use crate::language::measures::scaled;
 use crate::language::waveforms::{Argument, SAMPLES, WAVEFORMS, waveform_of};
 use crate::names::table::{Kind, MOST_DIMENSIONS, Names};
-use crate::syntax::ast::{Comparison, Connective, Factor, Sign};
+use crate::syntax::ast::{Connective, Factor, Sign};
 use pe_ir::codes;
 use pe_ir::index::{at, number as number_of};
 use pe_ir::model::{Expr, Formula, Variable, Waveform};
@@ -289,18 +288,7 @@ impl Evaluator {
             Truth::Known(holds) => self.expr(names, if holds { yes } else { no }),
             truth => {
                 let (yes, no) = (self.expr(names, yes), self.expr(names, no));
-                let (yes, no) = (yes?, no?);
-                if let Condition::Compare(comparison @ (Comparison::Equal | Comparison::NotEqual), left, right) =
-                    condition
-                {
-                    let sides = (self.expr(names, left)?, self.expr(names, right)?);
-                    let equal = *comparison == Comparison::Equal;
-                    let (limit, formula) = if equal { (&yes, &no) } else { (&no, &yes) };
-                    if guards::only_fills_a_gap(&sides, limit, formula) {
-                        return Ok(if equal { no } else { yes });
-                    }
-                }
-                Ok(truth.choose(yes, no))
+                Ok(truth.choose(yes?, no?))
             }
         }
     }

@@ -3,6 +3,5 @@
 mod elementary;
 pub(crate) mod evaluator;
 mod fold;
-mod guards;
 pub(crate) mod signals;
 mod systems;

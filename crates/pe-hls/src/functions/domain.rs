@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use pe_ir::functions::ScalarFunction;
 use pe_ir::word::WordFormat;
 
+use super::fill::filled;
 use super::places::{self, Singular};
 use crate::kinks::{edges, even_grid, kinks};
 
@@ -28,6 +29,7 @@ const SLACK: f64 = 1.0 / 1024.0;
 
 /// A function over the arguments that its table covers.
 pub(super) struct Domain<'a> {
+    /// The function; around places where it is 0/0 what stands for it.
     pub function: Cow<'a, ScalarFunction>,
     pub low: f64,
     pub high: f64,
@@ -39,8 +41,6 @@ pub(super) struct Domain<'a> {
     pub blur: f64,
     /// Arguments around narrow peaks, ascending: what is fitted is looked at there, too.
     pub features: Vec<f64>,
-    /// Arguments at which the function is 0/0 and has a limit: around them values are rounding noise.
-    pub removable: Vec<f64>,
     /// Whether scales are powers of two: coefficients are too short for others.
     binary: bool,
     /// Whether it is a part of another one, whose argument is counted from an end of it: zero is no place of its own
@@ -69,9 +69,21 @@ impl<'a> Domain<'a> {
     /// A place between the arguments where the function has no value.
     pub fn of(function: &'a ScalarFunction, run: (f64, f64), format: WordFormat) -> Result<Domain<'a>, f64> {
         let probe = |from: f64, to: f64, step: usize| from + (to - from) * (step as f64 / PROBES as f64);
+        let (middle, half) = (0.5 * (run.0 + run.1), 0.5 * (run.1 - run.0));
+        let magnitude = run.0.abs().max(run.1.abs());
+        // An argument that hardly changes still needs room for what rounding makes of it.
+        let room = (MARGIN * half).max(1e-3 * if magnitude == 0.0 { 1.0 } else { magnitude });
+        let Singular { pole, removable } = places::singular(function, run.0, run.1);
+        if let Some(pole) = pole {
+            return Err(pole);
+        }
+        let function = match removable.is_empty() {
+            true => Cow::Borrowed(function),
+            false => Cow::Owned(filled(function, &removable, run)),
+        };
         let (mut largest, mut steepest): (f64, f64) = (0.0, 0.0);
         let mut before = (run.0, function.evaluate(run.0));
-        let features = places::features(function, run.0, run.1);
+        let features = places::features(&function, run.0, run.1);
         let mut probes: Vec<f64> = (0..=PROBES).map(|step| probe(run.0, run.1, step)).collect();
         probes.extend(&features);
         probes.sort_unstable_by(f64::total_cmp);
@@ -86,14 +98,6 @@ impl<'a> Domain<'a> {
             }
             before = (x, value);
         }
-        let Singular { pole, removable } = places::singular(function, run.0, run.1);
-        if let Some(place) = pole {
-            return Err(place);
-        }
-        let (middle, half) = (0.5 * (run.0 + run.1), 0.5 * (run.1 - run.0));
-        let magnitude = run.0.abs().max(run.1.abs());
-        // An argument that hardly changes still needs room for what rounding makes of it.
-        let room = (MARGIN * half).max(1e-3 * if magnitude == 0.0 { 1.0 } else { magnitude });
         let kinks = kinks(&function.body, middle - room, middle + room);
         let reach = |from: f64, to: f64| {
             // What has a sign keeps it: it may be a divisor, or under a root.
@@ -124,18 +128,7 @@ impl<'a> Domain<'a> {
         let tolerance = libm::scalbn(scale, -(format.data_bits as i32));
         let binary = format.coefficient_bits < format.data_bits;
         let blur = libm::scalbn(high - low, -(format.data_bits as i32));
-        Ok(Domain {
-            function: Cow::Borrowed(function),
-            low,
-            high,
-            largest,
-            tolerance,
-            blur,
-            features,
-            removable,
-            binary,
-            is_part: false,
-        })
+        Ok(Domain { function, low, high, largest, tolerance, blur, features, binary, is_part: false })
     }
 
     /// The domain of a function that stands for a part of this one, or for what leads to it: what is tolerated is the
@@ -144,15 +137,14 @@ impl<'a> Domain<'a> {
         let values = (0..=PROBES).map(|step| function.evaluate(low + (high - low) * (step as f64 / PROBES as f64)));
         let largest = values.filter(|value| value.is_finite()).fold(0.0f64, |largest, value| largest.max(value.abs()));
         let features = places::features(&function, low, high);
-        let removable = places::singular(&function, low, high).removable;
         let (blur, binary, function) = (self.blur, self.binary, Cow::Owned(function));
-        Domain { function, low, high, largest, tolerance, blur, features, removable, binary, is_part: true }
+        Domain { function, low, high, largest, tolerance, blur, features, binary, is_part: true }
     }
 
     /// The same function from one argument to another.
     pub fn between(&self, low: f64, high: f64) -> Domain<'_> {
         let (features, function) = (self.features_between(low, high).to_vec(), Cow::Borrowed(&*self.function));
-        Domain { function, low, high, features, removable: self.removable.clone(), is_part: true, ..*self }
+        Domain { function, low, high, features, is_part: true, ..*self }
     }
 
     /// The arguments around narrow peaks that lie between two, whichever is larger.

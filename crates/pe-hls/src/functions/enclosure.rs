@@ -22,7 +22,9 @@ impl Interval {
         if low.is_nan() || high.is_nan() {
             return ALL;
         }
-        Interval { low: low - ROUNDING * low.abs(), high: high + ROUNDING * high.abs() }
+        // What is infinite stays so.
+        let room = |end: f64| if end.is_finite() { ROUNDING * end.abs() } else { 0.0 };
+        Interval { low: low - room(low), high: high + room(high) }
     }
 
     /// Whether both ends are finite.
@@ -127,15 +129,13 @@ impl Interval {
     }
 
     fn apply(self, function: Function) -> Interval {
-        if !self.is_bounded() && !matches!(function, Function::Reciprocal | Function::Atan | Function::Tanh) {
-            return match function {
-                Function::Exp => Interval::new(libm::exp(self.low), libm::exp(self.high)),
-                Function::Sin | Function::Cos => Interval { low: -1.0, high: 1.0 },
-                Function::Sign => Interval { low: -1.0, high: 1.0 },
-                Function::Wrap => HALF_TURNS,
-                Function::Abs => self.magnitude(),
-                _ => ALL,
-            };
+        if !self.is_bounded() {
+            match function {
+                Function::Sin | Function::Cos => return Interval { low: -1.0, high: 1.0 },
+                Function::Wrap => return HALF_TURNS,
+                Function::Tan | Function::Asin | Function::Acos => return ALL,
+                _ => {}
+            }
         }
         match function {
             Function::Reciprocal => self.reciprocal(),

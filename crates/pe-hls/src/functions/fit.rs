@@ -127,7 +127,7 @@ impl Piece {
             return Piece { polynomial, error: 0.0, blurred_excess: 0.0, worst: nearest };
         }
         let (middle, width) = (0.5 * (from + to), 0.5 * (to - from));
-        let value = |u: f64| smooth(domain, &argument, u);
+        let value = |u: f64| domain.function.evaluate(argument(u));
         let polynomial = interpolate(degree, |t| value(middle + width * t));
         let mut polynomial = moved(&polynomial, middle, width);
         if domain.is_part {
@@ -182,24 +182,6 @@ pub(super) fn holds(domain: &Domain, segments: Segments, excess: f64) -> bool {
 pub(super) fn piece_holds(domain: &Domain, low: f64, high: f64, excess: f64) -> bool {
     let (map, place) = (Map { slope: 1.0, offset: 0.0 }, (0.5 * (low + high), 0.5 * (high - low)));
     Piece::of(domain, map, place, HIGHEST_DEGREE).blurred_excess <= excess
-}
-
-/// The function at a place of a segment. Right beside a removable singularity, where rounding makes nonsense of 0/0,
-/// what two places further inside lead to stands in for it.
-fn smooth(domain: &Domain, argument: &impl Fn(f64) -> f64, u: f64) -> f64 {
-    const APART: f64 = 1e-4;
-    let (one, other) = (argument(-3.0), argument(3.0));
-    if !domain.removable.iter().any(|place| (one.min(other)..=one.max(other)).contains(place)) {
-        return domain.function.evaluate(argument(u));
-    }
-    let inwards = if u > 0.0 { -APART } else { APART };
-    let at = |steps: f64| domain.function.evaluate(argument(u + steps * inwards));
-    let ahead = [0.0, 1.0, 2.0, 3.0].map(at);
-    let led = 2.0 * ahead[1] - ahead[2];
-    // What the same does a step further in tells how much of the difference is curvature.
-    let curved = (2.0 * ahead[2] - ahead[3] - ahead[1]).abs();
-    let noise = (ahead[0] - led).abs();
-    if led.is_finite() && noise > 0.25 * domain.tolerance && noise > 16.0 * curved { led } else { ahead[0] }
 }
 
 /// The coefficients of the polynomial of a degree that agrees with a function at the Chebyshev nodes of -1 .. 1, lowest

@@ -9,6 +9,7 @@ mod divisions;
 mod domain;
 mod enclosure;
 mod expand;
+mod fill;
 mod fit;
 mod parts;
 mod places;

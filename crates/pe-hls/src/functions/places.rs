@@ -36,8 +36,10 @@ const LOOK: i32 = 8;
 const STEADY: f64 = 0.95;
 const GROWTH: f64 = 0.01;
 
-/// Relative difference of values that should be the same from which on they are rounding noise.
-const NOISE: f64 = 1e-3;
+/// Relative difference of values so far apart, in parts of their distance from a place, from which on they are rounding noise:
+/// those of a pole of sixth order differ less. Closer ones may be rounded alike.
+const NOISE: f64 = 1e-2;
+const APART: f64 = 1.0 / 2048.0;
 
 /// The ends of the first cells.
 fn cells(function: &ScalarFunction, low: f64, high: f64) -> Vec<(f64, f64)> {
@@ -97,7 +99,7 @@ fn grows(function: &ScalarFunction, (low, high): (f64, f64), place: f64, width: 
     let at = |x: f64| if inside(x) { function.evaluate(x).abs() } else { 0.0 };
     let size = |distance: f64| at(place - distance).max(at(place + distance));
     let quiet = |distance: f64| {
-        let around = (0..4).map(|step| size(distance * (1.0 + f64::from(step) * f64::EPSILON * 64.0)));
+        let around = (0..4).map(|step| size(distance * (1.0 + f64::from(step) * APART)));
         let (least, most) = around.fold((f64::INFINITY, 0.0f64), |(least, most), n| (least.min(n), most.max(n)));
         most.is_finite() && most - least <= NOISE * most
     };

@@ -51,7 +51,10 @@ fn is_name(word: &str) -> bool {
 pub fn load(imported: &Imported, setting: &Setting, name: &str) -> Result<LoadedModel, Failure> {
     let mut sources = Sources::new(name, &imported.spec(setting));
     match pe_frontend::compile(&mut sources, &NoFiles, &Overrides::default()) {
-        Ok((model, _)) => Ok(LoadedModel { model: pe_hls::lift::lift(model), sources, stages: None }),
+        Ok((model, _)) => {
+            let model = pe_hls::lift::lift(pe_hls::fuse::fuse(model).0);
+            Ok(LoadedModel { model, sources, stages: None })
+        }
         Err(findings) => Err(Failure::Spec(findings, sources)),
     }
 }

@@ -5,10 +5,12 @@
 //! solution is `x+ = x + p(V) (a(V)/b(V) - x)`, `p = 1 - exp(-h b)`; both `p` and `p a/b` are functions of `V` alone.
 
 use pe_ir::index::{List, StateId, at};
-use pe_ir::model::{Expr, Function, Model, Variable};
+use pe_ir::model::{Expr, Function, Model, Select, Variable};
 use pe_ir::source::Diagnostic;
 
 use super::suit::unsuitable;
+use crate::kinks::bends;
+use crate::lift::MOST_KINKS;
 use crate::step::plan::{Plan, of};
 
 /// Parts of an expression with its algebraic variables put in, at most: rates are short.
@@ -63,8 +65,10 @@ impl Gate {
         if !alone || !linear || other.is_none() || whole.is_polynomial() {
             return None;
         }
-        let inflow = at_zero(&whole, own);
-        Some(Gate { inflow, rate })
+        let inflow = at_zero(&whole, own)?;
+        // A table has room for one kink.
+        let few = |expr: &Expr| bends(expr).is_some_and(|places| places.len() <= MOST_KINKS);
+        few(&Expr::sum(vec![inflow.clone(), rate.clone()])).then_some(Gate { inflow, rate })
     }
 
     /// `p a/b - p x`.
@@ -101,18 +105,31 @@ fn put_in(model: &Model, expr: &Expr, parts: &mut usize) -> Option<Expr> {
         Expr::Product(members) => Expr::Product(all(members)?),
         Expr::Power(base, exponent) => Expr::Power(Box::new(put_in(model, base, parts)?), *exponent),
         Expr::Apply(function, argument) => Expr::Apply(*function, Box::new(put_in(model, argument, parts)?)),
-        // Rates with branches are seldom and long; they stay with Euler's method.
-        Expr::Select(_) | Expr::Solution(_) => return None,
+        Expr::Select(select) => {
+            let [condition, yes, no] =
+                [&select.condition, &select.yes, &select.no].map(|part| put_in(model, part, parts));
+            Expr::Select(Box::new(Select { condition: condition?, yes: yes?, no: no? }))
+        }
+        Expr::Solution(_) => return None,
     })
 }
 
-/// An expression that is affine in a variable, where this is zero.
-fn at_zero(expr: &Expr, variable: Variable) -> Expr {
-    let all = |members: &[Expr]| members.iter().map(|member| at_zero(member, variable)).collect();
-    match expr {
+/// An expression that is affine in a variable, where this is zero; none where a choice depends on it.
+fn at_zero(expr: &Expr, variable: Variable) -> Option<Expr> {
+    let all = |members: &[Expr]| members.iter().map(|member| at_zero(member, variable)).collect::<Option<Vec<Expr>>>();
+    Some(match expr {
         Expr::Variable(other) if *other == variable => Expr::Constant(0.0),
-        Expr::Sum(members) => Expr::sum(all(members)),
-        Expr::Product(members) => Expr::product(all(members)),
+        Expr::Sum(members) => Expr::sum(all(members)?),
+        Expr::Product(members) => Expr::product(all(members)?),
+        Expr::Select(select) => {
+            let mut reads = false;
+            select.condition.each_variable(&mut |read| reads |= read == variable);
+            if reads {
+                return None;
+            }
+            let (yes, no) = (at_zero(&select.yes, variable)?, at_zero(&select.no, variable)?);
+            Expr::Select(Box::new(Select { condition: select.condition.clone(), yes, no }))
+        }
         expr => expr.clone(),
-    }
+    })
 }
