@@ -160,7 +160,7 @@ fn the_report_has_every_promised_key() {
 fn wrong_options_exit_with_2() {
     let target = folder("options").join("out");
     let cases: [&[&str]; 5] =
-        [&["--bogus"], &["--multiplier", "40x3"], &["--step", "-1"], &["--pes", "9"], &["--set", "rho"]];
+        [&["--bogus"], &["--multiplier", "40x3"], &["--step", "-1"], &["--pes", "0"], &["--set", "rho"]];
     for options in cases {
         let output = compile(&model("lorenz"), &target, options);
         assert_eq!(output.status.code(), Some(2), "{options:?}: {}", stderr(&output));

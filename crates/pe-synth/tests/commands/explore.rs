@@ -244,7 +244,8 @@ fn points_that_fail_are_rows_with_their_reason() {
     let many = of(1e-3, 32, 3);
     assert!(many["message"].as_str().unwrap().contains("use at most 2"), "{many}");
     let van_der_pol = spec("van_der_pol");
-    for row in [of(1.0, 32, 1), narrow, many] {
+    // `compile` takes as many PEs as there are equations where a sweep refuses more.
+    for row in [of(1.0, 32, 1), narrow] {
         assert_reproduced(row, &folder.0, van_der_pol.parent().expect("a folder"));
     }
     let table = fs::read_to_string(target.join("points.csv")).unwrap();
