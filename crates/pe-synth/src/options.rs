@@ -120,7 +120,7 @@ pub struct PointArgs {
     #[arg(long, default_value = "auto", value_parser = form(), help_heading = "Mapping")]
     pub form: FormChoice,
     /// Number of processing elements; all of them are used [default: one for every 200 words of a step, as far as more PEs make it shorter]
-    #[arg(long, value_name = "N", help_heading = "Mapping")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Mapping")]
     pub pes: Option<u32>,
 }
 
