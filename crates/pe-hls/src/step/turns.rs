@@ -10,6 +10,8 @@ use pe_ir::index::{List, StateId, number};
 use pe_ir::model::{Expr, Model, Select, Variable};
 use pe_ir::turns::HALF;
 
+use super::prune::prune;
+
 /// The argument of the function.
 const X: Variable = Variable::State(StateId::new(0));
 
@@ -35,8 +37,10 @@ pub(super) fn drop_turns(model: &Model, mut graph: StepGraph) -> StepGraph {
         let name = "whole turns of x".to_owned();
         graph.functions.exact.push(ScalarFunction { name, body, variable: X });
     }
-    let mut first = Vec::new();
+    let producers = graph.producers();
+    let mut chains = Vec::new();
     let mut rest: Vec<Chain> = std::mem::take(&mut graph.chains).into_iter().collect();
+    let mut behind: Vec<(usize, Chain)> = Vec::new();
     for state in angles {
         let (start, next) = graph.states[state];
         let equation = graph.value(start).equation.expect("states have equations");
@@ -46,13 +50,12 @@ pub(super) fn drop_turns(model: &Model, mut graph: StepGraph) -> StepGraph {
             Chain { equation, terms: from..from + 1, interim: None, write, second: None, function }
         };
         let turns = auxiliary(&mut graph, state, "whole");
-        first.push(chain(&mut graph, start, 1.0, Write { value: turns, base: None, weight: 0 }, Some(function)));
-        let writer = rest.iter().position(|chain| chain.writes().any(|write| write.value == next));
-        let writer = writer.expect("every state has an end");
+        chains.push(chain(&mut graph, start, 1.0, Write { value: turns, base: None, weight: 0 }, Some(function)));
+        let writer = producers[next.index()].expect("every state has an end").index();
         let write = rest[writer].write;
         if write.value == next && write.base == Some(start) && rest[writer].interim.is_none() {
             let within = auxiliary(&mut graph, state, "within");
-            first.push(chain(&mut graph, turns, -1.0, Write { value: within, base: Some(start), weight: 0 }, None));
+            chains.push(chain(&mut graph, turns, -1.0, Write { value: within, base: Some(start), weight: 0 }, None));
             rest[writer].write.base = Some(within);
         } else {
             // What the end is added to is no state, so the turns are dropped behind it.
@@ -61,12 +64,19 @@ pub(super) fn drop_turns(model: &Model, mut graph: StepGraph) -> StepGraph {
             let ends = interim.iter_mut().chain([write]).chain(second).filter(|write| write.value == next);
             ends.for_each(|write| write.value = beyond);
             let end = Write { value: next, base: Some(beyond), weight: 0 };
-            rest.insert(writer + 1, chain(&mut graph, turns, -1.0, end, None));
+            behind.push((writer, chain(&mut graph, turns, -1.0, end, None)));
         }
     }
-    let chains = first.into_iter().chain(rest);
-    graph.chains = List::from(chains.collect::<Vec<Chain>>());
-    graph
+    behind.sort_by_key(|(writer, _)| *writer);
+    let mut behind = behind.into_iter().peekable();
+    for (writer, chain) in rest.into_iter().enumerate() {
+        chains.push(chain);
+        while let Some((_, chain)) = behind.next_if(|(before, _)| *before == writer) {
+            chains.push(chain);
+        }
+    }
+    // Nothing is dead: terms get the order of their chains.
+    prune(StepGraph { chains: List::from(chains), ..graph })
 }
 
 /// A quantity of a state that the method has no name for.

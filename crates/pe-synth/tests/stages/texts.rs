@@ -90,9 +90,16 @@ fn check_step(name: &str, graph: &StepGraph, failures: &mut Vec<String>) {
     let text = graph.to_string();
     match text.parse::<StepGraph>() {
         Ok(read) if bare_graph(&read) == bare_graph(graph) => assert_eq!(read.to_string(), text, "{name}"),
-        Ok(_) => failures.push(format!("{name}: another step")),
+        Ok(read) => failures.push(format!("{name}: another step: {}", parting(&bare_graph(&read), &bare_graph(graph)))),
         Err(error) => failures.push(format!("{name}: {error}\n  {}", text.lines().nth(error.line - 1).unwrap_or(""))),
     }
+}
+
+/// What two texts have around the first character that differs.
+fn parting(one: &str, other: &str) -> String {
+    let same = one.chars().zip(other.chars()).take_while(|(one, other)| one == other).count();
+    let around = |text: &str| text.chars().skip(same.saturating_sub(100)).take(200).collect::<String>();
+    format!("`{}` is not `{}`", around(one), around(other))
 }
 
 #[test]
