@@ -131,8 +131,11 @@ impl Row {
     /// A row of tests: some point with such a size, time and error.
     #[cfg(test)]
     pub(crate) fn compiled(lut: f64, time_ms: f64, total: Option<f64>) -> Row {
+        use crate::report::errors::OfTotal;
+
         let mut figures = Figures { time_per_simulated_second_ms: time_ms, ..Figures::default() };
         (figures.area.cells.lut, figures.error.total) = (lut, total);
+        figures.error.of_total = total.map(|double| Box::new(OfTotal { double, ..Default::default() }));
         let compiled = Compiled { figures, warnings: Vec::new() };
         Row { point: DesignPoint::default(), command: String::new(), outcome: Outcome::Compiled(Box::new(compiled)) }
     }

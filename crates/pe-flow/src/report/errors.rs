@@ -85,7 +85,7 @@ pub struct OutputError {
 }
 
 /// What comes with a total error.
-#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema, PartialEq, Serialize)]
 pub struct OfTotal {
     /// State with the largest total error.
     pub total_worst_state: String,
