@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Writes reference solutions of the validation models: models/validation/reference/NAME.csv.
 
-    python3 -m venv VENV && VENV/bin/pip install numpy==2.4.6 scipy==1.17.1
+    python3 -m venv VENV
+    VENV/bin/pip install numpy==2.4.6 scipy==1.17.1 commonroad-vehicle-models==3.0.2 omegaconf==2.4.0
     VENV/bin/python models/validation/reference.py [NAME...]
 
 The right-hand sides are written out in problems/ a second time, by hand and from the sources that README.md names, so
@@ -18,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 sys.dont_write_bytecode = True
 
-from problems import CASES, extremes, fields, published  # noqa: E402, F401
+from problems import CASES, extremes, fields, mechanics, published  # noqa: E402, F401
 
 ROWS = 20
 # Rows of a file whose times follow the solution: as many spread evenly, and as many where the solver's steps are short;

@@ -6,6 +6,7 @@
 // The test and the example each use a part.
 #![allow(dead_code)]
 
+use std::f64::consts::TAU;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -112,6 +113,9 @@ const SEEN: f64 = 1e-10;
 const DOUBT: f64 = 0.1;
 const EXPLAINED: f64 = 1e-9;
 
+/// What errors of angles are relative to, in turns.
+const HALF_TURN: f64 = 0.5;
+
 impl Figures {
     /// The true largest error as far as it is known: over all steps, or else at the times of the reference. None without a
     /// reference, or where it is below what can be seen.
@@ -213,14 +217,20 @@ impl Reference {
         Reference { names: names.split(',').map(str::to_owned).collect(), largest: numbers(largest), rows }
     }
 
-    fn column(&self, name: &str) -> usize {
-        let column = self.names.iter().position(|known| known == name);
-        column.unwrap_or_else(|| panic!("the reference lacks `{name}`"))
+    /// The column of a state, and the radians of its unit if it is an angle: those are kept in turns.
+    fn column(&self, name: &str) -> (usize, Option<f64>) {
+        let (wanted, unit) = name.strip_suffix(".turns").map_or((name, None), |angle| (angle, Some(TAU)));
+        let column = self.names.iter().position(|known| known == wanted);
+        (column.unwrap_or_else(|| panic!("the reference lacks `{wanted}`")), unit)
     }
 
     /// Magnitudes that errors of these states are relative to, as the compiler takes them from its own runs.
     fn scales(&self, states: &[(&str, u32)]) -> Vec<f64> {
-        let largest = states.iter().map(|(name, _)| self.largest[self.column(name)]).collect();
+        let largest = states.iter().map(|(name, _)| match self.column(name) {
+            (_, Some(_)) => HALF_TURN,
+            (column, None) => self.largest[column],
+        });
+        let largest = largest.collect();
         let quantities: Vec<u32> = states.iter().map(|(_, quantity)| *quantity).collect();
         Trajectory { largest, ..Trajectory::new(states.len()) }.scales(&quantities)
     }
@@ -245,8 +255,9 @@ impl Reference {
             let found = times.get(sample).filter(|sample| **sample <= time + SAME_TIME * end);
             assert!(found.is_some(), "the run has no sample at t = {time}");
             for (state, (name, _)) in states.iter().enumerate() {
-                let difference = (run.samples[sample * run.states + state] - expected[self.column(name)]).abs();
-                let error = difference / scales[state];
+                let (column, unit) = self.column(name);
+                let difference = run.samples[sample * run.states + state] - expected[column] / unit.unwrap_or(1.0);
+                let error = apart(difference, unit.is_some()) / scales[state];
                 worst = if error.is_nan() { f64::INFINITY } else { worst.max(error) };
             }
         }
@@ -364,7 +375,8 @@ fn whole(model: &Model, design: &Design, reference: &Reference) -> Whole {
     for (step, row) in (0..).zip(solution.samples.chunks_exact(solution.states)) {
         run.step(&port_words(model, &run, step));
         for (state, (number, scale)) in row.iter().zip(&scales).enumerate() {
-            let wrong = (run.state(StateId::at(state)) - number).abs() / scale;
+            let turns = model.states.get(state).is_some_and(|state| state.angle);
+            let wrong = apart(run.state(StateId::at(state)) - number, turns) / scale;
             truth = if wrong.is_nan() { f64::INFINITY } else { truth.max(wrong) };
         }
     }
@@ -378,6 +390,11 @@ fn whole(model: &Model, design: &Design, reference: &Reference) -> Whole {
     });
     let doubt = doubt.expect("it was found");
     Whole { stated: known.compare(model, judged).whole.error, truth, doubt }
+}
+
+/// What two numbers differ by, if these are turns by less than one.
+fn apart(difference: f64, turns: bool) -> f64 {
+    if turns { (difference - difference.round()).abs() } else { difference.abs() }
 }
 
 /// Names and quantities of the states that a reference knows; behind them are those that signals are made of.

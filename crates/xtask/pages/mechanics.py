@@ -1,0 +1,144 @@
+#!/usr/bin/env python3
+"""Compiles the mechanisms of models/ and writes the table of docs/mechanics.md.
+
+    cargo run -p xtask -- mechanics [--check]
+
+Builds pe-synth, or takes $PE_SYNTH. `--check` changes nothing and fails where the table differs. Errors are those of the
+simulated fixed-point run: of the linkage against its exact solution, of all others against the same step in double
+precision. Takes some minutes.
+"""
+
+import csv
+import json
+import math
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from common import ROOT, built
+
+PAGE = ROOT / "docs/mechanics.md"
+BEGIN, END = "<!-- table by: cargo run -p xtask -- mechanics -->\n", "<!-- end of table -->\n"
+CLOCK = 125e6
+LOOPS, GRAVITY = 4, 9.81
+LINKAGE = ("models/four_bar/four_bar.spec", "--allow", "E0903", "--pes", "4", "--multiplier", "35x35")
+
+
+def rows(program, *arguments):
+    """Header and rows of numbers of a simulation."""
+    done = subprocess.run([program, "sim", *arguments], cwd=ROOT, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                          text=True)
+    header, *lines = csv.reader(done.stdout.splitlines())
+    return header, [[float(cell) for cell in line] for line in lines]
+
+
+def report(program, spec, *options):
+    """The report of a design, compiled without its pictures."""
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run([program, "compile", spec, *options, "--quiet", "--no-pictures", "-o", folder], cwd=ROOT, check=True,
+                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return json.loads((Path(folder) / "report.json").read_text())
+
+
+def exact(step, steps):
+    """Angle of the uprights against the vertical after each step, by twenty steps of RK4 for one."""
+    rate = GRAVITY * ((LOOPS + 1) / 2 + LOOPS) / ((LOOPS + 1) / 3 + LOOPS)
+    h, angle, speed, found = step / 20, 0.0, 1.0, [0.0]
+    for _ in range(steps):
+        for _ in range(20):
+            k1 = speed, rate * math.sin(angle)
+            k2 = speed + h / 2 * k1[1], rate * math.sin(angle + h / 2 * k1[0])
+            k3 = speed + h / 2 * k2[1], rate * math.sin(angle + h / 2 * k2[0])
+            k4 = speed + h * k3[1], rate * math.sin(angle + h * k3[0])
+            angle += h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
+            speed += h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
+        found.append(angle)
+    return found
+
+
+def energy(q, w):
+    """Of the linkage: links of 1 m and 1 kg, uprights with even numbers, each but the last with a link at its tip."""
+    last = len(q) - 1
+    kinetic = potential = 0.0
+    for i in range(len(q)):
+        carries = i % 2 == 0 and i < last
+        kinetic += (1 / 3 + carries) * w[i] ** 2 / 2
+        potential += GRAVITY * math.sin(q[i]) * (1.5 if carries else 0.5)
+        if carries:
+            kinetic += math.cos(q[i] - q[i + 1]) * w[i] * w[i + 1] / 2
+    return kinetic + potential
+
+
+def linkage(program, *options):
+    """The largest errors of the angles of the uprights, and of the energy."""
+    header, states = rows(program, *LINKAGE, *options)
+    count = 2 * LOOPS + 1
+    first, speeds = header.index("q[0]"), header.index("w[0]")
+    angles = exact(4e-3, len(states) - 1)
+    start = energy(states[0][first:first + count], states[0][speeds:speeds + count])
+    angle = max(abs(math.pi / 2 - state[first + i] - right) for state, right in zip(states, angles) for i in range(0, count, 2))
+    drift = max(abs(energy(state[first:first + count], state[speeds:speeds + count]) - start) for state in states)
+    return f"angle {angle:.1e} rad, energy {drift:.1e} J of {start:.1f} J"
+
+
+def against_double(program, spec, columns, text, *options):
+    """The largest difference of some columns from the run in double precision, absolute and relative to the largest."""
+    header, fixed = rows(program, spec, *options)
+    _, double = rows(program, spec, "--double", *options)
+    picked = [at for at, name in enumerate(header) if name.split("[")[0] in columns]
+    largest = max(abs(row[at]) for row in double for at in picked)
+    worst = max(abs(one[at] - other[at]) for one, other in zip(fixed, double) for at in picked)
+    return text.format(worst, worst / largest)
+
+
+def short(text):
+    """Exponents without leading zeros."""
+    return re.sub(r"e-0(\d)", r"e-\1", text)
+
+
+def table(program):
+    general = (ROOT / "models/dense42/dense42.spec").read_text().replace("] symmetric", "]").replace("where i > j", "where i != j")
+    with tempfile.TemporaryDirectory() as folder:
+        other = str(Path(folder) / "general.spec")
+        Path(other).write_text(general)
+        dense = "models/dense42/dense42.spec"
+        relative = "x {1:.1e} of its largest entry"
+        designs = [
+            ("N-four-bar, N = 4, RK4 4 ms", LINKAGE[0], (*LINKAGE[1:], "--storage", "40"), linkage(program, "--storage", "40")),
+            ("the same, 32 bits stored", LINKAGE[0], LINKAGE[1:], linkage(program)),
+            *((f"dense 42 x 42, {kind}", spec, ("--pes", pes), against_double(program, spec, ("x",), relative))
+              for kind, spec in (("symmetric", dense), ("general", other)) for pes in ("8", "16")),
+            ("car, 29 states, RK4 4 ms", "models/car/car.spec", ("--pes", "4"),
+             against_double(program, "models/car/car.spec", ("x", "y"), "position {0:.1e} m")),
+            ("virtual sensor on the car, RK4 2 ms", "models/car/observer.spec", ("--pes", "4"),
+             against_double(program, "models/car/observer.spec", ("vy",), "side slip {0:.1e} m/s")),
+            ("spatial crank, RK4 1 ms", "models/spatial_crank/spatial_crank.spec", ("--pes", "3", "--multiplier", "35x35"),
+             against_double(program, "models/spatial_crank/spatial_crank.spec", ("rock",), "angles {0:.1e} rad", "--multiplier", "35x35")),
+            ("double pendulum, RK4 1 ms", "models/double_pendulum/double_pendulum.spec", ("--pes", "2"),
+             against_double(program, "models/double_pendulum/double_pendulum.spec", ("x", "y"), "positions {0:.1e} m")),
+        ]
+        lines = ["| design | PEs | multiplier, storage | cycles per step | × real time at 125 MHz | largest error in fixed point |",
+                 "|---|---|---|---|---|---|"]
+        for title, spec, options, error in designs:
+            found = report(program, spec, *options)
+            cycles, word = found["cycles_per_step"], found["word"]
+            bits = f"{word['mul_a_bits']}x{word['mul_b_bits']}, {word['storage_bits']}"
+            lines.append(f"| {title} | {found['pes']} | {bits} | {cycles} | {found['step_s'] * CLOCK / cycles:.0f} | {error} |")
+    return short("\n".join(lines)) + "\n"
+
+
+def main():
+    program = built()
+    page = PAGE.read_text()
+    before, rest = page.split(BEGIN)
+    _, after = rest.split(END)
+    renewed = before + BEGIN + table(program) + END + after
+    if "--check" not in sys.argv[1:]:
+        PAGE.write_text(renewed)
+    elif renewed != page:
+        raise SystemExit("docs/mechanics.md differs from what is compiled: run it without --check")
+
+
+main()
