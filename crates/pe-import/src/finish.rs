@@ -26,6 +26,7 @@ pub(crate) fn finish(model: &mut Model, findings: &mut Vec<Diagnostic>) {
         }
         initial_values(model);
         keep_equations(model);
+        same_kind(model);
         loops(model, findings);
     }
     events(model, findings);
@@ -165,7 +166,13 @@ fn promote(model: &mut Model) {
             _ => {}
         }
     }
-    let moves = spread(moving, &readers);
+    let mut moves = spread(moving, &readers);
+    // An array is a parameter as a whole, or not.
+    let mut array_moves = vec![false; model.arrays.len()];
+    let arrays: Vec<Option<usize>> =
+        model.quantities.iter().map(|quantity| quantity.element.as_ref().map(|(array, _)| *array)).collect();
+    (0..moves.len()).filter(|index| moves[*index]).filter_map(|index| arrays[index]).for_each(|array| array_moves[array] = true);
+    (0..moves.len()).for_each(|index| moves[index] |= arrays[index].is_some_and(|array| array_moves[array]));
     for (index, quantity) in model.quantities.iter_mut().enumerate() {
         if !moves[index]
             && let Kind::Algebraic(expr) = &quantity.kind
@@ -231,6 +238,7 @@ fn initial_values(model: &mut Model) {
                             short,
                             kind,
                             label: "at the beginning".to_owned(),
+                            element: None,
                             ..of.clone()
                         };
                         todo.push(model.quantities.len());
@@ -252,6 +260,22 @@ fn initial_values(model: &mut Model) {
     for (of, twin) in twins {
         if let Kind::State { initial, .. } = &mut model.quantities[of].kind {
             *initial = Expr::Name(twin);
+        }
+    }
+}
+
+/// Elements of arrays that are not all of one kind stand alone.
+fn same_kind(model: &mut Model) {
+    let mut kinds = vec![None; model.arrays.len()];
+    let mut differ = vec![false; model.arrays.len()];
+    let elements = |quantity: &Quantity| quantity.element.as_ref().map(|(array, _)| *array);
+    for (array, quantity) in model.quantities.iter().filter_map(|quantity| Some((elements(quantity)?, quantity))) {
+        let own = std::mem::discriminant(&quantity.kind);
+        differ[array] |= *kinds[array].get_or_insert(own) != own;
+    }
+    for quantity in &mut model.quantities {
+        if elements(quantity).is_some_and(|array| differ[array]) {
+            quantity.element = None;
         }
     }
 }

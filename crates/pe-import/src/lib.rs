@@ -4,6 +4,7 @@
 //! express is found as a whole, and nothing is written then. Formats, and what of them is read: `docs/import.md`.
 
 mod cellml;
+mod diffsl;
 pub mod expr;
 mod finish;
 mod infix;
@@ -13,6 +14,7 @@ pub mod model;
 mod names;
 mod number;
 mod pulses;
+mod rolled;
 mod sbml;
 pub mod settings;
 mod solve;
@@ -121,8 +123,11 @@ fn finished(
 }
 
 fn read(file: &str, text: &str, wanted: &Wanted, findings: &mut Vec<Diagnostic>) -> Option<Model> {
-    if std::path::Path::new(file).extension().is_some_and(|end| end.eq_ignore_ascii_case("mmt")) {
-        return mmt::read(text, wanted, findings);
+    let end = std::path::Path::new(file).extension().map(std::ffi::OsStr::to_ascii_lowercase);
+    match end.as_deref().and_then(std::ffi::OsStr::to_str) {
+        Some("mmt") => return mmt::read(text, wanted, findings),
+        Some("ds" | "diffsl") => return diffsl::read(text, wanted, findings),
+        _ => {}
     }
     let document = match xml::read(text) {
         Ok(document) => document,
@@ -138,7 +143,7 @@ fn read(file: &str, text: &str, wanted: &Wanted, findings: &mut Vec<Diagnostic>)
             let message = format!("`<{}>` is the root of no known format", other.escape_debug());
             findings.push(
                 Diagnostic::error(codes::IMPORT_SYNTAX, xml::span(document.root_element()), message)
-                    .with_help("SBML, CellML and Myokit's `.mmt` can be imported"),
+                    .with_help("SBML, CellML, Myokit's `.mmt`, and DiffSL as `.ds` or `.diffsl` can be imported"),
             );
             None
         }

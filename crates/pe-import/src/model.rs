@@ -21,6 +21,8 @@ pub struct Model {
     pub groups: Vec<String>,
     /// Functions.
     pub functions: Vec<Function>,
+    /// Names of arrays in the file.
+    pub arrays: Vec<String>,
     /// Quantities.
     pub quantities: Vec<Quantity>,
     /// Events.
@@ -53,6 +55,8 @@ pub struct Quantity {
     pub unit: Option<String>,
     /// Its group.
     pub group: usize,
+    /// The array that it is an element of, and its subscripts.
+    pub element: Option<(usize, Vec<usize>)>,
     /// What it is.
     pub kind: Kind,
     /// Where it is declared.
@@ -124,6 +128,7 @@ impl Quantity {
             label: String::new(),
             unit: None,
             group,
+            element: None,
             kind: Kind::Missing,
             span,
             equation: span,
@@ -171,6 +176,12 @@ impl Model {
     pub fn add(&mut self, quantity: Quantity) -> usize {
         self.quantities.push(quantity);
         self.quantities.len() - 1
+    }
+
+    /// Takes in one more array; its number.
+    pub fn array(&mut self, name: &str) -> usize {
+        self.arrays.push(name.to_owned());
+        self.arrays.len() - 1
     }
 
     /// Puts one number of a quantity in the place of another in all expressions.

@@ -54,6 +54,8 @@ pub(crate) struct Names {
     pub model: String,
     /// By quantity.
     pub quantities: Vec<String>,
+    /// By array.
+    pub arrays: Vec<String>,
     /// By function.
     pub functions: Vec<String>,
     /// Names of arguments, by function.
@@ -70,18 +72,29 @@ impl Names {
         let mut taken: HashSet<String> = ["pi", "time"].map(str::to_owned).into();
         let mut again: HashMap<String, usize> = HashMap::new();
         // Names that can stay as they are come first, so that no changed name takes theirs.
-        let asked = |index: usize| {
-            let quantity = &model.quantities[index];
-            let own = !quantity.short.is_empty() && wanted[quantity.short.as_str()] == 1;
-            if own { &quantity.short } else { &quantity.id }
-        };
-        let mut quantities = vec![String::new(); model.quantities.len()];
+        let asked: Vec<&String> = model
+            .quantities
+            .iter()
+            .map(|quantity| {
+                let own = !quantity.short.is_empty() && wanted[quantity.short.as_str()] == 1;
+                if own { &quantity.short } else { &quantity.id }
+            })
+            .chain(&model.arrays)
+            .collect();
+        let mut quantities = vec![String::new(); asked.len()];
         for plain in [true, false] {
             for (index, name) in quantities.iter_mut().enumerate() {
-                let asked = asked(index);
-                if name.is_empty() && (!plain || safe(asked, is_name) == *asked && !taken.contains(asked)) {
+                let element = model.quantities.get(index).is_some_and(|quantity| quantity.element.is_some());
+                let asked = asked[index];
+                if name.is_empty() && !element && (!plain || safe(asked, is_name) == *asked && !taken.contains(asked)) {
                     *name = unique(safe(asked, is_name), &mut taken, &mut again);
                 }
+            }
+        }
+        let arrays = quantities.split_off(model.quantities.len());
+        for (quantity, name) in model.quantities.iter().zip(&mut quantities) {
+            if let Some((array, at)) = &quantity.element {
+                *name = element(&arrays[*array], at, |subscript| subscript.to_string());
             }
         }
         let mut called: HashSet<String> = FUNCTIONS.map(str::to_owned).into();
@@ -93,7 +106,7 @@ impl Names {
             let mut again = HashMap::new();
             function.arguments.iter().map(|name| unique(safe(name, is_name), &mut own, &mut again)).collect()
         });
-        Names { model: title_name(&model.id, is_name), quantities, arguments: arguments.collect(), functions }
+        Names { model: title_name(&model.id, is_name), quantities, arrays, arguments: arguments.collect(), functions }
     }
 
     /// The name of who computes a call.
@@ -103,6 +116,11 @@ impl Names {
             Callee::Own(function) => &self.functions[function],
         }
     }
+}
+
+/// The name of an element, with each subscript as `shown` writes it.
+pub(crate) fn element(array: &str, at: &[usize], shown: impl Fn(usize) -> String) -> String {
+    format!("{array}[{}]", at.iter().map(|subscript| shown(*subscript)).collect::<Vec<_>>().join(","))
 }
 
 /// The word with what a name cannot hold replaced.

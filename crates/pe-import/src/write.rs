@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use crate::expr::Expr;
 use crate::model::{Kind, Model, Quantity};
-use crate::names::Names;
+use crate::names::{Names, element};
 use crate::number::shown;
+use crate::rolled::{marked, plain, rules_of, sum_of};
 
 /// Columns after which a line is folded.
 const WIDTH: usize = 110;
@@ -44,11 +45,17 @@ pub(crate) struct Writer<'a> {
     pub names: &'a Names,
     /// Arguments of the function whose body is written.
     arguments: &'a [String],
+    /// Names that are free for the index of an equation and for that of a sum.
+    indices: [String; 2],
 }
 
 impl<'a> Writer<'a> {
     pub fn new(model: &'a Model, names: &'a Names) -> Self {
-        Writer { model, names, arguments: &[] }
+        let known = |name: &String| names.quantities.contains(name) || names.arrays.contains(name);
+        let letters = ('i'..='n').map(String::from);
+        let mut free = letters.chain((1..).map(|number| format!("index_{number}"))).filter(|name| !known(name));
+        let indices = [free.next(), free.next()].map(|name| name.expect("more numbers than names"));
+        Writer { model, names, arguments: &[], indices }
     }
 
     /// The text of the spec.
@@ -124,12 +131,20 @@ impl<'a> Writer<'a> {
         let members: Vec<(usize, &Quantity)> =
             self.model.quantities.iter().enumerate().filter(|(_, quantity)| quantity.group == group).collect();
         let (mut declared, mut states, mut equations) = (String::new(), String::new(), String::new());
+        let mut arrays: Vec<usize> = Vec::new();
         for (index, quantity) in &members {
+            if let Some((array, _)) = quantity.element {
+                if !arrays.contains(&array) {
+                    arrays.push(array);
+                    self.array(array, &members, [&mut declared, &mut states, &mut equations]);
+                }
+                continue;
+            }
             let name = &self.names.quantities[*index];
             let unit = quantity.unit.as_ref().map_or_else(String::new, |unit| format!(" [{unit}]"));
             let line = |to: &mut String, line: String, note: bool| {
                 let note = if note { self.note(*index) } else { String::new() };
-                let line = folded(&line);
+                let line = folded(&plain(&line));
                 let _ = writeln!(to, "{line}{note}");
             };
             match &quantity.kind {
@@ -151,6 +166,70 @@ impl<'a> Writer<'a> {
             text.push('\n');
         }
         text.push_str(&equations);
+    }
+
+    /// Declarations and equations of an array.
+    fn array(&self, array: usize, members: &[(usize, &Quantity)], [declared, states, equations]: [&mut String; 3]) {
+        let own = members.iter().filter_map(|(index, quantity)| match &quantity.element {
+            Some((of, at)) if *of == array => Some((at, self.names.quantities[*index].as_str(), &quantity.kind)),
+            _ => None,
+        });
+        let mut own: Vec<(&Vec<usize>, &str, &Kind)> = own.collect();
+        own.sort_by_key(|(at, ..)| *at);
+        let name = &self.names.arrays[array];
+        let other = &self.model.arrays[array];
+        let note = if name == other { String::new() } else { format!("  // id {}", comment(other)) };
+        let (mut values, mut rates, mut rules) = (Vec::new(), Vec::new(), Vec::new());
+        for (at, _, kind) in own {
+            let rule = |right: &Expr, mark: &str| {
+                format!("{}{mark} = {}", element(name, at, marked), self.text(right))
+            };
+            match kind {
+                Kind::Missing => {}
+                Kind::Constant(value) => values.push((at, self.within(value, Level::Sum))),
+                Kind::Algebraic(value) => rules.push(rule(value, "")),
+                Kind::State { initial, rate } => {
+                    values.push((at, self.within(initial, Level::Sum)));
+                    rates.push(rule(rate, "'"));
+                }
+            }
+        }
+        if !values.is_empty() {
+            let (to, word) = if rates.is_empty() { (declared, "param") } else { (states, "state") };
+            let line = format!("{word} {}", self.filled(name, &values));
+            let _ = writeln!(to, "{}{note}", folded(&plain(&line)));
+        } else if !note.is_empty() && !rules.is_empty() {
+            let _ = writeln!(equations, "{}", note.trim_start());
+        }
+        for line in rules_of(&rates, &self.indices[0]).into_iter().chain(rules_of(&rules, &self.indices[0])) {
+            let _ = writeln!(equations, "{}", folded(&line));
+        }
+    }
+
+    /// `x[i in 0..2] = 0`, or with a table of the values by place; what a matrix lacks is zero.
+    fn filled(&self, name: &str, values: &[(&Vec<usize>, String)]) -> String {
+        let rank = values[0].0.len();
+        let ends: Vec<usize> =
+            (0..rank).map(|axis| values.iter().map(|(at, _)| at[axis]).max().unwrap_or(0)).collect();
+        let ranges = self.indices.iter().zip(&ends).map(|(index, end)| format!("{index} in 0..{end}"));
+        let head = format!("{name}[{}] = ", ranges.collect::<Vec<_>>().join(", "));
+        if rank == 1 && values.iter().all(|(_, value)| *value == values[0].1) {
+            return head + &values[0].1;
+        }
+        let mut values = values.iter().peekable();
+        let mut cell = |place: &[usize]| match values.next_if(|(at, _)| at.as_slice() == place) {
+            Some((_, value)) => value.clone(),
+            None => "0".to_owned(),
+        };
+        let mut row = |first: Option<usize>| {
+            let cells = (0..=ends[rank - 1]).map(|last| match first {
+                Some(first) => cell(&[first, last]),
+                None => cell(&[last]),
+            });
+            cells.collect::<Vec<_>>().join(", ")
+        };
+        let rows: Vec<String> = if rank == 1 { vec![row(None)] } else { (0..=ends[0]).map(|first| row(Some(first))).collect() };
+        format!("{head}[{}]", rows.join("; "))
     }
 
     /// The comment behind a declaration: the name in the file if it is another one, and the one in words.
@@ -191,7 +270,10 @@ impl<'a> Writer<'a> {
             }
             Expr::Pi => ("pi".to_owned(), Level::Atom),
             Expr::Time => ("time".to_owned(), Level::Atom),
-            Expr::Name(quantity) => (self.names.quantities[*quantity].clone(), Level::Atom),
+            Expr::Name(quantity) => match &self.model.quantities[*quantity].element {
+                Some((array, at)) => (element(&self.names.arrays[*array], at, marked), Level::Atom),
+                None => (self.names.quantities[*quantity].clone(), Level::Atom),
+            },
             Expr::Argument(argument) => (self.arguments[*argument].clone(), Level::Atom),
             Expr::Sum(members) => self.sum(members),
             Expr::Product(members) => (self.product(members), Level::Product),
@@ -230,19 +312,20 @@ impl<'a> Writer<'a> {
         // A sum that begins with a minus is one with a plus in front, if it has one.
         let first = members.iter().position(|(negative, _)| !negative).unwrap_or(0);
         let order = std::iter::once(first).chain((0..members.len()).filter(|index| *index != first));
+        let terms = order.map(|index| (members[index].0, self.within(&members[index].1, Level::Product))).collect();
+        let terms = sum_of(terms, &self.indices[1]);
         let mut text = String::new();
-        for index in order {
-            let (negative, member) = &members[index];
-            let shown = self.within(member, Level::Product);
+        for (negative, shown) in &terms {
             text += match (text.is_empty(), negative) {
                 (true, true) => "-",
                 (true, false) => "",
                 (false, true) => " - ",
                 (false, false) => " + ",
             };
-            text += &shown;
+            text += shown;
         }
-        (text, if members.len() == 1 { Level::Minus } else { Level::Sum })
+        let alone = terms.len() == 1;
+        (text, if alone && terms[0].0 { Level::Minus } else if alone { Level::Atom } else { Level::Sum })
     }
 
     fn product(&self, members: &[(bool, Expr)]) -> String {
@@ -280,7 +363,7 @@ fn folded(line: &str) -> String {
             continue;
         }
         let operator = matches!(*word, "+" | "-" | "and" | "or" | "then" | "else");
-        let may_break = operator || words[index - 1].ends_with(',');
+        let may_break = operator || words[index - 1].ends_with([',', ';']);
         // An operator belongs to what follows it.
         let next = if operator { words.get(index + 1).map_or(0, |next| next.len() + 1) } else { 0 };
         if may_break && length + 1 + word.len() + next > WIDTH {
