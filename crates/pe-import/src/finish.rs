@@ -171,7 +171,10 @@ fn promote(model: &mut Model) {
     let mut array_moves = vec![false; model.arrays.len()];
     let arrays: Vec<Option<usize>> =
         model.quantities.iter().map(|quantity| quantity.element.as_ref().map(|(array, _)| *array)).collect();
-    (0..moves.len()).filter(|index| moves[*index]).filter_map(|index| arrays[index]).for_each(|array| array_moves[array] = true);
+    (0..moves.len())
+        .filter(|index| moves[*index])
+        .filter_map(|index| arrays[index])
+        .for_each(|array| array_moves[array] = true);
     (0..moves.len()).for_each(|index| moves[index] |= arrays[index].is_some_and(|array| array_moves[array]));
     for (index, quantity) in model.quantities.iter_mut().enumerate() {
         if !moves[index]

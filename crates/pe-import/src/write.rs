@@ -45,8 +45,8 @@ pub(crate) struct Writer<'a> {
     pub names: &'a Names,
     /// Arguments of the function whose body is written.
     arguments: &'a [String],
-    /// Names that are free for the index of an equation and for that of a sum.
-    indices: [String; 2],
+    /// Names that are free for the two indices of declarations, the first of which equations have, and for that of sums.
+    indices: [String; 3],
 }
 
 impl<'a> Writer<'a> {
@@ -54,7 +54,7 @@ impl<'a> Writer<'a> {
         let known = |name: &String| names.quantities.contains(name) || names.arrays.contains(name);
         let letters = ('i'..='n').map(String::from);
         let mut free = letters.chain((1..).map(|number| format!("index_{number}"))).filter(|name| !known(name));
-        let indices = [free.next(), free.next()].map(|name| name.expect("more numbers than names"));
+        let indices = [free.next(), free.next(), free.next()].map(|name| name.expect("more numbers than names"));
         Writer { model, names, arguments: &[], indices }
     }
 
@@ -181,9 +181,7 @@ impl<'a> Writer<'a> {
         let note = if name == other { String::new() } else { format!("  // id {}", comment(other)) };
         let (mut values, mut rates, mut rules) = (Vec::new(), Vec::new(), Vec::new());
         for (at, _, kind) in own {
-            let rule = |right: &Expr, mark: &str| {
-                format!("{}{mark} = {}", element(name, at, marked), self.text(right))
-            };
+            let rule = |right: &Expr, mark: &str| format!("{}{mark} = {}", element(name, at, marked), self.text(right));
             match kind {
                 Kind::Missing => {}
                 Kind::Constant(value) => values.push((at, self.within(value, Level::Sum))),
@@ -209,8 +207,7 @@ impl<'a> Writer<'a> {
     /// `x[i in 0..2] = 0`, or with a table of the values by place; what a matrix lacks is zero.
     fn filled(&self, name: &str, values: &[(&Vec<usize>, String)]) -> String {
         let rank = values[0].0.len();
-        let ends: Vec<usize> =
-            (0..rank).map(|axis| values.iter().map(|(at, _)| at[axis]).max().unwrap_or(0)).collect();
+        let ends: Vec<usize> = (0..rank).map(|axis| values.iter().map(|(at, _)| at[axis]).max().unwrap_or(0)).collect();
         let ranges = self.indices.iter().zip(&ends).map(|(index, end)| format!("{index} in 0..{end}"));
         let head = format!("{name}[{}] = ", ranges.collect::<Vec<_>>().join(", "));
         if rank == 1 && values.iter().all(|(_, value)| *value == values[0].1) {
@@ -228,7 +225,8 @@ impl<'a> Writer<'a> {
             });
             cells.collect::<Vec<_>>().join(", ")
         };
-        let rows: Vec<String> = if rank == 1 { vec![row(None)] } else { (0..=ends[0]).map(|first| row(Some(first))).collect() };
+        let rows: Vec<String> =
+            if rank == 1 { vec![row(None)] } else { (0..=ends[0]).map(|first| row(Some(first))).collect() };
         format!("{head}[{}]", rows.join("; "))
     }
 
@@ -313,7 +311,7 @@ impl<'a> Writer<'a> {
         let first = members.iter().position(|(negative, _)| !negative).unwrap_or(0);
         let order = std::iter::once(first).chain((0..members.len()).filter(|index| *index != first));
         let terms = order.map(|index| (members[index].0, self.within(&members[index].1, Level::Product))).collect();
-        let terms = sum_of(terms, &self.indices[1]);
+        let terms = sum_of(terms, &self.indices[2]);
         let mut text = String::new();
         for (negative, shown) in &terms {
             text += match (text.is_empty(), negative) {
@@ -325,7 +323,16 @@ impl<'a> Writer<'a> {
             text += shown;
         }
         let alone = terms.len() == 1;
-        (text, if alone && terms[0].0 { Level::Minus } else if alone { Level::Atom } else { Level::Sum })
+        (
+            text,
+            if alone && terms[0].0 {
+                Level::Minus
+            } else if alone {
+                Level::Atom
+            } else {
+                Level::Sum
+            },
+        )
     }
 
     fn product(&self, members: &[(bool, Expr)]) -> String {

@@ -119,6 +119,48 @@ fn names_are_safe_short_and_apart() {
     assert!(spec.contains("// id a-b"), "{spec}");
 }
 
+/// What is found in a DiffSL model of one state with these tensors before `F`, which has this value.
+fn tensors(before: &str, value: &str) -> Vec<&'static str> {
+    let text = format!("u {{ x = 1 }} {before} F {{ {value} }}");
+    let result = pe_import::import("hostile.ds", text.as_bytes(), &Wanted::Usual, &is_name).1;
+    result.err().unwrap_or_default().iter().map(|finding| finding.code).collect()
+}
+
+#[test]
+fn tensors_that_are_deep_or_large_are_refused_before_they_cost_anything() {
+    let deep = |open: &str, depth: usize| open.repeat(depth) + "x" + &")".repeat(depth);
+    assert_eq!(tensors("", &deep("(", 140)), [""; 0]);
+    assert_eq!(tensors("", &deep("sin(", 100)), [""; 0]);
+    for open in ["(", "-(", "sin(", "x + (", "x[(", "exp(-x*("] {
+        let found = tensors("", &open.repeat(300_000));
+        assert!(found == ["E1102"] || found == ["E1101"], "{open} {found:?}");
+    }
+    assert_eq!(tensors("", &deep("sin(", 300)), ["E1102"]);
+    assert_eq!(tensors("", &("x".to_owned() + &" + x".repeat(100_000))), [""; 0]);
+    assert_eq!(tensors("a_i { (0:1000000000): 1 }", "x"), ["E1102"]);
+    assert_eq!(tensors("a_i { (0:99999999999999999999999): 1 }", "x"), ["E1102"]);
+    assert_eq!(tensors("a_ij { (4000000000, 4000000000): x }", "x"), ["E1102"]);
+    assert_eq!(tensors("a_i { (18446744073709551615): x }", "x"), ["E1102"]);
+    assert_eq!(tensors("a_ij { (0..1000000, 0..1000000): 1 }", "x"), ["E1102"]);
+    let letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
+    let ranges = vec!["0:2"; letters.len()].join(", ");
+    assert_eq!(tensors(&format!("a_{letters} {{ ({ranges}): 1 }}"), "x"), ["E1102"]);
+    // Values that double, and interpolations that are written out in interpolations.
+    let points: String = (0..100).map(|point| format!("{point}, ")).collect();
+    let within = "interp1d(p_i, p_i, ".repeat(6) + "x" + &")".repeat(6);
+    assert_eq!(tensors(&format!("p_i {{ {points} }}"), &within), ["E1102"]);
+    let last = (1..40).map(|level| format!("a{level} {{ a{} * a{} }} ", level - 1, level - 1)).collect::<String>();
+    assert_eq!(tensors(&format!("a0 {{ x }} {last}"), "a39"), [""; 0]);
+    let states: String = (0..40).map(|state| format!("s{state} = 0, ")).collect();
+    let rates: String = (0..40).map(|state| format!("d{state} = 0, ")).collect();
+    let mass: String = (0..40).map(|state| if state == 0 { "d0, ".to_owned() } else { "0, ".to_owned() }).collect();
+    let right: String = (0..39).map(|state| format!("s{} - sin(s{state}) * s{state}, ", state + 1)).collect();
+    let text = format!("u_i {{ {states} }} dudt_i {{ {rates} }} M_i {{ {mass} }} F_i {{ -s0, {right} }}");
+    let found = pe_import::import("hostile.ds", text.as_bytes(), &Wanted::Usual, &is_name).1;
+    let found = found.err().unwrap_or_default();
+    assert!(!found.is_empty() && found.iter().all(|finding| ["E1102", "E1103"].contains(&finding.code)), "{found:?}");
+}
+
 #[test]
 fn outputs_that_the_model_lacks_are_found_together() {
     let wanted = Wanted::Named(["x", "y", "z"].map(str::to_owned).into());

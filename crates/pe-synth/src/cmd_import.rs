@@ -15,7 +15,7 @@ use crate::import::{self, suite};
 use crate::messages::{MessageFormat, print_findings};
 use crate::options;
 
-/// Writes a model of another format as a spec: SBML of levels 2 and 3, CellML, Myokit
+/// Writes a model of another format as a spec: SBML of levels 2 and 3, CellML, Myokit, DiffSL
 ///
 /// What a spec cannot express is told as a whole, each with its place, and nothing is written then.
 #[derive(clap::Args, Debug)]

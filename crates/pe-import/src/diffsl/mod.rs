@@ -101,9 +101,9 @@ impl Reader<'_> {
                 return self.findings.push(finding.with_help(help));
             }
             "reset" => {
-                let finding =
-                    Diagnostic::error(codes::IMPORT_UNSUPPORTED, tensor.span, "`reset` cannot be expressed");
-                let help = "a spec has no jumps of states: state what happens with a choice (`if`) on time or on a state";
+                let finding = Diagnostic::error(codes::IMPORT_UNSUPPORTED, tensor.span, "`reset` cannot be expressed");
+                let help =
+                    "a spec has no jumps of states: state what happens with a choice (`if`) on time or on a state";
                 return self.findings.push(finding.with_help(help));
             }
             _ => Role::Plain,
@@ -171,8 +171,11 @@ impl Reader<'_> {
             .find_map(|axis| (0..blocks.len()).find(|block| blocks[*block].shape[axis] == 1 && wide(axis) > 1))
             .filter(|block| all && tensor.elements[*block].place.is_none());
         if let Some(block) = unclear {
-            let finding =
-                Diagnostic::error(codes::IMPORT_MATH, tensor.elements[block].span, "it does not say how many columns it has");
+            let finding = Diagnostic::error(
+                codes::IMPORT_MATH,
+                tensor.elements[block].span,
+                "it does not say how many columns it has",
+            );
             self.findings.push(finding.with_help("say where it stands: `(0:1, 0:3): 1.0`"));
         }
         (all && unclear.is_none()).then_some(blocks)
@@ -203,7 +206,8 @@ impl Reader<'_> {
                 None => tensor.name.clone(),
             };
             let alone = if own { block.cells.len() == 1 } else { count == 1 };
-            let plain = matches!(role, Role::Output) && block.cells.iter().all(|(_, cell, _)| matches!(cell, Expr::Name(_)));
+            let plain =
+                matches!(role, Role::Output) && block.cells.iter().all(|(_, cell, _)| matches!(cell, Expr::Name(_)));
             let array = (layout == Layout::Array && !alone && !plain).then(|| match own {
                 true => self.model.array(&name),
                 false => *whole.get_or_insert_with(|| self.model.array(&name)),
@@ -222,7 +226,8 @@ impl Reader<'_> {
                     let (array, subscripts, id) = match layout {
                         Layout::Diagonals => {
                             let diagonal = diagonal(&tensor.name, at[0], at[1]);
-                            let array = *diagonals.entry(diagonal.clone()).or_insert_with(|| self.model.array(&diagonal));
+                            let array =
+                                *diagonals.entry(diagonal.clone()).or_insert_with(|| self.model.array(&diagonal));
                             (Some(array), vec![at[0]], subscripted(&diagonal, &at[..1]))
                         }
                         _ => {
@@ -258,7 +263,8 @@ impl Reader<'_> {
         for (index, cell) in cells.iter_mut().enumerate().filter(|(_, cell)| cell.is_none()) {
             let value = match whole.filter(|_| !matrix) {
                 Some(array) => {
-                    let mut quantity = Quantity::new(subscripted(&tensor.name, &[index]), self.group(role), tensor.span);
+                    let mut quantity =
+                        Quantity::new(subscripted(&tensor.name, &[index]), self.group(role), tensor.span);
                     quantity.element = Some((array, vec![index]));
                     quantity.kind = Kind::Algebraic(Expr::number(0.0));
                     Expr::Name(self.model.add(quantity))
@@ -272,7 +278,9 @@ impl Reader<'_> {
 
     /// Keeps a tensor of which all cells are known.
     fn complete(&mut self, tensor: &Tensor, role: Role, known: Known, cells: Side) {
-        let quantities = || cells.iter().filter_map(|(cell, _)| if let Expr::Name(quantity) = cell { Some(*quantity) } else { None });
+        let quantities = || {
+            cells.iter().filter_map(|(cell, _)| if let Expr::Name(quantity) = cell { Some(*quantity) } else { None })
+        };
         match role {
             Role::State => self.states = quantities().collect(),
             Role::Rate => self.rates = quantities().collect(),
@@ -304,9 +312,13 @@ impl Reader<'_> {
             self.model.outputs.clear();
             for name in names {
                 let quantities = &self.model.quantities;
-                let mut found: Vec<usize> = (0..quantities.len()).filter(|index| quantities[*index].id == *name).collect();
+                let mut found: Vec<usize> =
+                    (0..quantities.len()).filter(|index| quantities[*index].id == *name).collect();
                 if let Some(Known { cells, .. }) = self.evaluator.known.get(name).filter(|_| found.is_empty()) {
-                    found = cells.iter().filter_map(|cell| if let Expr::Name(of) = cell { Some(*of) } else { None }).collect();
+                    found = cells
+                        .iter()
+                        .filter_map(|cell| if let Expr::Name(of) = cell { Some(*of) } else { None })
+                        .collect();
                 }
                 if found.is_empty() {
                     self.findings.push(crate::no_output(name));

@@ -9,6 +9,9 @@ use crate::number;
 /// Deepest nesting of brackets and calls.
 const DEEPEST: usize = 150;
 
+/// Largest number of an index.
+const LARGEST_INDEX: usize = 1_000_000_000;
+
 /// A tensor as it is written.
 pub(super) struct Tensor {
     pub name: String,
@@ -162,7 +165,9 @@ impl<'t> Parser<'t> {
         let span = Span::of(start, self.at);
         if name == "in" && self.take("=")? {
             let finding = Diagnostic::error(codes::IMPORT_SYNTAX, span, "inputs are given as a list of names");
-            return Err(finding.with_help("write `in_i { k = 1.0 }`, as DiffSL does since its list of inputs was dropped"));
+            return Err(
+                finding.with_help("write `in_i { k = 1.0 }`, as DiffSL does since its list of inputs was dropped")
+            );
         }
         self.expect("{")?;
         let mut elements = Vec::new();
@@ -235,7 +240,7 @@ impl<'t> Parser<'t> {
     fn whole(&mut self) -> Read<Option<usize>> {
         self.blanks()?;
         let digits = self.rest().bytes().take_while(u8::is_ascii_digit).count();
-        let number = self.rest()[..digits].parse().ok();
+        let number = self.rest()[..digits].parse().ok().filter(|number| *number <= LARGEST_INDEX);
         if digits > 0 && number.is_none() {
             let message = "an index is too large";
             return Err(Diagnostic::error(codes::IMPORT_LIMIT, Span::of(self.at, self.at + digits), message));

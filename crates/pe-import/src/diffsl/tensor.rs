@@ -124,16 +124,18 @@ impl Evaluator {
             let same = shape.windows(2).all(|pair| pair[0] == pair[1]);
             let long: Vec<usize> = value.shape.iter().copied().filter(|length| *length > 1).collect();
             if !same || !place.iter().all(|range| range.diagonal) || long.len() > 1 {
-                return Err(wrong(span, "a diagonal has `..` in all dimensions, with one length, and a vector or scalar as value"));
+                return Err(wrong(
+                    span,
+                    "a diagonal has `..` in all dimensions, with one length, and a vector or scalar as value",
+                ));
             }
             if long.first().is_some_and(|length| *length != shape[0]) {
                 return Err(wrong(span, format!("the diagonal has {} cells, and its value {}", shape[0], long[0])));
             }
             self.spend(shape[0], span)?;
             let cell = |index: usize| if value.cells.len() == 1 { 0 } else { index };
-            let cells = (0..shape[0]).map(|index| {
-                (vec![index; shape.len()], value.cells[cell(index)].clone(), value.numbers[cell(index)])
-            });
+            let cells = (0..shape[0])
+                .map(|index| (vec![index; shape.len()], value.cells[cell(index)].clone(), value.numbers[cell(index)]));
             return Ok(Block { cells: cells.collect(), start, shape });
         }
         let value = self.stretched(value, &shape, span)?;
@@ -143,11 +145,17 @@ impl Evaluator {
     }
 
     fn spend(&mut self, cells: usize, span: Span) -> Read<()> {
+        // It is told once.
+        self.reads_broken |= self.spent > MOST_CELLS;
         self.spent = self.spent.saturating_add(cells);
         if self.spent <= MOST_CELLS {
             return Ok(());
         }
-        Err(Diagnostic::error(codes::IMPORT_LIMIT, span, "the tensors of the file are too large when they are written out"))
+        Err(Diagnostic::error(
+            codes::IMPORT_LIMIT,
+            span,
+            "the tensors of the file are too large when they are written out",
+        ))
     }
 
     /// Takes a size in, before cells are made.
@@ -162,7 +170,8 @@ impl Evaluator {
             return Ok(value);
         }
         if !value.shape.iter().zip(shape).all(|(own, wanted)| own == wanted || *own == 1) {
-            let message = format!("a value of {} does not fit where {} are needed", lengths(&value.shape), lengths(shape));
+            let message =
+                format!("a value of {} does not fit where {} are needed", lengths(&value.shape), lengths(shape));
             return Err(wrong(span, message));
         }
         self.room(shape, span)?;
@@ -184,11 +193,9 @@ impl Evaluator {
 
     fn value(&mut self, node: &Node, axes: &[char]) -> Read<Value> {
         match &node.kind {
-            NodeKind::Number(literal) => Ok(Value {
-                shape: vec![1; axes.len()],
-                cells: vec![literal.clone()],
-                numbers: vec![literal.literal()],
-            }),
+            NodeKind::Number(literal) => {
+                Ok(Value { shape: vec![1; axes.len()], cells: vec![literal.clone()], numbers: vec![literal.literal()] })
+            }
             NodeKind::Negated(inner) => {
                 let inner = self.value(inner, axes)?;
                 Ok(inner.mapped(Expr::negated, |number| -number))
@@ -210,8 +217,9 @@ impl Evaluator {
                     let right = self.stretched(right, &shape, node.span)?;
                     self.room(&shape, node.span)?;
                     for (index, (cell, number)) in right.cells.into_iter().zip(right.numbers).enumerate() {
-                        let is_zero = members[index].iter().any(|(_, own)| own.literal() == Some(0.0));
-                        if *sign == '/' && cell.literal() == Some(0.0) && !is_zero {
+                        let is_zero =
+                            |members: &[(bool, Expr)]| members.iter().any(|(_, own)| own.literal() == Some(0.0));
+                        if *sign == '/' && cell.literal() == Some(0.0) && !is_zero(&members[index]) {
                             return Err(wrong(node.span, "it divides by zero"));
                         }
                         members[index].push((matches!(sign, '-' | '/'), cell));
@@ -239,7 +247,8 @@ impl Evaluator {
                 if *length == 1 {
                     *length = *other;
                 } else if *other != 1 && other != length {
-                    let message = format!("values of {} and {} do not fit together", lengths(shapes[0]), lengths(shape));
+                    let message =
+                        format!("values of {} and {} do not fit together", lengths(shapes[0]), lengths(shape));
                     return Err(wrong(span, message));
                 }
             }
@@ -308,22 +317,22 @@ impl Evaluator {
             value if value < 0.0 => Expr::number(-value).negated(),
             value => Expr::number(value),
         };
-        Ok(at.mapped(
-            |at| {
-                let mut pieces =
-                    vec![(Expr::compare(Relation::LessEqual, at.clone(), number(x[0])), number(y[0]))];
-                for index in 1..x.len() {
-                    let slope = (y[index] - y[index - 1]) / (x[index] - x[index - 1]);
-                    let beyond = Expr::sum([(false, at.clone()), (true, number(x[index - 1]))]);
-                    let rise = Expr::number(slope.abs()).times(beyond);
-                    let value = Expr::sum([(false, number(y[index - 1])), (slope < 0.0, rise)]);
-                    pieces.push((Expr::compare(Relation::Less, at.clone(), number(x[index])), value));
-                }
-                Expr::choice(pieces, number(y[x.len() - 1]))
-            },
-            |_| f64::NAN,
-        )
-        .without_numbers())
+        Ok(at
+            .mapped(
+                |at| {
+                    let mut pieces = vec![(Expr::compare(Relation::LessEqual, at.clone(), number(x[0])), number(y[0]))];
+                    for index in 1..x.len() {
+                        let slope = (y[index] - y[index - 1]) / (x[index] - x[index - 1]);
+                        let beyond = Expr::sum([(false, at.clone()), (true, number(x[index - 1]))]);
+                        let rise = Expr::number(slope.abs()).times(beyond);
+                        let value = Expr::sum([(false, number(y[index - 1])), (slope < 0.0, rise)]);
+                        pieces.push((Expr::compare(Relation::Less, at.clone(), number(x[index])), value));
+                    }
+                    Expr::choice(pieces, number(y[x.len() - 1]))
+                },
+                |_| f64::NAN,
+            )
+            .without_numbers())
     }
 
     fn name(
@@ -350,7 +359,8 @@ impl Evaluator {
             return Ok(one(Expr::number(1.0), None));
         }
         let Some(known) = self.known.get(name) else {
-            let finding = Diagnostic::error(codes::IMPORT_UNKNOWN, span, format!("there is no `{name}` before this place"));
+            let finding =
+                Diagnostic::error(codes::IMPORT_UNKNOWN, span, format!("there is no `{name}` before this place"));
             return Err(finding.with_help("DiffSL defines tensors before it reads them"));
         };
         let (mut shape, mut cells, mut numbers) = (known.shape.clone(), None, None);
@@ -387,8 +397,9 @@ impl Evaluator {
         let of: Vec<usize> =
             indices.iter().map(|index| axes.iter().position(|axis| axis == index).unwrap_or(0)).collect();
         of.iter().zip(&shape).for_each(|(axis, length)| wide[*axis] = *length);
-        let sources: Vec<usize> =
-            places(&wide).map(|place| of.iter().zip(&shape).fold(0, |at, (axis, length)| at * length + place[*axis])).collect();
+        let sources: Vec<usize> = places(&wide)
+            .map(|place| of.iter().zip(&shape).fold(0, |at, (axis, length)| at * length + place[*axis]))
+            .collect();
         Ok(Value {
             shape: wide,
             cells: sources.iter().map(|source| cells[*source].clone()).collect(),
@@ -449,7 +460,9 @@ fn summed(node: &Node, axes: &mut Vec<char>) {
             others.iter().for_each(|(_, other)| summed(other, axes));
         }
         // The points of `interp1d` have an index of their own.
-        NodeKind::Call(name, arguments) if name == "interp1d" => arguments.iter().skip(2).for_each(|at| summed(at, axes)),
+        NodeKind::Call(name, arguments) if name == "interp1d" => {
+            arguments.iter().skip(2).for_each(|at| summed(at, axes))
+        }
         NodeKind::Call(_, arguments) => arguments.iter().for_each(|argument| summed(argument, axes)),
         NodeKind::Name { at: Some((_, None)), .. } => {}
         NodeKind::Name { indices, .. } => {

@@ -16,6 +16,7 @@ mod foreign;
 mod golden;
 mod host;
 mod import;
+mod import_diffsl;
 mod inject;
 mod interruption;
 mod library;
