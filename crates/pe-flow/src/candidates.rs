@@ -9,8 +9,10 @@ use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, default_pe
 use pe_hls::pairs;
 use pe_hls::relay::{Relayed, relay};
 use pe_hls::rounds::Rounds;
+use pe_hls::route::{Routed, route};
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph};
+use pe_ir::index::number;
 use pe_ir::mapping::Mapping;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::Latency;
@@ -37,7 +39,7 @@ pub struct Network {
     pub given: Option<(Mapping, u32)>,
 }
 
-/// A step graph to map: without relays, or with a number of them.
+/// A step graph to map: without relays, with a number of them, or with those on the routes of one mapping.
 pub struct Alternative<'a> {
     /// The graph.
     pub graph: Arc<StepGraph>,
@@ -47,8 +49,10 @@ pub struct Alternative<'a> {
     pub optimistic: Arc<StepGraph>,
     /// The mapping problem of that.
     pub problem: Problem,
-    /// Number of relays.
+    /// Number of relays of hubs.
     pub relays: u32,
+    /// The graph that no mapping can do with less than: without what routes add.
+    pub least: Arc<StepGraph>,
     relayed: Option<Relayed>,
 }
 
@@ -56,7 +60,38 @@ impl<'a> Alternative<'a> {
     fn new(graph: Arc<StepGraph>, fixed: Cow<'a, FixedPoint>, relays: u32, relayed: Option<Relayed>) -> Self {
         let optimistic = pairs::optimistic(&graph, &fixed).map_or_else(|| Arc::clone(&graph), Arc::new);
         let problem = Problem::of(&optimistic);
-        Alternative { graph, fixed, optimistic, problem, relays, relayed }
+        let least = Arc::clone(&optimistic);
+        Alternative { graph, fixed, optimistic, problem, relays, least, relayed }
+    }
+
+    /// The graph of a mapping with routes over other PEs, and the mapping of all its equations.
+    fn routed(&self, fixed: &FixedPoint, candidate: Candidate, ports: u32) -> Option<(Self, Candidate)> {
+        let Routed { relayed, mapping } = route(&self.graph, &candidate.mapping, ports)?;
+        let numbers = relayed.fixed(&self.graph, fixed)?;
+        let graph = Arc::clone(&relayed.graph);
+        let routed = Alternative::new(graph, Cow::Owned(numbers), 0, Some(relayed));
+        let cost = routed.problem.cost(&mapping);
+        let least = Arc::clone(&self.least);
+        Some((Alternative { least, ..routed }, Candidate { mapping, cost, ..candidate }))
+    }
+
+    /// [`Alternative::routed`] of mappings that are annealed for it, where there are routes.
+    fn all_routed(&self, fixed: &FixedPoint, options: &MapOptions, ports: u32) -> Vec<(Self, Candidate)> {
+        let candidates = mapping::annealed(&self.problem, options).unwrap_or_default();
+        candidates.into_iter().filter_map(|candidate| self.routed(fixed, candidate, ports)).collect()
+    }
+
+    /// Whether values are copied that the step itself does not copy.
+    pub fn copies(&self) -> bool {
+        self.relayed.is_some()
+    }
+
+    /// Copies in a step that carry values on; none without routes.
+    pub fn hops(&self) -> u32 {
+        match &self.relayed {
+            Some(relayed) if self.relays == 0 => number(relayed.copied.len()),
+            _ => 0,
+        }
     }
 
     fn with_relays(graph: &StepGraph, fixed: &FixedPoint, pes: u32, max_in_degree: u32, relays: u32) -> Option<Self> {
@@ -119,7 +154,15 @@ impl<'a> Candidates<'a> {
         if let Some((mapping, relays)) = &network.given {
             let alternative =
                 (*relays > 0).then(|| relayed(mapping.pes, ports, *relays)).flatten().or(plain).expect("one of two");
-            let candidate = mapping::given(&alternative.problem, mapping, options.most_ports())?;
+            let most = options.most_ports();
+            let (alternative, candidate) = match mapping::given(&alternative.problem, mapping, most) {
+                Ok(candidate) => (alternative, candidate),
+                Err(error) if relays > &0 => return Err(error),
+                Err(error) => {
+                    let candidate = mapping::given(&alternative.problem, mapping, u32::MAX)?;
+                    alternative.routed(fixed, candidate, most).ok_or(error)?
+                }
+            };
             set.ports = ports.max(candidate.cost.max_in_degree);
             set.of_given(alternative, candidate);
             return Ok(set);
@@ -130,18 +173,27 @@ impl<'a> Candidates<'a> {
         let useful = |pes: u32| if network.exact { pes } else { pes.min(first.problem.equations()) };
         let default = || default_pes(&first.optimistic, Latency::of(&fixed.format));
         let mut pes = network.pes.map_or_else(default, useful);
+        let map_options = |pes: u32, alternative: &Alternative, max_in_degree: u32| MapOptions {
+            pes,
+            seed: network.seed,
+            tries: options.tries.unwrap_or_else(|| MapOptions::default_tries(alternative.problem.equations())),
+            max_in_degree,
+        };
         loop {
             let mut refused = None;
             let ports = set.ports;
             let with_relays = RELAYS.iter().filter_map(|relays| relayed(pes, ports, *relays).filter(|_| !*looped));
             for alternative in plain.take().into_iter().chain(with_relays) {
-                let map_options = MapOptions {
-                    pes,
-                    seed: network.seed,
-                    tries: options.tries.unwrap_or_else(|| MapOptions::default_tries(alternative.problem.equations())),
-                    max_in_degree: ports,
-                };
-                match mapping::map(&alternative.problem, &map_options) {
+                let mapped = mapping::map(&alternative.problem, &map_options(pes, &alternative, ports));
+                let bounded = options.max_in_degree.is_some() && (mapped.is_err() || pes > ports + 1);
+                let bounded = bounded && alternative.relays == 0;
+                let wanted = [mapped.is_err().then_some(ports), Some(MappingOptions::MOST_PORTS)];
+                let routed = wanted.into_iter().flatten().filter(|_| bounded).flat_map(|wanted| {
+                    let options = map_options(pes, &alternative, wanted);
+                    alternative.all_routed(fixed, &options, ports)
+                });
+                let routed: Vec<(Alternative, Candidate)> = routed.collect();
+                match mapped {
                     Ok(candidates) => set.add(alternative, candidates),
                     Err(error) if alternative.relays == 0 => {
                         refused = Some(error);
@@ -149,6 +201,8 @@ impl<'a> Candidates<'a> {
                     }
                     Err(_) => {}
                 }
+                set.starts += routed.len();
+                routed.into_iter().for_each(|(alternative, candidate)| set.take(alternative, [candidate]));
             }
             match refused {
                 Some(MapError::InDegree { .. }) if set.of.is_empty() && network.pes.is_none() && pes > 1 => pes /= 2,
@@ -188,9 +242,14 @@ impl<'a> Candidates<'a> {
 
     /// What was mapped, in words.
     pub fn figure(&self, given: bool) -> String {
-        let (equations, pes) = (self.alternatives[0].problem.equations(), self.candidates[0].mapping.pes);
+        let first = &self.alternatives[0];
+        let (equations, pes) = (first.least.equations.len(), self.candidates[0].mapping.pes);
         let origin = if given { "as given".to_owned() } else { format!("{} starts", self.starts) };
-        let relays = if self.alternatives.len() > 1 { ", with and without relays" } else { "" };
+        let relays = match self.alternatives.len() {
+            1 => "",
+            _ if self.alternatives.iter().any(|alternative| alternative.hops() > 0) => ", with routes over other PEs",
+            _ => ", with and without relays",
+        };
         format!("{equations} equations on {pes} PEs, {origin}{relays}")
     }
 }
@@ -208,8 +267,10 @@ pub fn given(file: &MappingFile, graph: &StepGraph, max_in_degree: u32) -> Resul
     }
 }
 
-/// Warnings about a network that has fewer PEs than asked for, or PEs with more ports than usual.
-pub fn other_than_asked(network: &Network, options: &MappingOptions, pes: u32, ports: u32) -> Vec<Diagnostic> {
+/// Warnings about a network that has fewer PEs than asked for, PEs with more ports than usual, or values that are copied
+/// on their way.
+pub fn other_than_asked(network: &Network, options: &MappingOptions, taken: &Candidates) -> Vec<Diagnostic> {
+    let (pes, ports) = (taken.candidates[0].mapping.pes, taken.ports);
     let mut warnings = Vec::new();
     if let Some(asked) = network.pes.filter(|asked| *asked > pes) {
         let message = format!("{pes} PEs in place of {asked}: the step has no more equations");
@@ -221,6 +282,12 @@ pub fn other_than_asked(network: &Network, options: &MappingOptions, pes: u32, p
         let help =
             "wide multiplexers take cells and lower the clock: fewer PEs need fewer; `--max-in-degree` sets a bound";
         warnings.push(Diagnostic::global(codes::MANY_PORTS, message).with_help(help).into_warning());
+    }
+    if taken.alternatives.iter().any(|alternative| alternative.hops() > 0) {
+        let message = format!("values travel over other PEs, which copy them: {ports} input ports for a PE do not do");
+        let help = "each copy takes an issue slot, and its readers wait for it: more ports with `--max-in-degree`, or \
+                    fewer PEs, save cycles";
+        warnings.push(Diagnostic::global(codes::HOPS, message).with_help(help).into_warning());
     }
     warnings
 }

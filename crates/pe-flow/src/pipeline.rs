@@ -59,6 +59,8 @@ pub struct StartResult {
     pub period: u32,
     /// Relays of hubs in the step that was mapped.
     pub relays: u32,
+    /// Copies in a step that carry values over other PEs.
+    pub hops: u32,
 }
 
 /// Everything that was decided about a model.
@@ -316,10 +318,10 @@ pub fn implement(
             Err(_) => "impossible".to_owned(),
         },
     );
-    let Candidates { alternatives, candidates, of, plain, ports, .. } =
-        mapped.map_err(|error| candidates::failure(error, graph, loaded))?;
+    let mapped = mapped.map_err(|error| candidates::failure(error, graph, loaded))?;
+    watch.warn(&candidates::other_than_asked(&network, mapping_options, &mapped), &loaded.sources);
+    let Candidates { alternatives, candidates, of, plain, ports, .. } = mapped;
     let taken_pes = candidates[0].mapping.pes;
-    watch.warn(&candidates::other_than_asked(&network, mapping_options, taken_pes, ports), &loaded.sources);
     let alternative = |index: usize| &alternatives[of[index]];
     let pairs: Vec<Option<Paired>> = (candidates.iter().zip(&of))
         .map(|(candidate, of)| pairs::pair(&alternatives[*of].graph, &alternatives[*of].fixed, &candidate.mapping))
@@ -355,6 +357,7 @@ pub fn implement(
             after: candidates[*index].cost,
             period: schedules[*index].period,
             relays: alternative(*index).relays,
+            hops: alternative(*index).hops(),
         })
         .collect();
     let taken = order[0];
@@ -381,8 +384,8 @@ pub fn implement(
         },
     );
     let Assembled { schedule, flat, mut program } = assembled.map_err(|limit| Failure::Usage(limit.to_string()))?;
-    if let Some(proof) = judged.proof.as_ref().filter(|_| alternative.relays > 0) {
-        // What relays write is proven as well.
+    if let Some(proof) = judged.proof.as_ref().filter(|_| alternative.copies()) {
+        // What copies write is proven as well.
         let enclosed = proof::enclose(&alternative.graph, &judged.fixed, loaded.model.steps());
         judged = Arc::new(Judged { proof: Some(proof::Proof { enclosed, ..proof.clone() }), ..Judged::clone(&judged) });
     }
@@ -391,7 +394,7 @@ pub fn implement(
         None => program.pes.iter_mut().for_each(|pe| pe.features.proven = false),
     }
     let design = Design {
-        bound: Bound::of(&alternative.optimistic, taken_pes, latency),
+        bound: Bound::of(&alternative.least, taken_pes, latency),
         wires: mapping::wire_length(&alternative.problem, &candidate.mapping),
         mapping: candidate.mapping,
         cost: candidate.cost,
@@ -541,11 +544,16 @@ fn runs_figure(judged: Option<&Judged>) -> String {
     })
 }
 
+/// Input ports for which equations are split where values may take routes over other PEs.
+const ROUTED: u32 = 24;
+
 /// The graph with its heavy equations split for a number of PEs, or the default number; none if it fits as it is.
 pub fn split(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
     let latency = Latency::of(&format);
     let pes = pes.unwrap_or_else(|| default_pes(graph, latency));
-    pe_hls::split::split(graph, pes, options.ports(), latency)
+    // With a bound on ports values take routes over other PEs; what has too many products still holds up their copies.
+    let ports = options.max_in_degree.map_or(options.ports(), |ports| ports.max(ROUTED));
+    pe_hls::split::split(graph, pes, ports, latency)
 }
 
 /// Proves mapping, schedule and program with the independent checkers.

@@ -19,6 +19,7 @@ mod passes;
 pub mod relay;
 pub mod rounding;
 pub mod rounds;
+pub mod route;
 pub mod schedule;
 pub mod split;
 pub mod step;

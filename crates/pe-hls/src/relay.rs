@@ -1,4 +1,4 @@
-//! Relays of hubs: equations that copy values of very high fan-out.
+//! Relays: equations that copy values of others, and those of hubs, values of very high fan-out.
 //!
 //! Where several hubs are on several PEs, nearly every PE has a connection to each of these. A relay gathers them: it
 //! copies all that its readers read of any hub, so each of them needs a connection to the relay alone. A copy is a
@@ -33,31 +33,102 @@ pub fn relay(graph: &StepGraph, pes: u32, max_in_degree: u32, relays: u32) -> Op
     for (position, reader) in (0u64..).zip(&readers) {
         relay_of[*reader] = Some((position * u64::from(relays) / readers.len() as u64) as u32);
     }
-    let mut relayed = graph.clone();
-    let named = hubs.ids().find(|equation| hubs[*equation]).expect("two at least");
-    let mut equations = Vec::new();
-    for number in 1..=relays {
-        let Equation { name, span } = &graph.equations[named];
-        equations.push(relayed.equations.push(Equation { name: format!("{name}{INFIX}{number}"), span: *span }));
-    }
-    let mut copies: BTreeMap<(ValueId, u32), ValueId> = BTreeMap::new();
-    let mut copied = Vec::new();
+    let named = &graph.equations[hubs.ids().find(|equation| hubs[*equation]).expect("two at least")];
+    let mut copies = Copies::of(graph);
+    let equations: Vec<EquationId> = (1..=relays).map(|number| copies.relay(named, INFIX, number)).collect();
     for chain in &graph.chains {
         let Some(relay) = relay_of[chain.equation] else { continue };
-        for term in &mut relayed.terms[at(chain.terms.start)..chain.terms.end as usize] {
-            if !graph.value(term.operand).equation.is_some_and(|equation| hubs[equation]) {
-                continue;
+        for term in at(chain.terms.start)..chain.terms.end as usize {
+            let original = graph.terms[term].operand;
+            if graph.value(original).equation.is_some_and(|equation| hubs[equation]) {
+                let copy = copies.copy(original, original, equations[at(relay)], relay + 1);
+                copies.read(term, copy);
             }
-            let original = term.operand;
-            term.operand = *copies.entry((original, relay)).or_insert_with(|| {
-                let role = Role::Relayed(original, relay + 1);
-                relayed.values.push(Value { role, equation: Some(equations[at(relay)]), factor: false });
-                copied.push(original);
-                ValueId::at(relayed.values.len() - 1)
-            });
         }
     }
-    Some(woven(graph, relayed, copied, &copies))
+    Some(copies.woven())
+}
+
+/// A step graph while relays are added to it.
+pub(crate) struct Copies<'a> {
+    graph: &'a StepGraph,
+    relayed: StepGraph,
+    copied: Vec<ValueId>,
+    /// For each value and relay that copies it what the copy is made of, and the copy.
+    made: BTreeMap<(ValueId, u32), (ValueId, ValueId)>,
+}
+
+impl<'a> Copies<'a> {
+    /// The graph as it is.
+    pub(crate) fn of(graph: &'a StepGraph) -> Self {
+        Copies { graph, relayed: graph.clone(), copied: Vec::new(), made: BTreeMap::new() }
+    }
+
+    /// Adds a relay, named after an equation.
+    pub(crate) fn relay(&mut self, named: &Equation, infix: &str, number: u32) -> EquationId {
+        let name = format!("{}{infix}{number}", named.name);
+        self.relayed.equations.push(Equation { name, span: named.span })
+    }
+
+    /// The copy that a relay of this number makes of `original` by reading `source`, which is that value or another copy of
+    /// it, made before.
+    pub(crate) fn copy(&mut self, original: ValueId, source: ValueId, relay: EquationId, number: u32) -> ValueId {
+        let (_, copy) = *self.made.entry((original, number)).or_insert_with(|| {
+            let role = Role::Relayed(original, number);
+            self.relayed.values.push(Value { role, equation: Some(relay), factor: false });
+            self.copied.push(original);
+            (source, ValueId::at(self.relayed.values.len() - 1))
+        });
+        copy
+    }
+
+    /// Lets a term read a copy.
+    pub(crate) fn read(&mut self, term: usize, copy: ValueId) {
+        self.relayed.terms[term].operand = copy;
+    }
+
+    /// The graph with the chains that copy a value behind the one that computes it, or in front of all.
+    pub(crate) fn woven(self) -> Relayed {
+        let Copies { graph, mut relayed, copied, made } = self;
+        let (mut chains, mut terms, mut origins) = (List::new(), Vec::new(), List::new());
+        let mut add = |chain: Chain, own: &[Term], origin: Option<ChainId>| {
+            let first = index::number(terms.len());
+            terms.extend_from_slice(own);
+            chains.push(Chain { terms: first..terms.len() as u32, ..chain });
+            origins.push(origin);
+        };
+        // A copy comes after the one that it is made of.
+        let copies_of = |value: ValueId| {
+            let mut copies: Vec<(ValueId, ValueId)> =
+                made.range((value, 0)..=(value, u32::MAX)).map(|(_, copy)| *copy).collect();
+            copies.sort_unstable_by_key(|(_, copy)| *copy);
+            copies
+        };
+        let copy = |source: ValueId, value: ValueId| {
+            let write = Write { value, base: None, weight: 0 };
+            let equation = relayed.value(value).equation.expect("of a relay");
+            let chain = Chain { equation, terms: 0..0, interim: None, write, second: None, function: None };
+            (chain, [Term::new(source, Factor::Coefficient(1.0))])
+        };
+        let producers = graph.producers();
+        let mut originals: Vec<ValueId> = made.keys().map(|(original, _)| *original).collect();
+        originals.dedup();
+        for original in originals.into_iter().filter(|original| producers[original.index()].is_none()) {
+            for (source, value) in copies_of(original) {
+                let (chain, own) = copy(source, value);
+                add(chain, &own, None);
+            }
+        }
+        for (index, chain) in relayed.chains.numbered() {
+            add(chain.clone(), relayed.chain_terms(chain), Some(index));
+            for (source, value) in chain.writes().flat_map(|write| copies_of(write.value)) {
+                let (chain, own) = copy(source, value);
+                add(chain, &own, None);
+            }
+        }
+        (relayed.chains, relayed.terms) = (chains, terms);
+        Relayed { graph: Arc::new(relayed), copied, origins }
+    }
 }
 
 /// What the names of relays have between that of a hub and their number.
@@ -86,43 +157,6 @@ fn hubs(graph: &StepGraph, pes: u32, max_in_degree: u32) -> Option<(List<Equatio
     readers.sort_unstable();
     readers.dedup();
     Some((hubs, readers))
-}
-
-/// Puts the chains that copy a value behind the one that computes it, or in front of all.
-fn woven(
-    graph: &StepGraph,
-    mut relayed: StepGraph,
-    copied: Vec<ValueId>,
-    copies: &BTreeMap<(ValueId, u32), ValueId>,
-) -> Relayed {
-    let (mut chains, mut terms, mut origins) = (List::new(), Vec::new(), List::new());
-    let mut add = |chain: Chain, own: &[Term], origin: Option<ChainId>| {
-        let first = index::number(terms.len());
-        terms.extend_from_slice(own);
-        chains.push(Chain { terms: first..terms.len() as u32, ..chain });
-        origins.push(origin);
-    };
-    let copies_of = |value: ValueId| copies.range((value, 0)..=(value, u32::MAX));
-    let copy = |original: ValueId, value: ValueId| {
-        let write = Write { value, base: None, weight: 0 };
-        let equation = relayed.value(value).equation.expect("of a relay");
-        let chain = Chain { equation, terms: 0..0, interim: None, write, second: None, function: None };
-        (chain, [Term::new(original, Factor::Coefficient(1.0))])
-    };
-    let producers = graph.producers();
-    for ((original, _), value) in copies.iter().filter(|((original, _), _)| producers[original.index()].is_none()) {
-        let (chain, own) = copy(*original, *value);
-        add(chain, &own, None);
-    }
-    for (index, chain) in relayed.chains.numbered() {
-        add(chain.clone(), relayed.chain_terms(chain), Some(index));
-        for ((original, _), value) in chain.writes().flat_map(|write| copies_of(write.value)) {
-            let (chain, own) = copy(*original, *value);
-            add(chain, &own, None);
-        }
-    }
-    (relayed.chains, relayed.terms) = (chains, terms);
-    Relayed { graph: Arc::new(relayed), copied, origins }
 }
 
 impl Relayed {
@@ -156,8 +190,8 @@ impl Relayed {
                 extended.shifts.push(fixed.shifts[origin]);
                 extended.accumulator_bits.push(fixed.accumulator_bits[origin]);
             } else {
-                let original = self.graph.chain_terms(chain)[0].operand;
-                let operand = fixed.exponents[original.index()] + format.data_drop() as i32;
+                let source = self.graph.chain_terms(chain)[0].operand;
+                let operand = extended.exponents[source.index()] + format.data_drop() as i32;
                 extended.coefficients.push(1 << one);
                 extended.products.push(operand - one as i32);
                 extended.shifts.push([shift, 0, 0]);

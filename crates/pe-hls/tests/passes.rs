@@ -14,7 +14,9 @@ use pe_hls::mapping::{self, MapOptions, Problem};
 use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
-use pe_hls::{assemble, even, functions, fuse, lift, outputs, pairs, relay, schedule, split, step, sums, two_slots};
+use pe_hls::{
+    assemble, even, functions, fuse, lift, outputs, pairs, relay, route, schedule, split, step, sums, two_slots,
+};
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
 use pe_ir::model::{Model, Solver};
@@ -257,6 +259,22 @@ fn relay_copies_what_many_read() {
         step_or_unchanged(
             relay::relay(&case.graph(), pes, max_in_degree, relays).as_ref().map(|relayed| &*relayed.graph),
         )
+    });
+}
+
+#[test]
+fn route_copies_what_comes_from_far() {
+    check("route", |case| {
+        let graph = case.graph();
+        match route::route(&graph, &case.mapping(&graph), case.option("max_in_degree", 2)) {
+            Some(routed) => {
+                let cost = Problem::of(&routed.relayed.graph).cost(&routed.mapping);
+                let found = verify::mapping::check(&routed.relayed.graph, &routed.mapping, &cost, cost.max_in_degree);
+                assert_eq!(found, Vec::<String>::new());
+                valid_step(&routed.relayed.graph) + &valid_mapping(&routed.relayed.graph, &routed.mapping)
+            }
+            None => "no routes\n".to_owned(),
+        }
     });
 }
 

@@ -158,6 +158,7 @@ codes! {
     DOES_NOT_FIT = "W0801", "design larger than the device";
     FEWER_PES = "W0802", "fewer PEs than asked for";
     MANY_PORTS = "W0803", "more input ports than usual";
+    HOPS = "W0804", "values travel over other PEs";
     STEP_LARGE = "W0903", "step large for the accuracy";
     NO_REFERENCE = "W0904", "no reference solution";
     WORD_SHORT = "W0905", "word short for the accuracy";

@@ -60,12 +60,14 @@ impl Report {
     pub fn of(model: &Model, design: &Design, told: &Told) -> Report {
         let program = &design.program;
         let relayed = design.starts.iter().any(|start| start.relays > 0);
+        let routed = design.starts.iter().any(|start| start.hops > 0);
         let starts = design.starts.iter().map(|start| Start {
             start: start.start.to_owned(),
             before: cost(&start.before),
             after: cost(&start.after),
             cycles_per_step: start.period,
             relays: relayed.then_some(start.relays),
+            hops: routed.then_some(start.hops),
         });
         let early = model.phases.iter();
         let early = early.map(|phase| EarlyStep { until_s: phase.until, step_s: model.step / phase.ratio });
@@ -85,6 +87,7 @@ impl Report {
             distinct_programs: distinct_programs(program),
             starts: starts.collect(),
             relays: relayed.then(|| design.starts[0].relays),
+            hops: routed.then(|| design.starts[0].hops),
             instruction_words_max: program.period as usize,
             data_words_max: data_words(program),
             eliminations: systems::eliminations(design),

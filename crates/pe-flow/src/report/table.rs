@@ -101,7 +101,11 @@ fn mapping(starts: &[Start]) -> String {
     let figure = |start: &Start| {
         let relays = start.relays.filter(|relays| *relays > 0);
         let relays = relays.map_or(String::new(), |relays| format!(", {relays} relays"));
-        format!("{}: {} cycles, {} connections{relays}", start.start, start.cycles_per_step, start.after.connections)
+        let hops = start.hops.map_or(String::new(), |hops| format!(", {hops} copies on the way"));
+        format!(
+            "{}: {} cycles, {} connections{relays}{hops}",
+            start.start, start.cycles_per_step, start.after.connections
+        )
     };
     let best = &starts[0];
     match starts.iter().find(|start| start.start == RANDOM) {

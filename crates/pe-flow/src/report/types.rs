@@ -45,6 +45,9 @@ pub struct Report {
     /// Relays in the chosen step; only where relays were tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relays: Option<u32>,
+    /// Copies in a step that carry values over other PEs; only where values travel so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hops: Option<u32>,
     /// Control words of a PE.
     pub instruction_words_max: usize,
     /// Own and imported words of the PE that has most.
@@ -239,6 +242,9 @@ pub struct Start {
     /// Relays in the step that was mapped; only where relays were tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relays: Option<u32>,
+    /// Copies in its step that carry values over other PEs; only where values travel so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hops: Option<u32>,
 }
 
 /// The cost of a mapping.

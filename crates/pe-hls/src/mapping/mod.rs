@@ -155,7 +155,22 @@ const SLACK: u64 = 64;
 /// A quarter of the tries goes to the random start, another is shared by the others, and the rest goes to the best
 /// mapping that annealing has made better than its start; the others are starts that seem to be at an optimum already.
 /// Region moves get as much as the random start on top.
+///
+/// # Errors
+/// No mapping has the number of PEs, or none has in-degrees within the limit.
 pub fn map(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, MapError> {
+    let candidates = annealed(problem, options)?;
+    match candidates[0].cost.max_in_degree > options.max_in_degree {
+        true => Err(in_degree_error(problem, &candidates[0].mapping, options.max_in_degree)),
+        false => Ok(candidates),
+    }
+}
+
+/// The mappings of [`map`], whether or not their in-degrees are within the limit.
+///
+/// # Errors
+/// No mapping has the number of PEs.
+pub fn annealed(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, MapError> {
     let &MapOptions { pes, max_in_degree, tries, .. } = options;
     if pes == 0 || pes > problem.equations() {
         return Err(MapError::Pes { pes, equations: problem.equations() });
@@ -165,7 +180,6 @@ pub fn map(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, Ma
     let mean = problem.total_load() / u64::from(pes);
     let loose = packed.max((mean + mean / SLACK) as u32);
     let plan = |tries, (hot, spread)| Plan { tries, hot, spread, caps: (loose, packed), max_in_degree, regions: false };
-    let annealed = |start: &Mapping, plan: &Plan, rng: &mut ChaCha8Rng| anneal(problem, start, plan, rng);
 
     let random = starts::random(problem, pes, options.seed);
     let structured = starts::structured(problem, pes);
@@ -175,26 +189,24 @@ pub fn map(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, Ma
         .chain(structured)
         .zip(plans)
         .map(|((start, begin), plan)| {
-            let (mapping, cost) = annealed(&begin, &plan, &mut rng);
+            let (mapping, cost) = anneal(problem, &begin, &plan, &mut rng);
             Candidate { mapping, cost, start, start_cost: problem.cost(&begin) }
         })
         .collect();
     candidates.sort_by_key(|candidate| rank(&candidate.cost, max_in_degree));
     if let Some(finalist) = candidates.iter_mut().find(|candidate| candidate.cost != candidate.start_cost) {
-        (finalist.mapping, finalist.cost) = annealed(&finalist.mapping, &plan(tries / 2, STRUCTURED_BEGIN), &mut rng);
+        let plan = plan(tries / 2, STRUCTURED_BEGIN);
+        (finalist.mapping, finalist.cost) = anneal(problem, &finalist.mapping, &plan, &mut rng);
     }
     if pes > 1 {
         let random = candidates.iter().find(|candidate| candidate.start == RANDOM).expect("annealed above");
         let plan = Plan { regions: true, ..plan(tries / 4, RANDOM_BEGIN) };
         // Random numbers of its own: the other candidates do not depend on it.
         rng.set_stream(REGIONS_STREAM);
-        let (mapping, cost) = annealed(&random.mapping, &plan, &mut rng);
+        let (mapping, cost) = anneal(problem, &random.mapping, &plan, &mut rng);
         candidates.push(Candidate { mapping, cost, start: REGIONS, start_cost: random.start_cost });
     }
     candidates.sort_by_key(|candidate| rank(&candidate.cost, max_in_degree));
-    if candidates[0].cost.max_in_degree > max_in_degree {
-        return Err(in_degree_error(problem, &candidates[0].mapping, max_in_degree));
-    }
     Ok(candidates)
 }
 

@@ -101,6 +101,20 @@ fn designs_with_relays_agree() {
 }
 
 #[test]
+fn designs_with_routes_agree() {
+    let designs = [
+        (Family::Affine, Solver::Rk4, format(32, 25, 18), 2),
+        (Family::Affine, Solver::Euler, format(32, 32, 32), 2),
+        (Family::Polynomial, Solver::Heun, format(40, 35, 35), 2),
+    ];
+    let flows = (91..).zip(designs).map(|(seed, (family, solver, format, ports))| {
+        let flow = Flow::random(family, (9, 6), solver, format, Placement::Scattered, seed);
+        flow.routed(ports).unwrap_or_else(|| panic!("{}: no routes", flow.label))
+    });
+    assert_all_agree("routes", flows);
+}
+
+#[test]
 fn designs_with_tables_agree() {
     let designs = [
         (Solver::Rk4, format(32, 25, 18)),

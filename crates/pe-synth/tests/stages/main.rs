@@ -30,6 +30,7 @@ mod ranges;
 mod reasons;
 mod relay;
 mod rounding;
+mod routes;
 mod sampled;
 mod scene;
 mod signals;

@@ -5,6 +5,7 @@ use pe_hls::mapping::{MapOptions, Problem};
 use pe_hls::pairs;
 use pe_hls::relay::relay;
 use pe_hls::rounds::Rounds;
+use pe_hls::route::{Routed, route};
 use pe_hls::step::StepOptions;
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::index::PeId;
@@ -166,6 +167,17 @@ impl Flow {
         mapping.pe_of.extend((0..relays).map(|relay| PeId::new(relay * 7919 % mapping.pes)));
         let graph = StepGraph::clone(&relayed.graph);
         Some(Flow::mapped(format!("{}, {relays} relays", self.label), model.clone(), graph, numbers, mapping))
+    }
+
+    /// The same design with values that travel over other PEs, where PEs have so few ports.
+    pub fn routed(&self, ports: u32) -> Option<Flow> {
+        let Flow { model, graph, fixed, mapping, .. } = self;
+        let Routed { relayed, mapping } = route(graph, mapping, ports)?;
+        let numbers = relayed.fixed(graph, fixed)?;
+        let label = format!("{}, {ports} ports", self.label);
+        let cost = Problem::of(&relayed.graph).cost(&mapping);
+        assert_clean(&label, &verify::mapping::check(&relayed.graph, &mapping, &cost, ports));
+        Some(Flow::mapped(label, model.clone(), StepGraph::clone(&relayed.graph), numbers, mapping))
     }
 
     /// The same design with one round of control words for all stages, if these are alike.
