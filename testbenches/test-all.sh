@@ -40,7 +40,7 @@ home, file = map(sysconfig.get_config_var, ("LIBDIR", "INSTSONAME"))
 raise SystemExit(not os.path.exists(os.path.join(home, file)))' 2> /dev/null
 }
 packages=()
-for pair in ghdl:ghdl verilator:verilator g++:g++ make:make python3:python3; do
+for pair in ghdl:ghdl verilator:verilator g++:g++ make:make python3:python3 objdump:binutils; do
   command -v "${pair%%:*}" > /dev/null || packages+=("${pair#*:}")
 done
 has_venv || packages+=(python3-venv)
@@ -55,7 +55,7 @@ if ((${#packages[@]} > 0)); then
   "${as_root[@]}" apt-get update
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "${packages[@]}"
 fi
-for tool in ghdl verilator g++ make python3; do
+for tool in ghdl verilator g++ make python3 objdump; do
   command -v "$tool" > /dev/null || fail "$tool is still missing"
 done
 has_venv || fail 'python3 has no venv module'
@@ -117,6 +117,9 @@ crates/xtask/pages/timing.sh --check
 begin 'what pages say is printed'
 cargo build --locked --quiet
 PE_SYNTH=$target/debug/pe-synth crates/xtask/pages/printed.py --check
+
+begin 'packages'
+PE_SYNTH=$target/debug/pe-synth testbenches/packages.sh "$target/packages"
 
 begin 'the Python package of pe-host'
 design=$target/python/motor_pid

@@ -1,7 +1,7 @@
 //! The diagnostic codes of all compiler stages, in one table, and their long explanations.
 
 /// The reference with one section per code, embedded so that the program can print it.
-const REFERENCE: &str = include_str!("../../../docs/diagnostics.md");
+const REFERENCE: &str = include_str!("diagnostics.md");
 
 /// A code and what it stands for in a few words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -87,14 +87,18 @@ impl Fmu {
     }
 }
 
-/// The shared library of FMUs, which is built with this program and lies beside it.
+/// The shared library of FMUs, which is built with this program and lies beside it, or where packages keep libraries.
 fn library() -> Result<Vec<u8>, Failure> {
     let program = env::current_exe().map_err(|error| Failure::File(format!("cannot find this program: {error}")))?;
     let name = format!("{}pe_fmu{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX);
     let beside = program.parent().unwrap_or(Path::new(""));
-    let places = [beside.join(&name), beside.join("deps").join(&name)];
+    let folders = [Path::new(""), Path::new("deps"), Path::new("../lib/pe-synth")];
+    let places = folders.map(|folder| beside.join(folder).join(&name));
     let Some(place) = places.iter().find(|place| place.is_file()) else {
-        let missing = format!("{name} is not beside {}: `cargo build --release` makes both", program.display());
+        let missing = format!(
+            "{name} is not beside {}: `cargo build --release` in a checkout makes both, and the Debian package has both",
+            program.display()
+        );
         return Err(Failure::File(missing));
     };
     fs::read(place).map_err(|error| Failure::file("read", place, error))

@@ -192,7 +192,7 @@ fn write(path: &Path, text: &[u8]) -> Result<(), Failure> {
 fn build(program: &Path, source: &str, (number, option): (&str, Option<&str>), install: &str) -> Result<u32, Failure> {
     let (text, assembly) = (program.with_extension("rs"), program.with_extension("s"));
     let head = "#![allow(warnings, clippy::all)]\n";
-    let fixed = include_str!("../../../templates/native.rs");
+    let fixed = include_str!("../templates/native.rs");
     write(&text, format!("{head}type R = {number};\n{source}{fixed}").as_bytes())?;
     let mut build = Command::new("rustc");
     build.args(["--edition", "2021", "-C", "opt-level=3", "-C", "target-cpu=native"]);

@@ -18,19 +18,19 @@ use pe_map::wrap::{Capabilities, Wrap};
 
 /// The hand-written VHDL of wrappers, in compile order, behind that of the network: file name and text.
 pub const LIBRARY: [(&str, &str); 13] = [
-    ("pe_register_pkg.vhd", include_str!("../../../hdl/pe_register_pkg.vhd")),
-    ("pe_axi_lite.vhd", include_str!("../../../hdl/pe_axi_lite.vhd")),
-    ("pe_registers.vhd", include_str!("../../../hdl/pe_registers.vhd")),
-    ("pe_windows.vhd", include_str!("../../../hdl/pe_windows.vhd")),
-    ("pe_output_window.vhd", include_str!("../../../hdl/pe_output_window.vhd")),
-    ("pe_state_port.vhd", include_str!("../../../hdl/pe_state_port.vhd")),
-    ("pe_parameters.vhd", include_str!("../../../hdl/pe_parameters.vhd")),
-    ("pe_stream.vhd", include_str!("../../../hdl/pe_stream.vhd")),
-    ("pe_synchronizer.vhd", include_str!("../../../hdl/pe_synchronizer.vhd")),
-    ("pe_counters.vhd", include_str!("../../../hdl/pe_counters.vhd")),
-    ("pe_foreign.vhd", include_str!("../../../hdl/pe_foreign.vhd")),
-    ("pe_held_input.vhd", include_str!("../../../hdl/pe_held_input.vhd")),
-    ("pe_held_output.vhd", include_str!("../../../hdl/pe_held_output.vhd")),
+    ("pe_register_pkg.vhd", include_str!("../hdl/pe_register_pkg.vhd")),
+    ("pe_axi_lite.vhd", include_str!("../hdl/pe_axi_lite.vhd")),
+    ("pe_registers.vhd", include_str!("../hdl/pe_registers.vhd")),
+    ("pe_windows.vhd", include_str!("../hdl/pe_windows.vhd")),
+    ("pe_output_window.vhd", include_str!("../hdl/pe_output_window.vhd")),
+    ("pe_state_port.vhd", include_str!("../hdl/pe_state_port.vhd")),
+    ("pe_parameters.vhd", include_str!("../hdl/pe_parameters.vhd")),
+    ("pe_stream.vhd", include_str!("../hdl/pe_stream.vhd")),
+    ("pe_synchronizer.vhd", include_str!("../hdl/pe_synchronizer.vhd")),
+    ("pe_counters.vhd", include_str!("../hdl/pe_counters.vhd")),
+    ("pe_foreign.vhd", include_str!("../hdl/pe_foreign.vhd")),
+    ("pe_held_input.vhd", include_str!("../hdl/pe_held_input.vhd")),
+    ("pe_held_output.vhd", include_str!("../hdl/pe_held_output.vhd")),
 ];
 
 /// What the files tell about their origin.

@@ -197,6 +197,13 @@ pub const TASKS: &[Task] = &[
         "seconds",
     ),
     task(
+        "packages/deb.sh",
+        "a Debian package of a built binary",
+        &["contributing.md"],
+        "binutils, dpkg, git",
+        "seconds",
+    ),
+    task(
         "synthesis/to-verilog.sh",
         "prints a network as Verilog for yosys",
         &["guide.md", "hardware.md"],

@@ -10,7 +10,7 @@ use super::{TASKS, find, folder, list, script, tasks};
 /// Scripts in the folder of the crate, with their text.
 fn scripts() -> Vec<(String, String)> {
     let mut found = Vec::new();
-    for part in ["", "pages/", "synthesis/"] {
+    for part in ["", "packages/", "pages/", "synthesis/"] {
         for entry in fs::read_dir(folder().join(part)).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_some_and(|ending| ending == "sh" || ending == "py" || ending == "awk") {

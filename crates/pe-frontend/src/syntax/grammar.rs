@@ -3,5 +3,5 @@
 use pest_derive::Parser;
 
 #[derive(Parser)]
-#[grammar = "../../grammar/ode.pest"]
+#[grammar = "grammar/ode.pest"]
 pub(crate) struct OdeParser;

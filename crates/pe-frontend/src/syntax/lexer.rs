@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn keywords_of_grammar_and_lexer_agree() {
-        let grammar = include_str!("../../../../grammar/ode.pest");
+        let grammar = include_str!("../../grammar/ode.pest");
         let rule = grammar.split("keyword = @{").nth(1).and_then(|rest| rest.split('}').next()).unwrap_or("");
         let words: Vec<&str> = rule.split('"').skip(1).step_by(2).collect();
         assert_eq!(words, [&SECTIONS[..], &INNER_KEYWORDS[..]].concat());

@@ -9,7 +9,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// Files that git tracks or would track, with their text; binary files are left out.
+/// Files that git tracks or would track, with their text; binary files and links to others are left out.
 fn files() -> Vec<(String, String)> {
     let output = Command::new("git")
         .args(["ls-files", "--cached", "--others", "--exclude-standard"])
@@ -17,8 +17,10 @@ fn files() -> Vec<(String, String)> {
         .output()
         .expect("git lists the files");
     let names = String::from_utf8(output.stdout).unwrap();
+    let is_link = |name: &&str| root().join(name).is_symlink();
+    let names = names.lines().filter(|name| !is_link(name));
     let files: Vec<(String, String)> =
-        names.lines().filter_map(|name| Some((name.to_owned(), fs::read_to_string(root().join(name)).ok()?))).collect();
+        names.filter_map(|name| Some((name.to_owned(), fs::read_to_string(root().join(name)).ok()?))).collect();
     assert!(files.len() > 100, "only {} files found", files.len());
     files
 }
@@ -82,6 +84,80 @@ fn crates_depend_on_each_other_as_the_architecture_says() {
         names.insert(name);
     }
     assert_eq!(names, said.keys().cloned().collect(), "crates and architecture");
+}
+
+/// A path without `.` and `..`; none if it leaves the folder that it begins in.
+fn plain(path: &Path) -> Option<PathBuf> {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        match part {
+            std::path::Component::ParentDir => plain.pop().then_some(())?,
+            std::path::Component::CurDir => {}
+            part => plain.push(part),
+        }
+    }
+    Some(plain)
+}
+
+/// Files that a source reads as it is compiled: as written, and whether from the source's own folder.
+fn read_at_compile_time(text: &str) -> Vec<(&str, bool)> {
+    // Put together here so that this file does not find itself.
+    let calls = [("include_", "str!(\""), ("include_", "bytes!(\""), ("inclu", "de!(\""), ("gram", "mar = \"")];
+    let mut found = Vec::new();
+    for (begin, rest) in calls {
+        for (at, call) in text.match_indices(&format!("{begin}{rest}")) {
+            let path = text[at + call.len()..].split('"').next().unwrap_or("");
+            found.push((path, begin != "gram"));
+        }
+    }
+    found
+}
+
+#[test]
+fn crates_read_no_file_outside_of_them_as_they_are_compiled() {
+    let files = files();
+    let mut seen = 0;
+    for (name, text) in
+        with_ending(&files, &[".rs"]).filter(|(name, _)| name.starts_with("crates/pe-") && name.contains("/src/"))
+    {
+        let home: PathBuf = Path::new(name).iter().take(2).collect();
+        for (path, from_source) in read_at_compile_time(text) {
+            let folder = if from_source { Path::new(name).parent().expect("a folder") } else { &home };
+            let inside = plain(folder.strip_prefix(&home).expect("in its crate").join(path).as_path());
+            let found = inside.as_ref().is_some_and(|inside| root().join(&home).join(inside).is_file());
+            assert!(found, "{name} reads {path}: link its folder into the crate");
+            seen += 1;
+        }
+    }
+    for (name, text) in with_ending(&files, &["askama.toml"]) {
+        let folders = text.lines().find_map(|line| line.strip_prefix("dirs = ")).expect("folders of templates");
+        assert!(!folders.contains(".."), "{name}: templates outside of the crate");
+        seen += 1;
+    }
+    assert!(seen > 30, "only {seen} files that are read");
+    assert_eq!(plain(Path::new("src/../../hdl/pe.vhd")), None);
+    assert_eq!(read_at_compile_time(concat!("inclu", "de_str!(\"../x\")")), [("../x", true)]);
+}
+
+#[test]
+fn manifests_changelog_and_program_have_one_version() {
+    let version = env!("CARGO_PKG_VERSION");
+    let manifest = fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    let own: Vec<&str> = manifest.lines().filter(|line| line.contains("path = \"crates/")).collect();
+    assert!(own.len() > 10 && manifest.contains(&format!("\nversion = \"{version}\"\n")), "{own:?}");
+    for line in own {
+        assert!(line.contains(&format!("version = \"{version}\"")), "{line}");
+    }
+    let changes = fs::read_to_string(root().join("docs/CHANGELOG.md")).unwrap();
+    let newest = changes.lines().find_map(|line| line.strip_prefix("## ")).expect("a version");
+    assert!([version.to_owned(), format!("{version} (unreleased)")].contains(&newest.to_owned()), "{newest}");
+    let told = Command::new(env!("CARGO_BIN_EXE_pe-synth")).arg("--version").output().expect("pe-synth starts");
+    assert_eq!(String::from_utf8_lossy(&told.stdout).trim_end(), format!("pe-synth {version}"));
+    for name in files().iter().map(|(name, _)| name).filter(|name| name.ends_with("Cargo.toml")) {
+        let text = fs::read_to_string(root().join(name)).unwrap();
+        let shared = text.contains("version.workspace = true") && text.contains("license.workspace = true");
+        assert!(name == "Cargo.toml" || shared, "{name} has a version or a licence of its own");
+    }
 }
 
 #[test]

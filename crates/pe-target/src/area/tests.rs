@@ -147,8 +147,9 @@ fn estimates_of_what_was_hardly_measured_have_wider_errors() {
 /// Depths that decide between tables and blocks stand in three places.
 #[test]
 fn depths_of_blocks_are_the_same_in_vhdl_verilog_and_estimate() {
-    let package = include_str!("../../../../hdl/pe_style_pkg.vhd");
-    let styles = include_str!("../../../xtask/synthesis/styles.awk");
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let read = |file: &str| std::fs::read_to_string(root.join(file)).expect("a file of the project");
+    let (package, styles) = (read("hdl/pe_style_pkg.vhd"), read("crates/xtask/synthesis/styles.awk"));
     let deepest = memory::LUT_ROM_WORDS;
     assert!(package.contains(&format!("TABLE_ROM_WORDS : positive := {deepest};")));
     assert!(styles.contains(&format!("words[i] > {deepest} ")));
