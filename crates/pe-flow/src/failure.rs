@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::path::Path;
 use std::process::ExitCode;
 
+use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Sources};
 
 /// A command's failure; every kind has an exit code of its own (see the README).
@@ -34,6 +35,21 @@ impl Failure {
     /// A file operation failed.
     pub fn file(action: &str, path: &Path, error: impl Display) -> Failure {
         Failure::File(format!("cannot {action} {}: {error}", path.display()))
+    }
+
+    /// No design meets the goals: which of them is out of reach and by how much, and what would help.
+    pub fn out_of_reach(message: impl Into<String>, help: impl Into<String>, sources: &Sources) -> Failure {
+        let finding = Diagnostic::global(codes::OUT_OF_REACH, message).with_help(help);
+        Failure::Spec(vec![finding], sources.clone())
+    }
+
+    /// Why a design, of several that are tried, is not the one: [`Failure::out_of_reach`], or a reason without a code.
+    pub fn why_not(&self) -> Option<&str> {
+        match self {
+            Failure::Fruitless(text) => Some(text),
+            Failure::Spec(findings, _) if findings[0].code == codes::OUT_OF_REACH => Some(&findings[0].message),
+            _ => None,
+        }
     }
 
     /// The process's exit code.

@@ -101,6 +101,7 @@ codes! {
     NO_PIVOT = "E0822", "matrix without a pivot";
     BAD_SYSTEM = "E0823", "arguments that make no linear system";
     ZERO_PIVOT = "E0824", "pivot of a linear system close to zero";
+    OUT_OF_REACH = "E0825", "no design meets the goals";
 
     DIVERGED = "E0901", "value not finite during the run";
     SATURATED = "E0902", "value saturates however wide its range";

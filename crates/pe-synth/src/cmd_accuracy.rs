@@ -111,6 +111,7 @@ impl Accuracy {
             record.resume()?;
         }
         let estimate = Estimate::of(model, &plan.graphs, &settings.mapping);
+        let sources = loaded.sources.clone();
         let sweep = |within: Option<f64>| Sweep {
             loaded: loaded.clone(),
             settings: settings.clone(),
@@ -174,7 +175,10 @@ impl Accuracy {
         }
         verdict(&sheet)?;
         match (self.max_error, view.chosen) {
-            (Some(limit), None) => Err(Failure::Fruitless(format!("no point has a total error of at most {limit:e}"))),
+            (Some(_), None) => {
+                let (why, _) = sheet.goals.refusal(&sheet.rows, |row| row.command.clone());
+                Err(Failure::out_of_reach(why, "take a larger `--max-error`, or other lists", &sources))
+            }
             _ => Ok(()),
         }
     }

@@ -9,7 +9,7 @@ use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_ir::program::{Host, Program};
-use pe_ir::source::{Diagnostic, Severity};
+use pe_ir::source::{Diagnostic, Severity, Sources};
 use pe_sim::machine::Machine;
 use pe_sim::reference::ReferenceError;
 
@@ -168,7 +168,7 @@ impl Compile {
         let points = choice.as_ref().map_or_else(|| vec![self.point.point()], Choice::points);
         let (place, built) = first_that_works(&points, |point| {
             let built = self.build(&loaded, &settings, (point, goals), &conserved, &mut watch);
-            if let (Err(Failure::Fruitless(text)), false) = (&built, quiet) {
+            if let Some(text) = built.as_ref().err().and_then(Failure::why_not).filter(|_| !quiet) {
                 console::err(&format!("{:>10}  {text}\n", "refused"));
             }
             built
@@ -193,7 +193,7 @@ impl Compile {
         let pes = design.program.pes.len() as u32;
         let fit = self.clock.device.map(|device| Fit::of(device, &area));
         if let Some(complaint) = fit.as_ref().filter(|_| self.goal.fit).and_then(Fit::complaint) {
-            return Err(Failure::Fruitless(format!("{complaint}; leave out `--fit`, `--host` or `--outputs`")));
+            return Err(Failure::out_of_reach(complaint, "leave out `--fit`, `--host` or `--outputs`", &loaded.sources));
         }
         let silicon = Silicon { area, clock: clock.of(&design.program.format, pes) };
         let variables = variables(model, &design.graph, &design.judged);
@@ -311,7 +311,7 @@ impl Compile {
         let check = checked(&loaded, settings, &design, point, watch)?;
         let total = (self.reference || goals.is_some()).then(|| total_error(&loaded, &design, conserved, watch));
         if let (Some(goals), Some(total)) = (goals, &total) {
-            confirm(goals.max_error.unwrap_or(USUAL_ERROR), total)?;
+            confirm(goals.max_error.unwrap_or(USUAL_ERROR), total, &loaded.sources)?;
         }
         Ok(Built { loaded, design, check, total })
     }
@@ -385,13 +385,17 @@ fn first_that_works<P, T>(
 }
 
 /// The design that is about to be written is held against the goal itself.
-fn confirm(max_error: f64, total: &Result<TotalError, ReferenceError>) -> Result<(), Failure> {
+fn confirm(max_error: f64, total: &Result<TotalError, ReferenceError>, sources: &Sources) -> Result<(), Failure> {
     match total {
         Ok(total) if total.whole.error <= max_error => Ok(()),
-        Ok(total) => Err(Failure::Fruitless(format!(
-            "the chosen design has a total error of {:.1e}, which is more than {max_error:e}; take a smaller goal",
-            total.whole.error
-        ))),
+        Ok(total) => {
+            let error = total.whole.error;
+            let text = format!(
+                "the chosen design has a total error of {error:.1e}, {:.2} times the limit of {max_error:e}",
+                error / max_error
+            );
+            Err(Failure::out_of_reach(text, "take a smaller goal, so that others are tried", sources))
+        }
         Err(error) => Err(Failure::Fruitless(format!("the chosen design has no known total error: {error}"))),
     }
 }

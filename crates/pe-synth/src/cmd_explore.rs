@@ -126,6 +126,7 @@ impl Explore {
         let estimate = Estimate::of(model, &graphs, &settings.mapping);
         let driver = Driver::new(Self::NAME, threads, &self.sweep)?;
         let within = shown(record.max_error);
+        let sources = loaded.sources.clone();
         let sweep =
             Sweep { loaded, settings, conserved: Vec::new(), within, early: true, until: None, clock, estimate };
         record.ask(self.sweep.store.as_deref(), &sweep);
@@ -151,7 +152,8 @@ impl Explore {
         verdict(&sheet)?;
         // Of an error alone the fronts say what there is.
         if given_goals.is_some_and(|goals| goals.concern_others()) && sheet.goals.ranked(&sheet.rows).is_empty() {
-            return Err(Failure::Fruitless(sheet.goals.refusal(&sheet.rows, show::described)));
+            let (why, nearest) = sheet.goals.refusal(&sheet.rows, show::described);
+            return Err(Failure::out_of_reach(why, nearest, &sources));
         }
         Ok(())
     }

@@ -191,7 +191,8 @@ impl Question<'_> {
         let max_error = self.max_error();
         let reached = rows.iter().filter_map(errors).any(|(error, _)| error <= max_error);
         if reached {
-            return Failure::Fruitless(self.limited().refusal(rows, |row| sized(&self.loaded.model, row)));
+            let (why, nearest) = self.limited().refusal(rows, |row| sized(&self.loaded.model, row));
+            return Failure::out_of_reach(why, nearest, &self.loaded.sources);
         }
         // Where the method is right enough, what its word makes of it; else what the method comes to.
         let known = rows.iter().filter_map(|row| Some((errors(row)?, row)));
@@ -200,24 +201,27 @@ impl Question<'_> {
             let (a, b) = (rank(a.0), rank(b.0));
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
         });
-        let text = match best {
-            Some(((error, double), row)) => format!(
-                "no design has a total error of at most {:e}; the best of {} has {error:.1e}: {}. {}",
-                max_error,
-                rows.len(),
-                described(&self.loaded.model, row),
-                self.limited_by(error, double)
-            ),
+        let (text, help) = match best {
+            Some(((error, double), row)) => {
+                let text = format!(
+                    "no design has a total error of at most {max_error:e}; the best of {} has {error:.1e}, {:.2} times that: {}",
+                    rows.len(),
+                    error / max_error,
+                    described(&self.loaded.model, row)
+                );
+                (text, self.limited_by(error, double))
+            }
             None => {
                 let reasons = rows.iter().find_map(|row| match &row.outcome {
                     Outcome::Failed(reason) => Some(reason.message.clone()),
                     Outcome::Compiled(compiled) => compiled.figures.error.total_reason.clone(),
                 });
                 let first = reasons.unwrap_or_else(|| "no solver applies".to_owned());
-                format!("no design has a known total error; the first of {} says: {first}", rows.len())
+                let text = format!("no design has a known total error; the first of {} says: {first}", rows.len());
+                (text, "take another `--solver`, a smaller `--step` or a shorter `--span`".to_owned())
             }
         };
-        Failure::Fruitless(text)
+        Failure::out_of_reach(text, help, &self.loaded.sources)
     }
 
     /// What keeps the best point from the goal, and what would help.
@@ -225,7 +229,7 @@ impl Question<'_> {
         let fixed_words = self.point.multiplier.is_some() || self.fixed.storage || self.fixed.coefficients;
         if double <= self.max_error() {
             let help = if fixed_words { "let the search choose the word" } else { "no longer word is there" };
-            return format!("Its word limits it: {double:.1e} in double precision; {help}");
+            return format!("its word limits it: {double:.1e} in double precision; {help}");
         }
         let limit = if self.max_error() < TOLERANCE {
             format!("reference solutions are accurate to {TOLERANCE:.0e} only")
@@ -235,7 +239,7 @@ impl Question<'_> {
             format!("smaller steps would take more than {MOST_PRODUCTS:.0e} products over the span, or no longer help")
         };
         let share = if double > 0.9 * error { String::new() } else { format!(" ({double:.1e} in double precision)") };
-        format!("Its method limits it{share}: {limit}. Allow more, or take a shorter `--span` if the model is chaotic")
+        format!("its method limits it{share}: {limit}. Allow more, or take a shorter `--span` if the model is chaotic")
     }
 }
 

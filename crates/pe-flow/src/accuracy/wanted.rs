@@ -252,8 +252,8 @@ impl Goals {
         }
     }
 
-    /// Why no row keeps the limits.
-    pub fn refusal(&self, rows: &[Row], described: impl Fn(&Row) -> String) -> String {
+    /// Why no row keeps the limits, and what those would take that come nearest.
+    pub fn refusal(&self, rows: &[Row], described: impl Fn(&Row) -> String) -> (String, String) {
         let alone = self.out_of_reach(rows);
         let alone: Vec<String> = alone
             .iter()
@@ -272,8 +272,8 @@ impl Goals {
             format!("{} would take {}", described(row), taken.join(" and "))
         });
         let misses: Vec<String> = misses.collect();
-        let nearest = if misses.is_empty() { String::new() } else { format!("; {}", misses.join("; ")) };
-        format!("none of {} points meets the goals ({}): {why}{nearest}", rows.len(), self.words())
+        let nearest = if misses.is_empty() { "ask for less".to_owned() } else { misses.join("; ") };
+        (format!("none of {} points meets the goals ({}): {why}", rows.len(), self.words()), nearest)
     }
 }
 
@@ -337,7 +337,7 @@ mod tests {
                             }
                             None => {
                                 assert!(least.is_infinite(), "{goals:?}");
-                                let text = goals.refusal(&rows, |_| "it".to_owned());
+                                let (text, _) = goals.refusal(&rows, |_| "it".to_owned());
                                 assert!(text.contains("out of reach") || text.contains("together"), "{text}");
                             }
                         }

@@ -101,7 +101,8 @@ fn judged(sheet: &Sheet) -> String {
         text += &format!("  binding: {}; without it the {figure} could be {gain:.2} times smaller\n", limit.name());
     }
     if goals.ranked(rows).is_empty() {
-        return text + &format!("  {}\n", goals.refusal(rows, described));
+        let (why, nearest) = goals.refusal(rows, described);
+        return text + &format!("  {why}; {nearest}\n");
     }
     for miss in goals.misses(rows) {
         let row = &rows[miss.row];

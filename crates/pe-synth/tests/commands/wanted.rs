@@ -111,9 +111,30 @@ fn goals_that_nothing_meets_are_refused_with_what_is_out_of_reach() {
     let (code, text) = refused(&["--max-error", "1e-3", "--realtime", "1e9"]);
     assert!(code == Some(1) && text.contains("real time is out of reach by a factor of"), "{text}");
     assert!(text.contains("times as fast") && !text.contains("the error is out of reach"), "{text}");
+    assert!(text.contains("error[E0825]") && text.contains("help: "), "{text}");
     let (code, text) = refused(&["--max-error", "1e-6", "--realtime", "300000"]);
     assert!(code == Some(1) && text.contains("out of reach"), "{text}");
     for usage in [&["--fit"][..], &["--sample", "3ms"]] {
         assert_eq!(refused(usage).0, Some(2), "{usage:?}");
     }
+}
+
+#[test]
+fn the_example_of_the_page_gives_the_code_and_so_does_a_sweep() {
+    let section = pe_ir::codes::explain("E0825").expect("a section");
+    let example = section.split("```text\npe-synth compile models/").nth(1).and_then(|rest| rest.lines().next());
+    let mut words = example.expect("a command").split_whitespace();
+    let file = words.next().expect("a spec").rsplit('/').next().expect("a name").trim_end_matches(".spec");
+    let options: Vec<&str> = words.collect();
+    let folder = Folder::new("goals_example");
+    let target = folder.0.join("out");
+    let output = pe_synth("compile", &spec(file), &target, &options);
+    assert!(output.status.code() == Some(1) && told(&output).contains("error[E0825]"), "{}", told(&output));
+    let few = ["--span", "1s", "--solver", "rk4", "--step", "10ms", "--pes", "1", "--multiplier", "25x18"];
+    let output = pe_synth("explore", &spec(file), &target, &[&few[..], &["--realtime", "1e9"]].concat());
+    let text = told(&output);
+    assert!(
+        output.status.code() == Some(1) && text.contains("error[E0825]") && text.contains("by a factor of"),
+        "{text}"
+    );
 }
