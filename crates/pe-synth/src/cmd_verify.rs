@@ -1,17 +1,20 @@
 //! `pe-synth verify`: every engine against the simulator, bit for bit.
 
+use std::cell::RefCell;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use crate::console;
 use crate::messages::MessageFormat;
 use crate::options::engine;
-use crate::progress;
+use crate::progress::{self, Teller};
 use pe_flow::failure::Failure;
+use pe_judge::parse::duration;
 use pe_verify::Scratch;
 use pe_verify::engines::Engine;
 use pe_verify::folder::DesignFolder;
 use pe_verify::inject::{Campaign, show};
-use pe_verify::judge::{Options, judge};
+use pe_verify::judge::{Listener, Options, judge};
 
 /// Compares a compiled design in GHDL and as Rust reference with the simulator, bit for bit
 #[derive(clap::Args, Debug)]
@@ -20,6 +23,7 @@ Examples:
   pe-synth verify out/weibel5
   pe-synth verify out/weibel11 --steps 2
   pe-synth verify out/weibel11 --steps 100 --engines verilator
+  pe-synth verify out/weibel11 --within 1min
   pe-synth verify out/van_der_pol --inject 100 --seed 7")]
 pub struct Verify {
     /// Folder that `compile` wrote
@@ -27,6 +31,10 @@ pub struct Verify {
     /// Most steps to run from each start [default: as many as the reference trace has, more where everything must move]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
+    /// Fits starts and steps to this time, and says what it left out; what is compared may differ from run to run. In every
+    /// engine something must move by then
+    #[arg(long, value_name = "T", value_parser = duration, conflicts_with = "inject")]
+    within: Option<f64>,
     /// Engines to compare with the simulator, in this order
     #[arg(long, value_name = "NAME", value_parser = engine(), value_delimiter = ',', default_value = "reference,fast,ghdl")]
     engines: Vec<Engine>,
@@ -42,6 +50,9 @@ pub struct Verify {
     /// Seed that selects the damages
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "inject", help_heading = "Damage")]
     seed: u64,
+    /// Prints errors and warnings only, and what was left out
+    #[arg(short, long, help_heading = "Diagnostics")]
+    quiet: bool,
     /// Format of errors on standard error; `json` also prints runs and coverage as one object on standard output
     #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     message_format: MessageFormat,
@@ -65,17 +76,21 @@ impl Verify {
         if self.verilator && !engines.contains(&Engine::Verilator) {
             engines.push(Engine::Verilator);
         }
-        let options = Options { engines, steps: self.steps };
+        let within = self.within.map(Duration::from_secs_f64);
+        let options = Options { engines, steps: self.steps, within };
         let for_people = self.message_format == MessageFormat::Human;
-        let mut told = Ok(());
-        let mut say = |line: &str| {
-            if for_people && told.is_ok() {
-                told = console::out(line);
-            }
+        let told = Told {
+            lines: for_people && !self.quiet,
+            left: RefCell::new((Teller::new("verify", !for_people || self.quiet), Ok(()))),
         };
-        let verdict = judge(&self.folder, &options, &mut say)?;
+        let verdict = judge(&self.folder, &options, &told)?;
+        let (teller, mut told) = told.left.into_inner();
+        teller.finish();
         if !for_people {
             told = console::out(&format!("{}\n", verdict.json()));
+        } else if self.quiet {
+            // What was not judged is no matter of style.
+            told = console::out(&verdict.limits());
         }
         match verdict.changes.len() {
             0 => told,
@@ -87,6 +102,30 @@ impl Verify {
                      `--allow-changed` accepts that"
                 )))
             }
+        }
+    }
+}
+
+/// Prints the runs, and how far they are.
+struct Told {
+    lines: bool,
+    /// The bar, and whether everything was printed.
+    left: RefCell<(Teller, Result<(), Failure>)>,
+}
+
+impl Listener for Told {
+    fn say(&self, line: &str) {
+        let (teller, told) = &mut *self.left.borrow_mut();
+        if self.lines && told.is_ok() {
+            *told = teller.suspend(|| console::out(line));
+        }
+    }
+
+    fn at(&self, what: &str, over: usize, left: Option<f64>) {
+        let (teller, _) = &mut *self.left.borrow_mut();
+        match left {
+            Some(left) => teller.hear(&format!("{over} runs, {what}"), &format!("{over} runs compared"), left),
+            None => teller.begin(&format!("{over} runs, {what}")),
         }
     }
 }

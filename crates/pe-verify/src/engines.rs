@@ -8,15 +8,15 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use pe_ir::index::PeId;
 use pe_ir::program::{Program, StateRegister};
 use pe_sim::machine::Machine;
 use pe_sim::trace::TraceLine;
 
+use crate::child::Children;
 use crate::package::{self, InitialWord};
 use pe_flow::failure::Failure;
 
@@ -115,12 +115,13 @@ impl Engine {
 }
 
 /// A copy of a design's files, in which the engines build what they run.
-pub struct Bench {
+pub struct Bench<'a> {
     design: String,
     scratch: PathBuf,
     built: BTreeSet<&'static str>,
     /// The initial words with which the package was analysed last.
     analysed: Option<Vec<InitialWord>>,
+    children: Children<'a>,
 }
 
 /// One run of an engine.
@@ -136,18 +137,19 @@ pub struct Job<'a> {
     pub control: Option<&'a str>,
 }
 
-impl Bench {
+impl<'a> Bench<'a> {
     /// Copies a design into a scratch folder: GHDL's libraries record paths and make reads them, and neither can quote
     /// what a user may call a folder.
     ///
     /// # Errors
     /// If a file is missing that an engine reads.
-    pub fn new(folder: &Path, design: &str, scratch: &Path) -> Result<Bench, Failure> {
+    pub fn new(folder: &Path, design: &str, scratch: &Path) -> Result<Bench<'a>, Failure> {
         let bench = Bench {
             design: design.to_owned(),
             scratch: fs::canonicalize(scratch).unwrap_or_else(|_| scratch.to_owned()),
             built: BTreeSet::new(),
             analysed: None,
+            children: Children::default(),
         };
         let list = folder.join(format!("{design}.f"));
         let text = fs::read_to_string(&list).map_err(|error| Failure::file("read", &list, error))?;
@@ -161,6 +163,11 @@ impl Bench {
             fs::copy(&from, &to).map_err(|error| Failure::file("read", &from, error))?;
         }
         Ok(bench)
+    }
+
+    /// The same, whose programs are limited and heard.
+    pub(crate) fn with(self, children: Children<'a>) -> Bench<'a> {
+        Bench { children, ..self }
     }
 
     /// Runs an engine. What does not depend on the job is built once.
@@ -215,11 +222,13 @@ impl Bench {
             let size = fs::metadata(&source).map_or(0, |file| file.len());
             let level = if size < SMALL && job.steps < BRIEF { "opt-level=0" } else { "opt-level=3" };
             build.args(["--edition", "2021", "-C", level, "-o"]).arg(&program).arg(&source);
-            execute(&mut build, "rustc", "install Rust from https://rustup.rs").map_err(|failure| match failure {
-                Failure::Mismatch(text) if text.contains("linker") && text.contains("not found") => {
-                    Failure::MissingTool("a C linker is not installed: apt-get install gcc".into())
+            self.children.run(&mut build, "rustc", "install Rust from https://rustup.rs").map_err(|failure| {
+                match failure {
+                    Failure::Mismatch(text) if text.contains("linker") && text.contains("not found") => {
+                        Failure::MissingTool("a C linker is not installed: apt-get install gcc".into())
+                    }
+                    failure => failure,
                 }
-                failure => failure,
             })?;
         }
         let mut run = Command::new(&program);
@@ -227,7 +236,7 @@ impl Bench {
         if !job.words.is_empty() {
             run.arg("--images").arg(self.write("images.txt", &package::lines(job.words))?);
         }
-        execute(&mut run, "reference", "it was just built")
+        self.children.run(&mut run, "reference", "it was just built")
     }
 
     /// Analyses the files of the design's list; once the library is there, only what initial words change.
@@ -258,7 +267,7 @@ impl Bench {
                     analyse.arg(self.copy(file));
                 }
             }
-            execute(&mut analyse, "ghdl", GHDL_INSTALL)?;
+            self.children.run(&mut analyse, "ghdl", GHDL_INSTALL)?;
         }
         self.analysed = Some(words.to_vec());
         Ok(())
@@ -280,8 +289,8 @@ impl Bench {
         // The images of program memories are larger than a process may put on its stack unless told otherwise.
         run.args(["--ieee-asserts=disable-at-0", "--max-stack-alloc=0"]).current_dir(&self.scratch);
         match expected {
-            Some(expected) => watched(&mut run, "ghdl", GHDL_INSTALL, expected),
-            None => execute(&mut run, "ghdl", GHDL_INSTALL),
+            Some(expected) => self.children.run_until_difference(&mut run, "ghdl", GHDL_INSTALL, Some(expected)),
+            None => self.children.run(&mut run, "ghdl", GHDL_INSTALL),
         }
     }
 
@@ -298,14 +307,14 @@ impl Bench {
         run.args(["--elab-run", "--std=08"]).args(self.work_folder()).arg(format!("{}_host_tb", self.design));
         run.arg(format!("-gSCRIPT={}", script.display())).arg(format!("-gSTIMULUS={}", stimulus.display()));
         run.args(["-gCE_SEED=1", "--ieee-asserts=disable-at-0", "--max-stack-alloc=0"]).current_dir(&self.scratch);
-        execute(&mut run, "ghdl", GHDL_INSTALL)
+        self.children.run(&mut run, "ghdl", GHDL_INSTALL)
     }
 
     fn verilator(&mut self, job: &Job, stimulus: &str) -> Result<String, Failure> {
         self.analyse(job.words)?;
         let mut synthesise = Command::new("ghdl");
         synthesise.args(["--synth", "--std=08", "--out=verilog", "-gTRACE=true"]).args(self.work_folder());
-        let netlist = execute(synthesise.arg(&self.design), "ghdl", GHDL_INSTALL)?;
+        let netlist = self.children.run(synthesise.arg(&self.design), "ghdl", GHDL_INSTALL)?;
         let file = self.write(&format!("{}.v", self.design), &netlist)?;
         let driver = self.copy(&format!("{}_verilator.cpp", self.design));
         let folder = self.scratch.join("verilated");
@@ -315,15 +324,15 @@ impl Bench {
         build.args(["--cc", "--exe", "--build", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top-module", &self.design]);
         build.arg("--Mdir").arg(&folder).args(["-o", "netlist"]).arg(&file).arg(driver);
         for tool in ["make", "g++"] {
-            execute(Command::new(tool).arg("--version"), tool, "apt-get install g++ make")?;
+            self.children.run(Command::new(tool).arg("--version"), tool, "apt-get install g++ make")?;
         }
-        execute(&mut build, "verilator", "apt-get install verilator g++ make")?;
+        self.children.run(&mut build, "verilator", "apt-get install verilator g++ make")?;
         let mut run = Command::new(folder.join("netlist"));
         run.args(["--stimulus", stimulus, "--steps", &job.steps.to_string()]);
         if let Some(control) = job.control {
             run.arg("--control").arg(self.write("control.txt", control)?);
         }
-        execute(&mut run, "netlist", "it was just built")
+        self.children.run(&mut run, "netlist", "it was just built")
     }
 }
 
@@ -332,56 +341,6 @@ const SMALL: u64 = 300_000;
 const BRIEF: u64 = 1_000;
 
 const GHDL_INSTALL: &str = "apt-get install ghdl";
-
-/// Runs a program and returns what it printed.
-pub(crate) fn execute(command: &mut Command, tool: &str, install: &str) -> Result<String, Failure> {
-    let output = command.output().map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => Failure::MissingTool(format!("`{tool}` is not installed: {install}")),
-        _ => Failure::File(format!("cannot run {tool}: {error}")),
-    })?;
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    if output.status.success() {
-        return Ok(text);
-    }
-    let errors = String::from_utf8_lossy(&output.stderr);
-    let first: Vec<&str> = errors.lines().chain(text.lines()).take(6).collect();
-    Err(Failure::Mismatch(format!("{tool} failed ({}):\n{}", output.status, first.join("\n"))))
-}
-
-/// Runs a program until it ends or prints a memory write that is not the expected one; returns what it printed.
-fn watched(command: &mut Command, tool: &str, install: &str, expected: &[TraceLine]) -> Result<String, Failure> {
-    let cannot = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::NotFound => Failure::MissingTool(format!("`{tool}` is not installed: {install}")),
-        _ => Failure::File(format!("cannot run {tool}: {error}")),
-    };
-    let mut child =
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(cannot)?;
-    // A pipe that nobody reads would hold the program up.
-    let mut errors = child.stderr.take();
-    let errors = std::thread::spawn(move || {
-        let mut text = Vec::new();
-        errors.as_mut().map(|errors| errors.read_to_end(&mut text));
-        String::from_utf8_lossy(&text).into_owned()
-    });
-    let (mut text, mut left) = (String::new(), expected.iter());
-    for line in child.stdout.take().into_iter().flat_map(|out| BufReader::new(out).lines()).map_while(Result::ok) {
-        text.push_str(&line);
-        text.push('\n');
-        let write = line.strip_prefix("t ").map(TraceLine::parse);
-        if write.is_some_and(|write| write.as_ref() != left.next()) {
-            let _ = child.kill();
-            let _ = child.wait();
-            return Ok(text);
-        }
-    }
-    let status = child.wait().map_err(cannot)?;
-    let errors = errors.join().unwrap_or_default();
-    if status.success() {
-        return Ok(text);
-    }
-    let first: Vec<&str> = errors.lines().chain(text.lines()).take(6).collect();
-    Err(Failure::Mismatch(format!("{tool} failed ({status}):\n{}", first.join("\n"))))
-}
 
 /// Reads an engine's lines; the error is a line that is none of them.
 fn parse(text: &str) -> Result<Run, String> {

@@ -5,8 +5,9 @@
 //! the folder's package ([`package`]), and give them to the folder's reference, and nothing else.
 
 use std::path::Path;
+use std::time::Duration;
 
-use pe_ir::program::Program;
+use pe_ir::program::{Host, Program};
 use pe_sim::coverage::Coverage;
 use serde_json::{Value, json};
 
@@ -17,9 +18,12 @@ use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
 use crate::folder::{Change, DesignFolder};
 use crate::handshake::{self, Handshake, Met};
 use crate::host::{self, Play};
+use crate::pace::Pace;
 use crate::package::{self, InitialWord};
 use crate::stimuli::{self, Candidate, Observed, Purpose};
 use pe_flow::failure::Failure;
+
+pub use crate::pace::{Listener, Nobody};
 
 /// What to run.
 #[derive(Clone, Debug)]
@@ -28,6 +32,8 @@ pub struct Options {
     pub engines: Vec<Engine>,
     /// Steps from each start, at most; none: as many as the reference trace has.
     pub steps: Option<u64>,
+    /// The time to which starts and steps are fitted; none: all of them.
+    pub within: Option<Duration>,
 }
 
 /// What was found out about a folder whose engines agree.
@@ -41,18 +47,30 @@ pub struct Verdict {
     pub coverage: Table,
     /// The same for programs.
     pub seen: Coverage,
+    /// Starts and steps for which there was no time.
+    pub left_out: Vec<String>,
+    /// Parts that rest in what was compared, if something was left out.
+    pub resting: Vec<String>,
 }
 
 impl Verdict {
+    /// What was left out, and what rests in what was compared: a line each.
+    pub fn limits(&self) -> String {
+        let left_out = self.left_out.iter().map(|what| ("left out", what));
+        let resting = self.resting.iter().map(|what| ("at rest", what));
+        left_out.chain(resting).map(|(kind, what)| format!("{kind:>14}   {what}\n")).collect()
+    }
+
     /// The verdict for tools.
     pub fn json(&self) -> Value {
         let changes: Vec<String> = self.changes.iter().map(ToString::to_string).collect();
         json!({"generator": concat!("pe-synth ", env!("CARGO_PKG_VERSION")), "changed": changes, "runs": self.runs,
-               "coverage": self.coverage.json()})
+               "coverage": self.coverage.json(), "left_out": self.left_out, "at_rest": self.resting})
     }
 }
 
 /// Where a compared run starts.
+#[derive(Clone)]
 struct Start {
     name: String,
     steps: u64,
@@ -84,8 +102,8 @@ struct Starts {
     started: u64,
 }
 
-/// Takes a start as soon as it is made.
-type Take<'a> = &'a mut dyn FnMut(Expected) -> Result<(), Failure>;
+/// Takes a start as soon as it is made; whether all engines showed it.
+type Take<'a> = &'a mut dyn FnMut(Expected) -> Result<bool, Failure>;
 
 /// Control words of all PEs that the run in motion takes, if that makes it longer than [`SHORT`] steps.
 const LONG: u64 = 8_000;
@@ -110,6 +128,15 @@ const SATURATIONS: u64 = 10;
 /// Finds a start that has more at work.
 type Seek = fn(&Program, u64, &Coverage) -> Option<Candidate>;
 
+/// A kind of starts that are made for the hardware.
+struct Made {
+    name: &'static str,
+    /// At most so many.
+    times: u64,
+    steps: u64,
+    seek: Seek,
+}
+
 /// Starts that are sought, of each kind at most so many: their name, and what finds them.
 const SOUGHT: [(&str, u64, Seek); 3] = [
     ("sums beyond the limits", 4, climb::too_large_unsent),
@@ -120,46 +147,94 @@ const SOUGHT: [(&str, u64, Seek); 3] = [
 /// Steps of these: the first one does it, and the next one shows it.
 const BRIEF: u64 = 2;
 
-/// Judges a folder; every line of the result goes to `say` as it is found.
+/// Name of starts that saturate.
+const LIMITS: &str = "words at the limits";
+
+/// Names of the first two starts where it is told what is at work.
+const OWN: [&str; 2] = ["the beginning", "the middle"];
+
+/// Judges a folder; the listener hears every line of the result as it is found, and how far it is.
 ///
 /// # Errors
-/// [`Failure::Mismatch`] if something is wrong with the design; others if it cannot be judged.
-pub fn judge(path: &Path, options: &Options, say: &mut dyn FnMut(&str)) -> Result<Verdict, Failure> {
+/// [`Failure::Mismatch`] if something is wrong with the design, or nothing was compared that moves; others if it cannot be
+/// judged.
+pub fn judge(path: &Path, options: &Options, listener: &dyn Listener) -> Result<Verdict, Failure> {
+    let pace = Pace::new(&options.engines, options.within, listener);
+    let heard = |lines| pace.heard(lines);
     let scratch = Scratch::new()?;
     let folder = DesignFolder::open(path)?;
     let changes = folder.changes();
     for change in &changes {
-        say(&format!("{:>14}   {change}\n", "changed"));
+        pace.say(&format!("{:>14}   {change}\n", "changed"));
     }
     let (beginning, line) = beginning(&folder, options)?;
-    say(&line);
-    let mut bench = Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?;
-    let mut runs = Vec::new();
-    let Starts { seen, met, .. } = Starts::make(&folder, options, beginning, &mut |expected| {
-        for engine in &options.engines {
-            let run = expected.compare(&mut bench, *engine)?;
-            say(&expected.line(*engine, &run));
+    pace.say(&line);
+    let bench = Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?;
+    let mut bench = bench.with(pace.children(&heard));
+    let (mut runs, mut moved) = (Vec::new(), Vec::new());
+    let Starts { seen, met, .. } = Starts::make(&folder, options, beginning, &pace, &mut |expected| {
+        for (at, engine) in options.engines.iter().enumerate() {
+            let run = match expected.timed(&pace, &mut bench, *engine) {
+                Err(Failure::Interrupted(_)) if pace.is_over() => {
+                    let names: Vec<&str> = options.engines[at..].iter().map(|engine| engine.name()).collect();
+                    pace.leave_out(format!("{} from {}", names.join(" and "), expected.start.name));
+                    return Ok(false);
+                }
+                run => run?,
+            };
+            pace.say(&expected.line(*engine, &run));
             runs.push(expected.json(*engine, &run));
+            if expected.live() > 0.0 {
+                moved.push(*engine);
+            }
         }
-        say(&format!("{:>14}   {:.1} % of the words are not zero and changing\n", "", 100.0 * expected.live()));
-        Ok(())
+        pace.say(&format!("{:>14}   {:.1} % of the words are not zero and changing\n", "", 100.0 * expected.live()));
+        Ok(true)
     })?;
-    let plays = host::plays(&folder)?;
-    if !plays.is_empty() && !options.engines.contains(&Engine::Ghdl) {
-        say(&format!("{:>14}   nothing is shown of the ports for a host: only GHDL plays one\n", ""));
-    } else {
-        for play in plays {
-            play.judge(&mut bench)?;
-            say(&play.line());
-            runs.push(play.json());
-        }
-    }
+    runs.extend(played(&folder, options, &pace, &mut bench)?);
     let coverage = Table::new(&folder.program, &seen, met);
-    say(&coverage.text());
-    match &coverage::resting(&folder.program, &seen)[..] {
-        [] => Ok(Verdict { changes, runs, coverage, seen }),
-        resting => Err(Failure::Mismatch(format!("nothing was shown of a part that rests: {}", resting.join("; ")))),
+    pace.say(&coverage.text());
+    let left_out = pace.left_out();
+    // Where nothing was compared, all of it rests.
+    let resting = if runs.is_empty() { Vec::new() } else { coverage::resting(&folder.program, &seen) };
+    if left_out.is_empty() && !resting.is_empty() {
+        return Err(Failure::Mismatch(format!("nothing was shown of a part that rests: {}", resting.join("; "))));
     }
+    let verdict = Verdict { changes, runs, coverage, seen, left_out, resting };
+    pace.say(&verdict.limits());
+    let still: Vec<&str> = options.engines.iter().filter(|e| !moved.contains(e)).map(|e| e.name()).collect();
+    if let (Some(within), false) = (options.within, still.is_empty()) {
+        return Err(Failure::Mismatch(format!(
+            "nothing that moves was compared in {} within {within:?}: `--within` needs more time, or `--engines` fewer engines",
+            still.join(" and ")
+        )));
+    }
+    Ok(verdict)
+}
+
+/// Plays of a host in GHDL, as far as there is time.
+fn played(folder: &DesignFolder, options: &Options, pace: &Pace, bench: &mut Bench) -> Result<Vec<Value>, Failure> {
+    if folder.program.host == Host::default() {
+        return Ok(Vec::new());
+    }
+    if !options.engines.contains(&Engine::Ghdl) {
+        pace.say(&format!("{:>14}   nothing is shown of the ports for a host: only GHDL plays one\n", ""));
+        return Ok(Vec::new());
+    }
+    let mut runs = Vec::new();
+    let plays = if pace.is_over() { None } else { Some(host::plays(folder)?) };
+    for play in plays.iter().flatten() {
+        match play.judge(bench) {
+            Err(Failure::Interrupted(_)) if pace.is_over() => break,
+            judged => judged?,
+        }
+        pace.say(&play.line());
+        runs.push(play.json());
+    }
+    if plays.is_none_or(|plays| runs.len() < plays.len()) {
+        pace.leave_out("plays of a host".into());
+    }
+    Ok(runs)
 }
 
 /// All starts of a folder, the cheapest first: what damaged copies of its VHDL are judged by again and again.
@@ -186,9 +261,10 @@ impl Plan {
         let folder = DesignFolder::open(path)?;
         let (beginning, _) = beginning(&folder, options)?;
         let mut runs = Vec::new();
-        let Starts { seen, .. } = Starts::make(&folder, options, beginning, &mut |expected| {
+        let pace = Pace::new(&[], None, &Nobody);
+        let Starts { seen, .. } = Starts::make(&folder, options, beginning, &pace, &mut |expected| {
             runs.push(expected);
-            Ok(())
+            Ok(true)
         })?;
         runs.sort_by_key(|run| run.handshake.control.len());
         Ok(Plan { plays: host::plays(&folder)?, design: folder.design, runs, seen })
@@ -251,74 +327,85 @@ fn recorded(folder: &DesignFolder, start: &Start) -> Result<(u64, String), Failu
 
 impl Starts {
     /// Makes them all, the design's own first.
-    fn make(folder: &DesignFolder, options: &Options, beginning: Start, take: Take) -> Result<Starts, Failure> {
+    fn make(
+        folder: &DesignFolder,
+        options: &Options,
+        beginning: Start,
+        pace: &Pace,
+        take: Take,
+    ) -> Result<Starts, Failure> {
         let program = &folder.program;
         let middle = middle(folder, beginning.steps)?;
         let mut starts = Starts { seen: Coverage::none(program), met: Met::default(), started: 0 };
-        starts.expect(beginning, take)?;
-        starts.expect(middle, take)?;
         let work = (program.pes.len() as u64 * u64::from(program.period)).max(1);
-        let most = options.steps.unwrap_or(u64::MAX);
-        // A tick that is due once in a run might never be due again.
-        let tick = program.ticks().map(|(_, tick, _)| u64::from(tick.steps) + 2).max().unwrap_or(0);
-        let steps = (LONG / work).clamp(SHORT, LONGEST);
-        let steps = if tick * work <= TICKING { steps.max(tick) } else { steps };
-        // An entry of a table is read where its argument is.
-        let tables = program.pes.iter().any(|pe| pe.features.index_words > 0);
-        for _ in 0..if tables { TABLES } else { 1 } {
-            let steps = steps.min(most);
-            let candidate = stimuli::choose(program, Purpose::Motion, steps, &starts.seen);
-            if !starts.made(program, "random words", candidate, steps, take)? {
-                break;
-            }
+        let kinds = made(program, options, work);
+        for kind in &kinds {
+            // More PEs have more places to saturate; other searches find little, but take their time.
+            let likely = if kind.name != LIMITS { 1 } else { kind.times.min(3 * program.pes.len() as u64 - 1) };
+            pace.plan(kind.name, likely, work * kind.steps);
         }
-        for _ in 0..(LONG / work).clamp(1, SATURATIONS) {
-            let steps = SATURATING.min(most);
-            let candidate = stimuli::choose(program, Purpose::Saturation, steps, &starts.seen);
-            if !starts.made(program, "words at the limits", candidate, steps, take)? {
-                break;
-            }
+        OWN.iter().for_each(|name| pace.plan(name, 1, work * beginning.steps));
+        if pace.within().is_some() && beginning.steps > BRIEF {
+            // Tells what steps cost.
+            starts.expect(Start { steps: BRIEF, ..beginning.clone() }, pace, take)?;
         }
-        let steps = BRIEF.min(most);
-        for (name, times, seek) in SOUGHT {
-            for _ in 0..times {
-                let candidate = seek(program, steps, &starts.seen);
-                if !starts.made(program, name, candidate, steps, take)? {
-                    break;
-                }
-            }
+        for (start, name) in [beginning, middle].into_iter().zip(OWN) {
+            starts.own(start, name, work, pace, take)?;
+        }
+        for kind in kinds {
+            starts.made(program, &kind, work * kind.steps, pace, take)?;
         }
         Ok(starts)
     }
 
-    /// A run that is made for the hardware; none if no candidate shows more.
-    fn made(
-        &mut self,
-        program: &Program,
-        name: &str,
-        candidate: Option<Candidate>,
-        steps: u64,
-        take: Take,
-    ) -> Result<bool, Failure> {
-        let Some(candidate) = candidate else { return Ok(false) };
-        let start = Start {
-            name: name.into(),
-            steps,
-            words: package::differences(program, &candidate.program),
-            lines: Some(stimuli::lines(program, &candidate.stimulus)),
-            program: candidate.program,
-            stimulus: candidate.stimulus,
-            held: true,
-        };
-        self.expect(start, take)?;
-        Ok(true)
+    /// A start of the design's own, with as many of its steps as there is time for.
+    fn own(&mut self, start: Start, name: &'static str, work: u64, pace: &Pace, take: Take) -> Result<(), Failure> {
+        pace.done(name);
+        let (all, from) = (start.steps, start.name.clone());
+        match pace.steps(all, work) {
+            None => pace.leave_out(format!("the start from {from}")),
+            Some(steps) => {
+                if steps < all {
+                    pace.leave_out(format!("{} of {all} steps from {from}", all - steps));
+                }
+                self.expect(Start { steps, ..start }, pace, take)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs of a kind that are made for the hardware, until no candidate shows more.
+    fn made(&mut self, program: &Program, kind: &Made, words: u64, pace: &Pace, take: Take) -> Result<(), Failure> {
+        for number in 0..kind.times {
+            if !pace.fits(words) {
+                let further = if number == 0 { "" } else { "further " };
+                pace.leave_out(format!("{further}starts from {}", kind.name));
+                break;
+            }
+            let found = pace.find(kind.name, || (kind.seek)(program, kind.steps, &self.seen));
+            let Some(candidate) = found else { break };
+            pace.begin(kind.name);
+            let start = Start {
+                name: kind.name.into(),
+                steps: kind.steps,
+                words: package::differences(program, &candidate.program),
+                lines: Some(stimuli::lines(program, &candidate.stimulus)),
+                program: candidate.program,
+                stimulus: candidate.stimulus,
+                held: true,
+            };
+            self.expect(start, pace, take)?;
+        }
+        pace.done(kind.name);
+        Ok(())
     }
 
     /// What a start must show.
-    fn expect(&mut self, start: Start, take: Take) -> Result<(), Failure> {
+    fn expect(&mut self, start: Start, pace: &Pace, take: Take) -> Result<(), Failure> {
         let Start { name, steps, program, stimulus, .. } = &start;
         let writes = program.writes_per_step() * steps;
-        let observed = stimuli::observe(program, stimulus, *steps);
+        let words = program.pes.len() as u64 * u64::from(program.period) * steps;
+        let observed = pace.simulate(words, || stimuli::observe(program, stimulus, *steps));
         if observed.escaped {
             let what = format!("from {name}: a word of a PE without saturation is out of range");
             return Err(Failure::Mismatch(what));
@@ -327,10 +414,31 @@ impl Starts {
         let held = start.held.then_some(self.started);
         let handshake = handshake::drive(program, *steps, observed.overflow_cycle, held);
         self.started += 1;
-        self.seen.add(&observed.coverage);
-        self.met.add(&handshake.met);
-        take(Expected { start, observed, handshake, writes })
+        let (coverage, met) = (observed.coverage.clone(), handshake.met);
+        if take(Expected { start, observed, handshake, writes })? {
+            self.seen.add(&coverage);
+            self.met.add(&met);
+        }
+        Ok(())
     }
+}
+
+/// The kinds of starts that are made for the hardware.
+fn made(program: &Program, options: &Options, work: u64) -> Vec<Made> {
+    let most = options.steps.unwrap_or(u64::MAX);
+    // A tick that is due once in a run might never be due again.
+    let tick = program.ticks().map(|(_, tick, _)| u64::from(tick.steps) + 2).max().unwrap_or(0);
+    let steps = (LONG / work).clamp(SHORT, LONGEST);
+    let steps = if tick * work <= TICKING { steps.max(tick) } else { steps };
+    // An entry of a table is read where its argument is.
+    let tables = program.pes.iter().any(|pe| pe.features.index_words > 0);
+    let in_motion: Seek = |program, steps, seen| stimuli::choose(program, Purpose::Motion, steps, seen);
+    let saturating: Seek = |program, steps, seen| stimuli::choose(program, Purpose::Saturation, steps, seen);
+    let random = ("random words", if tables { TABLES } else { 1 }, steps, in_motion);
+    let limits = (LIMITS, (LONG / work).clamp(1, SATURATIONS), SATURATING, saturating);
+    let sought = SOUGHT.map(|(name, times, seek)| (name, times, BRIEF, seek));
+    let all = [random, limits].into_iter().chain(sought);
+    all.map(|(name, times, steps, seek)| Made { name, times, steps: steps.min(most), seek }).collect()
 }
 
 impl Expected {
@@ -352,6 +460,18 @@ impl Expected {
             return Err(Failure::Mismatch(format!("{}: {what}", engine.name())));
         }
         Ok(run)
+    }
+
+    /// The same, with its time noted.
+    fn timed(&self, pace: &Pace, bench: &mut Bench, engine: Engine) -> Result<engines::Run, Failure> {
+        let program = &self.start.program;
+        let words = program.pes.len() as u64 * u64::from(program.period) * self.start.steps;
+        let outputs = program.outputs.len() as u64 * self.start.steps;
+        let lines = match engine {
+            Engine::Fast => program.states.len() as u64 * self.start.steps,
+            _ => self.writes,
+        };
+        pace.run(engine, &self.start.name, words, lines + outputs, || self.compare(bench, engine))
     }
 
     fn live(&self) -> f64 {

@@ -4,6 +4,7 @@
 //! what is caught; [`native`] measures the generated native program. [`engines`] builds and runs GHDL, Verilator and
 //! the Rust reference.
 
+mod child;
 pub mod climb;
 pub mod coverage;
 pub mod engines;
@@ -13,6 +14,7 @@ pub mod host;
 pub mod inject;
 pub mod judge;
 pub mod native;
+mod pace;
 pub mod package;
 mod scratch;
 pub mod stimuli;

@@ -9,7 +9,7 @@ use pe_ir::model::Model;
 use pe_sim::error::Trajectory;
 use pe_sim::native::{self, Work};
 
-use crate::engines::execute;
+use crate::child::execute;
 use pe_flow::failure::Failure;
 
 /// Rounds in which all programs run in turn: what else the computer does then meets all of them.

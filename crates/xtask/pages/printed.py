@@ -4,9 +4,8 @@
     cargo run -p xtask -- printed [--check] [--long] [PAGE...]
 
 A block of text under the line `<!-- printed by: COMMAND -->` is what COMMAND prints, on both outputs, in a folder that has the
-models and, for each page, what its commands before have written; seconds of stages are left out. Python finds `pe_host`,
-which is built where a page asks for it. `--check` changes nothing and
-fails where a block differs. Blocks under `<!-- printed by, long: COMMAND -->` take minutes and wait for `--long`. $PE_SYNTH
+models and, for each page, what its commands before have written; seconds of stages, and lines that tell what is left, are left out. Python finds
+`pe_host`, which is built where a page asks for it. `--check` changes nothing and fails where a block differs. Blocks under `<!-- printed by, long: COMMAND -->` take minutes and wait for `--long`. $PE_SYNTH
 names a binary to use in place of building one; needs GHDL.
 """
 
@@ -24,6 +23,7 @@ from common import ROOT, built, python_package
 
 BLOCK = re.compile(r"^(?P<mark><!-- printed by(?P<long>, long)?: (?P<command>[^\n]+) -->)\n```text\n(?P<text>.*?)^```$", re.M | re.S)
 SECONDS = re.compile(r" +\([0-9.]+ s\)$", re.M)
+LEFT = re.compile(r"^ +(?:verify|explore|accuracy)  .+ after [^\n]+ to go\n", re.M)
 
 
 def printed(command, folder, path):
@@ -32,7 +32,7 @@ def printed(command, folder, path):
         environment["PYTHONPATH"] = python_package()
     done = subprocess.run(["bash", "-c", command], cwd=folder, env=environment, text=True, check=False,
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    return SECONDS.sub("", done.stdout)
+    return LEFT.sub("", SECONDS.sub("", done.stdout))
 
 
 def renewed(page, long, path):

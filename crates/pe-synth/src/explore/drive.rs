@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
 use pe_ir::model::Model;
 use pe_map::sha256;
 
@@ -13,6 +12,7 @@ use super::record::{Ended, Record};
 use super::sheet::Sheet;
 use crate::console;
 use crate::options::SweepArgs;
+use crate::progress::Teller;
 use pe_flow::explore::estimate::{Forecast, Work};
 use pe_flow::explore::family;
 use pe_flow::explore::row::Outcome;
@@ -23,17 +23,8 @@ use pe_judge::times::processor_seconds;
 /// First part of `generator` in all our files, and the version.
 pub const GENERATOR: &str = concat!("pe-synth ", env!("CARGO_PKG_VERSION"));
 
-/// Fineness of the progress bar.
-const TICKS: f64 = 1000.0;
-
-/// Parts of a sweep after which is told what is left, where no bar shows it.
-const TOLD: [f64; 4] = [0.1, 0.25, 0.5, 0.75];
-
 /// Seconds of processor time before which the load of the machine does not show.
 const SETTLING: f64 = 0.2;
-
-/// Seconds of a sweep of which that is told, at least.
-const LONG: f64 = 10.0;
 
 /// The threads of a sweep, which may have several rounds.
 pub struct Driver {
@@ -85,68 +76,40 @@ impl Driver {
         }
         let jobs = record.pending();
         let sweep = Sweep { until: self.until, ..sweep };
-        let mut teller = Teller::new(self.name, self.forecast(record, &sweep), self.threads, quiet);
+        let mut left = Left::new(self.name, self.forecast(record, &sweep), self.threads, quiet);
         let (pool, sender) = (std::sync::Arc::clone(&self.pool), self.sender.clone());
         std::thread::spawn(move || {
             sweep::run(&sweep, jobs, &pool, &sender);
             let _ = sender.send(Event::Finished);
         });
-        let followed = record.follow(&self.events, self.until, &mut |done, total, work| teller.hear(done, total, work));
-        teller.bar.finish_and_clear();
+        let followed = record.follow(&self.events, self.until, &mut |done, total, work| left.hear(done, total, work));
+        left.teller.finish();
         followed
     }
 }
 
-/// Tells how far a sweep is: a bar where there is a terminal, else a line now and then.
-struct Teller {
-    name: &'static str,
-    bar: ProgressBar,
+/// Tells how far a sweep is.
+struct Left {
+    teller: Teller,
     forecast: Forecast,
-    begun: Instant,
     /// Processor time of the process at the beginning.
     used: Option<f64>,
     threads: f64,
-    /// Which of the lines are still to come.
-    lines: std::slice::Iter<'static, f64>,
 }
 
-impl Teller {
-    fn new(name: &'static str, forecast: Forecast, threads: usize, quiet: bool) -> Teller {
-        let style = ProgressStyle::with_template("{prefix:>10}  {bar:40} {msg}").expect("a valid template");
-        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(TICKS as u64) };
-        let bar = bar.with_style(style).with_prefix(name);
-        let lines = if quiet || !bar.is_hidden() { [].iter() } else { TOLD.iter() };
-        let (begun, used) = (Instant::now(), processor_seconds());
-        Teller { name, bar, forecast, begun, used, threads: threads as f64, lines }
+impl Left {
+    fn new(name: &'static str, forecast: Forecast, threads: usize, quiet: bool) -> Left {
+        Left { teller: Teller::new(name, quiet), forecast, used: processor_seconds(), threads: threads as f64 }
     }
 
     fn hear(&mut self, done: usize, total: usize, work: Option<&Work>) {
         work.into_iter().for_each(|work| self.forecast.include(work));
-        let elapsed = self.begun.elapsed().as_secs_f64();
         // As busy as the machine was so far, others included.
         let used = processor_seconds().zip(self.used).map(|(now, begun)| now - begun);
+        let elapsed = self.teller.elapsed();
         let load = used.map_or(1.0, |used| (self.threads * elapsed + SETTLING) / (used + SETTLING)).max(1.0);
         let left = load * self.forecast.remaining();
-        let part = elapsed / (elapsed + left).max(f64::MIN_POSITIVE);
-        self.bar.set_position((part * TICKS) as u64);
-        self.bar.set_message(format!("{done}/{total} points, {} left", duration(left)));
-        let reached = self.lines.as_slice().iter().take_while(|line| part >= **line).count();
-        if reached > 0 && elapsed + left >= LONG {
-            self.lines.nth(reached - 1);
-            let name = self.name;
-            let (elapsed, left) = (duration(elapsed), duration(left));
-            console::err(&format!("{name:>10}  {done} of {total} points after {elapsed}; about {left} to go\n"));
-        }
-    }
-}
-
-/// Seconds as a person reads them.
-pub fn duration(seconds: f64) -> String {
-    match seconds {
-        ..9.95 => format!("{seconds:.1} s"),
-        ..119.5 => format!("{seconds:.0} s"),
-        ..5970.0 => format!("{:.1} min", seconds / 60.0),
-        _ => format!("{:.1} h", seconds / 3600.0),
+        self.teller.hear(&format!("{done}/{total} points"), &format!("{done} of {total} points"), left);
     }
 }
 

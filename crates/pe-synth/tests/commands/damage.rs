@@ -1,5 +1,6 @@
 //! Damaged folders: whatever was done to a design, `verify` says so, also to one that rests where it starts.
 
+use std::cell::RefCell;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,7 +11,7 @@ use crate::support::models::spec;
 use pe_flow::failure::Failure;
 use pe_verify::engines::Engine;
 use pe_verify::folder::Change;
-use pe_verify::judge::{Options, Verdict, judge};
+use pe_verify::judge::{Listener, Nobody, Options, Verdict, judge};
 
 /// A converter with a sampled controller: nothing moves in the first half of its span.
 const CONVERTER: &str = "\
@@ -100,11 +101,11 @@ const DEEP: [Damage; 2] = [
 ];
 
 fn options(engines: &[Engine]) -> Options {
-    Options { engines: engines.to_vec(), steps: Some(12) }
+    Options { engines: engines.to_vec(), steps: Some(12), within: None }
 }
 
 fn verdict(folder: &Path, engines: &[Engine]) -> Result<Verdict, Failure> {
-    judge(folder, &options(engines), &mut |_| {})
+    judge(folder, &options(engines), &Nobody)
 }
 
 /// Compiles a spec; gives the folder of the design.
@@ -130,17 +131,29 @@ fn edited(design: &Path, file: &str, edit: impl Fn(&str) -> String) -> PathBuf {
     damage::edited(design, &design.with_file_name("damaged"), file, edit)
 }
 
+/// What is said of a folder.
+#[derive(Default)]
+struct Said(RefCell<String>);
+
+impl Listener for Said {
+    fn say(&self, line: &str) {
+        *self.0.borrow_mut() += line;
+    }
+    fn at(&self, _: &str, _: usize, _: Option<f64>) {}
+}
+
 /// Asserts that GHDL finds damage, and that the file is named.
 fn assert_caught(design: &Path, name: &str, file: &str, edit: impl Fn(&str) -> String) {
     let damaged = edited(design, file, edit);
-    let mut said = String::new();
-    match judge(&damaged, &options(&[Engine::Ghdl]), &mut |line| said += line) {
+    let said = Said::default();
+    match judge(&damaged, &options(&[Engine::Ghdl]), &said) {
         // What GHDL refuses says nothing about what was compared.
         Err(Failure::Mismatch(what)) if what.contains("ghdl failed") => panic!("{name}: {what}"),
         Err(Failure::Mismatch(what)) => println!("{name}: {}", what.lines().next().unwrap_or_default()),
         Err(failure) => panic!("{name}: {failure:?}"),
         Ok(_) => panic!("{name} passes"),
     }
+    let said = said.0.into_inner();
     let first = said.lines().next().unwrap_or_default();
     assert!(first.contains(file) && first.contains("hash"), "{name}: {said}");
 }

@@ -30,5 +30,6 @@ mod tidy;
 mod transports;
 mod tunable;
 mod wanted;
+mod within;
 mod wrap;
 mod wrap_files;

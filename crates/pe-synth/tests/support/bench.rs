@@ -68,7 +68,7 @@ impl std::ops::AddAssign for Agreement {
 /// A design as files and what engines have built of them.
 struct Built {
     program: Program,
-    bench: Bench,
+    bench: Bench<'static>,
     /// Stays if the caller finds a run to be wrong and panics while holding it.
     folder: Folder,
 }

@@ -35,7 +35,7 @@ use rayon::prelude::*;
 use crate::Scratch;
 use crate::engines::Engine;
 use crate::folder;
-use crate::judge::{self, Options, Plan};
+use crate::judge::{self, Nobody, Options, Plan};
 use classes::{Damage, Places, Sources};
 use datasheet::Design;
 use equivalence::{Equivalence, Netlist, Yosys};
@@ -131,9 +131,9 @@ impl Campaign {
     /// other.
     pub fn run(&self, folder: &Path, progress: &dyn Progress) -> Result<Vec<Finding>, Failure> {
         let yosys = Yosys::find()?;
-        let options = Options { engines: vec![Engine::Ghdl], steps: self.steps };
+        let options = Options { engines: vec![Engine::Ghdl], steps: self.steps, within: None };
         // A damage in a folder that fails anyway would count as caught.
-        judge::judge(folder, &options, &mut |_| {})?;
+        judge::judge(folder, &options, &Nobody)?;
         let plan = Plan::of(folder, &options)?;
         let sources = sources(folder)?;
         let unread = |what: String| Failure::file("read", folder, format!("its VHDL is not understood: {what}"));
