@@ -43,6 +43,9 @@ pub struct Check {
     /// Shows the ranges of all variables, not only those with the least headroom
     #[arg(long, help_heading = "Output")]
     all: bool,
+    /// Prints errors and warnings only
+    #[arg(short, long, help_heading = "Diagnostics")]
+    quiet: bool,
     #[command(flatten)]
     again: WatchArgs,
     #[command(flatten)]
@@ -78,20 +81,21 @@ impl Check {
         let (loaded, model) = (&loaded, &loaded.model);
         let goal = Some(self.max_error);
         let question = Question { model, graph: &graph, point: &point, criteria: &criteria, format, goal };
-        let bar = progress::bar("runs", json);
+        let bar = progress::bar("runs", json || self.quiet);
         let (check, judged) = match runs::judge(model, &graph, format, &criteria, bar) {
             Ok(judged) => (Checked::of_judged(&question, &judged), Some(judged)),
             Err(refusals) => (Checked::of_refused(&question, refusals), None),
         };
         let variables = judged.as_ref().map(|judged| variables::variables(model, &graph, judged));
-        let told = console::out(&if json {
+        let text = if json {
             let mut result = check::json(model, &check, judged.as_ref(), asked_span, &loaded.sources);
             result["variables"] = variables.map_or(Value::Null, |variables| variables::complete(&variables).into());
             format!("{result:#}\n")
         } else {
             let ranges = variables.map_or_else(String::new, |variables| variables::ranges(&variables, self.all));
             check::text(model, &check, judged.as_ref(), asked_span) + &ranges
-        });
+        };
+        let told = if self.quiet { Ok(()) } else { console::out(&text) };
         let (refusals, warnings): (Vec<_>, Vec<_>) =
             check.findings.into_iter().partition(|finding| finding.severity == Severity::Error);
         print_findings(&warnings, &loaded.sources, self.message_format());

@@ -1,5 +1,7 @@
 //! `pe-synth dump`: the result of a compiler stage, as text.
 
+use std::path::PathBuf;
+
 use pe_hls::mapping::Problem;
 use petgraph::dot::{Config, Dot};
 
@@ -19,9 +21,9 @@ use pe_ir::text;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
-  pe-synth dump --stage step models/lorenz/lorenz.spec > step.txt && pe-synth compile --from step.txt
+  pe-synth dump --stage step models/lorenz/lorenz.spec -o step.txt && pe-synth compile --from step.txt
   pe-synth dump --stage ode-graph models/weibel5/weibel5.spec | dot -Tsvg > weibel5.svg
-  pe-synth dump --stage mapping --pes 4 models/weibel5/weibel5.spec > weibel5.map")]
+  pe-synth dump --stage mapping --pes 4 models/weibel5/weibel5.spec -o weibel5.map")]
 pub struct Dump {
     #[command(flatten)]
     point: PointArgs,
@@ -30,6 +32,9 @@ pub struct Dump {
     /// The compiler stage
     #[arg(long, value_enum, help_heading = "Output")]
     stage: Stage,
+    /// File [default: standard output]
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    output: Option<PathBuf>,
     /// Omits the preceding stages, which `compile --from` needs
     #[arg(long, help_heading = "Output")]
     only: bool,
@@ -66,7 +71,11 @@ impl Dump {
 
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
-        console::out(&self.text()?)
+        let text = self.text()?;
+        match &self.output {
+            Some(path) => std::fs::write(path, text).map_err(|error| Failure::file("write", path, error)),
+            None => console::out(&text),
+        }
     }
 
     fn text(&self) -> Result<String, Failure> {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::figures::Record;
+use crate::messages::MessageFormat;
 use crate::output::OutputFolder;
 use pe_flow::failure::Failure;
 
@@ -17,9 +18,17 @@ pub struct Golden {
     /// Folder to write; replaced if pe-synth wrote it
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+    /// Format of errors on standard error
+    #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
+    message_format: MessageFormat,
 }
 
 impl Golden {
+    /// Form of messages.
+    pub fn message_format(&self) -> MessageFormat {
+        self.message_format
+    }
+
     /// Runs the command.
     pub fn run(&self) -> Result<(), Failure> {
         let record = Record::read(&self.folder)?;

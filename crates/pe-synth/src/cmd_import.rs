@@ -19,12 +19,15 @@ use crate::options;
 ///
 /// What a spec cannot express is told as a whole, each with its place, and nothing is written then.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "\
+#[command(
+    override_usage = "pe-synth import [OPTIONS] <FILE>\n       pe-synth import [OPTIONS] --suite <FOLDER>",
+    after_help = "\
 Examples:
   pe-synth import model.xml -o model.spec
   pe-synth import model.xml -o model.spec --outputs S1,S2 --span 100s
   pe-synth import model.xml -o model.spec --compare results.csv --relative 1e-4
-  pe-synth import --suite cases/semantic -o table.md")]
+  pe-synth import --suite cases/semantic -o table.md"
+)]
 pub struct Import {
     /// The model
     #[arg(required_unless_present = "suite", conflicts_with = "suite")]
@@ -62,6 +65,9 @@ pub struct Import {
     /// Cases of the suite whose names begin so; may be repeated
     #[arg(long, value_name = "NAME", requires = "suite", help_heading = "Comparison")]
     case: Vec<String>,
+    /// Prints errors and warnings only
+    #[arg(short, long, help_heading = "Diagnostics")]
+    quiet: bool,
     /// Format of errors and warnings on standard error
     #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
     message_format: MessageFormat,
@@ -129,6 +135,7 @@ impl Import {
         )?;
         let table = compare::table(&found);
         match &self.output {
+            _ if self.quiet => {}
             Some(_) => console::out(&table)?,
             None => console::err(&table),
         }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::command::quoted;
 use crate::console;
+use crate::messages::MessageFormat;
 use pe_flow::failure::Failure;
 
 /// What a new spec says; its model has another name.
@@ -23,9 +24,17 @@ Examples:
 pub struct New {
     /// Name of the model and of its file NAME.spec; a path puts it into that folder
     name: PathBuf,
+    /// Format of errors on standard error
+    #[arg(long, value_enum, default_value_t, help_heading = "Diagnostics")]
+    message_format: MessageFormat,
 }
 
 impl New {
+    /// Form of messages.
+    pub fn message_format(&self) -> MessageFormat {
+        self.message_format
+    }
+
     /// Runs the command.
     ///
     /// # Errors

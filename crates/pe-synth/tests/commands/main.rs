@@ -22,6 +22,7 @@ mod interruption;
 mod library;
 mod map;
 mod mapping_file;
+mod options;
 mod outputs;
 mod report;
 mod store;

@@ -1,0 +1,57 @@
+//! Options that commands have alike.
+
+use std::fs;
+use std::process::{Command, Output};
+
+use crate::support::bench::Folder;
+use crate::support::models::spec;
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn commands_have_the_options_that_others_have() {
+    let help = |words: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(words).output().unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let commands = help(&["--help"]);
+    let commands = commands.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    let names =
+        commands.lines().filter(|line| !line.starts_with("   ")).filter_map(|line| line.split_whitespace().next());
+    // These print a text that others made.
+    for name in names.filter(|name| !["help", "completions", "man"].contains(name)) {
+        let page = help(&[name, "-h"]);
+        assert!(page.contains("--message-format"), "{name}");
+        assert_eq!(page.contains("--quiet"), page.contains("-q, --quiet"), "{name}");
+        assert_eq!(page.contains("--output <"), page.contains("-o, --output <"), "{name}");
+        let tells = ["accuracy", "check", "compile", "explore", "fmu", "import", "verify", "wrap"];
+        assert!(!tells.contains(&name) || page.contains("--quiet"), "{name} cannot be quiet");
+    }
+    let usage = Command::new(env!("CARGO_BIN_EXE_pe-synth")).arg("import").output().unwrap();
+    let text = stderr(&usage);
+    assert!(usage.status.code() == Some(2) && text.contains("import [OPTIONS] <FILE>\n"), "{text}");
+    assert!(text.contains("import [OPTIONS] --suite <FOLDER>") && !text.contains("--suite <FOLDER> <FILE>"), "{text}");
+}
+
+#[test]
+fn quiet_commands_print_findings_only() {
+    let folder = Folder::new("quiet_commands");
+    let home = &folder.0;
+    let spec = spec("harmonic_oscillator");
+    let quiet = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(arguments).current_dir(home).output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+        assert!(output.stdout.is_empty() && output.stderr.is_empty(), "{arguments:?}: {}", stderr(&output));
+    };
+    let spec = spec.to_str().unwrap();
+    quiet(&["check", spec, "--span", "50ms", "-q"]);
+    quiet(&["compile", spec, "--span", "50ms", "-q", "--no-pictures", "-o", "out"]);
+    quiet(&["verify", "out", "-q", "--engines", "fast", "--steps", "2"]);
+    quiet(&["dump", spec, "--stage", "model", "-o", "model.txt"]);
+    assert!(fs::read_to_string(home.join("model.txt")).unwrap().contains("harmonic_oscillator"));
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(["check", spec, "--step", "2", "--quiet"]).output().unwrap();
+    assert!(output.status.code() == Some(1) && output.stdout.is_empty() && !output.stderr.is_empty());
+}
