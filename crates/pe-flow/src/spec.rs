@@ -35,12 +35,19 @@ pub fn load(spec: &Path, overrides: &Overrides) -> Result<(LoadedModel, Vec<Diag
     let mut sources = main_text(spec)?;
     match pe_frontend::compile(&mut sources, &ModelFolder::of(spec), overrides) {
         Ok((model, mut warnings)) => {
-            let (model, left_out) = pe_hls::fuse::fuse(model);
+            let (loaded, left_out) = written_out(model, sources);
             warnings.extend(left_out);
-            Ok((LoadedModel { model: pe_hls::lift::lift(model), sources, stages: None }, warnings))
+            Ok((loaded, warnings))
         }
         Err(findings) => Err(Failure::Spec(findings, sources)),
     }
+}
+
+/// Writes functions of variables out in a model that the front end made, as the compiler stages take it; with the
+/// choices that this leaves out.
+pub fn written_out(model: Model, sources: Sources) -> (LoadedModel, Vec<Diagnostic>) {
+    let (model, left_out) = pe_hls::fuse::fuse(model);
+    (LoadedModel { model: pe_hls::lift::lift(model), sources, stages: None }, left_out)
 }
 
 /// Reads the text of a stage, with all stages before it.

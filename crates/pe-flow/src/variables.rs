@@ -4,10 +4,20 @@ use pe_ir::graph::{Role, StepGraph, ValueId};
 use pe_ir::model::Model;
 use serde_json::{Value, json};
 
+use pe_judge::progress::silent;
 use pe_judge::proof::Certainty;
-use pe_judge::runs::Judged;
+use pe_judge::runs::{self, Judged};
+use pe_judge::{Criteria, DesignPoint};
 
+use crate::failure::Failure;
+use crate::pipeline;
 use crate::report::types::Headroom;
+use crate::settings::MappingOptions;
+use crate::spec::LoadedModel;
+use crate::watch::Stopwatch;
+
+/// Products that an equation takes on average, where they have not been counted.
+const PRODUCTS_PER_EQUATION: u64 = 8;
 
 /// Variables that reports list: those with the least headroom.
 const LISTED: usize = 10;
@@ -81,6 +91,26 @@ pub fn variables(model: &Model, graph: &StepGraph, judged: &Judged) -> Vec<Varia
         variables.extend(measure(&input.name, "input", &input.unit, &[*value]));
     }
     variables
+}
+
+/// All variables of a model with default options, judged over as much from the beginning of its span as costs about so
+/// many products per run, and at least one step; with the seconds that this is.
+///
+/// # Errors
+/// Those of the step and of the runs.
+pub fn over_beginning(loaded: &LoadedModel, products: u64) -> Result<(Vec<Variable>, f64), Failure> {
+    let (point, mapping) = (DesignPoint::default(), MappingOptions::default());
+    let mut loaded = loaded.clone();
+    let equations = (loaded.model.states.len() + loaded.model.algebraics.len()) as u64;
+    // Tables of functions need runs themselves, so the true number of products is not known yet.
+    let step = equations * u64::from(loaded.model.solver.stages()) * PRODUCTS_PER_EQUATION;
+    let steps = (products / step.max(1)).clamp(1, loaded.model.steps());
+    loaded.model.span = loaded.model.span.min(loaded.model.time(steps, 0.0));
+    let graph = pipeline::step(&loaded, &point, &mapping, &mut Stopwatch::silent())?;
+    let format = point.format(&loaded.model).map_err(Failure::Usage)?;
+    let refused = |findings| Failure::Spec(findings, loaded.sources.clone());
+    let judged = runs::judge(&loaded.model, &graph, format, &Criteria::default(), silent()).map_err(refused)?;
+    Ok((variables(&loaded.model, &graph, &judged), loaded.model.span))
 }
 
 /// The values of each state and of each algebraic variable; none of one that was put in place where it is read.

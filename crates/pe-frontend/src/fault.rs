@@ -2,6 +2,8 @@
 
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Why an expression has no value.
 #[derive(Debug)]
@@ -30,11 +32,19 @@ pub(crate) struct Budget {
     pub(crate) work: u64,
     /// Variables that may still be read; bounds the memory of the result.
     pub(crate) reads: u64,
+    /// Ends the work early when its result is no longer wanted.
+    pub(crate) stop: Option<Arc<AtomicBool>>,
 }
+
+/// Expressions evaluated between two looks at whether the result is still wanted.
+const LOOK: u64 = 1 << 12;
 
 impl Budget {
     /// Evaluates one expression.
     pub(crate) fn spend(&mut self, span: Span) -> Result<(), Fault> {
+        if self.work.is_multiple_of(LOOK) && self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            self.work = 0;
+        }
         self.work = self.work.checked_sub(1).ok_or_else(|| fault(too_large(span)))?;
         Ok(())
     }

@@ -23,11 +23,14 @@ mod nearest;
 mod outputs;
 mod passes;
 mod report;
+pub mod symbols;
 mod syntax;
 mod units;
+pub mod vocabulary;
 
 pub use limits::Limits;
-pub use passes::{Overrides, elaborate, elaborate_within};
+pub use passes::{Elaborated, Known, Overrides, elaborate, elaborate_within, examine};
+pub use report::sort;
 pub use syntax::ast::{self, Spec};
 pub use syntax::files::{LARGEST_FILE, LoadError, Loader, NoFiles, main_file};
 pub use syntax::format::format;

@@ -82,6 +82,6 @@ impl Report {
 }
 
 /// Sorts findings by place, those about the whole model last; equal places keep their order.
-pub(crate) fn sort(findings: &mut [Diagnostic]) {
+pub fn sort(findings: &mut [Diagnostic]) {
     findings.sort_by_key(|finding| finding.span.map_or((true, 0), |span| (false, span.start)));
 }

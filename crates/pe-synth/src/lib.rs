@@ -16,6 +16,7 @@ pub mod cmd_fmt;
 pub mod cmd_fmu;
 pub mod cmd_golden;
 pub mod cmd_import;
+pub mod cmd_lsp;
 pub mod cmd_new;
 pub mod cmd_rates;
 pub mod cmd_serve;

@@ -10,7 +10,7 @@ use pe_flow::failure::Failure;
 use pe_synth::messages::{MessageFormat, guarded, print_failure, print_plain};
 use pe_synth::{
     cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_fmt, cmd_fmu,
-    cmd_golden, cmd_import, cmd_new, cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
+    cmd_golden, cmd_import, cmd_lsp, cmd_new, cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -76,6 +76,7 @@ enum Command {
     Diff(cmd_diff::Diff),
     Rates(cmd_rates::Rates),
     Serve(cmd_serve::Serve),
+    Lsp(cmd_lsp::Lsp),
     Explain(cmd_explain::Explain),
     Completions(cmd_shell::Completions),
     Man(cmd_shell::ManualPage),
@@ -104,6 +105,7 @@ fn main() -> ExitCode {
         Command::Diff(diff) => (diff.message_format(), diff.run()),
         Command::Rates(rates) => (rates.message_format(), rates.run()),
         Command::Serve(serve) => (serve.message_format(), serve.run()),
+        Command::Lsp(lsp) => (MessageFormat::Human, lsp.run()),
         Command::Explain(explain) => (explain.message_format(), explain.run()),
         Command::Completions(completions) => (MessageFormat::Human, completions.run(Arguments::command())),
         Command::Man(man) => (MessageFormat::Human, man.run(Arguments::command())),

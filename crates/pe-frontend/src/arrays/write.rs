@@ -74,6 +74,7 @@ pub(crate) fn write_out(
             blocks: spec.blocks.clone(),
             names_missing: spec.names_missing,
             measured: spec.measured,
+            files: spec.files.clone(),
             tables: spec.tables.clone(),
             table_at: spec.table_at.clone(),
         },

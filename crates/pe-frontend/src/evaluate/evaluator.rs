@@ -18,6 +18,7 @@ use pe_ir::model::{Expr, Formula, Variable, Waveform};
 use pe_ir::source::{Diagnostic, Span};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Integers up to this size are exact in double precision.
 const LARGEST_INTEGER: f64 = 9_007_199_254_740_992.0;
@@ -45,7 +46,8 @@ pub(crate) struct Evaluator {
 
 impl Evaluator {
     pub(crate) fn new(work: u64, reads: u64) -> Self {
-        let (frame, arguments, signals, budget) = (Vec::new(), Vec::new(), Signals::default(), Budget { work, reads });
+        let (frame, arguments, signals, budget) =
+            (Vec::new(), Vec::new(), Signals::default(), Budget { work, reads, stop: None });
         Evaluator {
             frame,
             arguments,
@@ -57,6 +59,11 @@ impl Evaluator {
             systems: Systems::default(),
             sums: BTreeMap::new(),
         }
+    }
+
+    /// Ends the evaluation early when its result is no longer wanted.
+    pub(crate) fn stop_on(&mut self, stop: Option<Arc<AtomicBool>>) {
+        self.budget.stop = stop;
     }
 
     /// The value of an expression over variables.

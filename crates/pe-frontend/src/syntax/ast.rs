@@ -21,6 +21,8 @@ pub struct Spec {
     pub names_missing: bool,
     /// Whether a number has a unit behind it.
     pub measured: bool,
+    /// Places that name files, each with the file, in the order in which they were met.
+    pub files: Vec<(Span, Span)>,
     /// The data files.
     pub(crate) tables: Vec<Arc<Table>>,
     /// Number of the table that a path stands for, by the place of the path; none for a file that could not be read.

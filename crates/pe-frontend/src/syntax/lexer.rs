@@ -12,7 +12,7 @@ pub(crate) const SECTIONS: [&str; 17] = [
 ];
 
 /// Keywords inside statements.
-const INNER_KEYWORDS: [&str; 12] =
+pub(crate) const INNER_KEYWORDS: [&str; 12] =
     ["if", "then", "else", "sum", "where", "for", "in", "and", "or", "not", "div", "mod"];
 
 /// Names longer than this are taken for a broken file.

@@ -43,6 +43,7 @@ pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Repo
 struct Included {
     path: String,
     named: Span,
+    file: Span,
 }
 
 /// The block whose statements are being read.
@@ -62,8 +63,8 @@ struct Reader<'a> {
     block: Option<OpenBlock>,
     /// Files that were included so far.
     done: Vec<Included>,
-    /// Data files that were read so far, with the numbers of their tables.
-    data: Vec<(String, Option<usize>)>,
+    /// Data files that were read so far, with their places and the numbers of their tables.
+    data: Vec<(String, Span, Option<usize>)>,
 }
 
 impl Reader<'_> {
@@ -189,14 +190,16 @@ impl Reader<'_> {
     /// Reads a data file, unless it has been read.
     fn data_file(&mut self, path: &Name, own_folder: &str) {
         let read = resolve(own_folder, path).map_err(Box::new).and_then(|resolved| {
-            if let Some((_, table)) = self.data.iter().find(|(known, _)| *known == resolved) {
+            if let Some((_, file, table)) = self.data.iter().find(|(known, ..)| *known == resolved) {
+                self.spec.files.push((path.span, *file));
                 return Ok(*table);
             }
             let file = load(self.sources, self.loader, &resolved, path.span)?;
+            self.spec.files.push((path.span, file));
             let table = Table::read(&self.sources.text()[..file.range().end], file, self.report);
             let number = table.is_some().then_some(self.spec.tables.len());
             self.spec.tables.extend(table.map(Arc::new));
-            self.data.push((resolved, number));
+            self.data.push((resolved, file, number));
             Ok(number)
         });
         match read {
@@ -215,7 +218,8 @@ impl Reader<'_> {
                 return Ok(());
             }
             let file = load(self.sources, self.loader, &resolved, path.span)?;
-            self.open.push(Included { path: resolved.clone(), named: path.span });
+            self.spec.files.push((path.span, file));
+            self.open.push(Included { path: resolved.clone(), named: path.span, file });
             self.file(file, folder(&resolved));
             self.done.extend(self.open.pop());
             Ok(())
@@ -240,6 +244,7 @@ impl Reader<'_> {
             return Err(Box::new(Diagnostic::error(codes::TOO_DEEP, named, message)));
         }
         let Some(first) = self.done.iter().find(|done| done.path == path) else { return Ok(false) };
+        self.spec.files.push((named, first.file));
         // Two files may well need the same third one; twice in one file is a slip.
         if self.sources.file_at(first.named.start).span() == self.sources.file_at(named.start).span() {
             let message = format!("`{path}` is included twice; it counts once");

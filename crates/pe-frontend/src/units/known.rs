@@ -106,6 +106,11 @@ pub(super) fn find(word: &str) -> Option<Dimension> {
     })
 }
 
+/// The names of all units, without prefixes.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    NAMED.iter().map(|named| named.0)
+}
+
 /// Advice for a word that is no unit.
 pub(super) fn suggest(word: &str) -> Option<String> {
     if ["degC", "degF", "\u{b0}C", "\u{b0}F", "celsius"].contains(&word) {

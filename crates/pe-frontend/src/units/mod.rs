@@ -2,5 +2,5 @@
 
 pub(crate) mod check;
 pub(crate) mod dimension;
-mod known;
+pub(crate) mod known;
 pub(crate) mod parse;

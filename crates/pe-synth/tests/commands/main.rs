@@ -20,6 +20,7 @@ mod import_diffsl;
 mod inject;
 mod interruption;
 mod library;
+mod lsp;
 mod map;
 mod mapping_file;
 mod options;
