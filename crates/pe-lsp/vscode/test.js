@@ -6,7 +6,7 @@ const path = require("path");
 const oniguruma = require("vscode-oniguruma");
 const { Registry, INITIAL, parseRawGrammar } = require("vscode-textmate");
 
-const models = path.resolve(__dirname, "../../../models");
+const models = process.argv[2];
 const file = path.join(__dirname, "syntaxes/ode.tmLanguage.json");
 
 function specs(folder) {

@@ -3,7 +3,10 @@
 // Each test binary uses a part of this.
 #![allow(dead_code)]
 
+use pe_frontend::vocabulary::{WordKind, words};
 use pe_lsp::Ended;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;
@@ -296,4 +299,36 @@ pub fn apply(text: &str, edits: &[Value]) -> String {
         new.replace_range(from..to, part);
     }
     new
+}
+
+/// Milliseconds from a key press to its findings, of this many edits at random words of a text: a sign that no spec may
+/// hold, and its removal.
+pub fn key_presses(uri: &str, text: &str, edits: usize) -> Vec<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let words: Vec<usize> = words(text)
+        .iter()
+        .filter(|word| matches!(word.kind, WordKind::Name | WordKind::Number))
+        .map(|word| word.span.range().start)
+        .collect();
+    let mut editor = Editor::new();
+    editor.open(uri, text);
+    editor.findings(uri, 1);
+    let mut times = Vec::new();
+    for version in (2..).step_by(2).take(edits.div_ceil(2)) {
+        let before = &text[..words[random.random_range(0..words.len())]];
+        let line = before.matches('\n').count() as u32;
+        let start = before.rfind('\n').map_or(0, |at| at + 1);
+        let character = before[start..].encode_utf16().count() as u32;
+        for (version, range, new) in
+            [(version, [line, character, line, character], "$"), (version + 1, [line, character, line, character + 1], "")]
+        {
+            let pressed = Instant::now();
+            editor.change(uri, version, range, new);
+            let found = editor.findings(uri, version);
+            times.push(pressed.elapsed().as_secs_f64() * 1e3);
+            assert_eq!(found.iter().any(|finding| finding["code"] == "E0102"), new == "$", "{found:?}");
+        }
+    }
+    assert_eq!(editor.quit(), Ended::Orderly);
+    times
 }
