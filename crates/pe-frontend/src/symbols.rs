@@ -195,7 +195,6 @@ impl<'a> Collector<'a> {
                 self.define(name, SymbolKind::Algebraic, equation.unit.as_ref(), &[]);
             }
         }
-        let global = self.symbols.all.len();
         for statement in &spec.statements {
             self.statement = statement.span;
             let binders: &[Binder] = match &statement.kind {
@@ -214,7 +213,6 @@ impl<'a> Collector<'a> {
                 self.local(&binder.name, SymbolKind::Index);
             });
         }
-        debug_assert!(self.symbols.all[..global].iter().all(|symbol| symbol.scope.is_none()));
     }
 
     fn declare(&mut self, declared: &'a Declared, kind: SymbolKind) {

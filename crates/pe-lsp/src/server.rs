@@ -411,7 +411,7 @@ impl Server {
     /// Asks the editor to tell of specs and data files that change on disk.
     fn watch_files(&self) {
         if self.watches {
-            let watchers = json!([{"globPattern": "**/*.spec"}, {"globPattern": "**/*.csv"}]);
+            let watchers = json!([{"globPattern": "**/*.{spec,inc,csv}"}]);
             let method = "workspace/didChangeWatchedFiles";
             let registration = json!({"id": "files", "method": method, "registerOptions": {"watchers": watchers}});
             let params = json!({"registrations": [registration]});
@@ -531,8 +531,8 @@ impl Server {
                 }
             }
         }
-        let keys: BTreeSet<Key> =
-            shown.keys().chain(self.published.keys()).chain(self.texts.all().map(|(key, _)| key)).cloned().collect();
+        let open = self.texts.all().map(|(key, _)| key);
+        let keys: BTreeSet<Key> = shown.keys().chain(self.published.keys()).chain(open).cloned().collect();
         for key in keys {
             // What is typed at the moment keeps its old findings until the new ones are there.
             if !self.shows(&key) {

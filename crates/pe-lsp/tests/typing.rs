@@ -169,6 +169,6 @@ fn findings_on_the_lung_come_within_half_a_second() {
     let path = models().join("weibel11/weibel11.spec");
     let mut times = common::key_presses(&uri(&path), &fs::read_to_string(&path).unwrap(), 20);
     times.sort_by(f64::total_cmp);
-    // The median, for the machine may have other work; `--example keypress` measures.
+    // The median, for the machine may have other work; `cargo bench -p pe-lsp` measures.
     assert!(times[times.len() / 2] < 500.0, "{times:?}");
 }

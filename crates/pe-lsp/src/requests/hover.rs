@@ -55,11 +55,10 @@ fn of_symbol(view: &View, number: usize, symbol: &Symbol, results: &Results) -> 
     let mut statements: Vec<Span> = written.map(|place| place.statement).collect();
     statements.dedup();
     statements.retain(|statement| *statement != symbol.statement);
-    if let Some(first) = statements.first() {
+    if !statements.is_empty() {
         let shown: Vec<&str> = statements.iter().take(MOST_EQUATIONS).map(|statement| view.words(*statement)).collect();
         let more = statements.len().saturating_sub(MOST_EQUATIONS);
         let more = if more > 0 { format!("{more} more equations") } else { String::new() };
-        debug_assert!(first.start <= first.end);
         text += &format!("\n\n{}{more}", code(&shown.join("\n")));
     }
     let changes = matches!(

@@ -319,9 +319,10 @@ pub fn key_presses(uri: &str, text: &str, edits: usize) -> Vec<f64> {
         let line = before.matches('\n').count() as u32;
         let start = before.rfind('\n').map_or(0, |at| at + 1);
         let character = before[start..].encode_utf16().count() as u32;
-        for (version, range, new) in
-            [(version, [line, character, line, character], "$"), (version + 1, [line, character, line, character + 1], "")]
-        {
+        for (version, range, new) in [
+            (version, [line, character, line, character], "$"),
+            (version + 1, [line, character, line, character + 1], ""),
+        ] {
             let pressed = Instant::now();
             editor.change(uri, version, range, new);
             let found = editor.findings(uri, version);

@@ -1,4 +1,4 @@
-//! How long findings take after a key press: `cargo run -p pe-lsp --example keypress`, with models after `--` in place of
+//! How long findings take after a key press: `cargo bench -p pe-lsp`, with models after `--` in place of
 //! the default ones, and `PE_EDITS` edits of each.
 //!
 //! A key press is an edit of a real session over pipes, at a random word: a character that no spec may hold, and then its
@@ -7,10 +7,10 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{Editor, models, uri};
+use common::{models, uri};
 
 fn main() {
-    let asked: Vec<String> = std::env::args().skip(1).collect();
+    let asked: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
     let names = if asked.is_empty() { vec!["weibel11".to_owned(), "lutchen4000".to_owned()] } else { asked };
     let edits = std::env::var("PE_EDITS").ok().and_then(|text| text.parse().ok()).unwrap_or(200);
     println!("{:<14} {:>6} {:>10} {:>10}  milliseconds after a key press", "model", "edits", "median", "worst");
