@@ -6,7 +6,7 @@ use crate::text::Lines;
 use gen_lsp_types::{Location, Position, Range, Uri};
 use pe_frontend::Spec;
 use pe_frontend::symbols::{Occurrence, Symbol, Symbols};
-use pe_ir::index::number;
+use pe_ir::index::{at, number};
 use pe_ir::source::{Diagnostic, Sources, Span};
 use std::cell::OnceCell;
 
@@ -74,7 +74,7 @@ impl View {
         let file = self.file_at(span.start);
         let base = self.sources.files()[file].span().range().start;
         let from = span.range().start.saturating_sub(base);
-        let to = (span.end.max(span.start) as usize).saturating_sub(base);
+        let to = at(span.end.max(span.start)).saturating_sub(base);
         (file, self.lines(file).range(self.text(file), from..to))
     }
 

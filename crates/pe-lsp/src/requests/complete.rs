@@ -5,7 +5,7 @@ use crate::view::View;
 use gen_lsp_types::{CompletionItem, CompletionItemKind as Kind, Position};
 use pe_frontend::symbols::SymbolKind;
 use pe_frontend::vocabulary::{self, WordKind};
-use pe_ir::index::number;
+use pe_ir::index::{self, number};
 use pe_ir::model::Solver;
 
 /// What can be written at a position of a file; the editor chooses among it by what stands there already.
@@ -13,7 +13,7 @@ pub(crate) fn items(view: &View, file: usize, position: Position) -> Vec<Complet
     let offset = view.offset(file, position);
     let base = view.sources.files()[file].span().start;
     let text = view.text(file);
-    let at = (offset - base) as usize;
+    let at = index::at(offset - base);
     let words = vocabulary::words(text);
     let inside = words.iter().find(|word| word.span.start < number(at) && number(at) <= word.span.end);
     let line_start = text[..at].rfind('\n').map_or(0, |found| found + 1);
