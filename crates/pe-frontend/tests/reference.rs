@@ -12,12 +12,17 @@ const ELSEWHERE: [&str; 16] = [
     "E0508", "E0509", "W0005", "E0601",
 ];
 
+/// The one code that is about comments.
+const OF_COMMENTS: &str = "W0007";
+
 /// The lines of a code's example that are not marked as right, without their comments.
 fn example(code: &str) -> Vec<&'static str> {
     let section = pe_ir::codes::explain(code).expect("every code has a section");
     let fenced = section.split("```text\n").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
     let wrong = fenced.lines().filter(|line| line.split_once("//").is_none_or(|(_, note)| note.trim() != "right"));
-    wrong.map(|line| line.split("//").next().unwrap_or("").trim_end()).collect()
+    wrong
+        .map(|line| if code == OF_COMMENTS { line } else { line.split("//").next().unwrap_or("").trim_end() })
+        .collect()
 }
 
 /// The one-letter names that a line reads, each with what stands in the bracket that touches it.

@@ -85,3 +85,17 @@ fn marked(text: &str) -> Vec<(usize, String)> {
     wanted.sort();
     wanted
 }
+
+#[test]
+fn no_shipped_model_has_a_comment_that_is_taken_for_a_divisor() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+    let mut read = 0;
+    for path in common::specs(&folder) {
+        let text = std::fs::read_to_string(&path).expect("the spec can be read");
+        let (_, findings) = pe_frontend::parse(&mut Sources::new(path.display().to_string(), &text), &NoFiles);
+        let told = findings.iter().find(|finding| finding.code == pe_ir::codes::COMMENTED_QUOTIENT);
+        assert!(told.is_none(), "{}: {}", path.display(), told.expect("one is there"));
+        read += 1;
+    }
+    assert!(read > 20, "only {read} models");
+}

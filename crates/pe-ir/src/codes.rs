@@ -154,6 +154,7 @@ codes! {
     REPEATED_OUTPUT = "W0004", "output asked for twice";
     REPEATED_INCLUDE = "W0005", "file included twice";
     EMPTY_RANGE = "W0006", "empty range";
+    COMMENTED_QUOTIENT = "W0007", "comment that looks like a divisor";
     UNIT_MISMATCH = "W0701", "units do not agree";
     UNREAD_UNIT = "W0702", "unknown unit";
     DOES_NOT_FIT = "W0801", "design larger than the device";

@@ -9,6 +9,7 @@ mod habits;
 pub(crate) mod lexer;
 mod operators;
 mod parser;
+mod quotients;
 pub(crate) mod reader;
 mod statements;
 pub(crate) mod tables;

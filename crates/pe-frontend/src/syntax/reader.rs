@@ -8,7 +8,7 @@ use crate::syntax::ast::{
 use crate::syntax::files::{LARGEST_FILE, Loader, folder, load, resolve};
 use crate::syntax::lexer::{SECTIONS, Token, TokenKind, tokenize};
 use crate::syntax::tables::Table;
-use crate::syntax::{parser, statements};
+use crate::syntax::{parser, quotients, statements};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Sources, Span};
 use std::sync::Arc;
@@ -75,7 +75,9 @@ impl Reader<'_> {
         let measured = |pair: &[Token]| pair[0].kind == TokenKind::Number && pair[1].kind == TokenKind::Unit;
         self.spec.measured |= tokens.windows(2).any(measured);
         let mut parsed = Vec::new();
-        for statement in statements::split(text, &tokens) {
+        let statements = statements::split(text, &tokens);
+        quotients::warn(text, &statements, self.report);
+        for statement in statements {
             let tree = statements::check(text, &statement, self.report)
                 .then(|| parser::parse_statement(text, &statement, self.report))
                 .flatten();

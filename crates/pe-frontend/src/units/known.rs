@@ -92,7 +92,7 @@ const PREFIXES: [(&str, f64); 16] = [
 ];
 
 /// The unit of this name, with or without a prefix; a name of its own goes before a prefix (`min`, `Pa`, `cd`).
-pub(super) fn find(word: &str) -> Option<Dimension> {
+pub(crate) fn find(word: &str) -> Option<Dimension> {
     let unit = |named: &Named, prefix: f64| Dimension {
         exponents: named.2.map(|power| power * WHOLE),
         factor: named.1 * prefix,
