@@ -3,9 +3,9 @@
 //!
 //! `tau = 1/(alpha + beta)` with `alpha` and `beta` of `V` becomes a function of `V`; so does `V/(E - 1)` with
 //! `E = exp(V)`, whose singularity is removable only then. Sums such as `V - EK` that functions are applied to become
-//! variables of their own, so that all that reads them can be fused as well. Choices that do no more than fill a gap of
-//! a formula are left out first ([`guards`]). What nothing reads any more is dropped. The values of a model stay what
-//! they are; see `docs/decisions/0080-fusion.md`.
+//! variables of their own, so that all that reads them can be fused as well; the time stays one. Choices that do no more
+//! than fill a gap of a formula are left out first ([`guards`]). What nothing reads any more is dropped. The values of a
+//! model stay what they are; see `docs/decisions/0080-fusion.md`.
 
 mod guards;
 
@@ -13,6 +13,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use pe_ir::index;
 use pe_ir::model::{Algebraic, Expr, Model, Select, Variable};
+use pe_ir::motion::Motion;
 use pe_ir::source::{Diagnostic, Span};
 
 use crate::kinks::bends;
@@ -47,7 +48,7 @@ pub fn fuse(model: Model) -> (Model, Vec<Diagnostic>) {
         let piece = fuser.piece(&algebraic.expr);
         let expr = fuser.cheapest(number, &piece);
         let own = Variable::Algebraic(index::number(fuser.algebraics.len()));
-        let is_plain = algebraic.range.is_none() && !algebraic.angle && !algebraic.kept;
+        let is_plain = algebraic.range.is_none() && !algebraic.angle && !algebraic.kept && !is_time(&model, algebraic);
         let body = piece.written.filter(|_| is_plain && piece.reads != Reads::Nothing && piece.reads != Reads::Many);
         let body = body.filter(|body| size(body) <= LONGEST && bends(body).is_some_and(|all| all.len() <= MOST_KINKS));
         if let Some((direction, scale, offset)) = direction(&expr).filter(|_| body.is_none() && is_plain) {
@@ -75,6 +76,15 @@ pub fn fuse(model: Model) -> (Model, Vec<Diagnostic>) {
     drop_unread(&mut model);
     model.share_systems();
     (model, findings)
+}
+
+/// Whether an equation is that of the time, which depends on the step: another step makes a new one.
+fn is_time(model: &Model, algebraic: &Algebraic) -> bool {
+    let mut reads = false;
+    algebraic.expr.each_variable(&mut |variable| {
+        reads |= matches!(variable, Variable::State(state) if model.states[state].motion == Some(Motion::Clock));
+    });
+    reads
 }
 
 /// For each algebraic equation, whether one other equation reads it and no output.

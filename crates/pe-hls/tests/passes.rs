@@ -173,6 +173,10 @@ fn fuse_writes_out_equations_within_functions() {
         let (fused, findings) = fuse::fuse(case.model());
         assert_eq!(verify::model::check(&fused), Vec::<String>::new());
         let lifted = lift::lift(fused);
+        // A step that is taken again makes no other model.
+        let mut again = lifted.clone();
+        again.set_step(lifted.step);
+        assert_eq!(again.to_string(), lifted.to_string());
         format!("{lifted}{}", case.findings(&findings))
     });
 }
