@@ -39,6 +39,11 @@ pub fn design_name(program: &Program) -> String {
     vhdl_identifier(&program.model)
 }
 
+/// The map of a design, as its file has it.
+pub fn map(program: &Program, options: &EmitOptions) -> String {
+    map::render(program, &Names::new(program), options, &map::hash(program, options))
+}
+
 /// All files of a design.
 ///
 /// # Panics

@@ -32,7 +32,24 @@ pub struct LoadedModel {
 /// # Errors
 /// [`Failure::File`], and the findings of the spec.
 pub fn load(spec: &Path, overrides: &Overrides) -> Result<(LoadedModel, Vec<Diagnostic>), Failure> {
-    let mut sources = main_text(spec)?;
+    elaborated(main_text(spec)?, spec, overrides)
+}
+
+/// The same of a text; `spec` is its name, from whose folder the files are read that it names.
+///
+/// # Errors
+/// The findings of the spec.
+pub fn load_text(spec: &Path, text: &str, overrides: &Overrides) -> Result<(LoadedModel, Vec<Diagnostic>), Failure> {
+    let size = text.len() as u64;
+    let bytes = if size > LARGEST_FILE as u64 { Err(LoadError::TooLarge(size)) } else { Ok(text.as_bytes().to_vec()) };
+    elaborated(sources(spec.display().to_string(), bytes).map_err(|error| error.of(spec))?, spec, overrides)
+}
+
+fn elaborated(
+    mut sources: Sources,
+    spec: &Path,
+    overrides: &Overrides,
+) -> Result<(LoadedModel, Vec<Diagnostic>), Failure> {
     match pe_frontend::compile(&mut sources, &ModelFolder::of(spec), overrides) {
         Ok((model, mut warnings)) => {
             let (loaded, left_out) = written_out(model, sources);
@@ -95,10 +112,7 @@ impl Loader for Named {
 /// # Errors
 /// [`Failure::File`], and files that are too large or no text.
 pub fn main_file(path: &Path) -> Result<Sources, Failure> {
-    sources(path.display().to_string(), at_most(path, LARGEST_FILE as u64)).map_err(|error| match error {
-        Unusable::Unread(reason) => Failure::file("read", path, reason),
-        Unusable::Refused(failure) => failure,
-    })
+    sources(path.display().to_string(), at_most(path, LARGEST_FILE as u64)).map_err(|error| error.of(path))
 }
 
 /// Reads the spec on standard input.
@@ -116,6 +130,16 @@ enum Unusable {
     Unread(String),
     /// The content was refused.
     Refused(Failure),
+}
+
+impl Unusable {
+    /// The failure to read a file.
+    fn of(self, path: &Path) -> Failure {
+        match self {
+            Unusable::Unread(reason) => Failure::file("read", path, reason),
+            Unusable::Refused(failure) => failure,
+        }
+    }
 }
 
 /// The sources that begin with these bytes.

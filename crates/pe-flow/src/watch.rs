@@ -84,6 +84,11 @@ impl Stopwatch {
         self.stages.iter().filter(|time| RUNS.contains(&time.stage))
     }
 
+    /// Who hears of it all.
+    pub fn listener(&self) -> &dyn Listener {
+        &*self.listener
+    }
+
     /// Who hears how far a long stage is.
     pub fn progress(&self, stage: &'static str) -> Arc<dyn Progress> {
         self.listener.progress(stage)

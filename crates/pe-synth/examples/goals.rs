@@ -36,7 +36,9 @@ use pe_judge::{DesignPoint, ProofMode};
 use pe_sim::double::DoubleRun;
 use pe_sim::error::Trajectory;
 use pe_sim::fixed::FixedRun;
+use pe_synth::messages::MessageFormat;
 use pe_synth::options::{MappingArgs, ModelArgs, PointArgs};
+use pe_synth::progress;
 use pe_target::clock::ClockSource;
 
 /// Part of the goal to which two runs with smaller steps have to agree.
@@ -149,7 +151,7 @@ fn held_against(design: &pipeline::Design, model: &Model, solver: Solver, halvin
 fn truth(question: &Question) -> Result<String, Failure> {
     let Question { model: options, point, mapping, goal } = question;
     let point = point.point();
-    let loaded = options.load(&point)?;
+    let loaded = options.load(&point, &progress::listener(true, MessageFormat::Human))?;
     let design = pipeline::design(&loaded, &options.settings(mapping), &point, &mut Stopwatch::silent())?;
     let solvers = if loaded.model.phases.is_empty() { vec![Solver::Rk4, Solver::Rodas3] } else { vec![Solver::Rodas3] };
     let tries = solvers.into_iter().flat_map(|solver| HALVINGS.map(|halvings| (solver, halvings)));
@@ -162,7 +164,7 @@ fn truth(question: &Question) -> Result<String, Failure> {
 
 fn grid(question: &Question) -> Result<String, Failure> {
     let Question { model: options, mapping, goal, .. } = question;
-    let loaded = options.read()?;
+    let loaded = options.read(&progress::listener(true, MessageFormat::Human))?;
     let mut settings = options.settings(mapping);
     settings.criteria.proof = ProofMode::Off;
     let model = &loaded.model;

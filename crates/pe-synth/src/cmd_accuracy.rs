@@ -11,13 +11,13 @@ use crate::accuracy::files;
 use crate::accuracy::options::ListArgs;
 use crate::accuracy::view::View;
 use crate::console;
-use crate::explore::drive::{Driver, GENERATOR, fingerprint, tell_of_store, verdict};
+use crate::explore::drive::{Driver, Events, GENERATOR, fingerprint, tell_of_store, verdict};
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::record::{Ended, Kind, Record};
 use crate::messages::MessageFormat;
 use crate::options::{ConservedArgs, ModelArgs, SweepArgs, positive};
 use crate::output::{FolderLock, OutputFolder};
-use crate::progress::duration;
+use crate::progress::{self, duration};
 use pe_flow::accuracy::goal::Search;
 use pe_flow::accuracy::lists::Plan;
 use pe_flow::accuracy::wanted::Goals;
@@ -25,6 +25,7 @@ use pe_flow::explore::estimate::Estimate;
 use pe_flow::explore::steps::hit;
 use pe_flow::explore::sweep::Sweep;
 use pe_flow::failure::Failure;
+use pe_flow::watch::Listener;
 
 /// Plots error against run time for many solvers, steps and word lengths of a model
 ///
@@ -45,7 +46,7 @@ pub struct Accuracy {
     #[command(flatten)]
     lists: ListArgs,
     #[command(flatten)]
-    sweep: SweepArgs,
+    options: SweepArgs,
     /// Picks the cheapest point with at most this total error, trying more steps and words; points that miss it show only
     /// their error
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = positive, help_heading = "Points")]
@@ -55,8 +56,9 @@ pub struct Accuracy {
     resume: bool,
     #[command(flatten)]
     conserved: ConservedArgs,
+    /// What is computed.
     #[command(flatten)]
-    model: ModelArgs,
+    pub model: ModelArgs,
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
@@ -72,24 +74,35 @@ impl Accuracy {
         self.model.message_format
     }
 
-    /// Runs the command.
+    /// Runs the command; Ctrl-C ends the sweep.
+    ///
+    /// # Errors
+    /// As of [`Accuracy::sweep`].
     pub fn run(&self) -> Result<(), Failure> {
+        self.sweep(&progress::listener(true, self.message_format()), Events::until_interrupted()?)
+    }
+
+    /// Computes the points and writes the folder. Warnings of the spec go to the listener.
+    ///
+    /// # Errors
+    /// Those of the spec, the options and the folder; an interruption; and if no point could be compiled or is as wanted.
+    pub fn sweep(&self, told: &dyn Listener, events: Events) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        let (lists, mut settings) = (self.lists.lists(), self.model.settings(&self.sweep.mapping));
+        let (lists, mut settings) = (self.lists.lists(), self.model.settings(&self.options.mapping));
         settings.mapping.of_many()?;
-        let loaded = self.model.read()?;
+        let loaded = self.model.read(told)?;
         let model = &loaded.model;
         let given = self.given.with_order(model, &mut settings.mapping);
         let folder = || PathBuf::from("out").join(format!("{}_accuracy", model.name));
-        let target = self.sweep.output.clone().unwrap_or_else(folder);
+        let target = self.options.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
         let conserved = self.conserved.of(model)?;
         hit(&lists.step, lists.sample)?;
         let plan = lists.plan(model, &settings.mapping);
-        let clock = self.sweep.clock.source();
+        let clock = self.options.clock.source();
         let row = |point: DesignPoint| (point, given.command(&point));
         // The parts of a sweep are computed side by side.
-        let lock = self.sweep.shard.is_none().then(|| FolderLock::take(&target)).transpose()?;
+        let lock = self.options.shard.is_none().then(|| FolderLock::take(&target)).transpose()?;
         let mut record = Record {
             kind: Kind { store: "accuracy.json", files: files::files },
             head: self.head(model, &plan),
@@ -104,7 +117,7 @@ impl Accuracy {
             late: false,
             store: None,
             damaged: BTreeSet::new(),
-            share: self.sweep.shard,
+            share: self.options.shard,
             lock,
         };
         record.extend(plan.points.iter().copied().map(row));
@@ -124,9 +137,9 @@ impl Accuracy {
             clock,
             estimate: estimate.clone(),
         };
-        let threads = Driver::threads(self.sweep.jobs);
-        let driver = Driver::new(Self::NAME, threads, &self.sweep)?;
-        let store = self.sweep.store.as_deref();
+        let threads = Driver::threads(self.options.jobs);
+        let driver = Driver::new(Self::NAME, threads, &self.options, events)?;
+        let store = self.options.store.as_deref();
         record.ask(store, &sweep(None));
         if !quiet {
             let seconds = driver.forecast(&record, &sweep(None)).remaining();

@@ -65,7 +65,7 @@ impl Bench {
         let quiet = self.message_format() == MessageFormat::Json;
         let point = self.point.point();
         let mut watch = progress::stopwatch(quiet, self.message_format());
-        let loaded = self.model.load(&point)?;
+        let loaded = self.model.load(&point, &progress::listener(true, self.message_format()))?;
         let model = &loaded.model;
         let design = pipeline::design(&loaded, &self.model.settings(&self.mapping), &point, &mut watch)?;
         let graph = &design.graph;

@@ -1,5 +1,7 @@
 //! `pe-synth check`: is the step stable, and what would be better?
 
+use std::sync::Arc;
+
 use pe_ir::source::Severity;
 use serde_json::Value;
 
@@ -11,10 +13,13 @@ use crate::progress;
 use crate::rerun::{self, WatchArgs};
 use pe_flow::failure::Failure;
 use pe_flow::pipeline;
-use pe_flow::variables;
+use pe_flow::spec::LoadedModel;
+use pe_flow::variables::{self, Variable};
+use pe_flow::watch::Stopwatch;
 use pe_ir::model::Model;
-use pe_judge::check::{Check as Checked, Question};
-use pe_judge::runs;
+use pe_judge::check::{Check as Judgement, Question};
+use pe_judge::progress::Progress;
+use pe_judge::runs::{self, Judged};
 
 /// Products of a run over the span of a large model; a longer span is judged over its first part.
 const PRODUCTS: u64 = 500_000_000;
@@ -48,8 +53,9 @@ pub struct Check {
     quiet: bool,
     #[command(flatten)]
     again: WatchArgs,
+    /// What is computed.
     #[command(flatten)]
-    model: ModelArgs,
+    pub model: ModelArgs,
 }
 
 impl Check {
@@ -67,46 +73,78 @@ impl Check {
             return rerun::watch(&self.model, &self.mapping);
         }
         let json = self.message_format() == MessageFormat::Json;
-        let (point, mapping, criteria) = (self.point.point(), self.mapping.options(), self.model.criteria());
         let mut watch = progress::stopwatch(true, self.message_format());
-        let mut loaded = self.model.load(&point)?;
+        let checked = self.checked(&mut watch, progress::bar("runs", json || self.quiet))?;
+        let told = match (self.quiet, json) {
+            (true, _) => Ok(()),
+            (false, true) => console::out(&format!("{:#}\n", checked.json())),
+            (false, false) => console::out(&checked.text(self.all)),
+        };
+        let (refusals, warnings): (Vec<_>, Vec<_>) =
+            checked.check.findings.into_iter().partition(|finding| finding.severity == Severity::Error);
+        print_findings(&warnings, &checked.loaded.sources, self.message_format());
+        if refusals.is_empty() { told } else { Err(Failure::Spec(refusals, checked.loaded.sources)) }
+    }
+
+    /// Judges the step. Warnings of the spec go to the stopwatch's listener, those of the step are part of the result.
+    ///
+    /// # Errors
+    /// Those of the spec and the options, and steps that cannot be built.
+    pub fn checked(&self, watch: &mut Stopwatch, bar: Arc<dyn Progress>) -> Result<Checked, Failure> {
+        let (point, mapping, criteria) = (self.point.point(), self.mapping.options(), self.model.criteria());
+        let mut loaded = self.model.load(&point, watch.listener())?;
         let asked_span = loaded.model.span;
         let format = point.format(&loaded.model).map_err(Failure::Usage)?;
         let graph =
-            pipeline::step(&loaded, &point, &mapping, &mut watch).map_err(|failure| unbuilt(failure, &loaded.model))?;
+            pipeline::step(&loaded, &point, &mapping, watch).map_err(|failure| unbuilt(failure, &loaded.model))?;
         if loaded.model.states.len() > LARGE {
             let steps = (PRODUCTS / graph.macs().max(1)).max(FEWEST_STEPS).min(loaded.model.steps());
             loaded.model.span = loaded.model.span.min(loaded.model.time(steps, 0.0));
         }
-        let (loaded, model) = (&loaded, &loaded.model);
+        let model = &loaded.model;
         let goal = Some(self.max_error);
         let question = Question { model, graph: &graph, point: &point, criteria: &criteria, format, goal };
-        let bar = progress::bar("runs", json || self.quiet);
         let (check, judged) = match runs::judge(model, &graph, format, &criteria, bar) {
-            Ok(judged) => (Checked::of_judged(&question, &judged), Some(judged)),
-            Err(refusals) => (Checked::of_refused(&question, refusals), None),
+            Ok(judged) => (Judgement::of_judged(&question, &judged), Some(judged)),
+            Err(refusals) => (Judgement::of_refused(&question, refusals), None),
         };
         let variables = judged.as_ref().map(|judged| variables::variables(model, &graph, judged));
-        let text = if json {
-            let mut result = check::json(model, &check, judged.as_ref(), asked_span, &loaded.sources);
-            result["variables"] = variables.map_or(Value::Null, |variables| variables::complete(&variables).into());
-            format!("{result:#}\n")
-        } else {
-            let ranges = variables.map_or_else(String::new, |variables| variables::ranges(&variables, self.all));
-            check::text(model, &check, judged.as_ref(), asked_span) + &ranges
-        };
-        let told = if self.quiet { Ok(()) } else { console::out(&text) };
-        let (refusals, warnings): (Vec<_>, Vec<_>) =
-            check.findings.into_iter().partition(|finding| finding.severity == Severity::Error);
-        print_findings(&warnings, &loaded.sources, self.message_format());
-        if refusals.is_empty() { told } else { Err(Failure::Spec(refusals, loaded.sources.clone())) }
+        Ok(Checked { loaded, check, judged, variables, asked_span })
+    }
+}
+
+/// What a check has found.
+pub struct Checked {
+    /// The model, with the span that was judged.
+    pub loaded: LoadedModel,
+    /// The judgement of the step.
+    pub check: Judgement,
+    judged: Option<Judged>,
+    variables: Option<Vec<Variable>>,
+    asked_span: f64,
+}
+
+impl Checked {
+    /// All of it for tools.
+    pub fn json(&self) -> Value {
+        let Checked { loaded, check, judged, variables, asked_span } = self;
+        let mut result = check::json(&loaded.model, check, judged.as_ref(), *asked_span, &loaded.sources);
+        result["variables"] = variables.as_deref().map_or(Value::Null, |all| variables::complete(all).into());
+        result
+    }
+
+    /// All of it for people, with the ranges of all variables or of those with the least headroom.
+    pub fn text(&self, all: bool) -> String {
+        let Checked { loaded, check, judged, variables, asked_span } = self;
+        let ranges = variables.as_deref().map_or_else(String::new, |variables| variables::ranges(variables, all));
+        check::text(&loaded.model, check, judged.as_ref(), *asked_span) + &ranges
     }
 }
 
 /// A failure to build the step of a model, with what it really comes from.
 fn unbuilt(failure: Failure, model: &Model) -> Failure {
     match failure {
-        Failure::Spec(refusals, sources) => Failure::Spec(Checked::of_unbuilt(model, refusals), sources),
+        Failure::Spec(refusals, sources) => Failure::Spec(Judgement::of_unbuilt(model, refusals), sources),
         failure => failure,
     }
 }

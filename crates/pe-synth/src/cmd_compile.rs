@@ -4,22 +4,19 @@ use pe_judge::DesignPoint;
 use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
-use pe_emit::EmitOptions;
 use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_ir::program::{Host, Program};
-use pe_ir::source::{Diagnostic, Severity, Sources};
-use pe_sim::machine::Machine;
+use pe_ir::source::{Diagnostic, Severity};
 use pe_sim::reference::ReferenceError;
 
 use crate::accuracy::options::FixedArgs;
 use crate::check;
-use crate::command::shown_path;
+use crate::compiled::{Compiled, Files};
 use crate::console;
 use crate::messages::MessageFormat;
 use crate::options::{ClockArgs, ConservedArgs, GoalArgs, MappingArgs, ModelArgs, PointArgs, positive};
-use crate::origin;
 use crate::output::OutputFolder;
 use crate::progress;
 use crate::rerun::{self, WatchArgs};
@@ -32,8 +29,8 @@ use pe_flow::report::table::row;
 use pe_flow::report::{DeviceFit, Report, Silicon, Stability, Told, timing};
 use pe_flow::settings::Settings;
 use pe_flow::spec::LoadedModel;
-use pe_flow::variables::{self, variables};
-use pe_flow::watch::Stopwatch;
+use pe_flow::variables::variables;
+use pe_flow::watch::{Listener, Stopwatch};
 use pe_judge::check::{self as judge, Check, EXPLAINED, JUDGED_STATES};
 use pe_judge::conserved::Conserved;
 use pe_judge::parse::duration;
@@ -41,9 +38,6 @@ use pe_judge::total::{Reference, TotalError};
 use pe_target::area::{self, Measured};
 use pe_target::clock::ClockSource;
 use pe_target::devices::Fit;
-
-/// Lines of the reference trace that is written with a design, roughly.
-const TRACE_LINES: u64 = 120_000;
 
 /// Compiles a model to VHDL, test bench, Rust reference, reference trace and report
 #[derive(clap::Args, Debug)]
@@ -99,8 +93,9 @@ pub struct Compile {
     goal: GoalArgs,
     #[command(flatten)]
     again: WatchArgs,
+    /// What is computed.
     #[command(flatten)]
-    model: ModelArgs,
+    pub model: ModelArgs,
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
@@ -122,15 +117,18 @@ impl Compile {
     }
 
     /// Runs the command.
+    ///
+    /// # Errors
+    /// Those of the spec, the options and the stages, and files that cannot be written.
     pub fn run(&self, command: &str) -> Result<(), Failure> {
         if self.again.watch {
             return rerun::watch(&self.model, &self.mapping);
         }
-        let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        let mut watch = progress::stopwatch(quiet, self.message_format());
+        let mut watch = progress::stopwatch(self.is_quiet(), self.message_format());
+        let told = progress::listener(true, self.message_format());
         let loaded = watch.stage(
             "read",
-            || self.model.load_stages(&self.point.point(), &self.mapping.options()),
+            || self.load(&told),
             |loaded| match loaded {
                 Ok(LoadedModel { model, .. }) => {
                     let title = if model.title.is_empty() { String::new() } else { format!(", {}", model.title) };
@@ -139,44 +137,42 @@ impl Compile {
                 Err(_) => "refused".to_owned(),
             },
         )?;
-        let clock = self.clock.source();
         let target = self.output.clone().unwrap_or_else(|| PathBuf::from("out").join(&loaded.model.name));
         OutputFolder::permitted(&target)?;
+        let compiled = self.compiled(&loaded, command, &mut watch)?;
+        let folder = OutputFolder::create_until_interrupted(&target)?;
+        let files = Files { header: self.header, pictures: !self.no_pictures };
+        compiled.write(&folder, files, &mut watch)?;
+        folder.write("report-timing.json", &format!("{:#}\n", timing(&watch, &compiled.design)))?;
+        folder.finish()?;
+        if !self.is_quiet() {
+            let files = row("files", &format!("{}; all figures in report.json", target.display()));
+            console::out(&(compiled.table() + &files))?;
+        }
+        Ok(())
+    }
+
+    fn is_quiet(&self) -> bool {
+        self.quiet || self.message_format() == MessageFormat::Json
+    }
+
+    /// Reads the model, or the text of a stage; its warnings go to the listener.
+    ///
+    /// # Errors
+    /// Those of the spec, and options that come too late.
+    pub fn load(&self, told: &dyn Listener) -> Result<LoadedModel, Failure> {
+        self.model.load_stages(&self.point.point(), &self.mapping.options(), told)
+    }
+
+    /// Compiles a model; `command` is what its files say made them.
+    ///
+    /// # Errors
+    /// Those of the options and of the stages.
+    pub fn compiled(&self, loaded: &LoadedModel, command: &str, watch: &mut Stopwatch) -> Result<Compiled, Failure> {
+        let clock = self.clock.source();
         let conserved = self.conserved.of(&loaded.model)?;
         let measured = self.area_from.as_deref().map_or_else(|| Ok(Measured::default()), measured)?;
-        let mut settings = self.model.settings(&self.mapping);
-        let goals = self.goal.goals(self.max_error, self.clock);
-        if goals.is_none() && self.sample.is_some() {
-            let message = "`--sample` needs a goal, such as `--max-error`, for which a step is chosen";
-            return Err(Failure::Usage(message.to_owned()));
-        }
-        let mut choice = match goals {
-            Some(goals) => {
-                settings.mapping.of_many()?;
-                if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
-                    let message = "a goal (`--max-error`) chooses solver and step, which the text has decided; start from a model";
-                    return Err(Failure::Usage(message.to_owned()));
-                }
-                Some(self.choose(&loaded, &settings, &conserved, clock, goals, &mut watch)?)
-            }
-            None => None,
-        };
-        // Formats of a design that was chosen for its error stay as they are.
-        if choice.is_some() {
-            settings.criteria.widen = 0;
-        }
-        let points = choice.as_ref().map_or_else(|| vec![self.point.point()], Choice::points);
-        let (place, built) = first_that_works(&points, |point| {
-            let built = self.build(&loaded, &settings, (point, goals), &conserved, &mut watch);
-            if let Some(text) = built.as_ref().err().and_then(Failure::why_not).filter(|_| !quiet) {
-                console::err(&format!("{:>10}  {text}\n", "refused"));
-            }
-            built
-        })?;
-        if let Some(choice) = &mut choice {
-            choice.pass_over(place);
-        }
-        let Built { loaded, mut design, check, total } = built;
+        let (choice, Built { loaded, mut design, check, total }) = self.decided(loaded, &conserved, watch)?;
         for name in &self.host {
             design.program.host.add(name);
         }
@@ -210,39 +206,54 @@ impl Compile {
             watch.warn(warning.as_slice(), &loaded.sources);
         }
         report.choice = choice.as_ref().map(|choice| choice.report(model));
-        let folder = OutputFolder::create_until_interrupted(&target)?;
-        let written = watch.stage(
-            "write",
-            || write_design(&folder, &loaded, &design, command, self.header),
-            |_| target.display().to_string(),
-        );
-        written?;
-        let name = pe_emit::design_name(&design.program);
-        folder.write(&format!("{name}_variables.csv"), &variables::table(&variables))?;
-        if !self.no_pictures {
-            let drawn = watch.stage(
-                "draw",
-                || crate::pictures::draw(model, &design, &variables),
-                |pictures| format!("{} pictures", pictures.len()),
-            );
-            for (path, text) in &drawn {
-                folder.write(path, text)?;
+        let stability = check.as_ref().map_or_else(unjudged, |check| check::summary(model, check));
+        let chosen = choice.map_or(Vec::new(), |choice| choice.table(model)).into_iter();
+        let rows = std::iter::once(("stability", stability)).chain(chosen);
+        let rows = rows.chain(fit.map(|fit| ("device", fit.summary())));
+        let rows = rows.map(|(name, text)| row(name, &text)).collect();
+        Ok(Compiled { loaded, design, variables, report, rows, command: command.to_owned() })
+    }
+
+    /// Designs the point of the options, or one that meets the goals.
+    fn decided(
+        &self,
+        loaded: &LoadedModel,
+        conserved: &[Conserved],
+        watch: &mut Stopwatch,
+    ) -> Result<(Option<Choice>, Built), Failure> {
+        let mut settings = self.model.settings(&self.mapping);
+        let goals = self.goal.goals(self.max_error, self.clock);
+        if goals.is_none() && self.sample.is_some() {
+            let message = "`--sample` needs a goal, such as `--max-error`, for which a step is chosen";
+            return Err(Failure::Usage(message.to_owned()));
+        }
+        let mut choice = match goals {
+            Some(goals) => {
+                settings.mapping.of_many()?;
+                if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
+                    let message = "a goal (`--max-error`) chooses solver and step, which the text has decided; start from a model";
+                    return Err(Failure::Usage(message.to_owned()));
+                }
+                Some(self.choose(loaded, &settings, conserved, self.clock.source(), goals, watch)?)
             }
+            None => None,
+        };
+        // Formats of a design that was chosen for its error stay as they are.
+        if choice.is_some() {
+            settings.criteria.widen = 0;
         }
-        report.files = folder.hashes();
-        folder.write("report.json", &report.text())?;
-        folder.write("report-timing.json", &format!("{:#}\n", timing(&watch, &design)))?;
-        folder.finish()?;
-        if !quiet {
-            let chosen = choice.map_or(Vec::new(), |choice| choice.table(model));
-            let chosen: String = chosen.iter().map(|(name, text)| row(name, text)).collect();
-            let device = fit.map_or(String::new(), |fit| row("device", &fit.summary()));
-            let files = row("files", &format!("{}; all figures in report.json", target.display()));
-            let stability = check.as_ref().map_or_else(unjudged, |check| check::summary(model, check));
-            let stability = row("stability", &stability);
-            console::out(&(report.table(&model.size().to_string()) + &stability + &chosen + &device + &files))?;
+        let points = choice.as_ref().map_or_else(|| vec![self.point.point()], Choice::points);
+        let (place, built) = first_that_works(&points, |point| {
+            let built = self.build(loaded, &settings, (point, goals), conserved, watch);
+            if let Some(text) = built.as_ref().err().and_then(Failure::why_not).filter(|_| !self.is_quiet()) {
+                console::err(&format!("{:>10}  {text}\n", "refused"));
+            }
+            built
+        })?;
+        if let Some(choice) = &mut choice {
+            choice.pass_over(place);
         }
-        Ok(())
+        Ok((choice, built))
     }
 
     /// The cheapest design that is right enough.
@@ -445,67 +456,6 @@ fn total_error(
     };
     watch.warn(warning.as_slice(), &loaded.sources);
     result
-}
-
-fn write_design(
-    folder: &OutputFolder,
-    loaded: &LoadedModel,
-    design: &Design,
-    command: &str,
-    header: bool,
-) -> Result<(), Failure> {
-    let LoadedModel { model, sources, .. } = loaded;
-    let steps = trace_steps(&design.program, model.steps());
-    let stimulus = pipeline::stimulus(model, design, 0, steps);
-    let options = EmitOptions {
-        command: command.to_owned(),
-        spec: shown_path(sources.main().name()).to_owned(),
-        files: origin::files(sources),
-        provenance: origin::provenance(design, loaded),
-        interface: origin::interface(model),
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        stimulus: stimulus.clone(),
-        c_header: header,
-        default_steps: steps as u32,
-    };
-    for artefact in pe_emit::emit(&design.program, &options) {
-        folder.write(&artefact.path, &artefact.text)?;
-    }
-    let name = pe_emit::design_name(&design.program);
-    folder.write(&format!("{name}_program.txt"), &design.program.to_string())?;
-    let (trace, outputs) = reference_trace(design, &stimulus);
-    folder.write(&format!("{name}_trace.txt"), &trace)?;
-    folder.write(&format!("{name}_outputs.txt"), &outputs)?;
-    let checkpoint = &design.judged.checkpoint;
-    let words: String = checkpoint.words.iter().map(|word| format!("{word:x}\n")).collect();
-    folder.write(&format!("{name}_checkpoint.txt"), &format!("step {}\n{words}", checkpoint.step))?;
-    let stimulus = pipeline::stimulus(model, design, checkpoint.step, steps);
-    let line = |words: &Vec<i64>| {
-        let mask = u64::MAX >> (64 - design.program.format.storage_bits);
-        words.iter().map(|word| format!("{:x}", *word as u64 & mask)).collect::<Vec<_>>().join(" ") + "\n"
-    };
-    folder.write(&format!("{name}_checkpoint_stimulus.txt"), &stimulus.iter().map(line).collect::<String>())
-}
-
-/// Steps of the reference trace: enough to see the model move, few enough to stay readable.
-fn trace_steps(program: &pe_ir::program::Program, span: u64) -> u64 {
-    (TRACE_LINES / program.writes_per_step().max(1)).clamp(2, 24).min(span)
-}
-
-/// Memory writes and outputs of the first steps, in the trace format.
-fn reference_trace(design: &Design, stimulus: &[Vec<i64>]) -> (String, String) {
-    let mut machine = Machine::new(&design.program);
-    let mut trace = String::new();
-    let mut outputs = String::new();
-    let mask = u64::MAX >> (64 - design.program.format.storage_bits);
-    for (step, inputs) in stimulus.iter().enumerate() {
-        machine.step(inputs, &mut |line| trace += &format!("{line}\n"));
-        assert!(!machine.escaped(), "step {step}: a word is out of range, which was proven impossible");
-        for (index, word) in machine.outputs().iter().enumerate() {
-            outputs += &format!("{step} {index} {:x}\n", *word as u64 & mask);
-        }
-    }
-    (trace, outputs)
 }
 
 #[cfg(test)]

@@ -80,7 +80,8 @@ impl Dump {
 
     fn text(&self) -> Result<String, Failure> {
         let (point, mapping) = (self.point.point(), self.mapping.options());
-        let loaded = self.model.load_stages(&point, &mapping)?;
+        let told = progress::listener(true, self.message_format());
+        let loaded = self.model.load_stages(&point, &mapping, &told)?;
         let mut watch = progress::stopwatch(true, self.message_format());
         let mut sections = vec![loaded.model.to_string()];
         if self.stage == Stage::Model {

@@ -9,7 +9,7 @@ use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
 
 use crate::console;
-use crate::explore::drive::{Driver, GENERATOR, fingerprint, tell_of_store, verdict};
+use crate::explore::drive::{Driver, Events, GENERATOR, fingerprint, tell_of_store, verdict};
 use crate::explore::given::{Given, Sweeping};
 use crate::explore::options::AxesArgs;
 use crate::explore::record::{Kind, Record};
@@ -18,12 +18,14 @@ use crate::explore::show;
 use crate::messages::MessageFormat;
 use crate::options::{GoalArgs, ModelArgs, SweepArgs, positive};
 use crate::output::{FolderLock, OutputFolder};
+use crate::progress;
 use pe_flow::accuracy::wanted::{Goals, USUAL_ERROR};
 use pe_flow::explore::axes::{Axes, Completed};
 use pe_flow::explore::estimate::Estimate;
 use pe_flow::explore::steps::hit;
 use pe_flow::explore::sweep::Sweep;
 use pe_flow::failure::Failure;
+use pe_flow::watch::Listener;
 
 /// Compiles many design points of a model and shows the trade-off between size, speed and accuracy
 ///
@@ -44,7 +46,7 @@ pub struct Explore {
     #[command(flatten)]
     axes: AxesArgs,
     #[command(flatten)]
-    sweep: SweepArgs,
+    options: SweepArgs,
     /// Largest total error of points that compete in size and speed, or `any` [default: 0.01]
     #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = error_limit, help_heading = "Output")]
     max_error: Option<ErrorLimit>,
@@ -53,8 +55,9 @@ pub struct Explore {
     resume: bool,
     #[command(flatten)]
     goal: GoalArgs,
+    /// What is computed.
     #[command(flatten)]
-    model: ModelArgs,
+    pub model: ModelArgs,
     /// Prints errors and warnings only
     #[arg(short, long, help_heading = "Diagnostics")]
     quiet: bool,
@@ -82,26 +85,37 @@ impl Explore {
         self.model.message_format
     }
 
-    /// Runs the command.
+    /// Runs the command; Ctrl-C ends the sweep.
+    ///
+    /// # Errors
+    /// As of [`Explore::sweep`].
     pub fn run(&self) -> Result<(), Failure> {
+        self.sweep(&progress::listener(true, self.message_format()), Events::until_interrupted()?)
+    }
+
+    /// Computes the points and writes the folder. Warnings of the spec go to the listener.
+    ///
+    /// # Errors
+    /// Those of the spec, the options and the folder; an interruption; and if no point could be compiled or is as wanted.
+    pub fn sweep(&self, told: &dyn Listener, events: Events) -> Result<(), Failure> {
         let quiet = self.quiet || self.message_format() == MessageFormat::Json;
-        let mut settings = self.model.settings(&self.sweep.mapping);
+        let mut settings = self.model.settings(&self.options.mapping);
         settings.mapping.of_many()?;
-        let loaded = self.model.read()?;
+        let loaded = self.model.read(told)?;
         let model = &loaded.model;
         let given = self.given.with_order(model, &mut settings.mapping);
         let folder = || PathBuf::from("out").join(format!("{}_explore", model.name));
-        let target = self.sweep.output.clone().unwrap_or_else(folder);
+        let target = self.options.output.clone().unwrap_or_else(folder);
         OutputFolder::permitted(&target)?;
         let axes = self.axes.axes();
         hit(&axes.step, axes.sample)?;
         let Completed { axes, graphs, stiffness } = axes.complete(model);
-        let clock = self.sweep.clock.source();
+        let clock = self.options.clock.source();
         let limit = self.max_error.map_or(Some(USUAL_ERROR), |limit| limit.0);
-        let given_goals = self.goal.goals(self.max_error.and_then(|limit| limit.0), self.sweep.clock);
+        let given_goals = self.goal.goals(self.max_error.and_then(|limit| limit.0), self.options.clock);
         let points = axes.formed(model, &settings.mapping).into_iter();
         // The parts of a sweep are computed side by side.
-        let lock = self.sweep.shard.is_none().then(|| FolderLock::take(&target)).transpose()?;
+        let lock = self.options.shard.is_none().then(|| FolderLock::take(&target)).transpose()?;
         let mut record = Record {
             head: self.head(model, &axes),
             title: format!("{} ({})", model.name, model.size()),
@@ -116,20 +130,20 @@ impl Explore {
             late: false,
             store: None,
             damaged: BTreeSet::new(),
-            share: self.sweep.shard,
+            share: self.options.shard,
             lock,
         };
         if self.resume {
             record.resume()?;
         }
-        let threads = Driver::threads(self.sweep.jobs);
+        let threads = Driver::threads(self.options.jobs);
         let estimate = Estimate::of(model, &graphs, &settings.mapping);
-        let driver = Driver::new(Self::NAME, threads, &self.sweep)?;
+        let driver = Driver::new(Self::NAME, threads, &self.options, events)?;
         let within = shown(record.max_error);
         let sources = loaded.sources.clone();
         let sweep =
             Sweep { loaded, settings, conserved: Vec::new(), within, early: true, until: None, clock, estimate };
-        record.ask(self.sweep.store.as_deref(), &sweep);
+        record.ask(self.options.store.as_deref(), &sweep);
         if !quiet {
             let seconds = driver.forecast(&record, &sweep).remaining();
             console::err(&announcement(&axes, &record, seconds, threads));
@@ -141,7 +155,7 @@ impl Explore {
             });
         }
         driver.round(&mut record, sweep, quiet)?;
-        if tell_of_store(&record, self.sweep.store.as_deref(), quiet) {
+        if tell_of_store(&record, self.options.store.as_deref(), quiet) {
             return Ok(());
         }
         let sheet = record.sheet();

@@ -54,7 +54,7 @@ impl Sim {
         if self.again.watch {
             return rerun::watch(&self.model, &self.mapping);
         }
-        let loaded = self.model.load(&self.point.point())?;
+        let loaded = self.model.load(&self.point.point(), &progress::listener(true, self.message_format()))?;
         let rows = if self.double { self.double_rows(&loaded)? } else { self.machine_rows(&loaded)? };
         let is_vcd = self.output.as_ref().and_then(|path| path.extension()).is_some_and(|end| end == "vcd");
         let trace = if is_vcd { vcd(&loaded.model, &rows)? } else { csv(&loaded.model, &rows).into_bytes() };

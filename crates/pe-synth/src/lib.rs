@@ -25,6 +25,7 @@ pub mod cmd_sim;
 pub mod cmd_verify;
 pub mod cmd_wrap;
 pub mod command;
+pub mod compiled;
 pub mod console;
 pub mod explore;
 pub mod figures;

@@ -10,7 +10,8 @@ use pe_flow::failure::Failure;
 use pe_synth::messages::{MessageFormat, guarded, print_failure, print_plain};
 use pe_synth::{
     cmd_accuracy, cmd_bench, cmd_check, cmd_compile, cmd_diff, cmd_dump, cmd_explain, cmd_explore, cmd_fmt, cmd_fmu,
-    cmd_golden, cmd_import, cmd_lsp, cmd_new, cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, console,
+    cmd_golden, cmd_import, cmd_lsp, cmd_new, cmd_rates, cmd_serve, cmd_shell, cmd_sim, cmd_verify, cmd_wrap, command,
+    console,
 };
 
 /// Compiles ordinary differential equations to a network of processing elements on an FPGA
@@ -88,10 +89,10 @@ fn main() -> ExitCode {
         Err(error) => return refused(&error),
     };
     let outcome = guarded(|| match &arguments.command {
-        Command::Compile(compile) => (compile.message_format(), compile.run(&command_line())),
+        Command::Compile(compile) => (compile.message_format(), compile.run(&command::typed(std::env::args().skip(1)))),
         Command::Check(check) => (check.message_format(), check.run()),
         Command::Verify(verify) => (verify.message_format(), verify.run()),
-        Command::Wrap(wrap) => (wrap.message_format(), wrap.run(&command_line())),
+        Command::Wrap(wrap) => (wrap.message_format(), wrap.run(&command::typed(std::env::args().skip(1)))),
         Command::Fmu(fmu) => (fmu.message_format(), fmu.run()),
         Command::Accuracy(accuracy) => (accuracy.message_format(), accuracy.run()),
         Command::Explore(explore) => (explore.message_format(), explore.run()),
@@ -138,21 +139,17 @@ fn asked_format() -> MessageFormat {
 
 /// Help, version, or options that do not exist.
 fn refused(error: &clap::Error) -> ExitCode {
-    let text = with_command(error).as_ref().unwrap_or(error).render();
+    let told = with_command(error);
+    let error = told.as_ref().unwrap_or(error);
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            return ended(console::out(&text.ansi().to_string()), asked_format());
+            return ended(console::out(&error.render().ansi().to_string()), asked_format());
         }
         _ if asked_format() == MessageFormat::Json => {
-            let text = text.to_string();
-            let mut parts = text.split("\n\n").map(str::trim);
-            let message = parts.next().unwrap_or_default().trim_start_matches("error: ");
-            let message = message.split_whitespace().collect::<Vec<_>>().join(" ");
-            let help: Vec<&str> = parts.filter_map(|part| part.strip_prefix("tip: ")).collect();
-            let help = (!help.is_empty()).then(|| help.join("; "));
+            let (message, help) = command::refusal(error);
             print_plain("usage", &message, help.as_deref(), MessageFormat::Json);
         }
-        _ => console::err(&text.ansi().to_string()),
+        _ => console::err(&error.render().ansi().to_string()),
     }
     Failure::Usage(String::new()).exit_code()
 }
@@ -164,23 +161,8 @@ fn with_command(error: &clap::Error) -> Option<clap::Error> {
         return None;
     }
     let mut told = clap::Error::new(ErrorKind::InvalidSubcommand).with_cmd(&Arguments::command());
-    let tip = format!("a command comes first: 'pe-synth compile {}'", pe_synth::command::quoted(word));
+    let tip = format!("a command comes first: 'pe-synth compile {}'", command::quoted(word));
     told.insert(ContextKind::InvalidSubcommand, ContextValue::String(word.clone()));
     told.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     Some(told)
-}
-
-/// The command as it can be typed again in the folder of an absolute path, without the output folder: that does not
-/// change the result.
-fn command_line() -> String {
-    let mut words = vec!["pe-synth".to_owned()];
-    let mut arguments = std::env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        if argument == "-o" || argument == "--output" {
-            arguments.next();
-        } else if !argument.starts_with("-o") && !argument.starts_with("--output=") {
-            words.push(pe_synth::command::shown_word(&argument));
-        }
-    }
-    words.join(" ")
 }

@@ -11,7 +11,7 @@ use pe_flow::pipeline::{self, Design};
 use pe_flow::settings::{MappingOptions, Settings, StageLoop};
 use pe_flow::spec::{self, LoadedModel};
 use pe_flow::stages::Stages;
-use pe_flow::watch::Stopwatch;
+use pe_flow::watch::{Listener, Stopwatch};
 use pe_hls::step::{Order, Scheme};
 use pe_hls::two_slots;
 use pe_ir::codes;
@@ -26,7 +26,8 @@ use pe_target::clock::ClockSource;
 use pe_target::devices::{self, DEVICES, Device};
 use pe_verify::engines::Engine;
 
-use crate::messages::{MessageFormat, print_findings};
+use crate::messages::MessageFormat;
+use crate::progress;
 
 /// What is computed: the model, and what it is judged over.
 #[derive(Args, Clone, Debug)]
@@ -34,6 +35,9 @@ pub struct ModelArgs {
     /// Model specification; `-` reads it from standard input
     #[arg(required_unless_present = "from", conflicts_with = "from")]
     pub spec: Option<PathBuf>,
+    /// The text of the spec, where a program has it; files that it names are read from the folder of `spec`.
+    #[arg(skip)]
+    pub text: Option<String>,
     /// Continues from the text of a compiler stage printed by `dump` instead of a spec: `compile` and `dump` from any
     /// stage, other commands from a model
     #[arg(long, value_name = "FILE", conflicts_with_all = ["set", "observe", "inputs", "units"], help_heading = "Model")]
@@ -172,7 +176,7 @@ impl DesignArgs {
     /// # Errors
     /// Those of the spec, and steps that the model cannot be run with.
     pub fn load(&self) -> Result<LoadedModel, Failure> {
-        self.model.load(&self.point.point())
+        self.model.load(&self.point.point(), &progress::listener(true, self.model.message_format))
     }
 
     /// Compiles that model.
@@ -277,12 +281,12 @@ impl ClockArgs {
 }
 
 impl ModelArgs {
-    /// The model of a design point.
+    /// The model of a design point; warnings of the spec go to the listener.
     ///
     /// # Errors
     /// Those of the spec, and steps that the model cannot be run with.
-    pub fn load(&self, point: &DesignPoint) -> Result<LoadedModel, Failure> {
-        let mut loaded = self.read()?;
+    pub fn load(&self, point: &DesignPoint, told: &dyn Listener) -> Result<LoadedModel, Failure> {
+        let mut loaded = self.read(told)?;
         point.apply(&mut loaded.model).map_err(Failure::Usage)?;
         Ok(loaded)
     }
@@ -291,8 +295,13 @@ impl ModelArgs {
     ///
     /// # Errors
     /// Those of the text, and options that come too late.
-    pub fn load_stages(&self, point: &DesignPoint, mapping: &MappingOptions) -> Result<LoadedModel, Failure> {
-        let Some(path) = &self.from else { return self.load(point) };
+    pub fn load_stages(
+        &self,
+        point: &DesignPoint,
+        mapping: &MappingOptions,
+        told: &dyn Listener,
+    ) -> Result<LoadedModel, Failure> {
+        let Some(path) = &self.from else { return self.load(point, told) };
         let mut loaded = spec::load_stages(path)?;
         let longer = self.span.is_some_and(|span| span > loaded.model.span);
         let conflict = loaded.stages.as_ref().and_then(|stages| conflict(stages, point, mapping, longer));
@@ -304,23 +313,24 @@ impl ModelArgs {
         Ok(loaded)
     }
 
-    /// Reads and elaborates the spec; prints its warnings. Solver and step are the spec's.
+    /// Reads and elaborates the spec; its warnings go to the listener. Solver and step are the spec's.
     ///
     /// # Errors
     /// Those of the spec.
-    pub fn read(&self) -> Result<LoadedModel, Failure> {
+    pub fn read(&self, told: &dyn Listener) -> Result<LoadedModel, Failure> {
         let overrides = pe_frontend::Overrides {
             set: self.set.clone(),
             observe: self.observe.clone(),
             units: self.units,
             inputs: self.inputs,
         };
-        let (mut loaded, warnings) = match (&self.from, &self.spec) {
-            (Some(path), _) => (model_of(path)?, Vec::new()),
-            (None, Some(spec)) => spec::load(spec, &overrides)?,
-            (None, None) => return Err(Failure::Usage("give a spec, or `--from FILE`".to_owned())),
+        let (mut loaded, warnings) = match (&self.from, &self.spec, &self.text) {
+            (Some(path), ..) => (model_of(path)?, Vec::new()),
+            (None, Some(spec), Some(text)) => spec::load_text(spec, text, &overrides)?,
+            (None, Some(spec), None) => spec::load(spec, &overrides)?,
+            (None, None, _) => return Err(Failure::Usage("give a spec, or `--from FILE`".to_owned())),
         };
-        print_findings(&warnings, &loaded.sources, self.message_format);
+        told.warn(&warnings, &loaded.sources);
         loaded.model.span = self.span.unwrap_or(loaded.model.span);
         Ok(loaded)
     }

@@ -133,6 +133,11 @@ impl OutputFolder {
         Ok(OutputFolder { target: target.to_owned(), partial, hashes: Mutex::default(), _lock: lock, finished })
     }
 
+    /// Where it will be.
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
     /// Writes a file; `path` is relative and uses `/`.
     pub fn write(&self, path: &str, text: &str) -> Result<(), Failure> {
         self.write_bytes(path, text.as_bytes())

@@ -51,7 +51,12 @@ struct Console {
 
 /// A stopwatch whose warnings are printed, and whose stages are unless `quiet`.
 pub fn stopwatch(quiet: bool, format: MessageFormat) -> Stopwatch {
-    Stopwatch::new(Console { quiet, format, spinner: RefCell::new(None) })
+    Stopwatch::new(listener(quiet, format))
+}
+
+/// Who prints warnings, and stages unless `quiet`.
+pub fn listener(quiet: bool, format: MessageFormat) -> impl Listener {
+    Console { quiet, format, spinner: RefCell::new(None) }
 }
 
 /// A bar for a long stage; invisible when quiet or when standard error is no terminal.

@@ -23,6 +23,15 @@ struct Mark<'a> {
 
 /// A finding with the lines it is about, its help, and colours for a terminal.
 pub fn for_people(finding: &Diagnostic, sources: &Sources) -> String {
+    rendered(finding, sources, &Renderer::styled()) + "\n\n"
+}
+
+/// The same without colours.
+pub fn plain(finding: &Diagnostic, sources: &Sources) -> String {
+    rendered(finding, sources, &Renderer::plain())
+}
+
+fn rendered(finding: &Diagnostic, sources: &Sources, renderer: &Renderer) -> String {
     let level = match finding.severity {
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
@@ -40,7 +49,7 @@ pub fn for_people(finding: &Diagnostic, sources: &Sources) -> String {
     if let Some(help) = &finding.help {
         group = group.element(Level::HELP.message(visible(help)));
     }
-    Renderer::styled().term_width(WIDTH).render(&[group]) + "\n\n"
+    renderer.clone().term_width(WIDTH).render(&[group])
 }
 
 /// A finding as one JSON object; its keys are in `docs/report.md`.

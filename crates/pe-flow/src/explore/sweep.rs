@@ -13,6 +13,7 @@
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
@@ -137,14 +138,16 @@ struct Crew<'a> {
     sweep: &'a Sweep,
     queue: Queue<Task>,
     sender: &'a Sender<Event>,
+    /// Whether nobody hears any more.
+    deserted: AtomicBool,
 }
 
-/// Compiles all jobs in the pool and sends what got done.
+/// Compiles all jobs in the pool and sends what got done, as long as somebody hears it.
 pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sender<Event>) {
     let model = &sweep.loaded.model;
     let families = families(jobs, has_functions(model));
     let together = families.len().saturating_mul(model.states.len()) <= MOST_STATES;
-    let crew = Crew { sweep, queue: Queue::default(), sender };
+    let crew = Crew { sweep, queue: Queue::default(), sender, deserted: AtomicBool::new(false) };
     for family in families {
         crew.queue.add(if together { 0 } else { COMPARE + 1 }, sweep.estimate.whole(&family), Task::Run(family));
     }
@@ -153,6 +156,9 @@ pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sen
 
 impl Crew<'_> {
     fn take(&self, task: Task) {
+        if self.deserted.load(Ordering::Relaxed) {
+            return;
+        }
         match task {
             Task::Run(family) => self.family(family),
             Task::Compare(ran) => self.compare(*ran),
@@ -266,7 +272,9 @@ impl Crew<'_> {
     }
 
     fn tell(&self, kind: Kind, estimated: f64, took: Option<f64>) {
-        let _ = self.sender.send(Event::Work(Work { kind, estimated, took }));
+        if self.sender.send(Event::Work(Work { kind, estimated, took })).is_err() {
+            self.deserted.store(true, Ordering::Relaxed);
+        }
     }
 }
 

@@ -26,13 +26,38 @@ pub const GENERATOR: &str = concat!("pe-synth ", env!("CARGO_PKG_VERSION"));
 /// Seconds of processor time before which the load of the machine does not show.
 const SETTLING: f64 = 0.2;
 
+/// What a sweep tells, and whoever wants it to end.
+pub struct Events {
+    sender: Sender<Event>,
+    receiver: Receiver<Event>,
+}
+
+impl Events {
+    /// With whom sends [`Event::Interrupted`] to end the sweep.
+    pub fn new() -> (Events, Sender<Event>) {
+        let (sender, receiver) = channel();
+        (Events { sender: sender.clone(), receiver }, sender)
+    }
+
+    /// From here on Ctrl-C and requests to terminate end sweeps with a partial result, not the process.
+    ///
+    /// # Errors
+    /// If signals cannot be watched.
+    pub fn until_interrupted() -> Result<Events, Failure> {
+        let (events, sender) = Events::new();
+        let interrupt = move || drop(sender.send(Event::Interrupted));
+        let watched = ctrlc::set_handler(interrupt);
+        watched.map_err(|error| Failure::Internal(format!("cannot watch for signals: {error}")))?;
+        Ok(events)
+    }
+}
+
 /// The threads of a sweep, which may have several rounds.
 pub struct Driver {
     /// The command, for the progress bar.
     name: &'static str,
     pool: std::sync::Arc<rayon::ThreadPool>,
-    sender: Sender<Event>,
-    events: Receiver<Event>,
+    events: Events,
     threads: usize,
     /// When no more work is begun.
     until: Option<Instant>,
@@ -41,17 +66,15 @@ pub struct Driver {
 }
 
 impl Driver {
-    /// Threads of a command. From here on Ctrl-C ends sweeps, not the process.
+    /// Threads of a command.
     ///
     /// # Errors
-    /// If threads cannot be started or signals not be watched.
-    pub fn new(name: &'static str, threads: usize, options: &SweepArgs) -> Result<Driver, Failure> {
-        let (sender, events) = channel();
-        watch_signals(sender.clone())?;
+    /// If threads cannot be started.
+    pub fn new(name: &'static str, threads: usize, options: &SweepArgs, events: Events) -> Result<Driver, Failure> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.map_err(|error| Failure::File(format!("cannot start {threads} threads: {error}")))?;
         let until = options.within.map(|seconds| Instant::now() + Duration::from_secs_f64(seconds));
-        Ok(Driver { name, pool: pool.into(), sender, events, threads, until, cluster: options.cluster() })
+        Ok(Driver { name, pool: pool.into(), events, threads, until, cluster: options.cluster() })
     }
 
     /// Number of threads that were asked for, or of cores.
@@ -72,17 +95,18 @@ impl Driver {
     /// As of [`Record::follow`].
     pub fn round(&self, record: &mut Record, sweep: Sweep, quiet: bool) -> Result<Ended, Failure> {
         if let Some(cluster) = &self.cluster {
-            return cluster.round(&self.events, record, &sweep, quiet);
+            return cluster.round(&self.events.receiver, record, &sweep, quiet);
         }
         let jobs = record.pending();
         let sweep = Sweep { until: self.until, ..sweep };
         let mut left = Left::new(self.name, self.forecast(record, &sweep), self.threads, quiet);
-        let (pool, sender) = (std::sync::Arc::clone(&self.pool), self.sender.clone());
+        let (pool, sender) = (std::sync::Arc::clone(&self.pool), self.events.sender.clone());
         std::thread::spawn(move || {
             sweep::run(&sweep, jobs, &pool, &sender);
             let _ = sender.send(Event::Finished);
         });
-        let followed = record.follow(&self.events, self.until, &mut |done, total, work| left.hear(done, total, work));
+        let mut hear = |done: usize, total: usize, work: Option<&Work>| left.hear(done, total, work);
+        let followed = record.follow(&self.events.receiver, self.until, &mut hear);
         left.teller.finish();
         followed
     }
@@ -132,14 +156,6 @@ pub fn tell_of_store(record: &Record, store: Option<&Path>, quiet: bool) -> bool
 /// A hash of all that a model is, wherever it was read from.
 pub fn fingerprint(model: &Model) -> String {
     sha256(format!("{model:?}").as_bytes())
-}
-
-/// Lets Ctrl-C and requests to terminate end the sweep with a partial result.
-fn watch_signals(sender: Sender<Event>) -> Result<(), Failure> {
-    ctrlc::set_handler(move || {
-        let _ = sender.send(Event::Interrupted);
-    })
-    .map_err(|error| Failure::Internal(format!("cannot watch for signals: {error}")))
 }
 
 /// A sweep fails if no point succeeded, or if one met an error of the compiler itself.
