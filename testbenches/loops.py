@@ -5,7 +5,7 @@
 
 Inputs change in every step, from random numbers and from the outputs before, so that what differs once differs on. Each
 design is compiled, wrapped with streams and packed as FMU; each column counts the words of outputs, of all steps, that are
-not those of `model`. Needs pe_host and fmpy (testbenches/test-all.sh installs them), rustc, GHDL and Verilator; $PE_SYNTH
+not those of `model`. Needs pe_synth and fmpy (testbenches/test-all.sh installs them), rustc, GHDL and Verilator; $PE_SYNTH
 names a binary.
 """
 
@@ -16,7 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pe_host
+from pe_synth import host as hosts
 from fmu import PE_SYNTH, ROOT, Unit, outputs_of
 
 DESIGNS = ["hil_motor", "hil_motor_pid", "hil_pendulum", "hil_pendulum_control", "hil_filter"]
@@ -48,7 +48,7 @@ class Program:
 
 def by_host(folder, design, transport, steps):
     program, seen = Program(design), []
-    with pe_host.open(folder, transport, timeout=60.0) as host:
+    with hosts.open(folder, transport, timeout=60.0) as host:
         words = host.read_words()
         for _ in range(steps):
             words = host.exchange_words(program.inputs(words))
@@ -57,7 +57,7 @@ def by_host(folder, design, transport, steps):
 
 
 def by_frames(folder, transport, frames):
-    with pe_host.open(folder, transport, timeout=60.0) as host:
+    with hosts.open(folder, transport, timeout=60.0) as host:
         return host.run_frames_words(frames)
 
 
@@ -96,7 +96,7 @@ def main():
         folder = options.folder / name
         design = built(folder, name)
         wanted = by_host(folder, design, "model", options.steps)
-        with pe_host.open(folder, "model") as host:
+        with hosts.open(folder, "model") as host:
             frames = frames_of(design, wanted, host.read_words())
         changes = sum(a != b for a, b in zip(wanted, wanted[1:]))
         counts = []

@@ -121,12 +121,18 @@ PE_SYNTH=$target/debug/pe-synth crates/xtask/pages/printed.py --check
 begin 'packages'
 PE_SYNTH=$target/debug/pe-synth testbenches/packages.sh "$target/packages"
 
-begin 'the Python package of pe-host'
+begin 'the Python package'
 design=$target/python/motor_pid
 "$target/debug/pe-synth" compile models/motor_pid/motor_pid.spec --host restart,states,flags --quiet --no-pictures -o "$design"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall \
-  --config-settings=build-args='--profile dev --locked' ./crates/pe-host/python
-PE_SYNTH=$target/debug/pe-synth PE_DESIGN=$design "$venv/bin/python" -m unittest discover crates/pe-host/python/tests
+# What it needs and what its tests need, once; the package itself every time.
+if ! cmp -s crates/pe-python/tests/requirements.txt "$venv/python-requirements.txt"; then
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r crates/pe-python/tests/requirements.txt
+  "$venv/bin/python" -m pip uninstall --quiet --yes pe-host
+  cp crates/pe-python/tests/requirements.txt "$venv/python-requirements.txt"
+fi
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps \
+  --config-settings=build-args='--profile dev --locked' ./crates/pe-python
+PE_SYNTH=$target/debug/pe-synth PE_DESIGN=$design "$venv/bin/python" -m pytest -q -p no:cacheprovider crates/pe-python/tests
 for loop in hil_motor hil_pendulum hil_filter; do
   PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" "models/$loop/loop.py"
 done

@@ -4,14 +4,14 @@
     venv/bin/python models/hil_filter/loop.py [--transport model,fast] [--steps 25000]
 
 Fails if an integer differs between two transports, or an output deviates by more than 1e-5 from the filter in double
-precision. docs/host.md tells how to install pe_host.
+precision. docs/python.md tells how to install pe_synth.
 """
 
 import random
 from math import pi, sin
 from pathlib import Path
 
-from pe_host import loops
+from pe_synth.host import loops
 
 SPEC = Path(__file__).resolve().parent / "hil_filter.spec"
 SECTIONS = [

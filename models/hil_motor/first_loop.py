@@ -2,11 +2,11 @@
 
 import sys
 
-import pe_host
+from pe_synth import host
 
 Kp, Ki, STEP = 60.0, 120.0, 1e-3  # V s, V, s: proportional and integral part
 
-with pe_host.open(sys.argv[1], sys.argv[2]) as motor:
+with host.open(sys.argv[1], sys.argv[2]) as motor:
     integral, words = 0.0, []
     speed, current = motor.read()  # sample 0
     for k in range(1000):

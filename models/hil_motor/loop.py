@@ -4,12 +4,12 @@
     venv/bin/python models/hil_motor/loop.py [--transport model,fast] [--steps 10000]
 
 Fails if an integer differs between two transports, or the motor deviates by more than 1e-5 from the loop in double
-precision. docs/host.md tells how to install pe_host.
+precision. docs/python.md tells how to install pe_synth.
 """
 
 from pathlib import Path
 
-from pe_host import loops
+from pe_synth.host import loops
 
 MODELS = Path(__file__).resolve().parents[1]
 SPECS = [MODELS / "hil_motor/hil_motor.spec", MODELS / "hil_motor_pid/hil_motor_pid.spec"]

@@ -4,13 +4,13 @@
     venv/bin/python models/hil_pendulum/loop.py [--transport model,fast] [--steps 50000]
 
 Fails if an integer differs between two transports, or an angle deviates by more than 1e-5 from the loop in double
-precision. docs/host.md tells how to install pe_host.
+precision. docs/python.md tells how to install pe_synth.
 """
 
 from math import cos, exp, pi, sin
 from pathlib import Path
 
-from pe_host import loops
+from pe_synth.host import loops
 
 MODELS = Path(__file__).resolve().parents[1]
 SPECS = [MODELS / "hil_pendulum/hil_pendulum.spec", MODELS / "hil_pendulum_control/hil_pendulum_control.spec"]

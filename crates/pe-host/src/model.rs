@@ -37,9 +37,13 @@ impl Model {
     /// # Errors
     /// [`Error::File`], or [`Error::WrongHash`] if the program is not the map's.
     pub fn open(design: &Design) -> Result<Model, Error> {
-        let program = Arc::new(design.program()?);
+        Ok(Model::over(design, Arc::new(design.program()?)))
+    }
+
+    /// The network of a program, which must be the one of the map.
+    pub fn over(design: &Design, program: Arc<Program>) -> Model {
         let map = design.shared_map();
-        Ok(Model {
+        Model {
             machine: Machine::new(Arc::clone(&program)),
             program,
             registers: None,
@@ -49,7 +53,7 @@ impl Model {
             stepped: false,
             shown: Some(first(&map)),
             map,
-        })
+        }
     }
 
     /// The program with other state words in its images.

@@ -8,7 +8,7 @@ use pe_ir::codes;
 use pe_ir::graph::StepGraph;
 use pe_ir::model::Model;
 use pe_ir::program::{Host, Program};
-use pe_ir::source::{Diagnostic, Severity};
+use pe_ir::source::{Diagnostic, Severity, Sources};
 use pe_sim::reference::ReferenceError;
 
 use crate::accuracy::options::FixedArgs;

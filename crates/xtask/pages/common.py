@@ -20,9 +20,9 @@ def built(variable="PE_SYNTH", program="pe-synth", *options):
 
 @functools.cache
 def python_package():
-    """A folder from which Python imports `pe_host`, built in the profile `dev`."""
-    subprocess.run(["cargo", "build", "--quiet", "--locked", "--package", "pe-host-python"], cwd=ROOT, check=True)
+    """A folder from which Python imports `pe_synth`, built in the profile `dev`."""
+    subprocess.run(["cargo", "build", "--quiet", "--locked", "--package", "pe-python"], cwd=ROOT, check=True)
     home = TARGET / "pages"
-    shutil.copytree(ROOT / "crates/pe-host/python/pe_host", home / "pe_host", dirs_exist_ok=True)
-    shutil.copy(TARGET / "debug/lib_pe_host.so", home / "pe_host/_pe_host.abi3.so")
+    shutil.copytree(ROOT / "crates/pe-python/python", home, dirs_exist_ok=True)
+    shutil.copy(TARGET / "debug/lib_native.so", home / "pe_synth/_native.abi3.so")
     return str(home)

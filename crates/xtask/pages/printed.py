@@ -5,7 +5,7 @@
 
 A block of text under the line `<!-- printed by: COMMAND -->` is what COMMAND prints, on both outputs, in a folder that has the
 models and, for each page, what its commands before have written; seconds of stages, and lines that tell what is left, are left out. Python finds
-`pe_host`, which is built where a page asks for it. `--check` changes nothing and fails where a block differs. Blocks under `<!-- printed by, long: COMMAND -->` take minutes and wait for `--long`. $PE_SYNTH
+`pe_synth`, which is built where a page asks for it. `--check` changes nothing and fails where a block differs. Blocks under `<!-- printed by, long: COMMAND -->` take minutes and wait for `--long`. $PE_SYNTH
 names a binary to use in place of building one; needs GHDL.
 """
 

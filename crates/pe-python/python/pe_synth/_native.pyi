@@ -1,11 +1,14 @@
+"""What the package stands on; `pe_synth.host` has the part about hosts, other modules wrap the remainder."""
+
 from collections.abc import Sequence
 from os import PathLike
 from types import TracebackType
+from typing import Any
 
 TRANSPORTS: dict[str, str]
 """All transports, with what they are."""
 
-class Error(Exception):
+class HostError(Exception):
     """A call failed, within the timeout."""
 
     kind: str
@@ -53,7 +56,7 @@ class Snapshot:
     def state(self) -> list[int]: ...
 
 class Host:
-    """A network behind a transport. All methods raise `Error`."""
+    """A network behind a transport. All methods raise `HostError`."""
 
     @property
     def inputs(self) -> list[str]:
@@ -124,7 +127,7 @@ class Host:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None: ...
 
-def open(
+def open_host(
     folder: str | PathLike[str],
     transport: str = "model",
     timeout: float | None = None,
@@ -132,5 +135,55 @@ def open(
 ) -> Host:
     """Opens a network of a folder that `compile` wrote, in its initial state and with all inputs 0.
 
-    timeout in seconds; None is what the transport needs. library is a reference that was built before, for `fast` and `clocked`.
+    timeout in seconds; None is what the transport needs. library is a reference that was built before, for `fast` and
+    `clocked`.
     """
+
+class Run:
+    """What a run gave. Arrays are bytes of 8 per number, step by step."""
+
+    flags: list[str]
+    clamped: list[str]
+    beyond_range: list[str]
+    end: Snapshot
+    def time(self) -> bytearray: ...
+    def outputs(self) -> bytearray: ...
+    def output_words(self) -> bytearray: ...
+    def states(self) -> bytearray | None: ...
+    def state_words(self) -> bytearray | None: ...
+
+class Design:
+    """A compiled design."""
+
+    report: str
+    """In JSON."""
+    table: str
+    map: str
+    """In JSON."""
+    steps: int
+    initial: list[float]
+    def sample_0(self) -> list[float | None]: ...
+    def pictures(self) -> list[tuple[str, str]]:
+        """Names of files and SVG."""
+    def write(self, folder: str, header: bool, pictures: bool) -> None: ...
+    def open(self) -> Host: ...
+    def run(
+        self,
+        steps: int,
+        columns: Sequence[tuple[int, int]],
+        numbers: Any,
+        words: Any,
+        parameters: Sequence[float] | None,
+        begin: Snapshot | None,
+        states: bool,
+    ) -> Run:
+        """Runs steps. columns: for each given input its number and its column, -1 - c for column c of words."""
+
+def compile(words: Sequence[str], text: str | None) -> Design: ...
+def check(words: Sequence[str], text: str | None) -> tuple[str, str]:
+    """The result in JSON, and in words."""
+
+def explore(words: Sequence[str], text: str | None) -> None: ...
+def accuracy(words: Sequence[str], text: str | None) -> None: ...
+def curves(title: str, time: Sequence[float], curves: Sequence[tuple[str, str, Sequence[float]]]) -> str:
+    """A picture in SVG: curves with a name, a unit and numbers."""

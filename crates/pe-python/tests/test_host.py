@@ -1,6 +1,6 @@
 """The package against a compiled design: $PE_SYNTH names the compiler, $PE_DESIGN the folder of motor_pid.
 
-    python -m unittest discover crates/pe-host/python/tests
+    python -m pytest crates/pe-python/tests
 """
 
 import os
@@ -13,7 +13,7 @@ import time
 import unittest
 from pathlib import Path
 
-import pe_host
+from pe_synth import host as pe_host
 
 DESIGN = os.environ["PE_DESIGN"]
 STEPS = 300
@@ -112,7 +112,7 @@ class HostTest(unittest.TestCase):
         self.assertEqual(kind(host.run), "lost")
 
     def test_the_example_of_the_page_runs(self):
-        page = (Path(__file__).resolve().parents[4] / "docs/host.md").read_text(encoding="utf-8")
+        page = (Path(__file__).resolve().parents[3] / "docs/host.md").read_text(encoding="utf-8")
         example = page.split("```python\n")[1].split("```")[0]
         with tempfile.TemporaryDirectory() as home:
             (Path(home) / "out").mkdir()

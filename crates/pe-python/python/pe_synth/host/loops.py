@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from ._pe_host import open as open_host
+from .._native import open_host
 
 
 class Part(Protocol):

@@ -1,5 +1,4 @@
-//! The Python package `pe_host`: [`pe_host`] with Python's types. `pe_host/_pe_host.pyi` says what each function does.
-#![allow(missing_docs, reason = "the stub file has the documentation")]
+//! `pe_synth.host`: [`pe_host`] with Python's types.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -12,9 +11,9 @@ use pyo3::types::PyDict;
 
 use pe_host::{Limits, Settings, Transport};
 
-create_exception!(pe_host, Error, PyException, "A call failed, within the timeout.");
+create_exception!(pe_synth.host, Error, PyException, "A call failed, within the timeout.");
 
-fn raised(py: Python<'_>, error: &pe_host::Error) -> PyErr {
+pub fn raised(py: Python<'_>, error: &pe_host::Error) -> PyErr {
     let raised = Error::new_err(error.to_string());
     // An exception without its kind is still that exception.
     let _ = raised.value(py).setattr("kind", error.kind());
@@ -46,7 +45,7 @@ struct Frames {
 }
 
 #[pyclass(frozen)]
-struct Snapshot(pe_host::Snapshot);
+pub struct Snapshot(pub pe_host::Snapshot);
 
 #[pymethods]
 impl Snapshot {
@@ -73,9 +72,13 @@ impl Snapshot {
 
 /// None after `close`.
 #[pyclass(frozen)]
-struct Host(Mutex<Option<pe_host::Host>>);
+pub struct Host(Mutex<Option<pe_host::Host>>);
 
 impl Host {
+    pub fn of(host: pe_host::Host) -> Host {
+        Host(Mutex::new(Some(host)))
+    }
+
     /// Works with the host while other threads of Python run.
     fn with<T: Send>(
         &self,
@@ -289,7 +292,7 @@ impl Host {
 }
 
 #[pyfunction]
-#[pyo3(signature = (folder, transport = "model", timeout = None, library = None))]
+#[pyo3(name = "open_host", signature = (folder, transport = "model", timeout = None, library = None))]
 fn open(
     py: Python<'_>,
     folder: PathBuf,
@@ -308,17 +311,17 @@ fn open(
         pe_host::Host::open(&folder, &transport, &settings)
     });
     let host = opened.map_err(|error| raised(py, &error))?;
-    Ok(Host(Mutex::new(Some(host))))
+    Ok(Host::of(host))
 }
 
-#[pymodule]
-fn _pe_host(module: &Bound<'_, PyModule>) -> PyResult<()> {
+/// Adds all of it to the module.
+pub fn add(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let transports = PyDict::new(module.py());
     for (form, meaning) in Transport::FORMS {
         transports.set_item(form, meaning)?;
     }
     module.add("TRANSPORTS", transports)?;
-    module.add("Error", module.py().get_type::<Error>())?;
+    module.add("HostError", module.py().get_type::<Error>())?;
     module.add_class::<Written>()?;
     module.add_class::<Exchanged>()?;
     module.add_class::<Frames>()?;
