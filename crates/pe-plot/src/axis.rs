@@ -154,6 +154,10 @@ fn log(low: f64, high: f64, whole: bool, most: usize) -> Axis {
     if ticks.len() < 2 {
         ticks = series(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], 1);
     }
+    // So little of a decade has no two of them.
+    if ticks.len() < 2 {
+        ticks = linear(low, high, true, most.min(5)).ticks;
+    }
     let minor = if last - first <= 8 { series(&[2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], 1) } else { Vec::new() };
     let plain = ticks.iter().all(|tick| (0.999e-3..1.001e5).contains(tick));
     let labels = if plain { Labels::Shortest } else { Labels::Exponential };
@@ -191,7 +195,8 @@ mod tests {
 
     #[test]
     fn every_range_of_numbers_has_a_few_ticks() {
-        for (low, high) in [(0.0, 0.0), (0.0, 1e-310), (1e-310, 1e-300), (-5.0, 3.0), (1e300, 2e300), (7.1e-4, 7.3e-4)]
+        for (low, high) in
+            [(0.0, 0.0), (0.0, 1e-310), (1e-310, 1e-300), (-5.0, 3.0), (1e300, 2e300), (7.1e-4, 7.3e-4), (2.5, 2.9)]
         {
             for scale in [Scale::Linear, Scale::Log] {
                 let axis = Axis::new(scale, [low, high].into_iter(), false, 6);

@@ -38,8 +38,8 @@ pub struct Canvas<'a> {
     patterns: RefCell<String>,
 }
 
-/// Draws a picture of `width` x `height` points and returns the text of its SVG file.
-pub fn picture(width: f64, height: f64, draw: impl FnOnce(&Canvas)) -> String {
+/// Draws a picture of `width` x `height` points and returns the text of its SVG file; `title` is what readers call it.
+pub fn picture(title: &str, (width, height): (f64, f64), draw: impl FnOnce(&Canvas)) -> String {
     let (columns, rows) = (units(width), units(height));
     let mut svg = String::new();
     let patterns = {
@@ -53,7 +53,18 @@ pub fn picture(width: f64, height: f64, draw: impl FnOnce(&Canvas)) -> String {
     let head = format!("<svg width=\"{width}\" height=\"{height}\"");
     let written = format!("<svg width=\"{columns}\" height=\"{rows}\"");
     let body = svg.strip_prefix(&written).and_then(|body| body.trim_end().strip_suffix("</svg>"));
-    format!("{head}{}{}</svg>\n", body.expect("the frame of an SVG file"), patterns)
+    let (attributes, body) = body.and_then(|body| body.split_once('>')).expect("the frame of an SVG file");
+    format!("{head}{attributes}>\n<title>{}</title>{body}{patterns}</svg>\n", escaped(title))
+}
+
+/// Text as XML takes it.
+fn escaped(text: &str) -> String {
+    crate::style::fitted(text, 1.0, f64::INFINITY)
+        .replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+        .replace('\'', "&#39;")
 }
 
 /// Points as units of the file.

@@ -4,7 +4,9 @@ use plotters::prelude::*;
 
 use crate::axis::{Axis, Scale};
 use crate::canvas::{Anchor, Canvas, INFALLIBLE, font, picture, stroke, units};
-use crate::style::{FINE_GRID, GRID, INK, LABEL, Look, MARGIN, SMALL, SOFT, TITLE, fitted, text_width, wrapped};
+use crate::style::{
+    FINE_GRID, GRID, INK, LABEL, Look, MARGIN, SMALL, SOFT, TITLE, fitted, shaded, text_width, wrapped,
+};
 
 /// A point, with a name if it shall be read in the picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,8 +79,53 @@ pub struct Chart {
     pub y: AxisPlan,
     /// Its series, the first one at the bottom.
     pub series: Vec<Series>,
+    /// Numbers that fill the plane as shades, below the series.
+    pub field: Option<Field>,
     /// Height of the plane in points.
     pub height: f64,
+}
+
+/// Numbers over a rectangle, each as a shade: the larger the darker.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// Numbers of a row.
+    pub columns: usize,
+    /// Row by row, the first one at the bottom.
+    pub numbers: Vec<f64>,
+}
+
+impl Field {
+    /// Shades that can be told apart.
+    const SHADES: f64 = 24.0;
+
+    fn draw(&self, canvas: &Canvas, (left, top): (f64, f64), (width, height): (f64, f64)) {
+        let (low, high) = self.ends();
+        let shade =
+            |number: f64| (if high > low { (number - low) / (high - low) } else { 0.5 } * Field::SHADES).round();
+        let rows = self.numbers.chunks(self.columns);
+        let (across, up) = (width / self.columns as f64, height / rows.len() as f64);
+        for (row, numbers) in rows.enumerate() {
+            let bottom = top + height - row as f64 * up;
+            let mut from = 0;
+            // Neighbours of the same shade are one rectangle.
+            for to in 1..=numbers.len() {
+                if to < numbers.len() && shade(numbers[to]) == shade(numbers[from]) {
+                    continue;
+                }
+                let (start, end) = (left + from as f64 * across, left + to as f64 * across);
+                // A little larger, so that no seam shows.
+                let (end, upper) = ((end + 0.4).min(left + width), (bottom - up - 0.4).max(top));
+                canvas.fill((start, upper), (end, bottom), shaded(shade(numbers[from]) / Field::SHADES));
+                from = to;
+            }
+        }
+    }
+
+    /// The smallest and the largest number.
+    pub fn ends(&self) -> (f64, f64) {
+        let ends = |(low, high): (f64, f64), number: &f64| (low.min(*number), high.max(*number));
+        self.numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), ends)
+    }
 }
 
 /// Charts under a common title and legend: cells side by side, in each cell charts one above the other.
@@ -166,7 +213,7 @@ impl Figure {
             self.cells.chunks(columns).map(|row| row.iter().map(cell_height).fold(0.0, f64::max) + 10.0).collect();
         let height = (head + row_heights.iter().sum::<f64>() + MARGIN).ceil();
         let cell_width = (inner - (columns - 1) as f64 * 2.0 * MARGIN) / columns as f64;
-        picture(self.width, height, |canvas| {
+        picture(&self.title, (self.width, height), |canvas| {
             let mut y = title(canvas, &self.title, &caption, inner);
             for row in &rows {
                 draw_legend_row(canvas, row, y);
@@ -276,6 +323,10 @@ fn draw_chart(canvas: &Canvas, chart: &Chart, (left, top): (f64, f64), width: f6
         (origin.0 + x_axis.place(point.x) * plane_width, origin.1 - y_axis.place(point.y) * chart.height)
     };
     mesh(canvas, &x_axis, &y_axis, (left + margin, plane_top), (plane_width, chart.height));
+    if let Some(field) = &chart.field {
+        field.draw(canvas, (left + margin, plane_top), (plane_width, chart.height));
+        canvas.frame((left + margin, plane_top), (left + margin + plane_width, origin.1), SOFT, 1.0);
+    }
 
     let foot = origin.1 + SMALL + 11.0;
     if !chart.x.label.is_empty() {

@@ -7,8 +7,8 @@ use pe_ir::program::{LinkSource, Program};
 
 use crate::canvas::{Anchor, Canvas, picture};
 use crate::chart::title;
-use crate::layout::{close_order, places};
-use crate::style::{GRID, INK, LABEL, MARGIN, PAPER, SMALL, SOFT, TITLE, Tone, text_width, wrapped};
+use crate::layout::{Place, close_order, places};
+use crate::style::{GRID, INK, LABEL, MARGIN, PAPER, SMALL, SOFT, TITLE, Tone, counted, shaded, text_width, wrapped};
 
 /// Width of the picture, and the largest extent of the network in it.
 const WIDTH: f64 = 900.0;
@@ -22,18 +22,20 @@ const DENSE: usize = 4;
 const BARS: f64 = 110.0;
 
 /// A network as it is drawn.
-struct Network {
+pub struct Network {
     /// Share of the cycles in which each PE issues a product.
-    loads: List<PeId, f64>,
-    /// Words per step between PEs, both directions together, by pairs `(smaller, larger)`.
-    words: BTreeMap<(PeId, PeId), u64>,
-    /// PEs that read an external input, and PEs that compute an output.
-    reads_input: List<PeId, bool>,
-    gives_output: List<PeId, bool>,
+    pub loads: List<PeId, f64>,
+    /// Words per step from a PE to another.
+    pub words: BTreeMap<(PeId, PeId), u64>,
+    /// PEs that read an external input.
+    pub reads_input: List<PeId, bool>,
+    /// PEs that compute an output.
+    pub gives_output: List<PeId, bool>,
 }
 
 impl Network {
-    fn of(program: &Program) -> Network {
+    /// The network of a program.
+    pub fn of(program: &Program) -> Network {
         let pes = program.pes.len();
         let mut words = BTreeMap::new();
         let mut reads_input = List::filled(false, pes);
@@ -43,7 +45,7 @@ impl Network {
                     // Words that a PE sends to itself cross no link between PEs.
                     LinkSource::Pe(from) if from == to => {}
                     LinkSource::Pe(from) => {
-                        *words.entry((from.min(to), from.max(to))).or_insert(0) += 1;
+                        *words.entry((from, to)).or_insert(0) += 1;
                     }
                     LinkSource::Input(_) => reads_input[to] = true,
                 }
@@ -57,6 +59,16 @@ impl Network {
             reads_input,
             gives_output,
         }
+    }
+
+    /// Places of the PEs in the plane, in units of about the length of a connection.
+    pub fn places(&self) -> Vec<Place> {
+        places(self.loads.len(), &self.edges())
+    }
+
+    /// Pairs of PEs that are connected, in either direction.
+    pub fn connections(&self) -> usize {
+        self.words.keys().filter(|(from, to)| from < to || !self.words.contains_key(&(*to, *from))).count()
     }
 
     fn edges(&self) -> Vec<(usize, usize)> {
@@ -90,9 +102,7 @@ impl Shades {
     }
 
     fn tone(&self, load: f64) -> Tone {
-        let share = self.share(load);
-        let mix = |from: f64, to: f64| (from + (to - from) * share).round() as u8;
-        (mix(250.0, 20.0), mix(250.0, 60.0), mix(250.0, 120.0))
+        shaded(self.share(load))
     }
 
     /// Text on a shade.
@@ -123,15 +133,15 @@ impl Shades {
     }
 }
 
-/// Draws the network.
-pub fn draw(program: &Program) -> String {
-    let network = Network::of(program);
-    let (pes, connections) = (network.loads.len(), network.words.len());
+/// Draws the network of a program with its PEs at some places.
+pub fn draw(program: &Program, network: &Network, places: &[Place]) -> String {
+    let (pes, connections) = (network.loads.len(), network.connections());
     let busiest = network.busiest();
     let mean = network.loads.iter().sum::<f64>() / pes.max(1) as f64;
     let caption = format!(
-        "{pes} PEs, {connections} connections. PE {busiest} has most products: in {:.1} % of the {} cycles of a step it \
+        "{}, {connections} connections. PE {busiest} has most products: in {:.1} % of the {} cycles of a step it \
          issues one, the mean PE in {:.1} %.",
+        counted(pes, "PE"),
         network.loads[busiest] * 100.0,
         program.period,
         mean * 100.0
@@ -140,9 +150,9 @@ pub fn draw(program: &Program) -> String {
     let heading = format!("{}: network of PEs", program.model);
     let meshed = connections > pes + pes / 12;
     if connections > DENSE * pes || (meshed && pes > LARGE) {
-        matrix(&network, &heading, &caption)
+        matrix(network, &heading, &caption)
     } else {
-        nodes(&network, &heading, &caption)
+        nodes(network, places, &heading, &caption)
     }
 }
 
@@ -151,9 +161,8 @@ fn head(caption: &[String]) -> f64 {
     MARGIN + TITLE + 8.0 + caption.len() as f64 * (SMALL + 4.0) + 2.0 * (LABEL + 8.0) + 6.0
 }
 
-fn nodes(network: &Network, heading: &str, caption: &[String]) -> String {
-    let edges = network.edges();
-    let mut places: List<PeId, _> = places(network.loads.len(), &edges).into();
+fn nodes(network: &Network, places: &[Place], heading: &str, caption: &[String]) -> String {
+    let mut places: List<PeId, _> = places.to_vec().into();
     let low = places.iter().fold((f64::MAX, f64::MAX), |low, p| (low.0.min(p.0), low.1.min(p.1)));
     let high = places.iter().fold((f64::MIN, f64::MIN), |high, p| (high.0.max(p.0), high.1.max(p.1)));
     let extent = (high.0 - low.0, high.1 - low.1);
@@ -176,14 +185,14 @@ fn nodes(network: &Network, heading: &str, caption: &[String]) -> String {
     let shades = Shades::of(&network.loads);
     let most = network.words.values().copied().max().unwrap_or(1) as f64;
     let width = |words: u64| 0.6 + (words as f64 / most).sqrt() * (radius / 4.0).clamp(0.8, 3.0);
-    picture(WIDTH, height.ceil(), |canvas| {
+    picture(heading, (WIDTH, height.ceil()), |canvas| {
         let y = title(canvas, heading, caption, EXTENT) + LABEL / 2.0 + 2.0;
         let x = shades.legend(canvas, (MARGIN, y)) + 24.0;
-        canvas.path(&[(x, y), (x + 26.0, y)], (140, 140, 140), width(most as u64));
+        arrow(canvas, ((x - radius, y), (x + 26.0 + radius, y)), radius, width(most as u64));
         canvas.text(&format!("{most} words per step"), (x + 32.0, y), SMALL, Anchor::Start);
         legend_of_shapes(canvas, y + LABEL + 8.0, radius.clamp(5.0, 8.0));
-        for ((a, b), words) in &network.words {
-            canvas.path(&[places[*a], places[*b]], (140, 140, 140), width(*words));
+        for ((from, to), words) in &network.words {
+            arrow(canvas, (places[*from], places[*to]), radius, width(*words));
         }
         for (pe, place) in places.numbered() {
             let load = network.loads[pe];
@@ -195,6 +204,24 @@ fn nodes(network: &Network, heading: &str, caption: &[String]) -> String {
             }
         }
     })
+}
+
+/// The tone of connections.
+const WIRE: Tone = (140, 140, 140);
+
+/// An arrow from a PE to another; the two directions of a connection lie side by side.
+fn arrow(canvas: &Canvas, (from, to): (Place, Place), radius: f64, width: f64) {
+    let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+    let length = (dx * dx + dy * dy).sqrt().max(1e-9);
+    let (dx, dy) = (dx / length, dy / length);
+    let aside = (radius * 0.3).min(2.5);
+    let along = |place: Place, by: f64| (place.0 + dx * by - dy * aside, place.1 + dy * by + dx * aside);
+    let (tail, tip) = (along(from, radius), along(to, -radius - 0.5));
+    let head = (2.5 + 1.6 * width).min(7.0).min((length - 2.0 * radius).max(0.0) / 2.0);
+    let foot = along(to, -radius - 0.5 - head);
+    canvas.path(&[tail, foot], WIRE, width);
+    let half = 0.45 * head;
+    canvas.polygon(&[tip, (foot.0 - dy * half, foot.1 + dx * half), (foot.0 + dy * half, foot.1 - dx * half)], WIRE);
 }
 
 fn legend_of_shapes(canvas: &Canvas, y: f64, radius: f64) {
@@ -252,12 +279,12 @@ fn matrix(network: &Network, heading: &str, caption: &[String]) -> String {
     let most = network.words.values().copied().max().unwrap_or(1) as f64;
     // Names of PEs where they do not touch each other.
     let every = ((SMALL + 3.0) / cell).ceil() as usize;
-    picture(WIDTH, (top + side + 2.0 * MARGIN).ceil(), |canvas| {
+    picture(heading, (WIDTH, (top + side + 2.0 * MARGIN).ceil()), |canvas| {
         let y = title(canvas, heading, caption, EXTENT) + LABEL / 2.0 + 2.0;
         shades.legend(canvas, (MARGIN, y));
         let y = y + LABEL + 8.0;
         let text = format!(
-            "diagonal and bars: load of the PE; elsewhere: words per step between two PEs, black {most}. \
+            "diagonal and bars: load of the PE; elsewhere: words per step from the PE of the row to that of the column, black {most}. \
              Neighbours stand together"
         );
         canvas.text(&crate::style::fitted(&text, SMALL, EXTENT), (MARGIN, y), SMALL, Anchor::Start);
@@ -267,12 +294,10 @@ fn matrix(network: &Network, heading: &str, caption: &[String]) -> String {
             canvas.path(&[(left, top + d), (left + side, top + d)], GRID, 0.5);
             canvas.path(&[(left + d, top), (left + d, top + side)], GRID, 0.5);
         }
-        for ((a, b), words) in &network.words {
+        for ((from, to), words) in &network.words {
             let shade = (200.0 * (1.0 - (*words as f64 / most).sqrt())) as u8;
-            for (row, column) in [(rank[*a], rank[*b]), (rank[*b], rank[*a])] {
-                let (x, y) = (left + column as f64 * cell, top + row as f64 * cell);
-                canvas.fill((x, y), (x + cell, y + cell), (shade, shade, shade));
-            }
+            let (x, y) = (left + rank[*to] as f64 * cell, top + rank[*from] as f64 * cell);
+            canvas.fill((x, y), (x + cell, y + cell), (shade, shade, shade));
         }
         for (pe, at) in rank.numbered() {
             let d = *at as f64 * cell;

@@ -76,8 +76,9 @@ pub fn draw(program: &Program) -> String {
     let column = (right - left) / period as f64;
     let cycles = Axis::new(Scale::Linear, [0.0, period as f64].into_iter(), true, 12);
     let rows = Axis::new(Scale::Linear, [0.0, (pes - 1).max(1) as f64].into_iter(), true, 20);
-    picture(WIDTH, (top + height + SMALL + LABEL + 34.0).ceil(), |canvas| {
-        let y = title(canvas, &format!("{}: occupancy of the PEs", program.model), &caption, WIDTH - 2.0 * MARGIN);
+    let heading = format!("{}: occupancy of the PEs", program.model);
+    picture(&heading, (WIDTH, (top + height + SMALL + LABEL + 34.0).ceil()), |canvas| {
+        let y = title(canvas, &heading, &caption, WIDTH - 2.0 * MARGIN);
         let mut x = MARGIN;
         for lane in &LANES {
             let y = y + LABEL / 2.0;

@@ -57,16 +57,14 @@ struct Band<'a> {
 pub fn draw(model: &str, variables: &[Variable]) -> String {
     let mut bands = bands(variables);
     let dropped = bands.len().saturating_sub(MOST_BANDS);
-    if dropped > 0 {
-        bands.sort_by(|a, b| a.worst().headroom().total_cmp(&b.worst().headroom()));
-        bands.truncate(MOST_BANDS);
-    }
+    bands.sort_by(|a, b| a.worst().headroom().total_cmp(&b.worst().headroom()));
+    bands.truncate(MOST_BANDS);
     let left_out = match dropped {
         0 => String::new(),
         count => format!(" Of {} quantities those {MOST_BANDS} with the least headroom.", count + MOST_BANDS),
     };
     let caption = format!(
-        "{} variables.{left_out} A bar is what the variable's format can hold, from one step of the format (left end) to its \
+        "{} variables, those with the least headroom first.{left_out} A bar is what the variable's format can hold, from one step of the format (left end) to its \
          largest magnitude (right end); dark is what the runs used, pale on the right is headroom, a factor of two per \
          bit.",
         variables.len()
@@ -80,8 +78,9 @@ pub fn draw(model: &str, variables: &[Variable]) -> String {
     let numbers = variables.iter().flat_map(|variable| [variable.step, variable.limit]);
     let axis = Axis::new(Scale::Log, numbers, false, ((right - left) / 60.0) as usize);
     let x = |number: f64| left + axis.place(number).clamp(0.0, 1.0) * (right - left);
-    picture(WIDTH, (top + height + SMALL + LABEL + 34.0).ceil(), |canvas| {
-        let y = title(canvas, &format!("{model}: ranges and formats"), &caption, WIDTH - 2.0 * MARGIN);
+    let heading = format!("{model}: ranges and formats");
+    picture(&heading, (WIDTH, (top + height + SMALL + LABEL + 34.0).ceil()), |canvas| {
+        let y = title(canvas, &heading, &caption, WIDTH - 2.0 * MARGIN);
         legend(canvas, y + LABEL / 2.0, bands.iter().any(|band| band.variables.len() > 1));
         for tick in axis.ticks() {
             canvas.path(&[(x(*tick), top), (x(*tick), top + height + 4.0)], GRID, 0.8);

@@ -45,6 +45,7 @@ mod tests {
             x: AxisPlan::new(label, Scale::Log),
             y: AxisPlan::new("y", Scale::Log),
             series: vec![Series::new("points", Look::markers(0), [(1.0, 2.0), (10.0, 20.0)])],
+            field: None,
             height: 100.0,
         };
         chart.draw("", 200.0)

@@ -1,5 +1,7 @@
 //! What all pictures have in common: sizes, tones, markers, dashes, and how wide text is.
 
+use pe_ir::model::Solver;
+
 /// A tone: red, green, blue.
 pub type Tone = (u8, u8, u8);
 
@@ -57,7 +59,7 @@ pub struct Look {
 }
 
 /// Tones, dashes and shapes of the first series; they differ in all three, and in lightness.
-const LOOKS: [(Tone, &[f64], Marker); 6] = [
+pub const LOOKS: [(Tone, &[f64], Marker); 6] = [
     (INK, &[], Marker::Disc),
     ((200, 90, 20), &[7.0, 3.0], Marker::Square),
     ((70, 120, 190), &[2.0, 2.5], Marker::Triangle),
@@ -66,11 +68,68 @@ const LOOKS: [(Tone, &[f64], Marker); 6] = [
     ((150, 150, 150), &[4.0, 5.0], Marker::Circle),
 ];
 
+/// Families of numerical methods.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Family {
+    /// Explicit Runge-Kutta methods.
+    RungeKutta,
+    /// Methods that solve linear systems.
+    Implicit,
+    /// Methods that use slopes of former steps.
+    AdamsBashforth,
+    /// Explicit methods with many stages for stiff models.
+    Stabilised,
+    /// Methods that keep an oscillation's energy.
+    Symplectic,
+    /// Methods with exponentials.
+    Exponential,
+}
+
+impl Family {
+    /// The family of a solver, and its number in it.
+    pub fn of(solver: Solver) -> (Family, usize) {
+        match solver {
+            Solver::Euler => (Family::RungeKutta, 0),
+            Solver::Heun => (Family::RungeKutta, 1),
+            Solver::Heun3 => (Family::RungeKutta, 2),
+            Solver::Rk4 => (Family::RungeKutta, 3),
+            Solver::ImplicitEuler => (Family::Implicit, 0),
+            Solver::Trapezoidal => (Family::Implicit, 1),
+            Solver::Ros2 => (Family::Implicit, 2),
+            Solver::Rodas3 => (Family::Implicit, 3),
+            Solver::Ab2 => (Family::AdamsBashforth, 0),
+            Solver::Ab3 => (Family::AdamsBashforth, 1),
+            Solver::Ab4 => (Family::AdamsBashforth, 2),
+            Solver::Rkc5 => (Family::Stabilised, 0),
+            Solver::Rkc10 => (Family::Stabilised, 1),
+            Solver::SymplecticEuler => (Family::Symplectic, 0),
+            Solver::Leapfrog => (Family::Symplectic, 1),
+            Solver::RushLarsen => (Family::Exponential, 0),
+            Solver::Exact => (Family::Exponential, 1),
+        }
+    }
+}
+
 impl Look {
     fn of(index: usize) -> (Tone, &'static [f64], Marker) {
         let (tone, dash, _) = LOOKS[index % LOOKS.len()];
         // Tones repeat after six, with other markers.
         (tone, dash, LOOKS[(index + index / LOOKS.len()) % LOOKS.len()].2)
+    }
+
+    /// The look of a solver: methods of a family have tone and dash in common, and each of them its marker.
+    pub fn of_solver(solver: Solver) -> Look {
+        let (family, member) = Family::of(solver);
+        let (tone, dash, _) = LOOKS[family as usize];
+        let marker = LOOKS[(member + family as usize) % LOOKS.len()].2;
+        Look { tone, line: Some(dash), width: 1.4, marker: Some(marker) }
+    }
+
+    /// The same, so pale that it stays behind others.
+    pub fn pale(self) -> Look {
+        let mix = |tone: u8| tone / 3 + 150;
+        let (r, g, b) = self.tone;
+        Look { tone: (mix(r), mix(g), mix(b)), width: 1.0, ..self }
     }
 
     /// A line without markers; tone and dash repeat after six, tone and marker together after 36.
@@ -104,6 +163,17 @@ impl Look {
     pub fn broad() -> Look {
         Look { tone: (190, 190, 190), line: Some(&[]), width: 5.0, marker: None }
     }
+}
+
+/// A shade from nearly white to dark blue for a share from 0 to 1; in grey, too, it becomes darker.
+pub fn shaded(share: f64) -> Tone {
+    let mix = |from: f64, to: f64| (from + (to - from) * share.clamp(0.0, 1.0)).round() as u8;
+    (mix(250.0, 20.0), mix(250.0, 60.0), mix(250.0, 120.0))
+}
+
+/// So many of something: `1 PE`, `2 PEs`.
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Width of a line of text. The font of the reader is not known, so this is that of a wide one (DejaVu Sans).
@@ -156,4 +226,19 @@ pub fn wrapped(text: &str, size: f64, width: f64) -> Vec<String> {
         }
     }
     lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_solvers_look_alike_in_grey() {
+        let looks = Solver::ALL.map(Look::of_solver);
+        for (at, look) in looks.iter().enumerate() {
+            for other in &looks[..at] {
+                assert!((look.line, look.marker) != (other.line, other.marker), "{look:?}");
+            }
+        }
+    }
 }

@@ -12,7 +12,7 @@ fn labels(scale: Scale, low: f64, high: f64) -> Vec<String> {
 fn chart(name: &str, points: Vec<Point>, scale: Scale) -> String {
     let series = vec![Series { name: name.to_owned(), points, look: Look::joined(1) }];
     let (x, y) = (AxisPlan::new(name, scale), AxisPlan::new(name, scale));
-    Chart { title: name.to_owned(), x, y, series, height: 200.0 }.draw(name, 500.0)
+    Chart { title: name.to_owned(), x, y, series, field: None, height: 200.0 }.draw(name, 500.0)
 }
 
 #[test]

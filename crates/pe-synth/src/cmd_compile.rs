@@ -67,7 +67,7 @@ pub struct Compile {
     /// Writes `NAME.h`, the C header of the Rust reference as a library
     #[arg(long, help_heading = "Output")]
     header: bool,
-    /// Draws no pictures
+    /// Draws no pictures and no page
     #[arg(long, help_heading = "Output")]
     no_pictures: bool,
     /// Solves the model with a library for differential equations to measure the total error

@@ -12,6 +12,7 @@ use pe_sim::machine::Machine;
 use crate::command::shown_path;
 use crate::origin;
 use crate::output::OutputFolder;
+use crate::page::{self, About, Shown};
 
 /// Lines of the reference trace that is written with a design, roughly.
 const TRACE_LINES: u64 = 120_000;
@@ -52,11 +53,11 @@ impl Compiled {
         watch.stage("write", || self.write_design(folder, files.header), |_| target)?;
         folder.write(&format!("{}_variables.csv", self.name()), &variables::table(variables))?;
         if files.pictures {
-            let drawn = watch.stage(
-                "draw",
-                || crate::pictures::draw(&loaded.model, design, variables),
-                |pictures| format!("{} pictures", pictures.len()),
-            );
+            let model = &loaded.model;
+            let about = About { command: &self.command, rows: self.report.rows(&model.size().to_string()) };
+            let shown = || Shown::of(model, design, variables);
+            let told = |drawn: &Vec<_>| format!("{} pictures", drawn.len() - 1);
+            let drawn = watch.stage("draw", || drawn(&shown(), &about), told);
             for (path, text) in &drawn {
                 folder.write(path, text)?;
             }
@@ -123,6 +124,15 @@ impl Compiled {
         };
         folder.write(&format!("{name}_checkpoint_stimulus.txt"), &stimulus.iter().map(line).collect::<String>())
     }
+}
+
+/// The pictures of a design, and its page as the last file.
+fn drawn(shown: &Shown, about: &About) -> Vec<(String, String)> {
+    let mut drawn = crate::pictures::draw(shown);
+    let pictures: Vec<&str> = drawn.iter().map(|(path, _)| path.as_str()).collect();
+    let page = page::draw(shown, about, &pictures);
+    drawn.push((page::FILE.to_owned(), page));
+    drawn
 }
 
 /// Steps of the reference trace: enough to see the model move, few enough to stay readable.

@@ -35,6 +35,7 @@ pub mod messages;
 pub mod options;
 pub mod origin;
 pub mod output;
+pub mod page;
 pub mod pictures;
 pub mod progress;
 pub mod render;

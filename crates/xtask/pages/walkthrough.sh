@@ -99,7 +99,7 @@ say '' '## From equations to hardware' '' \
   'With both fixed, `--reference` adds the total error, measured against a library for differential equations at a' \
   'tolerance of 1e-12.'
 show 0 'pe-synth compile pumps/pump_station.spec --pes 8 --reference -o out/pump_station'
-say '' 'The folder also has pictures. The outputs in fixed point over those in double precision:'
+say '' 'The folder also has a page, `index.html`, and pictures. The outputs in fixed point over those in double precision:'
 figure out/pump_station/pump_station_outputs.svg outputs 'outputs of the pump station over time'
 say '' 'What each PE does in each cycle of a step:'
 figure out/pump_station/pump_station_occupancy.svg occupancy 'occupancy of the processing elements'

@@ -11,6 +11,11 @@ use super::values::Unbounded;
 impl Report {
     /// The summary, a row per line; `size` says how large the model is.
     pub fn table(&self, size: &str) -> String {
+        self.rows(size).iter().map(|(name, text)| row(name, text)).collect()
+    }
+
+    /// The rows of the summary: what a row is about, and what it says.
+    pub fn rows(&self, size: &str) -> Vec<(&'static str, String)> {
         let Figures { word, error, .. } = &self.figures;
         let figures = &self.figures;
         let mut rows = vec![
@@ -83,7 +88,7 @@ impl Report {
         if !early.is_empty() {
             rows.push(("relative to date", format!("{}: of the largest magnitude up to then", early.join(", "))));
         }
-        rows.iter().map(|(name, text)| row(name, text)).collect()
+        rows
     }
 }
 

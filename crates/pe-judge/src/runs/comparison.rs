@@ -15,7 +15,7 @@ use pe_sim::double::DoubleRun;
 
 use crate::progress::silent;
 
-use super::exact::{Exact, curve_count};
+use super::exact::{Exact, compared_outputs};
 use super::inputs::{self, Blindness, Sight, varying_inputs};
 use super::lockstep::{Pass, Plan};
 use super::magnitudes::Magnitudes;
@@ -173,7 +173,7 @@ impl Exact {
         model: &Model,
         graph: &StepGraph,
     ) -> (Result<Comparison, Vec<Diagnostic>>, Option<Kept>) {
-        let width = (model.states.len() + curve_count(graph)) as u64;
+        let width = (model.states.len() + compared_outputs(graph)) as u64;
         let small = self.plan.steps.saturating_mul(width) <= MOST_KEPT;
         let mut blocks = Vec::new();
         let comparison = self.compare_telling(model, graph, &mut |rows| {
@@ -225,7 +225,7 @@ impl Exact {
 
     /// The run of the step itself.
     pub(super) fn own<'a>(&self, graph: &'a StepGraph) -> Pass<'a> {
-        Pass::new(&self.plan, DoubleRun::new(graph), curve_count(graph))
+        Pass::new(&self.plan, DoubleRun::new(graph), compared_outputs(graph))
     }
 }
 

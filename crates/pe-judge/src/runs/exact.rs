@@ -23,11 +23,11 @@ use super::inputs;
 use super::judged::Curves;
 use super::lockstep::Plan;
 
-/// Outputs of which [`Curves`] are kept, at most.
-const CURVES: usize = 8;
+/// Outputs that are compared at every step, at most: the first ones.
+const COMPARED_OUTPUTS: usize = 8;
 
-pub(super) fn curve_count(graph: &StepGraph) -> usize {
-    graph.outputs.len().min(CURVES)
+pub(super) fn compared_outputs(graph: &StepGraph) -> usize {
+    graph.outputs.len().min(COMPARED_OUTPUTS)
 }
 
 /// The run in double precision, which knows nothing of formats: ranges, and what others are compared to.
@@ -113,7 +113,8 @@ impl Exact {
         let Some(run) = reference_run(model, graph, &plan, goes_on)? else { return Ok(None) };
         let ReferenceRun { reference, looks, curves, mut ranges, moments } = run;
         let (reference, looks) = (Arc::new(reference), Arc::new(looks));
-        let output_scales = graph.outputs[..curve_count(graph)].iter().map(|output| ranges.largest[output.index()]);
+        let output_scales =
+            graph.outputs[..compared_outputs(graph)].iter().map(|output| ranges.largest[output.index()]);
         let output_scales = output_scales.collect();
         let largest = ranges.largest.clone();
         let smallest_pivot = pivots::smallest(model, graph, &largest)?;
@@ -186,7 +187,7 @@ fn reference_run(
     let mut run = DoubleRun::new(graph);
     let mut reference = Trajectory::new(model.states.len());
     let mut looks = Trajectory::new(model.states.len());
-    let mut curves = Curves { double: Trajectory::new(curve_count(graph)), ..Curves::default() };
+    let mut curves = Curves::of(model);
     let (mut samples, mut looked_at) = (plan.samples.iter().peekable(), plan.looks.iter().peekable());
     for done in 1..=plan.steps {
         let time = model.time(done - 1, 0.0);
@@ -195,7 +196,8 @@ fn reference_run(
         let sampled = samples.next_if_eq(&&done).is_some();
         if sampled {
             reference.push(|state| run.state(StateId::at(state)));
-            curves.double.push(|output| run.output(output));
+            let Curves { outputs, double, .. } = &mut curves;
+            double.push(|at| run.output(outputs[at]));
             sampling.add(|value| run.value(value));
         }
         let looked = looked_at.next_if_eq(&&done).is_some();

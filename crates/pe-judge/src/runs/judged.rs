@@ -5,6 +5,7 @@ use std::sync::Arc;
 use pe_hls::rounding::Aim;
 use pe_ir::graph::FixedPoint;
 use pe_ir::index::StateId;
+use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_sim::error::Trajectory;
 
@@ -90,13 +91,30 @@ pub struct Checkpoint {
     pub words: Vec<i64>,
 }
 
-/// Outputs at the sample times, for pictures: the first few of the model's.
+/// Outputs of which curves are kept, at most.
+const MOST_CURVES: usize = 4096;
+
+/// Outputs at the sample times, for pictures.
 #[derive(Clone, Debug, Default)]
 pub struct Curves {
+    /// Which outputs of the model these are, ascending: all, or of very many the scalars and the first elements of arrays.
+    pub outputs: Vec<usize>,
     /// In double precision.
     pub double: Trajectory,
     /// In fixed point.
     pub fixed: Trajectory,
+}
+
+impl Curves {
+    /// Empty curves of a model's outputs.
+    pub(super) fn of(model: &Model) -> Curves {
+        let mut outputs: Vec<usize> = (0..model.outputs.len()).collect();
+        outputs.sort_by_key(|output| model.outputs[*output].name.contains('['));
+        outputs.truncate(MOST_CURVES);
+        outputs.sort_unstable();
+        let empty = || Trajectory::new(outputs.len());
+        Curves { double: empty(), fixed: empty(), outputs }
+    }
 }
 
 /// What the runs found.

@@ -19,7 +19,7 @@ use crate::proof::{self, Proof};
 use crate::times::thread_seconds;
 
 use super::comparison::Kept;
-use super::exact::{AtCorner, Exact, curve_count};
+use super::exact::{AtCorner, Exact, compared_outputs};
 use super::judged::Checkpoint;
 use super::lockstep::Pass;
 use super::proven::{self, Proposal};
@@ -262,7 +262,7 @@ impl Exact {
         most: Option<f64>,
     ) -> Result<Measured, Ended> {
         let plan = &self.plan;
-        let (states, outputs) = (model.states.len(), curve_count(graph));
+        let (states, outputs) = (model.states.len(), compared_outputs(graph));
         let output_turns = model.output_turns().into_iter().filter(|(output, _)| *output < outputs).collect();
         let mut run = FixedPass::new(graph, fixed, (states, outputs));
         let mut quantised = Pass::new(plan, DoubleRun::quantised(graph, fixed), 0);
@@ -272,7 +272,7 @@ impl Exact {
             quantised: self.compared(),
             hardware: Trajectory::new(states),
             looks: Trajectory::new(states),
-            curves: Trajectory::new(outputs),
+            curves: Trajectory::new(self.curves.outputs.len()),
             checkpoint: Checkpoint { step: 0, words: Vec::new() },
             seconds: 0.0,
         };
@@ -293,6 +293,9 @@ impl Exact {
                     measured.checkpoint = run.checkpoint(step);
                 }
                 run.step(model, step)?;
+                if plan.samples.binary_search(&(step + 1)).is_ok() {
+                    measured.curves.push(|at| run.run.output(self.curves.outputs[at]));
+                }
                 plan.advance(step + 1, 1);
             }
             measured.seconds += thread_seconds() - begin;
@@ -307,7 +310,6 @@ impl Exact {
             plan.compare(&block, &mut measured.quantised, double, quantised.block(plan, &block)?);
             for row in plan.sampled(&block) {
                 measured.hardware.push(|state| run.rows.row(row)[state]);
-                measured.curves.push(|output| run.rows.row(row)[states + output]);
             }
             for row in plan.looked_at(&block) {
                 measured.looks.push(|state| run.rows.row(row)[state]);

@@ -23,12 +23,15 @@ pub fn work_precision(view: &View) -> String {
         x: AxisPlan::new("run time for the span [s]", Scale::Log),
         y: AxisPlan::new("total error", Scale::Log),
         series: series(view),
+        field: None,
         height: HEIGHT,
     };
-    chart.draw(&caption(view), WIDTH)
+    let lines = "Lines join the steps of a solver with one word length; pale ones have no point of the front. ";
+    chart.draw(&caption(view, lines), WIDTH)
 }
 
-fn caption(view: &View) -> String {
+/// What picture and page say about the points, and what one of them adds.
+pub fn caption(view: &View, more: &str) -> String {
     let sheet = view.sheet;
     let text = sheet.points("study", "diverged or failed");
     let chosen = match (view.chosen, sheet.max_error) {
@@ -37,8 +40,8 @@ fn caption(view: &View) -> String {
         (Some(_), None) => " Ring: knee of the front.".to_owned(),
     };
     format!(
-        "{text}. Clock {}. Lines join the steps of a solver with one word length. Error: largest deviation of a state \
-         from the library's solution over the span, relative to its largest magnitude.{chosen}",
+        "{text}. Clock {}. {more}Error: largest deviation of a state from the library's solution over the span, relative to \
+         its largest magnitude.{chosen}",
         sheet.clock
     )
 }
@@ -58,29 +61,35 @@ fn series(view: &View) -> Vec<Series> {
             all.push(Series::new(&format!("error {limit:e}"), Look::limit(), [(first, limit), (last, limit)]));
         }
     }
-    let mut solvers: Vec<Solver> = Vec::new();
     let mut words: Vec<(Solver, Word)> = Vec::new();
     for row in rows {
         let Some(solver) = row.point.solver else { continue };
         let word = (solver, Word::of(&row.point));
-        if !solvers.contains(&solver) {
-            solvers.push(solver);
-        }
         if !words.contains(&word) {
             words.push(word);
         }
     }
     let several = several_words(rows);
+    // Lines that no point of the front is on stay behind those that matter.
+    let on_front = |(solver, word): &(Solver, Word)| {
+        view.front.iter().any(|at| rows[*at].point.solver == Some(*solver) && Word::of(&rows[*at].point) == *word)
+    };
+    words.sort_by_key(on_front);
+    let best: Vec<Solver> = words.iter().filter(|word| on_front(word)).map(|(solver, _)| *solver).collect();
     for (solver, word) in words {
-        let kind = solvers.iter().position(|known| *known == solver).unwrap_or(0);
+        let front = on_front(&(solver, word));
         let member = |row: &&Row| row.point.solver == Some(solver) && Word::of(&row.point) == word;
         let mut points: Vec<Point> = rows.iter().filter(member).filter_map(|row| point(view, row)).collect();
         points.sort_by(|a, b| a.x.total_cmp(&b.x));
         // The end of a line says which word it is.
-        if let Some(last) = points.last_mut().filter(|last| several && last.label.is_none()) {
-            last.label = Some(word.name());
+        if let Some(last) = points.last_mut().filter(|last| several && front && last.label.is_none()) {
+            last.label = Some(bits(word));
         }
-        all.push(Series { name: solver.name().to_owned(), points, look: Look::joined(kind) });
+        let look = Look::of_solver(solver);
+        let look = if front { look } else { look.pale() };
+        // A solver is in the legend once.
+        let name = if front || !best.contains(&solver) { solver.name() } else { "" };
+        all.push(Series { name: name.to_owned(), points, look });
     }
     if let Some(chosen) = view.chosen {
         all.push(Series::new("chosen", Look::ring(), at(&chosen)));
@@ -96,9 +105,14 @@ fn point(view: &View, row: &Row) -> Option<Point> {
     let several = several_words(rows);
     let label = view.front.iter().any(|index| std::ptr::eq(&rows[*index], row)).then(|| {
         let step = row::step(&row.point);
-        if several { format!("{step}, {}", Word::of(&row.point).name()) } else { step }
+        if several { format!("{step}, {}", bits(Word::of(&row.point))) } else { step }
     });
     Some(Point { x, y, label })
+}
+
+/// A word as a label: `32 bits, 25x18`.
+fn bits(word: Word) -> String {
+    word.name().replacen(' ', " bits, ", 1)
 }
 
 fn several_words(rows: &[Row]) -> bool {

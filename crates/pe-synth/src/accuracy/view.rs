@@ -1,9 +1,9 @@
-//! The rows of a work-precision study: `accuracy.json`, `accuracy.csv`, and the table for the terminal.
+//! The rows of a work-precision study: `accuracy.json`, the cells of its table, and the table for the terminal.
 
 use pe_flow::explore::row;
 use serde_json::{Map, Value, json};
 
-use crate::explore::files::{cell, plain, table};
+use crate::explore::files::{cell, plain};
 use crate::explore::sheet::Sheet;
 use pe_flow::accuracy::goal::cheapest;
 use pe_flow::accuracy::lists::Word;
@@ -147,62 +147,10 @@ impl<'a> View<'a> {
         }
     }
 
-    /// `accuracy.csv`.
-    pub fn csv(&self) -> String {
-        const HEAD: [&str; 50] = [
-            "point",
-            "status",
-            "solver",
-            "step_s",
-            "steps",
-            "form",
-            "pes",
-            "storage_bits",
-            "guard_bits",
-            "multiplier",
-            "coefficient_slots",
-            "cycles_per_step",
-            "products_per_step",
-            "operations",
-            "clock_mhz",
-            "seconds",
-            "speed",
-            "lut",
-            "ff",
-            "dsp",
-            "bram18",
-            "equivalent_lut",
-            "error_total",
-            "worst_state",
-            "error_total_at_end",
-            "error_l2",
-            "digits_at_end",
-            "error_double",
-            "error_double_at_end",
-            "error_method",
-            "error_word_length",
-            "error_word_length_at_end",
-            "error_coefficient",
-            "error_coefficient_at_end",
-            "error_function",
-            "error_input_hold",
-            "diverged_s",
-            "period_state",
-            "period_s",
-            "period_error",
-            "conserved",
-            "drift",
-            "reference_uncertainty",
-            "reference_agreement",
-            "on_front",
-            "chosen",
-            "warnings",
-            "code",
-            "message",
-            "command",
-        ];
+    /// The cells of the table, in the order of [`COLUMNS`].
+    pub fn cells(&self) -> Vec<[String; 50]> {
         let rows = self.sheet.rows.iter().zip(&self.sheet.places).enumerate();
-        table(HEAD, rows.map(|(index, (row, place))| self.fields(index, row, *place)))
+        rows.map(|(index, (row, place))| self.fields(index, row, *place)).collect()
     }
 
     fn fields(&self, index: usize, row: &Row, place: usize) -> [String; 50] {

@@ -1,18 +1,19 @@
 //! Rows as files: `points.json`, `points.csv`, two pictures, and a page with everything.
 
-use pe_emit::page::{Page, Table, TableRow};
+use pe_emit::page::Page;
 use pe_flow::explore::row;
+use pe_ir::index::at;
 use pe_plot::axis::Scale;
 use pe_plot::chart::{AxisPlan, Chart, Point, Series};
-use pe_plot::style::Look;
+use pe_plot::style::{Look, counted};
 use serde_json::{Map, Value, json};
 
+use super::columns::{self, Column, Kind};
 use super::sheet::{Front, Sheet};
-use super::show;
 use crate::output::Files;
-use pe_flow::accuracy::wanted::{Figure, Goals};
+use pe_flow::accuracy::wanted::{Figure, Goals, USUAL_ERROR};
 use pe_flow::explore::fronts::{Pair, size_and_time, time_and_error};
-use pe_flow::explore::row::{Outcome, Row};
+use pe_flow::explore::row::Row;
 use pe_flow::failure::Failure;
 use pe_flow::report::Figures;
 
@@ -30,15 +31,14 @@ impl Sheet {
     /// None here; sweeps of other kinds have files that may fail.
     pub fn files(&self) -> Result<Files, Failure> {
         let fronts = self.fronts();
-        let pictures = [self.error_time(&fronts[0]), self.size_speed(&fronts[1])];
-        let page = self.page(&fronts, &pictures);
-        let [error_time, size_speed] = pictures;
+        let [error_time, size_speed] = [self.error_time(&fronts[0]), self.size_speed(&fronts[1])];
+        let cells = self.cells(&fronts);
         let files = [
             ("points.json", self.json(&fronts)),
-            ("points.csv", self.csv(&fronts)),
+            ("points.csv", columns::csv(&COLUMNS, &cells)),
             ("error_time.svg", error_time),
             ("size_speed.svg", size_speed),
-            ("index.html", page),
+            ("index.html", self.page(&cells, &fronts)),
         ];
         Ok(files.map(|(path, text)| (path, text.into_bytes())).into())
     }
@@ -86,76 +86,45 @@ impl Sheet {
         format!("{:#}\n", Value::Object(whole))
     }
 
-    fn csv(&self, fronts: &[Front]) -> String {
-        const HEAD: [&str; 28] = [
-            "point",
-            "status",
-            "solver",
-            "step_s",
-            "pes",
-            "multiplier",
-            "storage_bits",
-            "cycles_per_step",
-            "bound_cycles",
-            "time_per_simulated_second_ms",
-            "lut",
-            "ff",
-            "dsp",
-            "bram18",
-            "equivalent_lut",
-            "connections",
-            "error_total",
-            "error_method",
-            "error_word_length",
-            "error_coefficient",
-            "error_input_hold",
-            "worst_state",
-            "on_error_time_front",
-            "on_size_speed_front",
-            "warnings",
-            "code",
-            "message",
-            "command",
-        ];
-        table(
-            HEAD,
-            self.rows.iter().zip(&self.places).enumerate().map(|(index, (row, place))| {
-                let point = &row.point;
-                let field = |of: fn(&Figures) -> Value| cell(row.figures().map(of));
-                let on = |front: &Front| (front.rows.contains(&index) as u8).to_string();
-                let [status, warnings, code, message] = row.outcome.columns();
-                [
-                    place.to_string(),
-                    status,
-                    point.solver.map_or("", |solver| solver.name()).to_owned(),
-                    point.step.map_or(String::new(), |step| format!("{step:e}")),
-                    point.pes.map_or(String::new(), |pes| pes.to_string()),
-                    row::multiplier(point),
-                    point.storage.to_string(),
-                    field(|of| json!(of.cycles_per_step)),
-                    field(|of| json!(of.bound_cycles)),
-                    field(|of| json!(of.time_per_simulated_second_ms)),
-                    field(|of| json!(of.area.cells.lut)),
-                    field(|of| json!(of.area.cells.ff)),
-                    field(|of| json!(of.area.cells.dsp)),
-                    field(|of| json!(of.area.cells.bram18)),
-                    row.figures().map(|figures| figures.equivalent_lut().to_string()).unwrap_or_default(),
-                    field(|of| json!(of.connections)),
-                    field(|of| json!(of.error.total)),
-                    field(|of| json!(of.error.method)),
-                    field(|of| json!(of.error.word_length)),
-                    field(|of| json!(of.error.coefficient)),
-                    field(|of| json!(of.error.input_hold)),
-                    field(|of| json!(of.error.worst_state)),
-                    on(&fronts[0]),
-                    on(&fronts[1]),
-                    warnings,
-                    code,
-                    message,
-                    row.command.clone(),
-                ]
-            }),
-        )
+    /// The cells of the table, in the order of [`COLUMNS`].
+    fn cells(&self, fronts: &[Front]) -> Vec<[String; 28]> {
+        let cells = self.rows.iter().zip(&self.places).enumerate().map(|(index, (row, place))| {
+            let point = &row.point;
+            let field = |of: fn(&Figures) -> Value| cell(row.figures().map(of));
+            let on = |front: &Front| (front.rows.contains(&index) as u8).to_string();
+            let [status, warnings, code, message] = row.outcome.columns();
+            [
+                place.to_string(),
+                status,
+                point.solver.map_or("", |solver| solver.name()).to_owned(),
+                point.step.map_or(String::new(), |step| format!("{step:e}")),
+                point.pes.map_or(String::new(), |pes| pes.to_string()),
+                row::multiplier(point),
+                point.storage.to_string(),
+                field(|of| json!(of.cycles_per_step)),
+                field(|of| json!(of.bound_cycles)),
+                field(|of| json!(of.time_per_simulated_second_ms)),
+                field(|of| json!(of.area.cells.lut)),
+                field(|of| json!(of.area.cells.ff)),
+                field(|of| json!(of.area.cells.dsp)),
+                field(|of| json!(of.area.cells.bram18)),
+                row.figures().map(|figures| figures.equivalent_lut().to_string()).unwrap_or_default(),
+                field(|of| json!(of.connections)),
+                field(|of| json!(of.error.total)),
+                field(|of| json!(of.error.method)),
+                field(|of| json!(of.error.word_length)),
+                field(|of| json!(of.error.coefficient)),
+                field(|of| json!(of.error.input_hold)),
+                field(|of| json!(of.error.worst_state)),
+                on(&fronts[0]),
+                on(&fronts[1]),
+                warnings,
+                code,
+                message,
+                row.command.clone(),
+            ]
+        });
+        cells.collect()
     }
 
     /// What a picture says about its points.
@@ -176,6 +145,7 @@ impl Sheet {
             x: AxisPlan::new("run time per simulated second [ms]", Scale::Log),
             y: AxisPlan::new("total error", Scale::Log),
             series: self.series(front, time_and_error),
+            field: None,
             height: HEIGHT,
         };
         chart.draw(&self.caption(&more), WIDTH)
@@ -190,6 +160,7 @@ impl Sheet {
             x: AxisPlan::new("size [equivalent LUTs]", Scale::Log),
             y: AxisPlan::new("speed [times real time]", Scale::Log),
             series: self.series(front, size_and_speed),
+            field: None,
             height: HEIGHT,
         };
         let mut more = "Equivalent LUTs: LUTs, 250 for each DSP block, 180 for each BRAM18; estimated.".to_owned();
@@ -216,7 +187,7 @@ impl Sheet {
                 let (x, y) = place(index)?;
                 let label = front.rows.contains(&index).then(|| {
                     let point = &self.rows[index].point;
-                    format!("{} PEs, {}", point.pes.unwrap_or(0), row::step(point))
+                    format!("{}, {}", counted(at(point.pes.unwrap_or(0)), "PE"), row::step(point))
                 });
                 Some(Point { x, y, label })
             });
@@ -248,59 +219,99 @@ impl Sheet {
         names
     }
 
-    fn page(&self, fronts: &[Front; 2], pictures: &[String; 2]) -> String {
+    /// The point that meets the goals best; the knee of a front if there is none.
+    fn best(&self, fronts: &[Front]) -> Option<usize> {
+        let chosen = self.goals.limits().next().and_then(|_| self.goals.ranked(&self.rows).into_iter().next());
+        chosen.or(fronts[1].knee).or(fronts[0].knee)
+    }
+
+    fn page(&self, cells: &[[String; 28]], fronts: &[Front]) -> String {
         let text = |key: &str| self.head.get(key).and_then(Value::as_str).unwrap_or("").to_owned();
-        let mut tables: Vec<Table> = fronts
-            .iter()
-            .map(|front| Table {
-                title: format!("{}: what no other point beats", front.title),
-                head: show::HEAD.map(str::to_owned).to_vec(),
-                rows: front
-                    .rows
-                    .iter()
-                    .map(|index| TableRow {
-                        cells: show::cells(&self.rows[*index]).to_vec(),
-                        marked: front.knee == Some(*index),
-                    })
-                    .collect(),
-            })
-            .collect();
-        let all = self.rows.iter().map(|row| {
-            let mut cells = show::cells(row).to_vec();
-            cells.push(match &row.outcome {
-                Outcome::Compiled(compiled) => compiled.warnings.join(" "),
-                Outcome::Failed(reason) => format!("{} {}", reason.code.as_deref().unwrap_or(""), reason.message),
-            });
-            cells.push(row.command.clone());
-            TableRow { cells, marked: false }
-        });
-        let head = show::HEAD.iter().copied().chain(["warnings, or why it failed", "command"]);
-        tables.push(Table { title: "All points".into(), head: head.map(str::to_owned).collect(), rows: all.collect() });
+        let time = "run time per simulated second [ms]";
+        let size = "size [equivalent LUTs]";
+        let data = columns::page_data(json!({
+            "columns": columns::data(&COLUMNS, cells, &["time_per_simulated_second_ms", "equivalent_lut", "error_total"]),
+            "plots": [
+                {"title": "Error against run time", "x": "time_per_simulated_second_ms", "y": "error_total",
+                 "names": [time, "total error"], "least": USUAL_ERROR},
+                {"title": "Run time against size", "x": "equivalent_lut", "y": "time_per_simulated_second_ms",
+                 "names": [size, time], "least": 0.0},
+            ],
+            "error": "error_total",
+            "limit": self.max_error,
+            "chosen": self.best(fronts),
+            "naming": ["solver", "step_s", "storage_bits", "multiplier", "pes"],
+            "telling": TOLD,
+            "colours": ["solver", "multiplier", "storage_bits", "pes", "status"],
+            "file": "points.csv",
+            "report": "points.json",
+        }));
+        let files = [
+            ("points.csv", "all points as CSV"),
+            ("points.json", "reports of all points as JSON"),
+            ("error_time.svg", "error against run time as SVG"),
+            ("size_speed.svg", "size against speed as SVG"),
+        ];
         let page = Page {
             title: format!("{}: size, speed and error", self.title),
             paragraphs: vec![
-                self.caption("A bold row is the knee of its front."),
+                self.caption("Ring: the point that meets the goals best, else the knee of a front."),
                 "Equivalent LUTs are LUTs, 250 for each DSP block and 180 for each BRAM18, all estimated. Errors are \
                  relative to the largest magnitude of a state; the worst state counts."
                     .into(),
             ],
-            pictures: pictures.to_vec(),
-            tables,
+            files: files.map(|(file, what)| (file.to_owned(), what.to_owned())).into(),
+            data: data.to_string(),
             footer: format!("{}: {}", text("generator"), text("command")),
         };
         page.render()
     }
 }
 
-/// A table as a CSV file.
-pub fn table<const N: usize>(head: [&str; N], rows: impl Iterator<Item = [String; N]>) -> String {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for fields in std::iter::once(head.map(str::to_owned)).chain(rows) {
-        writer.write_record(fields).expect("memory takes every record");
-    }
-    let bytes = writer.into_inner().expect("memory takes every record");
-    String::from_utf8(bytes).expect("fields are text")
-}
+/// What the page tells of a point under the pointer.
+const TOLD: [&str; 9] = [
+    "solver",
+    "step_s",
+    "storage_bits",
+    "multiplier",
+    "pes",
+    "error_total",
+    "time_per_simulated_second_ms",
+    "equivalent_lut",
+    "cycles_per_step",
+];
+
+/// Columns of `points.csv`.
+const COLUMNS: [Column; 28] = [
+    Column::shown("point", "point", Kind::Count),
+    Column::new("status", "status", Kind::Text),
+    Column::shown("solver", "solver", Kind::Text),
+    Column::shown("step_s", "step", Kind::Seconds),
+    Column::shown("pes", "PEs", Kind::Count),
+    Column::shown("multiplier", "multiplier", Kind::Text),
+    Column::shown("storage_bits", "bits", Kind::Count),
+    Column::shown("cycles_per_step", "cycles per step", Kind::Count),
+    Column::new("bound_cycles", "lower bound of the cycles", Kind::Count),
+    Column::shown("time_per_simulated_second_ms", "ms per simulated second", Kind::Number),
+    Column::shown("lut", "LUTs", Kind::Number),
+    Column::new("ff", "flip-flops", Kind::Number),
+    Column::shown("dsp", "DSP blocks", Kind::Count),
+    Column::shown("bram18", "BRAM18", Kind::Count),
+    Column::shown("equivalent_lut", "equivalent LUTs", Kind::Number),
+    Column::new("connections", "connections", Kind::Count),
+    Column::shown("error_total", "total error", Kind::Number),
+    Column::new("error_method", "method error", Kind::Number),
+    Column::new("error_word_length", "word-length error", Kind::Number),
+    Column::new("error_coefficient", "coefficient error", Kind::Number),
+    Column::new("error_input_hold", "input-hold error", Kind::Number),
+    Column::new("worst_state", "worst state", Kind::Text),
+    Column::new("on_error_time_front", "on the front of errors", Kind::Count),
+    Column::new("on_size_speed_front", "on the front of sizes", Kind::Count),
+    Column::new("warnings", "warnings", Kind::Text),
+    Column::new("code", "code", Kind::Text),
+    Column::shown("message", "why it failed", Kind::Text),
+    Column::new("command", "command", Kind::Text),
+];
 
 /// A value as a cell of a table: nothing where there is none.
 pub fn cell(value: Option<Value>) -> String {

@@ -9,11 +9,13 @@
 //! store      points that several sweeps share
 //! record     the rows as they come, the folder they are kept in, taking up an earlier result
 //! show       rows as a person reads them
+//! columns    tables for CSV files and pages
 //! files      rows -> points.json, points.csv, pictures, page
 //! ```
 
 pub mod changes;
 pub mod cluster;
+pub mod columns;
 pub mod drive;
 pub mod files;
 pub mod given;

@@ -38,7 +38,7 @@ fn field<'a>(row: &'a [(String, String)], name: &str) -> &'a str {
     &row.iter().find(|(head, _)| head == name).unwrap_or_else(|| panic!("no column {name}")).1
 }
 
-const FILES: [&str; 4] = ["accuracy.csv", "accuracy.json", "work-precision.png", "work-precision.svg"];
+const FILES: [&str; 5] = ["accuracy.csv", "accuracy.json", "index.html", "work-precision.png", "work-precision.svg"];
 
 /// Lists that span twelve points of the oscillator, of which the explicit Euler method spoils some.
 const LISTS: [&str; 8] =

@@ -1,0 +1,4 @@
+// Which page this is.
+
+if (data.kind === 'sweep') sweepPage();
+else designPage();
