@@ -40,7 +40,8 @@ home, file = map(sysconfig.get_config_var, ("LIBDIR", "INSTSONAME"))
 raise SystemExit(not os.path.exists(os.path.join(home, file)))' 2> /dev/null
 }
 packages=()
-for pair in ghdl:ghdl verilator:verilator g++:g++ make:make python3:python3 objdump:binutils; do
+for pair in ghdl:ghdl verilator:verilator g++:g++ make:make python3:python3 objdump:binutils \
+  chromium:chromium chromedriver:chromium-driver; do
   command -v "${pair%%:*}" > /dev/null || packages+=("${pair#*:}")
 done
 has_venv || packages+=(python3-venv)
@@ -55,7 +56,7 @@ if ((${#packages[@]} > 0)); then
   "${as_root[@]}" apt-get update
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "${packages[@]}"
 fi
-for tool in ghdl verilator g++ make python3 objdump; do
+for tool in ghdl verilator g++ make python3 objdump chromium chromedriver; do
   command -v "$tool" > /dev/null || fail "$tool is still missing"
 done
 has_venv || fail 'python3 has no venv module'
@@ -147,6 +148,13 @@ if [[ $("$venv/bin/python" -m pip show fmpy 2> /dev/null | sed -n 's/^Version: /
 fi
 PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/fmu.py "$target/fmus"
 PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/loops.py "$target/loops" --steps 200
+
+begin 'pages in a browser'
+selenium_version=4.51.0
+if [[ $("$venv/bin/python" -m pip show selenium 2> /dev/null | sed -n 's/^Version: //p') != "$selenium_version" ]]; then
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "selenium==$selenium_version"
+fi
+PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/pages.py "$target/pages"
 
 begin 'layout of the VHDL'
 lint hdl/*.vhd testbenches/*.vhd testbenches/axi/entities/*.vhd
