@@ -33,6 +33,54 @@ pub struct Ranges {
     pub widened: Vec<i32>,
 }
 
+impl Ranges {
+    /// The same ranges, none smaller than what rounding may make of its value within a step: that of the words that it is
+    /// computed from, each at the LSB of its own range. A sum of large terms that cancel has such a range.
+    pub fn with_rounding(&self, graph: &StepGraph, format: WordFormat) -> Ranges {
+        let full_scale = format.word_bits() as i32 - 1;
+        let half_lsb = |largest: f64, dropped: u32| match largest > 0.0 {
+            true => libm::scalbn(0.5, ceil_log2(RANGE_MARGIN * largest) - full_scale + dropped as i32),
+            false => 0.0,
+        };
+        let entries = largest_entries(graph);
+        let mut largest = self.largest.clone();
+        for (largest, value) in largest.iter_mut().zip(&graph.values) {
+            match value.role {
+                Role::Constant(number) => *largest = number.abs(),
+                Role::Column(lookup, column) => {
+                    *largest = entries[at(graph.functions.lookups[at(lookup)].table)][usize::from(column)];
+                }
+                _ => {}
+            }
+        }
+        let mut noise = vec![0.0; graph.values.len()];
+        for chain in &graph.chains {
+            let of_term = |term: &Term| {
+                let operand = term.operand.index();
+                let read = noise[operand] + half_lsb(largest[operand], format.data_drop());
+                match term.factor {
+                    Factor::Coefficient(c) => {
+                        c.abs() * (read + libm::scalbn(largest[operand], -(format.coefficient_bits as i32)))
+                    }
+                    Factor::Value(factor) => {
+                        let factor = factor.index();
+                        let other = noise[factor] + half_lsb(largest[factor], format.factor_drop());
+                        largest[factor] * read + largest[operand] * other
+                    }
+                }
+            };
+            let sum: f64 = graph.chain_terms(chain).iter().map(of_term).sum();
+            for write in chain.writes() {
+                let base = write.base.map_or(0.0, |base| noise[base.index()]);
+                let value = write.value.index();
+                noise[value] = base + libm::scalbn(sum, write.weight);
+                largest[value] = largest[value].max(noise[value]);
+            }
+        }
+        Ranges { largest, widened: self.widened.clone() }
+    }
+}
+
 /// Chooses formats for the measured ranges.
 ///
 /// # Errors

@@ -37,13 +37,19 @@ macro_rules! on_words {
 impl<'a> FixedRun<'a> {
     /// Starts a run from the initial values.
     pub fn new(graph: &'a StepGraph, fixed: &'a FixedPoint) -> Self {
+        FixedRun::with_room(graph, fixed, 0)
+    }
+
+    /// The same with words and ports that have `room` bits more at the top: nothing saturates that is not as far beyond its
+    /// range, and all is rounded at the same LSB. Arguments of tables still choose among the segments that there are.
+    pub(crate) fn with_room(graph: &'a StepGraph, fixed: &'a FixedPoint, room: u32) -> Self {
         let kind = |value: ValueId| 2 * fixed.exponents[value.index()] + i32::from(graph.value(value).factor);
         let slots = Slots::with_columns(graph, kind);
-        let state = if fixed.format.data_bits.max(fixed.format.coefficient_bits) <= 32 {
-            let (words, tiles) = prepare(graph, fixed, &slots);
+        let state = if fixed.format.data_bits.max(fixed.format.coefficient_bits) + room <= 32 {
+            let (words, tiles) = prepare(graph, fixed, &slots, room);
             Ports::Short(words, tiles)
         } else {
-            let (words, tiles) = prepare(graph, fixed, &slots);
+            let (words, tiles) = prepare(graph, fixed, &slots, room);
             Ports::Long(words, tiles)
         };
         let unit = |index: StateId| {
@@ -109,6 +115,21 @@ impl<'a> FixedRun<'a> {
         on_words!(&self.state, words => self.slots.in_graph_order(&words.saturations))
     }
 
+    /// Raises `peaks`, one for each slot, to the words of the latest step and of the states after it; a negative word counts
+    /// as the positive one that needs as many bits.
+    pub(crate) fn raise(&self, peaks: &mut Vec<i64>) {
+        let words = on_words!(&self.state, words => &words.words);
+        peaks.resize(words.len(), 0);
+        for (peak, word) in peaks.iter_mut().zip(words) {
+            *peak = (*peak).max(word ^ (word >> (i64::BITS - 1)));
+        }
+    }
+
+    /// Numbers of all values, in the order of the graph, from those of all slots.
+    pub(crate) fn in_graph_order(&self, numbers: &[i64]) -> Vec<i64> {
+        self.slots.in_graph_order(numbers)
+    }
+
     fn number(&self, id: ValueId) -> f64 {
         let offset = self.fixed.offset(self.graph.value(id));
         self.fixed.format.decode(self.word(id), self.fixed.exponents[id.index()], offset)
@@ -127,15 +148,16 @@ impl<'a> FixedRun<'a> {
     }
 }
 
-fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots) -> (Words<P>, Tiles<P>) {
+fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots, room: u32) -> (Words<P>, Tiles<P>) {
+    // Either factor of a product may use the room.
     let tiles = slots.arrange(
         graph,
-        |index, _| words::class(&fixed.format, u32::from(fixed.accumulator_bits[index]), false),
+        |index, _| words::class(&fixed.format, u32::from(fixed.accumulator_bits[index]) + 2 * room, false),
         |term| P::of(fixed.coefficients[term]),
         |index, position, _| i32::from(fixed.shifts[index][position]),
     );
     let has_factors = graph.values.iter().any(|value| value.factor);
-    let mut words = Words::new(fixed.format, slots.count(), has_factors);
+    let mut words = Words::new(fixed.format, slots.count(), has_factors).with_room(room);
     words.set(at(slots.zero()), fixed.format.data_offset());
     for (index, value) in graph.values.iter().enumerate() {
         let id = ValueId::at(index);

@@ -2,6 +2,7 @@
 //!
 //! * [`double`]: the step graph in double precision, the yardstick of ranges and errors;
 //! * [`fixed`]: the step graph in fixed point, what the hardware computes;
+//! * [`roomy`]: the same without the ends of ranges, how far rounding carries values;
 //! * [`machine`]: the program, control word by control word, what the hardware does;
 //! * [`clocked`]: the same register by register, and what of it was at work;
 //! * [`native`]: the step graph as loops for the computer at hand;
@@ -23,6 +24,7 @@ pub mod machine;
 pub mod native;
 mod record;
 pub mod reference;
+pub mod roomy;
 mod slots;
 pub mod spectrum;
 mod tape;

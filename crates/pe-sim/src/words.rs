@@ -60,6 +60,10 @@ fn of_class(class: u32) -> (Width, u32) {
 /// Stored words in slots, as memories and ports see them.
 pub(crate) struct Words<P> {
     format: WordFormat,
+    /// Left shift of held sums.
+    left: u32,
+    /// Bits of the operands whose upper ones count segments.
+    segment_bits: u32,
     pub words: Vec<i64>,
     /// What the data port sees.
     pub data: Vec<P>,
@@ -75,12 +79,23 @@ impl<P: Port> Words<P> {
     pub fn new(format: WordFormat, slots: usize, has_factors: bool) -> Words<P> {
         Words {
             format,
+            left: format.left_shift(),
+            segment_bits: format.data_bits,
             words: vec![0; slots],
             data: vec![P::default(); slots],
             factors: vec![P::default(); slots],
             has_factors,
             saturations: vec![0; slots],
         }
+    }
+
+    /// The same words with `room` bits more at the top, of words and ports alike. Operands that count segments still end
+    /// where the format has them end.
+    pub fn with_room(mut self, room: u32) -> Words<P> {
+        self.format.storage_bits += room;
+        self.format.data_bits += room;
+        self.format.coefficient_bits += room;
+        self
     }
 
     /// Zero words in all slots.
@@ -119,7 +134,7 @@ impl<P: Port> Words<P> {
         let mut narrow = NarrowSums([0; LANES]);
         let mut split = SplitSums { low: [0; LANES], high: [0; LANES] };
         let mut wide = WideSums([0; LANES]);
-        let left = self.format.left_shift();
+        let left = self.left;
         for tile in &tiles.tiles {
             let lanes = at(tile.lanes);
             if let Some(lookups) = tile.lookups {
@@ -162,7 +177,7 @@ impl<P: Port> Words<P> {
     /// A tile of a few lanes, one after another, with sums of any width.
     #[inline(always)]
     fn run_narrow(&mut self, tiles: &Tiles<P>, tile: &Tile, starts: &[i128], kept: &mut [i128]) -> bool {
-        let (left, wrap) = (self.format.left_shift(), of_class(tile.class).1);
+        let (left, wrap) = (self.left, of_class(tile.class).1);
         let mut saturated = false;
         for lane in 0..tile.lanes as usize {
             let mut total = start(tiles, tile, starts, lane);
@@ -202,7 +217,8 @@ impl<P: Port> Words<P> {
             Lookups::Segments { targets, arguments, octaves } => {
                 for lane in 0..lanes {
                     let operand: i64 = self.data[tiles.slot(arguments, lane)].into();
-                    let segment = segments.index(operand, self.format.data_bits, octaves);
+                    let end = 1 << (self.segment_bits - 1);
+                    let segment = segments.index(operand.clamp(-end, end - 1), self.segment_bits, octaves);
                     self.words[tiles.slot(targets, lane)] = segment as i64;
                 }
             }
@@ -218,7 +234,7 @@ impl<P: Port> Words<P> {
     #[inline(always)]
     fn write_split(&mut self, tiles: &Tiles<P>, tile: &Tile, sums: &SplitSums) -> bool {
         let long = |shift: &i32| *shift > SPLIT as i32;
-        let all_long = self.format.left_shift() == 0
+        let all_long = self.left == 0
             && tiles.writes[at(tile.writes.start)..tile.writes.end as usize].iter().all(|w| match w.shifts {
                 Shared::Same(shift) => long(&shift),
                 Shared::Each(start) => tiles.shifts[at(start)..][..tile.lanes as usize].iter().all(long),
@@ -229,7 +245,7 @@ impl<P: Port> Words<P> {
                 (sums.high[lane] + ((sums.rest(lane) + half) >> SPLIT)) >> (shift - SPLIT as i32)
             })
         } else {
-            let left = self.format.left_shift();
+            let left = self.left;
             self.write(tiles, tile, |lane, shift| round_wide(sums.whole(lane) << left, shift))
         }
     }

@@ -19,6 +19,7 @@ mod judged;
 mod lockstep;
 mod looks;
 mod magnitudes;
+mod noise;
 mod proven;
 mod reasons;
 mod saturated;

@@ -2,10 +2,12 @@
 
 use pe_ir::codes;
 use pe_ir::functions::Lookup;
-use pe_ir::graph::{StepGraph, ValueId};
+use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
 use pe_ir::index::at;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
+
+use super::exact::Exact;
 
 /// Why a run in fixed point and those beside it ended.
 pub(super) enum Ended {
@@ -64,7 +66,7 @@ impl Saturated {
     }
 
     /// The finding for a range that no widening makes wide enough.
-    pub fn refusal(&self, model: &Model, graph: &StepGraph) -> Diagnostic {
+    pub(super) fn refusal(&self, model: &Model, graph: &StepGraph, exact: &Exact, fixed: &FixedPoint) -> Diagnostic {
         if let Some(lookup) = self.argument(graph) {
             let equation = graph.equation_of(lookup.argument).expect("an equation computes it");
             let table = &graph.functions.tables[at(lookup.table)];
@@ -76,11 +78,24 @@ impl Saturated {
             return Diagnostic::error(codes::SATURATED, equation.span, message)
                 .with_help("rounding moves the argument: try more `--storage` bits or a wider `--multiplier`");
         }
-        let value = self.values[0];
+        // Of what rounding carries away, the value that it carries furthest beyond its size.
+        let noise = exact.noise(model, graph, fixed);
+        let times = |(value, largest): &(ValueId, f64)| largest / exact.largest[value.index()];
+        let worst = noise.iter().filter(|noisy| graph.equation_of(noisy.0).is_some());
+        let (value, largest) = worst.copied().max_by(|a, b| times(a).total_cmp(&times(b))).unwrap_or_else(|| {
+            let value = self.values[0];
+            (value, exact.largest[value.index()])
+        });
         let equation = graph.equation_of(value).expect("an equation computes it");
         let time = model.time(self.step, 0.0);
-        let message = format!("`{}` saturates at t = {time:.6e} s, however wide its range", equation.name);
+        let message = format!(
+            "`{}` saturates at t = {time:.6e} s, however wide its range: it is at most {:.1e} in double precision, and rounding \
+             makes it {largest:.1e} at an LSB of {:.1e}",
+            equation.name,
+            exact.largest[value.index()],
+            libm::scalbn(1.0, fixed.exponents[value.index()])
+        );
         Diagnostic::error(codes::SATURATED, equation.span, message)
-            .with_help("rounding noise grows without bound: try more `--storage` bits or a wider `--multiplier`")
+            .with_help("rounding noise grows with the range that is to hold it: `check` tries wider words and names the one that works")
     }
 }

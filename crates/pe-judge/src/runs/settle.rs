@@ -5,6 +5,7 @@ use std::sync::mpsc::Receiver;
 
 use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim};
+use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
@@ -178,9 +179,18 @@ impl Exact {
         mut shared: Option<Receiver<Arc<Rows>>>,
         aids: Aids,
     ) -> Result<Settled, Unsettled> {
-        let mut widenings = 0;
+        let (mut widenings, mut with_rounding) = (0, false);
         loop {
-            let chosen = formats::choose(graph, &ranges, format).map_err(|error| vec![error])?;
+            let chosen = match formats::choose(graph, &ranges, format) {
+                Ok(chosen) => chosen,
+                // Values that are next to nothing in double precision ask for LSBs that nothing they are computed from has.
+                Err(refused) if refused.code == codes::NO_FORMAT && !with_rounding => {
+                    with_rounding = true;
+                    ranges = ranges.with_rounding(graph, format);
+                    continue;
+                }
+                Err(refused) => return Err(vec![refused].into()),
+            };
             let mut fixed = chosen.clone();
             let aim = Aim::Chain;
             rounding::improve(graph, &mut fixed, &self.moments, aim);
@@ -194,15 +204,15 @@ impl Exact {
                 Err(Ended::Diverged(findings)) => return Err(findings.into()),
                 Err(Ended::Beyond(beyond)) => return Err(Unsettled::Beyond(beyond)),
                 Err(Ended::Saturated(saturated)) if saturated.argument(graph).is_some() => {
-                    return Err(vec![saturated.refusal(model, graph)].into());
+                    return Err(vec![saturated.refusal(model, graph, self, &fixed)].into());
                 }
-                Err(Ended::Saturated(saturated)) if widenings < WIDENINGS => {
+                Err(Ended::Saturated(_)) if widenings < WIDENINGS => {
                     widenings += 1;
-                    for value in &saturated.values {
-                        ranges.widened[value.index()] += 1;
-                    }
+                    self.include_noise(model, graph, &fixed, &mut ranges);
                 }
-                Err(Ended::Saturated(saturated)) => return Err(vec![saturated.refusal(model, graph)].into()),
+                Err(Ended::Saturated(saturated)) => {
+                    return Err(vec![saturated.refusal(model, graph, self, &fixed)].into());
+                }
             }
         }
     }

@@ -24,6 +24,7 @@ mod headroom;
 mod inputs;
 mod library;
 mod methods;
+mod noise;
 mod pictures;
 mod random_models;
 mod ranges;
