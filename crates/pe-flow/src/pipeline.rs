@@ -19,6 +19,7 @@ use pe_hls::mapping::{self, WireLength, default_pes};
 use pe_hls::pairs::{self, Paired};
 use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
+use pe_hls::shorten::shorten;
 use pe_hls::step::StepOptions;
 use pe_hls::sums;
 use pe_ir::graph::{FixedPoint, StepGraph};
@@ -476,7 +477,7 @@ fn step_for(
     if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
         return Ok(graph);
     }
-    let graph = split(&graph, pes, mapping_options, format).unwrap_or(graph);
+    let graph = for_pes(&graph, pes, mapping_options, format).unwrap_or(graph);
     Ok(sums::cut(&graph, &format).unwrap_or(graph))
 }
 
@@ -547,13 +548,15 @@ fn runs_figure(judged: Option<&Judged>) -> String {
 /// Input ports for which equations are split where values may take routes over other PEs.
 const ROUTED: u32 = 24;
 
-/// The graph with its heavy equations split for a number of PEs, or the default number; none if it fits as it is.
-pub fn split(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
+/// The graph for a number of PEs, or the default number: with its heavy equations split, and with shorter evaluation of tables
+/// where latency binds; none if it fits as it is.
+pub fn for_pes(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
     let latency = Latency::of(&format);
     let pes = pes.unwrap_or_else(|| default_pes(graph, latency));
     // With a bound on ports values take routes over other PEs; what has too many products still holds up their copies.
     let ports = options.max_in_degree.map_or(options.ports(), |ports| ports.max(ROUTED));
-    pe_hls::split::split(graph, pes, ports, latency)
+    let split = pe_hls::split::split(graph, pes, ports, latency);
+    shorten(split.as_ref().unwrap_or(graph), pes, latency).or(split)
 }
 
 /// Proves mapping, schedule and program with the independent checkers.

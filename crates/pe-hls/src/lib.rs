@@ -21,6 +21,7 @@ pub mod rounding;
 pub mod rounds;
 pub mod route;
 pub mod schedule;
+pub mod shorten;
 pub mod split;
 pub mod step;
 pub mod sums;

@@ -15,7 +15,7 @@ use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_hls::{
-    assemble, even, functions, fuse, lift, outputs, pairs, relay, route, schedule, split, step, sums, two_slots,
+    assemble, even, functions, fuse, lift, outputs, pairs, relay, route, schedule, shorten, split, step, sums, two_slots,
 };
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;
@@ -212,32 +212,43 @@ fn step_writes_one_step_of_the_solver_as_chains() {
     });
 }
 
+/// The step with tables for the arguments that the options of a case state.
+fn tabulated(case: &Case) -> Result<StepGraph, Vec<Diagnostic>> {
+    let graph = case.graph();
+    let ends = |words: Vec<&str>| (words[0].parse().unwrap(), words[1].parse().unwrap());
+    let of_functions: Vec<(f64, f64)> = case.options("arguments").map(ends).collect();
+    // Those of single values come first.
+    let labels = Labels::of_values(&graph);
+    let mut arguments = vec![(f64::INFINITY, f64::NEG_INFINITY); graph.values.len()];
+    for chain in &graph.chains {
+        let Some(function) = chain.function else { continue };
+        let index = chain.write.value.index();
+        let own = case.options("arguments_of").find(|words| labels.find(words[0]) == Some(index as u32));
+        arguments[index] = own.map_or_else(|| of_functions[function as usize], |words| ends(words[1..].to_vec()));
+    }
+    functions::tabulate(&graph, &arguments, case.format())
+        .map_err(|untabled| untabled.into_iter().map(|untabled| untabled.finding).collect())
+}
+
+/// A step without the entries of its tables, which unit tests are about.
+fn without_entries(text: &str) -> String {
+    text.lines().filter(|line| !line.starts_with("  column")).map(|line| format!("{line}\n")).collect()
+}
+
 #[test]
 fn functions_become_tables() {
-    check("functions", |case| {
-        let graph = case.graph();
-        let ends = |words: Vec<&str>| (words[0].parse().unwrap(), words[1].parse().unwrap());
-        let of_functions: Vec<(f64, f64)> = case.options("arguments").map(ends).collect();
-        // Those of single values come first.
-        let labels = Labels::of_values(&graph);
-        let mut arguments = vec![(f64::INFINITY, f64::NEG_INFINITY); graph.values.len()];
-        for chain in &graph.chains {
-            let Some(function) = chain.function else { continue };
-            let index = chain.write.value.index();
-            let own = case.options("arguments_of").find(|words| labels.find(words[0]) == Some(index as u32));
-            arguments[index] = own.map_or_else(|| of_functions[function as usize], |words| ends(words[1..].to_vec()));
-        }
-        match functions::tabulate(&graph, &arguments, case.format()) {
-            Ok(graph) => {
-                // The entries of tables are what the unit tests are about.
-                let text = valid_step(&graph);
-                text.lines().filter(|line| !line.starts_with("  column")).map(|line| format!("{line}\n")).collect()
-            }
-            Err(untabled) => {
-                let findings: Vec<Diagnostic> = untabled.into_iter().map(|untabled| untabled.finding).collect();
-                case.findings(&findings)
-            }
-        }
+    check("functions", |case| match tabulated(case) {
+        Ok(graph) => without_entries(&valid_step(&graph)),
+        Err(findings) => case.findings(&findings),
+    });
+}
+
+#[test]
+fn tables_are_shortened_where_latency_binds() {
+    check("shorten", |case| {
+        let graph = tabulated(case).expect("it has tables");
+        let latency = Latency::of(&case.format());
+        without_entries(&step_or_unchanged(shorten::shorten(&graph, case.option("pes", 2), latency).as_ref()))
     });
 }
 
