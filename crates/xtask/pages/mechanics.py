@@ -25,6 +25,7 @@ CLOCK = 125e6
 GRAVITY = 9.81
 FOUR_BAR = "models/four_bar/four_bar.spec"
 LINKAGE = ("--allow", "E0903", "--pes", "4", "--multiplier", "35x35")
+FORTY_BITS = ("--storage", "40", "--elimination", "search", "--factors", "root")
 LONG_LINKAGE = ("--set", "N=20", "--span", "20s", "--allow", "E0903", "--allow", "E0907", "--pes", "8", "--multiplier", "35x35",
                 "--storage", "40", "--elimination", "search", "--factors", "root")
 
@@ -120,7 +121,7 @@ def table(program):
         dense = "models/dense42/dense42.spec"
         relative = "x {1:.1e} of its largest entry"
         designs = [
-            ("N-four-bar, N = 4, RK4 4 ms", FOUR_BAR, (*LINKAGE, "--storage", "40"), linkage(program, "--storage", "40")),
+            ("N-four-bar, N = 4, RK4 4 ms", FOUR_BAR, (*LINKAGE, *FORTY_BITS), linkage(program, *FORTY_BITS)),
             ("the same, 32 bits stored", FOUR_BAR, LINKAGE, linkage(program)),
             ("N-four-bar, N = 20, 20 s, RK4 4 ms", FOUR_BAR, LONG_LINKAGE, tip(program, *LONG_LINKAGE)),
             *((f"dense 42 x 42, {kind}", spec, ("--pes", pes), against_double(program, spec, ("x",), relative))
