@@ -15,7 +15,8 @@ use pe_hls::rounding::{self, Aim, Sampling};
 use pe_hls::rounds::Rounds;
 use pe_hls::step::StepOptions;
 use pe_hls::{
-    assemble, even, functions, fuse, lift, outputs, pairs, relay, route, schedule, shorten, split, step, sums, two_slots,
+    assemble, even, functions, fuse, lift, outputs, pairs, relay, route, schedule, shorten, split, step, sums,
+    two_slots,
 };
 use pe_ir::graph::{FixedPoint, StageForm, StepGraph};
 use pe_ir::mapping::Mapping;

@@ -14,6 +14,7 @@ use pe_plot::chart::{AxisPlan, Chart, Figure, Series};
 use pe_plot::style::Look;
 use pe_synth::compiled::{Compiled, Files};
 use pe_synth::output::OutputFolder;
+use pe_synth::page::Shown;
 use pe_synth::pictures;
 use pyo3::buffer::{Element, PyBuffer};
 use pyo3::exceptions::PyMemoryError;
@@ -151,7 +152,7 @@ impl Design {
 
     fn pictures(&self, py: Python<'_>) -> Vec<(String, String)> {
         let Compiled { loaded, design, variables, .. } = &*self.compiled;
-        py.detach(|| pictures::draw(&loaded.model, design, variables))
+        py.detach(|| pictures::draw(&Shown::of(&loaded.model, design, variables)))
     }
 
     fn write(&self, py: Python<'_>, folder: PathBuf, header: bool, pictures: bool) -> PyResult<()> {
@@ -377,6 +378,7 @@ fn curves(py: Python<'_>, title: String, time: Vec<f64>, curves: Vec<(String, St
             title: name,
             x: AxisPlan::new("time / s", Scale::Linear),
             y: AxisPlan::new(&unit, Scale::Linear),
+            field: None,
             height: 130.0,
         }]
     };

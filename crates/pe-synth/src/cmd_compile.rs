@@ -189,7 +189,11 @@ impl Compile {
         let pes = design.program.pes.len() as u32;
         let fit = self.clock.device.map(|device| Fit::of(device, &area));
         if let Some(complaint) = fit.as_ref().filter(|_| self.goal.fit).and_then(Fit::complaint) {
-            return Err(Failure::out_of_reach(complaint, "leave out `--fit`, `--host` or `--outputs`", &loaded.sources));
+            return Err(Failure::out_of_reach(
+                complaint,
+                "leave out `--fit`, `--host` or `--outputs`",
+                &loaded.sources,
+            ));
         }
         let silicon = Silicon { area, clock: clock.of(&design.program.format, pes) };
         let variables = variables(model, &design.graph, &design.judged);
