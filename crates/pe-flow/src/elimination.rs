@@ -159,8 +159,8 @@ fn tried(
     Ok(trials)
 }
 
-/// Whether a pivot varies so much over the span that its scheme decides the accuracy.
-fn has_varying_pivots(graph: &StepGraph) -> bool {
+/// Whether a pivot varies so much over the span that its scheme, and each rounding in front of it, decides the accuracy.
+pub(crate) fn has_varying_pivots(graph: &StepGraph) -> bool {
     let varies = |pivot: &Pivot| match pivot {
         Pivot::Varying { range: Some((low, high)), .. } => {
             let (small, large) = (low.abs().min(high.abs()), low.abs().max(high.abs()));

@@ -32,7 +32,7 @@ use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
 use crate::candidates::{self, Candidates, Network};
-use crate::elimination::{self, Trial};
+use crate::elimination::{self, Trial, has_varying_pivots};
 use crate::failure::Failure;
 use crate::mapping_file::MappingFile;
 use crate::selection;
@@ -549,14 +549,17 @@ fn runs_figure(judged: Option<&Judged>) -> String {
 const ROUTED: u32 = 24;
 
 /// The graph for a number of PEs, or the default number: with its heavy equations split, and with shorter evaluation of tables
-/// where latency binds; none if it fits as it is.
+/// where latency binds; none if it fits as it is. Where pivots vary much, tables stay as they are: their last bits count.
 pub fn for_pes(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
     let latency = Latency::of(&format);
     let pes = pes.unwrap_or_else(|| default_pes(graph, latency));
     // With a bound on ports values take routes over other PEs; what has too many products still holds up their copies.
     let ports = options.max_in_degree.map_or(options.ports(), |ports| ports.max(ROUTED));
     let split = pe_hls::split::split(graph, pes, ports, latency);
-    shorten(split.as_ref().unwrap_or(graph), pes, latency).or(split)
+    match has_varying_pivots(graph) {
+        true => split,
+        false => shorten(split.as_ref().unwrap_or(graph), pes, latency).or(split),
+    }
 }
 
 /// Proves mapping, schedule and program with the independent checkers.
