@@ -6,7 +6,7 @@ use pe_ir::index::PeId;
 use pe_ir::program::{LinkSource, PeProgram, Program};
 
 use crate::pipeline::Design;
-use crate::report::types::{Limiting, MainSource};
+use crate::report::network::{Limiting, MainSource};
 
 /// Equations that are named in the report.
 const NAMED: usize = 5;

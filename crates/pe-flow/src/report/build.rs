@@ -19,10 +19,11 @@ use pe_target::clock::{Basis, Clock as Frequency};
 use pe_target::devices::Fit;
 
 use super::errors::{DeviceFit, Drift, Errors, OfTotal, OutputError, Period, Use};
+use super::network::{MappingCost, Start, WireLength};
 use super::systems::{self, Pivot};
 use super::types::{
     Area, AreaPart, AreaSplit, Cells, Certainties, Clock, EarlyStep, Figures, Form, FunctionTable, HostPart, LogicPart,
-    MappingCost, Pairs, Parameters, Ranges, Report, SampleRate, Start, TunableParameter, WireLength, Word,
+    Pairs, Parameters, Ranges, Report, SampleRate, TunableParameter, Word,
 };
 use crate::bottleneck::Bottleneck;
 use crate::pipeline::Design;

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! types, errors   what the file holds
+//! network         what it holds about the network and its mapping
 //! compared        what of it is compared over time
 //! build           Design -> Report
 //! systems         pivots and eliminations: their keys, and how they are built
@@ -15,6 +16,7 @@
 mod build;
 pub mod compared;
 pub mod errors;
+pub mod network;
 mod stability;
 pub mod systems;
 pub mod table;

@@ -3,9 +3,8 @@
 use pe_hls::mapping::RANDOM;
 
 use super::errors::Errors;
-use super::types::{
-    Area, Clock, Figures, FunctionTable, Headroom, Limiting, OutputsIn, Parameters, Ranges, Report, Start,
-};
+use super::network::{Limiting, Start};
+use super::types::{Area, Clock, Figures, FunctionTable, Headroom, OutputsIn, Parameters, Ranges, Report};
 use super::values::Unbounded;
 
 impl Report {
