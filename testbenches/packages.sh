@@ -48,7 +48,7 @@ cmp "$package" "$again" || fail 'the package has other bytes the second time'
 [[ -z $(find "$root/usr" -type f 2> /dev/null) ]] || fail 'something is left after it was removed'
 
 section='crates'
-cargo package --workspace --exclude xtask --exclude pe-host-python --no-verify --allow-dirty --exclude-lockfile --offline --quiet \
+cargo package --workspace --exclude xtask --exclude pe-python --no-verify --allow-dirty --exclude-lockfile --offline --quiet \
   --target-dir "$folder/target"
 rm -rf "$folder/crates"
 mkdir -p "$folder/crates"

@@ -6,19 +6,19 @@ use askama::Template;
 
 /// Scripts in the order in which they need each other, the library for charts first.
 const SCRIPTS: [&str; 9] = [
-    include_str!("../../../templates/page/uplot/uPlot.iife.min.js"),
-    include_str!("../../../templates/page/core.js"),
-    include_str!("../../../templates/page/table.js"),
-    include_str!("../../../templates/page/plot.js"),
-    include_str!("../../../templates/page/sweep.js"),
-    include_str!("../../../templates/page/network.js"),
-    include_str!("../../../templates/page/outputs.js"),
-    include_str!("../../../templates/page/design.js"),
-    include_str!("../../../templates/page/start.js"),
+    include_str!("../templates/page/uplot/uPlot.iife.min.js"),
+    include_str!("../templates/page/core.js"),
+    include_str!("../templates/page/table.js"),
+    include_str!("../templates/page/plot.js"),
+    include_str!("../templates/page/sweep.js"),
+    include_str!("../templates/page/network.js"),
+    include_str!("../templates/page/outputs.js"),
+    include_str!("../templates/page/design.js"),
+    include_str!("../templates/page/start.js"),
 ];
 
 const STYLES: [&str; 2] =
-    [include_str!("../../../templates/page/uplot/uPlot.min.css"), include_str!("../../../templates/page/page.css")];
+    [include_str!("../templates/page/uplot/uPlot.min.css"), include_str!("../templates/page/page.css")];
 
 /// What is on a page. All of it is text and appears as such.
 pub struct Page {

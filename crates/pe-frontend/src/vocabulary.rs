@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn contextual_words_are_those_of_the_grammar() {
-        let grammar = include_str!("../../../grammar/ode.pest");
+        let grammar = include_str!("../grammar/ode.pest");
         let known: Vec<&str> = grammar
             .lines()
             .filter_map(|line| line.strip_prefix("kw_"))
