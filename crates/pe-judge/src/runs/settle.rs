@@ -7,6 +7,7 @@ use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim};
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
+use pe_ir::index::StateId;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
@@ -24,6 +25,7 @@ use super::exact::{AtCorner, Exact, compared_outputs};
 use super::judged::Checkpoint;
 use super::lockstep::Pass;
 use super::proven::{self, Proposal};
+use super::reasons;
 use super::saturated::{self, Beyond, Ended, Saturated};
 use super::settled::{Measured, Settled};
 
@@ -211,7 +213,10 @@ impl Exact {
                     self.include_noise(model, graph, &fixed, &mut ranges);
                 }
                 Err(Ended::Saturated(saturated)) => {
-                    return Err(vec![saturated.refusal(model, graph, self, &fixed)].into());
+                    let states = model.states.ids();
+                    let small = |state: StateId| reasons::too_small(model, state, self.scales[state.index()]);
+                    let refusal = states.into_iter().find_map(small);
+                    return Err(vec![refusal.unwrap_or_else(|| saturated.refusal(model, graph, self, &fixed))].into());
                 }
             }
         }

@@ -57,13 +57,17 @@ fn runs_with_room_are_those_of_the_hardware_until_it_saturates() {
             for step in 0..STEPS {
                 run.step(&flow.model.sample_inputs(flow.model.time(step, 0.0))).expect("it is finite");
             }
-            let largest = run.largest().iter().map(|largest| largest / 16.0).collect();
+            let mut largest: Vec<f64> = run.largest().iter().map(|largest| largest / 16.0).collect();
+            // But for what the states begin with, which no step writes.
+            for ((start, _), initial) in flow.graph.states.iter().zip(&flow.graph.initial) {
+                largest[start.index()] = largest[start.index()].max(initial.abs());
+            }
             let ranges = Ranges { largest, widened: vec![0; flow.graph.values.len()] };
             let Ok(narrow) = formats::choose(&flow.graph, &ranges, word) else { continue };
             saturated += u32::from(assert_same_until_saturation(&flow, &narrow));
         }
     }
-    assert!(saturated >= 20, "{saturated}");
+    assert!(saturated >= 16, "{saturated}");
 }
 
 fn next(seed: &mut u64) -> u64 {
