@@ -182,6 +182,8 @@ impl Exact {
         aids: Aids,
     ) -> Result<Settled, Unsettled> {
         let (mut widenings, mut with_rounding) = (0, false);
+        // A bit at a time keeps LSBs fine. Where that does not do, all ranges become what rounding makes of them at once.
+        let (narrow, mut by_noise) = (ranges.clone(), None);
         loop {
             let chosen = match formats::choose(graph, &ranges, format) {
                 Ok(chosen) => chosen,
@@ -205,11 +207,23 @@ impl Exact {
                 }
                 Err(Ended::Diverged(findings)) => return Err(findings.into()),
                 Err(Ended::Beyond(beyond)) => return Err(Unsettled::Beyond(beyond)),
+                Err(Ended::Saturated(saturated))
+                    if by_noise.is_none() && widenings < WIDENINGS && saturated.argument(graph).is_none() =>
+                {
+                    widenings += 1;
+                    for value in &saturated.values {
+                        ranges.widened[value.index()] += 1;
+                    }
+                }
+                Err(Ended::Saturated(_)) if by_noise.is_none() && widenings > 0 => {
+                    (ranges, by_noise, with_rounding) = (narrow.clone(), Some(0), false);
+                }
                 Err(Ended::Saturated(saturated)) if saturated.argument(graph).is_some() => {
                     return Err(vec![saturated.refusal(model, graph, self, &fixed)].into());
                 }
-                Err(Ended::Saturated(_)) if widenings < WIDENINGS => {
+                Err(Ended::Saturated(_)) if by_noise.is_some_and(|rounds| rounds < WIDENINGS) => {
                     widenings += 1;
+                    by_noise = by_noise.map(|rounds| rounds + 1);
                     self.include_noise(model, graph, &fixed, &mut ranges);
                 }
                 Err(Ended::Saturated(saturated)) => {
