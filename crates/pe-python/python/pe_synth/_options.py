@@ -15,6 +15,7 @@ _OTHERWISE = {
     "cluster": "jobs of a cluster run the command: `pe-synth explore --cluster`",
     "shard": "parts of a sweep run the command: `pe-synth explore --shard`",
     "all": "all ranges are part of the result",
+    "output": "`Design.write` takes it",
     "header": "`Design.write` takes it",
     "no_pictures": "`Design.write` takes `pictures`",
 }

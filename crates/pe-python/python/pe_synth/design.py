@@ -8,12 +8,13 @@ import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from . import _native
 from ._options import words
 from .errors import RunWarning, UsageError, _outside
 from .host import Host, Snapshot
+from .options import CompileOptions
 from .pictures import Picture
 
 if TYPE_CHECKING:
@@ -288,14 +289,18 @@ class Design:
 
 
 def compile(
-    spec: str | os.PathLike[str] | None = None, *, text: str | None = None, name: str = "model.spec", **options: Any
+    spec: str | os.PathLike[str] | None = None,
+    *,
+    text: str | None = None,
+    name: str = "model.spec",
+    **options: Unpack[CompileOptions],
 ) -> Design:
     """Compiles a spec: by its path, or its text.
 
     Files that a text names are read from the folder of `name`, which messages call it. Options are those of
     `pe-synth compile` with `_` in place of `-`: numbers, words, `True` for those without a value, lists, and mappings for
-    `set`: `compile(spec, pes=4, step="100us", set={"mu": 2.0}, host=["states"])`. An underscore at the end is ignored:
-    `from_=` is `--from`. A spec that is wrong is a `SpecError`, a warning about it a `SpecWarning`.
+    `set`: `compile(spec, pes=4, step="100us", set={"mu": 2.0}, host=["states"])`; `pe_synth.options` has their types. An
+    underscore at the end is ignored: `from_=` is `--from`. A spec that is wrong is a `SpecError`, a warning about it a `SpecWarning`.
     """
     return Design(_native.compile(words(spec, text, name, options), text))
 

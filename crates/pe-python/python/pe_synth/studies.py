@@ -6,11 +6,12 @@ import json
 import os
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from . import _native
 from ._options import words
 from .errors import Finding, NoDesign, UsageError, _finding
+from .options import AccuracyOptions, CheckOptions, ExploreOptions
 
 if TYPE_CHECKING:
     import pandas
@@ -45,7 +46,11 @@ class Check:
 
 
 def check(
-    spec: str | os.PathLike[str] | None = None, *, text: str | None = None, name: str = "model.spec", **options: Any
+    spec: str | os.PathLike[str] | None = None,
+    *,
+    text: str | None = None,
+    name: str = "model.spec",
+    **options: Unpack[CheckOptions],
 ) -> Check:
     """Judges before anything is built whether the step is stable and accurate enough, and what would help.
 
@@ -62,7 +67,7 @@ def explore(
     text: str | None = None,
     name: str = "model.spec",
     output: str | os.PathLike[str] | None = None,
-    **options: Any,
+    **options: Unpack[ExploreOptions],
 ) -> pandas.DataFrame:
     """Compiles all combinations of lists of options: a row for each, with the columns of `points.csv`.
 
@@ -80,7 +85,7 @@ def accuracy(
     text: str | None = None,
     name: str = "model.spec",
     output: str | os.PathLike[str] | None = None,
-    **options: Any,
+    **options: Unpack[AccuracyOptions],
 ) -> pandas.DataFrame:
     """Error against run time for lists of solvers, steps and words: a row for each, with the columns of `accuracy.csv`.
 

@@ -25,6 +25,7 @@ mod map;
 mod mapping_file;
 mod options;
 mod outputs;
+mod python_options;
 mod report;
 mod store;
 mod sweep;
