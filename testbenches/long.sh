@@ -31,7 +31,7 @@ printf '\n== what pages say is printed (%d s)\n' "$SECONDS"
 PE_SYNTH=$pe_synth crates/xtask/pages/printed.py --check --long || failed+=(printed)
 
 printf '\n== the extension of Visual Studio Code (%d s)\n' "$SECONDS"
-testbenches/vscode.sh || failed+=(vscode)
+PE_SYNTH=$pe_synth testbenches/editor.sh || failed+=(editor)
 
 printf '\n== sweeps through Slurm (%d s)\n' "$SECONDS"
 PE_SYNTH=$pe_synth testbenches/slurm.sh || failed+=(slurm)
