@@ -2,8 +2,10 @@
 //!
 //! Nothing is decided here; the report shows it as `kept`.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, VecDeque};
 
+use pe_ir::element;
 use pe_ir::graph::{Role, StepGraph};
 use pe_ir::index::StateId;
 use pe_ir::model::{Model, Variable};
@@ -28,10 +30,10 @@ pub fn kept(model: &Model, graph: &StepGraph) -> Vec<Kept> {
     }
     let scene = Scene::of(model);
     let mut quantities: Vec<Quantity> = Vec::new();
-    let mut places: HashMap<&str, usize> = HashMap::new();
+    let mut places: HashMap<Cow<str>, usize> = HashMap::new();
     for (at, (name, kind)) in scene.elements.iter().enumerate() {
-        let quantity = quantity_of(name);
-        let place = *places.entry(quantity).or_insert(quantities.len());
+        let quantity = element::quantity(name);
+        let place = *places.entry(quantity.clone()).or_insert(quantities.len());
         if place == quantities.len() {
             quantities.push(Quantity { name: quantity, kind, kept: Vec::new(), put_in_place: 0, left_out: 0 });
         }
@@ -41,8 +43,8 @@ pub fn kept(model: &Model, graph: &StepGraph) -> Vec<Kept> {
         }
     }
     for name in &model.left_out {
-        let quantity = quantity_of(name);
-        let place = *places.entry(quantity).or_insert(quantities.len());
+        let quantity = element::quantity(name);
+        let place = *places.entry(quantity.clone()).or_insert(quantities.len());
         if place == quantities.len() {
             quantities.push(Quantity {
                 name: quantity,
@@ -59,7 +61,7 @@ pub fn kept(model: &Model, graph: &StepGraph) -> Vec<Kept> {
 
 /// The elements of a quantity.
 struct Quantity<'a> {
-    name: &'a str,
+    name: Cow<'a, str>,
     kind: &'static str,
     /// Numbers of the kept elements in the scene.
     kept: Vec<usize>,
@@ -72,7 +74,7 @@ impl Quantity<'_> {
     fn entry(&self, scene: &Scene) -> Kept {
         let farthest = self.kept.iter().copied().max_by_key(|at| (scene.distance[*at], usize::MAX - at));
         Kept {
-            name: self.name.to_owned(),
+            name: self.name.clone().into_owned(),
             kind: self.kind.to_owned(),
             kept: self.kept.len(),
             put_in_place: self.put_in_place,
@@ -187,9 +189,4 @@ impl<'a> Scene<'a> {
         }
         chain
     }
-}
-
-/// Name of the array of an element, or the name itself.
-pub fn quantity_of(name: &str) -> &str {
-    name.split_once('[').map_or(name, |(quantity, _)| quantity)
 }

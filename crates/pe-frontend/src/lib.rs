@@ -10,6 +10,7 @@
 mod arrays;
 mod bind;
 mod bound;
+mod components;
 mod context;
 mod declare;
 mod equations;

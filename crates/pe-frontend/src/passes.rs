@@ -5,6 +5,7 @@
 //! reported once.
 
 use crate::arrays::write::{self as arrays, Written};
+use crate::components::expand;
 use crate::context::Context;
 use crate::declare::initial::Initial;
 use crate::declare::settings::Settings;
@@ -83,6 +84,8 @@ pub fn elaborate_within(spec: &Spec, overrides: &Overrides, limits: &Limits) -> 
 
 fn elaborated(spec: &Spec, overrides: &Overrides, limits: &Limits, stop: Option<&Arc<AtomicBool>>) -> Elaborated {
     let mut report = Report::default();
+    let expanded = expand::expand(spec, &mut report);
+    let spec = expanded.as_ref().unwrap_or(spec);
     let written = arrays::write_out(spec, &overrides.set, limits, &mut report);
     let plain = written.as_ref().map_or(spec, |written| &written.spec);
     let (model, mut report, known) = run(plain, overrides, (limits, stop), report);
@@ -90,7 +93,12 @@ fn elaborated(spec: &Spec, overrides: &Overrides, limits: &Limits, stop: Option<
         let unexplained = written.as_ref().and_then(Written::unexplained);
         unexplained.into_iter().for_each(|error| report.push(error));
     }
-    Elaborated { model, findings: report.finish(), known }
+    let mut findings = report.finish();
+    if expanded.is_some() {
+        // What is wrong with a statement of a component is said once, for the first instance.
+        findings.dedup_by(|later, first| later.span.is_some() && later.span == first.span && later.code == first.code);
+    }
+    Elaborated { model, findings, known }
 }
 
 /// All passes over a spec without whole arrays.

@@ -6,8 +6,10 @@
 
 use crate::language::words::predefined;
 use crate::syntax::ast::{
-    Binder, Declared, Equation, Expr, ExprKind, LeftSide, Measure, Name, Range, Reference, Sort, Spec, StatementKind,
+    Binder, Component, Declared, Equation, Expr, ExprKind, LeftSide, Measure, Name, Range, Reference, Sort, Spec,
+    Statement, StatementKind,
 };
+use pe_ir::index::number;
 use pe_ir::source::Span;
 use std::collections::BTreeMap;
 
@@ -36,6 +38,10 @@ pub enum SymbolKind {
     Function,
     /// Argument of a function.
     Argument,
+    /// `component`.
+    Component,
+    /// `instance`.
+    Instance,
 }
 
 impl SymbolKind {
@@ -53,6 +59,8 @@ impl SymbolKind {
             SymbolKind::Index => "index",
             SymbolKind::Function => "function",
             SymbolKind::Argument => "argument",
+            SymbolKind::Component => "component",
+            SymbolKind::Instance => "instance",
         }
     }
 }
@@ -106,7 +114,7 @@ pub struct Occurrence {
 /// The names of a spec.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Symbols {
-    /// Definitions: those of the whole spec in source order, then the others.
+    /// Definitions: components, those of the whole spec in source order, then the others.
     pub all: Vec<Symbol>,
     /// All places of names that are defined, in source order.
     pub occurrences: Vec<Occurrence>,
@@ -116,12 +124,13 @@ impl Symbols {
     /// The names of a spec.
     pub fn of(spec: &Spec) -> Symbols {
         let mut collector = Collector::default();
-        collector.declarations(spec);
-        for statement in &spec.statements {
-            collector.statement = statement.span;
-            collector.uses(&statement.kind);
-            collector.scope.clear();
+        for component in &spec.components {
+            collector.statement = component.span;
+            collector.component(component);
         }
+        collector.declarations(&spec.statements);
+        collector.all_uses(&spec.statements);
+        spec.components.iter().for_each(|component| collector.within(component));
         let mut symbols = collector.symbols;
         symbols.occurrences.sort_unstable();
         symbols.occurrences.dedup_by_key(|occurrence| (occurrence.span, occurrence.symbol));
@@ -157,14 +166,58 @@ struct Collector<'a> {
     dimensions: BTreeMap<&'a str, &'a [Binder]>,
     /// Indices and arguments that have a value here, the innermost last.
     scope: Vec<(&'a str, usize)>,
+    components: BTreeMap<&'a str, usize>,
+    /// The component that is looked at: what it defines is seen there only.
+    open: Option<Span>,
     /// The statement that is looked at.
     statement: Span,
 }
 
 impl<'a> Collector<'a> {
-    /// Takes in what the spec defines, in the order in which the front end does: the first definition counts.
-    fn declarations(&mut self, spec: &'a Spec) {
-        for statement in &spec.statements {
+    fn all_uses(&mut self, statements: &'a [Statement]) {
+        for statement in statements {
+            self.statement = statement.span;
+            self.uses(&statement.kind);
+            self.scope.clear();
+        }
+    }
+
+    /// The name of a component; all are known before any statement.
+    fn component(&mut self, component: &'a Component) {
+        let name = &component.name;
+        if let Some(first) = self.components.get(name.text.as_str()).copied() {
+            self.symbols.all[first].repeated = true;
+            return self.occurs(name, first, Role::Declared);
+        }
+        let arguments = component.parameters.iter().map(|parameter| parameter.name.text.clone()).collect();
+        let number = self.add(name, SymbolKind::Component, None, arguments);
+        self.components.insert(&name.text, number);
+    }
+
+    /// What a component defines and reads: its own names hide those of the spec.
+    fn within(&mut self, component: &'a Component) {
+        let (names, dimensions) = (std::mem::take(&mut self.names), std::mem::take(&mut self.dimensions));
+        self.open = Some(component.extent);
+        self.statement = component.span;
+        for parameter in &component.parameters {
+            self.define(&parameter.name, SymbolKind::Param, parameter.unit.as_ref(), &[]);
+        }
+        self.declarations(&component.statements);
+        for (name, number) in &names {
+            self.names.entry(name).or_insert(*number);
+        }
+        for (name, binders) in &dimensions {
+            self.dimensions.entry(name).or_insert(binders);
+        }
+        self.statement = component.span;
+        component.parameters.iter().filter_map(|parameter| parameter.value.as_ref()).for_each(|value| self.expr(value));
+        self.all_uses(&component.statements);
+        (self.names, self.dimensions, self.open) = (names, dimensions, None);
+    }
+
+    /// Takes in what statements define, in the order in which the front end does: the first definition counts.
+    fn declarations(&mut self, statements: &'a [Statement]) {
+        for statement in statements {
             self.statement = statement.span;
             match &statement.kind {
                 StatementKind::Const { name, .. } => self.define(name, SymbolKind::Const, None, &[]),
@@ -180,6 +233,8 @@ impl<'a> Collector<'a> {
                     self.declare(declared, kind);
                 }
                 StatementKind::Matrix { declared, .. } => self.declare(declared, SymbolKind::Matrix),
+                StatementKind::Connector { declared, .. } => self.declare(declared, SymbolKind::Input),
+                StatementKind::Instance { declared, .. } => self.declare(declared, SymbolKind::Instance),
                 StatementKind::Index(binders) => {
                     binders.iter().for_each(|binder| self.define(&binder.name, SymbolKind::Index, None, &[]));
                 }
@@ -187,7 +242,7 @@ impl<'a> Collector<'a> {
                 _ => {}
             }
         }
-        for statement in &spec.statements {
+        for statement in statements {
             let StatementKind::Equation(equation) = &statement.kind else { continue };
             self.statement = statement.span;
             let name = &equation.target.name;
@@ -195,14 +250,16 @@ impl<'a> Collector<'a> {
                 self.define(name, SymbolKind::Algebraic, equation.unit.as_ref(), &[]);
             }
         }
-        for statement in &spec.statements {
+        for statement in statements {
             self.statement = statement.span;
             let binders: &[Binder] = match &statement.kind {
                 StatementKind::Param { declared, .. }
                 | StatementKind::Tunable { declared, .. }
                 | StatementKind::Input { declared, .. }
                 | StatementKind::State { declared, .. }
-                | StatementKind::Matrix { declared, .. } => &declared.dimensions,
+                | StatementKind::Matrix { declared, .. }
+                | StatementKind::Connector { declared, .. }
+                | StatementKind::Instance { declared, .. } => &declared.dimensions,
                 StatementKind::Function { parameters, .. } => {
                     parameters.iter().for_each(|parameter| _ = self.local(parameter, SymbolKind::Argument));
                     &[]
@@ -228,7 +285,7 @@ impl<'a> Collector<'a> {
             return self.occurs(name, first, Role::Declared);
         }
         let arguments = dimensions.iter().map(|binder| binder.name.text.clone()).collect();
-        let number = self.add(name, kind, None, arguments);
+        let number = self.add(name, kind, self.open, arguments);
         self.symbols.all[number].unit = unit.map(|unit| unit.text.clone());
         self.names.insert(&name.text, number);
         self.dimensions.insert(&name.text, dimensions);
@@ -311,7 +368,18 @@ impl<'a> Collector<'a> {
             | StatementKind::Units(_)
             | StatementKind::Time(_)
             | StatementKind::End
+            | StatementKind::Component { .. }
             | StatementKind::Include(_) => {}
+            StatementKind::Connector { declared, within } => {
+                self.binders(&declared.dimensions);
+                self.range(within.as_ref());
+            }
+            StatementKind::Instance { declared, component, arguments } => {
+                let number = self.components.get(component.text.as_str()).copied();
+                number.into_iter().for_each(|number| self.occurs(component, number, Role::Read));
+                self.binders(&declared.dimensions);
+                arguments.iter().for_each(|(_, value)| self.expr(value));
+            }
         }
     }
 
@@ -377,7 +445,9 @@ impl<'a> Collector<'a> {
                 self.scope.extend(own.map(|number| (name.text.as_str(), number)));
             }
         }
-        if let Some(number) = self.names.get(target.name.text.as_str()).copied() {
+        if target.name.text.contains('.') {
+            self.read(&target.name);
+        } else if let Some(number) = self.names.get(target.name.text.as_str()).copied() {
             self.occurs(&target.name, number, role);
         }
         target.subscripts.iter().for_each(|subscript| self.expr(subscript));
@@ -392,6 +462,13 @@ impl<'a> Collector<'a> {
     }
 
     fn read(&mut self, name: &Name) {
+        // Of `cell[3].v` the spec itself knows the instance.
+        if let Some(end) = name.text.find(['.', '[']) {
+            let instance = self.names.get(&name.text[..end]).copied();
+            let span = Span { end: name.span.start + number(end), ..name.span };
+            let name = Name { text: name.text[..end].to_owned(), span };
+            return instance.into_iter().for_each(|instance| self.occurs(&name, instance, Role::Read));
+        }
         let number = self.in_scope(&name.text).or_else(|| self.names.get(name.text.as_str()).copied());
         number.into_iter().for_each(|number| self.occurs(name, number, Role::Read));
     }

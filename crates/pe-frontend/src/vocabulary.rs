@@ -166,6 +166,7 @@ pub fn words(text: &str) -> Vec<Word> {
             | TokenKind::Brace
             | TokenKind::Equals
             | TokenKind::Prime
+            | TokenKind::Dot
             | TokenKind::Sign => WordKind::Sign,
         };
         words.push(Word { kind, span: token.span });

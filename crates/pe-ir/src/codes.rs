@@ -52,6 +52,7 @@ codes! {
     WRONG_KIND = "E0208", "name cannot be used here";
     OVERRIDE = "E0209", "value from the command line does not fit";
     ANGLE_AS_NUMBER = "E0210", "angle used as a number";
+    BAD_COMPONENT = "E0211", "component that does not fit";
 
     MISSING_SECTION = "E0301", "missing section";
     NO_STATE = "E0302", "no state variable";

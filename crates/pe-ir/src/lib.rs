@@ -1,12 +1,13 @@
 //! The data that compiler stages exchange, and the rules that belong to the data alone.
 //!
-//! Modules in pipeline order; each uses only those before it: [`index`], [`source`], [`codes`], [`model`],
+//! Modules in pipeline order; each uses only those before it: [`index`], [`element`], [`source`], [`codes`], [`model`],
 //! [`coefficients`], [`place`], [`functions`], [`word`], [`graph`], [`mapping`], [`schedule`], [`memory`], [`program`],
 //! [`verify`], [`text`].
 
 pub mod codes;
 pub mod coefficients;
 mod complex;
+pub mod element;
 mod expr;
 pub mod functions;
 mod gradient;

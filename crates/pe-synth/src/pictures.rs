@@ -12,7 +12,7 @@ use crate::page::Shown;
 use crate::page::names::{Names, three_digits};
 use crate::page::outputs::{Array, Sorted, over_time, unit};
 use pe_flow::pipeline::{Design, multiplier_name};
-use pe_flow::scene::quantity_of;
+use pe_ir::element;
 use pe_flow::variables::Variable;
 use pe_judge::runs::Judged;
 
@@ -53,7 +53,7 @@ pub fn draw(shown: &Shown) -> Vec<(String, String)> {
 fn in_range(variable: &Variable, names: &Names) -> ranges::Variable {
     let Variable { name, largest, lsb, limit, .. } = variable;
     let name = names.label(name).into_owned();
-    let quantity = quantity_of(&name).to_owned();
+    let quantity = element::quantity(&name).into_owned();
     ranges::Variable { name, quantity, largest: *largest, step: *lsb, limit: *limit }
 }
 
@@ -149,7 +149,7 @@ fn map(model: &Model, judged: &Judged, array: &Array) -> Chart {
             let rows = thinned(*length);
             let numbers = rows.iter().flat_map(|row| moments.iter().map(move |time| at(places[*row], *time)));
             let x = AxisPlan::between("time / s", Scale::Linear, times.first().copied().unwrap_or(0.0), end);
-            ((*name).to_owned(), x, axis("index".to_owned(), 0), moments.len(), numbers.collect::<Vec<f64>>())
+            (name.to_string(), x, axis("index".to_owned(), 0), moments.len(), numbers.collect::<Vec<f64>>())
         }
         _ => {
             let [rows, columns] = [shape.len() - 2, shape.len() - 1];

@@ -1,4 +1,4 @@
 //! The pass that writes whole arrays with subscripts, so that no later pass sees them.
 
-mod algebra;
+pub(crate) mod algebra;
 pub(crate) mod write;

@@ -72,6 +72,7 @@ pub(crate) fn write_out(
             statements: Vec::with_capacity(spec.statements.len()),
             broken: spec.broken.clone(),
             blocks: spec.blocks.clone(),
+            components: Vec::new(),
             names_missing: spec.names_missing,
             measured: spec.measured,
             files: spec.files.clone(),

@@ -25,7 +25,7 @@ pub(crate) fn check(names: &Names, overrides: &[(String, f64)], report: &mut Rep
             report.push(error.with_help("name a constant, a parameter, a state or an element: `--set 'R[3]=2'`"));
             continue;
         };
-        match settable(names, item.name, *value) {
+        match settable(names, &item.name, *value) {
             Ok(Some(number)) => match item.subscripts {
                 Some(subscripts) => sets[number].elements.push((subscripts, *value)),
                 None => sets[number] = Set { whole: Some(*value), elements: Vec::new() },
@@ -40,7 +40,7 @@ pub(crate) fn check(names: &Names, overrides: &[(String, f64)], report: &mut Rep
 /// The quantity of a name that can be set, `None` if nothing is known of it for another reason.
 fn settable(names: &Names, name: &str, value: f64) -> Result<Option<usize>, Diagnostic> {
     let kinds = |kind: Kind| matches!(kind, Kind::Const | Kind::Param | Kind::State);
-    match names.find(name) {
+    match names.written(name) {
         Some(Symbol::Quantity(number)) if kinds(names.quantities[number].kind) => {
             if value.is_finite() {
                 return Ok(Some(number));

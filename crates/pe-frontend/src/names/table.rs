@@ -8,7 +8,7 @@ use crate::language::words::{PREDEFINED, predefined};
 use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::syntax::ast::{Binder, Expr as Tree, Name};
-use pe_ir::codes;
+use pe_ir::{codes, element};
 use pe_ir::index::{StateId, number};
 use pe_ir::model::Variable;
 use pe_ir::source::{Diagnostic, Span};
@@ -118,11 +118,7 @@ impl Quantity<'_> {
 
     /// Name of the element with these subscripts.
     pub(crate) fn element_name(&self, subscripts: &[i64]) -> String {
-        if subscripts.is_empty() {
-            return self.name.text.clone();
-        }
-        let list: Vec<String> = subscripts.iter().map(i64::to_string).collect();
-        format!("{}[{}]", self.name.text, list.join(","))
+        element::name(&self.name.text, subscripts)
     }
 
     /// Subscripts of the element at this offset.
@@ -256,6 +252,15 @@ impl<'a> Names<'a> {
             Some(Symbol::Quantity(number)) => Some(number),
             _ => None,
         }
+    }
+
+    /// What a name of the command line stands for: `cell.v` is the array of all instances.
+    pub(crate) fn written(&self, name: &str) -> Option<Symbol> {
+        let array = |quantity: &&Quantity| element::bare(&quantity.name.text) == name;
+        self.find(name).or_else(|| {
+            let array = self.quantities.iter().filter(|_| name.contains('.')).find(array)?;
+            self.find(&array.name.text)
+        })
     }
 
     /// The function of this name.

@@ -2,12 +2,12 @@
 
 use crate::fault::{Fault, fault};
 use crate::names::table::{Kind, Quantity};
-use pe_ir::codes;
+use pe_ir::{codes, element};
 use pe_ir::source::{Diagnostic, Span};
 
 /// An item of a list such as `V[3], w[1,2], p`.
-pub(crate) struct Item<'t> {
-    pub(crate) name: &'t str,
+pub(crate) struct Item {
+    pub(crate) name: String,
     /// `None` for a scalar or a whole array.
     pub(crate) subscripts: Option<Vec<i64>>,
 }
@@ -19,7 +19,7 @@ pub(crate) fn extents(quantity: &Quantity) -> Option<String> {
     }
     let ranges = quantity.dimensions.iter().map(|dimension| format!("{}..{}", dimension.low, dimension.high));
     let ranges = ranges.collect::<Vec<String>>().join(", ");
-    Some(format!("subscripts of `{}` are in {ranges}", quantity.name.text))
+    Some(format!("subscripts of `{}` are in {ranges}", element::bare(&quantity.name.text)))
 }
 
 /// The items of a list: commas within brackets do not part them.
@@ -33,17 +33,8 @@ pub(super) fn split(list: &str) -> Vec<&str> {
 }
 
 /// Name and subscripts of an item, `None` if it is written otherwise.
-pub(crate) fn parse(text: &str) -> Option<Item<'_>> {
-    let (name, subscripts) = match text.split_once('[') {
-        None => (text, None),
-        Some((name, rest)) => {
-            let inner = rest.strip_suffix(']')?;
-            let numbers = inner.split(',').map(|number| number.trim().parse().ok());
-            (name.trim_end(), Some(numbers.collect::<Option<Vec<i64>>>()?))
-        }
-    };
-    let plain = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
-    (!name.is_empty() && name.chars().all(plain)).then_some(Item { name, subscripts })
+pub(crate) fn parse(text: &str) -> Option<Item> {
+    element::parse(text).map(|(name, subscripts)| Item { name, subscripts })
 }
 
 /// Offset of an element that has to exist.

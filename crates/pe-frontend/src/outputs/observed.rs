@@ -53,7 +53,7 @@ pub(super) fn observed(lists: &[String], context: &mut Context, constants: &mut 
 /// Number of the quantity and offsets of its elements; none for what a reported error keeps from being known.
 fn elements(item: &Item, names: &Names) -> Result<(usize, Vec<usize>), Diagnostic> {
     let Item { name, subscripts } = item;
-    let number = match names.find(name) {
+    let number = match names.written(name) {
         _ if names.is_poisoned(name) => return Ok((0, Vec::new())),
         Some(Symbol::Quantity(number)) => number,
         None => {

@@ -17,6 +17,8 @@ pub struct Spec {
     pub broken: Vec<Broken>,
     /// The sampled blocks, in source order.
     pub blocks: Vec<Block>,
+    /// The components, in source order.
+    pub components: Vec<Component>,
     /// Whether a file could not be read, so that any name may be defined in it.
     pub names_missing: bool,
     /// Whether a number has a unit behind it.
@@ -62,6 +64,36 @@ pub struct Block {
     pub period: Option<Measure>,
     /// `every PERIOD {`.
     pub span: Span,
+}
+
+/// A component: `component NAME(p [unit] = expr, ...) { ... }`.
+#[derive(Clone, Debug)]
+pub struct Component {
+    /// Its name.
+    pub name: Name,
+    /// What its instances may or must be told.
+    pub parameters: Vec<Parameter>,
+    /// Its statements; blocks are numbered in [`Component::blocks`].
+    pub statements: Vec<Statement>,
+    /// Its sampled blocks.
+    pub blocks: Vec<Block>,
+    /// `component NAME(...) {`.
+    pub span: Span,
+    /// All of it, up to its `}`.
+    pub extent: Span,
+    /// Whether a statement of it has an error.
+    pub broken: bool,
+}
+
+/// A parameter of a component.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub name: Name,
+    /// Text in the unit bracket.
+    pub unit: Option<Name>,
+    /// Its value where an instance says nothing.
+    pub value: Option<Expr>,
 }
 
 /// A statement and its place, comments excluded at both ends.
@@ -169,6 +201,29 @@ pub enum StatementKind {
     Every(Measure),
     /// `}`.
     End,
+    /// `component NAME(...) {`. The reader takes it, so no pass meets it.
+    Component {
+        /// The component.
+        name: Name,
+        /// What instances tell it.
+        parameters: Vec<Parameter>,
+    },
+    /// `instance cell[k] = NAME(p = expr, ...)`.
+    Instance {
+        /// Name and dimensions.
+        declared: Declared,
+        /// The component.
+        component: Name,
+        /// What it is told.
+        arguments: Vec<(Name, Expr)>,
+    },
+    /// `input u [unit]` of a component: what instances connect.
+    Connector {
+        /// Name, dimensions, unit.
+        declared: Declared,
+        /// Stated range.
+        within: Option<Range>,
+    },
     /// `include "lib/gates.spec"`: the path as written, with the place of its quotes.
     Include(Name),
 }

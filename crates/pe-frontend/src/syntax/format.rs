@@ -200,6 +200,7 @@ fn blank(text: &str, statement: &[Token], at: usize, tight: bool) -> bool {
     }
     match (before.kind, token.kind) {
         (TokenKind::Open, _) | (_, TokenKind::Close | TokenKind::Prime) => false,
+        (_, TokenKind::Dot) | (TokenKind::Dot, _) => false,
         (_, TokenKind::Sign) if matches!(word, "," | ";" | ":") => false,
         (TokenKind::Sign, _) if matches!(last, "," | ";" | ":") => true,
         // What binds its operands tightly is written so.

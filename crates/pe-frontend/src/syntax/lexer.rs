@@ -6,9 +6,26 @@ use pe_ir::index::at;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Keywords that begin a statement.
-pub(crate) const SECTIONS: [&str; 17] = [
-    "model", "solver", "step", "span", "const", "index", "param", "input", "state", "output", "include", "function",
-    "units", "every", "next", "matrix", "angle",
+pub(crate) const SECTIONS: [&str; 19] = [
+    "model",
+    "solver",
+    "step",
+    "span",
+    "const",
+    "index",
+    "param",
+    "input",
+    "state",
+    "output",
+    "include",
+    "function",
+    "units",
+    "every",
+    "next",
+    "matrix",
+    "angle",
+    "component",
+    "instance",
 ];
 
 /// Keywords inside statements.
@@ -44,6 +61,8 @@ pub(crate) enum TokenKind {
     Equals,
     /// `'`.
     Prime,
+    /// `.` between the name of an instance and one of its own.
+    Dot,
     /// Any other sign: operators, comma, colon, range dots.
     Sign,
     /// End of a line.
@@ -101,6 +120,7 @@ impl Lexer<'_> {
             '{' | '}' => self.push(TokenKind::Brace, 1),
             '\'' => self.push(TokenKind::Prime, 1),
             _ if ["==", "!=", "<=", ">=", ".."].contains(&two) => self.push(TokenKind::Sign, 2),
+            '.' if self.within_path(rest) => self.push(TokenKind::Dot, 1),
             '=' => self.push(TokenKind::Equals, 1),
             '+' | '-' | '*' | '/' | '^' | '<' | '>' | ',' | ':' => self.push(TokenKind::Sign, 1),
             ';' if self.depth > 0 => self.push(TokenKind::Sign, 1),
@@ -150,6 +170,15 @@ impl Lexer<'_> {
                 _ => true,
             }
         })
+    }
+
+    /// Whether a point here stands between two names, as in `cell[3].v`.
+    fn within_path(&self, rest: &str) -> bool {
+        let named = self.tokens.last().is_some_and(|last| {
+            let word = &self.text[last.span.range()];
+            last.span.range().end == self.at && (last.kind == TokenKind::Word && !is_keyword(word) || word == "]")
+        });
+        named && rest[1..].starts_with(|letter: char| letter.is_ascii_alphabetic() || letter == '_')
     }
 
     fn blank_before(&self) -> bool {

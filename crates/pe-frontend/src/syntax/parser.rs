@@ -10,7 +10,7 @@ use crate::syntax::grammar::{OdeParser, Rule};
 use crate::syntax::lexer::{Token, TokenKind};
 use crate::syntax::operators::{PRECEDENCE, join};
 use crate::syntax::statements::text_of;
-use pe_ir::codes;
+use pe_ir::{codes, element};
 use pe_ir::index::{at, number};
 use pe_ir::source::{Diagnostic, Span};
 use pest::Parser;
@@ -30,7 +30,11 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "const" => Rule::const_statement,
         "index" => Rule::index_statement,
         "param" => Rule::param_statement,
+        // Of a component: the instance says what it is.
+        "input" if !tokens.iter().any(|token| token.kind == TokenKind::Equals) => Rule::connector_statement,
         "input" => Rule::input_statement,
+        "component" => Rule::component_statement,
+        "instance" => Rule::instance_statement,
         "state" => Rule::state_statement,
         "angle" => Rule::angle_statement,
         "output" => Rule::output_statement,
@@ -158,6 +162,12 @@ impl Builder<'_> {
             Rule::next_statement => self.next_value(&mut parts)?,
             Rule::every_statement => StatementKind::Every(self.measure(parts.take(Rule::measure)?)?),
             Rule::end_statement => StatementKind::End,
+            Rule::component_statement => self.component(&mut parts)?,
+            Rule::instance_statement => self.instance(&mut parts)?,
+            Rule::connector_statement => {
+                let declared = self.declared(&mut parts)?;
+                StatementKind::Connector { declared, within: self.within(&mut parts)? }
+            }
             _ => return None,
         })
     }
@@ -171,6 +181,34 @@ impl Builder<'_> {
             None => None,
         };
         Some(StatementKind::Input { declared, signal, between, within })
+    }
+
+    fn component(&mut self, parts: &mut Parts) -> Option<StatementKind> {
+        let name = self.name(parts.take(Rule::name)?);
+        let mut parameters = Vec::new();
+        while let Some(parameter) = parts.take(Rule::parameter) {
+            let mut parts = Parts::of(parameter);
+            let name = self.name(parts.take(Rule::name)?);
+            let unit = parts.take(Rule::unit).and_then(|unit| self.unit(unit));
+            let value = match parts.take(Rule::expr) {
+                Some(value) => Some(self.expr(value)?),
+                None => None,
+            };
+            parameters.push(Parameter { name, unit, value });
+        }
+        Some(StatementKind::Component { name, parameters })
+    }
+
+    fn instance(&mut self, parts: &mut Parts) -> Option<StatementKind> {
+        let declared = self.declared(parts)?;
+        let component = self.name(parts.take(Rule::name)?);
+        let mut arguments = Vec::new();
+        while let Some(argument) = parts.take(Rule::argument) {
+            let mut parts = Parts::of(argument);
+            let name = self.name(parts.take(Rule::name)?);
+            arguments.push((name, self.expr(parts.take(Rule::expr)?)?));
+        }
+        Some(StatementKind::Instance { declared, component, arguments })
     }
 
     fn equation(&mut self, parts: &mut Parts) -> Option<StatementKind> {
@@ -282,13 +320,22 @@ impl Builder<'_> {
     fn reference(&mut self, pair: Node) -> Option<Reference> {
         let span = self.span(&pair);
         let mut parts = Parts::of(pair);
-        let name = self.name(parts.take(Rule::name)?);
+        let mut name = self.name(parts.take(Rule::name)?);
         let mut subscripts = Vec::new();
-        if let Some(list) = parts.take(Rule::subscripts) {
-            let mut list = Parts::of(list);
-            while let Some(subscript) = list.take(Rule::expr) {
-                subscripts.push(self.expr(subscript)?);
+        loop {
+            let before = subscripts.len();
+            if let Some(list) = parts.take(Rule::subscripts) {
+                let mut list = Parts::of(list);
+                while let Some(subscript) = list.take(Rule::expr) {
+                    subscripts.push(self.expr(subscript)?);
+                }
             }
+            let Some(next) = parts.take(Rule::name) else { break };
+            // One name for the array of all instances: that of `cell[3].v` is `cell[].v`.
+            let next = self.name(next);
+            name.text += &element::places(subscripts.len() - before);
+            name.text = format!("{}.{}", name.text, next.text);
+            name.span.end = next.span.end;
         }
         Some(Reference { name, subscripts, span })
     }
@@ -439,6 +486,8 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_units
             | Rule::kw_every
             | Rule::kw_next
+            | Rule::kw_component
+            | Rule::kw_instance
             | Rule::block_start
             | Rule::block_end
             | Rule::data_word

@@ -3,7 +3,8 @@
 use crate::report::Report;
 use crate::syntax::ast::Sort;
 use crate::syntax::ast::{
-    Binder, Block, Broken, Equation, Expr, ExprKind, LeftSide, Measure, Name, Reference, Spec, Statement, StatementKind,
+    Binder, Block, Broken, Component, Equation, Expr, ExprKind, LeftSide, Measure, Name, Parameter, Reference, Spec,
+    Statement, StatementKind,
 };
 use crate::syntax::files::{LARGEST_FILE, Loader, folder, load, resolve};
 use crate::syntax::lexer::{SECTIONS, Token, TokenKind, tokenize};
@@ -22,8 +23,17 @@ const MAIN_ONLY: [&str; 6] = ["model", "solver", "step", "span", "units", "time"
 /// Parses all files of a spec; `sources` holds the main one and takes up the others.
 pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Report) -> Spec {
     let spec = Spec::default();
-    let mut reader =
-        Reader { sources, loader, report, spec, open: Vec::new(), block: None, done: Vec::new(), data: Vec::new() };
+    let mut reader = Reader {
+        sources,
+        loader,
+        report,
+        spec,
+        open: Vec::new(),
+        block: None,
+        component: None,
+        done: Vec::new(),
+        data: Vec::new(),
+    };
     let main = reader.sources.main().span();
     let size = main.length();
     if size > LARGEST_FILE {
@@ -61,6 +71,8 @@ struct Reader<'a> {
     /// Files whose statements are being read, the innermost last; the main file is not among them.
     open: Vec<Included>,
     block: Option<OpenBlock>,
+    /// The component whose statements are being read.
+    component: Option<Component>,
     /// Files that were included so far.
     done: Vec<Included>,
     /// Data files that were read so far, with their places and the numbers of their tables.
@@ -96,7 +108,11 @@ impl Reader<'_> {
                             None => {
                                 statement.files.iter().for_each(|path| self.data_file(path, own_folder));
                                 statement.block = self.block.map(|block| block.number);
-                                self.spec.statements.extend(written_out(statement));
+                                let statements = match &mut self.component {
+                                    Some(component) => &mut component.statements,
+                                    None => &mut self.spec.statements,
+                                };
+                                statements.extend(written_out(statement));
                             }
                         }
                     }
@@ -106,9 +122,13 @@ impl Reader<'_> {
                         "include" => self.give_up(),
                         // What follows is taken for its content.
                         "every" => self.open_block(None, span),
+                        "component" => self.open_component(broken.names.first().cloned(), Vec::new(), span),
                         _ => {}
                     }
                     self.fill_block();
+                    if let Some(component) = &mut self.component {
+                        component.broken = true;
+                    }
                     self.spec.broken.push(broken);
                 }
             }
@@ -116,8 +136,13 @@ impl Reader<'_> {
         if let Some(block) = self.block.take() {
             let message = "the block is not closed at the end of the file";
             let help = "close it with `}` on a line of its own";
-            let span = self.spec.blocks[block.number].span;
+            let span = self.block_list()[block.number].span;
             self.refuse(Diagnostic::error(codes::BAD_BLOCK, span, message).with_help(help));
+        }
+        if let Some(component) = self.component.take() {
+            let message = format!("the component `{}` is not closed at the end of the file", component.name.text);
+            let help = "close it with `}` on a line of its own";
+            self.refuse(Diagnostic::error(codes::BAD_BLOCK, component.span, message).with_help(help));
         }
     }
 
@@ -134,18 +159,41 @@ impl Reader<'_> {
         match (&statement.kind, self.block) {
             (StatementKind::Every(period), None) => self.open_block(Some(period.clone()), statement.span),
             (StatementKind::Every(_), Some(outer)) => {
-                let outer = self.spec.blocks[outer.number].span;
+                let outer = self.block_list()[outer.number].span;
                 let error = wrong("a block in a block".to_owned(), "close the first block with `}` before this one");
                 self.refuse(error.with_label(outer, "the first block begins here"));
                 self.block = None;
                 self.open_block(None, statement.span);
+            }
+            (StatementKind::End, None) if self.component.is_some() => {
+                let closed = self.component.take().map(|mut component| {
+                    component.extent.end = statement.span.end;
+                    component
+                });
+                self.spec.components.extend(closed);
+            }
+            (StatementKind::Component { name, parameters }, block) => {
+                if let Some(outer) = &self.component {
+                    let error =
+                        wrong("a component in a component".to_owned(), "close the first one with `}` before this one");
+                    let error = error.with_label(outer.span, "the first component begins here");
+                    self.refuse(error);
+                    self.spec.components.extend(self.component.take());
+                } else if block.is_some() {
+                    self.refuse(wrong("a component in a block".to_owned(), "close the block with `}` before it"));
+                }
+                self.block = None;
+                self.open_component(Some(name.text.clone()), parameters.clone(), statement.span);
+                if let Some(component) = &mut self.component {
+                    component.name = name.clone();
+                }
             }
             (StatementKind::End, None) => {
                 self.refuse(wrong("`}` closes no block".to_owned(), "a block begins with `every 1 ms {`"));
             }
             (StatementKind::End, Some(block)) => {
                 if block.empty {
-                    let span = self.spec.blocks[block.number].span;
+                    let span = self.block_list()[block.number].span;
                     let help = "put equations between the braces, for example `u = 2*x`, or remove the block";
                     let error = Diagnostic::error(codes::BAD_BLOCK, span, "the block is empty");
                     self.refuse(error.with_help(help));
@@ -162,7 +210,28 @@ impl Reader<'_> {
                 self.fill_block();
                 return false;
             }
-            (_, None) => return false,
+            (StatementKind::Connector { .. }, None) if self.component.is_none() => {
+                let help = "write what drives it in runs, for example `= sine(1, 1 Hz)`; only the inputs of a component have nothing here";
+                self.refuse(wrong("this input has no signal".to_owned(), help));
+            }
+            (kind, None) => {
+                let help = match kind {
+                    _ if self.component.is_none() => return false,
+                    StatementKind::Const { .. } => "write `param`, or move it outside",
+                    StatementKind::Index(_) | StatementKind::Function { .. } | StatementKind::Include(_) => {
+                        "move it outside: it counts for the whole spec"
+                    }
+                    StatementKind::Output(_) => "outputs are named outside, for example `output soma.v`",
+                    StatementKind::Model { .. }
+                    | StatementKind::Solver(_)
+                    | StatementKind::Step(..)
+                    | StatementKind::Span(_)
+                    | StatementKind::Units(_)
+                    | StatementKind::Time(_) => "move it outside: it describes the whole model",
+                    _ => return false,
+                };
+                self.refuse(wrong("this statement is not allowed in a component".to_owned(), help));
+            }
             (_, Some(_)) => {
                 self.fill_block();
                 let help = "a block holds `state` statements and equations; move this one outside";
@@ -178,8 +247,25 @@ impl Reader<'_> {
     }
 
     fn open_block(&mut self, period: Option<Measure>, span: Span) {
-        self.block = Some(OpenBlock { number: self.spec.blocks.len(), empty: true });
-        self.spec.blocks.push(Block { period, span });
+        let blocks = self.block_list();
+        let number = blocks.len();
+        blocks.push(Block { period, span });
+        self.block = Some(OpenBlock { number, empty: true });
+    }
+
+    /// The blocks of the component that is being read, or of the spec.
+    fn block_list(&mut self) -> &mut Vec<Block> {
+        match &mut self.component {
+            Some(component) => &mut component.blocks,
+            None => &mut self.spec.blocks,
+        }
+    }
+
+    fn open_component(&mut self, name: Option<String>, parameters: Vec<Parameter>, span: Span) {
+        let broken = name.is_none();
+        let name = Name { text: name.unwrap_or_default(), span };
+        let (statements, blocks) = (Vec::new(), Vec::new());
+        self.component = Some(Component { name, parameters, statements, blocks, span, extent: span, broken });
     }
 
     /// Notes that the open block, if there is one, holds a statement.

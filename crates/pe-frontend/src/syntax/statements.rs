@@ -35,8 +35,8 @@ pub(crate) fn split(text: &str, tokens: &[Token]) -> Vec<Vec<Token>> {
                 // `{` ends the statement that begins a block, `}` is a statement of its own. Braces elsewhere are a slip
                 // within their statement.
                 let begins = text_of(text, *token) == "{";
-                let every = current.first().is_some_and(|first| text_of(text, *first) == "every");
-                if begins && !every {
+                let block = |first: &Token| matches!(text_of(text, *first), "every" | "component");
+                if begins && !current.first().is_some_and(block) {
                     slips += 1;
                 } else if !begins && slips > 0 {
                     slips -= 1;
@@ -79,12 +79,13 @@ fn begins_statement(text: &str, line: &[Token]) -> bool {
         return SECTIONS.contains(&word);
     }
     let mut depth = 0usize;
-    for token in &line[1..] {
-        match token.kind {
+    for pair in line.windows(2) {
+        match pair[1].kind {
             TokenKind::Open => depth += 1,
             TokenKind::Close if depth > 0 => depth -= 1,
             TokenKind::Equals if depth == 0 => return true,
-            TokenKind::Prime | TokenKind::Unit => {}
+            TokenKind::Prime | TokenKind::Unit | TokenKind::Dot => {}
+            TokenKind::Word if depth == 0 && pair[0].kind == TokenKind::Dot => {}
             TokenKind::Newline => return false,
             _ if depth == 0 => return false,
             _ => {}

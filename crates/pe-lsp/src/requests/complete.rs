@@ -64,6 +64,7 @@ fn names(view: &View, offset: u32) -> Vec<CompletionItem> {
     for symbol in view.symbols().visible(offset) {
         let kind = match symbol.kind {
             SymbolKind::Function => Kind::Function,
+            SymbolKind::Component => Kind::Class,
             SymbolKind::Const | SymbolKind::Param => Kind::Constant,
             _ => Kind::Variable,
         };

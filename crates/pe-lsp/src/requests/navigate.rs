@@ -71,7 +71,7 @@ fn entry(view: &View, name: &str, detail: &str, kind: ShownKind, (whole, place):
 pub(crate) fn detail(symbol: &Symbol) -> String {
     let list = symbol.arguments.join(", ");
     let arguments = match (symbol.kind, list.is_empty()) {
-        (SymbolKind::Function, _) => format!(" ({list})"),
+        (SymbolKind::Function | SymbolKind::Component, _) => format!(" ({list})"),
         (_, true) => String::new(),
         (_, false) => format!(" [{list}]"),
     };
@@ -89,5 +89,7 @@ fn shown_kind(kind: SymbolKind) -> ShownKind {
         SymbolKind::Algebraic | SymbolKind::Argument => ShownKind::Variable,
         SymbolKind::Index => ShownKind::Key,
         SymbolKind::Function => ShownKind::Function,
+        SymbolKind::Component => ShownKind::Class,
+        SymbolKind::Instance => ShownKind::Object,
     }
 }

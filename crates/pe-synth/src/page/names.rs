@@ -65,11 +65,15 @@ impl Names {
     }
 }
 
-/// Whether a name is one that a spec can give: a word, with indices if it is one of an array.
+/// Whether a name is one that a spec can give: a word, or some of instances in instances, with indices of arrays.
 fn is_named(name: &str) -> bool {
-    let word = name.split_once('[').map_or(name, |(word, _)| word);
-    let ends = !name.contains('[') || name.find(']') == Some(name.len() - 1);
-    ends && !word.is_empty() && word.chars().all(|letter| letter.is_alphanumeric() || letter == '_')
+    let word = |part: &str| {
+        let word = part.split_once('[').map_or(part, |(word, _)| word);
+        let ends = !part.contains('[') || part.find(']') == Some(part.len() - 1);
+        let letters = word.chars().all(|letter| letter.is_alphanumeric() || letter == '_');
+        ends && letters && !word.is_empty() && !word.starts_with(|first: char| first.is_ascii_digit())
+    };
+    name.split('.').all(word)
 }
 
 /// A formula with its numbers in three digits.
@@ -125,7 +129,7 @@ mod tests {
 
     #[test]
     fn only_names_of_specs_are_names() {
-        assert!(["x", "V[1,2]", "größe_2"].iter().all(|name| is_named(name)));
-        assert!(["1/(x+1)", "x[1]+y[2]", "x^2", "", "exp(x)", "x[1]^2"].iter().all(|name| !is_named(name)));
+        assert!(["x", "V[1,2]", "größe_2", "soma.v", "cell[3].w[2]"].iter().all(|name| is_named(name)));
+        assert!(["0.5", "x*0.5", "1/(x+1)", "x[1]+y[2]", "x^2", "", "exp(x)", "x[1]^2"].iter().all(|name| !is_named(name)));
     }
 }

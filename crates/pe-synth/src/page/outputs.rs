@@ -1,9 +1,10 @@
 //! The outputs of a design over time, as data of its page: curves, and arrays whose elements are shown as a map.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use pe_flow::scene::quantity_of;
+use pe_ir::element;
 use pe_ir::model::{self, Model};
 use pe_judge::runs::Judged;
 use pe_sim::error::Trajectory;
@@ -29,7 +30,7 @@ pub struct Sorted<'a> {
 /// Outputs that are all elements of an array, or of a block of it.
 pub struct Array<'a> {
     /// Name.
-    pub name: &'a str,
+    pub name: Cow<'a, str>,
     /// First index along each axis.
     pub first: Vec<i64>,
     /// Elements along each axis.
@@ -38,21 +39,15 @@ pub struct Array<'a> {
     pub places: Vec<usize>,
 }
 
-/// Indices of an element: `v[1,2]`.
-fn indices(name: &str) -> Option<Vec<i64>> {
-    let inside = name.split_once('[')?.1.strip_suffix(']')?;
-    inside.split(',').map(|index| index.trim().parse().ok()).collect()
-}
-
 impl<'a> Sorted<'a> {
     /// Sorts the outputs whose curves were kept.
     pub fn of(model: &'a Model, kept: &[usize]) -> Sorted<'a> {
         let name = |place: usize| model.outputs[kept[place]].name.as_str();
-        let mut groups: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-        (0..kept.len()).for_each(|place| groups.entry(quantity_of(name(place))).or_default().push(place));
-        let array = |(quantity, places): (&&'a str, &Vec<usize>)| {
+        let mut groups: BTreeMap<Cow<'a, str>, Vec<usize>> = BTreeMap::new();
+        (0..kept.len()).for_each(|place| groups.entry(element::quantity(name(place))).or_default().push(place));
+        let array = |(quantity, places): (&Cow<'a, str>, &Vec<usize>)| {
             let elements: BTreeMap<Vec<i64>, usize> =
-                places.iter().map(|place| Some((indices(name(*place))?, *place))).collect::<Option<_>>()?;
+                places.iter().map(|place| Some((element::parse(name(*place))?.1?, *place))).collect::<Option<_>>()?;
             let (first, last) = (elements.first_key_value()?.0, elements.last_key_value()?.0);
             let shape: Vec<usize> =
                 first.iter().zip(last).map(|(a, b)| usize::try_from(b - a + 1).ok()).collect::<Option<_>>()?;
@@ -65,7 +60,7 @@ impl<'a> Sorted<'a> {
             };
             (whole && drawn && shape.iter().filter(|length| **length > 1).count() > 0 && elements.keys().all(inside))
                 .then(|| Array {
-                    name: quantity,
+                    name: quantity.clone(),
                     first: first.clone(),
                     shape,
                     places: elements.values().copied().collect(),
