@@ -24,7 +24,7 @@ impl Planned<'_> {
     fn entry(&self) -> Table {
         Table {
             name: self.domain.function.name.clone(),
-            octaves: self.fit.layout == Layout::Octaves,
+            octaves: self.fit.shape.layout == Layout::Octaves,
             columns: self.fit.columns.clone(),
             domain: (self.domain.low, self.domain.high),
             error: self.fit.error,
@@ -173,14 +173,14 @@ impl Expansion {
         self.graph.functions.lookups.push(Lookup { argument: z, table });
         let nothing = |operand| Term::new(operand, Factor::Coefficient(0.0));
         let last = fit.columns.len() as u8 - 1;
-        if fit.degree == 0 {
+        if fit.shape.degree == 0 {
             self.write(equation, nothing(z), result, (lookup, last));
             return;
         }
         // The columns in their order: local coordinate, its scale with octaves, coefficients.
         let u = self.inner(equation, false);
         let mut column = 1;
-        let term = match fit.layout {
+        let term = match fit.shape.layout {
             Layout::Uniform => {
                 let scale = libm::scalbn(1.0, self.graph.functions.segments.index_bits as i32);
                 Term::new(z, Factor::Coefficient(scale))
@@ -209,12 +209,12 @@ impl Expansion {
         let z = self.inner(equation, false);
         let terms = argument.terms.iter().map(|term| match term.factor {
             Factor::Coefficient(coefficient) => {
-                Term { factor: Factor::Coefficient(coefficient * fit.map.slope), ..*term }
+                Term { factor: Factor::Coefficient(coefficient * fit.shape.map.slope), ..*term }
             }
             Factor::Value(_) => unreachable!("the argument of a function is affine"),
         });
         let mut terms: Vec<Term> = terms.collect();
-        let mut constant = argument.constant * fit.map.slope + fit.map.offset;
+        let mut constant = argument.constant * fit.shape.map.slope + fit.shape.map.offset;
         if constant.abs() >= LARGEST_BASE {
             // The base has the argument's format, -1 .. 1. A whole number is a product, exact whatever the port.
             let one = self.value(Role::Constant(1.0), equation, false);

@@ -142,7 +142,7 @@ fn cases() -> Vec<Case> {
 fn looked_up(computed: &Computed, segments: Segments, x: f64) -> f64 {
     let table = |planned: &Planned, x: f64| {
         let fit = &planned.fit;
-        let z = fit.map.slope * x + fit.map.offset;
+        let z = fit.shape.map.slope * x + fit.shape.map.offset;
         assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z} by {}", planned.domain.function.name);
         interpolated(fit, segments, z)
     };

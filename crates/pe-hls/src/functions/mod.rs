@@ -28,11 +28,17 @@ use pe_ir::word::WordFormat;
 
 use divisions::divisions;
 use domain::Domain;
-use fit::{Fit, Layout};
+use fit::{Fit, Layout, Shape};
 use uses::{Cluster, Use};
 
 /// Words of tables that are as good as twice the products.
 const WORDS: f64 = 4096.0;
+
+/// What the binary logarithm of what tables miss is multiplied by for that of their cost.
+const MISSED: f64 = 8.0;
+
+/// More than rounding makes of a bound.
+const ROUNDED: f64 = 1.0 + 1e-9;
 
 /// Functions that the division is chosen for, at most; they are spread over all.
 const SAMPLED: usize = 24;
@@ -172,7 +178,7 @@ fn divide_sampled(known: &[(&Domain, u64)], format: WordFormat) -> Segments {
     let mut segments = divide(&sampled, format);
     if stride > 1 {
         // The worst of those that were not asked have a say as well.
-        let excess = |(index, (domain, _)): (usize, &(&Domain, u64))| (Fit::of(domain, segments).excess, index);
+        let excess = |(index, (domain, _)): (usize, &(&Domain, u64))| (Shape::of(domain, segments).excess, index);
         let mut missed: Vec<(f64, usize)> = known.iter().enumerate().map(excess).collect();
         missed.retain(|(excess, _)| *excess > 1.0);
         missed.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -185,26 +191,71 @@ fn divide_sampled(known: &[(&Domain, u64)], format: WordFormat) -> Segments {
     segments
 }
 
-/// The division with the fewest products of these functions, so often used, in not too many words.
+/// The division with the fewest products of these functions, so often used, in not too many words. What misses the accuracy
+/// is worse than anything that holds it; by how much it misses it is asked only where it may be the best even so.
 fn divide(functions: &[(&Domain, u64)], format: WordFormat) -> Segments {
-    let mut best: Option<(f64, Segments)> = None;
+    let mut least = f64::INFINITY;
+    let mut costs: Vec<(Segments, Cost)> = Vec::new();
     for segments in divisions(format) {
-        let Segments { index_bits, octave_bits } = segments;
-        let fits: Vec<(Fit, u64)> = functions.iter().map(|(domain, uses)| (Fit::of(domain, segments), *uses)).collect();
-        if octave_bits > 0 && !fits.iter().any(|(fit, _)| fit.layout == Layout::Octaves) {
-            // The same as without octaves.
-            continue;
+        let cost = Cost::of(functions, segments, 1.0, least);
+        if let Cost::Products(products) = cost {
+            least = least.min(products);
         }
-        let products: u64 = fits.iter().map(|(fit, uses)| uses * fit.products() as u64).sum();
-        let words: usize = fits.iter().map(|(fit, _)| fit.columns.len() << index_bits).sum();
-        // What misses the accuracy is worse than anything that holds it.
-        let missed: f64 = fits.iter().map(|(fit, _)| libm::log2(fit.excess)).sum();
-        let cost = products as f64 * (1.0 + words as f64 / WORDS) * libm::exp2(8.0 * missed);
+        costs.push((segments, cost));
+    }
+    let mut best: Option<(f64, Segments)> = None;
+    for (segments, cost) in costs {
+        let cost = match cost {
+            Cost::Misses => Cost::of(functions, segments, f64::INFINITY, least),
+            known => known,
+        };
+        let Cost::Products(cost) = cost else { continue };
         if best.is_none_or(|(least, _)| cost < least) {
             best = Some((cost, segments));
+            least = least.min(cost);
         }
     }
     best.expect("some division is tried").1
+}
+
+/// What a division costs.
+enum Cost {
+    /// As much as so many products.
+    Products(f64),
+    /// More than was asked for, or as much as another one of which it is a copy.
+    Useless,
+    /// Some table misses more than was asked for.
+    Misses,
+}
+
+impl Cost {
+    /// With tables that miss at most so many times what is tolerated, as far as it is at most `bound`.
+    fn of(functions: &[(&Domain, u64)], segments: Segments, most: f64, bound: f64) -> Cost {
+        let Segments { index_bits, octave_bits } = segments;
+        let price = |products: u64, words: usize, missed: f64| {
+            products as f64 * (1.0 + words as f64 / WORDS) * libm::exp2(MISSED * missed)
+        };
+        let (mut products, mut words, mut missed, mut octaves) = (0, 0, 0.0, false);
+        // What those that follow cost at least.
+        let mut open: u64 = functions.iter().map(|(_, uses)| uses * Shape::FEWEST_PRODUCTS).sum();
+        for (domain, uses) in functions {
+            let room = libm::log2(bound / price(products + open, words, 0.0)) / MISSED - missed;
+            let affordable = ROUNDED * libm::exp2(room).max(1.0);
+            let Some(shape) = Shape::within(domain, segments, most.min(affordable)) else {
+                return if affordable < most { Cost::Useless } else { Cost::Misses };
+            };
+            open -= uses * Shape::FEWEST_PRODUCTS;
+            octaves |= shape.layout == Layout::Octaves;
+            products += uses * shape.products() as u64;
+            words += shape.columns() << index_bits;
+            missed += libm::log2(shape.excess);
+            if price(products + open, words, missed) > ROUNDED * bound {
+                return Cost::Useless;
+            }
+        }
+        // The same as without octaves.
+        if octave_bits > 0 && !octaves { Cost::Useless } else { Cost::Products(price(products, words, missed)) }
+    }
 }
 
 fn unbounded(function: &str, (name, span): (&str, Span), (low, high): (f64, f64), at: f64) -> Diagnostic {

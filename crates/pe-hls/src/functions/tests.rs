@@ -5,10 +5,11 @@ use pe_ir::index::{EquationId, StateId, ValueId};
 use pe_ir::model::{Expr, Function, Select, Variable};
 use pe_ir::word::WordFormat;
 
+use super::divisions::divisions;
 use super::domain::Domain;
-use super::fit::{Fit, Layout};
+use super::fit::{Fit, Layout, Shape};
 use super::uses::{self, Cluster, Use};
-use super::{Planned, plan};
+use super::{MISSED, Planned, WORDS, divide, plan};
 
 /// Points of a dense grid.
 const POINTS: usize = 20_001;
@@ -33,14 +34,14 @@ fn planned(function: &ScalarFunction, range: (f64, f64), format: WordFormat) -> 
 
 fn looked_up(planned: &Planned, segments: Segments, x: f64) -> f64 {
     let fit = &planned.fit;
-    let z = fit.map.slope * x + fit.map.offset;
+    let z = fit.shape.map.slope * x + fit.shape.map.offset;
     assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z}");
     interpolated(fit, segments, z)
 }
 
 /// What the PE computes from a table, in exact arithmetic; written from the decision record, not from the expansion.
 pub(super) fn interpolated(fit: &Fit, segments: Segments, z: f64) -> f64 {
-    let octaves = fit.layout == Layout::Octaves;
+    let octaves = fit.shape.layout == Layout::Octaves;
     let entry = |column: usize| fit.columns[column][segments.index_of(z, octaves)];
     if fit.columns.len() == 1 {
         return entry(0);
@@ -95,7 +96,7 @@ fn tables_hold_their_bound_and_half_a_bit_of_their_readers() {
             let scalar = scalar(apply(function, x()));
             let (segments, planned) = planned(&scalar, range, format);
             let fit = &planned.fit;
-            assert!(fit.excess <= 1.0, "{function:?} on {range:?}: {} times the tolerance", fit.excess);
+            assert!(fit.shape.excess <= 1.0, "{function:?} on {range:?}: {} times the tolerance", fit.shape.excess);
             let (mut worst, mut largest): (f64, f64) = (0.0, 0.0);
             for x in grid(range) {
                 worst = worst.max((looked_up(&planned, segments, x) - library(x)).abs());
@@ -123,7 +124,7 @@ fn a_reduced_range_takes_eight_products_at_most() {
     for (function, range) in reduced {
         let scalar = scalar(apply(function, x()));
         let (segments, planned) = planned(&scalar, range, format);
-        let (products, words) = (planned.fit.products(), planned.fit.columns.len() << segments.index_bits);
+        let (products, words) = (planned.fit.shape.products(), planned.fit.columns.len() << segments.index_bits);
         assert!(products <= 8 && words <= 1024, "{function:?}: {products} products, {words} words");
         assert!(planned.fit.error <= 0.5 * libm::exp2(-30.0), "{function:?}: {:e}", planned.fit.error);
     }
@@ -161,12 +162,61 @@ fn a_choice_is_exact_at_its_jump_and_undefined_branches_do_no_harm() {
         let select = Select { condition, yes, no: Expr::Constant(7.0) };
         let scalar = scalar(Expr::Select(Box::new(select)));
         let (segments, planned) = planned(&scalar, (-1.5, 1.5), format);
-        assert!(planned.fit.excess <= 1.0, "{}", planned.fit.excess);
+        assert!(planned.fit.shape.excess <= 1.0, "{}", planned.fit.shape.excess);
         assert!((looked_up(&planned, segments, 0.3) - at_jump).abs() < 1e-9);
         for x in grid((-1.5, 1.5)).filter(|x| (x - 0.3).abs() > 1e-9) {
             let taken = if rising { x > 0.3 } else { x < 0.3 };
             let should = if taken { libm::log(if rising { x } else { -x } + 2.0) } else { 7.0 };
             assert!((looked_up(&planned, segments, x) - should).abs() < 1e-8, "{x}");
+        }
+    }
+}
+
+/// The division that costs least, found by asking every table of every division.
+fn divided(functions: &[(&Domain, u64)], format: WordFormat) -> Segments {
+    let mut best: Option<(f64, Segments)> = None;
+    for segments in divisions(format) {
+        let shapes: Vec<(Shape, u64)> =
+            functions.iter().map(|(domain, uses)| (Shape::tried(domain, segments), *uses)).collect();
+        if segments.octave_bits > 0 && !shapes.iter().any(|(shape, _)| shape.layout == Layout::Octaves) {
+            continue;
+        }
+        let products: u64 = shapes.iter().map(|(shape, uses)| uses * shape.products() as u64).sum();
+        let words: usize = shapes.iter().map(|(shape, _)| shape.columns() << segments.index_bits).sum();
+        let missed: f64 = shapes.iter().map(|(shape, _)| libm::log2(shape.excess)).sum();
+        let cost = products as f64 * (1.0 + words as f64 / WORDS) * libm::exp2(MISSED * missed);
+        if best.is_none_or(|(least, _)| cost < least) {
+            best = Some((cost, segments));
+        }
+    }
+    best.expect("some division is tried").1
+}
+
+#[test]
+fn what_is_not_tried_is_not_better() {
+    let cases: Vec<(ScalarFunction, (f64, f64))> =
+        cases().into_iter().map(|(function, _, range)| (scalar(apply(function, x())), range)).collect();
+    for format in [WordFormat::new(32, 32, 32), WordFormat::new(32, 25, 18), WordFormat::new(24, 18, 25)] {
+        let domains = cases.iter().filter_map(|(function, range)| Domain::of(function, *range, format).ok());
+        let domains: Vec<Domain> = domains.collect();
+        for (index, domain) in domains.iter().enumerate() {
+            // Alone, and beside others that ask for something else.
+            let other = &domains[(7 * index + 3) % domains.len()];
+            for functions in [vec![(domain, 1)], vec![(domain, 3), (other, 1 + index as u64 % 4)]] {
+                let segments = divide(&functions, format);
+                assert_eq!(
+                    segments,
+                    divided(&functions, format),
+                    "{} and {}",
+                    domain.function.name,
+                    other.function.name
+                );
+                for (domain, _) in functions {
+                    let (shape, tried) = (Shape::of(domain, segments), Shape::tried(domain, segments));
+                    assert_eq!((shape.excess, shape.products()), (tried.excess, tried.products()));
+                    assert_eq!(shape.map.slope, tried.map.slope);
+                }
+            }
         }
     }
 }
@@ -180,7 +230,7 @@ fn a_gate_rate_is_one_table_across_its_removable_singularity() {
     // Also with the singularity in the middle of the range, at an end of two segments.
     for range in [(-77.0, 45.0), (-90.0, 10.0)] {
         let (segments, planned) = planned(&rate, range, WordFormat::new(32, 32, 32));
-        assert!(planned.fit.excess <= 1.0, "{range:?}: {}", planned.fit.excess);
+        assert!(planned.fit.shape.excess <= 1.0, "{range:?}: {}", planned.fit.shape.excess);
         for x in grid(range) {
             // u/(1 - exp(-u)) without cancellation.
             let u = 0.1 * (x + 40.0);
@@ -199,7 +249,7 @@ fn what_is_steep_beside_its_arguments_is_divided_by_octaves_from_there() {
     ] {
         let scalar = scalar(body);
         let (segments, planned) = planned(&scalar, (-0.045, 4.0), WordFormat::new(32, 32, 32));
-        assert!(planned.fit.layout == Layout::Octaves && planned.fit.excess <= 1.0, "{}", scalar.name);
+        assert!(planned.fit.shape.layout == Layout::Octaves && planned.fit.shape.excess <= 1.0, "{}", scalar.name);
         for x in grid((-0.045, 4.0)) {
             assert!((looked_up(&planned, segments, x) - library(x)).abs() < 1e-7, "{} at {x}", scalar.name);
         }

@@ -14,7 +14,7 @@ use pe_ir::index::{ChainId, EquationId, List, at};
 use pe_ir::word::WordFormat;
 
 use super::domain::Domain;
-use super::fit::Fit;
+use super::fit::Shape;
 use super::{WORDS, divide_sampled};
 use crate::alike::alike;
 use crate::formats::RANGE_MARGIN;
@@ -471,10 +471,10 @@ impl Node<'_> {
     /// What a table for it costs, in products: those of its lookups, more where bits are lost, and its words.
     fn price(&self, segments: Segments, per_word: f64) -> f64 {
         let Some(domain) = &self.domain else { return f64::INFINITY };
-        let fit = Fit::of(domain, segments);
-        let words = fit.columns.len() << segments.index_bits;
-        let missed = libm::log2(fit.excess);
-        let products = self.count as f64 * fit.products() as f64;
+        let shape = Shape::of(domain, segments);
+        let words = shape.columns() << segments.index_bits;
+        let missed = libm::log2(shape.excess);
+        let products = self.count as f64 * shape.products() as f64;
         products * (1.0 + BIT * (self.lost + missed * missed)) + per_word * words as f64
     }
 }
