@@ -18,6 +18,7 @@ use pe_ir::source::Diagnostic;
 use pe_ir::word::Latency;
 
 use crate::failure::Failure;
+use crate::known::Known;
 use crate::mapping_file::MappingFile;
 use crate::settings::{MappingOptions, StageLoop};
 use crate::spec::LoadedModel;
@@ -76,8 +77,14 @@ impl<'a> Alternative<'a> {
     }
 
     /// [`Alternative::routed`] of mappings that are annealed for it, where there are routes.
-    fn all_routed(&self, fixed: &FixedPoint, options: &MapOptions, ports: u32) -> Vec<(Self, Candidate)> {
-        let candidates = mapping::annealed(&self.problem, options).unwrap_or_default();
+    fn all_routed(
+        &self,
+        fixed: &FixedPoint,
+        options: &MapOptions,
+        ports: u32,
+        known: &Known,
+    ) -> Vec<(Self, Candidate)> {
+        let candidates = known.annealed(&self.problem, options).unwrap_or_default();
         candidates.into_iter().filter_map(|candidate| self.routed(fixed, candidate, ports)).collect()
     }
 
@@ -145,6 +152,7 @@ impl<'a> Candidates<'a> {
         fixed: &'a FixedPoint,
         network: &Network,
         options: &MappingOptions,
+        known: &Known,
     ) -> Result<Self, MapError> {
         let mut plain = Some(Alternative::new(Arc::clone(graph), Cow::Borrowed(fixed), 0, None));
         let relayed = |pes, ports, relays| Alternative::with_relays(graph, fixed, pes, ports, relays);
@@ -184,13 +192,13 @@ impl<'a> Candidates<'a> {
             let ports = set.ports;
             let with_relays = RELAYS.iter().filter_map(|relays| relayed(pes, ports, *relays).filter(|_| !*looped));
             for alternative in plain.take().into_iter().chain(with_relays) {
-                let mapped = mapping::map(&alternative.problem, &map_options(pes, &alternative, ports));
+                let mapped = known.mapped(&alternative.problem, &map_options(pes, &alternative, ports));
                 let bounded = options.max_in_degree.is_some() && (mapped.is_err() || pes > ports + 1);
                 let bounded = bounded && alternative.relays == 0;
                 let wanted = [mapped.is_err().then_some(ports), Some(MappingOptions::MOST_PORTS)];
                 let routed = wanted.into_iter().flatten().filter(|_| bounded).flat_map(|wanted| {
                     let options = map_options(pes, &alternative, wanted);
-                    alternative.all_routed(fixed, &options, ports)
+                    alternative.all_routed(fixed, &options, ports, known)
                 });
                 let routed: Vec<(Alternative, Candidate)> = routed.collect();
                 match mapped {

@@ -15,11 +15,10 @@
 use std::sync::Arc;
 
 use pe_hls::assemble::TooLarge;
-use pe_hls::mapping::{self, WireLength, default_pes};
+use pe_hls::mapping::{self, WireLength};
 use pe_hls::pairs::{self, Paired};
 use pe_hls::rounds::Rounds;
 use pe_hls::schedule::Bound;
-use pe_hls::shorten::shorten;
 use pe_hls::step::StepOptions;
 use pe_hls::sums;
 use pe_ir::graph::{FixedPoint, StepGraph};
@@ -32,11 +31,13 @@ use pe_ir::verify;
 use pe_ir::word::{Latency, WordFormat};
 
 use crate::candidates::{self, Candidates, Network};
-use crate::elimination::{self, Trial, has_varying_pivots};
+use crate::elimination::{self, Trial};
 use crate::failure::Failure;
+use crate::known::Known;
 use crate::mapping_file::MappingFile;
 use crate::selection;
 use crate::settings::{MappingOptions, Settings, StageLoop, step_options};
+use crate::sized;
 use crate::spec::LoadedModel;
 use crate::stages::{self, CHECKED_ROUNDS};
 use crate::watch::Stopwatch;
@@ -116,7 +117,7 @@ pub fn design(
     let (mapping, trials) = elimination::settled(loaded, settings, point, watch)?;
     let settings = &Settings { mapping, ..settings.clone() };
     let Prepared { graph, judged, network } = prepare(loaded, settings, point, watch)?;
-    let design = implement(loaded, &graph, &judged, network, &settings.mapping, watch)?;
+    let design = implement(loaded, &graph, &judged, network, &settings.mapping, &Known::default(), watch)?;
     Ok(Design { trials, ..design })
 }
 
@@ -301,19 +302,21 @@ fn given_mapping(
     Ok((Some(file.clone()), Some(file.pes())))
 }
 
-/// Designs the network for a step graph whose formats are known. The design's step may have relays beside it.
+/// Designs the network for a step graph whose formats are settled. Mappings and schedules that are known are not looked for
+/// again. The design's step may have relays beside it.
 pub fn implement(
     loaded: &LoadedModel,
     graph: &Arc<StepGraph>,
     judged: &Arc<Judged>,
     network: Network,
     mapping_options: &MappingOptions,
+    known: &Known,
     watch: &mut Stopwatch,
 ) -> Result<Design, Failure> {
     let latency = Latency::of(&judged.fixed.format);
     let mapped = watch.stage(
         "map",
-        || Candidates::of(graph, &judged.fixed, &network, mapping_options),
+        || Candidates::of(graph, &judged.fixed, &network, mapping_options, known),
         |candidates| match candidates {
             Ok(candidates) => candidates.figure(network.given.is_some()),
             Err(_) => "impossible".to_owned(),
@@ -341,8 +344,8 @@ pub fn implement(
             // Relays have no say in how well the others are scheduled.
             let (graphs, more_graphs) = graphs.split_at(plain);
             let (candidates, more) = candidates.split_at(plain);
-            let mut all = selection::schedules(graphs, candidates, latency, ports, say);
-            all.extend(selection::schedules(more_graphs, more, latency, ports, say));
+            let mut all = selection::schedules(graphs, candidates, latency, ports, known, say);
+            all.extend(selection::schedules(more_graphs, more, latency, ports, known, say));
             all
         },
         |schedules: &Vec<Schedule>| {
@@ -477,7 +480,7 @@ fn step_for(
     if loaded.stages.as_ref().is_some_and(|stages| stages.graph.is_some()) {
         return Ok(graph);
     }
-    let graph = for_pes(&graph, pes, mapping_options, format).unwrap_or(graph);
+    let graph = sized::for_pes(&graph, pes, mapping_options, format).unwrap_or(graph);
     Ok(sums::cut(&graph, &format).unwrap_or(graph))
 }
 
@@ -543,23 +546,6 @@ fn runs_figure(judged: Option<&Judged>) -> String {
     judged.map_or("refused".to_owned(), |Judged { errors, .. }| {
         format!("word-length error {:.1e}, method error {:.1e}", errors.word_length, errors.method)
     })
-}
-
-/// Input ports for which equations are split where values may take routes over other PEs.
-const ROUTED: u32 = 24;
-
-/// The graph for a number of PEs, or the default number: with its heavy equations split, and with shorter evaluation of tables
-/// where latency binds; none if it fits as it is. Where pivots vary much, tables stay as they are: their last bits count.
-pub fn for_pes(graph: &StepGraph, pes: Option<u32>, options: &MappingOptions, format: WordFormat) -> Option<StepGraph> {
-    let latency = Latency::of(&format);
-    let pes = pes.unwrap_or_else(|| default_pes(graph, latency));
-    // With a bound on ports values take routes over other PEs; what has too many products still holds up their copies.
-    let ports = options.max_in_degree.map_or(options.ports(), |ports| ports.max(ROUTED));
-    let split = pe_hls::split::split(graph, pes, ports, latency);
-    match has_varying_pivots(graph) {
-        true => split,
-        false => shorten(split.as_ref().unwrap_or(graph), pes, latency).or(split),
-    }
 }
 
 /// Proves mapping, schedule and program with the independent checkers.

@@ -1,11 +1,12 @@
 //! Selection of a mapping: schedules the candidates that can still win, and ranks them.
 
 use pe_hls::mapping::Candidate;
-use pe_hls::schedule;
 use pe_ir::graph::StepGraph;
 use pe_ir::index::List;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
+
+use crate::known::Known;
 
 /// Schedules that are this much longer than the shortest are not considered, however few connections they have.
 const PERIOD_TOLERANCE: f64 = 1.02;
@@ -17,18 +18,19 @@ pub fn schedules(
     candidates: &[Candidate],
     latency: Latency,
     max_in_degree: u32,
+    known: &Known,
     say: &dyn Fn(String),
 ) -> Vec<Schedule> {
     let draft = |(candidate, graph): (&Candidate, &&StepGraph)| {
         say(format!("{}, first of two passes", candidate.start));
-        schedule::draft(graph, &candidate.mapping, latency)
+        known.schedule(graph, &candidate.mapping, latency, true)
     };
     let mut schedules: Vec<Schedule> = candidates.iter().zip(graphs).map(draft).collect();
     let periods: Vec<u32> = schedules.iter().map(|schedule| schedule.period).collect();
     let loads: Vec<u32> = candidates.iter().zip(graphs).map(|(candidate, graph)| load(graph, candidate)).collect();
     for index in contenders(candidates, &loads, &periods, max_in_degree) {
         say(format!("{}, second pass", candidates[index].start));
-        schedules[index] = schedule::schedule(graphs[index], &candidates[index].mapping, latency);
+        schedules[index] = known.schedule(graphs[index], &candidates[index].mapping, latency, false);
     }
     schedules
 }

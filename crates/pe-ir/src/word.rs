@@ -262,7 +262,7 @@ pub fn round_shift(accumulator: i64, shift: u32) -> i64 {
 /// Distances in control words between the parts of one operation; shared by scheduler, simulator and VHDL.
 ///
 /// A product issued in word `k` is accumulated in word `k + accumulate`, and so on; see the datasheet, "Timing".
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Latency {
     /// Clock cycles from operands to product register, without those of a deep pipeline.
     pub multiplier: u32,

@@ -11,6 +11,7 @@ use crate::options::{MappingArgs, ModelArgs, PointArgs};
 use crate::progress;
 use pe_flow::elimination;
 use pe_flow::failure::Failure;
+use pe_flow::known::Known;
 use pe_flow::pipeline::{self, Prepared};
 use pe_flow::settings::Settings;
 use pe_flow::stages;
@@ -108,7 +109,7 @@ impl Dump {
         if self.stage == Stage::Fixed {
             return Ok(self.of(sections));
         }
-        let design = pipeline::implement(&loaded, &graph, &judged, network, mapping, &mut watch)?;
+        let design = pipeline::implement(&loaded, &graph, &judged, network, mapping, &Known::default(), &mut watch)?;
         if self.stage == Stage::PeGraph {
             return Ok(Dot::new(&Problem::of(&design.graph).pe_graph(&design.mapping)).to_string());
         }

@@ -30,10 +30,12 @@ use super::queue::Queue;
 use super::row::{Compiled, Outcome, Reason};
 use crate::candidates::Network;
 use crate::failure::Failure;
+use crate::known::Known;
 use crate::outputs;
 use crate::pipeline::{self, Compared, Stepped, Unformatted};
 use crate::report::{Figures, Silicon, Told};
 use crate::settings::Settings;
+use crate::sized;
 use crate::spec::LoadedModel;
 use crate::variables::variables;
 use crate::watch::Stopwatch;
@@ -140,6 +142,8 @@ struct Crew<'a> {
     sender: &'a Sender<Event>,
     /// Whether nobody hears any more.
     deserted: AtomicBool,
+    /// What points have in common beyond their families.
+    known: Known,
 }
 
 /// Compiles all jobs in the pool and sends what got done, as long as somebody hears it.
@@ -147,7 +151,8 @@ pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sen
     let model = &sweep.loaded.model;
     let families = families(jobs, has_functions(model));
     let together = families.len().saturating_mul(model.states.len()) <= MOST_STATES;
-    let crew = Crew { sweep, queue: Queue::default(), sender, deserted: AtomicBool::new(false) };
+    let crew =
+        Crew { sweep, queue: Queue::default(), sender, deserted: AtomicBool::new(false), known: Known::default() };
     for family in families {
         crew.queue.add(if together { 0 } else { COMPARE + 1 }, sweep.estimate.whole(&family), Task::Run(family));
     }
@@ -248,7 +253,7 @@ impl Crew<'_> {
 
     fn network(&self, format: &Format, job: &Job) {
         let clock = thread_seconds();
-        let compiled = guarded_reason(|| self.sweep.network(format, job, self.sender));
+        let compiled = guarded_reason(|| self.sweep.network(format, job, &self.known, self.sender));
         let outcome = compiled.map_or_else(Outcome::Failed, |compiled| Outcome::Compiled(Box::new(compiled)));
         let took = matches!(outcome, Outcome::Compiled(_)).then(|| thread_seconds() - clock);
         self.tell(Kind::Network, self.sweep.estimate.network(&job.point), took);
@@ -423,14 +428,14 @@ impl Sweep {
     }
 
     /// Designs the network of a point and reports on it as `compile` does.
-    fn network(&self, format: &Format, job: &Job, sender: &Sender<Event>) -> Result<Compiled, Reason> {
+    fn network(&self, format: &Format, job: &Job, known: &Known, sender: &Sender<Event>) -> Result<Compiled, Reason> {
         let failed = |failure: Failure| Reason::of(&failure);
         let Format { base, graph, judged, total } = format;
         let (loaded, point) = (&base.loaded, &job.point);
         let (mut graph, mut judged, mut total) = (Arc::clone(graph), Arc::clone(judged), total.clone());
         // Heavy equations are split differently for every number of PEs, and tables shortened; then nothing is shared.
         let words = point.format(&loaded.model).map_err(|text| failed(Failure::Usage(text)))?;
-        if let Some(split) = pipeline::for_pes(&base.stepped.graph, point.pes, &self.settings.mapping, words) {
+        if let Some(split) = sized::for_pes(&base.stepped.graph, point.pes, &self.settings.mapping, words) {
             let stepped = pipeline::run(loaded, split, &mut Stopwatch::silent()).map_err(failed)?;
             let (of_split, judged_split) = self.judged(base, &stepped, point)?;
             total = self.total(base, &judged_split, point, &Cell::new(0.0), sender);
@@ -440,7 +445,8 @@ impl Sweep {
         let watch = &mut Stopwatch::silent();
         let network = Network { pes: point.pes, exact: true, seed, given: None };
         let mapping = &self.settings.mapping;
-        let mut design = pipeline::implement(loaded, &graph, &judged, network, mapping, watch).map_err(failed)?;
+        let mut design =
+            pipeline::implement(loaded, &graph, &judged, network, mapping, known, watch).map_err(failed)?;
         outputs::place(&mut design.program, outputs::Wanted::Auto, self.clock.family()).map_err(failed)?;
         let (model, total) = (&loaded.model, Some(total));
         let silicon = Silicon {

@@ -39,7 +39,7 @@ pub use problem::Problem;
 pub use wires::{WireLength, wire_length};
 
 /// What to map to, and how long to try.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MapOptions {
     /// Number of PEs; every one gets an equation.
     pub pes: u32,
@@ -159,7 +159,14 @@ const SLACK: u64 = 64;
 /// # Errors
 /// No mapping has the number of PEs, or none has in-degrees within the limit.
 pub fn map(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate>, MapError> {
-    let candidates = annealed(problem, options)?;
+    within(problem, options, annealed(problem, options)?)
+}
+
+/// Mappings whose in-degrees are within the limit.
+///
+/// # Errors
+/// Those of the best one are not.
+pub fn within(problem: &Problem, options: &MapOptions, candidates: Vec<Candidate>) -> Result<Vec<Candidate>, MapError> {
     match candidates[0].cost.max_in_degree > options.max_in_degree {
         true => Err(in_degree_error(problem, &candidates[0].mapping, options.max_in_degree)),
         false => Ok(candidates),

@@ -11,7 +11,7 @@ use petgraph::graph::DiGraph;
 /// The dependencies are stored undirected, once per pair of equations, as [`Neighbour`]s. External inputs are further
 /// nodes behind the equations; the mapper gives each a place of its own outside the network, so that the same counts
 /// serve links between PEs and input ports.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Problem {
     loads: Vec<u32>,
     inputs: u32,
@@ -21,7 +21,7 @@ pub struct Problem {
 }
 
 /// A node next to an equation, and whether the equation reads it, is read by it, or both.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Neighbour(u32);
 
 impl Neighbour {

@@ -45,7 +45,7 @@ struct Pe {
 }
 
 struct List<'a> {
-    problem: &'a Problem<'a>,
+    problem: &'a Problem,
     pes: index::List<PeId, Pe>,
     events: Events,
     waiting: index::List<CodeId, u32>,

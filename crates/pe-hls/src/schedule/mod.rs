@@ -18,7 +18,7 @@ use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
 
 pub use bound::Bound;
-use problem::Problem;
+pub use problem::Problem;
 pub use recurrence::arrivals;
 
 /// Repetitions of the placement; more brought nothing on any of the shipped models.
@@ -26,32 +26,43 @@ const REPETITIONS: usize = 6;
 
 /// Schedules a mapped step graph.
 pub fn schedule(graph: &StepGraph, mapping: &Mapping, latency: Latency) -> Schedule {
-    repeated(graph, mapping, latency, REPETITIONS)
+    Problem::new(graph, mapping, latency).schedule()
 }
 
 /// A first schedule, in a fraction of the time; [`schedule`] finds one that is at least as short.
 pub fn draft(graph: &StepGraph, mapping: &Mapping, latency: Latency) -> Schedule {
-    repeated(graph, mapping, latency, 1)
+    Problem::new(graph, mapping, latency).draft()
 }
 
-fn repeated(graph: &StepGraph, mapping: &Mapping, latency: Latency, repetitions: usize) -> Schedule {
-    let problem = Problem::new(graph, mapping, latency);
-    let mut release = vec![0; problem.slots];
-    let mut best: Option<Schedule> = None;
-    let bound = problem.load_bound();
-    for repetition in 0..repetitions {
-        let placement = list::place(&problem, &release);
-        let period = period::smallest(&problem, &placement);
-        // Aim between the bound and what was reached: asking for the bound at once delays chains for nothing.
-        let aim = bound.max(period.saturating_sub(1 + number(repetition)));
-        release = period::releases(&problem, &placement, aim);
-        let better = best.as_ref().is_none_or(|best| period < best.period);
-        if better {
-            best = Some(problem.finish(placement, period));
-        }
-        if period <= bound {
-            break;
-        }
+impl Problem {
+    /// The best schedule that can be found.
+    pub fn schedule(&self) -> Schedule {
+        self.repeated(REPETITIONS)
     }
-    best.expect("at least one repetition")
+
+    /// The first one, see [`draft`].
+    pub fn draft(&self) -> Schedule {
+        self.repeated(1)
+    }
+
+    fn repeated(&self, repetitions: usize) -> Schedule {
+        let mut release = vec![0; self.slots];
+        let mut best: Option<Schedule> = None;
+        let bound = self.load_bound();
+        for repetition in 0..repetitions {
+            let placement = list::place(self, &release);
+            let period = period::smallest(self, &placement);
+            // Aim between the bound and what was reached: asking for the bound at once delays chains for nothing.
+            let aim = bound.max(period.saturating_sub(1 + number(repetition)));
+            release = period::releases(self, &placement, aim);
+            let better = best.as_ref().is_none_or(|best| period < best.period);
+            if better {
+                best = Some(self.finish(placement, period));
+            }
+            if period <= bound {
+                break;
+            }
+        }
+        best.expect("at least one repetition")
+    }
 }

@@ -31,7 +31,7 @@ pub(super) struct Placement {
 }
 
 /// Where an operand or a base is read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Operand(u32);
 
 /// Set where the word is that of the step before.
@@ -64,10 +64,12 @@ impl Operand {
 }
 
 /// A value that a PE needs from elsewhere. Start and end of a state share one import.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Import {
     /// The value as its memory word is known: the start value for states.
     resident: ValueId,
+    /// The value that is sent: the end value of a state.
+    sent: ValueId,
     /// The PE that needs it.
     pub pe: PeId,
     /// Its slot.
@@ -77,7 +79,7 @@ pub(super) struct Import {
 }
 
 /// A write of a chain.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Store {
     /// Slot of the value.
     pub slot: u32,
@@ -88,7 +90,7 @@ pub(super) struct Store {
 }
 
 /// A chain with all that its placement needs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Code {
     /// Its terms: a range of [`Problem::operands`].
     pub terms: std::ops::Range<u32>,
@@ -129,24 +131,25 @@ impl Code {
     }
 }
 
-pub(super) struct Problem<'a> {
-    graph: &'a StepGraph,
-    pub latency: Latency,
-    pub pes: usize,
+/// All that the schedule of a mapped step graph depends on: equal problems have equal schedules.
+#[derive(PartialEq, Eq, Hash)]
+pub struct Problem {
+    pub(super) latency: Latency,
+    pub(super) pes: usize,
     /// Chains by PE, those of a PE in the graph's order.
-    pub chains: List<CodeId, Code>,
-    /// Index in the graph of each chain.
-    originals: List<CodeId, ChainId>,
+    pub(super) chains: List<CodeId, Code>,
+    /// Index in the graph of each chain, and of its first term.
+    originals: List<CodeId, (ChainId, u32)>,
     /// Data operand of each term, in the order of the chains.
-    pub operands: Vec<Operand>,
+    pub(super) operands: Vec<Operand>,
     /// Second data operand of each term, an import, or none; empty if no term is a pair.
     partners: Vec<Option<Operand>>,
     /// Slot of the second factor of each term, or none; empty if no term has one.
     factors: Vec<u32>,
     /// Number of slots.
-    pub slots: usize,
+    pub(super) slots: usize,
     /// By PE, those of a PE by value.
-    pub imports: Vec<Import>,
+    pub(super) imports: Vec<Import>,
     /// Imports that each chain feeds.
     links: Vec<u32>,
     /// Chains that wait for each chain: data and write-after-read order.
@@ -157,8 +160,9 @@ pub(super) struct Problem<'a> {
     state_imports: Vec<u32>,
 }
 
-impl<'a> Problem<'a> {
-    pub fn new(graph: &'a StepGraph, mapping: &Mapping, latency: Latency) -> Self {
+impl Problem {
+    /// That of a mapped step graph.
+    pub fn new(graph: &StepGraph, mapping: &Mapping, latency: Latency) -> Problem {
         let pe_of: List<ChainId, PeId> = graph.chains.iter().map(|chain| mapping.pe_of[chain.equation]).collect();
         let places = Places::new(graph, mapping, &pe_of);
         let mut originals: List<CodeId, ChainId> = graph.chains.ids().collect();
@@ -211,11 +215,10 @@ impl<'a> Problem<'a> {
             }
         }
         let mut problem = Problem {
-            graph,
             latency,
             pes: at(mapping.pes),
             chains,
-            originals,
+            originals: originals.into_iter().map(|chain| (chain, graph.chains[chain].terms.start)).collect(),
             operands,
             partners,
             factors,
@@ -227,7 +230,7 @@ impl<'a> Problem<'a> {
             state_imports: Vec::new(),
         };
         let mut renumbered: List<ChainId, CodeId> = List::filled(CodeId::new(0), graph.chains.len());
-        for (index, original) in problem.originals.numbered() {
+        for (index, (original, _)) in problem.originals.numbered() {
             renumbered[*original] = index;
         }
         // For each value the chain that writes it.
@@ -237,44 +240,46 @@ impl<'a> Problem<'a> {
             (places.own[state.0.index()], producers[state.1.index()].expect("every state has an end value"))
         };
         problem.states = graph.states.iter().map(end).collect();
-        problem.link(&producers);
-        problem.order(&producers, &renumbered, in_place);
+        problem.link(graph, &producers);
+        problem.order(graph, &producers, &renumbered, in_place);
         problem.prioritise();
         problem
     }
 
     /// Imports that a chain feeds.
-    pub fn links(&self, chain: CodeId) -> &[u32] {
+    pub(super) fn links(&self, chain: CodeId) -> &[u32] {
         let (begin, end) = self.chains[chain].links;
         &self.links[at(begin)..end as usize]
     }
 
     /// Chains that wait for a chain.
-    pub fn successors(&self, chain: CodeId) -> &[CodeId] {
+    pub(super) fn successors(&self, chain: CodeId) -> &[CodeId] {
         let (begin, end) = self.chains[chain].successors;
         &self.successors[at(begin)..end as usize]
     }
 
     /// Slot of the second factor of a term, if it is a value.
-    pub fn factor(&self, term: u32) -> Option<usize> {
+    pub(super) fn factor(&self, term: u32) -> Option<usize> {
         self.factors.get(at(term)).filter(|slot| **slot != NONE).map(|slot| at(*slot))
     }
 
     /// The second data operand of a term.
-    pub fn partner(&self, term: u32) -> Option<Operand> {
+    pub(super) fn partner(&self, term: u32) -> Option<Operand> {
         self.partners.get(at(term)).copied().flatten()
     }
 
     /// Slots of words from the step before: in their own PE with the chain that writes the next step's word, and
     /// imported ones with their import.
-    pub fn returning(&self) -> (impl Iterator<Item = (usize, &Code, CodeId)>, impl Iterator<Item = (usize, usize)>) {
+    pub(super) fn returning(
+        &self,
+    ) -> (impl Iterator<Item = (usize, &Code, CodeId)>, impl Iterator<Item = (usize, usize)>) {
         let own = self.states.iter().map(|(slot, chain)| (at(*slot), &self.chains[*chain], *chain));
         let imported = self.state_imports.iter().map(|import| at(*import));
         (own, imported.map(|import| (at(self.imports[import].slot), import)))
     }
 
     /// The control words that the chains of the busiest PE need at least.
-    pub fn load_bound(&self) -> u32 {
+    pub(super) fn load_bound(&self) -> u32 {
         let mut loads = List::filled((Vec::new(), Vec::new()), self.pes);
         for chain in &self.chains {
             let (operands, held) = &mut loads[chain.pe];
@@ -286,15 +291,13 @@ impl<'a> Problem<'a> {
     }
 
     /// The chain that feeds each import.
-    fn link(&mut self, producers: &[Option<CodeId>]) {
+    fn link(&mut self, graph: &StepGraph, producers: &[Option<CodeId>]) {
         let mut fed: Vec<(CodeId, u32)> = Vec::with_capacity(self.imports.len());
         for (index, import) in (0..).zip(&self.imports) {
-            let mut value = import.resident;
-            if let Role::State(state) = self.graph.value(value).role {
-                value = self.graph.states[state].1;
+            if let Role::State(_) = graph.value(import.resident).role {
                 self.state_imports.push(index);
             }
-            fed.extend(producers[value.index()].map(|producer| (producer, index)));
+            fed.extend(producers[import.sent.index()].map(|producer| (producer, index)));
         }
         let ranges = grouped(fed, self.chains.len(), &mut self.links);
         for (chain, range) in self.chains.iter_mut().zip(ranges) {
@@ -303,8 +306,13 @@ impl<'a> Problem<'a> {
     }
 
     /// Data order, and for values written in place the order "all readers of the old word first".
-    fn order(&mut self, producers: &[Option<CodeId>], renumbered: &List<ChainId, CodeId>, in_place: bool) {
-        let graph = self.graph;
+    fn order(
+        &mut self,
+        graph: &StepGraph,
+        producers: &[Option<CodeId>],
+        renumbered: &List<ChainId, CodeId>,
+        in_place: bool,
+    ) {
         // Pairs of a chain and one that waits for it.
         let mut waits: Vec<(CodeId, CodeId)> = Vec::with_capacity(graph.terms.len());
         let mut of_chain: Vec<(CodeId, CodeId)> = Vec::new();
@@ -371,22 +379,16 @@ impl<'a> Problem<'a> {
     }
 
     /// Turns a placement into the schedule that the next stage gets.
-    pub fn finish(&self, placement: Placement, period: u32) -> Schedule {
-        let mut transfers: Vec<Transfer> = Vec::with_capacity(self.imports.len());
-        for (import, receive) in self.imports.iter().zip(&placement.receives) {
-            // A state's import is fed by its end value.
-            let value = match self.graph.value(import.resident).role {
-                Role::State(s) => self.graph.states[s].1,
-                _ => import.resident,
-            };
-            transfers.push(Transfer { value, to: import.pe, receive: *receive });
-        }
+    pub(super) fn finish(&self, placement: Placement, period: u32) -> Schedule {
+        let received = self.imports.iter().zip(&placement.receives);
+        let received =
+            received.map(|(Import { sent, pe, .. }, receive)| Transfer { value: *sent, to: *pe, receive: *receive });
+        let mut transfers: Vec<Transfer> = received.collect();
         transfers.sort_unstable();
         let mut starts = List::filled(0, self.chains.len());
         let mut order = vec![0; self.operands.len()];
-        for ((code, original), start) in self.chains.iter().zip(&self.originals).zip(&placement.starts) {
+        for ((code, (original, first)), start) in self.chains.iter().zip(&self.originals).zip(&placement.starts) {
             starts[*original] = *start;
-            let first = self.graph.chains[*original].terms.start;
             for position in 0..code.len() {
                 let term = placement.order[at(code.terms.start + position)];
                 order[at(first + position)] = first + term - code.terms.start;
@@ -456,8 +458,12 @@ impl Places {
         };
         let own = home.iter().map(|pe| pe.map_or(NONE, |pe| take(pe, &mut next_own))).collect();
         let import = |(pe, value): (PeId, u32)| {
-            let is_input = matches!(graph.values[at(value)].role, Role::Input(_));
-            Import { resident: ValueId::new(value), pe, slot: take(pe, &mut next_import), is_input }
+            let resident = ValueId::new(value);
+            let (sent, is_input) = match graph.value(resident).role {
+                Role::State(state) => (graph.states[state].1, false),
+                role => (resident, matches!(role, Role::Input(_))),
+            };
+            Import { resident, sent, pe, slot: take(pe, &mut next_import), is_input }
         };
         let imports = needs.into_iter().map(import).collect();
         Places { own, home, resident, first_import, imports, slots: at(slots) }
