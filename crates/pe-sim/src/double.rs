@@ -1,5 +1,7 @@
 //! The step graph in double precision.
 
+use std::ops::Range;
+
 use pe_ir::graph::{Chain, Factor, FixedPoint, Role, StepGraph, ValueId};
 use pe_ir::index::{self, StateId, at};
 
@@ -7,7 +9,7 @@ use crate::functions::FunctionRun;
 use crate::lanes::{self, DoubleSums, Gathered};
 use crate::slots::Slots;
 use crate::tape::{Part, Tape};
-use crate::tiles::{LANES, Lookups, Place, Shared, Tiles};
+use crate::tiles::{LANES, Lookups, Place, Shared, Tile, Tiles};
 
 /// A value stopped being a finite number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,14 +27,23 @@ pub struct Diverged {
 pub struct DoubleRun<'a> {
     graph: &'a StepGraph,
     slots: Slots,
-    tiles: Tiles<f64>,
-    tape: Tape,
-    /// Current numbers, a slot per value and a zero, and the coefficients of the tape.
+    tape: Tape<f64>,
+    /// Current numbers, a slot per value and a zero.
     values: Vec<f64>,
     largest: Vec<f64>,
     functions: FunctionRun,
     /// Where the states are among the values.
-    states: std::ops::Range<usize>,
+    states: Range<usize>,
+    /// What tiles of many lanes need; it is away while they run.
+    room: Option<Box<Room>>,
+}
+
+/// Room for the sums of a tile of many lanes, and for what they are made of.
+struct Room {
+    gathered: Gathered<f64>,
+    sums: DoubleSums,
+    bases: [f64; LANES],
+    results: [f64; LANES],
 }
 
 impl<'a> DoubleRun<'a> {
@@ -61,24 +72,21 @@ impl<'a> DoubleRun<'a> {
         let functions = FunctionRun::new(graph, slots.count());
         let class = |_, chain: &Chain| FunctionRun::class(chain);
         let tiles = slots.arrange(graph, class, coefficient, |_, _, write| write.weight);
-        let tape = Tape::new(&tiles, slots.count(), power_of_two);
+        let tape = Tape::new(tiles);
         let mut values = vec![0.0; slots.count()];
-        for (index, value) in graph.values.iter().enumerate() {
-            if let Role::Constant(number) = value.role {
-                values[at(slots.of(ValueId::at(index)))] = number;
-            }
-        }
-        for (value, segment, slot) in slots.column_entries(graph) {
-            if let Role::Column(lookup, column) = graph.value(value).role {
-                let table = graph.functions.lookups[at(lookup)].table;
-                let column = &graph.functions.tables[at(table)].columns[usize::from(column)];
-                values[at(slot)] = column[segment];
-            }
+        for (slot, number) in constants(graph, &slots) {
+            values[at(slot)] = number;
         }
         let largest = vec![0.0; values.len()];
-        values.extend(&tape.numbers);
         let states = slots.states(graph);
-        let mut run = DoubleRun { graph, slots, tiles, tape, largest, values, functions, states };
+        let room = Room {
+            gathered: Gathered::new(),
+            sums: DoubleSums([0.0; LANES]),
+            bases: [0.0; LANES],
+            results: [0.0; LANES],
+        };
+        let room = Some(Box::new(room));
+        let mut run = DoubleRun { graph, slots, tape, largest, values, functions, states, room };
         for (index, initial) in graph.initial.numbered() {
             run.set_state(index, *initial);
         }
@@ -152,7 +160,7 @@ impl<'a> DoubleRun<'a> {
         }
         let given = 0..self.slots.given;
         let mut finite = note_largest(&mut self.largest[given.clone()], &self.values[given]);
-        finite &= run_tiles(self);
+        finite &= run_tape(self);
         if !finite {
             let written = self.graph.chains.iter().flat_map(|chain| chain.writes()).map(|write| write.value);
             let given = self.graph.inputs.iter().copied().chain(self.graph.states.iter().map(|(state, _)| *state));
@@ -167,62 +175,107 @@ impl<'a> DoubleRun<'a> {
 
     /// Runs all chains; false if a value is not finite.
     #[inline(always)]
-    fn run_tiles(&mut self) -> bool {
+    fn run_tape(&mut self) -> bool {
         let mut finite = true;
-        let mut room = Gathered::new();
-        let (mut bases, mut results) = ([0.0; LANES], [0.0; LANES]);
-        let mut sums = DoubleSums([0.0; LANES]);
-        for part in &self.tape.parts {
-            let tile = match part {
-                Part::Tile(index) => &self.tiles.tiles[at(*index)],
-                Part::Chains(chains) => {
-                    finite &= self.tape.run(chains, &mut self.values, &mut self.largest, &mut self.functions);
-                    continue;
-                }
-            };
-            let lanes = at(tile.lanes);
-            if let Some(lookups) = tile.lookups {
-                look_up(&self.tiles, lanes, lookups, &mut self.values);
-                continue;
-            }
-            sums.0[..lanes].fill(0.0);
-            lanes::accumulate((&self.tiles, tile), (&self.values, &self.values), &mut room, &mut sums);
-            for writes in &self.tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
-                let bases = lanes::values(writes.bases, lanes, &self.values, &self.tiles.slots, &mut bases);
-                let results = &mut results[..lanes];
-                match writes.shifts {
-                    Shared::Same(weight) => {
-                        let weight = power_of_two(weight);
-                        for ((result, base), sum) in results.iter_mut().zip(bases).zip(&sums.0) {
-                            *result = base + weight * sum;
-                        }
-                    }
-                    Shared::Each(start) => {
-                        let weights = &self.tiles.shifts[at(start)..][..lanes];
-                        for (((result, base), sum), weight) in results.iter_mut().zip(bases).zip(&sums.0).zip(weights) {
-                            *result = base + power_of_two(*weight) * sum;
-                        }
+        let mut room = self.room.take().expect("it is always put back");
+        let DoubleRun { tape, values, largest, functions, .. } = self;
+        for part in &tape.parts {
+            match part {
+                Part::Chains(chains) => finite &= run_chains(tape, chains, values, largest, functions),
+                Part::Tile(index) => {
+                    let tile = &tape.tiles.tiles[at(*index)];
+                    match tile.lookups {
+                        Some(lookups) => look_up(&tape.tiles, at(tile.lanes), lookups, values),
+                        None => finite &= run_tile((&tape.tiles, tile), values, largest, functions, &mut room),
                     }
                 }
-                if tile.class != 0 {
-                    self.functions
-                        .apply(tile.class, results, |lane| index::number(self.tiles.slot(writes.targets, lane)));
-                }
-                lanes::store(writes.targets, results, &mut self.values, &self.tiles.slots);
-                finite &= match writes.targets {
-                    Place::Row(start) => note_largest(&mut self.largest[at(start)..][..lanes], results),
-                    Place::Same(slot) => note_largest(&mut self.largest[at(slot)..][..1], results),
-                    Place::Each(start) => {
-                        let slots = &self.tiles.slots[at(start)..][..lanes];
-                        slots.iter().zip(results).fold(true, |finite, (slot, result)| {
-                            finite & note_largest(&mut self.largest[at(*slot)..][..1], std::slice::from_ref(result))
-                        })
-                    }
-                };
             }
         }
+        self.room = Some(room);
         finite
     }
+}
+
+/// Chains of narrow tiles, one after another; false if a value is not finite.
+#[inline(always)]
+fn run_chains(
+    tape: &Tape<f64>,
+    chains: &Range<u32>,
+    values: &mut [f64],
+    largest: &mut [f64],
+    functions: &mut FunctionRun,
+) -> bool {
+    let mut finite = true;
+    for chain in tape.chains(chains) {
+        let mut sum = 0.0;
+        for (operand, coefficient) in tape.products(chain) {
+            sum += values[at(*operand)] * coefficient;
+        }
+        for (operand, factor) in tape.factors(chain) {
+            sum += values[at(*operand)] * values[at(*factor)];
+        }
+        for write in tape.writes(chain) {
+            let target = at(write.target);
+            let mut result = values[at(write.base)] + power_of_two(write.shift) * sum;
+            if chain.class != 0 {
+                functions.apply(chain.class, std::slice::from_mut(&mut result), |_| write.target);
+            }
+            values[target] = result;
+            let magnitude = result.abs();
+            finite &= magnitude < f64::INFINITY;
+            largest[target] = if magnitude > largest[target] { magnitude } else { largest[target] };
+        }
+    }
+    finite
+}
+
+/// A tile of many lanes; false if a value is not finite.
+#[inline(always)]
+fn run_tile(
+    (tiles, tile): (&Tiles<f64>, &Tile),
+    values: &mut [f64],
+    largest: &mut [f64],
+    functions: &mut FunctionRun,
+    room: &mut Room,
+) -> bool {
+    let lanes = at(tile.lanes);
+    let mut finite = true;
+    let Room { gathered, sums, bases, results } = room;
+    sums.0[..lanes].fill(0.0);
+    lanes::accumulate((tiles, tile), (values, values), gathered, sums);
+    for writes in &tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
+        let bases = lanes::values(writes.bases, lanes, values, &tiles.slots, bases);
+        let results = &mut results[..lanes];
+        match writes.shifts {
+            Shared::Same(weight) => {
+                let weight = power_of_two(weight);
+                for ((result, base), sum) in results.iter_mut().zip(bases).zip(&sums.0) {
+                    *result = base + weight * sum;
+                }
+            }
+            Shared::Each(start) => {
+                let weights = &tiles.shifts[at(start)..][..lanes];
+                for (((result, base), sum), weight) in results.iter_mut().zip(bases).zip(&sums.0).zip(weights) {
+                    *result = base + power_of_two(*weight) * sum;
+                }
+            }
+        }
+        if tile.class != 0 {
+            functions.apply(tile.class, results, |lane| index::number(tiles.slot(writes.targets, lane)));
+        }
+        lanes::store(writes.targets, results, values, &tiles.slots);
+        finite &= match writes.targets {
+            Place::Row(start) => note_largest(&mut largest[at(start)..][..lanes], results),
+            Place::Same(slot) => note_largest(&mut largest[at(slot)..][..1], results),
+            Place::Each(start) => {
+                let slots = &tiles.slots[at(start)..][..lanes];
+                slots.iter().zip(results).fold(true, |finite, (slot, result)| {
+                    finite & note_largest(&mut largest[at(*slot)..][..1], std::slice::from_ref(result))
+                })
+            }
+        };
+    }
+    finite
 }
 
 /// Lookups in the place of sums. Segments are kept as numbers.
@@ -242,11 +295,11 @@ fn look_up(tiles: &Tiles<f64>, lanes: usize, lookups: Lookups, values: &mut [f64
     }
 }
 
-/// [`DoubleRun::run_tiles`] with the widest vectors that this processor has: they round like single numbers, so nothing
+/// [`DoubleRun::run_tape`] with the widest vectors that this processor has: they round like single numbers, so nothing
 /// depends on it.
 #[multiversion::multiversion(targets = "simd")]
-fn run_tiles(run: &mut DoubleRun<'_>) -> bool {
-    run.run_tiles()
+fn run_tape(run: &mut DoubleRun<'_>) -> bool {
+    run.run_tape()
 }
 
 /// Updates the largest magnitudes; false if some value is not finite.
@@ -259,6 +312,22 @@ fn note_largest(largest: &mut [f64], values: &[f64]) -> bool {
         *largest = if magnitude > *largest { magnitude } else { *largest };
     }
     finite
+}
+
+/// Numbers that are the same in all steps, each with its slot: constants, and the entries of tables.
+pub(crate) fn constants<'a>(graph: &'a StepGraph, slots: &'a Slots) -> impl Iterator<Item = (u32, f64)> + 'a {
+    let constants = graph.values.iter().enumerate().filter_map(|(index, value)| match value.role {
+        Role::Constant(number) => Some((slots.of(ValueId::at(index)), number)),
+        _ => None,
+    });
+    let entries = slots.column_entries(graph).filter_map(|(value, segment, slot)| match graph.value(value).role {
+        Role::Column(lookup, column) => {
+            let table = graph.functions.lookups[at(lookup)].table;
+            Some((slot, graph.functions.tables[at(table)].columns[usize::from(column)][segment]))
+        }
+        _ => None,
+    });
+    constants.chain(entries)
 }
 
 /// 2 to the power of `exponent`.

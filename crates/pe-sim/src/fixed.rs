@@ -5,7 +5,7 @@ use pe_ir::index::{StateId, at};
 use pe_ir::word::WordFormat;
 
 use crate::slots::Slots;
-use crate::tiles::Tiles;
+use crate::tape::Tape;
 use crate::words::{self, Port, Words};
 
 /// A run in fixed point.
@@ -18,10 +18,10 @@ pub struct FixedRun<'a> {
     units: Vec<(i64, f64)>,
 }
 
-/// Words and tiles, as wide as the multiplier's ports need.
+/// Words and the tape, as wide as the multiplier's ports need.
 enum Ports {
-    Short(Words<i32>, Tiles<i32>),
-    Long(Words<i64>, Tiles<i64>),
+    Short(Words<i32>, Tape<i32>),
+    Long(Words<i64>, Tape<i64>),
 }
 
 /// Applies the same expression to either width.
@@ -46,11 +46,11 @@ impl<'a> FixedRun<'a> {
         let kind = |value: ValueId| 2 * fixed.exponents[value.index()] + i32::from(graph.value(value).factor);
         let slots = Slots::with_columns(graph, kind);
         let state = if fixed.format.data_bits.max(fixed.format.coefficient_bits) + room <= 32 {
-            let (words, tiles) = prepare(graph, fixed, &slots, room);
-            Ports::Short(words, tiles)
+            let (words, tape) = prepare(graph, fixed, &slots, room);
+            Ports::Short(words, tape)
         } else {
-            let (words, tiles) = prepare(graph, fixed, &slots, room);
-            Ports::Long(words, tiles)
+            let (words, tape) = prepare(graph, fixed, &slots, room);
+            Ports::Long(words, tape)
         };
         let unit = |index: StateId| {
             let id = graph.states[index].0;
@@ -142,13 +142,13 @@ impl<'a> FixedRun<'a> {
             self.set(*value, format.input_operand(*word) << format.data_drop());
         }
         match &mut self.state {
-            Ports::Short(words, tiles) => step(words, tiles, &self.slots),
-            Ports::Long(words, tiles) => step(words, tiles, &self.slots),
+            Ports::Short(words, tape) => step(words, tape, &self.slots),
+            Ports::Long(words, tape) => step(words, tape, &self.slots),
         }
     }
 }
 
-fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots, room: u32) -> (Words<P>, Tiles<P>) {
+fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots, room: u32) -> (Words<P>, Tape<P>) {
     // Either factor of a product may use the room.
     let tiles = slots.arrange(
         graph,
@@ -168,11 +168,11 @@ fn prepare<P: Port>(graph: &StepGraph, fixed: &FixedPoint, slots: &Slots, room: 
     for (value, segment, slot) in slots.column_entries(graph) {
         words.set(at(slot), fixed.column_word(graph, value, segment));
     }
-    (words, tiles)
+    (words, Tape::new(tiles))
 }
 
-fn step<P: Port>(words: &mut Words<P>, tiles: &Tiles<P>, slots: &Slots) -> bool {
-    let saturated = words.run(tiles, &[], &mut []);
+fn step<P: Port>(words: &mut Words<P>, tape: &Tape<P>, slots: &Slots) -> bool {
+    let saturated = words.run(tape, &[], &mut []);
     slots.take_over(&mut words.words);
     slots.take_over(&mut words.data);
     saturated

@@ -34,9 +34,7 @@ impl NarrowSums {
     /// Cuts the sums to `bits` bits, if any.
     #[inline(always)]
     pub fn wrap(&mut self, lanes: usize, bits: u32) {
-        if bits > 0 && bits < 64 {
-            self.0[..lanes].iter_mut().for_each(|sum| *sum = *sum << (64 - bits) >> (64 - bits));
-        }
+        self.0[..lanes].iter_mut().for_each(|sum| *sum = cut(*sum, bits));
     }
 }
 
@@ -129,6 +127,12 @@ impl<V: Into<i64>, C: Into<i64>> Sums<V, C> for WideSums {
             *sum += i128::from(value.into()) * i128::from(coefficient.into());
         }
     }
+}
+
+/// A sum of at most 64 bits cut to `bits` bits, if any.
+#[inline(always)]
+pub(crate) fn cut(sum: i64, bits: u32) -> i64 {
+    if bits > 0 && bits < 64 { sum << (64 - bits) >> (64 - bits) } else { sum }
 }
 
 /// The low `bits` of a sum as a signed number.

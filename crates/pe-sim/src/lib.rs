@@ -1,6 +1,7 @@
 //! Runs a model at every level, from double precision to single clock cycles.
 //!
 //! * [`double`]: the step graph in double precision, the yardstick of ranges and errors;
+//! * [`rounded`]: the same with coefficients rounded in several ways, side by side;
 //! * [`fixed`]: the step graph in fixed point, what the hardware computes;
 //! * [`roomy`]: the same without the ends of ranges, how far rounding carries values;
 //! * [`machine`]: the program, control word by control word, what the hardware does;
@@ -25,6 +26,7 @@ pub mod native;
 mod record;
 pub mod reference;
 pub mod roomy;
+pub mod rounded;
 mod slots;
 pub mod spectrum;
 mod tape;

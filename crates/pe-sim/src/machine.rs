@@ -11,6 +11,7 @@ use pe_ir::word::WordFormat;
 
 use crate::clocked::Causes;
 use crate::record::{Homes, KeptSums, Move, Moves, NULL, OFFSET, Recording, Stretch};
+use crate::tape::Tape;
 use crate::tiles::{self, Chain, Columns, Factor, Outcome, Term, Tiles, Write};
 use crate::trace::{Checksums, MemoryWrite, TraceLine};
 use crate::words::{Port, Words};
@@ -190,7 +191,7 @@ struct Steps<P> {
 
 /// One step.
 struct Step<P> {
-    tiles: Tiles<P>,
+    tape: Tape<P>,
     writes: Vec<MemoryWrite>,
     checksums: Checksums,
     outputs: Vec<(u32, bool)>,
@@ -260,7 +261,7 @@ impl<P: Port> Steps<P> {
         let step = if parity { self.odd.as_ref().unwrap_or(&self.even) } else { &self.even };
         let words = &mut self.words;
         let mut causes = Causes::default();
-        if words.run(&step.tiles, &self.kept.0, &mut self.kept.1) {
+        if words.run(&step.tape, &self.kept.0, &mut self.kept.1) {
             let saturated = |slots: &[u32]| slots.iter().any(|slot| words.saturations[at(*slot)] > 0);
             causes.saturated = saturated(&step.flagged);
             self.escaped |= saturated(&step.proven);
@@ -340,7 +341,7 @@ impl<P: Port> Step<P> {
             named
         };
         Step {
-            tiles: Tiles::new(&chains, &terms, at(recording.slots), columns),
+            tape: Tape::new(Tiles::new(&chains, &terms, at(recording.slots), columns)),
             checksums: Checksums::new(&writes, program.pes.len()),
             writes,
             outputs: recording.outputs.iter().zip(&program.outputs).map(|(o, port)| (slot(*o), port.proven)).collect(),

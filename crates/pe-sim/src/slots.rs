@@ -166,7 +166,12 @@ impl Slots {
     #[inline(always)]
     pub fn take_over<T: Copy>(&self, values: &mut [T]) {
         for (from, to, length) in &self.copies {
-            values.copy_within(at(*from)..at(from + length), at(*to));
+            // Short rows are shorter than a call.
+            if *length < 16 {
+                (0..at(*length)).for_each(|place| values[at(*to) + place] = values[at(*from) + place]);
+            } else {
+                values.copy_within(at(*from)..at(from + length), at(*to));
+            }
         }
     }
 

@@ -1,13 +1,12 @@
-//! Narrow tiles of a run in double precision as a list of numbers to multiply.
+//! Narrow tiles as a list of chains.
 //!
 //! A tile of a few lanes costs more for the choice of its loops than for its products, and small models have no others.
-//! Here all is chosen beforehand: every product is that of two slots, coefficients among them.
+//! Here all is chosen beforehand: every chain has its products with coefficients, then those of two slots, then its
+//! writes. Numbers that are rounded depend on that order; chains of [`crate::slots::Slots::chains`] have it anyway.
 
 use pe_ir::index::{at, number};
-use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::functions::FunctionRun;
 use crate::tiles::{Factors, NARROW, Tile, Tiles};
 
 /// What to do next.
@@ -19,47 +18,67 @@ pub(crate) enum Part {
 }
 
 /// A step as tiles and chains one after another.
-pub(crate) struct Tape {
+pub(crate) struct Tape<C> {
+    /// All tiles, those among them that are listed as chains, too.
+    pub tiles: Tiles<C>,
     /// In the order of execution.
     pub parts: Vec<Part>,
-    /// Coefficients, which stand behind the slots of the tiles.
-    pub numbers: Vec<f64>,
     chains: Vec<Chain>,
-    /// Slots of factors.
-    products: Vec<(u32, u32)>,
+    /// Slot of an operand, and what it is multiplied by.
+    products: Vec<(u32, C)>,
+    /// Slots of both factors.
+    factors: Vec<(u32, u32)>,
     writes: Vec<Write>,
 }
 
-struct Chain {
+/// A sum of products and where it goes.
+pub(crate) struct Chain {
+    pub class: u32,
+    /// The kept sum that it starts from; none means zero.
+    pub start: Option<u32>,
+    /// Where it is kept, if it is.
+    pub kept: Option<u32>,
     products: Range<u32>,
+    factors: Range<u32>,
     writes: Range<u32>,
-    class: u32,
 }
 
-struct Write {
-    target: u32,
-    base: u32,
-    weight: f64,
+/// A write of a chain.
+pub(crate) struct Write {
+    pub target: u32,
+    pub base: u32,
+    pub shift: i32,
 }
 
-impl Tape {
-    /// Takes apart the narrow tiles; `slots` is the number of slots, `weight` what a shift of a sum means.
-    pub fn new(tiles: &Tiles<f64>, slots: usize, weight: impl Fn(i32) -> f64) -> Tape {
+impl<C: Copy> Tape<C> {
+    /// Takes apart the narrow tiles.
+    pub fn new(tiles: Tiles<C>) -> Tape<C> {
+        Tape::below(tiles, NARROW)
+    }
+
+    /// Takes apart all tiles but lookups.
+    pub fn of_chains(tiles: Tiles<C>) -> Tape<C> {
+        Tape::below(tiles, usize::MAX)
+    }
+
+    /// Takes apart tiles with fewer lanes.
+    fn below(tiles: Tiles<C>, lanes: usize) -> Tape<C> {
         let mut tape = Tape {
+            tiles,
             parts: Vec::new(),
-            numbers: Vec::new(),
             chains: Vec::new(),
             products: Vec::new(),
+            factors: Vec::new(),
             writes: Vec::new(),
         };
-        let mut slot_of = BTreeMap::new();
-        for (index, tile) in (0..).zip(&tiles.tiles) {
-            if at(tile.lanes) >= NARROW || tile.lookups.is_some() {
-                tape.parts.push(Part::Tile(index));
+        for index in 0..tape.tiles.tiles.len() {
+            let tile = tape.tiles.tiles[index].clone();
+            if at(tile.lanes) >= lanes || tile.lookups.is_some() {
+                tape.parts.push(Part::Tile(number(index)));
                 continue;
             }
             let first = number(tape.chains.len());
-            (0..tile.lanes as usize).for_each(|lane| tape.push(tiles, tile, lane, &mut slot_of, slots, &weight));
+            (0..tile.lanes as usize).for_each(|lane| tape.push(&tile, lane));
             let end = number(tape.chains.len());
             match tape.parts.last_mut() {
                 Some(Part::Chains(chains)) => chains.end = end,
@@ -69,67 +88,54 @@ impl Tape {
         tape
     }
 
-    fn push(
-        &mut self,
-        tiles: &Tiles<f64>,
-        tile: &Tile,
-        lane: usize,
-        slot_of: &mut BTreeMap<u64, u32>,
-        slots: usize,
-        weight: impl Fn(i32) -> f64,
-    ) {
-        let (products, writes) = (number(self.products.len()), number(self.writes.len()));
+    fn push(&mut self, tile: &Tile, lane: usize) {
+        let Tape { tiles, chains, products, factors, writes, .. } = self;
+        let slot = |place| number(tiles.slot(place, lane));
+        let before = (number(products.len()), number(factors.len()), number(writes.len()));
         for product in &tiles.products[at(tile.products.start)..tile.products.end as usize] {
-            let factor = match product.factors {
-                Factors::Values(place) => number(tiles.slot(place, lane)),
+            let operand = slot(product.operands);
+            match product.factors {
+                Factors::Values(place) => factors.push((operand, slot(place))),
                 Factors::Coefficients(coefficients) => {
-                    let coefficient = coefficients.of(lane, &tiles.coefficients);
-                    *slot_of.entry(coefficient.to_bits()).or_insert_with(|| {
-                        self.numbers.push(coefficient);
-                        number(slots + self.numbers.len() - 1)
-                    })
+                    products.push((operand, coefficients.of(lane, &tiles.coefficients)));
                 }
-            };
-            self.products.push((number(tiles.slot(product.operands, lane)), factor));
+            }
         }
         for write in &tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
-            self.writes.push(Write {
-                target: number(tiles.slot(write.targets, lane)),
-                base: number(tiles.slot(write.bases, lane)),
-                weight: weight(write.shifts.of(lane, &tiles.shifts)),
-            });
+            let shift = write.shifts.of(lane, &tiles.shifts);
+            writes.push(Write { target: slot(write.targets), base: slot(write.bases), shift });
         }
-        let (products, writes) = (products..self.products.len() as u32, writes..self.writes.len() as u32);
-        self.chains.push(Chain { products, writes, class: tile.class });
+        chains.push(Chain {
+            class: tile.class,
+            start: tile.starts.map(slot),
+            kept: tile.kept.map(slot),
+            products: before.0..number(products.len()),
+            factors: before.1..number(factors.len()),
+            writes: before.2..number(writes.len()),
+        });
     }
 
-    /// Runs chains of the list as tiles would; false if a value is not finite.
+    /// Chains of the list.
     #[inline(always)]
-    pub fn run(
-        &self,
-        chains: &Range<u32>,
-        values: &mut [f64],
-        largest: &mut [f64],
-        functions: &mut FunctionRun,
-    ) -> bool {
-        let mut finite = true;
-        for chain in &self.chains[at(chains.start)..chains.end as usize] {
-            let mut sum = 0.0;
-            for (operand, factor) in &self.products[at(chain.products.start)..chain.products.end as usize] {
-                sum += values[at(*operand)] * values[at(*factor)];
-            }
-            for write in &self.writes[at(chain.writes.start)..chain.writes.end as usize] {
-                let mut result = values[at(write.base)] + write.weight * sum;
-                if chain.class != 0 {
-                    functions.apply(chain.class, std::slice::from_mut(&mut result), |_| write.target);
-                }
-                let target = at(write.target);
-                values[target] = result;
-                let magnitude = result.abs();
-                finite &= magnitude < f64::INFINITY;
-                largest[target] = if magnitude > largest[target] { magnitude } else { largest[target] };
-            }
-        }
-        finite
+    pub fn chains(&self, range: &Range<u32>) -> &[Chain] {
+        &self.chains[at(range.start)..at(range.end)]
+    }
+
+    /// Operands of a chain with their coefficients.
+    #[inline(always)]
+    pub fn products(&self, chain: &Chain) -> &[(u32, C)] {
+        &self.products[at(chain.products.start)..at(chain.products.end)]
+    }
+
+    /// Operands of a chain with the slots of the second factors; they come behind those with coefficients.
+    #[inline(always)]
+    pub fn factors(&self, chain: &Chain) -> &[(u32, u32)] {
+        &self.factors[at(chain.factors.start)..at(chain.factors.end)]
+    }
+
+    /// Writes of a chain.
+    #[inline(always)]
+    pub fn writes(&self, chain: &Chain) -> &[Write] {
+        &self.writes[at(chain.writes.start)..at(chain.writes.end)]
     }
 }

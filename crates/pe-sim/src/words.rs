@@ -1,10 +1,13 @@
 //! Tiles over stored words: the arithmetic of the hardware, many chains at a time.
 
+use std::ops::Range;
+
 use pe_ir::index::at;
 use pe_ir::word::{WordFormat, round_shift};
 
 use crate::lanes::{self, Gathered, NarrowSums, SPLIT, SplitSums, WideSums};
-use crate::tiles::{Factors, LANES, Lookups, NARROW, Place, Shared, Tile, Tiles, Writes};
+use crate::tape::{self, Part, Tape};
+use crate::tiles::{LANES, Lookups, Place, Shared, Tile, Tiles, Writes};
 
 /// What a port of the multiplier sees: 32 bits where that suffices, for twice as many fit a vector.
 pub(crate) trait Port: Copy + Default + PartialEq + Into<i64> {
@@ -72,6 +75,16 @@ pub(crate) struct Words<P> {
     has_factors: bool,
     /// How often each slot saturated.
     pub saturations: Vec<u64>,
+    /// What tiles of many lanes need; it is away while they run.
+    room: Option<Box<Room<P>>>,
+}
+
+/// Room for the sums of a tile of many lanes, and for what they are made of.
+struct Room<P> {
+    gathered: Gathered<P>,
+    narrow: NarrowSums,
+    split: SplitSums,
+    wide: WideSums,
 }
 
 impl<P: Port> Words<P> {
@@ -86,6 +99,12 @@ impl<P: Port> Words<P> {
             factors: vec![P::default(); slots],
             has_factors,
             saturations: vec![0; slots],
+            room: Some(Box::new(Room {
+                gathered: Gathered::new(),
+                narrow: NarrowSums([0; LANES]),
+                split: SplitSums { low: [0; LANES], high: [0; LANES] },
+                wide: WideSums([0; LANES]),
+            })),
         }
     }
 
@@ -123,95 +142,130 @@ impl<P: Port> Words<P> {
     }
 
     /// Runs all chains; whether a word saturated. Sums start from those of `starts` and are kept in `kept`.
-    pub fn run(&mut self, tiles: &Tiles<P>, starts: &[i128], kept: &mut [i128]) -> bool {
-        run_tiles(self, tiles, starts, kept)
+    pub fn run(&mut self, tape: &Tape<P>, starts: &[i128], kept: &mut [i128]) -> bool {
+        run_tape(self, tape, starts, kept)
     }
 
     #[inline(always)]
-    fn run_tiles(&mut self, tiles: &Tiles<P>, starts: &[i128], kept: &mut [i128]) -> bool {
+    fn run_tape(&mut self, tape: &Tape<P>, starts: &[i128], kept: &mut [i128]) -> bool {
         let mut saturated = false;
-        let mut room = Gathered::new();
-        let mut narrow = NarrowSums([0; LANES]);
-        let mut split = SplitSums { low: [0; LANES], high: [0; LANES] };
-        let mut wide = WideSums([0; LANES]);
+        let mut room = self.room.take().expect("it is always put back");
+        for part in &tape.parts {
+            saturated |= match part {
+                Part::Chains(chains) => self.run_chains(tape, chains, starts, kept),
+                Part::Tile(index) => {
+                    let tile = &tape.tiles.tiles[at(*index)];
+                    match tile.lookups {
+                        Some(lookups) => self.look_up(&tape.tiles, at(tile.lanes), lookups),
+                        None => self.run_tile((&tape.tiles, tile), starts, kept, &mut room),
+                    }
+                }
+            };
+        }
+        self.room = Some(room);
+        saturated
+    }
+
+    /// A tile of many lanes.
+    #[inline(always)]
+    fn run_tile(
+        &mut self,
+        (tiles, tile): (&Tiles<P>, &Tile),
+        starts: &[i128],
+        kept: &mut [i128],
+        room: &mut Room<P>,
+    ) -> bool {
+        let (left, lanes) = (self.left, at(tile.lanes));
+        let ports = (&self.data[..], &self.factors[..]);
+        let Room { gathered, narrow, split, wide } = room;
+        match of_class(tile.class) {
+            (Width::Narrow, wrap) => {
+                narrow.start(lanes, |lane| start(tiles, tile, starts, lane));
+                lanes::accumulate((tiles, tile), ports, gathered, narrow);
+                narrow.wrap(lanes, wrap);
+                keep(tiles, tile, kept, |lane| i128::from(narrow.0[lane]));
+                self.write(tiles, tile, |lane, shift| round_shift(narrow.0[lane] << left, shift as u32))
+            }
+            (Width::Split, wrap) => {
+                split.start(lanes, |lane| start(tiles, tile, starts, lane));
+                lanes::accumulate((tiles, tile), ports, gathered, split);
+                split.wrap(lanes, wrap);
+                keep(tiles, tile, kept, |lane| split.whole(lane));
+                self.write_split(tiles, tile, split)
+            }
+            (Width::Wide, wrap) => {
+                wide.start(lanes, |lane| start(tiles, tile, starts, lane));
+                lanes::accumulate((tiles, tile), ports, gathered, wide);
+                wide.wrap(lanes, wrap);
+                keep(tiles, tile, kept, |lane| wide.0[lane]);
+                self.write(tiles, tile, |lane, shift| round_wide(wide.0[lane] << left, shift))
+            }
+        }
+    }
+
+    /// Chains of narrow tiles, one after another.
+    #[inline(always)]
+    fn run_chains(&mut self, tape: &Tape<P>, chains: &Range<u32>, starts: &[i128], kept: &mut [i128]) -> bool {
         let left = self.left;
-        for tile in &tiles.tiles {
-            let lanes = at(tile.lanes);
-            if let Some(lookups) = tile.lookups {
-                self.look_up(tiles, lanes, lookups);
-                continue;
-            }
-            if lanes < NARROW {
-                saturated |= self.run_narrow(tiles, tile, starts, kept);
-                continue;
-            }
-            let ports = (&self.data[..], &self.factors[..]);
-            match of_class(tile.class) {
+        let mut saturated = false;
+        for chain in tape.chains(chains) {
+            let start = chain.start.map_or(0, |place| starts[at(place)]);
+            saturated |= match of_class(chain.class) {
                 (Width::Narrow, wrap) => {
-                    narrow.start(lanes, |lane| start(tiles, tile, starts, lane));
-                    lanes::accumulate((tiles, tile), ports, &mut room, &mut narrow);
-                    narrow.wrap(lanes, wrap);
-                    keep(tiles, tile, kept, |lane| i128::from(narrow.0[lane]));
-                    saturated |=
-                        self.write(tiles, tile, |lane, shift| round_shift(narrow.0[lane] << left, shift as u32));
+                    let mut total = start as i64;
+                    for (operand, coefficient) in tape.products(chain) {
+                        let operand: i64 = self.data[at(*operand)].into();
+                        total = total.wrapping_add(operand.wrapping_mul((*coefficient).into()));
+                    }
+                    for (operand, factor) in tape.factors(chain) {
+                        let operand: i64 = self.data[at(*operand)].into();
+                        total = total.wrapping_add(operand.wrapping_mul(self.factors[at(*factor)].into()));
+                    }
+                    let total = lanes::cut(total, wrap);
+                    chain.kept.into_iter().for_each(|place| kept[at(place)] = i128::from(total));
+                    self.write_chain(tape.writes(chain), |shift| round_shift(total << left, shift as u32))
                 }
-                (Width::Split, wrap) => {
-                    split.start(lanes, |lane| start(tiles, tile, starts, lane));
-                    lanes::accumulate((tiles, tile), ports, &mut room, &mut split);
-                    split.wrap(lanes, wrap);
-                    keep(tiles, tile, kept, |lane| split.whole(lane));
-                    saturated |= self.write_split(tiles, tile, &split);
+                (_, wrap) => {
+                    let mut total = start;
+                    for (operand, coefficient) in tape.products(chain) {
+                        total += product(self.data[at(*operand)], *coefficient);
+                    }
+                    for (operand, factor) in tape.factors(chain) {
+                        total += product(self.data[at(*operand)], self.factors[at(*factor)]);
+                    }
+                    let total = if wrap > 0 { lanes::wrapped(total, wrap) } else { total };
+                    chain.kept.into_iter().for_each(|place| kept[at(place)] = total);
+                    self.write_chain(tape.writes(chain), |shift| round_wide(total << left, shift))
                 }
-                (Width::Wide, wrap) => {
-                    wide.start(lanes, |lane| start(tiles, tile, starts, lane));
-                    lanes::accumulate((tiles, tile), ports, &mut room, &mut wide);
-                    wide.wrap(lanes, wrap);
-                    keep(tiles, tile, kept, |lane| wide.0[lane]);
-                    saturated |= self.write(tiles, tile, |lane, shift| round_wide(wide.0[lane] << left, shift));
-                }
-            }
+            };
         }
         saturated
     }
 
-    /// A tile of a few lanes, one after another, with sums of any width.
+    /// The writes of a chain; `rounded` gives its shifted sum.
     #[inline(always)]
-    fn run_narrow(&mut self, tiles: &Tiles<P>, tile: &Tile, starts: &[i128], kept: &mut [i128]) -> bool {
-        let (left, wrap) = (self.left, of_class(tile.class).1);
+    fn write_chain(&mut self, writes: &[tape::Write], rounded: impl Fn(i32) -> i64) -> bool {
+        let (lowest, highest) = (self.format.min_word(), self.format.max_word());
+        let (data_drop, factor_drop) = (self.format.data_drop(), self.format.factor_drop());
         let mut saturated = false;
-        for lane in 0..tile.lanes as usize {
-            let mut total = start(tiles, tile, starts, lane);
-            for products in &tiles.products[at(tile.products.start)..tile.products.end as usize] {
-                let operand: i64 = self.data[tiles.slot(products.operands, lane)].into();
-                let factor: i64 = match products.factors {
-                    Factors::Coefficients(coefficients) => coefficients.of(lane, &tiles.coefficients).into(),
-                    Factors::Values(place) => self.factors[tiles.slot(place, lane)].into(),
-                };
-                total += i128::from(operand) * i128::from(factor);
+        for write in writes {
+            let target = at(write.target);
+            let mut word = sum(self.words[at(write.base)], rounded(write.shift));
+            if word < lowest || word > highest {
+                word = self.clamped(target, word);
+                saturated = true;
             }
-            let total = if wrap > 0 { lanes::wrapped(total, wrap) } else { total };
-            if let Some(place) = tile.kept {
-                kept[tiles.slot(place, lane)] = total;
-            }
-            for writes in &tiles.writes[at(tile.writes.start)..tile.writes.end as usize] {
-                let shift = writes.shifts.of(lane, &tiles.shifts);
-                let result = sum(self.words[tiles.slot(writes.bases, lane)], round_wide(total << left, shift));
-                let (word, outside) = self.format.add(result, 0);
-                let target = tiles.slot(writes.targets, lane);
-                self.saturations[target] += u64::from(outside);
-                saturated |= outside;
-                self.words[target] = word;
-                self.data[target] = P::of(word >> self.format.data_drop());
-                if self.has_factors {
-                    self.factors[target] = P::of(word >> self.format.factor_drop());
-                }
+            self.words[target] = word;
+            self.data[target] = P::of(word >> data_drop);
+            if self.has_factors {
+                self.factors[target] = P::of(word >> factor_drop);
             }
         }
         saturated
     }
 
     /// Lookups in the place of sums. Segments are kept as words.
-    fn look_up(&mut self, tiles: &Tiles<P>, lanes: usize, lookups: Lookups) {
+    fn look_up(&mut self, tiles: &Tiles<P>, lanes: usize, lookups: Lookups) -> bool {
         let segments = tiles.columns.segments;
         match lookups {
             Lookups::Segments { targets, arguments, octaves } => {
@@ -229,6 +283,7 @@ impl<P: Port> Words<P> {
                 }
             }
         }
+        false
     }
 
     #[inline(always)]
@@ -300,17 +355,30 @@ impl<P: Port> Words<P> {
     #[cold]
     fn saturate(&mut self, tiles: &Tiles<P>, writes: &Writes, results: &mut [i64]) {
         for (lane, result) in results.iter_mut().enumerate() {
-            let (word, saturated) = self.format.add(*result, 0);
-            self.saturations[tiles.slot(writes.targets, lane)] += u64::from(saturated);
-            *result = word;
+            *result = self.clamped(tiles.slot(writes.targets, lane), *result);
         }
+    }
+
+    /// The word that a slot gets of a sum, and note whether it saturated.
+    #[cold]
+    fn clamped(&mut self, slot: usize, sum: i64) -> i64 {
+        let (word, saturated) = self.format.add(sum, 0);
+        self.saturations[slot] += u64::from(saturated);
+        word
     }
 }
 
-/// [`Words::run_tiles`] with the widest vectors that this processor has; integers are the same in all of them.
+/// [`Words::run_tape`] with the widest vectors that this processor has; integers are the same in all of them.
 #[multiversion::multiversion(targets = "simd")]
-fn run_tiles<P: Port>(words: &mut Words<P>, tiles: &Tiles<P>, starts: &[i128], kept: &mut [i128]) -> bool {
-    words.run_tiles(tiles, starts, kept)
+fn run_tape<P: Port>(words: &mut Words<P>, tape: &Tape<P>, starts: &[i128], kept: &mut [i128]) -> bool {
+    words.run_tape(tape, starts, kept)
+}
+
+/// A product of any width.
+#[inline(always)]
+fn product<P: Port>(operand: P, factor: P) -> i128 {
+    let (operand, factor): (i64, i64) = (operand.into(), factor.into());
+    i128::from(operand) * i128::from(factor)
 }
 
 /// The kept sum that a lane starts from.

@@ -4,12 +4,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use pe_ir::codes;
-use pe_ir::graph::StepGraph;
+use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::model::Model;
 use pe_ir::motion::MIDDLE;
 use pe_ir::source::Diagnostic;
 use pe_sim::compared::{Compared, Rows};
 use pe_sim::double::DoubleRun;
+use pe_sim::rounded::RoundedRuns;
 
 use crate::progress::Progress;
 
@@ -105,15 +106,62 @@ fn within(steps: &[u64], block: &Range<u64>) -> impl Iterator<Item = usize> {
     steps[first..first + count].iter().map(move |done| (done - start - 1) as usize)
 }
 
-/// A run in double precision.
-pub(super) struct Pass<'a> {
-    run: DoubleRun<'a>,
+/// What runs in double precision see of inputs.
+struct Feed {
     /// The model with the step of the run, of which a step of the plan takes so many.
     finer: Model,
     substeps: u64,
     sight: Sight,
     /// Inputs that are taken in their means, if any are.
     continuous: Vec<bool>,
+}
+
+impl Feed {
+    fn new(model: &Model, substeps: u64, sight: Sight) -> Feed {
+        let finer = Model { step: model.step / substeps as f64, ..model.clone() };
+        Feed { finer, substeps, sight, continuous: inputs::read_by_continuous_alone(model) }
+    }
+
+    /// When a part of a step begins.
+    fn time(&self, plan: &Plan, step: u64, substep: u64) -> f64 {
+        plan.model.time(step, substep as f64 / self.substeps as f64)
+    }
+
+    /// Inputs in a part of a step.
+    fn inputs(&self, plan: &Plan, step: u64, substep: u64) -> Vec<f64> {
+        let Feed { finer, substeps, sight, continuous } = self;
+        let (time, end) = (self.time(plan, step, substep), (substep + 1) as f64 / *substeps as f64);
+        match sight {
+            Sight::Held => {
+                let mut seen = finer.hold_inputs(plan.model.time(step, 0.0), time);
+                plan.model.draw_lines(step, end, &mut seen);
+                // Jumps are where the whole step sees them.
+                let own = plan.model.inputs.len();
+                if finer.inputs.len() > own {
+                    let middle = plan.model.time(step, MIDDLE);
+                    let signals = seen[own..].iter_mut().zip(&plan.model.signals);
+                    signals.for_each(|(number, signal)| *number = signal.waveform.at(middle));
+                }
+                seen
+            }
+            Sight::Taken => inputs::taken(&plan.model, finer, continuous, step),
+            Sight::Sampled => finer.sample_inputs(time),
+            Sight::Mean => inputs::means(finer, continuous, (time, plan.model.time(step, end))),
+        }
+    }
+}
+
+/// The finding about a run that is compared and is no longer finite at some time.
+fn not_finite(time: f64) -> Vec<Diagnostic> {
+    let message = format!("a comparison run is not finite at t = {time:.6e} s");
+    let help = "the model is at the edge of stability: try a smaller `--step`";
+    vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]
+}
+
+/// A run in double precision.
+pub(super) struct Pass<'a> {
+    run: DoubleRun<'a>,
+    feed: Feed,
     /// Outputs in each row, behind the states.
     outputs: usize,
     rows: Rows,
@@ -133,10 +181,8 @@ impl<'a> Pass<'a> {
 
     /// The same of a model that has other inputs than the plan's, but its states.
     pub fn of_model(model: &Model, run: DoubleRun<'a>, substeps: u64, sight: Sight) -> Pass<'a> {
-        let finer = Model { step: model.step / substeps as f64, ..model.clone() };
-        let continuous = inputs::read_by_continuous_alone(model);
         let rows = Rows::new(model.states.len());
-        Pass { run, finer, substeps, sight, continuous, outputs: 0, rows }
+        Pass { run, feed: Feed::new(model, substeps, sight), outputs: 0, rows }
     }
 
     /// Largest magnitudes of the states so far, within steps of the plan, too. `graph` is that of the run.
@@ -155,41 +201,53 @@ impl<'a> Pass<'a> {
     /// # Errors
     /// `E0901` non-finite.
     pub fn block(&mut self, plan: &Plan, steps: &Range<u64>) -> Result<&Rows, Vec<Diagnostic>> {
-        let Pass { run, finer, substeps, sight, continuous, outputs, rows } = self;
+        let Pass { run, feed, outputs, rows } = self;
         let states = plan.model.states.len();
         rows.clear();
         for step in steps.clone() {
-            for substep in 0..*substeps {
-                let time = plan.model.time(step, substep as f64 / *substeps as f64);
-                let seen = match sight {
-                    Sight::Held => {
-                        let mut seen = finer.hold_inputs(plan.model.time(step, 0.0), time);
-                        plan.model.draw_lines(step, (substep + 1) as f64 / *substeps as f64, &mut seen);
-                        // Jumps are where the whole step sees them.
-                        let own = plan.model.inputs.len();
-                        if finer.inputs.len() > own {
-                            let middle = plan.model.time(step, MIDDLE);
-                            let signals = seen[own..].iter_mut().zip(&plan.model.signals);
-                            signals.for_each(|(number, signal)| *number = signal.waveform.at(middle));
-                        }
-                        seen
-                    }
-                    Sight::Taken => inputs::taken(&plan.model, finer, continuous, step),
-                    Sight::Sampled => finer.sample_inputs(time),
-                    Sight::Mean => {
-                        let end = plan.model.time(step, (substep + 1) as f64 / *substeps as f64);
-                        inputs::means(finer, continuous, (time, end))
-                    }
-                };
-                run.step(&seen).map_err(|_| {
-                    let message = format!("a comparison run is not finite at t = {time:.6e} s");
-                    let help = "the model is at the edge of stability: try a smaller `--step`";
-                    vec![Diagnostic::global(codes::DIVERGED, message).with_help(help)]
-                })?;
+            for substep in 0..feed.substeps {
+                let seen = feed.inputs(plan, step, substep);
+                run.step(&seen).map_err(|_| not_finite(feed.time(plan, step, substep)))?;
             }
-            plan.advance(step + 1, *substeps);
+            plan.advance(step + 1, feed.substeps);
             let states = run.states()[..states].iter().copied();
             rows.add(states.chain((0..*outputs).map(|output| run.output(output))));
+        }
+        Ok(rows)
+    }
+}
+
+/// Runs in double precision with coefficients rounded in several ways.
+pub(super) struct RoundedPass<'a, const N: usize> {
+    runs: RoundedRuns<'a, N>,
+    feed: Feed,
+    rows: [Rows; N],
+}
+
+impl<'a, const N: usize> RoundedPass<'a, N> {
+    /// Of the plan's own steps.
+    pub fn new(plan: &Plan, graph: &'a StepGraph, roundings: [&FixedPoint; N]) -> RoundedPass<'a, N> {
+        let rows = roundings.map(|_| Rows::new(plan.model.states.len()));
+        RoundedPass { runs: RoundedRuns::new(graph, roundings), feed: Feed::new(&plan.model, 1, Sight::Held), rows }
+    }
+
+    /// The next block of each run: a row of states after each step.
+    ///
+    /// # Errors
+    /// `E0901` one of them is not finite.
+    pub fn block(&mut self, plan: &Plan, steps: &Range<u64>) -> Result<&[Rows; N], Vec<Diagnostic>> {
+        let RoundedPass { runs, feed, rows } = self;
+        if N == 0 {
+            return Ok(rows);
+        }
+        rows.iter_mut().for_each(Rows::clear);
+        for step in steps.clone() {
+            if !runs.step(&feed.inputs(plan, step, 0)) {
+                return Err(not_finite(feed.time(plan, step, 0)));
+            }
+            plan.advance(step + 1, 1);
+            let states = plan.model.states.len();
+            rows.iter_mut().enumerate().for_each(|(run, rows)| rows.add(runs.states(run).take(states)));
         }
         Ok(rows)
     }

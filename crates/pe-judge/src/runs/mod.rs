@@ -19,6 +19,7 @@ mod judged;
 mod lockstep;
 mod looks;
 mod magnitudes;
+mod measure;
 mod noise;
 mod proven;
 mod reasons;
@@ -43,16 +44,17 @@ use crate::criteria::Criteria;
 use crate::progress::Progress;
 
 use self::exact::AtCorner;
-use self::settled::Measured;
+use self::settled::{Measured, Run};
 
 pub use self::comparison::{Comparison, Kept, method_error};
 pub use self::exact::{Exact, non_finite};
 pub use self::inputs::{outside, varying_inputs};
 pub use self::judged::{Checkpoint, Curves, Errors, Judged, Looks, ToDate, Unseen};
+pub use self::measure::port_words;
 pub use self::proven::Proposal;
 pub use self::saturated::Beyond;
 pub use self::sensitivity::{APART, SENSITIVE, Sensitivity};
-pub use self::settle::{Aids, Unsettled, port_words};
+pub use self::settle::{Aids, Unsettled};
 pub use self::settled::Settled;
 
 /// Estimated method error from which on the step is refused, unless it is that of the beginning alone, and from which on
@@ -145,7 +147,8 @@ impl Exact {
         let settled = settled?;
         let comparison = comparison?;
         let Settled { fixed, aim, widenings, measured, proof } = settled;
-        let Measured { word, outputs, quantised, hardware, looks, curves, checkpoint, seconds } = measured;
+        let Measured { run, quantised } = measured;
+        let Run { word, outputs, hardware, looks, curves, checkpoint, seconds } = run;
         let (worst_state, word_length) = word.worst();
         let (method, input_hold) = (comparison.method(), comparison.input_hold());
         let (method_to_date, hold_to_date) = comparison.to_date();

@@ -7,7 +7,7 @@ use pe_ir::model::Model;
 use pe_sim::roomy::RoomyRun;
 
 use super::exact::{AtCorner, Exact};
-use super::settle::port_words;
+use super::measure::port_words;
 
 /// Room for what rounding makes of a value that it carried beyond its range: with other LSBs it rounds otherwise, and its
 /// peaks differ.

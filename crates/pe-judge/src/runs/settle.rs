@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
 use pe_hls::formats::{self, Ranges};
-use pe_hls::rounding::{self, Aim};
+use pe_hls::rounding::{self, Aim, Moments};
 use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
 use pe_ir::index::StateId;
@@ -12,22 +12,17 @@ use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::compared::{Compared, Rows};
-use pe_sim::double::DoubleRun;
-use pe_sim::error::Trajectory;
-use pe_sim::fixed::FixedRun;
 
 use crate::criteria::ProofMode;
 use crate::proof::{self, Proof};
-use crate::times::thread_seconds;
 
 use super::comparison::Kept;
-use super::exact::{AtCorner, Exact, compared_outputs};
-use super::judged::Checkpoint;
-use super::lockstep::Pass;
+use super::exact::Exact;
+use super::measure::Source;
 use super::proven::{self, Proposal};
 use super::reasons;
-use super::saturated::{self, Beyond, Ended, Saturated};
-use super::settled::{Measured, Settled};
+use super::saturated::{self, Beyond, Ended};
+use super::settled::{Measured, Run, Settled};
 
 /// Fixed-point runs before a saturating model is refused.
 const WIDENINGS: usize = 24;
@@ -38,14 +33,8 @@ const PAIR_ERROR: f64 = 1e-3;
 /// Coefficient error from which on roundings that cancel over the step are worth a run.
 const BALANCED_ERROR: f64 = 1e-7;
 
-/// Where the run in double precision comes from, block by block.
-enum Source<'a> {
-    /// A run that another thread does anyway.
-    Shared(Receiver<Arc<Rows>>),
-    /// A run of before.
-    Kept(std::slice::Iter<'a, Arc<Rows>>),
-    Own(Box<Pass<'a>>),
-}
+/// Bits of a coefficient up to which its rounding alone is expected to be a larger error than that.
+const SHORT_COEFFICIENT: u32 = 23;
 
 /// What makes runs in fixed point shorter where many are made.
 #[derive(Clone, Copy, Default)]
@@ -195,15 +184,12 @@ impl Exact {
                 }
                 Err(refused) => return Err(vec![refused].into()),
             };
-            let mut fixed = chosen.clone();
-            let aim = Aim::Chain;
-            rounding::improve(graph, &mut fixed, &self.moments, aim);
+            let roundings = Roundings::of(graph, chosen, &self.moments);
             let source = shared.take().map_or_else(|| self.source(graph, aids), Source::Shared);
-            let measured = self.measure(model, graph, &fixed, source, aids.most);
-            match measured.and_then(|measured| self.hold_at_corners(graph, &fixed).map(|()| measured)) {
-                Ok(measured) => {
-                    let settled = Settled { fixed, aim: Some(aim), widenings, measured, proof: None };
-                    return Ok(self.balanced(model, graph, chosen, settled, aids));
+            let fixed = &roundings.chain;
+            match self.rounded(model, graph, &roundings, source, aids) {
+                Ok((fixed, aim, measured)) => {
+                    return Ok(Settled { fixed, aim: Some(aim), widenings, measured, proof: None });
                 }
                 Err(Ended::Diverged(findings)) => return Err(findings.into()),
                 Err(Ended::Beyond(beyond)) => return Err(Unsettled::Beyond(beyond)),
@@ -219,18 +205,18 @@ impl Exact {
                     (ranges, by_noise, with_rounding) = (narrow.clone(), Some(0), false);
                 }
                 Err(Ended::Saturated(saturated)) if saturated.argument(graph).is_some() => {
-                    return Err(vec![saturated.refusal(model, graph, self, &fixed)].into());
+                    return Err(vec![saturated.refusal(model, graph, self, fixed)].into());
                 }
                 Err(Ended::Saturated(_)) if by_noise.is_some_and(|rounds| rounds < WIDENINGS) => {
                     widenings += 1;
                     by_noise = by_noise.map(|rounds| rounds + 1);
-                    self.include_noise(model, graph, &fixed, &mut ranges);
+                    self.include_noise(model, graph, fixed, &mut ranges);
                 }
                 Err(Ended::Saturated(saturated)) => {
                     let states = model.states.ids();
                     let small = |state: StateId| reasons::too_small(model, state, self.scales[state.index()]);
                     let refusal = states.into_iter().find_map(small);
-                    return Err(vec![refusal.unwrap_or_else(|| saturated.refusal(model, graph, self, &fixed))].into());
+                    return Err(vec![refusal.unwrap_or_else(|| saturated.refusal(model, graph, self, fixed))].into());
                 }
             }
         }
@@ -254,9 +240,9 @@ impl Exact {
         if let Some(value) = cramped {
             return Err(vec![saturated::too_narrow(graph, ValueId::at(value), "uses more than half of its range")]);
         }
-        let measured = self.measure(model, graph, fixed, self.source(graph, Aids::default()), None);
+        let measured = self.measure(model, graph, fixed, [fixed], self.source(graph, Aids::default()), None);
         let measured = match measured.and_then(|measured| self.hold_at_corners(graph, fixed).map(|()| measured)) {
-            Ok(measured) => measured,
+            Ok((run, [quantised])) => run.with(quantised),
             Err(Ended::Diverged(findings)) => return Err(findings),
             Err(Ended::Beyond(_)) => unreachable!("no error is too large"),
             Err(Ended::Saturated(saturated)) => {
@@ -274,153 +260,90 @@ impl Exact {
         Ok(Settled { fixed: fixed.clone(), aim: None, widenings: 0, measured, proof })
     }
 
-    fn source<'a>(&self, graph: &'a StepGraph, aids: Aids<'a>) -> Source<'a> {
-        match aids.kept {
-            Some(kept) => Source::Kept(kept.blocks.iter()),
-            None => Source::Own(Box::new(self.own(graph))),
-        }
-    }
-
-    /// Runs in fixed point, and in double precision with quantised coefficients, beside the run in double precision.
-    fn measure(
+    /// Runs in formats with roundings that cancel over the step if the coefficient error matters and they make it smaller,
+    /// else with those that cancel in each chain.
+    fn rounded(
         &self,
         model: &Model,
         graph: &StepGraph,
-        fixed: &FixedPoint,
-        mut source: Source,
-        most: Option<f64>,
-    ) -> Result<Measured, Ended> {
-        let plan = &self.plan;
-        let (states, outputs) = (model.states.len(), compared_outputs(graph));
-        let output_turns = model.output_turns().into_iter().filter(|(output, _)| *output < outputs).collect();
-        let mut run = FixedPass::new(graph, fixed, (states, outputs));
-        let mut quantised = Pass::new(plan, DoubleRun::quantised(graph, fixed), 0);
-        let mut measured = Measured {
-            word: self.compared(),
-            outputs: Compared::new(states, &self.output_scales, &vec![0.0; outputs]).modulo(output_turns),
-            quantised: self.compared(),
-            hardware: Trajectory::new(states),
-            looks: Trajectory::new(states),
-            curves: Trajectory::new(self.curves.outputs.len()),
-            checkpoint: Checkpoint { step: 0, words: Vec::new() },
-            seconds: 0.0,
+        roundings: &Roundings,
+        source: Source,
+        aids: Aids,
+    ) -> Result<(FixedPoint, Aim, Measured), Ended> {
+        let Roundings { chain, step } = roundings;
+        let in_chain = |(run, quantised): (Run, Compared)| (chain.clone(), Aim::Chain, run.with(quantised));
+        let in_step =
+            |(run, quantised): (Run, Compared)| (step.clone().expect("it is run"), Aim::Step, run.with(quantised));
+        let held = |fixed: &FixedPoint, run: Run| self.hold_at_corners(graph, fixed).map(|()| run);
+        let Some(step) = step else {
+            let (run, [quantised]) = self.measure(model, graph, chain, [chain], source, aids.most)?;
+            return held(chain, run).map(|run| in_chain((run, quantised)));
         };
-        for block in plan.blocks() {
-            let shared;
-            let double = match &mut source {
-                Source::Shared(blocks) => {
-                    shared = blocks.recv().expect("all blocks are sent");
-                    &*shared
+        let (own, again) =
+            (|| self.source(graph, aids), |runs: u64| self.plan.progress.add_length(runs * self.plan.steps));
+        let better = |[of_chain, of_step]: &[Compared; 2]| {
+            of_chain.worst().1 > BALANCED_ERROR && of_step.worst().1 < of_chain.worst().1
+        };
+        let mut source = source;
+        if chain.format.coefficient_bits <= SHORT_COEFFICIENT {
+            // Then they nearly always do, and one run is enough.
+            let run = self.measure(model, graph, step, [chain, step], source, aids.most);
+            match run.and_then(|(run, quantised)| held(step, run).map(|run| (run, quantised))) {
+                Ok((run, quantised)) if better(&quantised) => {
+                    return Ok(in_step((run, quantised.into_iter().nth(1).expect("two"))));
                 }
-                Source::Kept(blocks) => &**blocks.next().expect("all blocks are kept"),
-                Source::Own(own) => own.block(plan, &block).expect("it was finite before"),
-            };
-            let begin = thread_seconds();
-            run.rows.clear();
-            for step in block.clone() {
-                if step == plan.steps / 2 {
-                    measured.checkpoint = run.checkpoint(step);
+                Ok((_, [quantised, _])) => {
+                    again(1);
+                    let (run, []) = self.measure(model, graph, chain, [], own(), aids.most)?;
+                    return held(chain, run).map(|run| in_chain((run, quantised)));
                 }
-                run.step(model, step)?;
-                if plan.samples.binary_search(&(step + 1)).is_ok() {
-                    measured.curves.push(|at| run.run.output(self.curves.outputs[at]));
-                }
-                plan.advance(step + 1, 1);
+                // What ends a run with these roundings need not end one with the others.
+                Err(_) => source = own(),
             }
-            measured.seconds += thread_seconds() - begin;
-            plan.compare(&block, &mut measured.word, double, &run.rows);
-            let error = measured.word.worst().1;
-            if most.is_some_and(|most| error > most) {
-                return Err(Ended::Beyond(Beyond { error, time: model.time(block.end, 0.0) }));
-            }
-            if outputs > 0 {
-                measured.outputs.include(block.end, double, &run.rows);
-            }
-            plan.compare(&block, &mut measured.quantised, double, quantised.block(plan, &block)?);
-            for row in plan.sampled(&block) {
-                measured.hardware.push(|state| run.rows.row(row)[state]);
-            }
-            for row in plan.looked_at(&block) {
-                measured.looks.push(|state| run.rows.row(row)[state]);
-            }
+            again(2);
         }
-        Ok(measured)
-    }
-
-    /// Runs in fixed point with tunable parameters at the ends of their ranges, where the same formats must do.
-    fn hold_at_corners(&self, graph: &StepGraph, fixed: &FixedPoint) -> Result<(), Ended> {
-        for AtCorner { corner, model, exact } in &self.corners {
-            let graph = corner.graph(graph);
-            let mut run = FixedRun::new(&graph, fixed);
-            for step in 0..exact.plan.steps {
-                let words = port_words(model, &run, step);
-                advance(&mut run, &words, step)?;
+        let both = self.measure(model, graph, chain, [chain, step], source, aids.most);
+        let (run, quantised) = match both {
+            Err(Ended::Diverged(_)) => {
+                again(2);
+                let (run, [quantised]) = self.measure(model, graph, chain, [chain], own(), aids.most)?;
+                return held(chain, run).map(|run| in_chain((run, quantised)));
             }
+            both => both?,
+        };
+        let run = held(chain, run)?;
+        let [of_chain, of_step] = quantised.clone();
+        if !better(&quantised) {
+            return Ok(in_chain((run, of_chain)));
         }
-        Ok(())
-    }
-
-    /// The same formats with roundings that cancel over the step, if the coefficient error matters and they make it
-    /// smaller. `chosen` are the formats with nearest roundings.
-    fn balanced(&self, model: &Model, graph: &StepGraph, chosen: FixedPoint, settled: Settled, aids: Aids) -> Settled {
-        if settled.coefficient() <= BALANCED_ERROR || !rounding::can_balance(graph) {
-            return settled;
-        }
-        let mut fixed = chosen;
-        let aim = Aim::Step;
-        rounding::improve(graph, &mut fixed, &self.moments, aim);
-        self.plan.progress.add_length(3 * self.plan.steps);
-        // Formats that were wide enough for the other roundings are kept with those.
-        let measured = self.measure(model, graph, &fixed, self.source(graph, aids), None);
-        let measured = measured.and_then(|measured| self.hold_at_corners(graph, &fixed).map(|()| measured));
-        match measured {
-            Ok(measured) if measured.quantised.worst().1 < settled.coefficient() => {
-                Settled { fixed, aim: Some(aim), measured, ..settled }
-            }
-            _ => settled,
+        again(1);
+        // Formats that are wide enough for the other roundings are kept with those.
+        let balanced = self.measure(model, graph, step, [], own(), None);
+        match balanced.and_then(|(run, [])| held(step, run)) {
+            Ok(run) => Ok(in_step((run, of_step))),
+            Err(_) => Ok(in_chain((run, of_chain))),
         }
     }
 }
 
-/// A run in fixed point, a row of states and outputs after each step.
-struct FixedPass<'a> {
-    graph: &'a StepGraph,
-    run: FixedRun<'a>,
-    states: usize,
-    outputs: usize,
-    rows: Rows,
+/// Formats with the roundings that may be taken.
+struct Roundings {
+    /// With those that cancel in each chain.
+    chain: FixedPoint,
+    /// With those that cancel over the step; none if they are the same.
+    step: Option<FixedPoint>,
 }
 
-impl<'a> FixedPass<'a> {
-    fn new(graph: &'a StepGraph, fixed: &'a FixedPoint, (states, outputs): (usize, usize)) -> FixedPass<'a> {
-        FixedPass { graph, run: FixedRun::new(graph, fixed), states, outputs, rows: Rows::new(states + outputs) }
+impl Roundings {
+    /// Those of formats whose coefficients are rounded to nearest.
+    fn of(graph: &StepGraph, chosen: FixedPoint, moments: &Moments) -> Roundings {
+        let rounded = |aim: Aim| {
+            let mut fixed = chosen.clone();
+            rounding::improve(graph, &mut fixed, moments, aim);
+            fixed
+        };
+        let chain = rounded(Aim::Chain);
+        let step = rounding::can_balance(graph).then(|| rounded(Aim::Step)).filter(|step| *step != chain);
+        Roundings { chain, step }
     }
-
-    fn checkpoint(&self, step: u64) -> Checkpoint {
-        Checkpoint { step, words: self.graph.states.iter().map(|(state, _)| self.run.word(*state)).collect() }
-    }
-
-    fn step(&mut self, model: &Model, step: u64) -> Result<(), Saturated> {
-        let FixedPass { run, states, outputs, rows, .. } = self;
-        let words = port_words(model, run, step);
-        advance(run, &words, step)?;
-        rows.add(run.states().take(*states).chain((0..*outputs).map(|output| run.output(output))));
-        Ok(())
-    }
-}
-
-/// Runs a step in which nothing may saturate, and in front of the first one the initial values may not either.
-fn advance(run: &mut FixedRun, words: &[i64], step: u64) -> Result<(), Saturated> {
-    if run.step(words) || (step == 0 && run.saturations().iter().any(|count| *count > 0)) {
-        let values = run.saturations().into_iter().enumerate().filter(|(_, count)| *count > 0);
-        let values = values.map(|(index, _)| ValueId::at(index)).collect();
-        return Err(Saturated { values, step });
-    }
-    Ok(())
-}
-
-/// Input port words of a step.
-pub fn port_words(model: &Model, run: &FixedRun, step: u64) -> Vec<i64> {
-    let numbers = model.sample_inputs(model.time(step, 0.0));
-    numbers.iter().enumerate().map(|(index, number)| run.encode_input(index, *number).0).collect()
 }

@@ -28,23 +28,23 @@ impl Settled {
 
     /// Word-length error of the run: the worst state's largest deviation from the run in double precision.
     pub fn word_length(&self) -> f64 {
-        self.measured.word.worst().1
-    }
-
-    /// Coefficient error of the run.
-    pub(super) fn coefficient(&self) -> f64 {
-        self.measured.quantised.worst().1
+        self.measured.run.word.worst().1
     }
 }
 
-/// What a run in fixed point shows.
+/// What a run in fixed point shows, and one in double precision with the same coefficients.
 pub(super) struct Measured {
+    pub run: Run,
+    /// Quantised coefficients alone, in double precision.
+    pub quantised: Compared,
+}
+
+/// What a run in fixed point shows.
+pub(super) struct Run {
     /// States against double precision.
     pub word: Compared,
     /// Outputs against double precision.
     pub outputs: Compared,
-    /// Quantised coefficients alone, in double precision.
-    pub quantised: Compared,
     /// States at samples.
     pub hardware: Trajectory,
     /// States at the other steps that are looked at.
@@ -54,4 +54,11 @@ pub(super) struct Measured {
     pub checkpoint: Checkpoint,
     /// Time of the fixed-point run.
     pub seconds: f64,
+}
+
+impl Run {
+    /// With the run of the same coefficients.
+    pub fn with(self, quantised: Compared) -> Measured {
+        Measured { run: self, quantised }
+    }
 }

@@ -30,6 +30,7 @@ mod random_models;
 mod ranges;
 mod reasons;
 mod relay;
+mod rounded;
 mod rounding;
 mod routes;
 mod sampled;

@@ -1,0 +1,122 @@
+//! The step graph in double precision with coefficients that are rounded in several ways, side by side: what is computed next
+//! is chosen once for all of them.
+
+use std::ops::Range;
+
+use pe_ir::graph::{Factor, FixedPoint, StepGraph};
+use pe_ir::index::at;
+
+use crate::double::{constants, power_of_two};
+use crate::functions::FunctionRun;
+use crate::slots::Slots;
+use crate::tape::{Part, Tape};
+use crate::tiles::{Lookups, Tiles};
+
+/// Runs in double precision with the coefficients that the hardware would have in `N` roundings. Each gives the numbers that
+/// [`crate::double::DoubleRun::quantised`] gives.
+pub struct RoundedRuns<'a, const N: usize> {
+    graph: &'a StepGraph,
+    slots: Slots,
+    tape: Tape<[f64; N]>,
+    /// Current numbers, a slot per value and a zero.
+    values: Vec<[f64; N]>,
+    functions: FunctionRun,
+    /// Where the states are among the values.
+    states: Range<usize>,
+}
+
+impl<'a, const N: usize> RoundedRuns<'a, N> {
+    /// Starts runs from the initial values.
+    pub fn new(graph: &'a StepGraph, roundings: [&FixedPoint; N]) -> Self {
+        let mut coefficients = vec![[0.0; N]; graph.terms.len()];
+        for (index, chain) in graph.chains.numbered() {
+            for term in
+                chain.terms.clone().filter(|term| matches!(graph.terms[at(*term)].factor, Factor::Coefficient(_)))
+            {
+                coefficients[at(term)] = roundings.map(|fixed| fixed.coefficient_value(graph, index, at(term)));
+            }
+        }
+        let slots = Slots::new(graph);
+        let functions = FunctionRun::new(graph, slots.count());
+        let class = |_, chain: &_| FunctionRun::class(chain);
+        let tiles = slots.arrange(graph, class, |term| coefficients[term], |_, _, write| write.weight);
+        let mut values = vec![[0.0; N]; slots.count()];
+        for (slot, number) in constants(graph, &slots) {
+            values[at(slot)] = [number; N];
+        }
+        for (index, initial) in graph.initial.numbered() {
+            values[at(slots.of(graph.states[index].0))] = [*initial; N];
+        }
+        let states = slots.states(graph);
+        RoundedRuns { graph, slots, tape: Tape::of_chains(tiles), values, functions, states }
+    }
+
+    /// States of a run at the start of the next step, those of the model first.
+    pub fn states(&self, run: usize) -> impl Iterator<Item = f64> {
+        self.values[self.states.clone()].iter().map(move |state| state[run])
+    }
+
+    /// Advances by one step with the inputs held; whether all values are finite.
+    pub fn step(&mut self, inputs: &[f64]) -> bool {
+        for (value, number) in self.graph.inputs.iter().zip(inputs) {
+            self.values[at(self.slots.of(*value))] = [*number; N];
+        }
+        let finite = run_tape(&self.tape, &mut self.values, &mut self.functions);
+        self.slots.take_over(&mut self.values);
+        finite
+    }
+}
+
+/// Runs all chains with the widest vectors that this processor has; false if a value is not finite.
+#[multiversion::multiversion(targets = "simd")]
+fn run_tape<const N: usize>(tape: &Tape<[f64; N]>, values: &mut [[f64; N]], functions: &mut FunctionRun) -> bool {
+    let mut finite = true;
+    for part in &tape.parts {
+        let chains = match part {
+            Part::Chains(chains) => chains,
+            Part::Tile(index) => {
+                let tile = &tape.tiles.tiles[at(*index)];
+                let lookups = tile.lookups.expect("all sums are listed as chains");
+                (0..at(tile.lanes)).for_each(|lane| look_up(&tape.tiles, lane, lookups, values));
+                continue;
+            }
+        };
+        for chain in tape.chains(chains) {
+            let mut sum = [0.0; N];
+            for (operand, coefficients) in tape.products(chain) {
+                let operands = values[at(*operand)];
+                (0..N).for_each(|run| sum[run] += operands[run] * coefficients[run]);
+            }
+            for (operand, factor) in tape.factors(chain) {
+                let (operands, factors) = (values[at(*operand)], values[at(*factor)]);
+                (0..N).for_each(|run| sum[run] += operands[run] * factors[run]);
+            }
+            for write in tape.writes(chain) {
+                let (mut results, weight) = (values[at(write.base)], power_of_two(write.shift));
+                (0..N).for_each(|run| results[run] += weight * sum[run]);
+                if chain.class != 0 {
+                    functions.apply(chain.class, &mut results, |_| write.target);
+                }
+                results.iter().for_each(|result| finite &= result.abs() < f64::INFINITY);
+                values[at(write.target)] = results;
+            }
+        }
+    }
+    finite
+}
+
+/// A lookup of all runs. Segments are kept as numbers.
+fn look_up<const N: usize>(tiles: &Tiles<[f64; N]>, lane: usize, lookups: Lookups, values: &mut [[f64; N]]) {
+    let (target, numbers) = match lookups {
+        Lookups::Segments { targets, arguments, octaves } => {
+            let arguments = values[tiles.slot(arguments, lane)];
+            (targets, arguments.map(|argument| tiles.columns.segments.index_of(argument, octaves) as f64))
+        }
+        Lookups::Choices { targets, segments, among } => {
+            let segments = values[tiles.slot(segments, lane)];
+            let of = |run: usize| values[tiles.choice(among, lane, segments[run] as usize)][run];
+            (targets, std::array::from_fn(of))
+        }
+    };
+    values[tiles.slot(target, lane)] = numbers;
+}
