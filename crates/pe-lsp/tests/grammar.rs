@@ -68,7 +68,7 @@ fn patterns() -> Vec<Value> {
         whole("variable.other", r"\b[A-Za-z_][A-Za-z0-9_]*".to_owned()),
         groups(format!(r"([\])'])[ \t]+{unit}"), &["punctuation.bracket", "constant.other.unit"]),
         whole("keyword.operator", r"==|!=|<=|>=|\.\.|[=+\-*/^<>']".to_owned()),
-        whole("punctuation.separator", "[,:;]".to_owned()),
+        whole("punctuation.separator", "[.,:;]".to_owned()),
         whole("punctuation.bracket", r"[()\[\]{}]".to_owned()),
     ]
 }
