@@ -123,6 +123,7 @@ impl WordFormat {
     pub const CEILING_BITS: u32 = 8;
 
     /// Bits of a word in the own memory, guard bits included.
+    #[inline]
     pub fn word_bits(&self) -> u32 {
         self.storage_bits + self.guard_bits
     }
@@ -140,6 +141,7 @@ impl WordFormat {
     /// Left shift of the held sum before a write's right shift. Words that are wider than products need it: a product
     /// of two variables may lie above the LSB of the value that it is added to. Two bits make room for increments of
     /// up to twice the value.
+    #[inline]
     pub fn left_shift(&self) -> u32 {
         (self.word_bits() + 2).saturating_sub(self.data_bits + self.coefficient_bits)
     }
@@ -151,11 +153,13 @@ impl WordFormat {
     }
 
     /// Low bits that the data port does not see.
+    #[inline]
     pub fn data_drop(&self) -> u32 {
         self.word_bits() - self.data_bits
     }
 
     /// Low bits that the coefficient port does not see of a stored factor.
+    #[inline]
     pub fn factor_drop(&self) -> u32 {
         self.word_bits() - self.coefficient_bits
     }
@@ -178,6 +182,7 @@ impl WordFormat {
     }
 
     /// Largest stored word.
+    #[inline]
     pub fn max_word(&self) -> i64 {
         (1 << (self.word_bits() - 1)) - 1
     }
@@ -190,16 +195,19 @@ impl WordFormat {
     }
 
     /// Smallest stored word.
+    #[inline]
     pub fn min_word(&self) -> i64 {
         -(1 << (self.word_bits() - 1))
     }
 
     /// What the data port sees of a stored word.
+    #[inline]
     pub fn data_operand(&self, word: i64) -> i64 {
         word >> self.data_drop()
     }
 
     /// What the coefficient port sees of a stored word.
+    #[inline]
     pub fn factor_operand(&self, word: i64) -> i64 {
         word >> self.factor_drop()
     }
@@ -210,6 +218,7 @@ impl WordFormat {
     }
 
     /// Adds a number in units of the word's LSB to the base word. The flag tells whether the result saturated.
+    #[inline]
     pub fn add(&self, base: i64, rounded: i64) -> (i64, bool) {
         // A sum beyond 64 bits is beyond every word as well, so saturating early changes nothing.
         let sum = base.saturating_add(rounded);
@@ -250,6 +259,7 @@ fn half(dropped: u32) -> i64 {
 }
 
 /// `accumulator / 2^shift`, rounded to nearest, halves up.
+#[inline(always)]
 pub fn round_shift(accumulator: i64, shift: u32) -> i64 {
     if shift == 0 {
         accumulator

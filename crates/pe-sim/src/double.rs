@@ -331,6 +331,7 @@ pub(crate) fn constants<'a>(graph: &'a StepGraph, slots: &'a Slots) -> impl Iter
 }
 
 /// 2 to the power of `exponent`.
+#[inline(always)]
 pub(crate) fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
 }

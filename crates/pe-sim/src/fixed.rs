@@ -16,6 +16,8 @@ pub struct FixedRun<'a> {
     state: Ports,
     /// Of each state the word that stands for zero, and what a unit stands for; their words come first.
     units: Vec<(i64, f64)>,
+    /// The same of each output, with its slot.
+    outputs: Vec<(u32, i64, f64)>,
 }
 
 /// Words and the tape, as wide as the multiplier's ports need.
@@ -52,12 +54,14 @@ impl<'a> FixedRun<'a> {
             let (words, tape) = prepare(graph, fixed, &slots, room);
             Ports::Long(words, tape)
         };
-        let unit = |index: StateId| {
-            let id = graph.states[index].0;
-            (fixed.offset(graph.value(id)), libm::scalbn(1.0, fixed.exponents[id.index()]))
+        let unit = |id: ValueId| (fixed.offset(graph.value(id)), libm::scalbn(1.0, fixed.exponents[id.index()]));
+        let units = graph.states.iter().map(|(state, _)| unit(*state)).collect();
+        let output = |id: &ValueId| {
+            let (zero, unit) = unit(*id);
+            (slots.of(*id), zero, unit)
         };
-        let units = graph.states.ids().map(unit).collect();
-        let mut run = FixedRun { graph, fixed, slots, state, units };
+        let outputs = graph.outputs.iter().map(output).collect();
+        let mut run = FixedRun { graph, fixed, slots, state, units, outputs };
         for (index, initial) in graph.initial.numbered() {
             let id = graph.states[index].0;
             let (word, saturated) =
@@ -101,7 +105,9 @@ impl<'a> FixedRun<'a> {
 
     /// The number a published output stands for.
     pub fn output(&self, index: usize) -> f64 {
-        self.number(self.graph.outputs[index])
+        let (slot, zero, unit) = self.outputs[index];
+        let word = on_words!(&self.state, words => words.words[at(slot)]);
+        (word - zero) as f64 * unit
     }
 
     /// Stored word of a value.

@@ -16,7 +16,7 @@ use pe_ir::index::{self, at};
 pub(crate) const LANES: usize = 128;
 
 /// Lanes from which on the choice of a loop is cheap beside what the loop does.
-pub(crate) const NARROW: usize = 24;
+pub(crate) const NARROW: usize = 16;
 
 /// Chains in a row that are worth a tile of their own.
 const WORTHWHILE: usize = 16;

@@ -79,6 +79,25 @@ pub(crate) struct Words<P> {
     room: Option<Box<Room<P>>>,
 }
 
+/// Where words end, and where what the ports see of them begins.
+struct Ends {
+    lowest: i64,
+    highest: i64,
+    data_drop: u32,
+    factor_drop: u32,
+}
+
+impl Ends {
+    fn of(format: &WordFormat) -> Ends {
+        Ends {
+            lowest: format.min_word(),
+            highest: format.max_word(),
+            data_drop: format.data_drop(),
+            factor_drop: format.factor_drop(),
+        }
+    }
+}
+
 /// Room for the sums of a tile of many lanes, and for what they are made of.
 struct Room<P> {
     gathered: Gathered<P>,
@@ -206,7 +225,7 @@ impl<P: Port> Words<P> {
     /// Chains of narrow tiles, one after another.
     #[inline(always)]
     fn run_chains(&mut self, tape: &Tape<P>, chains: &Range<u32>, starts: &[i128], kept: &mut [i128]) -> bool {
-        let left = self.left;
+        let (left, ends) = (self.left, Ends::of(&self.format));
         let mut saturated = false;
         for chain in tape.chains(chains) {
             let start = chain.start.map_or(0, |place| starts[at(place)]);
@@ -223,7 +242,7 @@ impl<P: Port> Words<P> {
                     }
                     let total = lanes::cut(total, wrap);
                     chain.kept.into_iter().for_each(|place| kept[at(place)] = i128::from(total));
-                    self.write_chain(tape.writes(chain), |shift| round_shift(total << left, shift as u32))
+                    self.write_chain(&ends, tape.writes(chain), |shift| round_shift(total << left, shift as u32))
                 }
                 (_, wrap) => {
                     let mut total = start;
@@ -235,7 +254,7 @@ impl<P: Port> Words<P> {
                     }
                     let total = if wrap > 0 { lanes::wrapped(total, wrap) } else { total };
                     chain.kept.into_iter().for_each(|place| kept[at(place)] = total);
-                    self.write_chain(tape.writes(chain), |shift| round_wide(total << left, shift))
+                    self.write_chain(&ends, tape.writes(chain), |shift| round_wide(total << left, shift))
                 }
             };
         }
@@ -244,9 +263,8 @@ impl<P: Port> Words<P> {
 
     /// The writes of a chain; `rounded` gives its shifted sum.
     #[inline(always)]
-    fn write_chain(&mut self, writes: &[tape::Write], rounded: impl Fn(i32) -> i64) -> bool {
-        let (lowest, highest) = (self.format.min_word(), self.format.max_word());
-        let (data_drop, factor_drop) = (self.format.data_drop(), self.format.factor_drop());
+    fn write_chain(&mut self, ends: &Ends, writes: &[tape::Write], rounded: impl Fn(i32) -> i64) -> bool {
+        let Ends { lowest, highest, data_drop, factor_drop } = *ends;
         let mut saturated = false;
         for write in writes {
             let target = at(write.target);
@@ -405,7 +423,12 @@ fn sum(base: i64, rounded: i64) -> i64 {
 }
 
 /// `sum / 2^shift`, rounded to nearest, halves up; what lies beyond every word may be any number beyond it.
+#[inline(always)]
 fn round_wide(sum: i128, shift: i32) -> i64 {
+    // Most sums fit 64 bits, whatever their products might have become.
+    if let (Ok(sum), 0..=63) = (i64::try_from(sum), shift) {
+        return round_shift(sum, shift as u32);
+    }
     let rounded = if shift == 0 { sum } else { ((sum >> (shift - 1)) + 1) >> 1 };
     rounded.clamp(i128::from(-BEYOND), i128::from(BEYOND)) as i64
 }

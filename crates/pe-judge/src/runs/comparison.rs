@@ -17,8 +17,10 @@ use crate::progress::silent;
 
 use super::exact::{Exact, compared_outputs};
 use super::inputs::{self, Blindness, Sight, varying_inputs};
+use super::kept::Kept;
 use super::lockstep::{Pass, Plan};
 use super::magnitudes::Magnitudes;
+use super::settle::Aids;
 
 /// The beginning of a span, where a step may pass over what decays at once: this part of all steps, but so many of spans
 /// that have ten times as many at least.
@@ -73,11 +75,6 @@ struct Bent {
     rest: Compared,
     /// Method error over the difference to a quarter of the step.
     gain: f64,
-}
-
-/// A run in double precision, to be compared with again.
-pub struct Kept {
-    pub(super) blocks: Vec<Arc<Rows>>,
 }
 
 /// Numbers of a run that is kept, at most: 128 MiB.
@@ -173,6 +170,9 @@ impl Exact {
         model: &Model,
         graph: &StepGraph,
     ) -> (Result<Comparison, Vec<Diagnostic>>, Option<Kept>) {
+        if let Some(kept) = &self.kept {
+            return (self.compare(model, graph), Some(kept.clone()));
+        }
         let width = (model.states.len() + compared_outputs(graph)) as u64;
         let small = self.plan.steps.saturating_mul(width) <= MOST_KEPT;
         let mut blocks = Vec::new();
@@ -196,11 +196,10 @@ impl Exact {
         let frame = self.frame();
         let graphs = Graphs::of(&frame, model);
         let mut others = graphs.as_ref().map(|graphs| Others::new(&frame, graph, graphs)).map_err(Clone::clone);
-        let mut own = self.own(graph);
+        let mut own = self.source(graph, Aids::default());
         let mut listens = true;
         for block in plan.blocks() {
-            own.block(plan, &block).expect("it was finite before");
-            let rows = Arc::new(own.take());
+            let rows = own.next(plan, &block);
             listens = listens && listener(&rows);
             if let Ok(runs) = &mut others
                 && let Err(findings) = runs.block(plan, &block, &rows)

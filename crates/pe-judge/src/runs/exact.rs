@@ -21,7 +21,11 @@ use crate::times::thread_seconds;
 
 use super::inputs;
 use super::judged::Curves;
+use super::kept::{Keeping, Kept};
 use super::lockstep::Plan;
+
+/// Numbers of the runs of all families of a sweep that are kept from the beginning, each at most: 8 MiB.
+const MOST_KEPT_AT_ONCE: u64 = 1 << 20;
 
 /// Outputs that are compared at every step, at most: the first ones.
 const COMPARED_OUTPUTS: usize = 8;
@@ -49,6 +53,8 @@ pub struct Exact {
     pub(super) scales: Vec<f64>,
     pub(super) seconds: f64,
     pub(super) smallest_pivot: Option<SmallestPivot>,
+    /// The run itself, if it is short and the same however inputs are seen: what it is compared with needs no other one.
+    pub(super) kept: Option<Kept>,
     /// The same with tunable parameters at the ends of their ranges.
     pub(super) corners: Vec<AtCorner>,
 }
@@ -111,7 +117,7 @@ impl Exact {
         let plan = Plan::of(model, progress);
         let begin = thread_seconds();
         let Some(run) = reference_run(model, graph, &plan, goes_on)? else { return Ok(None) };
-        let ReferenceRun { reference, looks, curves, mut ranges, moments } = run;
+        let ReferenceRun { reference, looks, curves, mut ranges, moments, kept } = run;
         let (reference, looks) = (Arc::new(reference), Arc::new(looks));
         let output_scales =
             graph.outputs[..compared_outputs(graph)].iter().map(|output| ranges.largest[output.index()]);
@@ -136,6 +142,7 @@ impl Exact {
             scales,
             seconds,
             smallest_pivot,
+            kept,
             corners: Vec::new(),
         }))
     }
@@ -175,6 +182,7 @@ struct ReferenceRun {
     curves: Curves,
     ranges: Ranges,
     moments: Moments,
+    kept: Option<Kept>,
 }
 
 fn reference_run(
@@ -189,10 +197,15 @@ fn reference_run(
     let mut looks = Trajectory::new(model.states.len());
     let mut curves = Curves::of(model);
     let (mut samples, mut looked_at) = (plan.samples.iter().peekable(), plan.looks.iter().peekable());
+    let (states, outputs) = (model.states.len(), compared_outputs(graph));
+    let mut keeping = Keeping::new(plan, states + outputs, MOST_KEPT_AT_ONCE);
+    keeping.stop_if(!model.inputs.is_empty());
     for done in 1..=plan.steps {
         let time = model.time(done - 1, 0.0);
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;
         plan.advance(done, 1);
+        let row = || run.states()[..states].iter().copied().chain((0..outputs).map(|output| run.output(output)));
+        keeping.add(done, row);
         let sampled = samples.next_if_eq(&&done).is_some();
         if sampled {
             reference.push(|state| run.state(StateId::at(state)));
@@ -212,7 +225,8 @@ fn reference_run(
     let largest = run.largest();
     reference.largest = graph.states.iter().map(|(state, _)| largest[state.index()]).collect();
     let ranges = Ranges { largest, widened: vec![0; graph.values.len()] };
-    Ok(Some(ReferenceRun { reference, looks, curves, ranges, moments: sampling.moments() }))
+    let (moments, kept) = (sampling.moments(), keeping.kept());
+    Ok(Some(ReferenceRun { reference, looks, curves, ranges, moments, kept }))
 }
 
 /// Magnitude of an argument from which on an infinite value is an overflow, not a pole.

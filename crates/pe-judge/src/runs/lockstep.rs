@@ -69,6 +69,11 @@ impl Plan {
         }
     }
 
+    /// Steps of a block, at most: of all blocks but the last one.
+    pub fn block(&self) -> u64 {
+        self.block
+    }
+
     /// All steps, block by block.
     pub fn blocks(&self) -> impl Iterator<Item = Range<u64>> + use<> {
         let (steps, block) = (self.steps, self.block);
@@ -130,6 +135,9 @@ impl Feed {
     /// Inputs in a part of a step.
     fn inputs(&self, plan: &Plan, step: u64, substep: u64) -> Vec<f64> {
         let Feed { finer, substeps, sight, continuous } = self;
+        if finer.inputs.is_empty() {
+            return Vec::new();
+        }
         let (time, end) = (self.time(plan, step, substep), (substep + 1) as f64 / *substeps as f64);
         match sight {
             Sight::Held => {

@@ -1,5 +1,6 @@
 //! A run in fixed point beside the one in double precision.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
@@ -13,7 +14,7 @@ use crate::times::thread_seconds;
 
 use super::exact::{AtCorner, Exact, compared_outputs};
 use super::judged::Checkpoint;
-use super::lockstep::{Pass, RoundedPass};
+use super::lockstep::{Pass, Plan, RoundedPass};
 use super::saturated::{Beyond, Ended, Saturated};
 use super::settle::Aids;
 use super::settled::Run;
@@ -27,10 +28,24 @@ pub(super) enum Source<'a> {
     Own(Box<Pass<'a>>),
 }
 
+impl Source<'_> {
+    /// The next block.
+    pub fn next(&mut self, plan: &Plan, block: &Range<u64>) -> Arc<Rows> {
+        match self {
+            Source::Shared(blocks) => blocks.recv().expect("all blocks are sent"),
+            Source::Kept(blocks) => Arc::clone(blocks.next().expect("all blocks are kept")),
+            Source::Own(own) => {
+                own.block(plan, block).expect("it was finite before");
+                Arc::new(own.take())
+            }
+        }
+    }
+}
+
 impl Exact {
     /// Where a run comes from that this one is compared with.
-    pub(super) fn source<'a>(&self, graph: &'a StepGraph, aids: Aids<'a>) -> Source<'a> {
-        match aids.kept {
+    pub(super) fn source<'a>(&'a self, graph: &'a StepGraph, aids: Aids<'a>) -> Source<'a> {
+        match aids.kept.or(self.kept.as_ref()) {
             Some(kept) => Source::Kept(kept.blocks.iter()),
             None => Source::Own(Box::new(self.own(graph))),
         }
@@ -63,15 +78,7 @@ impl Exact {
             seconds: 0.0,
         };
         for block in plan.blocks() {
-            let shared;
-            let double = match &mut source {
-                Source::Shared(blocks) => {
-                    shared = blocks.recv().expect("all blocks are sent");
-                    &*shared
-                }
-                Source::Kept(blocks) => &**blocks.next().expect("all blocks are kept"),
-                Source::Own(own) => own.block(plan, &block).expect("it was finite before"),
-            };
+            let double = &*source.next(plan, &block);
             let begin = thread_seconds();
             run.rows.clear();
             for step in block.clone() {

@@ -16,8 +16,8 @@ use pe_sim::compared::{Compared, Rows};
 use crate::criteria::ProofMode;
 use crate::proof::{self, Proof};
 
-use super::comparison::Kept;
 use super::exact::Exact;
+use super::kept::Kept;
 use super::measure::Source;
 use super::proven::{self, Proposal};
 use super::reasons;
@@ -187,7 +187,8 @@ impl Exact {
             let roundings = Roundings::of(graph, chosen, &self.moments);
             let source = shared.take().map_or_else(|| self.source(graph, aids), Source::Shared);
             let fixed = &roundings.chain;
-            match self.rounded(model, graph, &roundings, source, aids) {
+            let first = widenings == 0 && by_noise.is_none();
+            match self.rounded(model, graph, &roundings, source, first, aids) {
                 Ok((fixed, aim, measured)) => {
                     return Ok(Settled { fixed, aim: Some(aim), widenings, measured, proof: None });
                 }
@@ -261,13 +262,14 @@ impl Exact {
     }
 
     /// Runs in formats with roundings that cancel over the step if the coefficient error matters and they make it smaller,
-    /// else with those that cancel in each chain.
+    /// else with those that cancel in each chain. `first` says that no formats were too narrow before.
     fn rounded(
         &self,
         model: &Model,
         graph: &StepGraph,
         roundings: &Roundings,
         source: Source,
+        first: bool,
         aids: Aids,
     ) -> Result<(FixedPoint, Aim, Measured), Ended> {
         let Roundings { chain, step } = roundings;
@@ -285,8 +287,8 @@ impl Exact {
             of_chain.worst().1 > BALANCED_ERROR && of_step.worst().1 < of_chain.worst().1
         };
         let mut source = source;
-        if chain.format.coefficient_bits <= SHORT_COEFFICIENT {
-            // Then they nearly always do, and one run is enough.
+        if first && chain.format.coefficient_bits <= SHORT_COEFFICIENT {
+            // Then they nearly always do, and one run is enough. Where formats have to be widened, two would end each time.
             let run = self.measure(model, graph, step, [chain, step], source, aids.most);
             match run.and_then(|(run, quantised)| held(step, run).map(|run| (run, quantised))) {
                 Ok((run, quantised)) if better(&quantised) => {
