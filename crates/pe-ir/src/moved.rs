@@ -5,6 +5,9 @@ use crate::model::{Expr, Input, Interpolation, Model, Phase, State, Variable, Wa
 use crate::motion::{MIDDLE, Motion, Source};
 use crate::turns;
 
+/// Part of a tick by which what rounding makes of it may differ from it.
+const SAME_TICK: f64 = 1e-12;
+
 impl Model {
     /// The time in seconds that every step is a whole number of: the step, or the shortest of a list whose ratios are
     /// multiples of each other.
@@ -19,13 +22,29 @@ impl Model {
         let tick = self.tick();
         let is_clock = |state: &StateId| self.states[*state].motion == Some(Motion::Clock);
         let Some(clock) = self.states.ids().find(is_clock) else { return };
+        let Some(rate) = self.states[clock].derivative.as_constant() else { return };
         self.states[clock].derivative = Expr::Constant(1.0 / tick);
-        let clock = Variable::State(clock);
-        for algebraic in &mut self.algebraics {
+        let count = Expr::Variable(Variable::State(clock));
+        // The clock's own equation makes seconds of its ticks; whatever else reads it counts ticks of before.
+        let is_own = |expr: &Expr| match expr {
+            Expr::Product(members) => match &members[..] {
+                [Expr::Constant(seconds), of] => *of == count && (seconds * rate - 1.0).abs() < SAME_TICK,
+                _ => false,
+            },
+            _ => *expr == count && (rate - 1.0).abs() < SAME_TICK,
+        };
+        let read = |variable: Variable| match variable == Variable::State(clock) {
+            true => Expr::scaled(tick * rate, count.clone()),
+            false => Expr::Variable(variable),
+        };
+        let algebraics = self.algebraics.iter_mut().map(|algebraic| &mut algebraic.expr);
+        for expr in algebraics.chain(self.states.iter_mut().map(|state| &mut state.derivative)) {
             let mut reads = false;
-            algebraic.expr.each_variable(&mut |variable| reads |= variable == clock);
-            if reads {
-                algebraic.expr = Expr::scaled(tick, Expr::Variable(clock));
+            expr.each_variable(&mut |variable| reads |= variable == Variable::State(clock));
+            if is_own(expr) {
+                *expr = Expr::scaled(tick, count.clone());
+            } else if reads && (tick * rate - 1.0).abs() >= SAME_TICK {
+                *expr = expr.substituted(&read);
             }
         }
     }
@@ -188,5 +207,56 @@ impl Model {
             }
         }
         scales
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Algebraic, Solver};
+
+    #[test]
+    fn another_step_keeps_what_equations_make_of_the_clock() {
+        let clock = || Expr::Variable(Variable::State(StateId::new(0)));
+        let mut model = Model::new("m", Solver::Rk4, 0.5, 4.0);
+        let state = State {
+            name: "time.steps".to_owned(),
+            unit: None,
+            initial: 0.0,
+            range: None,
+            derivative: Expr::Constant(1.0),
+            rate: None,
+            motion: Some(Motion::Clock),
+            tunable: false,
+            angle: false,
+            quantity: 0,
+            span: Default::default(),
+        };
+        model.states = vec![state.clone(), State { motion: None, derivative: clock(), ..state }].into();
+        let equation = |expr: Expr| Algebraic {
+            name: "a".to_owned(),
+            unit: None,
+            expr,
+            range: None,
+            kept: false,
+            angle: false,
+            span: Default::default(),
+        };
+        // The time, twice and squared.
+        let exprs = [clock(), Expr::scaled(2.0, clock()), Expr::power(clock(), 2)];
+        model.algebraics = exprs.map(equation).into();
+        let at = |model: &Model, time: f64| {
+            let ticks = time * model.states[StateId::new(0)].derivative.as_constant().expect("a number");
+            let numbers = model.algebraics.iter().map(|algebraic| algebraic.expr.evaluate(&|_| ticks));
+            numbers.chain([model.states[StateId::new(1)].derivative.evaluate(&|_| ticks)]).collect::<Vec<f64>>()
+        };
+        for step in [0.5, 0.25, 0.1, 0.7, 0.5] {
+            model.set_step(step);
+            for (is, should) in at(&model, 3.0).into_iter().zip([3.0, 6.0, 9.0, 3.0]) {
+                assert!((is - should).abs() < 1e-12, "{step}: {is} in place of {should}");
+            }
+            let own = if step == 1.0 { clock() } else { Expr::scaled(step, clock()) };
+            assert_eq!(model.algebraics[0].expr, own, "the time itself is what it would be from the beginning");
+        }
     }
 }
