@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use pe_ir::codes;
-use pe_ir::source::{Diagnostic, Sources};
+use pe_ir::source::{Diagnostic, Severity, Sources};
 
 /// A command's failure; every kind has an exit code of its own (see the README).
 #[derive(Debug)]
@@ -48,6 +48,28 @@ impl Failure {
         match self {
             Failure::Fruitless(text) => Some(text),
             Failure::Spec(findings, _) if findings[0].code == codes::OUT_OF_REACH => Some(&findings[0].message),
+            _ => None,
+        }
+    }
+
+    /// The text of a failure that has no findings; those say themselves what is wrong, and where.
+    pub fn text(&self) -> Option<&str> {
+        match self {
+            Failure::Spec(..) => None,
+            Failure::Fruitless(text)
+            | Failure::Usage(text)
+            | Failure::File(text)
+            | Failure::Mismatch(text)
+            | Failure::MissingTool(text)
+            | Failure::Internal(text)
+            | Failure::Interrupted(text) => Some(text),
+        }
+    }
+
+    /// The first error among the findings.
+    pub fn finding(&self) -> Option<&Diagnostic> {
+        match self {
+            Failure::Spec(findings, _) => findings.iter().find(|finding| finding.severity == Severity::Error),
             _ => None,
         }
     }

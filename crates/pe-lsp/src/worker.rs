@@ -258,17 +258,6 @@ fn ranges(Run { root, generation, model }: Run) -> Ranges {
 
 /// Why a model cannot be run, in a few words.
 fn reason(failure: &Failure) -> String {
-    match failure {
-        Failure::Spec(findings, _) => {
-            let error = findings.iter().find(|finding| finding.severity == Severity::Error);
-            error.map_or_else(String::new, |error| format!("{} ({})", error.message, error.code))
-        }
-        Failure::Fruitless(text)
-        | Failure::Usage(text)
-        | Failure::File(text)
-        | Failure::Mismatch(text)
-        | Failure::MissingTool(text)
-        | Failure::Internal(text)
-        | Failure::Interrupted(text) => text.clone(),
-    }
+    let found = failure.finding().map(|error| format!("{} ({})", error.message, error.code));
+    found.unwrap_or_else(|| failure.text().unwrap_or_default().to_owned())
 }

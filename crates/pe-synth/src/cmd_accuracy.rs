@@ -124,7 +124,7 @@ impl Accuracy {
         if self.resume {
             record.resume()?;
         }
-        let estimate = Estimate::of(model, &plan.graphs, &settings.mapping);
+        let estimate = Estimate::of(model, &plan.graphs, &settings.mapping).among(plan.points.iter());
         let sources = loaded.sources.clone();
         let sweep = |within: Option<f64>| Sweep {
             loaded: loaded.clone(),
@@ -144,7 +144,7 @@ impl Accuracy {
         if !quiet {
             let seconds = driver.forecast(&record, &sweep(None)).remaining();
             let (points, title) = (record.rows.len(), &record.title);
-            let time = indicatif::HumanDuration(std::time::Duration::from_secs_f64(seconds.max(1.0)));
+            let time = duration(seconds);
             let done = record.done();
             let kept = if done > 0 { format!(", {done} done before") } else { String::new() };
             console::err(&format!("  accuracy  {title}: {points} points{kept}, about {time}\n"));

@@ -2,9 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::time::Duration;
 
-use indicatif::HumanDuration;
 use pe_ir::model::Model;
 use serde_json::{Map, Value, json};
 
@@ -137,7 +135,8 @@ impl Explore {
             record.resume()?;
         }
         let threads = Driver::threads(self.options.jobs);
-        let estimate = Estimate::of(model, &graphs, &settings.mapping);
+        let estimate =
+            Estimate::of(model, &graphs, &settings.mapping).among(record.rows.iter().map(|(point, ..)| point));
         let driver = Driver::new(Self::NAME, threads, &self.options, events)?;
         let within = shown(record.max_error);
         let sources = loaded.sources.clone();
@@ -208,7 +207,7 @@ fn announcement(axes: &Axes, record: &Record, seconds: f64, threads: usize) -> S
     ];
     let done = record.done();
     let kept = if done > 0 { format!(", {done} done before") } else { String::new() };
-    let time = HumanDuration(Duration::from_secs_f64(seconds.max(1.0)));
+    let time = progress::duration(seconds);
     format!(
         "   explore  {}: {} points = {}{kept}; about {time} on {}\n",
         record.title,

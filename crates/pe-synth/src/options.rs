@@ -124,7 +124,7 @@ pub struct PointArgs {
     #[arg(long, default_value = "auto", value_parser = form(), help_heading = "Mapping")]
     pub form: FormChoice,
     /// Number of processing elements; all of them are used [default: one for every 200 words of a step, as far as more PEs make it shorter]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Mapping")]
+    #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = count, help_heading = "Mapping")]
     pub pes: Option<u32>,
 }
 
@@ -508,6 +508,15 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
         return Err(format!("`{name}` must be finite"));
     }
     Ok((name.trim().to_owned(), value))
+}
+
+/// A number of things, at least one.
+///
+/// # Errors
+/// What it has to be.
+pub fn count(text: &str) -> Result<u32, String> {
+    let count = text.parse().ok().filter(|count| *count > 0);
+    count.ok_or_else(|| "expected a count: a whole number from 1 on".to_owned())
 }
 
 /// Parses a positive number.

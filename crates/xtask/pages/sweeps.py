@@ -56,12 +56,11 @@ def main(folder, *models):
         told, real, used = sweep(program, str(ROOT / spec), target, *MODELS.get(spec, []))
         _, _, whole = sweep(program, str(ROOT / spec), target + "_any", "--max-error", "any", *MODELS.get(spec, []))
         points = re.search(r"(\d+) points =", told)
-        before = re.search(r"about (\d+) (second|minute|hour)", told)
-        before = f"{before[1]} {before[2]}s" if before else "-"
+        before = seconds(re.search(rf"about {TIME} on", told)[0])
         tenth = re.search(rf"points after {TIME}; about {TIME} to go", told)
         tenth = seconds(tenth[0]) if tenth else None
         ratio = f"{tenth:.0f} | {real:.0f} | {tenth / real:.2f}" if tenth else f"- | {real:.0f} | -"
-        print(f"| {name} | {points[1]} | {before} | {ratio} | {used:.0f} | {whole:.0f} | {used / whole:.2f} |", flush=True)
+        print(f"| {name} | {points[1]} | {before:.1f} | {ratio} | {used:.0f} | {whole:.0f} | {used / whole:.2f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -98,7 +98,7 @@ impl Question<'_> {
         let plan = lists.plan(model, &self.settings.mapping);
         let pool = rayon::ThreadPoolBuilder::new().build();
         let pool = pool.map_err(|error| Failure::File(format!("cannot start threads: {error}")))?;
-        let estimate = Estimate::of(model, &plan.graphs, &self.settings.mapping);
+        let estimate = Estimate::of(model, &plan.graphs, &self.settings.mapping).among(plan.points.iter());
         let goals = self.limited();
         let mut rows: Vec<Row> = Vec::new();
         let mut limit = self.max_error();

@@ -8,16 +8,19 @@ use pe_ir::graph::StepGraph;
 use pe_ir::model::{Model, Solver};
 use pe_sim::double::DoubleRun;
 
+use super::axes::once;
 use super::family::{Family, Job};
 use crate::settings::MappingOptions;
 use pe_judge::DesignPoint;
 
-/// Seconds that work takes on the machine on which this was measured, in release mode: a product in double precision
-/// and in fixed point, a try of the annealer, and scheduling, assembling and checking a product.
+/// Seconds that work takes on the machine on which this was measured, in release mode: a product in double precision,
+/// with coefficients rounded in two ways, and in fixed point, a try of the annealer, and scheduling, assembling and checking
+/// a product.
 const DOUBLE: f64 = 3.3e-9;
-const FIXED: f64 = 12e-9;
+const ROUNDED: f64 = 5e-9;
+const FIXED: f64 = 9e-9;
 const TRY: f64 = 0.5e-6;
-const PRODUCT: f64 = 20e-6;
+const PRODUCT: f64 = 25e-6;
 
 /// Seconds of the reference solution per product and step of the model.
 const REFERENCE: f64 = 40e-9;
@@ -34,6 +37,8 @@ pub struct Estimate {
     /// Runs in double precision of a family, in full steps.
     runs: f64,
     tries: f64,
+    /// Points that have a mapping in common, on average.
+    alike: f64,
     /// How much slower this machine is.
     slowness: f64,
 }
@@ -47,10 +52,21 @@ impl Estimate {
         Estimate {
             span: model.span,
             macs: graphs.iter().map(|(solver, graph)| (*solver, graph.macs() as f64)).collect(),
-            runs: if varying { 4.0 } else { 3.0 },
+            // Without inputs the run itself serves for comparisons.
+            runs: if varying { 4.0 } else { 2.0 + f64::from(u8::from(!model.inputs.is_empty())) },
             tries: tries as f64,
+            alike: 1.0,
             slowness: graphs.first().map_or(1.0, |(_, graph)| slowness(graph)),
         }
+    }
+
+    /// Where these are the points: those with the same solver on as many PEs mostly share a mapping.
+    #[must_use]
+    pub fn among<'p>(self, points: impl Iterator<Item = &'p DesignPoint>) -> Estimate {
+        let mut kinds: Vec<(Option<Solver>, Option<u32>)> = points.map(|point| (point.solver, point.pes)).collect();
+        let count = kinds.len();
+        once(&mut kinds);
+        Estimate { alike: count.max(1) as f64 / kinds.len().max(1) as f64, ..self }
     }
 
     /// Products of a point's runs over the span, and of its step.
@@ -78,12 +94,13 @@ impl Estimate {
 
     /// The runs that points with the same formats share.
     pub fn format(&self, point: &DesignPoint) -> f64 {
-        self.products(point).0 * (FIXED + DOUBLE) * self.slowness
+        self.products(point).0 * (FIXED + ROUNDED) * self.slowness
     }
 
     /// The network of a point.
     pub fn network(&self, point: &DesignPoint) -> f64 {
-        (self.tries * TRY + self.products(point).1 * PRODUCT) * self.slowness
+        let tries = if point.pes == Some(1) { 0.0 } else { self.tries / self.alike };
+        (tries * TRY + self.products(point).1 * PRODUCT) * self.slowness
     }
 
     /// The networks of points with the same formats.

@@ -2,7 +2,6 @@
 
 use pe_ir::memory::BLOCK_LUTS;
 use pe_ir::model::Solver;
-use pe_ir::source::Severity;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
@@ -90,21 +89,13 @@ impl Reason {
 
     /// The reason that a failure gives.
     pub fn of(failure: &Failure) -> Reason {
-        let exit_code = failure.code();
-        match failure {
-            Failure::Spec(findings, _) => {
-                let first = findings.iter().find(|finding| finding.severity == Severity::Error);
-                let (code, message) = first
-                    .map_or((None, String::new()), |finding| (Some(finding.code.to_owned()), finding.message.clone()));
-                Reason { code, message, exit_code, beyond: None }
-            }
-            Failure::Fruitless(text)
-            | Failure::Usage(text)
-            | Failure::File(text)
-            | Failure::Mismatch(text)
-            | Failure::MissingTool(text)
-            | Failure::Internal(text)
-            | Failure::Interrupted(text) => Reason { code: None, message: text.clone(), exit_code, beyond: None },
+        let finding = failure.finding();
+        let message = finding.map(|finding| &*finding.message).or(failure.text()).unwrap_or_default().to_owned();
+        Reason {
+            code: finding.map(|finding| finding.code.to_owned()),
+            message,
+            exit_code: failure.code(),
+            beyond: None,
         }
     }
 }

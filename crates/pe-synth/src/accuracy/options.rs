@@ -8,7 +8,7 @@ use pe_ir::word::{MultiplierPorts, Pipeline};
 use pe_judge::parse::{duration, multiplier};
 use pe_judge::{Coefficients, FormChoice};
 
-use crate::options::{coefficients, form, pipeline, solver, storage};
+use crate::options::{coefficients, count, form, pipeline, solver, storage};
 
 /// Lists of what is compared.
 #[derive(Args, Clone, Debug)]
@@ -45,7 +45,7 @@ pub struct ListArgs {
     #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = duration, help_heading = "Points")]
     sample: Option<f64>,
     /// Number of processing elements of every point [default: one for every 200 issue slots]
-    #[arg(long, value_name = "N", help_heading = "Points")]
+    #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = count, help_heading = "Points")]
     pes: Option<u32>,
 }
 

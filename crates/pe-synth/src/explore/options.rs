@@ -7,13 +7,13 @@ use pe_ir::word::{MultiplierPorts, Pipeline};
 use pe_judge::FormChoice;
 use pe_judge::parse::{duration, multiplier};
 
-use crate::options::{form, pipeline, solver, storage};
+use crate::options::{count, form, pipeline, solver, storage};
 
 /// Options of the axes: lists in place of the single values that the other commands take.
 #[derive(Args, Clone, Debug)]
 pub struct AxesArgs {
     /// Numbers of processing elements [default: powers of two, as long as more PEs can be faster]
-    #[arg(long, value_name = "N,...", value_delimiter = ',', help_heading = "Sweep")]
+    #[arg(long, value_name = "N,...", value_delimiter = ',', allow_hyphen_values = true, value_parser = count, help_heading = "Sweep")]
     pes: Vec<u32>,
     /// Numerical methods [default: euler,heun,heun3,rk4; for stiff models all that apply]
     #[arg(long, value_name = "SOLVER,...", value_delimiter = ',', value_parser = solver(), help_heading = "Sweep")]

@@ -55,3 +55,16 @@ fn quiet_commands_print_findings_only() {
         Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(["check", spec, "--step", "2", "--quiet"]).output().unwrap();
     assert!(output.status.code() == Some(1) && output.stdout.is_empty() && !output.stderr.is_empty());
 }
+
+#[test]
+fn a_number_of_pes_that_is_no_count_is_told_so() {
+    for command in ["compile", "explore", "accuracy"] {
+        for count in ["-1", "0", "1.5", "many"] {
+            let mut program = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+            let output = program.arg(command).arg(spec("lorenz")).args(["--pes", count]).output().unwrap();
+            let text = stderr(&output);
+            let told = text.contains("expected a count: a whole number from 1 on") && !text.contains("tip");
+            assert!(told && output.status.code() == Some(2), "{command} {count}: {text}");
+        }
+    }
+}
