@@ -55,6 +55,11 @@ impl Report {
         self.out_of_work
     }
 
+    /// Whether something of a code was found at a place.
+    pub(crate) fn tells(&self, code: &str, span: Span) -> bool {
+        self.findings.iter().any(|finding| finding.code == code && finding.span == Some(span))
+    }
+
     /// Number of findings so far.
     pub(crate) fn count(&self) -> usize {
         self.findings.len()

@@ -336,6 +336,9 @@ impl<'a> Checker<'_, 'a> {
         match self.names.find(name) {
             Some(Symbol::Quantity(number)) => self.units[number].unwrap_or(Unknown),
             None if name == TIME => Known(self.time()),
+            // What nobody knows may have any unit.
+            None if self.names.is_poisoned(name) => Unknown,
+            None if self.report.tells(codes::UNKNOWN_NAME, reference.name.span) => Unknown,
             // Indices and what is predefined are numbers.
             Some(Symbol::Index(_) | Symbol::Predefined(_)) | None => Number,
         }
