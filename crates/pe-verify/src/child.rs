@@ -22,6 +22,8 @@ pub struct Children<'a> {
     pub until: Option<Instant>,
     /// Hears of lines that a program has printed so far.
     pub heard: Option<&'a dyn Fn(u64)>,
+    /// Hears when what is built once for all runs is there.
+    pub built: Option<&'a dyn Fn()>,
 }
 
 /// Runs a program to its end and returns what it printed.
@@ -30,6 +32,11 @@ pub fn execute(command: &mut Command, tool: &str, install: &str) -> Result<Strin
 }
 
 impl Children<'_> {
+    /// What is built once for all runs is there.
+    pub fn have_built(&self) {
+        self.built.into_iter().for_each(|built| built());
+    }
+
     /// Runs a program and returns what it printed.
     ///
     /// # Errors
@@ -125,7 +132,7 @@ mod tests {
     #[test]
     fn a_program_ends_with_its_time() {
         let begun = Instant::now();
-        let children = Children { until: Some(begun + Duration::from_millis(300)), heard: None };
+        let children = Children { until: Some(begun + Duration::from_millis(300)), ..Children::default() };
         let ended = children.run(Command::new("sleep").arg("60"), "sleep", "");
         assert!(matches!(ended, Err(Failure::Interrupted(_))), "{ended:?}");
         assert!(begun.elapsed() < Duration::from_secs(20));
@@ -136,7 +143,7 @@ mod tests {
         let expected = [TraceLine::parse("1 0 0 5").unwrap()];
         let heard = std::cell::Cell::new(0);
         let note = |lines| heard.set(lines);
-        let children = Children { until: None, heard: Some(&note) };
+        let children = Children { heard: Some(&note), ..Children::default() };
         let mut print = Command::new("sh");
         print.args(["-c", "echo t 1 0 0 5; echo t 2 0 0 6; sleep 60"]);
         let text = children.run_until_difference(&mut print, "sh", "", Some(&expected)).unwrap();

@@ -230,6 +230,7 @@ impl<'a> Bench<'a> {
                     failure => failure,
                 }
             })?;
+            self.children.have_built();
         }
         let mut run = Command::new(&program);
         run.args(["--stimulus", stimulus, "--steps", &job.steps.to_string()]).args(form);
@@ -268,6 +269,9 @@ impl<'a> Bench<'a> {
                 }
             }
             self.children.run(&mut analyse, "ghdl", GHDL_INSTALL)?;
+            if library != "work" {
+                self.children.have_built();
+            }
         }
         self.analysed = Some(words.to_vec());
         Ok(())

@@ -18,7 +18,7 @@ use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
 use crate::folder::{Change, DesignFolder};
 use crate::handshake::{self, Handshake, Met};
 use crate::host::{self, Play};
-use crate::pace::Pace;
+use crate::pace::{Effort, Pace};
 use crate::package::{self, InitialWord};
 use crate::stimuli::{self, Candidate, Observed, Purpose};
 use pe_flow::failure::Failure;
@@ -135,6 +135,8 @@ struct Made {
     times: u64,
     steps: u64,
     seek: Seek,
+    /// What it is sought for, where that says how long a search takes that finds nothing.
+    purpose: Option<Purpose>,
 }
 
 /// Starts that are sought, of each kind at most so many: their name, and what finds them.
@@ -160,7 +162,7 @@ const OWN: [&str; 2] = ["the beginning", "the middle"];
 /// judged.
 pub fn judge(path: &Path, options: &Options, listener: &dyn Listener) -> Result<Verdict, Failure> {
     let pace = Pace::new(&options.engines, options.within, listener);
-    let heard = |lines| pace.heard(lines);
+    let (heard, built) = (|lines| pace.heard(lines), || pace.built());
     let scratch = Scratch::new()?;
     let folder = DesignFolder::open(path)?;
     let changes = folder.changes();
@@ -170,7 +172,7 @@ pub fn judge(path: &Path, options: &Options, listener: &dyn Listener) -> Result<
     let (beginning, line) = beginning(&folder, options)?;
     pace.say(&line);
     let bench = Bench::new(&folder.path, &folder.design, &scratch.folder("bench")?)?;
-    let mut bench = bench.with(pace.children(&heard));
+    let mut bench = bench.with(pace.children(&heard, &built));
     let (mut runs, mut moved) = (Vec::new(), Vec::new());
     let Starts { seen, met, .. } = Starts::make(&folder, options, beginning, &pace, &mut |expected| {
         for (at, engine) in options.engines.iter().enumerate() {
@@ -342,9 +344,11 @@ impl Starts {
         for kind in &kinds {
             // More PEs have more places to saturate; other searches find little, but take their time.
             let likely = if kind.name != LIMITS { 1 } else { kind.times.min(3 * program.pes.len() as u64 - 1) };
-            pace.plan(kind.name, likely, work * kind.steps);
+            let search =
+                kind.purpose.map_or_else(Effort::default, |purpose| stimuli::effort(program, purpose, kind.steps));
+            pace.plan(kind.name, likely, work * kind.steps, search);
         }
-        OWN.iter().for_each(|name| pace.plan(name, 1, work * beginning.steps));
+        OWN.iter().for_each(|name| pace.plan(name, 1, work * beginning.steps, Effort::default()));
         if pace.within().is_some() && beginning.steps > BRIEF {
             // Tells what steps cost.
             starts.expect(Start { steps: BRIEF, ..beginning.clone() }, pace, take)?;
@@ -434,11 +438,12 @@ fn made(program: &Program, options: &Options, work: u64) -> Vec<Made> {
     let tables = program.pes.iter().any(|pe| pe.features.index_words > 0);
     let in_motion: Seek = |program, steps, seen| stimuli::choose(program, Purpose::Motion, steps, seen);
     let saturating: Seek = |program, steps, seen| stimuli::choose(program, Purpose::Saturation, steps, seen);
-    let random = ("random words", if tables { TABLES } else { 1 }, steps, in_motion);
-    let limits = (LIMITS, (LONG / work).clamp(1, SATURATIONS), SATURATING, saturating);
-    let sought = SOUGHT.map(|(name, times, seek)| (name, times, BRIEF, seek));
+    let random = ("random words", if tables { TABLES } else { 1 }, steps, in_motion, Some(Purpose::Motion));
+    let times = (LONG / work).clamp(1, SATURATIONS);
+    let limits = (LIMITS, times, SATURATING, saturating, Some(Purpose::Saturation));
+    let sought = SOUGHT.map(|(name, times, seek)| (name, times, BRIEF, seek, None));
     let all = [random, limits].into_iter().chain(sought);
-    all.map(|(name, times, steps, seek)| Made { name, times, steps: steps.min(most), seek }).collect()
+    all.map(|(name, times, steps, seek, purpose)| Made { name, times, steps: steps.min(most), seek, purpose }).collect()
 }
 
 impl Expected {

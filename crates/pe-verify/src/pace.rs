@@ -1,7 +1,9 @@
 //! How far a judgement is, what is left of it, and what of that fits into a time.
 //!
-//! Work is counted in control words of all PEs: PEs times clocks. An engine takes a time to begin and one for each word; both
-//! are those of its last run, and searches take what they took so far. Starts that are still to come are those that are made at most, or fewer where PEs are few.
+//! Work is counted in control words of all PEs: PEs times clocks. An engine takes a time to begin and one for each word, as its
+//! runs say, without what is built once for all. Searches take what they took so far, and the last ones of a
+//! kind what it takes to try everything in the simulator. Starts that are still to come are those that are
+//! made at most, or fewer where PEs are few.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -50,11 +52,50 @@ impl Cost {
     }
 }
 
-/// Starts of a kind that are to come: how many, and the words of each.
+/// The latest of the shortest and of the longest runs: words and seconds.
+#[derive(Clone, Copy, Debug)]
+struct Ends {
+    short: (u64, f64),
+    long: (u64, f64),
+}
+
+/// How many times the words of a run another one has that tells apart what beginning takes and what words take.
+const APART: f64 = 1.5;
+
+impl Ends {
+    /// With another run, and what both ends say.
+    fn with(before: Option<Ends>, run: (u64, f64)) -> (Ends, Option<Cost>) {
+        let Ends { short, long } = before.unwrap_or(Ends { short: run, long: run });
+        let ends =
+            Ends { short: if run.0 <= short.0 { run } else { short }, long: if run.0 >= long.0 { run } else { long } };
+        let Ends { short, long } = ends;
+        let apart = long.0 as f64 > APART * short.0 as f64;
+        let cost = apart.then(|| {
+            let word = ((long.1 - short.1) / (long.0 - short.0) as f64).max(0.0);
+            Cost { begin: (short.1 - word * short.0 as f64).max(0.0), word }
+        });
+        (ends, cost)
+    }
+}
+
+/// Searches of a kind that try nearly everything: that which finds nothing, and one that finds something late.
+const HARD: f64 = 2.0;
+
+/// The search for a start that is not there: runs of the simulator, and their words.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Effort {
+    /// Runs.
+    pub runs: u64,
+    /// Words of all of them.
+    pub words: u64,
+}
+
+/// Starts of a kind that are to come: how many, the words of each, and those of the search for one that is not there.
 #[derive(Clone, Copy, Debug)]
 struct Planned {
     starts: u64,
     words: u64,
+    search: Effort,
 }
 
 /// The run at work.
@@ -71,6 +112,7 @@ struct Current {
 #[derive(Default)]
 struct State {
     costs: BTreeMap<Work, Cost>,
+    ends: BTreeMap<Work, Ends>,
     planned: BTreeMap<&'static str, Planned>,
     current: Option<Current>,
     /// Searches so far.
@@ -109,14 +151,14 @@ impl<'a> Pace<'a> {
         self.begun.elapsed().as_secs_f64()
     }
 
-    /// What engines keep to; `heard` passes on to [`Pace::heard`].
-    pub fn children<'b>(&self, heard: &'b dyn Fn(u64)) -> Children<'b> {
-        Children { until: self.within.map(|within| self.begun + within), heard: Some(heard) }
+    /// What engines keep to; `heard` and `built` pass on to [`Pace::heard`] and [`Pace::built`].
+    pub fn children<'b>(&self, heard: &'b dyn Fn(u64), built: &'b dyn Fn()) -> Children<'b> {
+        Children { until: self.within.map(|within| self.begun + within), heard: Some(heard), built: Some(built) }
     }
 
-    /// Says how many starts of a kind are to come at most, and the words of each.
-    pub fn plan(&self, kind: &'static str, starts: u64, words: u64) {
-        self.state.borrow_mut().planned.insert(kind, Planned { starts, words });
+    /// Says how many starts of a kind are to come at most, the words of each, and the last search, which finds nothing.
+    pub fn plan(&self, kind: &'static str, starts: u64, words: u64, search: Effort) {
+        self.state.borrow_mut().planned.insert(kind, Planned { starts, words, search });
     }
 
     /// One start of a kind less is to come.
@@ -186,8 +228,12 @@ impl<'a> Pace<'a> {
     pub fn simulate<T>(&self, words: u64, run: impl FnOnce() -> T) -> T {
         let begun = Instant::now();
         let result = run();
-        let cost = Cost { begin: 0.0, word: begun.elapsed().as_secs_f64() / words.max(1) as f64 };
-        self.state.borrow_mut().costs.insert(Work::Simulator, cost);
+        let took = begun.elapsed().as_secs_f64();
+        self.state.borrow_mut().note(
+            Work::Simulator,
+            (words, took),
+            Cost { begin: 0.0, word: took / words.max(1) as f64 },
+        );
         result
     }
 
@@ -207,9 +253,16 @@ impl<'a> Pace<'a> {
         if let Some(current) = state.current.take() {
             let all = current.begun.elapsed().as_secs_f64();
             let begin = current.first.map_or(all, |first| (first - current.begun).as_secs_f64());
-            state.costs.insert(work, Cost { begin, word: (all - begin) / words.max(1) as f64 });
+            state.note(work, (words, all), Cost { begin, word: (all - begin) / words.max(1) as f64 });
         }
         result
+    }
+
+    /// Hears that what an engine builds once is there: other runs do not take that time.
+    pub fn built(&self) {
+        if let Some(current) = &mut self.state.borrow_mut().current {
+            current.begun = Instant::now();
+        }
     }
 
     /// Hears of lines that a running engine has printed.
@@ -243,16 +296,26 @@ impl<'a> Pace<'a> {
             let took = current.begun.elapsed().as_secs_f64();
             current.estimated.map(|estimated| (estimated - took).max(0.0))
         })?;
-        let starts = state
-            .planned
-            .values()
-            .map(|planned| state.start(&self.engines, planned.words).map(|seconds| seconds * planned.starts as f64));
-        let left = starts.sum::<Option<f64>>()? + current;
+        let Cost { begin, word } = state.costs.get(&Work::Simulator).copied().unwrap_or_default();
+        let of = |planned: &Planned| {
+            let Planned { starts, words, search } = *planned;
+            let last = HARD * (begin * search.runs as f64 + word * search.words as f64);
+            Some(state.start(&self.engines, words)? * starts as f64 + last)
+        };
+        let left = state.planned.values().map(of).sum::<Option<f64>>()? + current;
         Some(self.within().map_or(left, |within| left.min((within - self.elapsed()).max(0.0))))
     }
 }
 
 impl State {
+    /// Notes a run of so many words and seconds. What it says alone counts until others have more or fewer words: programs
+    /// whose lines come together do not tell when they began.
+    fn note(&mut self, work: Work, run: (u64, f64), alone: Cost) {
+        let (ends, cost) = Ends::with(self.ends.get(&work).copied(), run);
+        self.ends.insert(work, ends);
+        self.costs.insert(work, cost.unwrap_or(alone));
+    }
+
     /// Seconds of a start with so many words in all engines; none until each has run.
     fn start(&self, engines: &[Engine], words: u64) -> Option<f64> {
         let cost = |work| self.costs.get(&work).map(|cost| cost.of(words));
@@ -273,7 +336,7 @@ mod tests {
     #[test]
     fn what_is_left_follows_from_what_runs_took() {
         let pace = Pace::new(&[Engine::Ghdl], None, &Nobody);
-        pace.plan("random words", 3, 100);
+        pace.plan("random words", 3, 100, Effort::default());
         assert_eq!(pace.left(&pace.state.borrow()), None);
         pace.find("random words", || spend(0.02));
         pace.run(Engine::Ghdl, "random words", 100, 10, || {
@@ -284,8 +347,32 @@ mod tests {
         pace.begin("random words");
         let left = pace.left(&pace.state.borrow()).unwrap();
         assert!((0.14..0.6).contains(&left), "{left}");
+        // What is built once is not built again, and a search that finds nothing takes as long as the simulator.
+        pace.run(Engine::Ghdl, "random words", 100, 10, || {
+            spend(0.2);
+            pace.built();
+            spend(0.01);
+            pace.heard(1);
+        });
+        let again = pace.left(&pace.state.borrow()).unwrap();
+        assert!(again < 0.2, "{again}");
+        pace.simulate(100, || spend(0.01));
+        pace.plan("random words", 2, 100, Effort { runs: 100, words: 10_000 });
+        let sought = pace.left(&pace.state.borrow()).unwrap() - again;
+        assert!((1.8..60.0).contains(&sought), "{sought}");
         pace.done("random words");
         assert_eq!(pace.left(&pace.state.borrow()), Some(0.0));
+    }
+
+    #[test]
+    fn runs_of_two_lengths_tell_what_words_take() {
+        let (ends, alone) = Ends::with(None, (100, 3.0));
+        assert!(alone.is_none());
+        let (ends, cost) = Ends::with(Some(ends), (200, 4.0));
+        assert_eq!(cost.map(|cost| (cost.begin, cost.word)), Some((2.0, 0.01)));
+        // The load of the machine may turn it around.
+        let (_, cost) = Ends::with(Some(ends), (50, 5.0));
+        assert_eq!(cost.map(|cost| (cost.begin, cost.word)), Some((5.0, 0.0)));
     }
 
     #[test]

@@ -13,6 +13,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::engines::{Run, played};
+use crate::pace::Effort;
 
 /// What the simulator knows of a run.
 pub struct Observed {
@@ -94,9 +95,38 @@ impl Purpose {
     }
 }
 
+/// Numbers of candidates of a purpose: made for a design of so many control words a run, of its own words, and anywhere.
+fn candidates(program: &Program, purpose: Purpose, cost: u64) -> (u64, u64, u64) {
+    let most = CANDIDATES.max(2 * program.pes.len() as u64 + 2);
+    let made = (BUDGET / cost).clamp(2, most);
+    match purpose {
+        Purpose::Motion => (made, 0, 0),
+        Purpose::Saturation => (made, OWN_WORDS, (BUDGET / cost).min(ANYWHERE)),
+    }
+}
+
+/// Control words of all PEs that a candidate runs.
+fn cost(program: &Program, steps: u64) -> u64 {
+    (program.pes.len() as u64 * u64::from(program.period) * steps).max(1)
+}
+
+/// Aimed candidates of a search in which no other one sets a flag.
+fn aimed(cost: u64) -> u64 {
+    (BUDGET / (AIMING * cost)).clamp(2, AIMED)
+}
+
+/// What a search takes that finds nothing.
+pub fn effort(program: &Program, purpose: Purpose, steps: u64) -> Effort {
+    let cost = cost(program, steps);
+    let (made, own_words, anywhere) = candidates(program, purpose, cost);
+    let sought = purpose == Purpose::Saturation && !unseen(program, &Coverage::none(program)).is_empty();
+    let runs = made + own_words + anywhere + if sought { AIMING * aimed(cost) } else { 0 };
+    Effort { runs, words: runs * cost }
+}
+
 /// The candidate with most at work beside `seen`, if any has more. Starts are aimed if no other sets a flag in a new way.
 pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) -> Option<Candidate> {
-    let cost = (program.pes.len() as u64 * u64::from(program.period) * steps).max(1);
+    let cost = cost(program, steps);
     let scored = |candidate: Candidate| {
         let observed = observe(&candidate.program, &candidate.stimulus, steps);
         // No run of the design gets there, so PEs that do not saturate need not stand it.
@@ -105,12 +135,7 @@ pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) 
         sum.add(&coverage);
         Some((purpose.score(&sum), sum.flags(), candidate))
     };
-    let most = CANDIDATES.max(2 * program.pes.len() as u64 + 2);
-    let made = (BUDGET / cost).clamp(2, most);
-    let (own_words, anywhere) = match purpose {
-        Purpose::Motion => (0, 0),
-        Purpose::Saturation => (OWN_WORDS, (BUDGET / cost).min(ANYWHERE)),
-    };
+    let (made, own_words, anywhere) = candidates(program, purpose, cost);
     let mut best: Option<(u64, u64, Candidate)> = None;
     for number in 0..made + own_words + anywhere {
         let candidate = match number.checked_sub(made + own_words) {
@@ -125,9 +150,9 @@ pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) 
     let flags = seen.flags();
     if purpose == Purpose::Saturation && best.as_ref().is_none_or(|best| best.1 == flags) {
         let places = unseen(program, seen);
-        let aimed = if places.is_empty() { 0 } else { (BUDGET / (AIMING * cost)).clamp(2, AIMED) };
+        let count = if places.is_empty() { 0 } else { aimed(cost) };
         let mut aimed =
-            (0..aimed).filter_map(|number| scored(aimed_at(program, &places, steps, AIMED * flags + number, seen)));
+            (0..count).filter_map(|number| scored(aimed_at(program, &places, steps, AIMED * flags + number, seen)));
         best = aimed.find(|scored| scored.1 > flags).or(best);
     }
     best.map(|best| best.2)
