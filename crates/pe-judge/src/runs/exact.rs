@@ -199,7 +199,7 @@ fn reference_run(
     let (mut samples, mut looked_at) = (plan.samples.iter().peekable(), plan.looks.iter().peekable());
     let (states, outputs) = (model.states.len(), compared_outputs(graph));
     let mut keeping = Keeping::new(plan, states + outputs, MOST_KEPT_AT_ONCE);
-    keeping.stop_if(!model.inputs.is_empty());
+    keeping.stop_if(!model.inputs.is_empty() || !model.rates.is_empty());
     for done in 1..=plan.steps {
         let time = model.time(done - 1, 0.0);
         run.step(&model.sample_inputs(time)).map_err(|diverged| vec![non_finite(graph, diverged, time)])?;

@@ -135,7 +135,7 @@ impl Feed {
     /// Inputs in a part of a step.
     fn inputs(&self, plan: &Plan, step: u64, substep: u64) -> Vec<f64> {
         let Feed { finer, substeps, sight, continuous } = self;
-        if finer.inputs.is_empty() {
+        if finer.inputs.is_empty() && finer.rates.is_empty() {
             return Vec::new();
         }
         let (time, end) = (self.time(plan, step, substep), (substep + 1) as f64 / *substeps as f64);
