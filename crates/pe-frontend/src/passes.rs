@@ -10,6 +10,7 @@ use crate::context::Context;
 use crate::declare::initial::Initial;
 use crate::declare::settings::Settings;
 use crate::declare::{constants, initial, overrides as set, sizes, times};
+use crate::equations::constrained::{self, Constrained};
 use crate::equations::{order, sampled, systems, write as equations};
 use crate::limits::Limits;
 use crate::model::assemble::{self, Parts};
@@ -86,9 +87,11 @@ fn elaborated(spec: &Spec, overrides: &Overrides, limits: &Limits, stop: Option<
     let mut report = Report::default();
     let expanded = expand::expand(spec, &mut report);
     let spec = expanded.as_ref().unwrap_or(spec);
+    let mechanism = constrained::write_out(spec, &mut report);
+    let (spec, mechanism) = mechanism.as_ref().map_or((spec, None), |(spec, mechanism)| (spec, mechanism.as_ref()));
     let written = arrays::write_out(spec, &overrides.set, limits, &mut report);
     let plain = written.as_ref().map_or(spec, |written| &written.spec);
-    let (model, mut report, known) = run(plain, overrides, (limits, stop), report);
+    let (model, mut report, known) = run(plain, mechanism, overrides, (limits, stop), report);
     if model.is_none() && !report.failed() && spec.broken.is_empty() {
         let unexplained = written.as_ref().and_then(Written::unexplained);
         unexplained.into_iter().for_each(|error| report.push(error));
@@ -104,6 +107,7 @@ fn elaborated(spec: &Spec, overrides: &Overrides, limits: &Limits, stop: Option<
 /// All passes over a spec without whole arrays.
 fn run(
     spec: &Spec,
+    mechanism: Option<&Constrained>,
     overrides: &Overrides,
     (limits, stop): (&Limits, Option<&Arc<AtomicBool>>),
     mut report: Report,
@@ -151,6 +155,10 @@ fn run(
         }
         unused::warn(&names, &mut report);
         unused::empty_sums(&evaluator.sums, &mut report);
+        let mechanism = match mechanism {
+            Some(named) => Some(constrained::mechanism(named, &names, &flat, &numbers, &mut report)?),
+            None => None,
+        };
         Some(Parts {
             header: settings.header()?,
             times: times?,
@@ -161,6 +169,7 @@ fn run(
             initials,
             inputs,
             outputs,
+            mechanism,
             observed: !overrides.observe.is_empty(),
         })
     })();

@@ -71,7 +71,11 @@ pub fn functions() -> impl Iterator<Item = Call> {
         Call { name: function.name, signature: format!("{}({})", function.name, names.join(", ")), signal: false }
     });
     let arrays = OF_ARRAYS.iter().map(|(name, arguments)| {
-        let names = if *arguments == 1 { "A" } else { "A, b" };
+        let names = match arguments {
+            1 => "A",
+            2 => "A, b",
+            _ => "M, f, J, gap, bend, penalty, rate",
+        };
         Call { name, signature: format!("{name}({names})"), signal: false }
     });
     let signals = WAVEFORMS.iter().map(|(name, arguments, needed)| {

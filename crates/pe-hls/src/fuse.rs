@@ -10,6 +10,7 @@
 mod guards;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
 
 use pe_ir::index;
 use pe_ir::model::{Algebraic, Expr, Model, Select, Variable};
@@ -68,10 +69,9 @@ pub fn fuse(model: Model) -> (Model, Vec<Diagnostic>) {
     for (state, derivative) in model.states.iter_mut().zip(derivatives) {
         state.derivative = derivative;
     }
-    for output in &mut model.outputs {
-        if let Variable::Algebraic(number) = &mut output.variable {
-            *number = numbers[index::at(*number)];
-        }
+    model.outputs.iter_mut().for_each(|output| renumber(&mut output.variable, &numbers));
+    if let Some(mechanism) = &mut model.mechanism {
+        Arc::make_mut(mechanism).each_variable_mut(&mut |variable| renumber(variable, &numbers));
     }
     drop_unread(&mut model);
     model.share_systems();
@@ -124,6 +124,9 @@ fn drop_unread(model: &mut Model) {
     for output in &model.outputs {
         mark(&Expr::Variable(output.variable), &mut needed);
     }
+    for part in model.mechanism.iter().flat_map(|mechanism| mechanism.parts()) {
+        mark(part, &mut needed);
+    }
     for number in (0..count).rev() {
         if needed[number] {
             mark(&model.algebraics[number].expr, &mut needed);
@@ -137,11 +140,7 @@ fn drop_unread(model: &mut Model) {
             next.saturating_sub(1)
         })
         .collect();
-    let renumber = |variable: &mut Variable| {
-        if let Variable::Algebraic(number) = variable {
-            *number = numbers[index::at(*number)];
-        }
-    };
+    let renumber = |variable: &mut Variable| renumber(variable, &numbers);
     let mut place = 0;
     model.algebraics.retain(|_| {
         place += 1;
@@ -150,6 +149,16 @@ fn drop_unread(model: &mut Model) {
     model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr.each_variable_mut(&mut { renumber }));
     model.states.iter_mut().for_each(|state| state.derivative.each_variable_mut(&mut { renumber }));
     model.outputs.iter_mut().for_each(|output| renumber(&mut output.variable));
+    if let Some(mechanism) = &mut model.mechanism {
+        Arc::make_mut(mechanism).each_variable_mut(&mut { renumber });
+    }
+}
+
+/// Gives a variable its new number.
+fn renumber(variable: &mut Variable, numbers: &[u32]) {
+    if let Variable::Algebraic(number) = variable {
+        *number = numbers[index::at(*number)];
+    }
 }
 
 /// Variables, constants and what joins them.

@@ -7,6 +7,7 @@
 //! with a kink become functions of their own. Lifting a lifted model changes nothing.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
 
 use pe_ir::index;
 use pe_ir::model::{Algebraic, Expr, Function, Model, Select, Variable};
@@ -57,10 +58,14 @@ pub fn lift(model: Model) -> Model {
     for (state, derivative) in model.states.iter_mut().zip(derivatives) {
         state.derivative = derivative;
     }
-    for output in &mut model.outputs {
-        if let Variable::Algebraic(number) = &mut output.variable {
+    let renumber = |variable: &mut Variable| {
+        if let Variable::Algebraic(number) = variable {
             *number = numbers[index::at(*number)];
         }
+    };
+    model.outputs.iter_mut().for_each(|output| renumber(&mut output.variable));
+    if let Some(mechanism) = &mut model.mechanism {
+        Arc::make_mut(mechanism).each_variable_mut(&mut { renumber });
     }
     model.share_systems();
     model

@@ -70,6 +70,7 @@ codes! {
     VARIABLE_CONDITION = "E0405", "condition on a variable";
     NOT_CONSTANT = "E0407", "constant expected";
     NOT_INTEGER = "E0408", "integer expected";
+    UNSUITABLE_MECHANISM = "E0416", "equation that makes no mechanism";
 
     OUT_OF_RANGE = "E0501", "subscript out of range";
     NO_SUCH_ELEMENT = "E0502", "element without equation";

@@ -14,6 +14,7 @@ mod gradient;
 pub mod graph;
 pub mod index;
 pub mod mapping;
+pub mod mechanism;
 pub mod memory;
 pub mod model;
 pub mod motion;

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::index::{self, List, StateId, at};
+use crate::mechanism::Mechanism;
 use crate::motion::Motion;
 use crate::source::Span;
 
@@ -136,6 +137,8 @@ pub struct Model {
     pub inputs: Vec<Input>,
     /// Signals that the network plays.
     pub signals: Vec<Signal>,
+    /// What the accelerations are made of, if motion is constrained.
+    pub mechanism: Option<Arc<Mechanism>>,
     /// Outputs.
     pub outputs: Vec<Output>,
     /// Names of equations and inputs that no output depends on, in source order; they are gone from the lists above.
@@ -210,6 +213,7 @@ impl Model {
             algebraics: Vec::new(),
             inputs: Vec::new(),
             signals: Vec::new(),
+            mechanism: None,
             outputs: Vec::new(),
             left_out: Vec::new(),
         }

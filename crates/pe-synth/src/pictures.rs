@@ -12,8 +12,8 @@ use crate::page::Shown;
 use crate::page::names::{Names, three_digits};
 use crate::page::outputs::{Array, Sorted, over_time, unit};
 use pe_flow::pipeline::{Design, multiplier_name};
-use pe_ir::element;
 use pe_flow::variables::Variable;
+use pe_ir::element;
 use pe_judge::runs::Judged;
 
 /// Outputs that a picture shows as curves, and arrays that it shows as maps.

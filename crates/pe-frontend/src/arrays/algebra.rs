@@ -1,7 +1,7 @@
 //! Algebra of whole arrays: finds the shape of an expression that names vectors and matrices without subscripts, and
 //! writes out each element as an expression of scalars.
 
-use crate::language::words::{DOT, SOLVE, TIME, TRANSPOSE};
+use crate::language::words::{CONSTRAINED, DOT, SOLVE, TIME, TRANSPOSE};
 use crate::names::table::{Names, Symbol};
 use crate::report::Report;
 use crate::syntax::ast::{Binder, Expr, ExprKind, Factor, Name, Range, Reference, Sign};
@@ -100,6 +100,13 @@ impl Algebra<'_, '_> {
                 (DOT, [one, other]) => self.dot(one, other, expr.span),
                 (TRANSPOSE, [matrix]) => self.transpose(matrix, expr.span),
                 (SOLVE, [matrix, right]) => self.solve(matrix, right, expr.span),
+                (CONSTRAINED, _) => {
+                    let message = "`constrained` is the whole right-hand side of an equation";
+                    let help = "write `w' = constrained(M, f, J, gap, bend, penalty, rate)`";
+                    let error = Diagnostic::error(codes::UNSUITABLE_MECHANISM, expr.span, message);
+                    self.report.push(error.with_help(help));
+                    None
+                }
                 (DOT | TRANSPOSE | SOLVE, _) => {
                     let wanted = if function.text == TRANSPOSE { 1 } else { 2 };
                     let message = format!("`{}` takes {wanted} argument(s), found {}", function.text, arguments.len());

@@ -67,20 +67,7 @@ pub(crate) fn write_out(
     constants::compute(&mut sizes, Kind::Param, &overrides);
     boxes(&mut sizes, &mut shapes);
     shapes_of_definitions(spec, &sizes.names, &mut shapes, report);
-    let mut written = Written {
-        spec: Spec {
-            statements: Vec::with_capacity(spec.statements.len()),
-            broken: spec.broken.clone(),
-            blocks: spec.blocks.clone(),
-            components: Vec::new(),
-            names_missing: spec.names_missing,
-            measured: spec.measured,
-            files: spec.files.clone(),
-            tables: spec.tables.clone(),
-            table_at: spec.table_at.clone(),
-        },
-        lost: None,
-    };
+    let mut written = Written { spec: spec.emptied(), lost: None };
     let mut systems = 0;
     for statement in &spec.statements {
         let mut copy = statement.clone();

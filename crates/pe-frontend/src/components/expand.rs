@@ -7,8 +7,8 @@ use crate::syntax::ast::{
     Binder, Block, Component, Declared, Equation, Expr, LeftSide, Name, Range, Reference, Spec, Statement,
     StatementKind,
 };
-use pe_ir::{codes, element};
 use pe_ir::source::{Diagnostic, Span};
+use pe_ir::{codes, element};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -44,17 +44,8 @@ pub(crate) fn expand(spec: &Spec, report: &mut Report) -> Option<Spec> {
     }
     let indices = ranges.iter().map(|(name, range): (&String, &Range)| (name.as_str(), range.span)).collect();
     let clashing = instances_apart(&spec.statements, indices, report);
-    let written = Spec {
-        statements: Vec::with_capacity(spec.statements.len()),
-        broken: spec.broken.clone(),
-        blocks: spec.blocks.clone(),
-        components: Vec::new(),
-        names_missing: spec.names_missing || spec.components.iter().any(|component| component.broken),
-        measured: spec.measured,
-        files: spec.files.clone(),
-        tables: spec.tables.clone(),
-        table_at: spec.table_at.clone(),
-    };
+    let mut written = spec.emptied();
+    written.names_missing |= spec.components.iter().any(|component| component.broken);
     let mut writer = Writer { components, broken, clashing, ranges, open: Vec::new(), written, report };
     let whole = Scope::default();
     for statement in &spec.statements {

@@ -1,5 +1,6 @@
 //! Passes over equations: written out for all elements, sampled parts held, algebraic ones put in order.
 
+pub(crate) mod constrained;
 pub(crate) mod order;
 pub(crate) mod pattern;
 pub(crate) mod sampled;

@@ -15,8 +15,11 @@ pub(crate) const TRANSPOSE: &str = "transpose";
 /// The solution of a linear system.
 pub(crate) const SOLVE: &str = "solve";
 
+/// The accelerations of a mechanism.
+pub(crate) const CONSTRAINED: &str = "constrained";
+
 /// Functions of whole arrays, with the number of their arguments.
-pub(crate) const OF_ARRAYS: [(&str, usize); 3] = [(DOT, 2), (TRANSPOSE, 1), (SOLVE, 2)];
+pub(crate) const OF_ARRAYS: [(&str, usize); 4] = [(DOT, 2), (TRANSPOSE, 1), (SOLVE, 2), (CONSTRAINED, 7)];
 
 /// The value of a predefined number.
 pub(crate) fn predefined(name: &str) -> Option<f64> {

@@ -11,8 +11,11 @@ use crate::names::table::{Kind, Names, Quantity};
 use crate::report::Report;
 use pe_ir::codes;
 use pe_ir::index::{StateId, at, number as number_of};
+use pe_ir::mechanism::Mechanism;
 use pe_ir::model::{Algebraic, Expr, Input, Interpolation, Model, Output, Rate, State, Variable};
 use pe_ir::source::Diagnostic;
+
+use std::sync::Arc;
 
 /// Marks a variable that is left out.
 const LEFT_OUT: u32 = u32::MAX;
@@ -31,6 +34,8 @@ pub(crate) struct Parts {
     pub(crate) initials: Vec<Initial>,
     pub(crate) inputs: Vec<Driven>,
     pub(crate) outputs: Vec<Output>,
+    /// What the accelerations are made of, if motion is constrained.
+    pub(crate) mechanism: Option<Mechanism>,
     /// Whether the outputs come from the command line: then leaving out is what was asked for.
     pub(crate) observed: bool,
 }
@@ -100,7 +105,12 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
     states.sort_by_key(|state| state.rate.is_some());
 
     let algebraics = algebraics(names, &mut parts, &mut numbers, &signals);
-    let Parts { header, times, outputs, .. } = parts;
+    let Parts { header, times, outputs, mut mechanism, .. } = parts;
+    if let Some(mechanism) = &mut mechanism {
+        mechanism.each_variable_mut(&mut |variable| *variable = numbers.renumbered(*variable));
+        let renumbered = |state: StateId| StateId::new(numbers.states[state.index()]);
+        mechanism.pairs.iter_mut().for_each(|pair| *pair = (renumbered(pair.0), renumbered(pair.1)));
+    }
     let outputs =
         outputs.into_iter().map(|output| Output { variable: numbers.renumbered(output.variable), ..output }).collect();
     let Header { name, title, solver } = header;
@@ -117,6 +127,7 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
         algebraics,
         inputs,
         signals: played,
+        mechanism: mechanism.map(Arc::new),
         outputs,
         left_out,
     };
@@ -262,6 +273,13 @@ fn needed(parts: &Parts, signals: &Signals) -> Numbers {
     };
     for output in &parts.outputs {
         need(output.variable, &mut waiting);
+    }
+    if let Some(mechanism) = &parts.mechanism {
+        mechanism.each_variable(&mut |variable| need(variable, &mut waiting));
+        for (coordinate, velocity) in &mechanism.pairs {
+            need(Variable::State(*coordinate), &mut waiting);
+            need(Variable::State(*velocity), &mut waiting);
+        }
     }
     while let Some(variable) = waiting.pop() {
         let is_signal = match variable {

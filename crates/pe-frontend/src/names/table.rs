@@ -8,10 +8,10 @@ use crate::language::words::{PREDEFINED, predefined};
 use crate::nearest::suggestion;
 use crate::report::Report;
 use crate::syntax::ast::{Binder, Expr as Tree, Name};
-use pe_ir::{codes, element};
 use pe_ir::index::{StateId, number};
 use pe_ir::model::Variable;
 use pe_ir::source::{Diagnostic, Span};
+use pe_ir::{codes, element};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 

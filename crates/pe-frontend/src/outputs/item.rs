@@ -2,8 +2,8 @@
 
 use crate::fault::{Fault, fault};
 use crate::names::table::{Kind, Quantity};
-use pe_ir::{codes, element};
 use pe_ir::source::{Diagnostic, Span};
+use pe_ir::{codes, element};
 
 /// An item of a list such as `V[3], w[1,2], p`.
 pub(crate) struct Item {

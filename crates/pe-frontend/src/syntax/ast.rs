@@ -32,6 +32,21 @@ pub struct Spec {
 }
 
 impl Spec {
+    /// The same spec without its statements and components, for a pass that writes them anew.
+    pub(crate) fn emptied(&self) -> Spec {
+        Spec {
+            statements: Vec::with_capacity(self.statements.len()),
+            broken: self.broken.clone(),
+            blocks: self.blocks.clone(),
+            components: Vec::new(),
+            names_missing: self.names_missing,
+            measured: self.measured,
+            files: self.files.clone(),
+            tables: self.tables.clone(),
+            table_at: self.table_at.clone(),
+        }
+    }
+
     /// The data file that a path names, `None` if it could not be read.
     pub(crate) fn table(&self, path: &Name) -> Option<&Table> {
         self.table_at.get(&path.span).map(|number| &*self.tables[*number])

@@ -10,9 +10,9 @@ use crate::syntax::grammar::{OdeParser, Rule};
 use crate::syntax::lexer::{Token, TokenKind};
 use crate::syntax::operators::{PRECEDENCE, join};
 use crate::syntax::statements::text_of;
-use pe_ir::{codes, element};
 use pe_ir::index::{at, number};
 use pe_ir::source::{Diagnostic, Span};
+use pe_ir::{codes, element};
 use pest::Parser;
 use pest::iterators::Pair;
 

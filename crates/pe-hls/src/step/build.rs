@@ -1,12 +1,12 @@
 //! The step graph of a model: selects how it is built.
 
 use pe_ir::graph::StepGraph;
-use pe_ir::model::Model;
+use pe_ir::model::{Model, Solver};
 use pe_ir::source::Diagnostic;
 
 use super::elimination::system;
 use super::forms::StepOptions;
-use super::{method, planned, played, sampled, staged, turns};
+use super::{mechanism, method, planned, played, sampled, staged, turns};
 
 /// Builds the step graph of a model with its own solver and step, in the form with the fewest products.
 ///
@@ -29,6 +29,9 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
         played.insert(model.clone()).retime();
     }
     let model = played.as_ref().unwrap_or(model);
+    if let (Solver::Trapezoidal, Some(constrained)) = (model.solver, &model.mechanism) {
+        return build_with(&mechanism::step_of(model, constrained)?, options);
+    }
     if system::has_systems(model) {
         let eliminated = system::eliminate(model, options.order, options.scheme)?;
         let graph = build_with(&eliminated.model, options)?;

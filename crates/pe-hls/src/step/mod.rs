@@ -5,6 +5,7 @@ mod build;
 mod builder;
 mod elimination;
 mod forms;
+mod mechanism;
 mod method;
 mod motion;
 mod plan;

@@ -5,7 +5,8 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use crate::index::{self, StateId};
+use crate::index::{self, StateId, at};
+use crate::mechanism::Mechanism;
 use crate::model::{
     Algebraic, Entry, Expr, Input, Interpolation, Matrix, Model, Output, Phase, Rate, Right, Signal, Solution, Solver,
     State, Variable,
@@ -89,6 +90,23 @@ impl Printer<'_> {
         matrix.entries.iter().try_for_each(|each| f.write_str(&entry(each)))
     }
 
+    fn mechanism(&self, f: &mut fmt::Formatter<'_>, mechanism: &Mechanism) -> fmt::Result {
+        writeln!(f, "mechanism penalty {}", number(mechanism.penalty))?;
+        for (coordinate, velocity) in &mechanism.pairs {
+            let [coordinate, velocity] = [coordinate, velocity].map(|state| self.states.text(state.number()));
+            writeln!(f, "  pair {coordinate} {velocity}")?;
+        }
+        for (word, entries) in [("mass", &mechanism.mass), ("lever", &mechanism.jacobian)] {
+            for Entry { row, column, value } in entries {
+                writeln!(f, "  {word} {row} {column} = {}", self.expr(value))?;
+            }
+        }
+        for (word, values) in [("force", &mechanism.forces), ("gap", &mechanism.gaps), ("bend", &mechanism.bends)] {
+            values.iter().try_for_each(|value| writeln!(f, "  {word} = {}", self.expr(value)))?;
+        }
+        Ok(())
+    }
+
     fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let model = self.model;
         writeln!(f, "{}", Stage::Model.header())?;
@@ -153,6 +171,9 @@ impl Printer<'_> {
             }
             let left = if state.rate.is_some() { format!("next {label}") } else { format!("{label}'") };
             writeln!(f, "\n  {left} = {}", self.expr(&state.derivative))?;
+        }
+        if let Some(mechanism) = &model.mechanism {
+            self.mechanism(f, mechanism)?;
         }
         for output in &model.outputs {
             let variable = self.variable(output.variable);
@@ -221,7 +242,7 @@ struct Reader {
     rights: Vec<Arc<Right>>,
 }
 
-const ITEMS: [&str; 15] = [
+const ITEMS: [&str; 16] = [
     "model",
     "title",
     "solver",
@@ -235,6 +256,7 @@ const ITEMS: [&str; 15] = [
     "right",
     "algebraic",
     "state",
+    "mechanism",
     "output",
     "left_out",
 ];
@@ -381,6 +403,7 @@ impl Reader {
                     state.derivative = self.equation(&mut equation, &state)?;
                     model.states.push(state);
                 }
+                "mechanism" => model.mechanism = Some(Arc::new(self.mechanism(&mut line, &mut lines)?)),
                 "output" => model.outputs.push(self.output(&mut line)?),
                 _ => model.left_out.push(line.name("a name")?),
             }
@@ -412,6 +435,44 @@ impl Reader {
             entries.push(Entry { row, column, value: self.expr(&mut entry)? });
         }
         Ok(Matrix { number, name: label, symmetric, size, first, entries })
+    }
+
+    /// A mechanism and the lines of its parts.
+    fn mechanism(&self, line: &mut Line, lines: &mut Lines) -> Result<Mechanism, TextError> {
+        line.word("penalty")?;
+        let penalty = positive(line)?;
+        let mut pairs = Vec::new();
+        while let Some(mut pair) = lines.next_if("pair") {
+            pairs.push((self.state_named(&mut pair)?, self.state_named(&mut pair)?));
+            pair.done()?;
+        }
+        let mut entries = |word: &str| {
+            let mut entries = Vec::new();
+            while let Some(mut entry) = lines.next_if(word) {
+                let (row, column) = (entry.integer()?, entry.integer()?);
+                entry.sign("=")?;
+                entries.push(Entry { row, column, value: self.expr(&mut entry)? });
+            }
+            Ok(entries)
+        };
+        let (mass, jacobian) = (entries("mass")?, entries("lever")?);
+        let mut values = |word: &str| {
+            let mut values = Vec::new();
+            while let Some(mut value) = lines.next_if(word) {
+                value.sign("=")?;
+                values.push(self.expr(&mut value)?);
+            }
+            Ok(values)
+        };
+        let (forces, gaps, bends) = (values("force")?, values("gap")?, values("bend")?);
+        let fits = |entries: &[Entry], rows: usize| {
+            entries.iter().all(|entry| at(entry.row) < rows && at(entry.column) < pairs.len())
+        };
+        let sized = forces.len() == pairs.len() && bends.len() == gaps.len();
+        if !(sized && fits(&mass, pairs.len()) && fits(&jacobian, gaps.len())) {
+            return Err(line.error("the parts of the mechanism do not fit each other"));
+        }
+        Ok(Mechanism { pairs, mass, forces, jacobian, gaps, bends, penalty, span: line.span() })
     }
 
     /// A right-hand side and the lines of its values.

@@ -14,7 +14,8 @@
 use std::collections::BTreeSet;
 
 use crate::index::{self, StateId};
-use crate::model::{Expr, Function, Model, Solution, Variable, Waveform, step_count_problem};
+use crate::mechanism::Mechanism;
+use crate::model::{Entry, Expr, Function, Model, Solution, Variable, Waveform, step_count_problem};
 use crate::motion::{Motion, Source};
 
 /// Returns what is wrong with a model; empty if nothing is.
@@ -87,6 +88,13 @@ impl Checker<'_> {
         }
         for state in &model.states {
             self.expr(&state.derivative, &state.name, model.algebraics.len());
+        }
+        if let Some(mechanism) = &model.mechanism {
+            let mut known = is_mechanism(mechanism);
+            mechanism.each_variable(&mut |variable| known &= self.exists(variable, model.algebraics.len()));
+            let states = mechanism.pairs.iter().flat_map(|(coordinate, velocity)| [coordinate, velocity]);
+            known &= states.into_iter().all(|state| model.states.find(*state).is_some());
+            self.require(known, || "its mechanism is not made of its variables".to_owned());
         }
         for output in &model.outputs {
             let exists = self.exists(output.variable, model.algebraics.len());
@@ -175,6 +183,22 @@ fn is_finite(expr: &Expr) -> bool {
         // It is the whole of an algebraic equation.
         Expr::Solution(_) => false,
     }
+}
+
+/// Whether the parts of a mechanism fit each other, and are finite numbers and variables.
+fn is_mechanism(mechanism: &Mechanism) -> bool {
+    let Mechanism { pairs, mass, forces, jacobian, gaps, bends, penalty, .. } = mechanism;
+    let simple = |value: &Expr| matches!(value, Expr::Variable(_)) || value.as_constant().is_some_and(f64::is_finite);
+    let within = |entries: &[Entry], rows: usize| {
+        entries.iter().all(|entry| index::at(entry.row) < rows && index::at(entry.column) < pairs.len())
+    };
+    forces.len() == pairs.len()
+        && bends.len() == gaps.len()
+        && within(mass, pairs.len())
+        && within(jacobian, gaps.len())
+        && *penalty > 0.0
+        && penalty.is_finite()
+        && mechanism.parts().all(simple)
 }
 
 /// Whether a linear system is made of finite numbers and variables, each entry once and row by row.

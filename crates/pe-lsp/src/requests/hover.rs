@@ -47,7 +47,9 @@ fn of_language(view: &View, file: usize, offset: u32) -> Option<(String, Span)> 
 fn of_symbol(view: &View, number: usize, symbol: &Symbol, results: &Results) -> String {
     let mut text = code(view.words(symbol.statement));
     text += &detail(symbol);
-    if symbol.scope.is_none() && !matches!(symbol.kind, SymbolKind::Function | SymbolKind::Component | SymbolKind::Instance) {
+    if symbol.scope.is_none()
+        && !matches!(symbol.kind, SymbolKind::Function | SymbolKind::Component | SymbolKind::Instance)
+    {
         let values = results.analysis.and_then(|analysis| analysis.values.get(&symbol.name));
         text += &values.map(|values| of_values(symbol, values)).unwrap_or_default();
     }

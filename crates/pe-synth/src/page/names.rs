@@ -130,6 +130,8 @@ mod tests {
     #[test]
     fn only_names_of_specs_are_names() {
         assert!(["x", "V[1,2]", "größe_2", "soma.v", "cell[3].w[2]"].iter().all(|name| is_named(name)));
-        assert!(["0.5", "x*0.5", "1/(x+1)", "x[1]+y[2]", "x^2", "", "exp(x)", "x[1]^2"].iter().all(|name| !is_named(name)));
+        assert!(
+            ["0.5", "x*0.5", "1/(x+1)", "x[1]+y[2]", "x^2", "", "exp(x)", "x[1]^2"].iter().all(|name| !is_named(name))
+        );
     }
 }

@@ -23,6 +23,7 @@ mod goals;
 mod headroom;
 mod inputs;
 mod library;
+mod mechanisms;
 mod methods;
 mod noise;
 mod pictures;

@@ -168,7 +168,7 @@ fn all_engines_solve_the_same_words() {
 }
 
 /// The angle of the uprights of the four-bar linkage against the vertical at a time in seconds: all turn alike.
-fn exact_angle(loops: f64, time: f64) -> f64 {
+pub fn exact_angle(loops: f64, time: f64) -> f64 {
     let (inertia, weight) = ((loops + 1.0) / 3.0 + loops, 9.81 * ((loops + 1.0) / 2.0 + loops));
     let slope = |(angle, speed): (f64, f64)| (speed, weight / inertia * libm::sin(angle));
     let moved = |at: (f64, f64), by: (f64, f64), part: f64| (at.0 + part * by.0, at.1 + part * by.1);

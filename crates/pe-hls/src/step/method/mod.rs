@@ -16,7 +16,7 @@ pub use exponential::exponential;
 
 use super::elimination::order::Order;
 use super::plan::Plan;
-use suit::unsuitable;
+pub(super) use suit::unsuitable;
 
 /// The step of a model by its method, which eliminates its matrices in an order; none if the method is an explicit
 /// Runge-Kutta method, or needs no plan.

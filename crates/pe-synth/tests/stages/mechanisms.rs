@@ -1,0 +1,164 @@
+//! Mechanisms with constraints, stepped implicitly: against exact solutions and invariants, and bit for bit through all
+//! engines.
+
+use std::fmt::Write;
+
+use crate::support::bench::assert_lively_agreement;
+use crate::support::flow::{Flow, Placement, format};
+use crate::systems::exact_angle;
+use pe_frontend::{NoFiles, Overrides};
+use pe_hls::step::{Scheme, StepOptions};
+use pe_ir::index::StateId;
+use pe_ir::model::Model;
+use pe_ir::source::Sources;
+use pe_sim::double::DoubleRun;
+use pe_verify::engines::Engine;
+
+fn compiled(text: &str) -> Model {
+    let mut sources = Sources::new("mechanisms.spec", text);
+    let compiled = pe_frontend::compile(&mut sources, &NoFiles, &Overrides::default());
+    let (model, _) = compiled.unwrap_or_else(|findings| panic!("{findings:#?}\n{text}"));
+    pe_hls::lift::lift(model)
+}
+
+fn next(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 33) as f64 / f64::from(1u32 << 31)
+}
+
+/// A chain of masses on rods, in Cartesian coordinates, from rest; `bend` is the sign of what bends a rod's end.
+struct Chain {
+    masses: Vec<f64>,
+    rods: Vec<f64>,
+}
+
+impl Chain {
+    fn random(size: usize, seed: &mut u64) -> Chain {
+        Chain {
+            masses: (0..size).map(|_| 0.5 + next(seed)).collect(),
+            rods: (0..size).map(|_| 0.5 + next(seed)).collect(),
+        }
+    }
+
+    fn spec(&self, step: &str, bend: &str) -> String {
+        let size = self.masses.len();
+        let list = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+        let mut text = format!(
+            "model chain\nsolver trapezoidal\nstep {step}\nspan 0.5 s\nindex i in 1..{}, j in 1..{}, r in 1..{size}\n\
+             index b in 1..{size}\nparam m[b] = [{}]\nparam l[b] = [{}]\n\
+             state q[i] = if i mod 2 == 1 then sum(k in 1..(i + 1) div 2: l[k]) else 0\nstate w[i] = 0\n\
+             matrix M[i, j] symmetric\nmatrix J[r, i]\nM[i, i] = m[(i + 1) div 2]\n\
+             f[i] = if i mod 2 == 0 then -9.81*m[i div 2] else 0\n",
+            2 * size,
+            2 * size,
+            list(&self.masses),
+            list(&self.rods)
+        );
+        for rod in 1..=size {
+            let end = |axis: usize| format!("q[{}]", 2 * rod - 2 + axis);
+            let (x, y) = match rod {
+                1 => (end(1), end(2)),
+                _ => (format!("(q[{}] - q[{}])", 2 * rod - 1, 2 * rod - 3), format!("(q[{}] - q[{}])", 2 * rod, 2 * rod - 2)),
+            };
+            let (u, v) = (x.replace('q', "w"), y.replace('q', "w"));
+            writeln!(text, "gap[{rod}] = ({x}^2 + {y}^2 - l[{rod}]^2)/(2*l[{rod}])").unwrap();
+            writeln!(text, "bend[{rod}] = {bend}({u}^2 + {v}^2)/l[{rod}]").unwrap();
+            writeln!(text, "J[{rod}, {}] = {x}/l[{rod}]\nJ[{rod}, {}] = {y}/l[{rod}]", 2 * rod - 1, 2 * rod).unwrap();
+            if rod > 1 {
+                writeln!(text, "J[{rod}, {}] = -{x}/l[{rod}]\nJ[{rod}, {}] = -{y}/l[{rod}]", 2 * rod - 3, 2 * rod - 2)
+                    .unwrap();
+            }
+        }
+        text + "q' = w\nw' = constrained(M, f, J, gap, bend, 400, 100)\noutput q, w\n"
+    }
+
+    /// The energy, and how far the worst rod is from its length.
+    fn measures(&self, state: impl Fn(usize) -> f64) -> (f64, f64) {
+        let size = self.masses.len();
+        let place = |body: usize, axis: usize| state(2 * body + axis);
+        let speed = |body: usize, axis: usize| state(2 * size + 2 * body + axis);
+        let kinetic = |body: usize| self.masses[body] * (speed(body, 0).powi(2) + speed(body, 1).powi(2)) / 2.0;
+        let energy = (0..size).map(|body| kinetic(body) + 9.81 * self.masses[body] * place(body, 1)).sum();
+        let length = |body: usize| {
+            let before = |axis: usize| if body == 0 { 0.0 } else { place(body - 1, axis) };
+            libm::hypot(place(body, 0) - before(0), place(body, 1) - before(1)) - self.rods[body]
+        };
+        (energy, (0..size).map(|body| length(body).abs()).fold(0.0, f64::max))
+    }
+
+    /// Largest drift of energy and gap over half a second.
+    fn drift(&self, step: &str, bend: &str) -> (f64, f64) {
+        let model = compiled(&self.spec(step, bend));
+        let graph = pe_hls::step::build(&model).unwrap_or_else(|findings| panic!("{findings:#?}"));
+        assert!(pe_ir::verify::step::check(&graph).is_empty());
+        assert_eq!(graph.to_string().parse::<pe_ir::graph::StepGraph>().unwrap().to_string(), graph.to_string());
+        let mut run = DoubleRun::new(&graph);
+        let (mut energy, mut gap) = (0.0f64, 0.0f64);
+        let (start, _) = self.measures(|number| model.states[StateId::new(number as u32)].initial);
+        for _ in 0..(0.5 / model.step).round() as u64 {
+            run.step(&[]).expect("it is finite");
+            let (now, open) = self.measures(|number| run.state(StateId::new(number as u32)));
+            (energy, gap) = (energy.max((now - start).abs()), gap.max(open));
+        }
+        (energy, gap)
+    }
+}
+
+#[test]
+fn rods_keep_their_length_and_chains_their_energy() {
+    let mut seed = 5;
+    for size in [1, 2, 3] {
+        let chain = Chain::random(size, &mut seed);
+        let (coarse, _) = chain.drift("2 ms", "");
+        let (energy, gap) = chain.drift("1 ms", "");
+        println!("{size} rods: energy drifts by {energy:e} J ({coarse:e} J with twice the step), a rod by {gap:e} m");
+        assert!(gap < 1e-6 && energy < 2e-3, "{size} rods: {energy:e} J, {gap:e} m");
+        // Of second order.
+        assert!(coarse > 2.5 * energy, "{size} rods: {coarse:e} and {energy:e} J");
+        // An equation that is wrong is noticed.
+        let (wrong, _) = chain.drift("1 ms", "-");
+        assert!(wrong > 20.0 * energy, "{size} rods: {wrong:e} and {energy:e} J");
+    }
+}
+
+#[test]
+fn a_linkage_turns_as_its_exact_solution() {
+    let model = compiled(include_str!("../../../../models/four_bar/implicit.spec"));
+    let graph = pe_hls::step::build(&model).unwrap();
+    let mut run = DoubleRun::new(&graph);
+    let mut worst = 0.0f64;
+    for step in 1..=(10.0 / model.step).round() as u64 {
+        run.step(&[]).unwrap();
+        if step.is_multiple_of(50) {
+            let angle = std::f64::consts::FRAC_PI_2 - run.state(StateId::new(0));
+            worst = worst.max((angle - exact_angle(4.0, model.time(step, 0.0))).abs());
+        }
+    }
+    assert!(worst < 1e-3, "{worst:e} rad");
+}
+
+#[test]
+fn all_engines_move_alike() {
+    let mut seed = 23;
+    for (size, scheme) in [(1, Scheme::Ahead), (2, Scheme::Root)] {
+        let model = compiled(&Chain::random(size, &mut seed).spec("1 ms", ""));
+        let options = StepOptions { scheme, ..StepOptions::default() };
+        let graph = pe_hls::step::build_with(&model, &options).unwrap();
+        let words = format(40, 35, 35);
+        let graph = pe_judge::tables::tabulate(&model, &graph, words, &*pe_judge::progress::silent()).unwrap();
+        let flow = Flow::with(format!("mechanism_{size}"), model, graph, 2, words, Placement::Annealed);
+        let engines = [Engine::Reference, Engine::Fast, Engine::Ghdl];
+        assert_lively_agreement(&flow.label, &flow.starts(3), &engines, 0.2);
+    }
+}
+
+#[test]
+fn a_model_with_a_mechanism_is_read_back_from_its_text() {
+    let mut seed = 3;
+    let model = compiled(&Chain::random(2, &mut seed).spec("1 ms", ""));
+    let text = model.to_string();
+    let again: Model = text.parse().unwrap_or_else(|error| panic!("{error:?}"));
+    assert_eq!(again.to_string(), text);
+    let step = |model: &Model| pe_hls::step::build(model).unwrap().to_string();
+    assert_eq!(step(&again), step(&model));
+}
