@@ -88,6 +88,7 @@ fn elaborated(spec: &Spec, overrides: &Overrides, limits: &Limits, stop: Option<
     let expanded = expand::expand(spec, &mut report);
     let spec = expanded.as_ref().unwrap_or(spec);
     let mechanism = constrained::write_out(spec, &mut report);
+    let repeats = expanded.is_some() || mechanism.is_some();
     let (spec, mechanism) = mechanism.as_ref().map_or((spec, None), |(spec, mechanism)| (spec, mechanism.as_ref()));
     let written = arrays::write_out(spec, &overrides.set, limits, &mut report);
     let plain = written.as_ref().map_or(spec, |written| &written.spec);
@@ -97,8 +98,8 @@ fn elaborated(spec: &Spec, overrides: &Overrides, limits: &Limits, stop: Option<
         unexplained.into_iter().for_each(|error| report.push(error));
     }
     let mut findings = report.finish();
-    if expanded.is_some() {
-        // What is wrong with a statement of a component is said once, for the first instance.
+    if repeats {
+        // What is wrong with a statement of a component, or with a part of a mechanism, is said once.
         findings.dedup_by(|later, first| later.span.is_some() && later.span == first.span && later.code == first.code);
     }
     Elaborated { model, findings, known }

@@ -230,6 +230,9 @@ impl Model {
         model.outputs.iter_mut().for_each(|output| output.span = none);
         model.signals.iter_mut().for_each(|signal| signal.span = none);
         model.rates.iter_mut().for_each(|rate| rate.span = none);
+        if let Some(mechanism) = &mut model.mechanism {
+            Arc::make_mut(mechanism).span = none;
+        }
         model
     }
 
