@@ -25,6 +25,7 @@ use crate::units::dimension::Units;
 use pe_ir::index::at;
 use pe_ir::model::{Interpolation, Model};
 use pe_ir::source::Diagnostic;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -100,7 +101,8 @@ fn elaborated(spec: &Spec, overrides: &Overrides, limits: &Limits, stop: Option<
     let mut findings = report.finish();
     if repeats {
         // What is wrong with a statement of a component, or with a part of a mechanism, is said once.
-        findings.dedup_by(|later, first| later.span.is_some() && later.span == first.span && later.code == first.code);
+        let mut said = BTreeSet::new();
+        findings.retain(|finding| finding.span.is_none_or(|span| said.insert((span, finding.code))));
     }
     Elaborated { model, findings, known }
 }

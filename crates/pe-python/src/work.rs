@@ -157,18 +157,11 @@ fn joined<T>(worker: JoinHandle<Result<T, Failure>>) -> Result<T, Failure> {
 
 /// The exception for a failure.
 fn raised(errors: &Bound<'_, PyModule>, failure: &Failure) -> PyResult<PyErr> {
-    let (text, findings) = match failure {
-        Failure::Spec(findings, sources) => {
-            (String::new(), findings.iter().map(|finding| told_of(finding, sources)).collect())
-        }
-        Failure::Fruitless(text)
-        | Failure::Usage(text)
-        | Failure::File(text)
-        | Failure::Mismatch(text)
-        | Failure::MissingTool(text)
-        | Failure::Internal(text)
-        | Failure::Interrupted(text) => (text.clone(), Vec::new()),
+    let findings = match failure {
+        Failure::Spec(findings, sources) => findings.iter().map(|finding| told_of(finding, sources)).collect(),
+        _ => Vec::new(),
     };
+    let text = failure.text().unwrap_or_default();
     let findings = Value::Array(findings).to_string();
     Ok(PyErr::from_value(errors.call_method1("_raised", (failure.kind(), text, findings))?))
 }

@@ -73,9 +73,7 @@ fn drop_unread(model: &mut Model) {
         });
     };
     model.outputs.iter().for_each(|output| mark(&Expr::Variable(output.variable), &mut needed));
-    for index in (0..needed.len()).rev().filter(|index| needed[*index]).collect::<Vec<_>>() {
-        mark(&model.algebraics[index].expr, &mut needed);
-    }
+    // Each reads those before it only.
     for index in (0..needed.len()).rev() {
         if needed[index] {
             let expr = model.algebraics[index].expr.clone();
