@@ -274,6 +274,18 @@ fn a_period_may_be_told() {
 }
 
 #[test]
+fn an_index_of_instances_is_used_and_findings_of_one_place_are_said_once() {
+    let text = "index k in 1..3\ncomponent A {\n state x = 1\n x' = -x\n}\ninstance a[k] = A\noutput a.x";
+    let (_, warnings) = compiled(text, &Overrides::default()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:#?}");
+    let text = "component A {\n state x [m] = 1\n x' = y + 1 [s]\n}\ninstance a = A\ninstance b = A\noutput a.x, b.x";
+    let errors = compiled(text, &Overrides::default()).err().unwrap();
+    let mut places: Vec<_> = errors.iter().map(|error| (error.span, error.code)).collect();
+    places.dedup();
+    assert_eq!(places.len(), errors.len(), "{errors:#?}");
+}
+
+#[test]
 fn units_are_checked_within_components() {
     let text = format!("{CELL}input i [V] = 0\ninstance one = Cell(E = 1, drive = i)\noutput one.v");
     let errors = compiled(&text, &Overrides::default()).err().unwrap();

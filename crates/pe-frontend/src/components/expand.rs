@@ -266,7 +266,10 @@ impl<'a> Writer<'a, '_> {
             let range = match &binder.range {
                 Some(range) => Range { low: outer.expr(&range.low), high: outer.expr(&range.high), span: range.span },
                 None => match self.ranges.get(&name.text) {
-                    Some(range) => range.clone(),
+                    Some(range) => {
+                        self.written.of_instances.insert(name.text.clone());
+                        range.clone()
+                    }
                     None => {
                         let error =
                             Diagnostic::error(codes::UNKNOWN_NAME, name.span, format!("unknown index `{}`", name.text));

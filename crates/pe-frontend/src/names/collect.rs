@@ -47,7 +47,11 @@ pub(crate) fn collect<'a>(spec: &'a Spec, report: &mut Report) -> Names<'a> {
                 for binder in binders {
                     if all.is_free(&binder.name) {
                         all.names.symbols.insert(&binder.name.text, Symbol::Index(all.names.indices.len()));
-                        all.names.indices.push(Index { name: &binder.name, range: None, used: false });
+                        all.names.indices.push(Index {
+                            name: &binder.name,
+                            range: None,
+                            used: spec.of_instances.contains(&binder.name.text),
+                        });
                     }
                 }
             }

@@ -5,7 +5,7 @@
 
 use crate::syntax::tables::Table;
 use pe_ir::source::Span;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// A spec, included files among it.
@@ -19,6 +19,8 @@ pub struct Spec {
     pub blocks: Vec<Block>,
     /// The components, in source order.
     pub components: Vec<Component>,
+    /// Indices that arrays of instances have.
+    pub(crate) of_instances: BTreeSet<String>,
     /// Whether a file could not be read, so that any name may be defined in it.
     pub names_missing: bool,
     /// Whether a number has a unit behind it.
@@ -39,6 +41,7 @@ impl Spec {
             broken: self.broken.clone(),
             blocks: self.blocks.clone(),
             components: Vec::new(),
+            of_instances: self.of_instances.clone(),
             names_missing: self.names_missing,
             measured: self.measured,
             files: self.files.clone(),
