@@ -3,6 +3,7 @@
 use crate::fault::Fault;
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Severity, Span};
+use std::borrow::Cow;
 
 /// Findings shown per run and severity; more help nobody.
 const MOST: usize = 100;
@@ -78,6 +79,14 @@ impl Report {
     /// The findings in source order, those about the whole model last.
     pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
         sort(&mut self.findings);
+        for finding in &mut self.findings {
+            let texts = std::iter::once(&mut finding.message).chain(&mut finding.help);
+            for text in texts.chain(finding.labels.iter_mut().map(|(_, text)| text)) {
+                if let Cow::Owned(written) = as_written(text) {
+                    *text = written;
+                }
+            }
+        }
         if self.errors > MOST {
             let message = format!("{} more errors are not shown", self.errors - MOST);
             self.findings.push(Diagnostic::global(codes::TOO_MANY_ERRORS, message));
@@ -86,7 +95,32 @@ impl Report {
     }
 }
 
+/// Text with names as they are written: `cell.w` for the quantity `cell[].w` of all instances.
+pub(crate) fn as_written(text: &str) -> Cow<'_, str> {
+    let Some((first, rest)) = text.split_once('[') else { return Cow::Borrowed(text) };
+    let mut written = first.to_owned();
+    for part in rest.split('[') {
+        match part.trim_start_matches(',').strip_prefix(']') {
+            Some(behind) if behind.starts_with('.') => written += behind,
+            _ => written.extend(["[", part]),
+        }
+    }
+    if written.len() == text.len() { Cow::Borrowed(text) } else { Cow::Owned(written) }
+}
+
 /// Sorts findings by place, those about the whole model last; equal places keep their order.
 pub fn sort(findings: &mut [Diagnostic]) {
     findings.sort_by_key(|finding| finding.span.map_or((true, 0), |span| (false, span.start)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::as_written;
+
+    #[test]
+    fn places_within_names_are_not_shown() {
+        assert_eq!(as_written("`grid[,].cell[].w` of `a[1].v`, `[m]`, x[]"), "`grid.cell.w` of `a[1].v`, `[m]`, x[]");
+        assert_eq!(as_written("no `name`"), "no `name`");
+        assert_eq!(as_written("[].[,]."), "..");
+    }
 }

@@ -197,6 +197,11 @@ fn the_command_line_names_what_instances_have() {
     };
     assert_eq!(set("cell[4].v").as_deref(), Some("`cell[4].v` does not exist and cannot be set"));
     assert!(set("cell[1].q").is_some() && set("cell.leak").is_some() && set("cell[1.v").is_some());
+    let meant = |overrides: Overrides| compiled(&text, &overrides).err().and_then(|errors| errors[0].help.clone());
+    let set = Overrides { set: vec![("cell[1].scal".to_owned(), 1.0)], ..Overrides::default() };
+    assert_eq!(meant(set).as_deref(), Some("did you mean `cell.scale`?"));
+    let observe = Overrides { observe: vec!["cel[1].v".to_owned()], ..Overrides::default() };
+    assert_eq!(meant(observe).as_deref(), Some("did you mean `cell.v`?"));
 }
 
 /// Code, text at the place, and a part of the message or help.
@@ -217,6 +222,16 @@ fn what_does_not_fit_is_said_once_and_at_its_place() {
         ("output one.q", "E0201", "one.q", ""),
         ("output one[1].v", "E0201", "one[1].v", ""),
         ("x = one.leek\noutput x", "E0201", "one.leek", "`one.leak`"),
+        ("x = one.temperature\noutput x", "E0201", "one.temperature", "`one` has `g`, `E`"),
+        (
+            "instance a[k in 1..2] = Cell(E = 1, drive = 0)\noutput a[1].temperature",
+            "E0201",
+            "a[1].temperature",
+            "`a` has",
+        ),
+        ("instance a[k in 1..2] = Cell(E = 1, drive = 0)\noutput a[1].leek", "E0201", "a[1].leek", "mean `a.leak`"),
+        ("instance a[k in 1..2] = Cell(E = 1, drive = 0)\noutput aa[1].leak", "E0201", "aa[1].leak", "mean `a.leak`"),
+        ("instance a[k in 1..2] = Cell(E = 1, drive = 0)\ny = a[1].w[1, 2]\noutput y", "E0207", "a[1].w[1, 2]", ""),
         ("one.v' = 3 [V/s]", "E0205", "", ""),
         (
             "component A {\n state x = y\n x' = -x\n}\ninstance a[k in 1..3] = A\ninstance b = A\noutput a.x",
@@ -261,6 +276,7 @@ fn what_does_not_fit_is_said_once_and_at_its_place() {
         let found = first.span.map(|span| &whole[span.range()]);
         let said = format!("{} {}", first.message, first.help.clone().unwrap_or_default());
         assert!(first.code == code && found == Some(place) && said.contains(part), "{text}\n{errors:#?}");
+        assert!(!format!("{errors:?}").contains("[]."), "{text}\n{errors:#?}");
         assert_eq!(errors.iter().filter(|error| error.span == first.span).count(), 1, "{text}\n{errors:#?}");
     }
 }

@@ -21,8 +21,10 @@ pub(crate) fn split(text: &str, tokens: &[Token]) -> Vec<Vec<Token>> {
     for (at, token) in tokens.iter().enumerate() {
         match token.kind {
             TokenKind::Newline => {
+                let rest = &tokens[at + 1..];
                 if let Some(last) = current.last()
-                    && ends_here(text, *last, depth, &tokens[at + 1..])
+                    && ends_here(text, *last, depth, rest)
+                    && !(depth == 1 && names_another(text, &current, rest))
                 {
                     statements.push(std::mem::take(&mut current));
                     (depth, slips) = (0, 0);
@@ -68,6 +70,16 @@ fn ends_here(text: &str, last: Token, depth: usize, rest: &[Token]) -> bool {
         return false;
     }
     begins_statement(text, rest) || (depth == 0 && !asks_for_more(text, last) && !continues(text, *next))
+}
+
+/// Whether the list of what an instance is told, or of the parameters of a component, goes on in the next line.
+fn names_another(text: &str, current: &[Token], rest: &[Token]) -> bool {
+    let word = |token: Option<&Token>| token.map_or("", |token| text_of(text, *token));
+    let named = |second: &Token| matches!(second.kind, TokenKind::Equals | TokenKind::Unit);
+    matches!(word(current.first()), "instance" | "component")
+        && matches!(word(current.last()), "(" | ",")
+        && !SECTIONS.contains(&word(rest.first()))
+        && rest.get(1).is_some_and(named)
 }
 
 /// Whether a line looks like the start of a statement whatever stands before it: a bracket left open on one line
@@ -297,6 +309,16 @@ mod tests {
     fn an_open_bracket_ends_at_the_next_statement() {
         assert_eq!(statements("a = (1 + 2\nb[1]' = 3\n"), ["a = ( 1 + 2", "b [ 1 ] ' = 3"]);
         assert_eq!(statements("a = f(1,\noutput a"), ["a = f ( 1 ,", "output a"]);
+    }
+
+    #[test]
+    fn what_an_instance_is_told_may_stand_in_lines() {
+        let told = "instance a = Cell(\n E = 1,\n\n drive [V] = f(2,\n3), b = 1)";
+        assert_eq!(statements(told), ["instance a = Cell ( E = 1 , drive [V] = f ( 2 , 3 ) , b = 1 )"]);
+        assert_eq!(statements("component A(p = 1,\n q [s] = 2) {\n}"), ["component A ( p = 1 , q [s] = 2 ) {", "}"]);
+        assert_eq!(statements("instance a = Cell(E = 1,\nx' = 3"), ["instance a = Cell ( E = 1 ,", "x ' = 3"]);
+        assert_eq!(statements("instance a = Cell(E = f(1,\nx = 3"), ["instance a = Cell ( E = f ( 1 ,", "x = 3"]);
+        assert_eq!(statements("instance a = Cell(E = 1,\noutput a"), ["instance a = Cell ( E = 1 ,", "output a"]);
     }
 
     #[test]
