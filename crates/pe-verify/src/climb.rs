@@ -14,10 +14,14 @@ use pe_ir::program::{ControlWord, PeProgram, Program};
 use pe_sim::clocked::Clocked;
 use pe_sim::coverage::{BASE, Coverage};
 
+use crate::pace::{Effort, Efforts};
 use crate::stimuli::{Candidate, observe, spread};
 
 /// Control words of all PEs that a search may cost together in the simulator.
 const BUDGET: u64 = 8_000_000;
+
+/// The part of it that most searches take which find something, as a divisor.
+const USUAL: u64 = 10;
 
 /// Starts from which places are told apart, or that are tried before a place is given up: what has the same sums in all
 /// of them is one result.
@@ -236,6 +240,9 @@ impl Search<'_> {
 
     /// Words on which some places depend, of those that may be changed.
     fn influences(&mut self, places: &BTreeSet<Place>) -> Option<BTreeMap<Place, Vec<Coordinate>>> {
+        if places.is_empty() {
+            return Some(BTreeMap::new());
+        }
         let mut influences: BTreeMap<Place, Vec<Coordinate>> =
             places.iter().map(|place| (*place, Vec::new())).collect();
         let mut candidate = spread(self.program, self.steps, 0);
@@ -307,6 +314,7 @@ fn nearer(distance: i128, other: i128) -> bool {
 /// A place that is to be in a range.
 struct Aim {
     place: Place,
+    segment: usize,
     range: RangeInclusive<i128>,
     /// What is read then and was not yet: PE and base word.
     entries: BTreeSet<(PeId, usize)>,
@@ -338,7 +346,7 @@ fn unread(program: &Program, seen: &Coverage) -> Vec<Aim> {
                 }
                 let (first, end) = segments.range(segment, octaves);
                 let [first, end] = [first, end].map(|edge| libm::scalbn(edge, bits as i32 - 1) as i128);
-                let aim = Aim { place, range: first..=end - 1, entries: BTreeSet::new() };
+                let aim = Aim { place, segment, range: first..=end - 1, entries: BTreeSet::new() };
                 aims.entry((place, segment)).or_insert(aim).entries.insert((index, entry));
             }
         }
@@ -346,13 +354,56 @@ fn unread(program: &Program, seen: &Coverage) -> Vec<Aim> {
     aims.into_values().collect()
 }
 
+/// What searches found out of a design, for those that follow.
+#[derive(Default)]
+pub struct Memory {
+    /// Words on which arguments of functions depend.
+    influences: BTreeMap<Place, Vec<Coordinate>>,
+    /// From how many starts each segment of an argument was sought.
+    tried: BTreeMap<(Place, usize), u64>,
+}
+
+impl Memory {
+    fn tried(&self, aim: &Aim) -> u64 {
+        self.tried.get(&(aim.place, aim.segment)).copied().unwrap_or(0)
+    }
+}
+
+/// What searches take, if any start is likely.
+pub fn effort(program: &Program, likely: u64) -> Efforts {
+    if likely == 0 {
+        return Efforts::default();
+    }
+    let cost = (program.pes.len() as u64 * u64::from(program.period)).max(1);
+    let of = |words: u64| Effort { runs: words / cost, words };
+    Efforts { found: of(BUDGET / USUAL), nothing: of(BUDGET) }
+}
+
+/// Starts that it takes to read what was not read, where all segments are found: each has one of every argument.
+pub fn unread_starts(program: &Program, seen: &Coverage, memory: &Memory) -> u64 {
+    let mut left: BTreeMap<Place, u64> = BTreeMap::new();
+    for aim in unread(program, seen).iter().filter(|aim| memory.tried(aim) < PROBES) {
+        *left.entry(aim.place).or_default() += 1;
+    }
+    left.into_values().max().unwrap_or(0)
+}
+
 /// A start in which entries of tables are read that were not in those before, if one is found.
-pub fn unread_entries(program: &Program, steps: u64, seen: &Coverage) -> Option<Candidate> {
-    let aims = unread(program, seen);
+pub fn unread_entries(memory: &mut Memory, program: &Program, steps: u64, seen: &Coverage) -> Option<Candidate> {
+    let mut aims = unread(program, seen);
+    aims.retain(|aim| memory.tried(aim) < PROBES);
     let mut search = Search::of(program, steps).filter(|_| !aims.is_empty())?;
-    let influences = search.influences(&aims.iter().map(|aim| aim.place).collect())?;
-    for (number, aim) in (0..).zip(&aims) {
-        let mut candidate = spread(program, steps, number % PROBES);
+    let unknown = aims.iter().map(|aim| aim.place).filter(|place| !memory.influences.contains_key(place)).collect();
+    memory.influences.extend(search.influences(&unknown)?);
+    aims.sort_by_key(|aim| memory.tried(aim));
+    let Memory { influences, tried } = memory;
+    for aim in &aims {
+        if search.left == 0 {
+            break;
+        }
+        let tried = tried.entry((aim.place, aim.segment)).or_default();
+        let mut candidate = spread(program, steps, *tried);
+        *tried += 1;
         if !search.approach(&mut candidate, aim, &[], &influences[&aim.place]) {
             continue;
         }

@@ -12,13 +12,13 @@ use pe_sim::coverage::Coverage;
 use serde_json::{Value, json};
 
 use crate::Scratch;
-use crate::climb;
+use crate::climb::{self, Memory};
 use crate::coverage::{self, MemoryWord, Table};
 use crate::engines::{self, Bench, Engine, Job, compare, liveliness, simulate};
 use crate::folder::{Change, DesignFolder};
 use crate::handshake::{self, Handshake, Met};
 use crate::host::{self, Play};
-use crate::pace::{Effort, Pace};
+use crate::pace::{Efforts, Pace};
 use crate::package::{self, InitialWord};
 use crate::stimuli::{self, Candidate, Observed, Purpose};
 use pe_flow::failure::Failure;
@@ -95,11 +95,13 @@ struct Expected {
 }
 
 /// Makes starts, each with what those before had at work in mind.
-struct Starts {
+struct Starts<'a> {
+    program: &'a Program,
     seen: Coverage,
     met: Met,
     /// Number of starts so far.
     started: u64,
+    memory: Memory,
 }
 
 /// Takes a start as soon as it is made; whether all engines showed it.
@@ -126,7 +128,7 @@ const SATURATING: u64 = 5;
 const SATURATIONS: u64 = 10;
 
 /// Finds a start that has more at work.
-type Seek = fn(&Program, u64, &Coverage) -> Option<Candidate>;
+type Seek = fn(&mut Memory, &Program, u64, &Coverage) -> Option<Candidate>;
 
 /// A kind of starts that are made for the hardware.
 struct Made {
@@ -135,16 +137,21 @@ struct Made {
     times: u64,
     steps: u64,
     seek: Seek,
-    /// What it is sought for, where that says how long a search takes that finds nothing.
-    purpose: Option<Purpose>,
+    /// How many of them are likely.
+    likely: u64,
+    search: Efforts,
 }
 
 /// Starts that are sought, of each kind at most so many: their name, and what finds them.
 const SOUGHT: [(&str, u64, Seek); 3] = [
-    ("sums beyond the limits", 4, climb::too_large_unsent),
-    ("operands too large", 4, climb::too_large_operands),
-    ("entries not read", 64, climb::unread_entries),
+    ("sums beyond the limits", 4, |_, program, steps, seen| climb::too_large_unsent(program, steps, seen)),
+    ("operands too large", 4, |_, program, steps, seen| climb::too_large_operands(program, steps, seen)),
+    (ENTRIES, MOST_ENTRIES, climb::unread_entries),
 ];
+
+/// Name of starts that read entries of tables, and their number at most.
+const ENTRIES: &str = "entries not read";
+const MOST_ENTRIES: u64 = 64;
 
 /// Steps of these: the first one does it, and the next one shows it.
 const BRIEF: u64 = 2;
@@ -327,28 +334,23 @@ fn recorded(folder: &DesignFolder, start: &Start) -> Result<(u64, String), Failu
     Ok((steps, format!("reference trace = simulator: {writes} memory writes equal, {steps} steps\n")))
 }
 
-impl Starts {
+impl<'a> Starts<'a> {
     /// Makes them all, the design's own first.
     fn make(
-        folder: &DesignFolder,
+        folder: &'a DesignFolder,
         options: &Options,
         beginning: Start,
         pace: &Pace,
         take: Take,
-    ) -> Result<Starts, Failure> {
+    ) -> Result<Starts<'a>, Failure> {
         let program = &folder.program;
         let middle = middle(folder, beginning.steps)?;
-        let mut starts = Starts { seen: Coverage::none(program), met: Met::default(), started: 0 };
+        let (seen, memory) = (Coverage::none(program), Memory::default());
+        let mut starts = Starts { program, seen, met: Met::default(), started: 0, memory };
         let work = (program.pes.len() as u64 * u64::from(program.period)).max(1);
         let kinds = made(program, options, work);
-        for kind in &kinds {
-            // More PEs have more places to saturate; other searches find little, but take their time.
-            let likely = if kind.name != LIMITS { 1 } else { kind.times.min(3 * program.pes.len() as u64 - 1) };
-            let search =
-                kind.purpose.map_or_else(Effort::default, |purpose| stimuli::effort(program, purpose, kind.steps));
-            pace.plan(kind.name, likely, work * kind.steps, search);
-        }
-        OWN.iter().for_each(|name| pace.plan(name, 1, work * beginning.steps, Effort::default()));
+        kinds.iter().for_each(|kind| pace.plan(kind.name, kind.likely, work * kind.steps, kind.search));
+        OWN.iter().for_each(|name| pace.plan(name, 1, work * beginning.steps, Efforts::default()));
         if pace.within().is_some() && beginning.steps > BRIEF {
             // Tells what steps cost.
             starts.expect(Start { steps: BRIEF, ..beginning.clone() }, pace, take)?;
@@ -357,7 +359,7 @@ impl Starts {
             starts.own(start, name, work, pace, take)?;
         }
         for kind in kinds {
-            starts.made(program, &kind, work * kind.steps, pace, take)?;
+            starts.made(&kind, work * kind.steps, pace, take)?;
         }
         Ok(starts)
     }
@@ -379,14 +381,15 @@ impl Starts {
     }
 
     /// Runs of a kind that are made for the hardware, until no candidate shows more.
-    fn made(&mut self, program: &Program, kind: &Made, words: u64, pace: &Pace, take: Take) -> Result<(), Failure> {
+    fn made(&mut self, kind: &Made, words: u64, pace: &Pace, take: Take) -> Result<(), Failure> {
+        let program = self.program;
         for number in 0..kind.times {
-            if !pace.fits(words) {
+            if !pace.fits(kind.name, words) {
                 let further = if number == 0 { "" } else { "further " };
                 pace.leave_out(format!("{further}starts from {}", kind.name));
                 break;
             }
-            let found = pace.find(kind.name, || (kind.seek)(program, kind.steps, &self.seen));
+            let found = pace.find(kind.name, || (kind.seek)(&mut self.memory, program, kind.steps, &self.seen));
             let Some(candidate) = found else { break };
             pace.begin(kind.name);
             let start = Start {
@@ -423,6 +426,8 @@ impl Starts {
             self.seen.add(&coverage);
             self.met.add(&met);
         }
+        let unread = || climb::unread_starts(self.program, &self.seen, &self.memory);
+        pace.likely(ENTRIES, || unread().min(MOST_ENTRIES));
         Ok(())
     }
 }
@@ -436,14 +441,22 @@ fn made(program: &Program, options: &Options, work: u64) -> Vec<Made> {
     let steps = if tick * work <= TICKING { steps.max(tick) } else { steps };
     // An entry of a table is read where its argument is.
     let tables = program.pes.iter().any(|pe| pe.features.index_words > 0);
-    let in_motion: Seek = |program, steps, seen| stimuli::choose(program, Purpose::Motion, steps, seen);
-    let saturating: Seek = |program, steps, seen| stimuli::choose(program, Purpose::Saturation, steps, seen);
-    let random = ("random words", if tables { TABLES } else { 1 }, steps, in_motion, Some(Purpose::Motion));
-    let times = (LONG / work).clamp(1, SATURATIONS);
-    let limits = (LIMITS, times, SATURATING, saturating, Some(Purpose::Saturation));
-    let sought = SOUGHT.map(|(name, times, seek)| (name, times, BRIEF, seek, None));
-    let all = [random, limits].into_iter().chain(sought);
-    all.map(|(name, times, steps, seek, purpose)| Made { name, times, steps: steps.min(most), seek, purpose }).collect()
+    let in_motion: Seek = |_, program, steps, seen| stimuli::choose(program, Purpose::Motion, steps, seen);
+    let saturating: Seek = |_, program, steps, seen| stimuli::choose(program, Purpose::Saturation, steps, seen);
+    let choice = |name, times, likely, steps: u64, seek, purpose| {
+        let steps = steps.min(most);
+        Made { name, times, steps, seek, likely: times.min(likely), search: stimuli::effort(program, purpose, steps) }
+    };
+    let times = if tables { TABLES } else { 1 };
+    let random = choice("random words", times, times, steps, in_motion, Purpose::Motion);
+    // More PEs have more places to saturate.
+    let (times, likely) = ((LONG / work).clamp(1, SATURATIONS), 3 * program.pes.len() as u64 - 1);
+    let limits = choice(LIMITS, times, likely, SATURATING, saturating, Purpose::Saturation);
+    let sought = SOUGHT.map(|(name, times, seek)| {
+        let likely = if name == ENTRIES && !tables { 0 } else { 1 };
+        Made { name, times, steps: BRIEF.min(most), seek, likely, search: climb::effort(program, likely) }
+    });
+    [random, limits].into_iter().chain(sought).collect()
 }
 
 impl Expected {

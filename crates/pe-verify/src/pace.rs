@@ -1,9 +1,9 @@
 //! How far a judgement is, what is left of it, and what of that fits into a time.
 //!
 //! Work is counted in control words of all PEs: PEs times clocks. An engine takes a time to begin and one for each word, as its
-//! runs say, without what is built once for all. Searches take what they took so far, and the last ones of a
-//! kind what it takes to try everything in the simulator. Starts that are still to come are those that are
-//! made at most, or fewer where PEs are few.
+//! runs say, without what is built once for all. Searches of a kind take what they took so far, before the first one what
+//! its candidates take in the simulator, and the last ones what it takes to try everything there. Starts that are still to come
+//! are those that are likely: fewer than at most where PEs are few, or what they are made for was seen.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -33,9 +33,7 @@ impl Listener for Nobody {
 enum Work {
     /// A run of an engine.
     Engine(usize),
-    /// Finding a start.
-    Search,
-    /// Its run in the simulator.
+    /// A run in the simulator.
     Simulator,
 }
 
@@ -81,7 +79,7 @@ impl Ends {
 /// Searches of a kind that try nearly everything: that which finds nothing, and one that finds something late.
 const HARD: f64 = 2.0;
 
-/// The search for a start that is not there: runs of the simulator, and their words.
+/// What a search takes: runs of the simulator, and their words.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Effort {
     /// Runs.
@@ -90,12 +88,21 @@ pub struct Effort {
     pub words: u64,
 }
 
-/// Starts of a kind that are to come: how many, the words of each, and those of the search for one that is not there.
+/// Searches of a kind: one that finds a start, and one for a start that is not there.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Efforts {
+    /// If something is found.
+    pub found: Effort,
+    /// If nothing is.
+    pub nothing: Effort,
+}
+
+/// Starts of a kind that are to come: how many, the words of each, and its searches.
 #[derive(Clone, Copy, Debug)]
 struct Planned {
     starts: u64,
     words: u64,
-    search: Effort,
+    search: Efforts,
 }
 
 /// The run at work.
@@ -115,8 +122,8 @@ struct State {
     ends: BTreeMap<Work, Ends>,
     planned: BTreeMap<&'static str, Planned>,
     current: Option<Current>,
-    /// Searches so far.
-    searches: f64,
+    /// Searches of each kind so far, and the mean of their seconds.
+    searches: BTreeMap<&'static str, (f64, f64)>,
     over: usize,
     left_out: Vec<String>,
 }
@@ -156,9 +163,16 @@ impl<'a> Pace<'a> {
         Children { until: self.within.map(|within| self.begun + within), heard: Some(heard), built: Some(built) }
     }
 
-    /// Says how many starts of a kind are to come at most, the words of each, and the last search, which finds nothing.
-    pub fn plan(&self, kind: &'static str, starts: u64, words: u64, search: Effort) {
+    /// Says how many starts of a kind are to come, the words of each, and its searches.
+    pub fn plan(&self, kind: &'static str, starts: u64, words: u64, search: Efforts) {
         self.state.borrow_mut().planned.insert(kind, Planned { starts, words, search });
+    }
+
+    /// As many starts of a kind are likely to come, if any still is.
+    pub fn likely(&self, kind: &'static str, starts: impl FnOnce() -> u64) {
+        if let Some(planned) = self.state.borrow_mut().planned.get_mut(kind) {
+            planned.starts = starts();
+        }
     }
 
     /// One start of a kind less is to come.
@@ -188,17 +202,19 @@ impl<'a> Pace<'a> {
         self.within.is_some_and(|within| self.begun.elapsed() >= within)
     }
 
-    /// Whether a start with so many words is likely to end in time; nothing is known of the first one.
-    pub fn fits(&self, words: u64) -> bool {
+    /// Whether a start of a kind with so many words is likely to end in time; nothing is known of the first one.
+    pub fn fits(&self, kind: &'static str, words: u64) -> bool {
         let Some(within) = self.within() else { return true };
-        let needed = self.state.borrow().start(&self.engines, words).unwrap_or(0.0);
+        let state = self.state.borrow();
+        let search = state.searches.get(kind).map_or(0.0, |(_, seconds)| *seconds);
+        let needed = state.start(&self.engines, words).map_or(0.0, |start| start + search);
         !self.is_over() && self.elapsed() + needed <= within
     }
 
     /// The most steps, of so many words each, that fit into half of the time that is left; none if not even one does.
     pub fn steps(&self, most: u64, words: u64) -> Option<u64> {
         let Some(within) = self.within() else { return Some(most) };
-        if !self.fits(words) {
+        if !self.fits("", words) {
             return None;
         }
         let left = (within - self.elapsed()) / 2.0;
@@ -211,16 +227,15 @@ impl<'a> Pace<'a> {
     }
 
     /// Finds a start, and notes the time that this took.
-    pub fn find<T>(&self, kind: &str, find: impl FnOnce() -> T) -> T {
+    pub fn find<T>(&self, kind: &'static str, find: impl FnOnce() -> T) -> T {
         self.tell(kind);
         let begun = Instant::now();
         let found = find();
         let took = begun.elapsed().as_secs_f64();
         let mut state = self.state.borrow_mut();
-        let (searches, before) = (state.searches, state.costs.get(&Work::Search).map_or(0.0, |cost| cost.begin));
-        let mean = (searches * before + took) / (searches + 1.0);
-        state.searches += 1.0;
-        state.costs.insert(Work::Search, Cost { begin: mean, word: 0.0 });
+        let (count, mean) = state.searches.entry(kind).or_default();
+        *mean = (*count * *mean + took) / (*count + 1.0);
+        *count += 1.0;
         found
     }
 
@@ -297,12 +312,13 @@ impl<'a> Pace<'a> {
             current.estimated.map(|estimated| (estimated - took).max(0.0))
         })?;
         let Cost { begin, word } = state.costs.get(&Work::Simulator).copied().unwrap_or_default();
-        let of = |planned: &Planned| {
+        let seconds = |effort: Effort| begin * effort.runs as f64 + word * effort.words as f64;
+        let of = |(kind, planned): (&&'static str, &Planned)| {
             let Planned { starts, words, search } = *planned;
-            let last = HARD * (begin * search.runs as f64 + word * search.words as f64);
-            Some(state.start(&self.engines, words)? * starts as f64 + last)
+            let one = state.searches.get(kind).map_or_else(|| seconds(search.found), |(_, seconds)| *seconds);
+            Some((state.start(&self.engines, words)? + one) * starts as f64 + HARD * seconds(search.nothing))
         };
-        let left = state.planned.values().map(of).sum::<Option<f64>>()? + current;
+        let left = state.planned.iter().map(of).sum::<Option<f64>>()? + current;
         Some(self.within().map_or(left, |within| left.min((within - self.elapsed()).max(0.0))))
     }
 }
@@ -319,9 +335,8 @@ impl State {
     /// Seconds of a start with so many words in all engines; none until each has run.
     fn start(&self, engines: &[Engine], words: u64) -> Option<f64> {
         let cost = |work| self.costs.get(&work).map(|cost| cost.of(words));
-        let beside: f64 = [Work::Search, Work::Simulator].into_iter().filter_map(cost).sum();
         let engines: f64 = engines.iter().map(|engine| cost(Work::Engine(*engine as usize))).sum::<Option<f64>>()?;
-        Some(beside + engines)
+        Some(engines + cost(Work::Simulator).unwrap_or(0.0))
     }
 }
 
@@ -336,7 +351,7 @@ mod tests {
     #[test]
     fn what_is_left_follows_from_what_runs_took() {
         let pace = Pace::new(&[Engine::Ghdl], None, &Nobody);
-        pace.plan("random words", 3, 100, Effort::default());
+        pace.plan("random words", 3, 100, Efforts::default());
         assert_eq!(pace.left(&pace.state.borrow()), None);
         pace.find("random words", || spend(0.02));
         pace.run(Engine::Ghdl, "random words", 100, 10, || {
@@ -357,9 +372,20 @@ mod tests {
         let again = pace.left(&pace.state.borrow()).unwrap();
         assert!(again < 0.2, "{again}");
         pace.simulate(100, || spend(0.01));
-        pace.plan("random words", 2, 100, Effort { runs: 100, words: 10_000 });
+        let nothing = Effort { runs: 100, words: 10_000 };
+        pace.plan("random words", 2, 100, Efforts { nothing, ..Efforts::default() });
         let sought = pace.left(&pace.state.borrow()).unwrap() - again;
         assert!((1.8..60.0).contains(&sought), "{sought}");
+        // Of a kind that was not sought its candidates tell, and fewer starts take less.
+        pace.plan("entries", 4, 100, Efforts { found: nothing, ..Efforts::default() });
+        let entries = pace.left(&pace.state.borrow()).unwrap() - again - sought;
+        assert!((3.6..120.0).contains(&entries), "{entries}");
+        pace.likely("entries", || 1);
+        pace.find("entries", || spend(0.02));
+        let fewer = pace.left(&pace.state.borrow()).unwrap() - again - sought;
+        assert!(fewer < entries / 4.0, "{fewer} {entries}");
+        pace.done("entries");
+        pace.likely("entries", || unreachable!());
         pace.done("random words");
         assert_eq!(pace.left(&pace.state.borrow()), Some(0.0));
     }
@@ -380,11 +406,10 @@ mod tests {
         let pace = Pace::new(&[Engine::Ghdl], Some(Duration::from_secs(5)), &Nobody);
         // Nothing is known of the first start.
         assert_eq!(pace.steps(1000, 10), Some(1000));
-        pace.state.borrow_mut().costs.insert(Work::Search, Cost::default());
         pace.state.borrow_mut().costs.insert(Work::Engine(Engine::Ghdl as usize), Cost { begin: 0.5, word: 1e-3 });
         let steps = pace.steps(1000, 10).unwrap();
         assert!((150..=201).contains(&steps), "{steps}");
-        assert!(pace.fits(4_000) && !pace.fits(5_000));
+        assert!(pace.fits("random words", 4_000) && !pace.fits("random words", 5_000));
         assert_eq!(pace.steps(1000, 5_000), None);
     }
 }

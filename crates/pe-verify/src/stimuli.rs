@@ -13,7 +13,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::engines::{Run, played};
-use crate::pace::Effort;
+use crate::pace::{Effort, Efforts};
 
 /// What the simulator knows of a run.
 pub struct Observed {
@@ -115,13 +115,15 @@ fn aimed(cost: u64) -> u64 {
     (BUDGET / (AIMING * cost)).clamp(2, AIMED)
 }
 
-/// What a search takes that finds nothing.
-pub fn effort(program: &Program, purpose: Purpose, steps: u64) -> Effort {
+/// What searches take.
+pub fn effort(program: &Program, purpose: Purpose, steps: u64) -> Efforts {
     let cost = cost(program, steps);
     let (made, own_words, anywhere) = candidates(program, purpose, cost);
     let sought = purpose == Purpose::Saturation && !unseen(program, &Coverage::none(program)).is_empty();
-    let runs = made + own_words + anywhere + if sought { AIMING * aimed(cost) } else { 0 };
-    Effort { runs, words: runs * cost }
+    let found = made + own_words + anywhere;
+    let [found, nothing] = [found, found + if sought { AIMING * aimed(cost) } else { 0 }];
+    let of = |runs: u64| Effort { runs, words: runs * cost };
+    Efforts { found: of(found), nothing: of(nothing) }
 }
 
 /// The candidate with most at work beside `seen`, if any has more. Starts are aimed if no other sets a flag in a new way.
