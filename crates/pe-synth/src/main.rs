@@ -139,7 +139,7 @@ fn asked_format() -> MessageFormat {
 
 /// Help, version, or options that do not exist.
 fn refused(error: &clap::Error) -> ExitCode {
-    let told = with_command(error);
+    let told = with_command(error).or_else(|| with_option(error));
     let error = told.as_ref().unwrap_or(error);
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
@@ -164,5 +164,27 @@ fn with_command(error: &clap::Error) -> Option<clap::Error> {
     let tip = format!("a command comes first: 'pe-synth compile {}'", command::quoted(word));
     told.insert(ContextKind::InvalidSubcommand, ContextValue::String(word.clone()));
     told.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    Some(told)
+}
+
+/// The error with the option of the command that differs least from what was typed, if that is a likely slip.
+fn with_option(error: &clap::Error) -> Option<clap::Error> {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg) else { return None };
+    let typed = word.strip_prefix("--").filter(|_| error.kind() == ErrorKind::UnknownArgument)?;
+    let mut all = Arguments::command();
+    all.build();
+    let mut command = std::env::args().skip(1).find_map(|word| all.find_subcommand(word).cloned())?;
+    let options = command.get_arguments().filter(|option| !option.is_hide_set()).filter_map(|option| option.get_long());
+    let distances = options.map(|option| (strsim::osa_distance(typed, option), option.to_owned()));
+    // Of two the one of the same length: letters change places more often than they are left out.
+    let (distance, option) =
+        distances.min_by_key(|(distance, option)| (*distance, option.len().abs_diff(typed.len())))?;
+    if distance > typed.len().div_ceil(3) {
+        return None;
+    }
+    let mut told = clap::Error::new(ErrorKind::UnknownArgument).with_cmd(&command);
+    told.insert(ContextKind::InvalidArg, ContextValue::String(word.clone()));
+    told.insert(ContextKind::SuggestedArg, ContextValue::String(format!("--{option}")));
+    told.insert(ContextKind::Usage, ContextValue::StyledStr(command.render_usage()));
     Some(told)
 }

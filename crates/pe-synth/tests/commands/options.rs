@@ -68,3 +68,35 @@ fn a_number_of_pes_that_is_no_count_is_told_so() {
         }
     }
 }
+
+#[test]
+fn a_slip_in_an_option_is_told_with_that_option() {
+    let refused = |word: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(["compile", word]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{word}");
+        stderr(&output)
+    };
+    let help = Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(["compile", "-h"]).output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    // What is said of options stands further to the right.
+    let indented =
+        |line: &&str| line.find(|letter| letter != ' ').is_some_and(|at| at <= 6 && line[at..].starts_with('-'));
+    let lines = help.lines().filter(indented);
+    let named = |line: &str| -> Option<String> {
+        line.split_whitespace().find(|word| word.starts_with("--")).map(str::to_owned)
+    };
+    let options: Vec<String> = lines.filter_map(named).filter(|word| word.len() > 4).collect();
+    assert!(options.len() > 30, "{options:?}");
+    for option in &options {
+        let mut letters: Vec<char> = option.chars().collect();
+        let last = letters.len() - 1;
+        letters.swap(last - 1, last);
+        let typed: String = letters.into_iter().collect();
+        if !options.contains(&typed) {
+            let told = refused(&typed);
+            assert!(told.contains(&format!("exists: '{option}'\n")), "{told}");
+        }
+    }
+    assert!(refused("--pse").contains("'--pes'"), "{}", refused("--pse"));
+    assert!(!refused("--nonsense-of-all-kinds").contains("similar"), "{}", refused("--nonsense-of-all-kinds"));
+}
