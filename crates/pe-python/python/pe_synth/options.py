@@ -45,32 +45,11 @@ Solver: TypeAlias = Literal[
 ]
 
 
-class CompileOptions(TypedDict, total=False):
-    """Options of `pe-synth compile`."""
+class DesignOptions(TypedDict, total=False):
+    """Options of all commands that design."""
 
     allow: Allow | Sequence[Allow]
     """Turns a refusal into a warning; may be repeated."""
-
-    area_from: Path
-    """Uses measured sizes of PEs instead of estimates, from a file that `cargo run -p xtask -- measure-area`
-    wrote."""
-
-    clock: Value
-    """Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]."""
-
-    coefficients: Coefficients
-    """Issue slots per coefficient: with two, a coefficient port of 18 bits computes with about 35."""
-
-    conserved: Value | Sequence[Value]
-    """Outputs that should stay constant, such as an energy: their drift is reported."""
-
-    device: Device
-    """Estimates the clock for this device, if networks were measured on its family; `compile` compares the
-    size with it."""
-
-    early_steps: Value | Sequence[Value]
-    """Other steps for the beginning, each with the time at which it ends, for implicit solvers; overrides the
-    spec."""
 
     elimination: Elimination
     """The order in which matrices are eliminated; by default that of a trial for linear systems, and the one
@@ -79,19 +58,12 @@ class CompileOptions(TypedDict, total=False):
     factors: Factors
     """How symmetric matrices of linear systems are eliminated; by default what a trial finds."""
 
-    fit: bool
-    """Keeps designs that fit the device of `--device`."""
-
     form: Form
     """Form of the step of a model that is affine in its states."""
 
     from_: Path
     """Continues from the text of a compiler stage printed by `dump` instead of a spec: `compile` and `dump`
     from any stage, other commands from a model."""
-
-    host: Host | Sequence[Host]
-    """Gives the network ports for a host: `restart` brings back the initial state, `states` reads and replaces
-    states between two steps, `flags` has one flag per cause and clears them."""
 
     inputs: Value
     """Inputs between two samples, unless the spec says: hold or linear."""
@@ -102,19 +74,8 @@ class CompileOptions(TypedDict, total=False):
     mapping: Path
     """Reads the PE of each equation from a file, in the form that `dump --stage mapping` prints."""
 
-    max_error: Value
-    """Chooses solver, step, multiplier and storage that meet this total error with the shortest run time;
-    options that are given are kept."""
-
     max_in_degree: int
     """Most input ports a PE may have [default: 15, or more if no mapping does with 15]."""
-
-    minimise: Minimise
-    """What is to be small among the designs that keep all limits [default: time]."""
-
-    multiplier: Value
-    """Multiplier: bits of the data port x bits of the coefficient port [default: 32x32; 35x35 for sampled
-    feedback that may ring]."""
 
     no_pre_adder: bool
     """Does not use the pre-adder for operands with equal coefficients."""
@@ -122,8 +83,41 @@ class CompileOptions(TypedDict, total=False):
     observe: Value | Sequence[Value]
     """Outputs: scalars, elements, whole arrays; overrides the spec; may be repeated."""
 
-    outputs: Outputs
-    """Outputs as ports, or in memories with one read port; `auto` chooses beyond 16 outputs what takes less."""
+    proof: Proof
+    """Whether ranges are proven in addition to being measured."""
+
+    seed: int
+    """Seed of all random numbers."""
+
+    set: Mapping[str, float] | Sequence[str] | str
+    """Sets a constant, a parameter or an initial value, or one element (`R[3]=2`); may be repeated."""
+
+    span: Value
+    """Time over which ranges and errors are judged; overrides the spec."""
+
+    tries: int
+    """Annealing budget in moves tried [default: grows with the number of equations]."""
+
+    units: Value
+    """How strictly units are checked: strict, warn or off; overrides the spec."""
+
+    widen: int
+    """Most bits by which formats may be widened to prove all ranges."""
+
+
+class SingleOptions(DesignOptions, total=False):
+    """Options of commands that take one design."""
+
+    coefficients: Coefficients
+    """Issue slots per coefficient: with two, a coefficient port of 18 bits computes with about 35."""
+
+    early_steps: Value | Sequence[Value]
+    """Other steps for the beginning, each with the time at which it ends, for implicit solvers; overrides the
+    spec."""
+
+    multiplier: Value
+    """Multiplier: bits of the data port x bits of the coefficient port [default: 32x32; 35x35 for sampled
+    feedback that may ring]."""
 
     pes: int
     """Number of processing elements; all of them are used [default: one for every 200 words of a step, as far
@@ -132,8 +126,79 @@ class CompileOptions(TypedDict, total=False):
     pipeline: Pipeline
     """Pipeline of the PEs: short, or deep for a faster clock on devices without registers in their blocks."""
 
-    proof: Proof
-    """Whether ranges are proven in addition to being measured."""
+    solver: Solver
+    """Numerical method; overrides the spec."""
+
+    step: Value
+    """Step, for example `1e-4` or `100us`; overrides the spec."""
+
+    storage: int
+    """Bits of a stored word, without its guard bits."""
+
+
+class SweepOptions(DesignOptions, total=False):
+    """Options of commands that compare designs."""
+
+    clock: Value
+    """Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]."""
+
+    device: Device
+    """Estimates the clock for this device, if networks were measured on its family; `compile` compares the
+    size with it."""
+
+    jobs: int
+    """Points compiled at the same time; the result does not depend on it [default: one per core]."""
+
+    parts: int
+    """Jobs that `--cluster` submits at once."""
+
+    pipeline: Pipeline
+    """Pipeline of the PEs."""
+
+    sample: Value
+    """Longest time between two outputs: steps divide this time."""
+
+    store: Path
+    """Folder of points that several sweeps share: what it has is not computed again."""
+
+    within: Value
+    """Stops after this time with the best points that were found, the cheapest to compute first; the one
+    option with which the result may differ from run to run."""
+
+
+class CompileOptions(SingleOptions, total=False):
+    """Options of `pe-synth compile`."""
+
+    area_from: Path
+    """Uses measured sizes of PEs instead of estimates, from a file that `cargo run -p xtask -- measure-area`
+    wrote."""
+
+    clock: Value
+    """Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]."""
+
+    conserved: Value | Sequence[Value]
+    """Outputs that should stay constant, such as an energy: their drift is reported."""
+
+    device: Device
+    """Estimates the clock for this device, if networks were measured on its family; `compile` compares the
+    size with it."""
+
+    fit: bool
+    """Keeps designs that fit the device of `--device`."""
+
+    host: Host | Sequence[Host]
+    """Gives the network ports for a host: `restart` brings back the initial state, `states` reads and replaces
+    states between two steps, `flags` has one flag per cause and clears them."""
+
+    max_error: Value
+    """Chooses solver, step, multiplier and storage that meet this total error with the shortest run time;
+    options that are given are kept."""
+
+    minimise: Minimise
+    """What is to be small among the designs that keep all limits [default: time]."""
+
+    outputs: Outputs
+    """Outputs as ports, or in memories with one read port; `auto` chooses beyond 16 outputs what takes less."""
 
     realtime: Value
     """Keeps designs that are at least so many times as fast as real time at their clock."""
@@ -145,171 +210,22 @@ class CompileOptions(TypedDict, total=False):
     """Longest time between two outputs of the design that `--max-error` or another goal chooses: its step
     divides this time."""
 
-    seed: int
-    """Seed of all random numbers."""
 
-    set: Mapping[str, float] | Sequence[str] | str
-    """Sets a constant, a parameter or an initial value, or one element (`R[3]=2`); may be repeated."""
-
-    solver: Solver
-    """Numerical method; overrides the spec."""
-
-    span: Value
-    """Time over which ranges and errors are judged; overrides the spec."""
-
-    step: Value
-    """Step, for example `1e-4` or `100us`; overrides the spec."""
-
-    storage: int
-    """Bits of a stored word, without its guard bits."""
-
-    tries: int
-    """Annealing budget in moves tried [default: grows with the number of equations]."""
-
-    units: Value
-    """How strictly units are checked: strict, warn or off; overrides the spec."""
-
-    widen: int
-    """Most bits by which formats may be widened to prove all ranges."""
-
-
-class CheckOptions(TypedDict, total=False):
+class CheckOptions(SingleOptions, total=False):
     """Options of `pe-synth check`."""
-
-    allow: Allow | Sequence[Allow]
-    """Turns a refusal into a warning; may be repeated."""
-
-    coefficients: Coefficients
-    """Issue slots per coefficient: with two, a coefficient port of 18 bits computes with about 35."""
-
-    early_steps: Value | Sequence[Value]
-    """Other steps for the beginning, each with the time at which it ends, for implicit solvers; overrides the
-    spec."""
-
-    elimination: Elimination
-    """The order in which matrices are eliminated; by default that of a trial for linear systems, and the one
-    that fills in least for implicit solvers."""
-
-    factors: Factors
-    """How symmetric matrices of linear systems are eliminated; by default what a trial finds."""
-
-    form: Form
-    """Form of the step of a model that is affine in its states."""
-
-    from_: Path
-    """Continues from the text of a compiler stage printed by `dump` instead of a spec: `compile` and `dump`
-    from any stage, other commands from a model."""
-
-    inputs: Value
-    """Inputs between two samples, unless the spec says: hold or linear."""
-
-    loop: Loop
-    """One round of control words for all stages of a step."""
-
-    mapping: Path
-    """Reads the PE of each equation from a file, in the form that `dump --stage mapping` prints."""
 
     max_error: Value
     """Method error for which the accuracy step is computed."""
 
-    max_in_degree: int
-    """Most input ports a PE may have [default: 15, or more if no mapping does with 15]."""
 
-    multiplier: Value
-    """Multiplier: bits of the data port x bits of the coefficient port [default: 32x32; 35x35 for sampled
-    feedback that may ring]."""
-
-    no_pre_adder: bool
-    """Does not use the pre-adder for operands with equal coefficients."""
-
-    observe: Value | Sequence[Value]
-    """Outputs: scalars, elements, whole arrays; overrides the spec; may be repeated."""
-
-    pes: int
-    """Number of processing elements; all of them are used [default: one for every 200 words of a step, as far
-    as more PEs make it shorter]."""
-
-    pipeline: Pipeline
-    """Pipeline of the PEs: short, or deep for a faster clock on devices without registers in their blocks."""
-
-    proof: Proof
-    """Whether ranges are proven in addition to being measured."""
-
-    seed: int
-    """Seed of all random numbers."""
-
-    set: Mapping[str, float] | Sequence[str] | str
-    """Sets a constant, a parameter or an initial value, or one element (`R[3]=2`); may be repeated."""
-
-    solver: Solver
-    """Numerical method; overrides the spec."""
-
-    span: Value
-    """Time over which ranges and errors are judged; overrides the spec."""
-
-    step: Value
-    """Step, for example `1e-4` or `100us`; overrides the spec."""
-
-    storage: int
-    """Bits of a stored word, without its guard bits."""
-
-    tries: int
-    """Annealing budget in moves tried [default: grows with the number of equations]."""
-
-    units: Value
-    """How strictly units are checked: strict, warn or off; overrides the spec."""
-
-    widen: int
-    """Most bits by which formats may be widened to prove all ranges."""
-
-
-class ExploreOptions(TypedDict, total=False):
+class ExploreOptions(SweepOptions, total=False):
     """Options of `pe-synth explore`."""
-
-    allow: Allow | Sequence[Allow]
-    """Turns a refusal into a warning; may be repeated."""
-
-    clock: Value
-    """Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]."""
-
-    device: Device
-    """Estimates the clock for this device, if networks were measured on its family; `compile` compares the
-    size with it."""
-
-    elimination: Elimination
-    """The order in which matrices are eliminated; by default that of a trial for linear systems, and the one
-    that fills in least for implicit solvers."""
-
-    factors: Factors
-    """How symmetric matrices of linear systems are eliminated; by default what a trial finds."""
 
     fit: bool
     """Keeps designs that fit the device of `--device`."""
 
-    form: Form
-    """Form of the step of a model that is affine in its states."""
-
-    from_: Path
-    """Continues from the text of a compiler stage printed by `dump` instead of a spec: `compile` and `dump`
-    from any stage, other commands from a model."""
-
-    inputs: Value
-    """Inputs between two samples, unless the spec says: hold or linear."""
-
-    jobs: int
-    """Points compiled at the same time; the result does not depend on it [default: one per core]."""
-
-    loop: Loop
-    """One round of control words for all stages of a step."""
-
-    mapping: Path
-    """Reads the PE of each equation from a file, in the form that `dump --stage mapping` prints."""
-
     max_error: Value
     """Largest total error of points that compete in size and speed, or `any` [default: 0.01]."""
-
-    max_in_degree: int
-    """Most input ports a PE may have [default: 15, or more if no mapping does with 15]."""
 
     minimise: Minimise
     """What is to be small among the designs that keep all limits [default: time]."""
@@ -317,23 +233,8 @@ class ExploreOptions(TypedDict, total=False):
     multiplier: Value | Sequence[Value]
     """Multipliers [default: 25x18,18x25,32x32]."""
 
-    no_pre_adder: bool
-    """Does not use the pre-adder for operands with equal coefficients."""
-
-    observe: Value | Sequence[Value]
-    """Outputs: scalars, elements, whole arrays; overrides the spec; may be repeated."""
-
-    parts: int
-    """Jobs that `--cluster` submits at once."""
-
     pes: int | Sequence[int]
     """Numbers of processing elements [default: powers of two, as long as more PEs can be faster]."""
-
-    pipeline: Pipeline
-    """Pipeline of the PEs."""
-
-    proof: Proof
-    """Whether ranges are proven in addition to being measured."""
 
     realtime: Value
     """Keeps designs that are at least so many times as fast as real time at their clock."""
@@ -341,20 +242,8 @@ class ExploreOptions(TypedDict, total=False):
     resume: bool
     """Continues the sweep in the output folder: points that it holds are not compiled again."""
 
-    sample: Value
-    """Longest time between two outputs: steps divide this time."""
-
-    seed: int
-    """Seed of all random numbers."""
-
-    set: Mapping[str, float] | Sequence[str] | str
-    """Sets a constant, a parameter or an initial value, or one element (`R[3]=2`); may be repeated."""
-
     solver: Solver | Sequence[Solver]
     """Numerical methods [default: euler,heun,heun3,rk4; for stiff models all that apply]."""
-
-    span: Value
-    """Time over which ranges and errors are judged; overrides the spec."""
 
     step: Value | Sequence[Value]
     """Steps [default: the spec's, its half and its double]."""
@@ -362,31 +251,9 @@ class ExploreOptions(TypedDict, total=False):
     storage: int | Sequence[int]
     """Bits of a stored word, without its guard bits."""
 
-    store: Path
-    """Folder of points that several sweeps share: what it has is not computed again."""
 
-    tries: int
-    """Annealing budget in moves tried [default: grows with the number of equations]."""
-
-    units: Value
-    """How strictly units are checked: strict, warn or off; overrides the spec."""
-
-    widen: int
-    """Most bits by which formats may be widened to prove all ranges."""
-
-    within: Value
-    """Stops after this time with the best points that were found, the cheapest to compute first; the one
-    option with which the result may differ from run to run."""
-
-
-class AccuracyOptions(TypedDict, total=False):
+class AccuracyOptions(SweepOptions, total=False):
     """Options of `pe-synth accuracy`."""
-
-    allow: Allow | Sequence[Allow]
-    """Turns a refusal into a warning; may be repeated."""
-
-    clock: Value
-    """Clock for the speed [default: an estimate for some devices, else 150, marked as assumed]."""
 
     coefficients: Coefficients | Sequence[Coefficients]
     """Issue slots per coefficient: one-slot, two-slot, auto [default: one-slot]."""
@@ -394,100 +261,24 @@ class AccuracyOptions(TypedDict, total=False):
     conserved: Value | Sequence[Value]
     """Outputs that should stay constant, such as an energy: their drift is reported."""
 
-    device: Device
-    """Estimates the clock for this device, if networks were measured on its family; `compile` compares the
-    size with it."""
-
-    elimination: Elimination
-    """The order in which matrices are eliminated; by default that of a trial for linear systems, and the one
-    that fills in least for implicit solvers."""
-
-    factors: Factors
-    """How symmetric matrices of linear systems are eliminated; by default what a trial finds."""
-
-    form: Form
-    """Form of the step of a model that is affine in its states."""
-
-    from_: Path
-    """Continues from the text of a compiler stage printed by `dump` instead of a spec: `compile` and `dump`
-    from any stage, other commands from a model."""
-
-    inputs: Value
-    """Inputs between two samples, unless the spec says: hold or linear."""
-
-    jobs: int
-    """Points compiled at the same time; the result does not depend on it [default: one per core]."""
-
-    loop: Loop
-    """One round of control words for all stages of a step."""
-
-    mapping: Path
-    """Reads the PE of each equation from a file, in the form that `dump --stage mapping` prints."""
-
     max_error: Value
     """Picks the cheapest point with at most this total error, trying more steps and words; points that miss it
     show only their error."""
 
-    max_in_degree: int
-    """Most input ports a PE may have [default: 15, or more if no mapping does with 15]."""
-
     multiplier: Value | Sequence[Value]
     """Multipliers; with these lists every solver and step is combined with every word length."""
-
-    no_pre_adder: bool
-    """Does not use the pre-adder for operands with equal coefficients."""
-
-    observe: Value | Sequence[Value]
-    """Outputs: scalars, elements, whole arrays; overrides the spec; may be repeated."""
-
-    parts: int
-    """Jobs that `--cluster` submits at once."""
 
     pes: int
     """Number of processing elements of every point [default: one for every 200 issue slots]."""
 
-    pipeline: Pipeline
-    """Pipeline of the PEs."""
-
-    proof: Proof
-    """Whether ranges are proven in addition to being measured."""
-
     resume: bool
     """Continues the study in the output folder: points that it holds are not compiled again."""
 
-    sample: Value
-    """Longest time between two outputs: steps divide this time."""
-
-    seed: int
-    """Seed of all random numbers."""
-
-    set: Mapping[str, float] | Sequence[str] | str
-    """Sets a constant, a parameter or an initial value, or one element (`R[3]=2`); may be repeated."""
-
     solver: Solver | Sequence[Solver]
     """Numerical methods [default: all that apply]."""
-
-    span: Value
-    """Time over which ranges and errors are judged; overrides the spec."""
 
     step: Value | Sequence[Value]
     """Steps [default: the spec's, times and divided by 2 and 4; with many solvers by 2 only]."""
 
     storage: int | Sequence[int]
     """Bits of a stored word, without its guard bits [default: 32]."""
-
-    store: Path
-    """Folder of points that several sweeps share: what it has is not computed again."""
-
-    tries: int
-    """Annealing budget in moves tried [default: grows with the number of equations]."""
-
-    units: Value
-    """How strictly units are checked: strict, warn or off; overrides the spec."""
-
-    widen: int
-    """Most bits by which formats may be widened to prove all ranges."""
-
-    within: Value
-    """Stops after this time with the best points that were found, the cheapest to compute first; the one
-    option with which the result may differ from run to run."""

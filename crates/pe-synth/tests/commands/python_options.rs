@@ -78,14 +78,13 @@ fn docstring(help: &str) -> String {
     lines.join("\n") + ".\"\"\"\n"
 }
 
-/// A command's options as a class.
-fn class<C: Args>(name: &'static str, title: &str, names: &mut BTreeMap<String, String>) -> String {
-    let command = C::augment_args(Command::new(name));
+/// Options of a command, each as it stands in a class.
+fn entries<C: Args>(names: &mut BTreeMap<String, String>) -> Vec<String> {
+    let command = C::augment_args(Command::new("command"));
     let otherwise = otherwise();
-    let mut text =
-        format!("\n\nclass {title}(TypedDict, total=False):\n    \"\"\"Options of `pe-synth {name}`.\"\"\"\n");
     let mut arguments: Vec<_> = command.get_arguments().filter(|argument| !argument.is_hide_set()).collect();
     arguments.sort_by_key(|argument| argument.get_long());
+    let mut entries = Vec::new();
     for argument in arguments {
         let Some(long) = argument.get_long() else { continue };
         let key = long.replace('-', "_");
@@ -96,19 +95,41 @@ fn class<C: Args>(name: &'static str, title: &str, names: &mut BTreeMap<String, 
         let key = if key == "from" { "from_".to_owned() } else { key };
         let help = argument.get_help().map(StyledStr::to_string).unwrap_or_default();
         let help = help.replace('\\', "\\\\").replace('"', "'");
-        write!(text, "\n    {key}: {}\n{}", kind(argument, names), docstring(&help)).unwrap();
+        entries.push(format!("\n    {key}: {}\n{}", kind(argument, names), docstring(&help)));
     }
-    text
+    entries
+}
+
+/// A class of options.
+fn class(title: &str, base: &str, of: &str, entries: &[String]) -> String {
+    format!("\n\nclass {title}({base}, total=False):\n    \"\"\"Options of {of}.\"\"\"\n") + &entries.concat()
+}
+
+/// Takes what all lists have out of them.
+fn common(lists: &mut [&mut Vec<String>]) -> Vec<String> {
+    let (first, rest) = lists.split_first_mut().unwrap();
+    let (shared, own) = first.drain(..).partition(|entry| rest.iter().all(|list| list.contains(entry)));
+    **first = own;
+    rest.iter_mut().for_each(|list| list.retain(|entry| !shared.contains(entry)));
+    shared
 }
 
 #[test]
 fn python_knows_the_options_of_commands() {
     let mut names = BTreeMap::new();
+    let (mut compile, mut check) = (entries::<Compile>(&mut names), entries::<Check>(&mut names));
+    let (mut explore, mut accuracy) = (entries::<Explore>(&mut names), entries::<Accuracy>(&mut names));
+    let design = common(&mut [&mut compile, &mut check, &mut explore, &mut accuracy]);
+    let single = common(&mut [&mut compile, &mut check]);
+    let sweep = common(&mut [&mut explore, &mut accuracy]);
     let classes = [
-        class::<Compile>("compile", "CompileOptions", &mut names),
-        class::<Check>("check", "CheckOptions", &mut names),
-        class::<Explore>("explore", "ExploreOptions", &mut names),
-        class::<Accuracy>("accuracy", "AccuracyOptions", &mut names),
+        class("DesignOptions", "TypedDict", "all commands that design", &design),
+        class("SingleOptions", "DesignOptions", "commands that take one design", &single),
+        class("SweepOptions", "DesignOptions", "commands that compare designs", &sweep),
+        class("CompileOptions", "SingleOptions", "`pe-synth compile`", &compile),
+        class("CheckOptions", "SingleOptions", "`pe-synth check`", &check),
+        class("ExploreOptions", "SweepOptions", "`pe-synth explore`", &explore),
+        class("AccuracyOptions", "SweepOptions", "`pe-synth accuracy`", &accuracy),
     ];
     let mut text = "\
 \"\"\"Options of commands with their types: `compile(spec, pes=2)` is `pe-synth compile --pes 2`.
@@ -140,5 +161,8 @@ Value: TypeAlias = str | float
         assert!(text.contains(known), "{known}");
     }
     assert!(!text.contains("    quiet:") && !text.contains("    cluster:"));
+    for (option, times) in [("allow", 1), ("span", 1), ("store", 1), ("coefficients", 2), ("fit", 2)] {
+        assert_eq!(text.matches(&format!("\n    {option}: ")).count(), times, "{option}");
+    }
     expect_file!["../../../pe-python/python/pe_synth/options.py"].assert_eq(&text);
 }
