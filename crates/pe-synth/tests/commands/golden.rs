@@ -11,7 +11,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 /// Models with a golden folder: those that compile in a moment.
-const MODELS: [&str; 17] = [
+const MODELS: [&str; 18] = [
     "atrial3",
     "harmonic_oscillator",
     "hodgkin_huxley",
@@ -21,6 +21,7 @@ const MODELS: [&str; 17] = [
     "lung",
     "lutchen20",
     "lutchen_breathing",
+    "mapk_cascade",
     "motor_pid",
     "pendulum",
     "pump_station",
@@ -37,6 +38,7 @@ fn first_options(model: &str) -> [&'static str; 4] {
         "harmonic_oscillator" | "lorenz" => "500ms",
         "kepler" | "lotka_volterra" | "pendulum" | "van_der_pol" => "2s",
         "lutchen_breathing" => "100ms",
+        "mapk_cascade" => "60s",
         "wave6" | "wave_fdtd" => "2ms",
         _ => "20ms",
     };
