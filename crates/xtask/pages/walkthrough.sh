@@ -3,8 +3,8 @@
 #
 #   cargo run -p xtask -- walkthrough [--quick]
 #
-# Clones the last commit of this checkout into a temporary folder and runs everything there, the README's two commands
-# included: about twenty minutes on two cores; --quick leaves these two out and keeps what the page says of them.
+# Clones the last commit of this checkout into a temporary folder and runs everything there, all tests included: about
+# twenty minutes on two cores; --quick leaves the tests out and takes their headings from the script that runs them.
 # Needs what testbenches/test-all.sh installs. Seconds and the temporary folder are left out of the page, so that it
 # changes only when the tool does. Pictures go to docs/figures.
 set -euo pipefail
@@ -21,6 +21,7 @@ say() {
 # Leaves out what depends on the machine: seconds of stages and tests, cargo's lines, the temporary folder.
 tidy() {
   sed -E -e 's/ +\([0-9.]+ s\)$//' -e "s|$work/||g" -e 's/; finished in [0-9.]+s//' \
+    -e '/; about [0-9.]+ (s|min|h) to go$/d' -e 's/; about [0-9.]+ (s|min|h) on [0-9]+ threads?$//' \
     -e '/^ *(Compiling|Finished|Running|Downloading|Downloaded|Updating|Locking|Adding|Blocking) /d'
 }
 
@@ -43,11 +44,6 @@ show() {
   ((status == 0)) || say '' "The exit code is $status."
 }
 
-# The part of the page between two marks, as the last complete run left it.
-kept() {
-  sed -n "/^<!-- $1 -->\$/,/^<!-- end of $1 -->\$/p" "$root/docs/walkthrough.md" >> "$page"
-}
-
 figure() {
   mkdir -p "$root/docs/figures"
   cp "$1" "$root/docs/figures/walkthrough_$2.svg"
@@ -59,17 +55,17 @@ cd "$work/pe-synth"
 
 say '# A walk through pe-synth' '' \
   'From a fresh clone to verified hardware for your own model. `cargo run -p xtask -- walkthrough` runs every command on' \
-  'this page and copies its output, without seconds and build lines.' '' \
+  'this page and copies its output, without seconds and build lines, and of the tests without their numbers.' '' \
   '## The two commands' '' \
   'On Debian 12 with Rust and git, in a clone of the repository. The first compiles a lung of 4094 differential' \
   'equations to a network of 396 processing elements; the second installs what is missing and runs every test.'
+show 0 'cargo run --release -- compile models/weibel11/weibel11.spec --pes 396 -o out/weibel11'
 if [[ $quick == --quick ]]; then
-  kept 'two commands'
+  say '' '```sh' 'testbenches/test-all.sh' '```' '' '```text'
+  sed -nE "s/^begin '?([^']*)'?\$/== \1/p" testbenches/test-all.sh >> "$page"
+  say '```'
 else
-  say '' '<!-- two commands -->'
-  show 0 'cargo run --release -- compile models/weibel11/weibel11.spec --pes 396 -o out/weibel11'
-  show 0 'testbenches/test-all.sh' "grep -E '^==|^test result: .* [1-9][0-9]* passed' | sed -E 's/ \([0-9]+ s\)$//'"
-  say '' '<!-- end of two commands -->'
+  show 0 'testbenches/test-all.sh' "grep '^==' | sed -E 's/ \([0-9]+ s\)$//'"
 fi
 
 cargo build --release --quiet
