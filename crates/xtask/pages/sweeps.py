@@ -5,7 +5,7 @@
 
 Runs `explore` on each model twice: as it is, and with `--max-error any`, which designs every point. Prints the time told
 before and after a tenth of the sweep, the real one, and the processor time of both. $PE_SYNTH names a binary to use in
-place of building one.
+place of building one; if $PE_BEFORE names an older one, its processor time stands beside.
 """
 
 import os
@@ -23,6 +23,7 @@ MODELS = {
     "models/hodgkin_huxley/hodgkin_huxley.spec": [],
     "models/lutchen_breathing/lutchen_breathing.spec": [],
     "models/weibel5/weibel5.spec": [],
+    "models/mapk_cascade/mapk_cascade.spec": ["--set", "levels=3"],
 }
 
 UNITS = {"s": 1, "min": 60, "h": 3600}
@@ -47,20 +48,26 @@ def seconds(match):
 
 
 def main(folder, *models):
-    program = built()
-    print("| model | points | told before, s | told after a tenth, s | real, s | told / real | processor time, s | of all points, s | ratio |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    program, older = built(), os.environ.get("PE_BEFORE")
+    print("| model | points | told before, s | told after a tenth, s | real, s | told / real | processor time, s", end=" | ")
+    print("of all points, s | ratio |" + (" before, s | ratio |" if older else ""))
+    print("|---" * (11 if older else 9) + "|")
     for spec in models or MODELS:
         name = os.path.splitext(os.path.basename(spec))[0]
-        target = os.path.join(folder, name)
-        told, real, used = sweep(program, str(ROOT / spec), target, *MODELS.get(spec, []))
-        _, _, whole = sweep(program, str(ROOT / spec), target + "_any", "--max-error", "any", *MODELS.get(spec, []))
+        options = MODELS.get(spec, [])
+        spec, target = str(ROOT / spec), os.path.join(folder, name)
+        told, real, used = sweep(program, spec, target, *options)
+        _, _, whole = sweep(program, spec, target + "_any", "--max-error", "any", *options)
         points = re.search(r"(\d+) points =", told)
         before = seconds(re.search(rf"about {TIME} on", told)[0])
         tenth = re.search(rf"points after {TIME}; about {TIME} to go", told)
         tenth = seconds(tenth[0]) if tenth else None
-        ratio = f"{tenth:.0f} | {real:.0f} | {tenth / real:.2f}" if tenth else f"- | {real:.0f} | -"
-        print(f"| {name} | {points[1]} | {before:.1f} | {ratio} | {used:.0f} | {whole:.0f} | {used / whole:.2f} |", flush=True)
+        ratio = f"{tenth:.1f} | {real:.1f} | {tenth / real:.2f}" if tenth else f"- | {real:.1f} | -"
+        row = f"| {name} | {points[1]} | {before:.1f} | {ratio} | {used:.1f} | {whole:.1f} | {used / whole:.2f} |"
+        if older:
+            _, _, then = sweep(older, spec, target + "_before", *options)
+            row += f" {then:.1f} | {used / then:.2f} |"
+        print(row, flush=True)
 
 
 if __name__ == "__main__":
