@@ -31,7 +31,7 @@ TIME = r"([\d.]+) (s|min|h)"
 
 
 def sweep(program, spec, target, *options):
-    """What it told, its wall time and its processor time in seconds."""
+    """What it told, none if it failed, its wall time and its processor time in seconds."""
 
     def used():
         usage = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -39,8 +39,8 @@ def sweep(program, spec, target, *options):
 
     before, clock = used(), time.monotonic()
     command = [program, "explore", spec, "-o", target, *options]
-    told = subprocess.run(command, capture_output=True, text=True, check=False).stderr
-    return told, time.monotonic() - clock, used() - before
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    return run.stderr if run.returncode == 0 else None, time.monotonic() - clock, used() - before
 
 
 def seconds(match):
@@ -65,8 +65,8 @@ def main(folder, *models):
         ratio = f"{tenth:.1f} | {real:.1f} | {tenth / real:.2f}" if tenth else f"- | {real:.1f} | -"
         row = f"| {name} | {points[1]} | {before:.1f} | {ratio} | {used:.1f} | {whole:.1f} | {used / whole:.2f} |"
         if older:
-            _, _, then = sweep(older, spec, target + "_before", *options)
-            row += f" {then:.1f} | {used / then:.2f} |"
+            known, _, then = sweep(older, spec, target + "_before", *options)
+            row += f" {then:.1f} | {used / then:.2f} |" if known else " - | - |"
         print(row, flush=True)
 
 
