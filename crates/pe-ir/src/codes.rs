@@ -71,6 +71,9 @@ codes! {
     NOT_CONSTANT = "E0407", "constant expected";
     NOT_INTEGER = "E0408", "integer expected";
     UNSUITABLE_MECHANISM = "E0416", "equation that makes no mechanism";
+    INCONSISTENT_START = "E0417", "inconsistent initial values";
+    NO_MASS = "E0418", "mass matrix not positive";
+    NO_DERIVATIVE = "E0419", "no derivative of the closures";
 
     OUT_OF_RANGE = "E0501", "subscript out of range";
     NO_SUCH_ELEMENT = "E0502", "element without equation";
@@ -184,6 +187,7 @@ codes! {
     LIMIT_TAKEN = "W0926", "limit taken where a function is 0/0";
     QUOTIENT_SHORT = "W0927", "quotient with few bits";
     GUARD_LEFT_OUT = "W0928", "choice against 0/0 left out";
+    START_MOVED = "W0932", "initial values moved";
     ROLE_UNKNOWN = "W1001", "role still to be told";
     GENERIC_UNSET = "W1002", "generic still without a value";
     SIGN_DIFFERS = "W1003", "sign other than that of the type";

@@ -418,6 +418,24 @@ impl Model {
         self.outputs.iter().map(|output| number(output.variable, &algebraics)).collect()
     }
 
+    /// For each algebraic equation whether its value is needed for that of some variables.
+    pub fn needed(&self, variables: impl IntoIterator<Item = Variable>) -> Vec<bool> {
+        let mut needed = vec![false; self.algebraics.len()];
+        let mark = |variable: Variable, needed: &mut Vec<bool>| {
+            if let Variable::Algebraic(algebraic) = variable {
+                needed[at(algebraic)] = true;
+            }
+        };
+        variables.into_iter().for_each(|variable| mark(variable, &mut needed));
+        // Each reads only earlier ones.
+        for index in (0..needed.len()).rev() {
+            if needed[index] {
+                self.algebraics[index].expr.each_variable(&mut |variable| mark(variable, &mut needed));
+            }
+        }
+        needed
+    }
+
     /// The model with its ticks as inputs.
     pub fn with_ticks(&self) -> Model {
         let mut model = self.clone();

@@ -11,6 +11,7 @@ use pe_ir::model::{Algebraic, Expr, Function, Model, Variable};
 use pe_ir::source::{Diagnostic, Span};
 use pe_ir::turns::{self, MOST_MULTIPLES, RADIANS, REACH};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Part of a multiple that may be missing for it to count as whole: what rounding makes of a turn and back.
 const ROUNDING: f64 = 1e-12;
@@ -58,6 +59,15 @@ pub(crate) fn write_out(mut model: Model, report: &mut Report) -> Option<Model> 
             }
             _ => {}
         }
+    }
+    if let Some(mechanism) = &mut model.mechanism {
+        Arc::make_mut(mechanism).each_variable_mut(&mut |variable| {
+            if let Variable::Algebraic(algebraic) = variable
+                && let Place::Plain(plain) = writer.numbers[at(*algebraic)]
+            {
+                *algebraic = plain;
+            }
+        });
     }
     let failed = !writer.wrong.is_empty();
     writer.wrong.into_iter().for_each(|finding| report.push(finding));

@@ -6,7 +6,7 @@ use crate::declare::times::Times;
 use crate::equations::write::{Flat, Row};
 use crate::evaluate::signals::{CLOCK, SIGNALS, Signals, TIME};
 use crate::language::words;
-use crate::model::angles;
+use crate::model::{angles, consistent};
 use crate::names::table::{Kind, Names, Quantity};
 use crate::report::Report;
 use pe_ir::codes;
@@ -134,6 +134,7 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
     model.share_systems();
     model.add_step_ratio();
     model.set_step(step);
+    consistent::settle(&mut model, names, report)?;
     angles::write_out(model, report)
 }
 

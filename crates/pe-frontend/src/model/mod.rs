@@ -2,4 +2,5 @@
 
 pub(crate) mod angles;
 pub(crate) mod assemble;
+pub(crate) mod consistent;
 pub(crate) mod unused;

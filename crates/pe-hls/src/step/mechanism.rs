@@ -64,23 +64,9 @@ fn check(model: &Model, mechanism: &Mechanism) -> Result<(), Vec<Diagnostic>> {
 
 /// Equations that no output reads become zeros, which nothing reads: the numbers of all others stay what they are.
 fn drop_unread(model: &mut Model) {
-    let mut needed = vec![false; model.algebraics.len()];
-    let mark = |expr: &Expr, needed: &mut Vec<bool>| {
-        expr.each_variable(&mut |variable| {
-            if let Variable::Algebraic(algebraic) = variable {
-                needed[at(algebraic)] = true;
-            }
-        });
-    };
-    model.outputs.iter().for_each(|output| mark(&Expr::Variable(output.variable), &mut needed));
-    // Each reads those before it only.
-    for index in (0..needed.len()).rev() {
-        if needed[index] {
-            let expr = model.algebraics[index].expr.clone();
-            mark(&expr, &mut needed);
-        } else {
-            model.algebraics[index].expr = Expr::Constant(0.0);
-        }
+    let needed = model.needed(model.outputs.iter().map(|output| output.variable));
+    for (algebraic, _) in model.algebraics.iter_mut().zip(needed).filter(|(_, needed)| !needed) {
+        algebraic.expr = Expr::Constant(0.0);
     }
 }
 
@@ -159,20 +145,9 @@ impl Writer<'_> {
 
     /// A part of the mechanism at a point, with the equations that it reads.
     fn at(&mut self, point: &mut Point, part: &Expr) -> Expr {
-        let mut needed = vec![false; self.given.algebraics.len()];
-        let mark = |expr: &Expr, needed: &mut Vec<bool>| {
-            expr.each_variable(&mut |variable| {
-                if let Variable::Algebraic(algebraic) = variable {
-                    needed[at(algebraic)] = true;
-                }
-            });
-        };
-        mark(part, &mut needed);
-        for index in (0..needed.len()).rev() {
-            if needed[index] && !point.known.contains_key(&number(index)) {
-                mark(&self.given.algebraics[index].expr, &mut needed);
-            }
-        }
+        let mut read = Vec::new();
+        part.each_variable(&mut |variable| read.push(variable));
+        let needed = self.given.needed(read);
         for index in (0..needed.len()).filter(|index| needed[*index]) {
             if !point.known.contains_key(&number(index)) {
                 let given = &self.given.algebraics[index];

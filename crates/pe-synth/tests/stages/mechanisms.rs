@@ -4,12 +4,13 @@
 use std::fmt::Write;
 use std::fs;
 use std::process::Command;
+use std::sync::Arc;
 
 use crate::support::bench::Folder;
 use crate::systems::exact_angle;
 use pe_frontend::{NoFiles, Overrides};
 use pe_ir::index::StateId;
-use pe_ir::model::Model;
+use pe_ir::model::{Expr, Model};
 use pe_ir::source::Sources;
 use pe_sim::double::DoubleRun;
 
@@ -39,8 +40,7 @@ impl Chain {
         }
     }
 
-    /// `bend` is the sign of what keeps a mass on its circle.
-    fn spec(&self, step: &str, bend: &str) -> String {
+    fn spec(&self, step: &str) -> String {
         let size = self.masses.len();
         let list = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         let mut text = format!(
@@ -65,7 +65,7 @@ impl Chain {
             };
             let (u, v) = (x.replace('q', "w"), y.replace('q', "w"));
             writeln!(text, "gap[{rod}] = ({x}^2 + {y}^2 - l[{rod}]^2)/(2*l[{rod}])").unwrap();
-            writeln!(text, "bend[{rod}] = {bend}({u}^2 + {v}^2)/l[{rod}]").unwrap();
+            writeln!(text, "bend[{rod}] = ({u}^2 + {v}^2)/l[{rod}]").unwrap();
             writeln!(text, "J[{rod}, {}] = {x}/l[{rod}]\nJ[{rod}, {}] = {y}/l[{rod}]", 2 * rod - 1, 2 * rod).unwrap();
             if rod > 1 {
                 writeln!(text, "J[{rod}, {}] = -{x}/l[{rod}]\nJ[{rod}, {}] = -{y}/l[{rod}]", 2 * rod - 3, 2 * rod - 2)
@@ -89,9 +89,11 @@ impl Chain {
         (energy, (0..size).map(|body| length(body).abs()).fold(0.0, f64::max))
     }
 
-    /// Largest drift of energy and gap over half a second.
-    fn drift(&self, step: &str, bend: &str) -> (f64, f64) {
-        let model = compiled(&self.spec(step, bend));
+    /// Largest drift of energy and gap over half a second; `bend` is the sign of what keeps a mass on its circle.
+    fn drift(&self, step: &str, bend: f64) -> (f64, f64) {
+        let mut model = compiled(&self.spec(step));
+        let mechanism = Arc::make_mut(model.mechanism.as_mut().expect("it has one"));
+        mechanism.bends.iter_mut().for_each(|own| *own = Expr::scaled(bend, own.clone()));
         let graph = pe_hls::step::build(&model).unwrap_or_else(|findings| panic!("{findings:#?}"));
         assert!(pe_ir::verify::step::check(&graph).is_empty());
         assert_eq!(graph.to_string().parse::<pe_ir::graph::StepGraph>().unwrap().to_string(), graph.to_string());
@@ -112,14 +114,14 @@ fn rods_keep_their_length_and_chains_their_energy() {
     let mut seed = 5;
     for size in [1, 2, 3] {
         let chain = Chain::random(size, &mut seed);
-        let (coarse, _) = chain.drift("2 ms", "");
-        let (energy, gap) = chain.drift("1 ms", "");
+        let (coarse, _) = chain.drift("2 ms", 1.0);
+        let (energy, gap) = chain.drift("1 ms", 1.0);
         println!("{size} rods: energy drifts by {energy:e} J ({coarse:e} J with twice the step), a rod by {gap:e} m");
         assert!(gap < 1e-6 && energy < 2e-3, "{size} rods: {energy:e} J, {gap:e} m");
         // Of second order.
         assert!(coarse > 2.5 * energy, "{size} rods: {coarse:e} and {energy:e} J");
         // An equation that is wrong is noticed.
-        let (wrong, _) = chain.drift("1 ms", "-");
+        let (wrong, _) = chain.drift("1 ms", -1.0);
         assert!(wrong > 20.0 * energy, "{size} rods: {wrong:e} and {energy:e} J");
     }
 }
@@ -145,7 +147,7 @@ fn all_engines_move_alike() {
     let mut seed = 23;
     for size in [1, 2] {
         let folder = Folder::new(&format!("mechanism_{size}"));
-        fs::write(folder.0.join("chain.spec"), Chain::random(size, &mut seed).spec("1 ms", "")).unwrap();
+        fs::write(folder.0.join("chain.spec"), Chain::random(size, &mut seed).spec("1 ms")).unwrap();
         let run = |arguments: &str| {
             let words = arguments.split(' ');
             let output =
@@ -167,7 +169,7 @@ fn all_engines_move_alike() {
 #[test]
 fn a_model_with_a_mechanism_is_read_back_from_its_text() {
     let mut seed = 3;
-    let model = compiled(&Chain::random(2, &mut seed).spec("1 ms", ""));
+    let model = compiled(&Chain::random(2, &mut seed).spec("1 ms"));
     let text = model.to_string();
     let again: Model = text.parse().unwrap_or_else(|error| panic!("{error:?}"));
     assert_eq!(again.to_string(), text);
