@@ -64,6 +64,14 @@ impl Conserved {
         names.iter().map(find).collect()
     }
 
+    /// The variable that it is; none of a sum.
+    pub fn variable(&self) -> Option<(String, Variable)> {
+        match self.kind {
+            Kind::Linear(_) => None,
+            Kind::Named(variable) => Some((self.name.clone(), variable)),
+        }
+    }
+
     /// The linear invariants of a model of at most 200 states whose magnitudes are `scales`.
     pub fn found(model: &Model, scales: &[f64]) -> Vec<Conserved> {
         let count = model.states.len();

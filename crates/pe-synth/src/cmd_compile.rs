@@ -25,6 +25,7 @@ use pe_flow::accuracy::wanted::{Goals, USUAL_ERROR};
 use pe_flow::failure::Failure;
 use pe_flow::outputs;
 use pe_flow::pipeline::{self, Design};
+use pe_flow::report::mechanism::Mechanism;
 use pe_flow::report::table::row;
 use pe_flow::report::{DeviceFit, Report, Silicon, Stability, Told, timing};
 use pe_flow::settings::Settings;
@@ -34,6 +35,7 @@ use pe_flow::watch::{Listener, Stopwatch};
 use pe_judge::check::{self as judge, Check, EXPLAINED, JUDGED_STATES};
 use pe_judge::conserved::Conserved;
 use pe_judge::parse::duration;
+use pe_judge::residuals::Residuals;
 use pe_judge::total::{Reference, TotalError};
 use pe_target::area::{self, Measured};
 use pe_target::clock::ClockSource;
@@ -201,6 +203,7 @@ impl Compile {
         let mut report = Report::of(model, &design, &told);
         report.outputs_in = outputs_in;
         report.stability = check.as_ref().map(|check| Stability::of(model, check));
+        report.mechanism = residuals(&loaded, &design, &conserved, watch);
         report.stability_reason = check.is_none().then(unjudged);
         if let Some(fit) = &fit {
             report.device = Some(DeviceFit::of(fit));
@@ -330,6 +333,19 @@ impl Compile {
         }
         Ok(Built { loaded, design, check, total })
     }
+}
+
+/// How well a design keeps the closures of a mechanism, if the model states one.
+fn residuals(
+    loaded: &LoadedModel,
+    design: &Design,
+    conserved: &[Conserved],
+    watch: &mut Stopwatch,
+) -> Option<Mechanism> {
+    loaded.model.mechanism.as_ref()?;
+    let of =
+        || Residuals::of(&loaded.model, &design.graph, &design.judged.fixed, conserved).map(|of| Mechanism::of(&of));
+    watch.stage("closures", of, |found| found.as_ref().map_or_else(String::new, Mechanism::to_string))
 }
 
 /// Judges the step of a design, unless it is large.

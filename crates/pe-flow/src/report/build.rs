@@ -91,6 +91,7 @@ impl Report {
             hops: routed.then(|| design.starts[0].hops),
             instruction_words_max: program.period as usize,
             data_words_max: data_words(program),
+            mechanism: None,
             eliminations: systems::eliminations(design),
             elimination_trials: systems::trials(design),
             smallest_pivot: pivot.map(|pivot| Pivot { state: pivot.state.clone(), magnitude: pivot.magnitude }),

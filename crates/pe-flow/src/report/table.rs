@@ -82,6 +82,7 @@ impl Report {
             rows.push(("function error", format!("{function:.1e}; {}", tables(&self.functions))));
         }
         rows.extend(self.eliminations.iter().map(|elimination| ("elimination", elimination.to_string())));
+        rows.extend(self.mechanism.as_ref().map(|mechanism| ("closures", mechanism.to_string())));
         rows.extend(total(error).map(|text| ("total error", text)));
         let early = to_date(error);
         if !early.is_empty() {

@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::errors::{Chosen, DeviceFit, Errors, Stability};
+use super::mechanism::Mechanism;
 use super::network::{Limiting, Start, WireLength};
 use super::systems::{Elimination, EliminationTrial, Pivot};
 use super::values::nullable;
@@ -55,6 +56,9 @@ pub struct Report {
     pub data_words_max: u32,
     /// The smallest pivot of an implicit method.
     pub smallest_pivot: Option<Pivot>,
+    /// How well closures are kept; only for models that state a mechanism.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mechanism: Option<Mechanism>,
     /// Matrices of linear systems; only for models that have some.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub eliminations: Vec<Elimination>,

@@ -158,6 +158,16 @@ fn all_engines_move_alike() {
         run(
             "compile chain.spec --pes 2 --multiplier 35x35 --storage 40 --quiet --no-pictures --message-format json -o out",
         );
+        let report = fs::read_to_string(folder.0.join("out/report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        let mechanism = &report["mechanism"];
+        assert_eq!(mechanism["closures"], size);
+        for run in ["fixed", "double"] {
+            for (what, most) in [("gap", 1e-6), ("opening", 1e-5)] {
+                let found = mechanism[what][run]["size"].as_f64().unwrap();
+                assert!(found > 0.0 && found < most, "{mechanism}");
+            }
+        }
         let told = run("verify out --steps 3 --message-format json");
         let told: serde_json::Value = serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"));
         let runs = told["runs"].as_array().unwrap();
