@@ -96,3 +96,92 @@ def spatial_crank(t, y):
     ratios = np.array(rockers(crank)[1])
     turning = push / inertia.real
     return [rate, *(ratios.real * rate), *(ratios.real * turning + ratios.imag / 1e-30 * rate ** 2), turning]
+
+
+# --- suspension: every body by itself with six accelerations, and the forces in its joints ------------------------------
+
+X, Y, Z = np.eye(3)
+AXES = [X, np.array([math.cos(0.08), 0, -math.sin(0.08)])]
+HINGES, LENGTHS, ARMS = [np.array([0, 0.35, 0.2]), np.array([-0.02, 0.45, 0.5])], [0.4, 0.28], [4, 2]
+RACK, TOP, CAR_MASS, HUB_MASS = np.array([-0.12, 0.37, 0.27]), np.array([0, 0.55, 0.75]), 350, 35
+HUB = np.diag([0.9, 1.5, 0.9])
+
+
+def turned(axis, angle):
+    skew = np.cross(np.eye(3), axis)
+    return np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * skew @ skew
+
+
+def lever(at):
+    """What turns an angular acceleration into that of a point beside the reference point."""
+    return -np.array([[0, -at[2], at[1]], [at[2], 0, -at[0]], [-at[1], at[0], 0]])
+
+
+@case("suspension", [f"{name}[{number}]" for name in "qw" for number in range(1, 7)], [0] * 6 + [0.3] + [0] * 5, 2,
+      limit=1e-7, finest=1e-10)
+def suspension(t, y):
+    q, w = np.array(y[:6]), np.array(y[6:])
+    # Accelerations: the car's, then of wishbones and knuckle that of the centre of mass and the angular one.
+    system, right = np.zeros((40, 40)), np.zeros(40)
+    row, height = 21, q[0] * Z
+
+    def constrain(blocks, value):
+        nonlocal row
+        for of in range(len(value)):
+            for place, block in blocks:
+                system[row, place:place + block.shape[1]] += block[of]
+            right[row] = value[of]
+            row += 1
+
+    def body(place, mass, inertia, spin, force, torque):
+        system[place:place + 3, place:place + 3] = mass * np.eye(3)
+        right[place:place + 3] = force - mass * 9.81 * Z
+        if inertia is not None:
+            system[place + 3:place + 6, place + 3:place + 6] = inertia
+            right[place + 3:place + 6] = torque - np.cross(spin, inertia @ spin)
+
+    along = [turned(axis, angle) @ Y for axis, angle in zip(AXES, q[1:3])]
+    spins = [axis * rate for axis, rate in zip(AXES, w[1:3])]
+    steer, caster = turned(Z, q[3]), turned(Z, q[3]) @ turned(Y, q[4])
+    rotation = caster @ turned(X, q[5])
+    axes = [Z, steer @ Y, caster @ X]
+    spin = sum(axis * rate for axis, rate in zip(axes, w[3:]))
+    ball = HINGES[0] + LENGTHS[0] * along[0]
+    point = {name: rotation @ np.array(at) for name, at in (
+        ("upper", (-0.02, -0.02, 0.3)), ("arm", (-0.12, -0.03, 0.07)), ("wheel", (0, 0.05, 0.1)), ("mass", (0, 0.03, 0.1)))}
+
+    seat = 0.6 * LENGTHS[0] * along[0]
+    strut = HINGES[0] + seat - TOP
+    length = np.linalg.norm(strut)
+    push = (60e3 * (0.648 - length) - 4e3 * np.cross(spins[0], seat) @ strut / length) * strut / length
+    road = 0.02 * math.sin(2 * math.pi * t)
+    grip = ((350 + 4 + 2 + 35) * 9.81 + 200e3 * (road - (height + ball + point["wheel"])[2] + 0.3)) * Z
+
+    body(0, CAR_MASS, None, None, -push, None)
+    for number, place in enumerate((3, 9)):
+        rod = ARMS[number] * LENGTHS[number] ** 2 / 12 * (np.eye(3) - np.outer(along[number], along[number]))
+        force, at = (push, seat - LENGTHS[0] * along[0] / 2) if number == 0 else (np.zeros(3), np.zeros(3))
+        body(place, ARMS[number], rod, spins[number], force, np.cross(at, force))
+    body(15, HUB_MASS, rotation @ HUB @ rotation.T, spin, grip, np.cross(point["wheel"] - point["mass"], grip))
+
+    constrain([(0, np.array([X, Y]))], np.zeros(2))
+    for number, place in enumerate((3, 9)):
+        half = LENGTHS[number] * along[number] / 2
+        central = np.cross(spins[number], np.cross(spins[number], half))
+        constrain([(place, np.eye(3)), (place + 3, lever(-half)), (0, -np.eye(3))], central)
+        across = np.linalg.svd(AXES[number][None])[2][1:]
+        constrain([(place + 3, across)], np.zeros(2))
+        joint = np.zeros(3) if number == 0 else point["upper"]
+        at = joint - point["mass"]
+        constrain([(place, np.eye(3)), (place + 3, lever(half)), (15, -np.eye(3)), (18, -lever(at))],
+                  np.cross(spin, np.cross(spin, at)) - central)
+    tie = ball + point["arm"] - RACK
+    at = point["arm"] - point["mass"]
+    moving = np.cross(spins[0], LENGTHS[0] * along[0]) + np.cross(spin, point["arm"])
+    constrain([(15, tie[None]), (18, tie[None] @ lever(at)), (0, -tie[None])],
+              [-moving @ moving - tie @ np.cross(spin, np.cross(spin, at))])
+    system[:21, 21:] = system[21:, :21].T
+    found = np.linalg.solve(system, right)
+    left = np.cross(w[3] * Z, axes[1]) * w[4] + np.cross(w[3] * Z + w[4] * axes[1], axes[2]) * w[5]
+    knuckle = np.linalg.solve(np.array(axes).T, found[18:21] - left)
+    return [*w, found[2], AXES[0] @ found[6:9], AXES[1] @ found[12:15], *knuckle]
