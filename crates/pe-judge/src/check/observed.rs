@@ -154,20 +154,61 @@ pub fn step_growth(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted
     }
     let point = trusted.count() / 2;
     let steps = model.tick_cycle()?;
-    let columns = model.states.len().min(COLUMNS) as u64;
+    let all = graph.states.len();
+    let columns = all.min(COLUMNS) as u64;
     if steps.saturating_mul(columns * graph.macs()) > PRODUCTS {
         return None;
     }
-    let exact = magnitudes(model, DoubleRun::new(graph), affine, trusted, point)?;
-    let rounded = magnitudes(model, DoubleRun::quantised(graph, fixed), affine, trusted, point)?;
-    let linearised = (!affine).then(|| trusted.times[point]);
-    Some(StepGrowth { exact, rounded, steps, all: model.states.len() <= COLUMNS, linearised })
+    // What a method keeps from step to step is part of what a step maps.
+    let keeps = !affine && all > model.states.len();
+    let around = if keeps { reached(model, graph, trusted.times[point])? } else { Around::of(trusted, point, all) };
+    let exact = magnitudes(model, DoubleRun::new(graph), affine, &around)?;
+    let rounded = magnitudes(model, DoubleRun::quantised(graph, fixed), affine, &around)?;
+    let linearised = (!affine).then_some(around.time);
+    Some(StepGrowth { exact, rounded, steps, all: all <= COLUMNS, linearised })
 }
 
-fn magnitudes(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, point: usize) -> Option<Vec<f64>> {
-    let states = model.states.len();
+/// All that a step keeps, at a time, and how large it is.
+struct Around {
+    time: f64,
+    states: Vec<f64>,
+    scales: Vec<f64>,
+}
+
+impl Around {
+    /// A point of a trajectory; what is kept besides is zero, as it is of a step that is affine.
+    fn of(trusted: &Trusted, point: usize, all: usize) -> Around {
+        let mut around =
+            Around { time: trusted.times[point], states: trusted.at(point).to_vec(), scales: scales(trusted) };
+        around.states.resize(all, 0.0);
+        around.scales.resize(all, 1.0);
+        around
+    }
+}
+
+/// Where the step itself has come to at a time, or before it as far as that takes no more products than the columns may;
+/// none if it does not come there.
+fn reached(model: &Model, graph: &StepGraph, time: f64) -> Option<Around> {
+    let mut run = DoubleRun::new(graph);
+    let mut step = 0;
+    while model.time(step, 0.0) < time - 0.5 * model.step && step.saturating_mul(graph.macs()) < PRODUCTS {
+        run.step(&model.sample_inputs(model.time(step, 0.0))).ok()?;
+        step += 1;
+    }
+    let largest = run.largest();
+    let mut scales: Vec<f64> = graph.states.iter().map(|(state, _)| largest[state.index()]).collect();
+    let most = scales.iter().copied().fold(0.0, f64::max);
+    scales
+        .iter_mut()
+        .filter(|scale| **scale == 0.0)
+        .for_each(|scale| *scale = if most > 0.0 { 1e-6 * most } else { 1.0 });
+    Some(Around { time: model.time(step, 0.0), states: run.states().to_vec(), scales })
+}
+
+fn magnitudes(model: &Model, run: DoubleRun, affine: bool, around: &Around) -> Option<Vec<f64>> {
+    let states = around.states.len();
     let run = std::cell::RefCell::new(run);
-    let input = |step: u64| model.hold_inputs(trusted.times[point], model.step * step as f64);
+    let input = |step: u64| model.hold_inputs(around.time, model.step * step as f64);
     let inputs: Vec<Vec<f64>> = (0..model.tick_cycle()?).map(input).collect();
     let step = |at: &[f64]| {
         let mut run = run.borrow_mut();
@@ -176,21 +217,16 @@ fn magnitudes(model: &Model, run: DoubleRun, affine: bool, trusted: &Trusted, po
         (0..states).map(|index| if finite { run.state(StateId::at(index)) } else { f64::NAN }).collect::<Vec<f64>>()
     };
     // An affine step is the same everywhere; of others a difference quotient around the point is taken.
-    let at = if affine { vec![0.0; states] } else { trusted.at(point).to_vec() };
-    let scales = if affine { vec![1.0; states] } else { scales(trusted) };
+    let at = if affine { vec![0.0; states] } else { around.states.clone() };
+    let scales = if affine { vec![1.0; states] } else { around.scales.clone() };
     let size = if affine { 1.0 } else { 1e-6 };
     let origin = step(&at);
     let product = |vector: &[f64]| -> Vec<f64> {
         let moved: Vec<f64> = (0..states).map(|i| at[i] + size * scales[i] * vector[i]).collect();
         let after = step(&moved);
         // No mode of the model moves states that stand for signals.
-        let moved = |i: usize| {
-            if model.states[StateId::at(i)].motion.is_none() {
-                (after[i] - origin[i]) / (size * scales[i])
-            } else {
-                0.0
-            }
-        };
+        let stands = |i: usize| i < model.states.len() && model.states[StateId::at(i)].motion.is_some();
+        let moved = |i: usize| if stands(i) { 0.0 } else { (after[i] - origin[i]) / (size * scales[i]) };
         (0..states).map(moved).collect()
     };
     let values = if states <= COLUMNS {

@@ -15,7 +15,7 @@ use super::trials::{Outcome, Trials};
 use super::trusted::Trusted;
 use crate::point::{DesignPoint, MOST_STORAGE};
 use crate::progress::silent;
-use crate::runs::{self, Judged};
+use crate::runs::{self, Aids, Exact, Judged};
 
 /// Method error up to which a step is a remedy, and word-length error up to which a word is.
 const METHOD_ERROR: f64 = 0.02;
@@ -95,7 +95,9 @@ pub fn for_step(
     for solver in Solver::ALL {
         let products = own.graph.macs() * u64::from(solver.stages()) / u64::from(model.solver.stages());
         let judged = !accurate || trials.affords_error(products, model.step);
-        if solver != model.solver && (!judged || model.states.len() > MATRIX_STATES && has_matrix(solver)) {
+        // Of a mechanism they would eliminate a matrix within a matrix, which costs more than any step of its own.
+        let costly = model.states.len() > MATRIX_STATES || model.mechanism.is_some();
+        if solver != model.solver && (!judged || costly && has_matrix(solver)) {
             continue;
         }
         let Some(trial) = trials.trial(solver, model.step) else { continue };
@@ -205,18 +207,19 @@ impl Wider {
     }
 }
 
-/// The cheapest word that is long enough.
+/// The cheapest word that is long enough. Words share the run in double precision, and each ends where it is too short.
 pub fn for_word(question: &Question) -> Option<Remedy> {
-    let Question { graph, criteria, .. } = *question;
-    let model = question.model;
+    let Question { model, graph, .. } = *question;
     if model.steps().saturating_mul(graph.macs()) > PRODUCTS {
         return None;
     }
-    let candidates = Wider::all(question, &PORTS, &[0, 4, 8]);
+    let exact = Exact::run(model, graph, silent()).ok()?;
     let works = |wider: &Wider| {
-        let judged = runs::judge(model, graph, wider.format, criteria, silent());
-        judged.is_ok_and(|judged| judged.errors.word_length <= WORD_ERROR)
+        let aids = Aids { most: Some(WORD_ERROR), ..Aids::default() };
+        let settled = exact.settle_proven(model, graph, wider.format, None, aids);
+        settled.is_ok_and(|settled| settled.word_length() <= WORD_ERROR)
     };
+    let candidates = Wider::all(question, &PORTS, &[0, 4, 8]);
     candidates.into_iter().take(MOST_TRIALS).find(works).map(|wider| wider.remedy(question))
 }
 
