@@ -22,6 +22,7 @@ pub mod features;
 pub mod known;
 pub mod mapping_file;
 pub mod outputs;
+pub mod penalty;
 pub mod pipeline;
 pub mod read;
 pub mod report;

@@ -123,6 +123,9 @@ codes! {
     TOO_SMALL = "E0917", "number too small for double precision";
     INDETERMINATE = "E0918", "0/0 of two variables";
     ANGLE_TOO_FAST = "E0919", "angle too fast for the step";
+    PENALTY_SMALL = "E0924", "penalty too small for the step";
+    PENALTY_LARGE = "E0925", "penalty too large for the word";
+    COMES_APART = "E0926", "mechanism comes apart";
 
     VHDL_SYNTAX = "E1001", "VHDL that cannot be read";
     NO_ENTITY = "E1002", "no such entity";
@@ -188,6 +191,7 @@ codes! {
     QUOTIENT_SHORT = "W0927", "quotient with few bits";
     GUARD_LEFT_OUT = "W0928", "choice against 0/0 left out";
     START_MOVED = "W0932", "initial values moved";
+    CLOSURES_OPEN = "W0933", "closures open";
     ROLE_UNKNOWN = "W1001", "role still to be told";
     GENERIC_UNSET = "W1002", "generic still without a value";
     SIGN_DIFFERS = "W1003", "sign other than that of the type";

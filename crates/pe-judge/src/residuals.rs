@@ -1,11 +1,13 @@
 //! How well a design keeps the closures of a mechanism, and quantities that should stay constant, at every step: the run
 //! in fixed point, and the same steps in double precision.
 
+use pe_ir::codes;
 use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::index::at;
 use pe_ir::mechanism::Mechanism;
-use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::model::{Expr, Model, Solver, Variable};
 use pe_ir::place::Place;
+use pe_ir::source::Diagnostic;
 use pe_sim::double::DoubleRun;
 use pe_sim::fixed::FixedRun;
 
@@ -14,6 +16,12 @@ use crate::runs::port_words;
 
 /// The output that is followed without being asked for.
 const ENERGY: &str = "energy";
+
+/// Part of what its coordinates move a closure by that may be open without a word.
+const OPEN: f64 = 1e-3;
+
+/// The part from which on it moves as something else.
+const APART: f64 = 0.1;
 
 /// The largest of something over a run, and where it was.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,6 +43,8 @@ pub struct Residual {
     pub opening: Largest,
     /// Largest distance of each quantity from its initial value.
     pub drifts: Vec<f64>,
+    /// For each closure the largest magnitude, and how far it would open at most if each coordinate moved by itself.
+    closures: Vec<(f64, f64)>,
 }
 
 /// Residuals of a design.
@@ -85,7 +95,42 @@ impl Residuals {
     }
 }
 
+impl Residuals {
+    /// What is wrong with closures that are not kept, if that is so: a warning, and an error where the mechanism is no longer
+    /// that of the spec.
+    pub fn finding(&self, model: &Model) -> Option<Diagnostic> {
+        let mechanism = model.mechanism.as_deref()?;
+        let (closure, part) = self.fixed.loosest()?;
+        if part <= OPEN {
+            return None;
+        }
+        let in_double = self.double.loosest().map_or(0.0, |(_, part)| part);
+        let message = format!(
+            "closure `{}` is open by up to {:.1e}, {part:.1e} of what its coordinates move it by; in double precision by \
+             {in_double:.1e} of that",
+            self.closures[closure], self.fixed.closures[closure].0
+        );
+        let help = match (in_double > 0.5 * part, model.solver) {
+            (false, _) => "the word is short: take a wider multiplier or more `--storage` bits".to_owned(),
+            (true, Solver::Trapezoidal) => {
+                format!("take a larger penalty than {}, or a smaller `--step`", mechanism.penalty)
+            }
+            (true, _) => {
+                format!("take a larger penalty than {}, a larger rate, or `--solver trapezoidal`", mechanism.penalty)
+            }
+        };
+        let finding = |code| Diagnostic::error(code, mechanism.span, message).with_help(help);
+        Some(if part > APART { finding(codes::COMES_APART) } else { finding(codes::CLOSURES_OPEN).into_warning() })
+    }
+}
+
 impl Residual {
+    /// The closure that is open most, in parts of what its coordinates move it by.
+    fn loosest(&self) -> Option<(usize, f64)> {
+        let part = |(open, reach): &(f64, f64)| if *reach > 0.0 { open / reach } else { 0.0 };
+        self.closures.iter().map(part).enumerate().max_by(|one, other| one.1.total_cmp(&other.1))
+    }
+
     fn include(&mut self, reading: &Reading, initial: &Reading, time: f64) {
         let larger = |largest: &mut Largest, numbers: &[f64]| {
             for (closure, number) in numbers.iter().enumerate() {
@@ -97,6 +142,9 @@ impl Residual {
         };
         larger(&mut self.gap, &reading.gaps);
         larger(&mut self.opening, &reading.openings);
+        for ((own, open), reach) in self.closures.iter_mut().zip(&reading.gaps).zip(&reading.reaches) {
+            *own = (own.0.max(if open.is_nan() { f64::INFINITY } else { open.abs() }), own.1.max(*reach));
+        }
         for ((drift, now), first) in self.drifts.iter_mut().zip(&reading.followed).zip(&initial.followed) {
             let distance = (now - first).abs();
             *drift = drift.max(if distance.is_nan() { f64::INFINITY } else { distance });
@@ -108,6 +156,7 @@ impl Residual {
 struct Reading {
     gaps: Vec<f64>,
     openings: Vec<f64>,
+    reaches: Vec<f64>,
     followed: Vec<f64>,
 }
 
@@ -142,7 +191,8 @@ impl<'m> Gauge<'m> {
         let (model, initial) = (&self.model, self.initial());
         let none = Largest::default();
         let drifts = vec![0.0; self.followed.len()];
-        let mut residual = Residual { gap: none.clone(), opening: none, drifts };
+        let closures = vec![(0.0, 0.0); self.mechanism.gaps.len()];
+        let mut residual = Residual { gap: none.clone(), opening: none, drifts, closures };
         for done in 1..=model.steps() {
             let Some(states) = step(done - 1) else { break };
             let time = model.time(done, 0.0);
@@ -157,13 +207,19 @@ impl<'m> Gauge<'m> {
         let place = Place::new(model, states, &inputs);
         let number = |part: &Expr| part.evaluate(&|variable| place.number(variable));
         let mut openings = vec![0.0; mechanism.gaps.len()];
+        let mut reaches = openings.clone();
         for lever in &mechanism.jacobian {
-            let velocity = mechanism.pairs[at(lever.column)].1;
-            openings[at(lever.row)] += number(&lever.value) * states[velocity.index()];
+            let (coordinate, velocity) = mechanism.pairs[at(lever.column)];
+            let (row, size) = (at(lever.row), number(&lever.value));
+            openings[row] += size * states[velocity.index()];
+            let state = &model.states[coordinate];
+            let moved = if state.angle { 1.0 } else { (states[coordinate.index()] - state.initial).abs() };
+            reaches[row] += size.abs() * moved;
         }
         Reading {
             gaps: mechanism.gaps.iter().map(number).collect(),
             openings,
+            reaches,
             followed: followed.iter().map(|(_, variable)| place.number(*variable)).collect(),
         }
     }
@@ -217,6 +273,8 @@ mod tests {
             .replace("- 1)/2", "- 1)/2 + q[1] - 1")
             .replace("[1, 0]", "[1, 0.0]");
         assert!(residual(&slanted, PENDULUM).opening.size > 0.1);
+        let loosest = |read: &str, stepped: &str| residual(read, stepped).loosest().expect("it has closures");
+        assert!(loosest(PENDULUM, &longer).1 > 10.0 * OPEN && loosest(PENDULUM, PENDULUM).1 < 0.1 * OPEN);
         let lighter = PENDULUM.replace("9.81*q[2]\n", "9*q[2]\n");
         let drift = residual(&lighter, PENDULUM).drifts[0];
         assert!((0.5..2.0).contains(&drift), "{drift}");

@@ -24,6 +24,7 @@ use pe_flow::accuracy::choice::{Choice, Question};
 use pe_flow::accuracy::wanted::{Goals, USUAL_ERROR};
 use pe_flow::failure::Failure;
 use pe_flow::outputs;
+use pe_flow::penalty;
 use pe_flow::pipeline::{self, Design};
 use pe_flow::report::mechanism::Mechanism;
 use pe_flow::report::table::row;
@@ -374,6 +375,9 @@ fn checked(
 /// A refusal of the runs with what explains it and what helps; other failures as they are.
 fn explained(failure: Failure, loaded: &LoadedModel, settings: &Settings, point: &DesignPoint) -> Failure {
     let Failure::Spec(refusals, sources) = failure else { return failure };
+    if let Some(finding) = penalty::explained(loaded, settings, point, &refusals) {
+        return Failure::Spec(vec![finding], sources);
+    }
     let explained = refusals.iter().any(|refusal| EXPLAINED.contains(&refusal.code));
     if !explained || loaded.model.states.len() > JUDGED_STATES {
         return Failure::Spec(refusals, sources);

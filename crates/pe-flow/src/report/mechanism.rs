@@ -60,7 +60,7 @@ impl Mechanism {
     pub fn of(residuals: &Residuals) -> Mechanism {
         let largest = |measured: &Measured| Largest {
             size: measured.size.into(),
-            closure: residuals.closures[measured.closure].clone(),
+            closure: residuals.closures.get(measured.closure).cloned().unwrap_or_default(),
             time_s: measured.time,
         };
         let both = |of: &dyn Fn(&Residual) -> &Measured| InBoth {

@@ -17,6 +17,7 @@ use super::remedies::{self, Remedy};
 use super::sampled;
 use super::trials::Trials;
 use super::trusted::Trusted;
+use crate::residuals::Residuals;
 use crate::runs::Judged;
 
 /// Part of the largest stable step, found by trial, above which a step is near the limit.
@@ -80,6 +81,7 @@ impl Check {
             findings.extend(losses::findings(question));
         }
         findings.extend(self.dead_band(model));
+        findings.extend(Residuals::of(model, question.graph, &judged.fixed, &[]).and_then(|of| of.finding(model)));
         if findings.iter().all(|finding| finding.code != codes::CHAOTIC) {
             findings.extend(self.chaotic(model));
         }

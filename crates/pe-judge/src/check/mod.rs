@@ -52,7 +52,9 @@ pub const EXPLAINED: [&str; 10] = [
 ];
 
 /// Findings of the check alone; others come from the runs.
-const OWN: [&str; 12] = [
+const OWN: [&str; 14] = [
+    codes::COMES_APART,
+    codes::CLOSURES_OPEN,
     codes::CHATTERING,
     codes::QUOTIENT_SHORT,
     codes::LIMIT_TAKEN,

@@ -186,3 +186,62 @@ fn a_model_with_a_mechanism_is_read_back_from_its_text() {
     let step = |model: &Model| pe_hls::step::build(model).unwrap().to_string();
     assert_eq!(step(&again), step(&model));
 }
+
+/// A mass on a rod, whose closure is scaled, with a penalty.
+fn pendulum(scale: f64, penalty: f64) -> String {
+    format!(
+        "model pendulum\nsolver trapezoidal\nstep 1 ms\nspan 0.5 s\nindex i in 1..2, j in 1..2, r in 1..1\n\
+         param s = {scale}\nstate q[i] = [1, 0]\nstate w[i] = 0\nmatrix M[i, j] symmetric\nmatrix J[r, i]\nM[i, i] = 1\n\
+         f[i] = if i == 2 then -9.81 else 0\nJ[r, i] = s*q[i]\ngap[r] = s*(q[1]^2 + q[2]^2 - 1)/2\n\
+         bend[r] = s*(w[1]^2 + w[2]^2)\nq' = w\nw' = constrained(M, f, J, gap, bend, {penalty}, 100)\noutput q, w\n"
+    )
+}
+
+#[test]
+fn penalties_that_suit_neither_step_nor_word_are_told_with_one_that_works() {
+    let folder = Folder::new("penalties");
+    let compile = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+        command.args([
+            "compile",
+            "pendulum.spec",
+            "--pes",
+            "2",
+            "--proof",
+            "off",
+            "--quiet",
+            "--no-pictures",
+            "-o",
+            "out",
+        ]);
+        let output = command.args(more).current_dir(&folder.0).output().unwrap();
+        (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    for (scale, penalty, code) in [
+        (1.0, 400.0, None),
+        (1.0, 1e7, None),
+        (0.02, 400.0, Some("E0924")),
+        (1.0, 0.04, Some("E0924")),
+        (1.0, 1e9, Some("E0925")),
+    ] {
+        fs::write(folder.0.join("pendulum.spec"), pendulum(scale, penalty)).unwrap();
+        let (success, told) = compile(&[]);
+        let Some(code) = code else {
+            assert!(success && told.is_empty(), "{scale} {penalty}: {told}");
+            continue;
+        };
+        assert!(!success && told.contains(code), "{scale} {penalty}: {told}");
+        let option =
+            told.split("`--set ").nth(1).and_then(|rest| rest.split('`').next()).unwrap_or_else(|| panic!("{told}"));
+        let (success, told) = compile(&["--set", option]);
+        assert!(success, "--set {option}: {told}");
+    }
+    // The penalty form of other methods holds what its penalty and rate hold.
+    fs::write(folder.0.join("pendulum.spec"), pendulum(1.0, 400.0)).unwrap();
+    for (penalty, rate, code) in [("1e4", "100", None), ("1", "5", Some("W0933")), ("0.01", "1", Some("E0926"))] {
+        let (penalty, rate) = (format!("w.penalty={penalty}"), format!("w.rate={rate}"));
+        let (success, told) = compile(&["--solver", "rk4", "--set", &penalty, "--set", &rate]);
+        assert_eq!(success, code != Some("E0926"), "{penalty} {rate}: {told}");
+        assert!(code.map_or(told.is_empty(), |code| told.contains(code)), "{penalty} {rate}: {told}");
+    }
+}
