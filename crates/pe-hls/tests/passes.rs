@@ -227,7 +227,7 @@ fn tabulated(case: &Case) -> Result<StepGraph, Vec<Diagnostic>> {
         let own = case.options("arguments_of").find(|words| labels.find(words[0]) == Some(index as u32));
         arguments[index] = own.map_or_else(|| of_functions[function as usize], |words| ends(words[1..].to_vec()));
     }
-    functions::tabulate(&graph, &arguments, case.format())
+    functions::tabulate(&graph, &arguments, case.format(), &[])
         .map_err(|untabled| untabled.into_iter().map(|untabled| untabled.finding).collect())
 }
 

@@ -1,8 +1,10 @@
 //! Function tables of a step: the run that finds their arguments, and their figures in the report.
 
+use std::collections::BTreeSet;
+
 use pe_hls::functions::Untabled;
 use pe_ir::codes;
-use pe_ir::graph::{Factor, Role, StepGraph, Term, ValueId};
+use pe_ir::graph::{Factor, Pivot, Role, StepGraph, Term, ValueId};
 use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::place::Place;
@@ -58,14 +60,37 @@ pub fn tabulate(
     angles::include_arguments(model, graph, &mut arguments);
     let stated = with_stated(model, graph, &arguments);
     // A function need not have a value wherever its argument may be expected.
-    let beyond = stated.as_ref().and_then(|stated| pe_hls::functions::tabulate(graph, stated, format).ok());
+    let kept = kept(model, graph);
+    let beyond = stated.as_ref().and_then(|stated| pe_hls::functions::tabulate(graph, stated, format, &kept).ok());
     let tabled = match beyond {
         Some(tabled) => tabled,
-        None => pe_hls::functions::tabulate(graph, &arguments, format).map_err(|untabled| {
+        None => pe_hls::functions::tabulate(graph, &arguments, format, &kept).map_err(|untabled| {
             untabled.into_iter().map(|untabled| with_time(model, graph, untabled)).collect::<Vec<_>>()
         })?,
     };
     Ok(StepGraph { eliminations, ..tabled })
+}
+
+/// Values that formats, pivots or stated ranges know by what they are.
+fn kept(model: &Model, graph: &StepGraph) -> Vec<ValueId> {
+    let pivots = graph.eliminations.iter().flat_map(|elimination| &elimination.pivots);
+    let reciprocals: BTreeSet<u32> = pivots
+        .filter_map(|pivot| if let Pivot::Varying { reciprocal, .. } = pivot { Some(*reciprocal) } else { None })
+        .collect();
+    let has_range = |name: &str| model.algebraics.iter().any(|own| own.name == name && own.range.is_some());
+    let stated: BTreeSet<u32> = (0u32..)
+        .zip(&graph.names.algebraics)
+        .filter(|(_, name)| has_range(name))
+        .map(|(algebraic, _)| algebraic)
+        .collect();
+    let is_kept = |role: Role| match role {
+        Role::Algebraic(own, _) => reciprocals.contains(&own) || stated.contains(&own),
+        Role::Pivot(..) => true,
+        _ => false,
+    };
+    let known = graph.values.iter().enumerate().filter(|(_, value)| is_kept(value.role));
+    let of_angles = angles::functions(model, graph).into_iter().map(|(value, _)| value);
+    known.map(|(value, _)| ValueId::at(value)).chain(of_angles).collect()
 }
 
 /// The arguments with the stated ranges of variables that functions are applied to as they are; none if there are no such.

@@ -119,22 +119,29 @@ impl Memories {
     ) -> List<PeId, u32> {
         let graph = rounds.graph.as_ref();
         let length = index::number(graph.functions.segments.count());
-        // Equal columns are stored once.
-        let mut known: HashMap<(PeId, u32, u8, i32, bool), u32> = HashMap::new();
+        // Equal columns are stored once, whatever their tables.
+        let mut contents: HashMap<Vec<u64>, usize> = HashMap::new();
+        let mut content = |column: &Vec<f64>| {
+            let next = contents.len();
+            *contents.entry(column.iter().map(|number| number.to_bits()).collect()).or_insert(next)
+        };
+        let tables = graph.functions.tables.iter();
+        let contents: Vec<Vec<usize>> = tables.map(|table| table.columns.iter().map(&mut content).collect()).collect();
+        let mut known: HashMap<(PeId, usize, i32, bool), u32> = HashMap::new();
         for (index, value) in graph.values.iter().enumerate() {
             let Role::Column(lookup, column) = value.role else { continue };
             let pe = mapping.pe_of[value.equation.expect("columns have a PE")];
             let id = rounds.original(ValueId::at(index));
-            let table = graph.functions.lookups[index::at(lookup)].table;
+            let table = index::at(graph.functions.lookups[index::at(lookup)].table);
+            let content = contents[table][usize::from(column)];
             let end = &mut ends[pe];
             let columns = &mut self.columns;
-            let place =
-                known.entry((pe, table, column, fixed.exponents[id.index()], value.factor)).or_insert_with(|| {
-                    let place = end.next_multiple_of(length);
-                    *end = place + length;
-                    columns.push((pe, place, id));
-                    place
-                });
+            let place = known.entry((pe, content, fixed.exponents[id.index()], value.factor)).or_insert_with(|| {
+                let place = end.next_multiple_of(length);
+                *end = place + length;
+                columns.push((pe, place, id));
+                place
+            });
             self.homes[index].base = Some(*place);
         }
         ends

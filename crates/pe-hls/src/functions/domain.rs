@@ -24,6 +24,11 @@ const NEARLY_WHOLE: f64 = 0.75;
 /// Intervals between kinks on either side of zero for which the fewest segments are enough.
 const FEWEST_INTERVALS: f64 = 4.0;
 
+/// Largest magnitude of an offset that the base of the argument holds, with room, and from which on it is too large to be
+/// made smaller by a scale.
+pub(super) const LARGEST_BASE: f64 = 0.99;
+const NEARLY_BASE: f64 = 1.05;
+
 /// Part of the range that is left free at both ends, so that rounding does not leave it.
 const SLACK: f64 = 1.0 / 1024.0;
 
@@ -43,6 +48,8 @@ pub(super) struct Domain<'a> {
     pub features: Vec<f64>,
     /// Whether scales are powers of two: coefficients are too short for others.
     binary: bool,
+    /// Whether its arguments are scaled anyway, so that another scale costs no bit.
+    pub is_scaled: bool,
     /// Whether it is a part of another one, whose argument is counted from an end of it: zero is no place of its own
     /// then.
     pub is_part: bool,
@@ -128,7 +135,7 @@ impl<'a> Domain<'a> {
         let tolerance = libm::scalbn(scale, -(format.data_bits as i32));
         let binary = format.coefficient_bits < format.data_bits;
         let blur = libm::scalbn(high - low, -(format.data_bits as i32));
-        Ok(Domain { function, low, high, largest, tolerance, blur, features, binary, is_part: false })
+        Ok(Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled: false, is_part: false })
     }
 
     /// The domain of a function that stands for a part of this one, or for what leads to it: what is tolerated is the
@@ -138,7 +145,8 @@ impl<'a> Domain<'a> {
         let largest = values.filter(|value| value.is_finite()).fold(0.0f64, |largest, value| largest.max(value.abs()));
         let features = places::features(&function, low, high);
         let (blur, binary, function) = (self.blur, self.binary, Cow::Owned(function));
-        Domain { function, low, high, largest, tolerance, blur, features, binary, is_part: true }
+        let is_scaled = self.is_scaled;
+        Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled, is_part: true }
     }
 
     /// The same function from one argument to another.
@@ -179,7 +187,12 @@ impl<'a> Domain<'a> {
             }
             None => 1.0,
         };
-        let slope = sign * self.scale(reach, whole);
+        let mut slope = sign * self.scale(reach, whole && !self.is_scaled);
+        let offset = (centre * slope).abs();
+        if self.is_scaled && !self.binary && (LARGEST_BASE..NEARLY_BASE).contains(&offset) {
+            // A little narrower, and the offset needs no product.
+            slope *= (1.0 - SLACK) * LARGEST_BASE / offset;
+        }
         Map { slope, offset: -centre * slope }
     }
 

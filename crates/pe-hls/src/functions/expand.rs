@@ -5,14 +5,12 @@ use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::index::{self, ChainId, EquationId, List};
 
-use super::domain::Domain;
+use super::domain::{Domain, LARGEST_BASE};
 use super::fit::{Fit, Layout};
+use super::uses::BIT;
 
 /// Error of a rounded number from which on its table does not have its steps, each of which is 1.
 const PART_OF_STEP: f64 = 0.25;
-
-/// Largest magnitude of a base in a chain whose result has full scale 1.
-const LARGEST_BASE: f64 = 0.99;
 
 /// A function and its table.
 pub(super) struct Planned<'a> {
@@ -58,6 +56,29 @@ impl<'a> Computed<'a> {
         self.parts.len()
     }
 
+    fn tables(&self) -> impl Iterator<Item = &Planned<'a>> {
+        self.parts.iter().flat_map(|part| part.clamps.iter().chain([&part.table]))
+    }
+
+    /// Products of a use, with those that the mean square of lost bits is as bad as.
+    pub fn products(&self, lost: f64) -> f64 {
+        let of = |planned: &Planned| {
+            let missed = libm::log2(planned.fit.shape.excess);
+            planned.fit.shape.products() as f64 * (1.0 + BIT * (lost + missed * missed))
+        };
+        self.tables().map(of).sum()
+    }
+
+    /// Words of its tables.
+    pub fn words(&self, segments: Segments) -> usize {
+        self.tables().map(|planned| planned.fit.columns.len() << segments.index_bits).sum()
+    }
+
+    /// Tables are wrong by so much more.
+    pub fn add_error(&mut self, error: f64) {
+        self.parts.iter_mut().for_each(|part| part.table.fit.error += error);
+    }
+
     /// Where the tables are worst, and their error there over the largest value, if that is above a part of it and above
     /// what arguments excuse by more than a factor.
     pub fn misses(&self, part: f64, excess: f64) -> Option<(f64, f64)> {
@@ -96,13 +117,7 @@ pub(super) fn expand(
                 .collect()
         })
         .collect();
-    let mut serials = List::filled(0, graph.equations.len());
-    for value in &graph.values {
-        if let Role::Inner(equation, serial) = value.role {
-            let last: &mut u32 = &mut serials[equation];
-            *last = serial.max(*last);
-        }
-    }
+    let serials = serials(graph);
     let functions = Functions { exact: Vec::new(), segments, tables, lookups: Vec::new() };
     let mut expansion = Expansion {
         graph: StepGraph {
@@ -123,6 +138,18 @@ pub(super) fn expand(
         }
     }
     expansion.graph
+}
+
+/// Last serial number of the inner values of each equation.
+pub(super) fn serials(graph: &StepGraph) -> List<EquationId, u32> {
+    let mut serials = List::filled(0, graph.equations.len());
+    for value in &graph.values {
+        if let Role::Inner(equation, serial) = value.role {
+            let last: &mut u32 = &mut serials[equation];
+            *last = serial.max(*last);
+        }
+    }
+    serials
 }
 
 /// The affine argument of a function: the sum of its terms times a power of two, and a constant.

@@ -9,7 +9,7 @@ use pe_ir::word::WordFormat;
 use super::domain::Domain;
 use super::expand::{Computed, Planned};
 use super::tests::interpolated;
-use super::{COARSEST, computed, parts};
+use super::{COARSEST, Price, computed, parts};
 
 fn x() -> Expr {
     Expr::Variable(Variable::State(StateId::new(0)))
@@ -189,7 +189,7 @@ impl Tally {
             return;
         }
         let (largest, tolerance, blur) = (domain.largest, domain.tolerance, domain.blur);
-        let (segments, mut all) = computed(vec![domain], &[1], format);
+        let (segments, mut all) = computed(vec![domain], &[1], Price::of(format));
         let computed = all.remove(0);
         if let Some((at, error)) = computed.misses(COARSEST, parts::COARSE) {
             self.steep += 1;

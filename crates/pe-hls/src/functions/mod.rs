@@ -13,6 +13,8 @@ mod fill;
 mod fit;
 mod parts;
 mod places;
+mod shape;
+mod share;
 mod uses;
 
 use std::collections::HashMap;
@@ -29,7 +31,8 @@ use pe_ir::word::WordFormat;
 use divisions::divisions;
 use domain::Domain;
 use fit::{Fit, Layout, Shape};
-use uses::{Cluster, Use};
+use share::{Family, Rewritten};
+use uses::Use;
 
 /// Words of tables that are as good as twice the products.
 const WORDS: f64 = 4096.0;
@@ -40,11 +43,23 @@ const MISSED: f64 = 8.0;
 /// More than rounding makes of a bound.
 const ROUNDED: f64 = 1.0 + 1e-9;
 
+/// The same where functions share tables: a few columns serve all their lookups.
+const SHARED_WORDS: f64 = 8192.0;
+
 /// Functions that the division is chosen for, at most; they are spread over all.
 const SAMPLED: usize = 24;
 
 /// Largest error of a table, relative to the largest value of its function; a coarser one is refused.
 const COARSEST: f64 = 1.0 / 256.0;
+
+/// Price of tables that functions share over that of their own, from which on they do not share any.
+const WORTH: f64 = 0.95;
+
+/// Words of a block of memory.
+const BLOCK: usize = 1024;
+
+/// Functions of a step whose families are asked one by one whether they share tables, at most.
+const TRIED: usize = 64;
 
 /// Findings about uses of one function, at most.
 const MOST_FINDINGS: usize = 8;
@@ -62,54 +77,142 @@ pub struct Untabled {
 
 /// The step graph with tables in place of its exact functions, for words of a format. `arguments` are smallest and
 /// largest argument over the run of the function that computes a value, by value. Uses of a function whose arguments are
-/// far apart have tables of their own; what one table does not hold becomes a sum of parts.
+/// far apart have tables of their own; what one table does not hold becomes a sum of parts. Functions of one shape share
+/// tables where that costs less; values that are `kept` stay what they are then.
 ///
 /// # Errors
 /// Uses whose function grows beyond all bounds between their arguments, or is too steep for tables.
-pub fn tabulate(graph: &StepGraph, arguments: &[(f64, f64)], format: WordFormat) -> Result<StepGraph, Vec<Untabled>> {
-    let (uses, use_of) = uses::uses(graph, arguments);
-    let exact = &graph.functions.exact;
-    let about = |of: usize| {
-        let Use { function, equation, range, .. } = &uses[of];
-        let equation = &graph.equations[*equation];
-        (&*exact[*function].name, (&*equation.name, equation.span), *range)
+pub fn tabulate(
+    graph: &StepGraph,
+    arguments: &[(f64, f64)],
+    format: WordFormat,
+    kept: &[ValueId],
+) -> Result<StepGraph, Vec<Untabled>> {
+    let own = Tabulated::of(graph, arguments, &[], Price::of(format))?;
+    let families = share::families(graph, arguments, format);
+    if families.is_empty() {
+        return Ok(own.graph);
+    }
+    let price = Price { format, words: SHARED_WORDS, scaled_from: graph.functions.exact.len() };
+    let with = |shared: &[bool]| {
+        let taken: Vec<&Family> =
+            families.iter().zip(shared).filter(|(_, taken)| **taken).map(|(family, _)| family).collect();
+        let Rewritten { graph, arguments, apart } = share::rewritten(graph, arguments, &taken, kept);
+        // What has no table as a shape has one as it is.
+        let tabulated = Tabulated::of(&graph, &arguments, &apart, price).ok();
+        // Less than a block of memory is not worth a product.
+        tabulated
+            .filter(|shared| shared.words + BLOCK <= own.words || shared.graph.terms.len() <= own.graph.terms.len())
     };
-    let untabled = |of: usize, at: f64, finding: Diagnostic| {
-        (uses[of].function, Untabled { values: uses[of].values.clone(), at, finding })
-    };
-    let clusters = uses::clusters(exact, &uses, format).map_err(|places| {
-        let of = |(of, at): (usize, f64)| {
+    let mut shared = vec![true; families.len()];
+    let mut best = with(&shared).filter(|all| all.price < WORTH * own.price);
+    if best.is_none() {
+        shared = vec![false; families.len()];
+    }
+    let few = families.len() > 1 && graph.functions.exact.len() <= TRIED;
+    for family in (0..families.len()).filter(|_| few) {
+        shared[family] = !shared[family];
+        let price = best.as_ref().map_or(WORTH * own.price, |best| best.price);
+        match with(&shared).filter(|other| other.price < price) {
+            Some(other) if shared.contains(&true) => best = Some(other),
+            _ => shared[family] = !shared[family],
+        }
+    }
+    Ok(best.unwrap_or(own).graph)
+}
+
+/// What tables are chosen by.
+#[derive(Clone, Copy)]
+struct Price {
+    /// The words of a step.
+    format: WordFormat,
+    /// Words of tables that are as good as twice the products.
+    words: f64,
+    /// The function from which on arguments are scaled anyway.
+    scaled_from: usize,
+}
+
+impl Price {
+    /// That of tables of functions as they are.
+    fn of(format: WordFormat) -> Price {
+        Price { format, words: WORDS, scaled_from: usize::MAX }
+    }
+}
+
+/// A step with tables.
+struct Tabulated {
+    graph: StepGraph,
+    /// Words of all tables.
+    words: usize,
+    /// Products and words of its lookups, and the bits that they lose, in products.
+    price: f64,
+}
+
+impl Tabulated {
+    /// The step with the tables of its functions, each of which is so far `apart` from what it stands for.
+    fn of(
+        graph: &StepGraph,
+        arguments: &[(f64, f64)],
+        apart: &[f64],
+        price: Price,
+    ) -> Result<Tabulated, Vec<Untabled>> {
+        let (uses, use_of) = uses::uses(graph, arguments);
+        let exact = &graph.functions.exact;
+        let about = |of: usize| {
+            let Use { function, equation, range, .. } = &uses[of];
+            let equation = &graph.equations[*equation];
+            (&*exact[*function].name, (&*equation.name, equation.span), *range)
+        };
+        let untabled = |of: usize, at: f64, finding: Diagnostic| {
+            (uses[of].function, Untabled { values: uses[of].values.clone(), at, finding })
+        };
+        let clusters = uses::clusters(exact, &uses, price).map_err(|places| {
+            let of = |(of, at): (usize, f64)| {
+                let (function, place, range) = about(of);
+                untabled(of, at, unbounded(function, place, range, at))
+            };
+            few(places.into_iter().map(of).collect())
+        })?;
+        let mut cluster_of = vec![0; uses.len()];
+        let (mut domains, mut counts, mut members, mut lost) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for (index, cluster) in clusters.into_iter().enumerate() {
+            cluster.uses.iter().for_each(|of| cluster_of[*of] = index);
+            domains.push(cluster.domain);
+            counts.push(cluster.count);
+            members.push(cluster.uses);
+            lost.push(cluster.lost);
+        }
+        let (segments, mut computed) = computed(domains, &counts, price);
+        let missing = computed.iter().zip(&members).filter_map(|(computed, members)| {
+            let (at, error) = computed.misses(COARSEST, parts::COARSE)?;
+            // The use whose arguments come closest to the worst place.
+            let distance = |of: &usize| {
+                let (low, high) = uses[*of].range;
+                (low - at).max(at - high).max(0.0)
+            };
+            let of = members.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
             let (function, place, range) = about(of);
-            untabled(of, at, unbounded(function, place, range, at))
-        };
-        few(places.into_iter().map(of).collect())
-    })?;
-    let mut cluster_of = vec![0; uses.len()];
-    let (mut domains, mut counts, mut members) = (Vec::new(), Vec::new(), Vec::new());
-    for (index, Cluster { domain, uses, count }) in clusters.into_iter().enumerate() {
-        uses.iter().for_each(|of| cluster_of[*of] = index);
-        domains.push(domain);
-        counts.push(count);
-        members.push(uses);
+            Some(untabled(of, at, too_steep(function, place, range, (at, error), computed.parts())))
+        });
+        let missing: Vec<(usize, Untabled)> = missing.collect();
+        if !missing.is_empty() {
+            return Err(few(missing));
+        }
+        let products: f64 = computed
+            .iter()
+            .zip(counts.iter().zip(&lost))
+            .map(|(computed, (count, lost))| *count as f64 * computed.products(*lost))
+            .sum();
+        let words: usize = computed.iter().map(|computed| computed.words(segments)).sum();
+        for (computed, members) in computed.iter_mut().zip(&members) {
+            let function = members.first().map_or(0, |of| uses[*of].function);
+            computed.add_error(apart.get(function).copied().unwrap_or(0.0));
+        }
+        // What brings values back is in the step beside its lookups.
+        let price = products * (1.0 + words as f64 / WORDS) + graph.terms.len() as f64;
+        let cluster_of: List<ChainId, Option<usize>> = use_of.iter().map(|of| of.map(|of| cluster_of[of])).collect();
+        Ok(Tabulated { graph: expand(graph, segments, &computed, &cluster_of), words, price })
     }
-    let (segments, computed) = computed(domains, &counts, format);
-    let missing = computed.iter().zip(&members).filter_map(|(computed, members)| {
-        let (at, error) = computed.misses(COARSEST, parts::COARSE)?;
-        // The use whose arguments come closest to the worst place.
-        let distance = |of: &usize| {
-            let (low, high) = uses[*of].range;
-            (low - at).max(at - high).max(0.0)
-        };
-        let of = members.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        let (function, place, range) = about(of);
-        Some(untabled(of, at, too_steep(function, place, range, (at, error), computed.parts())))
-    });
-    let missing: Vec<(usize, Untabled)> = missing.collect();
-    if !missing.is_empty() {
-        return Err(few(missing));
-    }
-    let cluster_of: List<ChainId, Option<usize>> = use_of.iter().map(|of| of.map(|of| cluster_of[of])).collect();
-    Ok(expand(graph, segments, &computed, &cluster_of))
 }
 
 /// The first findings about each function.
@@ -125,12 +228,12 @@ fn few(all: Vec<(usize, Untabled)>) -> Vec<Untabled> {
 
 /// The division of all tables, and how each domain is computed with them: by one table, or by parts if one does not
 /// hold it and parts do. `uses` are the lookups of each.
-fn computed<'a>(domains: Vec<Domain<'a>>, uses: &[u64], format: WordFormat) -> (Segments, Vec<Computed<'a>>) {
-    let (segments, planned) = plan(domains, uses, format);
+fn computed<'a>(domains: Vec<Domain<'a>>, uses: &[u64], price: Price) -> (Segments, Vec<Computed<'a>>) {
+    let (segments, planned) = plan(domains, uses, price);
     let misses = |planned: &Planned| planned.fit.blurred_excess > parts::COARSE;
     let divided: Vec<Option<Vec<parts::Part>>> = planned
         .iter()
-        .map(|planned| if misses(planned) { parts::parts(&planned.domain, format) } else { None })
+        .map(|planned| if misses(planned) { parts::parts(&planned.domain, price.format) } else { None })
         .collect();
     if divided.iter().all(Option::is_none) {
         return (segments, planned.into_iter().map(Computed::whole).collect());
@@ -148,7 +251,7 @@ fn computed<'a>(domains: Vec<Domain<'a>>, uses: &[u64], format: WordFormat) -> (
         again.extend(of.iter().map(|_| *uses));
         domains.extend(of);
     }
-    let (segments, planned) = plan(domains, &again, format);
+    let (segments, planned) = plan(domains, &again, price);
     let mut planned = planned.into_iter();
     let mut next = || planned.next().expect("as many plans as domains");
     let computed = shapes.into_iter().map(|(largest, shape)| {
@@ -164,18 +267,18 @@ fn computed<'a>(domains: Vec<Domain<'a>>, uses: &[u64], format: WordFormat) -> (
 }
 
 /// The division of all tables, and of each domain its table.
-fn plan<'a>(domains: Vec<Domain<'a>>, uses: &[u64], format: WordFormat) -> (Segments, Vec<Planned<'a>>) {
+fn plan<'a>(domains: Vec<Domain<'a>>, uses: &[u64], price: Price) -> (Segments, Vec<Planned<'a>>) {
     let known: Vec<(&Domain, u64)> = domains.iter().zip(uses).map(|(domain, uses)| (domain, *uses)).collect();
-    let segments = divide_sampled(&known, format);
+    let segments = divide_sampled(&known, price);
     let planned = domains.into_iter().map(|domain| Planned { fit: Fit::of(&domain, segments), domain });
     (segments, planned.collect())
 }
 
 /// The division for so many tables that only some of them are asked.
-fn divide_sampled(known: &[(&Domain, u64)], format: WordFormat) -> Segments {
+fn divide_sampled(known: &[(&Domain, u64)], price: Price) -> Segments {
     let stride = known.len().div_ceil(SAMPLED).max(1);
     let mut sampled: Vec<(&Domain, u64)> = known.iter().step_by(stride).copied().collect();
-    let mut segments = divide(&sampled, format);
+    let mut segments = divide(&sampled, price);
     if stride > 1 {
         // The worst of those that were not asked have a say as well.
         let excess = |(index, (domain, _)): (usize, &(&Domain, u64))| (Shape::of(domain, segments).excess, index);
@@ -185,7 +288,7 @@ fn divide_sampled(known: &[(&Domain, u64)], format: WordFormat) -> Segments {
         missed.truncate(SAMPLED);
         if !missed.is_empty() {
             sampled.extend(missed.iter().map(|(_, index)| known[*index]));
-            segments = divide(&sampled, format);
+            segments = divide(&sampled, price);
         }
     }
     segments
@@ -193,11 +296,11 @@ fn divide_sampled(known: &[(&Domain, u64)], format: WordFormat) -> Segments {
 
 /// The division with the fewest products of these functions, so often used, in not too many words. What misses the accuracy
 /// is worse than anything that holds it; by how much it misses it is asked only where it may be the best even so.
-fn divide(functions: &[(&Domain, u64)], format: WordFormat) -> Segments {
+fn divide(functions: &[(&Domain, u64)], price: Price) -> Segments {
     let mut least = f64::INFINITY;
     let mut costs: Vec<(Segments, Cost)> = Vec::new();
-    for segments in divisions(format) {
-        let cost = Cost::of(functions, segments, 1.0, least);
+    for segments in divisions(price.format) {
+        let cost = Cost::of(functions, (segments, price.words), 1.0, least);
         if let Cost::Products(products) = cost {
             least = least.min(products);
         }
@@ -206,7 +309,7 @@ fn divide(functions: &[(&Domain, u64)], format: WordFormat) -> Segments {
     let mut best: Option<(f64, Segments)> = None;
     for (segments, cost) in costs {
         let cost = match cost {
-            Cost::Misses => Cost::of(functions, segments, f64::INFINITY, least),
+            Cost::Misses => Cost::of(functions, (segments, price.words), f64::INFINITY, least),
             known => known,
         };
         let Cost::Products(cost) = cost else { continue };
@@ -229,11 +332,11 @@ enum Cost {
 }
 
 impl Cost {
-    /// With tables that miss at most so many times what is tolerated, as far as it is at most `bound`.
-    fn of(functions: &[(&Domain, u64)], segments: Segments, most: f64, bound: f64) -> Cost {
+    /// With tables of which `dear` words are as good as twice the products, that miss at most so many times what is tolerated, as far as it is at most `bound`.
+    fn of(functions: &[(&Domain, u64)], (segments, dear): (Segments, f64), most: f64, bound: f64) -> Cost {
         let Segments { index_bits, octave_bits } = segments;
         let price = |products: u64, words: usize, missed: f64| {
-            products as f64 * (1.0 + words as f64 / WORDS) * libm::exp2(MISSED * missed)
+            products as f64 * (1.0 + words as f64 / dear) * libm::exp2(MISSED * missed)
         };
         let (mut products, mut words, mut missed, mut octaves) = (0, 0, 0.0, false);
         // What those that follow cost at least.
@@ -286,5 +389,7 @@ fn too_steep(
 
 #[cfg(test)]
 mod matrix;
+#[cfg(test)]
+mod shapes;
 #[cfg(test)]
 mod tests;

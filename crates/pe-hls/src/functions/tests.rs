@@ -9,7 +9,7 @@ use super::divisions::divisions;
 use super::domain::Domain;
 use super::fit::{Fit, Layout, Shape};
 use super::uses::{self, Cluster, Use};
-use super::{MISSED, Planned, WORDS, divide, plan};
+use super::{MISSED, Planned, Price, WORDS, divide, plan};
 
 /// Points of a dense grid.
 const POINTS: usize = 20_001;
@@ -28,7 +28,7 @@ fn scalar(body: Expr) -> ScalarFunction {
 
 fn planned(function: &ScalarFunction, range: (f64, f64), format: WordFormat) -> (Segments, Planned<'_>) {
     let domain = Domain::of(function, range, format).expect("a bounded function");
-    let (segments, mut planned) = plan(vec![domain], &[1], format);
+    let (segments, mut planned) = plan(vec![domain], &[1], Price::of(format));
     (segments, planned.remove(0))
 }
 
@@ -203,7 +203,7 @@ fn what_is_not_tried_is_not_better() {
             // Alone, and beside others that ask for something else.
             let other = &domains[(7 * index + 3) % domains.len()];
             for functions in [vec![(domain, 1)], vec![(domain, 3), (other, 1 + index as u64 % 4)]] {
-                let segments = divide(&functions, format);
+                let segments = divide(&functions, Price::of(format));
                 assert_eq!(
                     segments,
                     divided(&functions, format),
@@ -297,9 +297,9 @@ fn every_use_is_covered_by_one_table_however_ranges_lie() {
                 use_of(function, if negative { (-high, -low) } else { (low, high) }, 1 + (noise() * 8.0) as usize)
             })
             .collect();
-        let clusters = uses::clusters(&functions, &uses, format).expect("no use has a pole");
+        let clusters = uses::clusters(&functions, &uses, Price::of(format)).expect("no use has a pole");
         let mut of = vec![0; uses.len()];
-        for Cluster { domain, uses: members, count } in &clusters {
+        for Cluster { domain, uses: members, count, .. } in &clusters {
             assert_eq!(*count, members.iter().map(|index| uses[*index].values.len() as u64).sum::<u64>());
             for index in members {
                 of[*index] += 1;
@@ -323,7 +323,7 @@ fn many_uses_share_few_tables() {
             use_of(index % 2, (middle * (0.5 + 0.1 * noise()), middle * (1.5 + 0.1 * noise())), 4)
         })
         .collect();
-    let clusters = uses::clusters(&functions, &uses, format).expect("no use has a pole");
+    let clusters = uses::clusters(&functions, &uses, Price::of(format)).expect("no use has a pole");
     let count = |function: usize| clusters.iter().filter(|cluster| uses[cluster.uses[0]].function == function).count();
     // Exponentials span two powers of two, reciprocals 27.
     assert!(count(1) <= 2 && (2..=33).contains(&count(0)), "{} and {} tables", count(0), count(1));
@@ -334,7 +334,8 @@ fn the_use_with_a_pole_is_named_and_no_other() {
     let functions = [scalar(apply(Function::Reciprocal, x()))];
     let ranges = [(1.0, 2.0), (-1.0, 3.0), (-5.0, -4.0), (0.5, 9.0), (-2.0, 1e-3)];
     let uses: Vec<Use> = ranges.into_iter().map(|range| use_of(0, range, 1)).collect();
-    let places = uses::clusters(&functions, &uses, WordFormat::new(32, 32, 32)).err().expect("two uses have a pole");
+    let places =
+        uses::clusters(&functions, &uses, Price::of(WordFormat::new(32, 32, 32))).err().expect("two uses have a pole");
     let mut named: Vec<usize> = places.iter().map(|(of, _)| *of).collect();
     named.sort_unstable();
     assert_eq!(named, [1, 4]);

@@ -15,7 +15,7 @@ use pe_ir::word::WordFormat;
 
 use super::domain::Domain;
 use super::fit::Shape;
-use super::{WORDS, divide_sampled};
+use super::{Price, WORDS, divide_sampled};
 use crate::alike::alike;
 use crate::formats::RANGE_MARGIN;
 
@@ -32,7 +32,7 @@ const NEAR_BITS: f64 = 1.0;
 const NEAR_WIDTH: f64 = 4.0;
 
 /// Another bit that a use loses is worth so many times its products; two bits are worth four times as much.
-const BIT: f64 = 2.0;
+pub(super) const BIT: f64 = 2.0;
 
 /// Part of the loss that counts for a range that is twice as wide, where uses are divided.
 const WIDER: f64 = 0.05;
@@ -102,6 +102,8 @@ pub(super) struct Cluster<'a> {
     pub uses: Vec<usize>,
     /// Lookups per step.
     pub count: u64,
+    /// Mean square of the bits that its uses lose beyond those that are for nothing.
+    pub lost: f64,
 }
 
 /// The uses that share a table each, by function and range.
@@ -111,16 +113,18 @@ pub(super) struct Cluster<'a> {
 pub(super) fn clusters<'a>(
     functions: &'a [ScalarFunction],
     uses: &[Use],
-    format: WordFormat,
+    price: Price,
 ) -> Result<Vec<Cluster<'a>>, Vec<(usize, f64)>> {
     let mut of_function: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (index, of) in uses.iter().enumerate() {
         of_function.entry(of.function).or_default().push(index);
     }
+    let format = price.format;
     let most = (ALL_DIVISIONS / of_function.len().max(1)).clamp(1, MOST_DIVISIONS);
     let (mut trees, mut errors) = (Vec::new(), Vec::new());
     for (function, members) in of_function {
-        let tree = Tree { function: &functions[function], format, cells: cells(&functions[function], uses, &members) };
+        let (cells, is_scaled) = (cells(&functions[function], uses, &members), function >= price.scaled_from);
+        let tree = Tree { function: &functions[function], format, cells, is_scaled };
         match tree.grow(most) {
             Ok(nodes) => trees.push((tree.cells, nodes)),
             Err(places) => {
@@ -142,7 +146,7 @@ pub(super) fn clusters<'a>(
         return Err(errors);
     }
     if trees.iter().any(|(_, nodes)| nodes.len() > 1) {
-        prune(&mut trees, format);
+        prune(&mut trees, price);
     }
     let mut clusters = Vec::new();
     for (cells, mut nodes) in trees {
@@ -150,10 +154,11 @@ pub(super) fn clusters<'a>(
         let low = |node: &usize| nodes[*node].range.0;
         taken.sort_by(|a, b| low(a).total_cmp(&low(b)).then(a.cmp(b)));
         for node in taken {
-            let Node { cells: members, domain, count, .. } = &mut nodes[node];
+            let Node { cells: members, domain, count, lost, .. } = &mut nodes[node];
             let mut uses: Vec<usize> = members.iter().flat_map(|cell| cells[*cell].uses.iter().copied()).collect();
             uses.sort_unstable();
-            clusters.push(Cluster { domain: domain.take().expect("a leaf has values"), uses, count: *count });
+            let domain = domain.take().expect("a leaf has values");
+            clusters.push(Cluster { domain, uses, count: *count, lost: *lost });
         }
     }
     Ok(clusters)
@@ -257,6 +262,8 @@ struct Tree<'a> {
     function: &'a ScalarFunction,
     format: WordFormat,
     cells: Vec<Cell>,
+    /// Whether its arguments are scaled anyway.
+    is_scaled: bool,
 }
 
 /// What a set of cells has in common.
@@ -276,7 +283,10 @@ impl<'a> Tree<'a> {
     fn node(&self, cells: Vec<usize>) -> (Node<'a>, Option<f64>) {
         let shared = self.shared(&cells);
         let (domain, pole) = match Domain::of(self.function, shared.range, self.format) {
-            Ok(domain) => (Some(domain), None),
+            Ok(mut domain) => {
+                domain.is_scaled = self.is_scaled;
+                (Some(domain), None)
+            }
             Err(place) => (None, Some(place)),
         };
         let squares = cells.iter().map(|cell| {
@@ -417,7 +427,7 @@ fn leaves(nodes: &[Node]) -> Vec<usize> {
 }
 
 /// Takes divisions back that cost more than they save, unless they must be; then all of them, if that is no worse.
-fn prune(trees: &mut [(Vec<Cell>, Vec<Node>)], format: WordFormat) {
+fn prune(trees: &mut [(Vec<Cell>, Vec<Node>)], price: Price) {
     let all = |pick: fn(&[Node]) -> Vec<usize>, trees: &[(Vec<Cell>, Vec<Node>)]| {
         let mut picked = Vec::new();
         for (tree, (_, nodes)) in trees.iter().enumerate() {
@@ -430,7 +440,7 @@ fn prune(trees: &mut [(Vec<Cell>, Vec<Node>)], format: WordFormat) {
             let node = &trees[*tree].1[*node];
             Some((node.domain.as_ref()?, node.count))
         };
-        divide_sampled(&picked.iter().filter_map(of).collect::<Vec<_>>(), format)
+        divide_sampled(&picked.iter().filter_map(of).collect::<Vec<_>>(), price)
     };
     let segments = division(&all(leaves, trees), trees);
     let lookups: u64 = trees.iter().map(|(_, nodes)| nodes[0].count).sum();

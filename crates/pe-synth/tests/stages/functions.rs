@@ -153,3 +153,63 @@ fn equations_of_one_form_share_a_function_however_many_there_are() {
     let applied = graph.chains.iter().filter(|chain| chain.function.is_some()).count();
     assert_eq!(applied, 4 * (2 * count - 1));
 }
+
+/// Statements of a network whose functions have constants of their own: `count` states, each driven by two others. With
+/// `others` every function has a shape of its own.
+fn network(count: usize, seed: u64, others: bool) -> String {
+    let mut state = seed;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f64 / (1u64 << 24) as f64
+    };
+    let mut text = String::new();
+    for own in 0..count {
+        text += &format!("state g{own} = {:.4}\n", 0.1 + next());
+    }
+    for own in 0..count {
+        let (one, other) = ((own + 1) % count, (own + 3) % count);
+        // A little of a third power makes the function one of its kind.
+        let odd = [one, other].map(|x| match others {
+            true => format!(" + {:.4}*g{x}^3", 0.01 + 0.02 * next()),
+            false => String::new(),
+        });
+        let terms = match own % 3 {
+            0 => [
+                format!("{:.4}*g{one}^2/({:.4} + g{one}^2{})", 0.2 + next(), 0.3 + next(), odd[0]),
+                format!("{:.4}/(1 + {:.4}*g{other}^2{})", 0.2 + next(), 0.5 + next(), odd[1]),
+            ],
+            1 => [
+                format!("{:.4}/(1 + exp({:.4}*({:.4} - g{one}){}))", 0.2 + next(), 2.0 + 4.0 * next(), next(), odd[0]),
+                format!("{:.4}*g{other}/({:.4} + g{other}{})", 0.2 + next(), 0.4 + next(), odd[1]),
+            ],
+            _ => [
+                format!("{:.4}*exp({:.4} - {:.4}*g{one}{})", 0.2 + next(), next() - 0.5, 0.5 + next(), odd[0]),
+                format!("{:.4}/({:.4} + g{other}^4{})", 0.2 + next(), 0.6 + next(), odd[1]),
+            ],
+        };
+        text += &format!("g{own}' = 10*({} + {:.4} - {:.4}*g{own})\n", terms.join(" + "), 0.1 * next(), 0.5 + next());
+    }
+    text + &format!("output {}\n", (0..count).map(|own| format!("g{own}")).collect::<Vec<_>>().join(", "))
+}
+
+#[test]
+fn functions_that_differ_by_constants_share_tables_and_others_do_not() {
+    let folder = Folder::new("functions_shared");
+    let options = ["--pes", "4"];
+    let (exit, errors, report) = compile(&folder, &network(18, 1, false), &options);
+    assert_eq!(exit, Some(0), "{errors}");
+    let functions = report["functions"].as_array().expect("functions");
+    let lookups: u64 = functions.iter().filter_map(|function| function["lookups"].as_u64()).sum();
+    assert!(functions.len() <= 16 && lookups >= 36 * 4, "{} tables, {lookups} lookups", functions.len());
+    for function in functions {
+        let bound = function["bound_lsb"].as_f64().expect("a bound");
+        assert!(bound <= 0.55, "{function}");
+    }
+    // Both sides of the comparison run the model: one with its functions, one with their shapes.
+    let error = |report: &Value, key: &str| report["error"][key].as_f64().expect("an error");
+    assert!(error(&report, "function") < 1e-8 && error(&report, "word_length") < 1e-6, "{}", report["error"]);
+    let (exit, errors, unlike) = compile(&folder, &network(18, 1, true), &options);
+    assert_eq!(exit, Some(0), "{errors}");
+    let own = unlike["functions"].as_array().expect("functions").len();
+    assert!(own >= 36, "{own} tables");
+}
