@@ -1,5 +1,8 @@
 //! Every variable with its number format: measured range, limit, headroom, error.
 
+use std::collections::BTreeMap;
+
+use pe_ir::functions::Scaled;
 use pe_ir::graph::{Role, StepGraph, ValueId};
 use pe_ir::model::Model;
 use serde_json::{Value, json};
@@ -58,23 +61,27 @@ impl Variable {
 /// All variables of a judged step: states, algebraic variables that are computed on their own, inputs; in the spec's
 /// order.
 pub fn variables(model: &Model, graph: &StepGraph, judged: &Judged) -> Vec<Variable> {
-    let fixed = &judged.fixed;
+    let (fixed, scaled) = (&judged.fixed, graph.scaled());
     // Of the values that a variable has in the stages of a step the one that comes closest to its limit speaks for it.
     let measure = |name: &str, kind, unit: &Option<String>, values: &[ValueId]| {
-        let of_value = |value: &ValueId| Variable {
-            name: name.to_owned(),
-            kind,
-            unit: unit.clone(),
-            largest: judged.largest[value.index()],
-            lsb: libm::scalbn(1.0, fixed.exponents[value.index()]),
-            limit: libm::scalbn(fixed.format.max_word() as f64, fixed.exponents[value.index()]),
-            word_length: None,
-            range: None,
-            bound: None,
+        let of_value = |value: &ValueId| {
+            // What reads a value of a shape multiplies it by the factor.
+            let scale = scaled.get(value).map_or(1.0, |of| of.factor.abs());
+            Variable {
+                name: name.to_owned(),
+                kind,
+                unit: unit.clone(),
+                largest: scale * judged.largest[value.index()],
+                lsb: libm::scalbn(scale, fixed.exponents[value.index()]),
+                limit: scale * libm::scalbn(fixed.format.max_word() as f64, fixed.exponents[value.index()]),
+                word_length: None,
+                range: None,
+                bound: None,
+            }
         };
         values.iter().map(of_value).min_by(|a, b| a.headroom().total_cmp(&b.headroom()))
     };
-    let [states, algebraics] = values_of(graph, model);
+    let [states, algebraics] = values_of(graph, model, &scaled);
     let proven = judged.proof.as_ref().map(|proof| proof.states(graph, &judged.fixed, &judged.largest));
     let mut variables = Vec::new();
     for (index, state) in model.states.iter().enumerate() {
@@ -113,8 +120,9 @@ pub fn over_beginning(loaded: &LoadedModel, products: u64) -> Result<(Vec<Variab
     Ok((variables(&loaded.model, &graph, &judged), loaded.model.span))
 }
 
-/// The values of each state and of each algebraic variable; none of one that was put in place where it is read.
-fn values_of(graph: &StepGraph, model: &Model) -> [Vec<Vec<ValueId>>; 2] {
+/// The values of each state and of each algebraic variable; none of one that was put in place where it is read, as a whole
+/// or as a sum with what is `scaled`.
+fn values_of(graph: &StepGraph, model: &Model, scaled: &BTreeMap<ValueId, &Scaled>) -> [Vec<Vec<ValueId>>; 2] {
     let mut states = vec![Vec::new(); model.states.len()];
     let mut algebraics = vec![Vec::new(); model.algebraics.len()];
     for (index, value) in graph.values.iter().enumerate() {
@@ -125,7 +133,7 @@ fn values_of(graph: &StepGraph, model: &Model) -> [Vec<Vec<ValueId>>; 2] {
                 states.get_mut(state.index()).into_iter().for_each(|values| values.push(id));
             }
             // Behind the algebraic variables of the model come those of its linear systems.
-            Role::Algebraic(algebraic, _) => {
+            Role::Algebraic(algebraic, _) if scaled.get(&id).is_none_or(|of| of.beside == (0.0, 0.0)) => {
                 algebraics.get_mut(algebraic as usize).into_iter().for_each(|values| values.push(id));
             }
             _ => {}

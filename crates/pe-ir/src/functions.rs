@@ -90,9 +90,42 @@ pub struct Table {
     pub domain: (f64, f64),
     /// Largest difference to the function in that domain, in exact arithmetic; checked on a dense grid.
     pub error: f64,
+    /// The functions that share it; none if it is that of one function as it is.
+    pub stands_for: Vec<Scaled>,
+}
+
+/// A function of another shape's value, `factor*F(slope*x + offset) + beside.0*x + beside.1`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scaled {
+    /// What messages call the function.
+    pub name: String,
+    /// What the argument is multiplied by.
+    pub slope: f64,
+    /// What is added to it then.
+    pub offset: f64,
+    /// What the value is multiplied by.
+    pub factor: f64,
+    /// What is beside it in a sum: a multiple of the argument, and a number.
+    pub beside: (f64, f64),
+}
+
+impl Scaled {
+    /// Its arguments from those of the shape.
+    pub fn arguments(&self, (low, high): (f64, f64)) -> (f64, f64) {
+        let ends = [low, high].map(|end| (end - self.offset) / self.slope);
+        (ends[0].min(ends[1]), ends[0].max(ends[1]))
+    }
 }
 
 impl Table {
+    /// The arguments of a function of such a name that it covers, if it stands for it.
+    pub fn covers(&self, function: &str) -> Option<(f64, f64)> {
+        if self.stands_for.is_empty() && self.name == function {
+            return Some(self.domain);
+        }
+        Some(self.stands_for.iter().find(|of| of.name == function)?.arguments(self.domain))
+    }
+
     /// The degree of its polynomials. A column more than their coefficients gives the local coordinate, with octaves
     /// two; constants need none.
     pub fn degree(&self) -> usize {
@@ -108,6 +141,21 @@ pub struct Lookup {
     pub argument: ValueId,
     /// Index into [`Functions::tables`].
     pub table: u32,
+    /// Index into [`Table::stands_for`] of the function that it is a lookup of, if the table is shared.
+    pub function: Option<u32>,
+}
+
+impl Functions {
+    /// The function that a lookup is one of, if it shares its table.
+    pub fn shared(&self, lookup: Lookup) -> Option<&Scaled> {
+        Some(&self.tables[index::at(lookup.table)].stands_for[index::at(lookup.function?)])
+    }
+
+    /// What messages call the function of a lookup, and the arguments that its table covers.
+    pub fn looked_up(&self, lookup: Lookup) -> (&str, (f64, f64)) {
+        let table = &self.tables[index::at(lookup.table)];
+        self.shared(lookup).map_or((&table.name, table.domain), |of| (&of.name, of.arguments(table.domain)))
+    }
 }
 
 impl Segments {

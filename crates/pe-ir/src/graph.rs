@@ -3,10 +3,11 @@
 //! A *chain* is a sum of products; the write side adds it to a base word. Every value is written once per step.
 //! The unit of mapping is the *equation*, which owns chains.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
 
-use crate::functions::{Functions, Lookup};
+use crate::functions::{Functions, Lookup, Scaled};
 use crate::index::{self, ChainId, EquationId, List, StateId, at};
 use crate::model::Model;
 use crate::source::Span;
@@ -380,6 +381,17 @@ impl StepGraph {
             eliminations: self.eliminations.clone(),
             names: self.names.clone(),
         }
+    }
+
+    /// Values of algebraic variables that are those of a shape, with the function of it that the variables are: what reads
+    /// them scales them.
+    pub fn scaled(&self) -> BTreeMap<ValueId, &Scaled> {
+        let shape = |write: &Write| {
+            let Role::Column(lookup, _) = self.value(write.base?).role else { return None };
+            let is_variable = matches!(self.value(write.value).role, Role::Algebraic(..));
+            self.functions.shared(self.functions.lookups[at(lookup)]).filter(|_| is_variable)
+        };
+        self.chains.iter().filter_map(|chain| Some((chain.write.value, shape(&chain.write)?))).collect()
     }
 
     /// Whether states are kept in pairs of words that change roles from step to step: in a single stage every equation

@@ -1,11 +1,11 @@
 //! A report from a design.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use pe_hls::rounding::Aim;
 use pe_hls::two_slots;
-use pe_ir::functions::Table;
-use pe_ir::graph::{FormCost, Role, StepGraph};
+use pe_ir::functions::{Scaled, Table};
+use pe_ir::graph::{FormCost, Role, StepGraph, ValueId};
 use pe_ir::mapping::MappingCost as Cost;
 use pe_ir::model::{Model, Rate};
 use pe_ir::program::{CoefficientOperand, ControlWord, LinkSource, PeProgram, Program};
@@ -23,7 +23,7 @@ use super::network::{MappingCost, Start, WireLength};
 use super::systems::{self, Pivot};
 use super::types::{
     Area, AreaPart, AreaSplit, Cells, Certainties, Clock, EarlyStep, Figures, Form, FunctionTable, HostPart, LogicPart,
-    Pairs, Parameters, Ranges, Report, SampleRate, TunableParameter, Word,
+    Pairs, Parameters, Ranges, Report, SampleRate, ScaledFunction, TunableParameter, Word,
 };
 use crate::bottleneck::Bottleneck;
 use crate::pipeline::Design;
@@ -422,15 +422,39 @@ fn ranges(proof: &Proof, program: &Program, graph: &StepGraph, judged: &Judged) 
 /// Equations of a table that the report names, at most.
 const NAMED_EQUATIONS: usize = 8;
 
+/// Functions that share a table that the report names, at most.
+const NAMED_FUNCTIONS: usize = 8;
+
+fn scaled(function: &Scaled) -> ScaledFunction {
+    let Scaled { name, slope, offset, factor, beside } = function;
+    ScaledFunction {
+        name: name.clone(),
+        slope: *slope,
+        offset: *offset,
+        factor: *factor,
+        beside_slope: beside.0,
+        beside_offset: beside.1,
+    }
+}
+
 /// For each table its domain, its size, and its largest error, in units of the lowest bit that a data port sees of the result.
 fn functions(graph: &StepGraph, judged: &Judged) -> Vec<FunctionTable> {
     let (tables, fixed) = (&graph.functions.tables, &judged.fixed);
     let mut uses = vec![0u64; tables.len()];
     let mut units = vec![f64::INFINITY; tables.len()];
     let mut equations: Vec<Vec<String>> = vec![Vec::new(); tables.len()];
-    for write in graph.chains.iter().map(|chain| &chain.write) {
+    // The argument of a lookup is computed for it alone.
+    let of_argument: HashMap<ValueId, usize> =
+        graph.functions.lookups.iter().map(|lookup| (lookup.argument, lookup.table as usize)).collect();
+    let mut products = vec![0u64; tables.len()];
+    for chain in &graph.chains {
+        let write = &chain.write;
+        if let Some(table) = of_argument.get(&write.value) {
+            products[*table] += u64::from(chain.len());
+        }
         let Some(Role::Column(lookup, column)) = write.base.map(|base| graph.value(base).role) else { continue };
         let table = graph.functions.lookups[lookup as usize].table as usize;
+        products[table] += u64::from(chain.len());
         if usize::from(column) + 1 == tables[table].columns.len() {
             let exponent = fixed.exponents[write.value.index()] + fixed.format.data_drop() as i32;
             uses[table] += 1;
@@ -451,6 +475,9 @@ fn functions(graph: &StepGraph, judged: &Judged) -> Vec<FunctionTable> {
         degree: table.degree(),
         words: table.columns.iter().map(Vec::len).sum(),
         lookups: uses[index],
+        products: products[index] / uses[index].max(1),
+        shared_by: table.stands_for.len(),
+        stands_for: table.stands_for.iter().take(NAMED_FUNCTIONS).map(scaled).collect(),
         equations: equations[index].clone(),
         bound: table.error,
         bound_lsb: table.error / units[index],

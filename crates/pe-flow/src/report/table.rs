@@ -197,7 +197,9 @@ fn ranges(ranges: Option<&Ranges>, pes: usize) -> String {
 fn tables(tables: &[FunctionTable]) -> String {
     let words: usize = tables.iter().map(|table| table.words).sum();
     let lookups: u64 = tables.iter().map(|table| table.lookups).sum();
-    format!("{} tables, {words} words, {lookups} lookups per step", tables.len())
+    let functions: usize = tables.iter().map(|table| table.shared_by.max(1)).sum();
+    let shared = if functions > tables.len() { format!(" shared by {functions} functions") } else { String::new() };
+    format!("{} tables{shared}, {words} words, {lookups} lookups per step", tables.len())
 }
 
 /// The total error; nothing where nobody asked for it.

@@ -525,6 +525,15 @@ pub struct FunctionTable {
     pub words: usize,
     /// Lookups per step.
     pub lookups: u64,
+    /// Products of a lookup.
+    #[serde(default)]
+    pub products: u64,
+    /// Functions that share it, which differ by constants; none if it is that of one function as it is.
+    #[serde(default)]
+    pub shared_by: usize,
+    /// Up to eight of these functions.
+    #[serde(default)]
+    pub stands_for: Vec<ScaledFunction>,
     /// Equations that look it up, up to eight of them.
     #[serde(default)]
     pub equations: Vec<String>,
@@ -534,4 +543,22 @@ pub struct FunctionTable {
     #[serde(deserialize_with = "nullable")]
     #[schemars(with = "Option<f64>")]
     pub bound_lsb: f64,
+}
+
+/// A function that a table stands for: `factor` times that of the table, of `slope` times the argument and `offset`, and
+/// what is beside that.
+#[derive(Clone, Debug, Deserialize, JsonSchema, Serialize)]
+pub struct ScaledFunction {
+    /// The function, with `x` for its argument.
+    pub name: String,
+    /// What the argument is multiplied by.
+    pub slope: f64,
+    /// What is added to it then.
+    pub offset: f64,
+    /// What the value is multiplied by.
+    pub factor: f64,
+    /// What the argument is multiplied by that is added to it then.
+    pub beside_slope: f64,
+    /// A number that is added to it.
+    pub beside_offset: f64,
 }

@@ -7,6 +7,7 @@ use pe_ir::index::{self, ChainId, EquationId, List};
 
 use super::domain::{Domain, LARGEST_BASE};
 use super::fit::{Fit, Layout};
+use super::share::Shared;
 use super::uses::BIT;
 
 /// Error of a rounded number from which on its table does not have its steps, each of which is 1.
@@ -16,16 +17,19 @@ const PART_OF_STEP: f64 = 0.25;
 pub(super) struct Planned<'a> {
     pub domain: Domain<'a>,
     pub fit: Fit,
+    /// The functions that share it, by their numbers in the step without shapes.
+    pub stands_for: Vec<u32>,
 }
 
 impl Planned<'_> {
-    fn entry(&self) -> Table {
+    fn entry(&self, shared: &Shared) -> Table {
         Table {
             name: self.domain.function.name.clone(),
             octaves: self.fit.shape.layout == Layout::Octaves,
             columns: self.fit.columns.clone(),
             domain: (self.domain.low, self.domain.high),
             error: self.fit.error,
+            stands_for: self.stands_for.iter().map(|function| shared.function(*function).clone()).collect(),
         }
     }
 }
@@ -74,9 +78,12 @@ impl<'a> Computed<'a> {
         self.tables().map(|planned| planned.fit.columns.len() << segments.index_bits).sum()
     }
 
-    /// Tables are wrong by so much more.
-    pub fn add_error(&mut self, error: f64) {
-        self.parts.iter_mut().for_each(|part| part.table.fit.error += error);
+    /// Tables stand for other functions, which are so far from it.
+    pub fn stand_for(&mut self, functions: &[u32], apart: f64) {
+        for PlannedPart { table, .. } in &mut self.parts {
+            table.fit.error += apart;
+            table.stands_for = functions.to_vec();
+        }
     }
 
     /// Where the tables are worst, and their error there over the largest value, if that is above a part of it and above
@@ -92,12 +99,13 @@ impl<'a> Computed<'a> {
     }
 }
 
-/// The step graph with the tables of its functions; for each chain that applies one, how it is computed.
+/// The step graph with the tables of its functions; for each chain that applies one, how it is computed, and what tables
+/// stand for.
 pub(super) fn expand(
     graph: &StepGraph,
     segments: Segments,
-    computed: &[Computed],
-    computed_of: &List<ChainId, Option<usize>>,
+    (computed, computed_of): (&[Computed], &List<ChainId, Option<usize>>),
+    shared: &Shared,
 ) -> StepGraph {
     let mut tables = Vec::new();
     // Of each part the numbers of its tables.
@@ -109,7 +117,7 @@ pub(super) fn expand(
                 .map(|part| {
                     let all = part.clamps.iter().chain([&part.table]);
                     all.map(|planned| {
-                        tables.push(planned.entry());
+                        tables.push(planned.entry(shared));
                         index::number(tables.len()) - 1
                     })
                     .collect()
@@ -134,7 +142,7 @@ pub(super) fn expand(
                 let terms = graph.chain_terms(chain).to_vec();
                 expansion.chain(chain.equation, terms, chain.write, chain.second);
             }
-            Some(of) => expansion.function(graph, chain, &computed[of], &table_of[of]),
+            Some(of) => expansion.function(graph, chain, (&computed[of], &table_of[of]), shared.of(chain.write.value)),
         }
     }
     expansion.graph
@@ -168,7 +176,13 @@ struct Expansion {
 
 impl Expansion {
     /// The chains of a function, in place of one that applies it.
-    fn function(&mut self, graph: &StepGraph, chain: &Chain, computed: &Computed, tables: &[Vec<u32>]) {
+    fn function(
+        &mut self,
+        graph: &StepGraph,
+        chain: &Chain,
+        (computed, tables): (&Computed, &[Vec<u32>]),
+        of: Option<u32>,
+    ) {
         let constant = chain.write.base.map_or(0.0, |base| match graph.value(base).role {
             Role::Constant(number) => number,
             _ => unreachable!("the argument of a function has a constant base"),
@@ -180,12 +194,14 @@ impl Expansion {
             let mut argument = argument.clone();
             for (clamp, table) in part.clamps.iter().zip(tables) {
                 let clamped = self.inner(chain.equation, false);
-                self.lookup(chain.equation, &argument, &clamp.fit, *table, clamped);
+                self.lookup(chain.equation, &argument, &clamp.fit, (*table, None), clamped);
                 let terms = vec![Term::new(clamped, Factor::Coefficient(1.0))];
                 argument = Argument { terms, constant: 0.0, weight: 0 };
             }
             let result = if alone { chain.write.value } else { self.inner(chain.equation, false) };
-            self.lookup(chain.equation, &argument, &part.table.fit, tables[part.clamps.len()], result);
+            let function = of.and_then(|of| part.table.stands_for.iter().position(|known| *known == of));
+            let table = (tables[part.clamps.len()], function.map(index::number));
+            self.lookup(chain.equation, &argument, &part.table.fit, table, result);
             sum.push(Term::new(result, Factor::Coefficient(1.0)));
         }
         if !alone {
@@ -194,10 +210,17 @@ impl Expansion {
     }
 
     /// The chains of a lookup whose result is a value.
-    fn lookup(&mut self, equation: EquationId, argument: &Argument, fit: &Fit, table: u32, result: ValueId) {
+    fn lookup(
+        &mut self,
+        equation: EquationId,
+        argument: &Argument,
+        fit: &Fit,
+        (table, function): (u32, Option<u32>),
+        result: ValueId,
+    ) {
         let z = self.argument(equation, argument, fit);
         let lookup = index::number(self.graph.functions.lookups.len());
-        self.graph.functions.lookups.push(Lookup { argument: z, table });
+        self.graph.functions.lookups.push(Lookup { argument: z, table, function });
         let nothing = |operand| Term::new(operand, Factor::Coefficient(0.0));
         let last = fit.columns.len() as u8 - 1;
         if fit.shape.degree == 0 {

@@ -17,7 +17,7 @@ mod shape;
 mod share;
 mod uses;
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use expand::{Computed, Planned, PlannedPart, expand};
 
@@ -31,7 +31,7 @@ use pe_ir::word::WordFormat;
 use divisions::divisions;
 use domain::Domain;
 use fit::{Fit, Layout, Shape};
-use share::{Family, Rewritten};
+use share::{Family, Rewritten, Shared};
 use uses::Use;
 
 /// Words of tables that are as good as twice the products.
@@ -88,7 +88,7 @@ pub fn tabulate(
     format: WordFormat,
     kept: &[ValueId],
 ) -> Result<StepGraph, Vec<Untabled>> {
-    let own = Tabulated::of(graph, arguments, &[], Price::of(format))?;
+    let own = Tabulated::of(graph, arguments, &Shared::default(), Price::of(format))?;
     let families = share::families(graph, arguments, format);
     if families.is_empty() {
         return Ok(own.graph);
@@ -97,9 +97,9 @@ pub fn tabulate(
     let with = |shared: &[bool]| {
         let taken: Vec<&Family> =
             families.iter().zip(shared).filter(|(_, taken)| **taken).map(|(family, _)| family).collect();
-        let Rewritten { graph, arguments, apart } = share::rewritten(graph, arguments, &taken, kept);
+        let Rewritten { graph, arguments, shared } = share::rewritten(graph, arguments, &taken, kept);
         // What has no table as a shape has one as it is.
-        let tabulated = Tabulated::of(&graph, &arguments, &apart, price).ok();
+        let tabulated = Tabulated::of(&graph, &arguments, &shared, price).ok();
         // Less than a block of memory is not worth a product.
         tabulated
             .filter(|shared| shared.words + BLOCK <= own.words || shared.graph.terms.len() <= own.graph.terms.len())
@@ -149,11 +149,11 @@ struct Tabulated {
 }
 
 impl Tabulated {
-    /// The step with the tables of its functions, each of which is so far `apart` from what it stands for.
+    /// The step with the tables of its functions, and what these stand for.
     fn of(
         graph: &StepGraph,
         arguments: &[(f64, f64)],
-        apart: &[f64],
+        shared: &Shared,
         price: Price,
     ) -> Result<Tabulated, Vec<Untabled>> {
         let (uses, use_of) = uses::uses(graph, arguments);
@@ -205,13 +205,19 @@ impl Tabulated {
             .sum();
         let words: usize = computed.iter().map(|computed| computed.words(segments)).sum();
         for (computed, members) in computed.iter_mut().zip(&members) {
-            let function = members.first().map_or(0, |of| uses[*of].function);
-            computed.add_error(apart.get(function).copied().unwrap_or(0.0));
+            let Some(function) = members.first().map(|of| uses[*of].function) else { continue };
+            if function >= price.scaled_from && computed.parts() > 1 {
+                // What one table does not hold is no gain; nobody is told.
+                return Err(Vec::new());
+            }
+            let values = members.iter().flat_map(|of| &uses[*of].values);
+            let functions: BTreeSet<u32> = values.filter_map(|value| shared.of(*value)).collect();
+            computed.stand_for(&Vec::from_iter(functions), shared.apart(function));
         }
         // What brings values back is in the step beside its lookups.
         let price = products * (1.0 + words as f64 / WORDS) + graph.terms.len() as f64;
         let cluster_of: List<ChainId, Option<usize>> = use_of.iter().map(|of| of.map(|of| cluster_of[of])).collect();
-        Ok(Tabulated { graph: expand(graph, segments, &computed, &cluster_of), words, price })
+        Ok(Tabulated { graph: expand(graph, segments, (&computed, &cluster_of), shared), words, price })
     }
 }
 
@@ -270,7 +276,8 @@ fn computed<'a>(domains: Vec<Domain<'a>>, uses: &[u64], price: Price) -> (Segmen
 fn plan<'a>(domains: Vec<Domain<'a>>, uses: &[u64], price: Price) -> (Segments, Vec<Planned<'a>>) {
     let known: Vec<(&Domain, u64)> = domains.iter().zip(uses).map(|(domain, uses)| (domain, *uses)).collect();
     let segments = divide_sampled(&known, price);
-    let planned = domains.into_iter().map(|domain| Planned { fit: Fit::of(&domain, segments), domain });
+    let planned =
+        domains.into_iter().map(|domain| Planned { fit: Fit::of(&domain, segments), domain, stands_for: Vec::new() });
     (segments, planned.collect())
 }
 
@@ -387,6 +394,8 @@ fn too_steep(
     )
 }
 
+#[cfg(test)]
+mod families;
 #[cfg(test)]
 mod matrix;
 #[cfg(test)]

@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pe_ir::functions::ScalarFunction;
+use pe_ir::functions::{ScalarFunction, Scaled};
 use pe_ir::graph::{Chain, Factor, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::index::{self, EquationId, List, at};
 use pe_ir::word::WordFormat;
@@ -44,8 +44,35 @@ const CANCELLED: f64 = 32.0;
 pub(super) struct Rewritten {
     pub graph: StepGraph,
     pub arguments: Vec<(f64, f64)>,
-    /// By function how far it is from what it stands for, in units of its own.
-    pub apart: Vec<f64>,
+    pub shared: Shared,
+}
+
+/// What shapes stand for.
+#[derive(Default)]
+pub(super) struct Shared {
+    /// By function of the step how far a shape is from what it stands for, in units of its own.
+    apart: Vec<f64>,
+    /// By number in the step without shapes what functions are of theirs.
+    functions: BTreeMap<u32, Scaled>,
+    /// The function that a value of a shape stands for.
+    of: BTreeMap<ValueId, u32>,
+}
+
+impl Shared {
+    /// How far a function is from what it stands for.
+    pub fn apart(&self, function: usize) -> f64 {
+        self.apart.get(function).copied().unwrap_or(0.0)
+    }
+
+    /// The function that a value of a shape stands for.
+    pub fn of(&self, value: ValueId) -> Option<u32> {
+        self.of.get(&value).copied()
+    }
+
+    /// What such a function is of its shape.
+    pub fn function(&self, function: u32) -> &Scaled {
+        &self.functions[&function]
+    }
 }
 
 /// The families of at least two functions of a step. `arguments` are as in [`super::tabulate`].
@@ -149,6 +176,12 @@ pub(super) fn rewritten(
         apart.push(family.members.values().fold(0.0, |most, member| most.max(member.apart)));
         members.extend(family.members.iter().map(|(function, member)| (*function, (shape, *member))));
     }
+    let number = |(function, (_, member)): (&usize, &(u32, Member))| {
+        let Member { slope, offset, factor, beside, .. } = *member;
+        let name = graph.functions.exact[*function].name.clone();
+        (index::number(*function), Scaled { name, slope, offset, factor, beside })
+    };
+    let mut shared = Shared { apart, functions: members.iter().map(number).collect(), of: BTreeMap::new() };
     let of = |chain: &Chain| chain.function.and_then(|function| members.get(&at(function)).copied());
     let scaled: BTreeMap<ValueId, Read> = scaled(graph, &of, kept);
     let mut serials = super::expand::serials(graph);
@@ -209,12 +242,14 @@ pub(super) fn rewritten(
         let applied = Chain { function: Some(shape), ..chain.clone() };
         if scaled.contains_key(&value) {
             writer.arguments[value.index()] = range;
+            shared.of.extend(chain.function.map(|function| (value, function)));
             writer.chain(Chain { write: Write { base, ..chain.write }, ..applied }, terms);
         } else {
             let serial = &mut serials[chain.equation];
             *serial += 1;
             let inner = writer.value(Role::Inner(chain.equation, *serial), chain.equation, false);
             writer.arguments[inner.index()] = range;
+            shared.of.extend(chain.function.map(|function| (inner, function)));
             writer.chain(Chain { write: Write { value: inner, base, ..chain.write }, ..applied }, terms);
             let mut back = vec![Term::new(inner, Factor::Coefficient(member.factor))];
             let (slope, added) = member.beside;
@@ -228,7 +263,7 @@ pub(super) fn rewritten(
             writer.chain(Chain { function: None, write, ..chain.clone() }, back);
         }
     }
-    Rewritten { graph: writer.graph, arguments: writer.arguments, apart }
+    Rewritten { graph: writer.graph, arguments: writer.arguments, shared }
 }
 
 /// The constant base of a chain that applies a function.

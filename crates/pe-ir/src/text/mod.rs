@@ -13,6 +13,7 @@ pub mod labels;
 pub mod mapping;
 pub mod model;
 mod reader;
+mod scaled;
 pub mod schedule;
 pub mod step;
 mod waveform;

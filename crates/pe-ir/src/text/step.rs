@@ -13,7 +13,7 @@ use crate::model::Variable;
 use crate::verify;
 
 use super::labels::Labels;
-use super::{Line, Section, Stage, TextError, elimination, expr, name, number, single};
+use super::{Line, Section, Stage, TextError, elimination, expr, name, number, scaled, single};
 
 /// What the variable of a function is called in its expression.
 const ARGUMENT: &str = "x";
@@ -174,9 +174,11 @@ impl Printer<'_> {
                 let numbers: Vec<String> = column.iter().copied().map(number).collect();
                 writeln!(f, "  column {}", numbers.join(" "))?;
             }
+            table.stands_for.iter().try_for_each(|of| writeln!(f, "  stands_for {}", scaled::text(of)))?;
         }
-        for Lookup { argument, table } in &functions.lookups {
-            writeln!(f, "lookup {} table {table}", self.labels.values.value(*argument))?;
+        for Lookup { argument, table, function } in &functions.lookups {
+            let function = function.map_or(String::new(), |function| format!(" function {function}"));
+            writeln!(f, "lookup {} table {table}{function}", self.labels.values.value(*argument))?;
         }
         Ok(())
     }
@@ -337,6 +339,11 @@ impl Lists {
                     }
                     graph.functions.tables.last_mut().expect("read above").columns.push(numbers);
                 }
+                while let Some(mut line) = lines.next_if("stands_for") {
+                    let scaled = scaled::read(&mut line)?;
+                    line.done()?;
+                    graph.functions.tables.last_mut().expect("read above").stands_for.push(scaled);
+                }
             }
             if item == "chain" {
                 let interim = lines.next_if("interim").map(|line| self.other_write(line)).transpose()?;
@@ -408,11 +415,20 @@ impl Lists {
                 line.sign("..")?;
                 let domain = (low, line.number()?);
                 let error = line.keyed_number("error")?;
-                graph.functions.tables.push(Table { name: table, octaves, columns: Vec::new(), domain, error });
+                graph.functions.tables.push(Table {
+                    name: table,
+                    octaves,
+                    columns: Vec::new(),
+                    domain,
+                    error,
+                    stands_for: Vec::new(),
+                });
             }
             "lookup" => {
                 let argument = self.values.read_value(line)?;
-                graph.functions.lookups.push(Lookup { argument, table: line.keyed("table")? });
+                let table = line.keyed("table")?;
+                let function = if line.take_word("function") { Some(line.integer()?) } else { None };
+                graph.functions.lookups.push(Lookup { argument, table, function });
             }
             _ => self.chain(line, graph)?,
         }

@@ -176,6 +176,16 @@ impl Checker<'_> {
             self.require(full && !table.columns.is_empty(), || {
                 format!("table `{}` has not as many entries in each column as there are segments", table.name)
             });
+            let scaled = table.stands_for.iter().all(|of| of.slope != 0.0 && of.factor != 0.0);
+            self.require(scaled, || format!("table `{}` stands for a function without slope or factor", table.name));
+        }
+        for lookup in &functions.lookups {
+            let table = functions.tables.get(at(lookup.table));
+            let known = table.is_some_and(|table| match lookup.function {
+                Some(function) => at(function) < table.stands_for.len(),
+                None => table.stands_for.is_empty(),
+            });
+            self.require(known, || format!("a lookup reads table {}, but none of its functions", lookup.table));
         }
         for function in &functions.exact {
             let mut other = false;

@@ -11,7 +11,7 @@ use pe_hls::formats::RANGE_MARGIN;
 use pe_hls::step::{Order, Scheme, StepOptions, build_with};
 use pe_ir::codes;
 
-use pe_ir::functions::{ScalarFunction, Table};
+use pe_ir::functions::ScalarFunction;
 use pe_ir::graph::{Chain, Factor, StepGraph};
 use pe_ir::index::{EquationId, at};
 use pe_ir::model::{Expr, Function};
@@ -124,11 +124,10 @@ impl<'a> Use<'a> {
             Formats { scale: scale(most), reach: stored.max(high - low) }
         };
         // Its table is the narrowest one that covers its arguments.
-        let covers =
-            |table: &&Table| table.name == function.name && table.domain.0 <= range.0 && range.1 <= table.domain.1;
-        let width = |table: &&Table| table.domain.1 - table.domain.0;
-        let tables = graph.functions.tables.iter().filter(covers);
-        let table = tables.min_by(|a, b| width(a).total_cmp(&width(b))).map_or(range, |table| table.domain);
+        let covered = graph.functions.tables.iter().filter_map(|table| table.covers(&function.name));
+        let tables = covered.filter(|(low, high)| *low <= range.0 && range.1 <= *high);
+        let width = |(low, high): &(f64, f64)| high - low;
+        let table = tables.min_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(range);
         Some(Use { chain, function, range, shared: formats(table), own: formats(range) })
     }
 

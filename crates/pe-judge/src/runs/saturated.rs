@@ -3,7 +3,6 @@
 use pe_ir::codes;
 use pe_ir::functions::Lookup;
 use pe_ir::graph::{FixedPoint, StepGraph, ValueId};
-use pe_ir::index::at;
 use pe_ir::model::Model;
 use pe_ir::source::Diagnostic;
 
@@ -69,11 +68,11 @@ impl Saturated {
     pub(super) fn refusal(&self, model: &Model, graph: &StepGraph, exact: &Exact, fixed: &FixedPoint) -> Diagnostic {
         if let Some(lookup) = self.argument(graph) {
             let equation = graph.equation_of(lookup.argument).expect("an equation computes it");
-            let table = &graph.functions.tables[at(lookup.table)];
+            let (function, (low, high)) = graph.functions.looked_up(*lookup);
             let time = model.time(self.step, 0.0);
             let message = format!(
-                "`{}` gets an argument beyond its table at t = {time:.6e} s: `{}` is tabulated from {:.6e} to {:.6e}",
-                equation.name, table.name, table.domain.0, table.domain.1
+                "`{}` gets an argument beyond its table at t = {time:.6e} s: `{function}` is tabulated from {low:.6e} to {high:.6e}",
+                equation.name
             );
             return Diagnostic::error(codes::SATURATED, equation.span, message)
                 .with_help("rounding moves the argument: try more `--storage` bits or a wider `--multiplier`");

@@ -213,3 +213,67 @@ fn functions_that_differ_by_constants_share_tables_and_others_do_not() {
     let own = unlike["functions"].as_array().expect("functions").len();
     assert!(own >= 36, "{own} tables");
 }
+
+/// Hill functions with names, one for each state.
+fn named(count: usize) -> String {
+    let mut text = String::new();
+    for own in 0..count {
+        text += &format!("state g{own} = {:.3}\n", 0.3 + 0.11 * own as f64);
+    }
+    for own in 0..count {
+        let (k, most) = (0.4 + 0.07 * own as f64, 3.0 + 0.9 * own as f64);
+        text += &format!("h{own} = {most:.3}*g{own}^2/({k:.3} + g{own}^2)\n");
+    }
+    for own in 0..count {
+        text += &format!("g{own}' = 10*(0.2*h{} - g{own})\n", (own + 1) % count);
+    }
+    text + &format!("output {}\n", (0..count).map(|own| format!("g{own}")).collect::<Vec<_>>().join(", "))
+}
+
+/// Largest magnitude and limit of each algebraic variable in the table of variables.
+fn algebraics(folder: &Folder) -> Vec<(String, [f64; 2])> {
+    let table = std::fs::read_to_string(folder.0.join("out").join("m_variables.csv")).expect("variables");
+    let rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let of = |cells: &[&str]| [3, 4].map(|cell| cells[cell].parse().expect("a number"));
+    rows.filter(|cells| cells[1] == "algebraic").map(|cells| (cells[0].to_owned(), of(&cells))).collect()
+}
+
+#[test]
+fn quantities_that_share_a_table_are_shown_in_their_own_units() {
+    let folder = Folder::new("functions_units");
+    let count = 8;
+    let (exit, errors, report) = compile(&folder, &named(count), &["--pes", "2"]);
+    assert_eq!(exit, Some(0), "{errors}");
+    let shared = |report: &Value| {
+        report["functions"].as_array().map_or(0, |all| all.iter().filter(|of| of["shared_by"] != 0).count())
+    };
+    assert!(shared(&report) > 0, "{}", report["functions"]);
+    let scaled = algebraics(&folder);
+    // Outputs are what they are called, whatever the tables.
+    let names: Vec<String> = (0..count).map(|own| format!("h{own}")).collect();
+    let (exit, errors, report) = compile(&folder, &named(count), &["--pes", "2", "--observe", &names.join(",")]);
+    assert_eq!(exit, Some(0), "{errors}");
+    assert!(report["error"]["word_length"].as_f64().expect("an error") < 1e-6, "{}", report["error"]);
+    let whole = algebraics(&folder);
+    assert_eq!(scaled.len(), count);
+    for ((name, [largest, limit]), (other, [should, _])) in scaled.iter().zip(&whole) {
+        assert_eq!(name, other);
+        assert!(
+            (largest / should - 1.0).abs() < 1e-3 && limit >= largest,
+            "{name}: {largest} of {limit}, not {should}"
+        );
+    }
+}
+
+#[test]
+fn a_design_with_shared_tables_is_the_same_in_ghdl() {
+    let folder = Folder::new("functions_shared_ghdl");
+    let (exit, errors, report) = compile(&folder, &named(8), &["--pes", "2"]);
+    assert_eq!(exit, Some(0), "{errors}");
+    assert!(report["functions"].as_array().expect("functions").iter().any(|of| of["shared_by"].as_u64() > Some(1)));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
+    command.arg("verify").arg(folder.0.join("out")).args(["--engines", "reference,ghdl", "--steps", "2"]);
+    let output = command.output().expect("pe-synth starts");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+}

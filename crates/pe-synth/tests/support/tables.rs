@@ -78,14 +78,14 @@ fn equal(scale: f64) -> Table {
     let mut columns = columns(false, scale, |z| z);
     columns[3].iter_mut().for_each(|centre| *centre = -*centre);
     columns.truncate(4);
-    Table { name: "equal".into(), octaves: false, columns, domain: (-scale, scale), error: 0.0 }
+    Table { name: "equal".into(), octaves: false, columns, domain: (-scale, scale), error: 0.0, stands_for: vec![] }
 }
 
 /// A table of octaves of `z` from 0 on, which stands for `2 z - 1`; the slope of the local coordinate is a column.
 fn octaves(scale: f64) -> Table {
     let mut columns = columns(true, scale, |z| 2.0 * z - 1.0);
     columns[3].iter_mut().for_each(|centre| *centre = -*centre);
-    Table { name: "octaves".into(), octaves: true, columns, domain: (-scale, scale), error: 0.0 }
+    Table { name: "octaves".into(), octaves: true, columns, domain: (-scale, scale), error: 0.0, stands_for: vec![] }
 }
 
 struct Builder {
@@ -115,7 +115,7 @@ impl Builder {
         let (factor, middle) = if odd { (0.5 / self.scale, 0.1) } else { (1.0 / self.scale, 0.0) };
         let base = odd.then(|| self.value(Role::Constant(middle), equation, false));
         let z = self.chain(equation, (value, coefficient(factor)), base, false);
-        self.graph.functions.lookups.push(Lookup { argument: z, table: u32::from(odd) });
+        self.graph.functions.lookups.push(Lookup { argument: z, table: u32::from(odd), function: None });
         let column = |builder: &mut Builder, column: u8, factor: bool| {
             Some(builder.value(Role::Column(lookup, column), equation, factor))
         };
