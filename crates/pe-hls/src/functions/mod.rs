@@ -58,6 +58,9 @@ const WORTH: f64 = 0.95;
 /// Words of a block of memory.
 const BLOCK: usize = 1024;
 
+/// One product more among so many is what shared tables may cost.
+const MORE: usize = 64;
+
 /// Functions of a step whose families are asked one by one whether they share tables, at most.
 const TRIED: usize = 64;
 
@@ -100,9 +103,11 @@ pub fn tabulate(
         let Rewritten { graph, arguments, shared } = share::rewritten(graph, arguments, &taken, kept);
         // What has no table as a shape has one as it is.
         let tabulated = Tabulated::of(&graph, &arguments, &shared, price).ok();
-        // Less than a block of memory is not worth a product.
+        // Less than a block of memory is not worth a product, and no memory is worth many.
+        let most = own.graph.terms.len();
+        let products = |shared: &Tabulated| shared.graph.terms.len();
         tabulated
-            .filter(|shared| shared.words + BLOCK <= own.words || shared.graph.terms.len() <= own.graph.terms.len())
+            .filter(|shared| products(shared) <= most + if shared.words + BLOCK <= own.words { most / MORE } else { 0 })
     };
     let mut shared = vec![true; families.len()];
     let mut best = with(&shared).filter(|all| all.price < WORTH * own.price);
