@@ -5,7 +5,7 @@ use std::cell::LazyCell;
 use std::sync::Arc;
 
 use pe_hls::even::even;
-use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, default_pes};
+use pe_hls::mapping::{self, Candidate, MapError, MapOptions, Problem, Tables, default_pes};
 use pe_hls::pairs;
 use pe_hls::relay::{Relayed, relay};
 use pe_hls::rounds::Rounds;
@@ -26,6 +26,9 @@ use pe_judge::runs::Judged;
 
 /// Numbers of relays that are tried: one gathers most, more are closer to their readers.
 const RELAYS: [u32; 4] = [1, 2, 4, 8];
+
+/// Mappings from which ones are made in which equations with the same tables are together.
+const GATHERED: usize = 2;
 
 /// Options of the network.
 #[derive(Clone, Debug)]
@@ -136,6 +139,10 @@ pub struct Candidates<'a> {
     pub of: Vec<usize>,
     /// Mappings without relays, which are the first.
     pub plain: usize,
+    /// Mappings in which equations with the same tables are together, which are the last.
+    pub gathered: usize,
+    /// Blocks of the base memories of each mapping, about, if the step has tables.
+    pub blocks: Vec<u32>,
     /// Most input ports that they may have.
     pub ports: u32,
     starts: usize,
@@ -157,8 +164,16 @@ impl<'a> Candidates<'a> {
         let mut plain = Some(Alternative::new(Arc::clone(graph), Cow::Borrowed(fixed), 0, None));
         let relayed = |pes, ports, relays| Alternative::with_relays(graph, fixed, pes, ports, relays);
         let (ports, starts) = (options.ports(), 0);
-        let mut set =
-            Candidates { alternatives: Vec::new(), candidates: Vec::new(), of: Vec::new(), plain: 0, ports, starts };
+        let mut set = Candidates {
+            alternatives: Vec::new(),
+            candidates: Vec::new(),
+            of: Vec::new(),
+            plain: 0,
+            gathered: 0,
+            blocks: Vec::new(),
+            ports,
+            starts,
+        };
         if let Some((mapping, relays)) = &network.given {
             let alternative =
                 (*relays > 0).then(|| relayed(mapping.pes, ports, *relays)).flatten().or(plain).expect("one of two");
@@ -221,7 +236,26 @@ impl<'a> Candidates<'a> {
                 _ => break,
             }
         }
+        set.gather(&map_options(pes, &set.alternatives[0], set.ports));
         Ok(set)
+    }
+
+    /// Adds mappings in which equations with the same tables are together, made from the best ones of the step as it is,
+    /// where that saves blocks of memory.
+    fn gather(&mut self, options: &MapOptions) {
+        let plain = &self.alternatives[0];
+        let tables = if plain.copies() { None } else { Tables::of(&plain.graph, &plain.fixed) };
+        let Some(tables) = tables else { return };
+        let first = self.candidates.iter().zip(&self.of).filter(|(_, of)| **of == 0).take(GATHERED);
+        let gathered = first.filter_map(|(candidate, _)| {
+            let other = mapping::gathered(&plain.problem, &tables, candidate, options)?;
+            (tables.blocks(&other.mapping) < tables.blocks(&candidate.mapping)).then_some(other)
+        });
+        let gathered: Vec<Candidate> = gathered.collect();
+        self.gathered = gathered.len();
+        self.candidates.extend(gathered);
+        self.of.resize(self.candidates.len(), 0);
+        self.blocks = self.candidates.iter().map(|candidate| tables.blocks(&candidate.mapping)).collect();
     }
 
     /// Adds an alternative with its mappings and those evened out under the pairs they allow.

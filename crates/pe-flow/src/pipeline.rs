@@ -12,6 +12,7 @@
 //! In the middle is what decides a stage beside those before it. [`design`] does all of them for one point,
 //! [`crate::explore::sweep`] for many, and keeps what these share.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use pe_hls::assemble::TooLarge;
@@ -324,7 +325,7 @@ pub fn implement(
     );
     let mapped = mapped.map_err(|error| candidates::failure(error, graph, loaded))?;
     watch.warn(&candidates::other_than_asked(&network, mapping_options, &mapped), &loaded.sources);
-    let Candidates { alternatives, candidates, of, plain, ports, .. } = mapped;
+    let Candidates { alternatives, candidates, of, plain, gathered, blocks, ports, .. } = mapped;
     let taken_pes = candidates[0].mapping.pes;
     let alternative = |index: usize| &alternatives[of[index]];
     let pairs: Vec<Option<Paired>> = (candidates.iter().zip(&of))
@@ -341,18 +342,22 @@ pub fn implement(
             if let Some(given) = given {
                 return vec![given];
             }
-            // Relays have no say in how well the others are scheduled.
-            let (graphs, more_graphs) = graphs.split_at(plain);
-            let (candidates, more) = candidates.split_at(plain);
-            let mut all = selection::schedules(graphs, candidates, latency, ports, known, say);
-            all.extend(selection::schedules(more_graphs, more, latency, ports, known, say));
-            all
+            // Relays and gathered tables have no say in how well the others are scheduled.
+            let ends = [0, plain, candidates.len() - gathered, candidates.len()];
+            let parts = ends.windows(2).map(|ends| ends[0]..ends[1]);
+            let schedules = |part: Range<usize>| {
+                selection::schedules(&graphs[part.clone()], &candidates[part], latency, ports, known, say)
+            };
+            parts.flat_map(schedules).collect()
         },
         |schedules: &Vec<Schedule>| {
             format!("{} cycles per step", schedules.iter().map(|s| s.period).min().unwrap_or(0))
         },
     );
-    let order = selection::rank(&candidates, &schedules, ports, plain);
+    let others = candidates.len() - gathered;
+    let mut order = selection::rank(&candidates[..others], &schedules[..others], ports, plain);
+    order.extend(others..candidates.len());
+    selection::prefer_gathered(&mut order, &candidates, &schedules, &blocks, (gathered, ports));
     let starts: Vec<StartResult> = order
         .iter()
         .map(|index| StartResult {

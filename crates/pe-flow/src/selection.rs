@@ -3,10 +3,14 @@
 use pe_hls::mapping::Candidate;
 use pe_ir::graph::StepGraph;
 use pe_ir::index::List;
+use pe_ir::memory::BLOCK_LUTS;
 use pe_ir::schedule::Schedule;
 use pe_ir::word::Latency;
 
 use crate::known::Known;
+
+/// Look-up tables of a connection: a port of 32 bits more at each end.
+const CONNECTION_LUTS: f64 = 32.0;
 
 /// Schedules that are this much longer than the shortest are not considered, however few connections they have.
 const PERIOD_TOLERANCE: f64 = 1.02;
@@ -84,6 +88,32 @@ pub fn rank(candidates: &[Candidate], schedules: &[Schedule], max_in_degree: u32
     order(candidates.len(), &|index| index >= plain && best.is_some_and(|best| product(index) >= product(best)))
 }
 
+/// Mappings in which equations with the same tables are together, which are the last `gathered` ones, before all others of
+/// an order: the best one if it is no slower than the first, and what it saves in blocks of memory is worth more than its
+/// connections.
+pub fn prefer_gathered(
+    order: &mut [usize],
+    candidates: &[Candidate],
+    schedules: &[Schedule],
+    blocks: &[u32],
+    (gathered, max_in_degree): (usize, u32),
+) {
+    let Some(first) = order.first().copied().filter(|_| gathered > 0) else { return };
+    let luts = |index: usize| {
+        BLOCK_LUTS * f64::from(blocks[index]) + CONNECTION_LUTS * f64::from(candidates[index].cost.connections)
+    };
+    let is_better = |index: &usize| {
+        candidates[*index].cost.max_in_degree <= max_in_degree
+            && schedules[*index].period <= schedules[first].period
+            && luts(*index) < luts(first)
+    };
+    let last = candidates.len() - gathered..candidates.len();
+    let best = last.filter(is_better).min_by(|a, b| luts(*a).total_cmp(&luts(*b)).then(a.cmp(b)));
+    if let Some(place) = best.and_then(|best| order.iter().position(|index| *index == best)) {
+        order[..=place].rotate_right(1);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use pe_ir::mapping::{Mapping, MappingCost};
@@ -106,6 +136,24 @@ mod tests {
         // As long as nobody is certain to be fast enough, all go on.
         assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], 1), [0, 1]);
         assert_eq!(contenders(&candidates[..2], &loads, &[110, 103], 0), [0; 0], "none has the ports");
+    }
+
+    #[test]
+    fn gathered_tables_have_to_be_as_fast_and_smaller() {
+        let candidates = [candidate(100, 20), candidate(100, 30), candidate(100, 40), candidate(100, 50)];
+        let schedule = |period| Schedule { period, starts: List::new(), order: Vec::new(), transfers: Vec::new() };
+        let first = |periods: [u32; 4], blocks: [u32; 4]| {
+            let mut order = vec![0, 1, 2, 3];
+            prefer_gathered(&mut order, &candidates, &periods.map(schedule), &blocks, (2, 1));
+            order
+        };
+        assert_eq!(first([100; 4], [10, 10, 8, 4]), [3, 0, 1, 2], "fewest blocks");
+        assert_eq!(first([100; 4], [10, 10, 8, 7]), [2, 0, 1, 3], "connections are worth something");
+        assert_eq!(first([100, 100, 101, 101], [10, 10, 8, 4]), [0, 1, 2, 3], "slower");
+        assert_eq!(first([100; 4], [10, 2, 10, 10]), [0, 1, 2, 3], "not gathered");
+        let mut order = vec![0, 1];
+        prefer_gathered(&mut order, &candidates[..2], &[schedule(9), schedule(9)], &[], (0, 1));
+        assert_eq!(order, [0, 1], "no tables");
     }
 
     #[test]

@@ -14,6 +14,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::cost::{State, Weights};
+use super::gather::Permits;
 use super::neighbours;
 use super::problem::Problem;
 use super::random::below;
@@ -67,9 +68,17 @@ pub(super) fn rank(cost: &MappingCost, max_in_degree: u32) -> (u32, u64, u32) {
     (cost.max_in_degree.saturating_sub(max_in_degree), product, cost.max_load)
 }
 
-/// The best mapping met while annealing from `start`, which may be the start itself.
-pub(super) fn anneal(problem: &Problem, start: &Mapping, plan: &Plan, rng: &mut ChaCha8Rng) -> (Mapping, MappingCost) {
+/// The best mapping met while annealing from `start`, which may be the start itself. Equations stay where they are
+/// permitted.
+pub(super) fn anneal<'p>(
+    problem: &'p Problem,
+    start: &Mapping,
+    plan: &Plan,
+    permits: Option<&'p Permits<'p>>,
+    rng: &mut ChaCha8Rng,
+) -> (Mapping, MappingCost) {
     let mut state = State::new(problem, start, plan.max_in_degree);
+    state.permits = permits;
     let mut best = (start.clone(), state.cost());
     let acceptance = Acceptance::new();
     let mut regions = plan.regions.then(|| Regions::new(problem, at(start.pes)));

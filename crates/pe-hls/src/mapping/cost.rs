@@ -16,6 +16,7 @@
 use pe_ir::index::{self, PeId, number};
 use pe_ir::mapping::{Mapping, MappingCost};
 
+use super::gather::Permits;
 use super::links::{Link, Links};
 use super::problem::Problem;
 use super::sets::IndexSet;
@@ -38,6 +39,8 @@ const HARMONICS: usize = 256;
 #[derive(Clone, Debug)]
 pub(super) struct State<'p> {
     pub(super) problem: &'p Problem,
+    /// Where equations may be, unless they may be anywhere.
+    pub(super) permits: Option<&'p Permits<'p>>,
     pes: usize,
     /// Place of each node: equations first, then inputs, which stay behind the PEs.
     place_of: Vec<u32>,
@@ -88,6 +91,7 @@ impl<'p> State<'p> {
         }
         let mut state = State {
             problem,
+            permits: None,
             pes,
             place_of,
             members: vec![Vec::new(); pes],
@@ -136,9 +140,14 @@ impl<'p> State<'p> {
         node < self.position.len() && self.pe(node) != pe
     }
 
-    /// Whether a node is an equation on another PE than this and not alone there.
+    /// Whether a node is an equation on another PE than this, not alone there, and permitted here.
     pub(super) fn may_move(&self, node: usize, to: usize) -> bool {
-        self.is_elsewhere(node, to) && self.members[self.pe(node)].len() > 1
+        self.is_elsewhere(node, to) && self.members[self.pe(node)].len() > 1 && self.permits(node, to)
+    }
+
+    /// Whether an equation is permitted on a PE.
+    pub(super) fn permits(&self, equation: usize, pe: usize) -> bool {
+        self.permits.is_none_or(|permits| permits.permits(equation, pe))
     }
 
     /// Equations of a PE.

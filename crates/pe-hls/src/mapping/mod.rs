@@ -13,6 +13,7 @@
 
 mod anneal;
 mod cost;
+mod gather;
 mod links;
 mod neighbours;
 mod orders;
@@ -35,6 +36,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::schedule::Bound;
 use anneal::{Plan, anneal, rank};
+pub use gather::{TABLES, Tables, gathered};
 pub use problem::Problem;
 pub use wires::{WireLength, wire_length};
 
@@ -196,21 +198,21 @@ pub fn annealed(problem: &Problem, options: &MapOptions) -> Result<Vec<Candidate
         .chain(structured)
         .zip(plans)
         .map(|((start, begin), plan)| {
-            let (mapping, cost) = anneal(problem, &begin, &plan, &mut rng);
+            let (mapping, cost) = anneal(problem, &begin, &plan, None, &mut rng);
             Candidate { mapping, cost, start, start_cost: problem.cost(&begin) }
         })
         .collect();
     candidates.sort_by_key(|candidate| rank(&candidate.cost, max_in_degree));
     if let Some(finalist) = candidates.iter_mut().find(|candidate| candidate.cost != candidate.start_cost) {
         let plan = plan(tries / 2, STRUCTURED_BEGIN);
-        (finalist.mapping, finalist.cost) = anneal(problem, &finalist.mapping, &plan, &mut rng);
+        (finalist.mapping, finalist.cost) = anneal(problem, &finalist.mapping, &plan, None, &mut rng);
     }
     if pes > 1 {
         let random = candidates.iter().find(|candidate| candidate.start == RANDOM).expect("annealed above");
         let plan = Plan { regions: true, ..plan(tries / 4, RANDOM_BEGIN) };
         // Random numbers of its own: the other candidates do not depend on it.
         rng.set_stream(REGIONS_STREAM);
-        let (mapping, cost) = anneal(problem, &random.mapping, &plan, &mut rng);
+        let (mapping, cost) = anneal(problem, &random.mapping, &plan, None, &mut rng);
         candidates.push(Candidate { mapping, cost, start: REGIONS, start_cost: random.start_cost });
     }
     candidates.sort_by_key(|candidate| rank(&candidate.cost, max_in_degree));

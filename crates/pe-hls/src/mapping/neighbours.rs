@@ -57,6 +57,7 @@ pub(super) fn exchange(state: &State, from: usize, done: Move, rng: &mut ChaCha8
     let equation = around(state.members(done.to), rng).map(|&equation| at(equation)).find(|&equation| {
         equation != done.equation
             && state.is_boundary(equation)
+            && state.permits(equation, from)
             && state.problem.adjacent(equation).take(LOOKS).any(|next| state.pe(next) == from)
     })?;
     Some(Move { equation, to: from })
