@@ -79,7 +79,7 @@ architecture network of {{ model }} is
   signal address	: std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
   signal index	: std_ulogic_vector(INDEX_WIDTH - 1 downto 0);
   signal place	: std_ulogic_vector(REPEAT_WIDTH - 1 downto 0);
-{%- if variants %}
+{%- if turns %}
   signal round	: std_ulogic_vector(larger(index_bits(ROUNDS), 1) - 1 downto 0);
 {%- endif %}
 
@@ -182,7 +182,7 @@ begin
       arrive_o  => arrive,
       address_o => address,
       repeat_o  => place,
-      round_o   => {% if variants %}round{% else %}open{% endif %},
+      round_o   => {% if turns %}round{% else %}open{% endif %},
       advance_o => advance,
       index_o   => index,
       parity_o  => parity,
@@ -318,7 +318,7 @@ begin
     );
 {% endif %}
 {%- if pe.variant_words > 0 %}
-  variant_{{ pe.index }} <= {% if pe.loop_bits > pe.repeated_bits %}repeated_{{ pe.index }}({{ pe.loop_bits - 1 }} downto {{ pe.repeated_bits }}) & {% endif %}round;
+  variant_{{ pe.index }} <= {% if pe.loop_bits > pe.repeated_bits %}repeated_{{ pe.index }}({{ pe.loop_bits - 1 }} downto {{ pe.repeated_bits }}){% if turns %} & {% endif %}{% endif %}{% if turns %}round{% endif %};
 
   u_variants_{{ pe.index }} : entity pe_lib.pe_rom
     generic map (

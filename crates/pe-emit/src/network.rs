@@ -16,8 +16,8 @@ struct Network<'a> {
     pe_count: usize,
     /// Whether the pipeline is the deep one.
     deep: bool,
-    /// Whether a PE has a variant memory.
-    variants: bool,
+    /// Whether a PE has a variant memory whose words differ from round to round.
+    turns: bool,
     inputs: Vec<Port>,
     ticks: Vec<Tick>,
     outputs: Vec<Output>,
@@ -135,7 +135,7 @@ pub fn render(program: &Program, folds: &[Fold], names: &Names, header: &Header)
         model: &names.model,
         pe_count: program.pes.len(),
         deep: program.format.pipeline == Pipeline::Deep,
-        variants: pes.iter().any(|pe| pe.variant_words > 0),
+        turns: program.rounds > 1 && pes.iter().any(|pe| pe.variant_words > 0),
         inputs: inputs
             .map(|(index, (port, name))| {
                 let comment = comment(&port.name, &port.unit, port.exponent);

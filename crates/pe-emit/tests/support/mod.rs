@@ -9,8 +9,8 @@ use std::process::Command;
 use pe_emit::{EmitOptions, design_name, emit};
 use pe_ir::index::{List, PeId, PortId, ValueId};
 use pe_ir::program::{
-    Address, CoefficientOperand, ControlWord, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram, Program,
-    Target,
+    Address, CoefficientOperand, ControlWord, FieldName, InputPort, LinkSource, Note, OutputPort, PeFeatures,
+    PeProgram, Program, Target,
 };
 use pe_ir::word::{Pipeline, WordFormat};
 
@@ -173,6 +173,7 @@ fn random_pe(
         base_image: (0..features.base_words).map(|_| random.signed(format.word_bits())).collect(),
         coefficient_image: (0..features.coefficient_words).map(|_| random.signed(format.coefficient_bits)).collect(),
         imported_image: (0..features.imported_words).map(|_| random.signed(format.data_bits)).collect(),
+        varied: FieldName::ALL.into_iter().filter(|_| random.chance(30)).collect(),
     }
 }
 

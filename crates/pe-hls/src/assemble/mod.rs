@@ -4,6 +4,7 @@ mod limits;
 mod memory;
 mod provenance;
 mod registers;
+mod variants;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -69,7 +70,8 @@ pub fn assemble_rounds(
     limits::check(sizes.map(|(depths, ports)| {
         [depths.own, depths.base, depths.imported, depths.indices, index::number(ports.len()), 0]
     }))?;
-    let program = assembler.program(&ports);
+    let mut program = assembler.program(&ports);
+    variants::choose(&mut program);
     limits::check(program.pes.iter().map(|pe| [0, 0, 0, 0, 0, pe.features.coefficient_words]))?;
     Ok(program)
 }
@@ -167,6 +169,7 @@ impl Assembler<'_> {
             equations: Vec::new(),
             words: vec![ControlWord::default(); period],
             notes: vec![Note::default(); period],
+            varied: Vec::new(),
         }
     }
 

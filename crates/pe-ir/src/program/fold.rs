@@ -3,7 +3,10 @@
 //! Control words of a step stand in two memories of one address each: the loop memory has one word for each word of a
 //! round, the stream memory one for each word of the step. Every bit of the control word comes from one of them. Where
 //! the bits of the stream memory take few different turns through the rounds, a variant memory stands for it: it has a
-//! word for each round of each such variant, and each word of the loop memory has the variant of the next word.
+//! word for each round of each such variant, and each word of the loop memory has the variant of the next word. Fields
+//! that take few different values together may be in the variant memory as well, whether rounds differ in them or not.
+
+use std::collections::HashMap;
 
 use super::{Field, FieldName, Layout, PeProgram, Program, index_bits};
 use crate::index::{at, number};
@@ -11,12 +14,13 @@ use crate::memory::{MemoryCells, rom, tables};
 use crate::word::Pipeline;
 
 /// Most words of a variant memory, which is made of LUTs.
-const VARIANT_WORDS: usize = 256;
+pub const VARIANT_WORDS: usize = 512;
 
 /// The memories of a PE's program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fold {
-    /// Bits of the control word that rounds need different values of: from the stream or the variant memory.
+    /// Bits of the control word that come from the stream or the variant memory, those that rounds need different values
+    /// of among them.
     pub streamed: u128,
     /// All bits of the control word.
     pub all: u128,
@@ -36,66 +40,97 @@ pub struct Fold {
 /// What the streamed bits of a word of a round are in each round, and which of them have an effect.
 type Turns = Vec<(u128, u128)>;
 
+/// The control words of a PE as bits.
+pub struct Effects {
+    /// The words.
+    pub words: Vec<u128>,
+    /// Bits of each word that have an effect.
+    pub cares: Vec<u128>,
+    /// Bits that some rounds need different values of.
+    pub differing: u128,
+    /// Bits of a round that all of them can have.
+    common: Vec<u128>,
+}
+
+impl Effects {
+    /// Those of a PE.
+    pub fn of(program: &Program, pe: &PeProgram) -> Effects {
+        let layout = Layout::new(&pe.features, &program.format);
+        let words: Vec<u128> = pe.words.iter().map(|word| layout.encode(word)).collect();
+        let result = |k: usize| {
+            let end = &pe.words[(k + at(program.latency().scale_to_write())) % pe.words.len()];
+            end.write.is_some() || end.write_index.is_some() || end.send || end.show
+        };
+        let cares: Vec<u128> = (0..).zip(&pe.words).map(|(k, word)| layout.effective(word, result(k))).collect();
+        let length = at(program.round_words());
+        let (mut common, mut known, mut differing) = (vec![0; length], vec![0; length], 0);
+        for (k, care) in cares.iter().copied().enumerate() {
+            let slot = k % length;
+            differing |= (words[k] ^ common[slot]) & care & known[slot];
+            common[slot] |= words[k] & care & !known[slot];
+            known[slot] |= care;
+        }
+        Effects { words, cares, differing, common }
+    }
+
+    /// What some bits of a place are in all rounds.
+    fn turns(&self, slot: usize, mask: u128) -> Turns {
+        let places = (slot..self.words.len()).step_by(self.common.len());
+        places.map(|k| (self.words[k] & self.cares[k] & mask, self.cares[k] & mask)).collect()
+    }
+}
+
 impl Fold {
     /// Folds the program of a PE where that is smaller. Bits of fields without effect are free, and take what other
     /// rounds need.
     pub fn of(program: &Program, pe: &PeProgram) -> Fold {
         let layout = Layout::new(&pe.features, &program.format);
         let all = u128::MAX >> (128 - layout.bits);
-        let words: Vec<u128> = pe.words.iter().map(|word| layout.encode(word)).collect();
         let turns = at(program.rounds.next_power_of_two());
+        let effects = Effects::of(program, pe);
         let flat = Fold {
             streamed: all,
             all,
             repeated: Vec::new(),
-            stream: words.clone(),
+            stream: effects.words.clone(),
             variant_words: Vec::new(),
             variant_of: Vec::new(),
             turns,
         };
-        if program.rounds == 1 {
-            return flat;
-        }
-        let length = at(program.round_words());
-        let mut repeated = vec![0; length];
-        let mut known = vec![0; length];
-        let mut streamed = 0;
-        let result = |k: usize| {
-            let end = &pe.words[(k + at(program.latency().scale_to_write())) % pe.words.len()];
-            end.write.is_some() || end.write_index.is_some() || end.send || end.show
-        };
-        let cares: Vec<u128> = (0..).zip(&pe.words).map(|(k, word)| layout.effective(word, result(k))).collect();
-        for (k, care) in cares.iter().copied().enumerate() {
-            let slot = k % length;
-            streamed |= (words[k] ^ repeated[slot]) & care & known[slot];
-            repeated[slot] |= words[k] & care & !known[slot];
-            known[slot] |= care;
-        }
-        repeated.iter_mut().for_each(|word| *word &= !streamed);
-        if streamed == all {
-            return flat;
-        }
-        let stream = if streamed == 0 { Vec::new() } else { words.iter().map(|word| word & streamed).collect() };
-        let turn = |slot: usize| -> Turns {
-            let places = (slot..words.len()).step_by(length);
-            places.map(|k| (words[k] & cares[k] & streamed, cares[k] & streamed)).collect()
-        };
+        let streamed = effects.differing;
         // Behind more registers the variant would be known too late.
         let direct = program.format.pipeline != Pipeline::Deep;
-        let varied =
-            if streamed == 0 || !direct { None } else { variants((0..length).map(turn), VARIANT_WORDS / turns) };
+        if streamed == all || (program.rounds == 1 && (pe.varied.is_empty() || !direct)) {
+            return flat;
+        }
+        let repeated: Vec<u128> = effects.common.iter().map(|word| word & !streamed).collect();
+        let words = &effects.words;
+        let stream = if streamed == 0 { Vec::new() } else { words.iter().map(|word| word & streamed).collect() };
         let looped = Fold { streamed, all, repeated, stream, ..flat.clone() };
-        let varied = varied.map(|(variants, variant_of)| {
+        let varied = |streamed: u128| {
+            let words = (0..effects.common.len()).map(|slot| effects.turns(slot, streamed));
+            // An address has a bit at least.
+            let (variants, variant_of) =
+                variants(words, VARIANT_WORDS / turns).filter(|(variants, _)| variants.len() * turns > 1)?;
             let padded = |turns: &Turns| -> Vec<u128> {
                 let bits = turns.iter().map(|(bits, _)| *bits);
                 bits.chain(std::iter::repeat(0)).take(looped.turns).collect()
             };
             let variant_words = variants.iter().flat_map(padded).collect();
-            Fold { stream: Vec::new(), variant_words, variant_of, ..looped.clone() }
-        });
-        let smaller = |a: Fold, b: Fold| if b.cells().equivalent_luts() < a.cells().equivalent_luts() { b } else { a };
-        let looped = smaller(flat, looped);
-        varied.map_or(looped.clone(), |varied| smaller(looped, varied))
+            let repeated = looped.repeated.iter().map(|word| word & !streamed).collect();
+            Some(Fold { streamed, repeated, stream: Vec::new(), variant_words, variant_of, ..looped.clone() })
+        };
+        let fields: u128 = pe.varied.iter().map(|field| layout.mask(*field)).fold(streamed, |mask, field| mask | field);
+        let mut masks = if direct { vec![streamed, fields] } else { Vec::new() };
+        masks.dedup();
+        let masks = masks.into_iter().filter(|mask| *mask != 0);
+        let mut best = flat;
+        for fold in std::iter::once(looped.clone()).chain(masks.filter_map(varied)) {
+            if fold.cells().equivalent_luts() < best.cells().equivalent_luts() {
+                best = fold;
+            }
+        }
+        best
     }
 
     /// Number of variants, if there is a variant memory.
@@ -155,7 +190,12 @@ impl Fold {
 fn variants(words: impl Iterator<Item = Turns>, most: usize) -> Option<(Vec<Turns>, Vec<u32>)> {
     let mut variants: Vec<Turns> = Vec::new();
     let mut variant_of = Vec::new();
+    let mut known: HashMap<Turns, usize> = HashMap::new();
     for word in words {
+        if let Some(index) = known.get(&word) {
+            variant_of.push(number(*index));
+            continue;
+        }
         let agrees = |variant: &Turns| {
             variant.iter().zip(&word).all(|((bits, known), (other, care))| (bits ^ other) & known & care == 0)
         };
@@ -163,6 +203,7 @@ fn variants(words: impl Iterator<Item = Turns>, most: usize) -> Option<(Vec<Turn
         if index == most {
             return None;
         }
+        known.insert(word.clone(), index);
         if index == variants.len() {
             variants.push(word);
         } else {

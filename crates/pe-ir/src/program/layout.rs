@@ -40,6 +40,41 @@ pub enum FieldName {
 }
 
 impl FieldName {
+    /// All of them that a control word has.
+    pub const ALL: [FieldName; 28] = {
+        use FieldName::*;
+        [
+            OwnEnable,
+            OwnSwap,
+            OwnAddress,
+            ImportedEnable,
+            ImportedSwap,
+            ImportedAddress,
+            Coefficient,
+            CoefficientAddress,
+            Close,
+            BaseEnable,
+            BaseAddress,
+            IndexEnable,
+            IndexAddress,
+            Shift,
+            WriteOwn,
+            WriteBase,
+            WriteFactor,
+            WriteSwap,
+            WriteAddress,
+            WriteIndex,
+            WriteOctave,
+            WriteIndexAddress,
+            Show,
+            Send,
+            ReceiveEnable,
+            ReceiveSwap,
+            ReceiveAddress,
+            Port,
+        ]
+    };
+
     /// Name in the datasheet and in program listings.
     pub fn text(self) -> &'static str {
         use FieldName::*;
@@ -294,5 +329,10 @@ impl Layout {
 
     fn width(&self, name: FieldName) -> u32 {
         self.places[name as usize].0
+    }
+
+    /// The bits of a field; none where it is absent.
+    pub fn mask(&self, name: FieldName) -> u128 {
+        self.masks[name as usize]
     }
 }

@@ -9,7 +9,7 @@ mod memory;
 mod shape;
 mod text;
 
-pub use fold::{Fold, closed_up};
+pub use fold::{Effects, Fold, VARIANT_WORDS, closed_up};
 pub use host::{Host, Replaced, Replacement};
 pub use layout::{Field, FieldName, Layout, index_bits};
 pub use memory::OutputMemory;
@@ -226,6 +226,9 @@ pub struct PeProgram {
     pub coefficient_image: Vec<i64>,
     /// Initial imported memory, data operands.
     pub imported_image: Vec<i64>,
+    /// Fields of control words that come from the variant memory where that is smaller, whether rounds differ in them or
+    /// not.
+    pub varied: Vec<FieldName>,
 }
 
 /// An input of the network: a port, `storage_bits` wide, or a tick.

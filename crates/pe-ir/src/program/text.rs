@@ -11,8 +11,8 @@ use std::str::FromStr;
 
 use super::fits::fits;
 use super::{
-    Address, CoefficientOperand, ControlWord, Host, InputPort, LinkSource, Note, OutputPort, PeFeatures, PeProgram,
-    Program, StateRegister, Target, Tick,
+    Address, CoefficientOperand, ControlWord, FieldName, Host, InputPort, LinkSource, Note, OutputPort, PeFeatures,
+    PeProgram, Program, StateRegister, Target, Tick,
 };
 use crate::index::{self, List, PeId, PortId, ValueId};
 use crate::text::{Line, Section, Stage, TextError, fixed, quoted, single};
@@ -93,6 +93,10 @@ fn write_pe(f: &mut fmt::Formatter<'_>, program: &Program, index: PeId, pe: &PeP
     }
     for equation in &pe.equations {
         writeln!(f, "equation {}", name(equation))?;
+    }
+    if !pe.varied.is_empty() {
+        let fields: Vec<&str> = pe.varied.iter().map(|field| field.text()).collect();
+        writeln!(f, "varied {}", fields.join(" "))?;
     }
     let images = [
         ("own", &pe.own_image),
@@ -281,7 +285,7 @@ struct Parser {
     program: Program,
 }
 
-const ITEMS: [&str; 16] = [
+const ITEMS: [&str; 17] = [
     "model",
     "period",
     "format",
@@ -293,6 +297,7 @@ const ITEMS: [&str; 16] = [
     "pe",
     "port",
     "equation",
+    "varied",
     "own",
     "base",
     "coefficient",
@@ -384,6 +389,13 @@ impl Parser {
             "equation" => {
                 let name = read_name(line)?;
                 self.pe(line)?.equations.push(name);
+            }
+            "varied" => {
+                let all = FieldName::ALL.map(FieldName::text);
+                while !line.is_done() {
+                    let field = FieldName::ALL[line.one_of(&all)?];
+                    self.pe(line)?.varied.push(field);
+                }
             }
             "word" => self.word(line)?,
             memory => {
@@ -495,6 +507,7 @@ impl Parser {
             equations: Vec::new(),
             words: Vec::new(),
             notes: Vec::new(),
+            varied: Vec::new(),
         });
         Ok(())
     }

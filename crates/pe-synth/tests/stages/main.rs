@@ -48,4 +48,5 @@ mod texts;
 mod total_error;
 mod unit_of_time;
 mod validation;
+mod variants;
 mod verilator;
