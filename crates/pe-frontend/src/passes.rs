@@ -11,7 +11,7 @@ use crate::declare::initial::Initial;
 use crate::declare::settings::Settings;
 use crate::declare::{constants, initial, overrides as set, sizes, times};
 use crate::equations::constrained::{self, Constrained};
-use crate::equations::{order, sampled, systems, write as equations};
+use crate::equations::{events, order, sampled, systems, write as equations};
 use crate::limits::Limits;
 use crate::model::assemble::{self, Parts};
 use crate::model::unused;
@@ -138,6 +138,7 @@ fn run(
     let rates = times::rates(&mut context);
 
     let mut flat = equations::write_out(&mut context);
+    let events = events::events(&mut context, times.as_ref());
     let mut outputs = outputs::outputs(&mut context, &mut flat, &overrides.observe);
     let numbers = systems::fold(&mut flat, &outputs, &context.names);
     let holders = sampled::hold(&mut flat, &mut outputs, spec, &context.names);
@@ -166,6 +167,7 @@ fn run(
             header: settings.header()?,
             times: times?,
             flat,
+            events,
             holders,
             rates: rates?,
             order: order?,

@@ -344,6 +344,13 @@ impl<'a> Collector<'a> {
             }
             StatementKind::Matrix { declared, .. } => self.binders(&declared.dimensions),
             StatementKind::Equation(equation) => self.equation(equation),
+            StatementKind::When(when) => {
+                self.expr(&when.trigger);
+                when.ranges.iter().for_each(|binder| self.range(binder.range.as_ref()));
+                when.after.iter().for_each(|after| self.measure(after));
+                when.manners.iter().filter_map(|(_, number)| number.as_ref()).for_each(|number| self.expr(number));
+                when.assignments.iter().for_each(|assignment| self.equation(assignment));
+            }
             StatementKind::Output(items) => {
                 for item in items {
                     self.left_side(&item.target, &item.ranges, Role::Read);

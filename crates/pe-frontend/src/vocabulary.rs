@@ -11,7 +11,7 @@ use crate::units::known;
 use pe_ir::source::Span;
 
 /// Words that mean something in one place only and are names elsewhere.
-pub const CONTEXTUAL: [&str; 6] = ["until", "tunable", "symmetric", "time", "hold", "linear"];
+pub const CONTEXTUAL: [&str; 7] = ["until", "tunable", "symmetric", "time", "after", "hold", "linear"];
 
 /// Keywords that begin a statement.
 pub fn statements() -> &'static [&'static str] {
@@ -201,8 +201,8 @@ mod tests {
             .filter_map(|line| line.split('"').nth(1))
             .filter(|word| !is_keyword(word))
             .collect();
-        assert_eq!(known, ["until", "tunable", "symmetric", "time"]);
-        assert_eq!(CONTEXTUAL[..4], known);
+        assert_eq!(known, ["until", "tunable", "symmetric", "time", "after"]);
+        assert_eq!(CONTEXTUAL[..5], known);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 use pe_ir::index;
-use pe_ir::model::{Algebraic, Expr, Model, Select, Variable};
+use pe_ir::model::{Algebraic, Expr, Model, Select, State, Variable};
 use pe_ir::motion::Motion;
 use pe_ir::source::{Diagnostic, Span};
 
@@ -30,7 +30,7 @@ const MOST_TERMS: usize = 4;
 /// equations get other numbers.
 pub fn fuse(model: Model) -> (Model, Vec<Diagnostic>) {
     let all = model.algebraics.iter().map(|algebraic| &algebraic.expr);
-    if all.chain(model.states.iter().map(|state| &state.derivative)).all(Expr::is_polynomial) {
+    if all.chain(model.states.iter().flat_map(State::equations)).all(Expr::is_polynomial) {
         return (model, Vec::new());
     }
     let mut fuser = Fuser {
@@ -58,16 +58,15 @@ pub fn fuse(model: Model) -> (Model, Vec<Diagnostic>) {
         fuser.numbers.push(index::number(fuser.algebraics.len()));
         fuser.push(Algebraic { expr, ..algebraic.clone() }, body.map(|body| (piece.reads, body)));
     }
-    let mut derivatives = Vec::with_capacity(model.states.len());
+    let mut equations = Vec::with_capacity(model.states.len());
     for state in &model.states {
         (fuser.span, fuser.name) = (state.span, state.name.clone());
-        let piece = fuser.piece(&state.derivative);
-        derivatives.push(piece.cut);
+        equations.push(state.equations().map(|expr| fuser.piece(expr).cut).collect::<Vec<_>>());
     }
     let Fuser { numbers, algebraics, findings, .. } = fuser;
     let mut model = Model { algebraics, ..model };
-    for (state, derivative) in model.states.iter_mut().zip(derivatives) {
-        state.derivative = derivative;
+    for (state, equations) in model.states.iter_mut().zip(equations) {
+        state.equations_mut().zip(equations).for_each(|(own, equation)| *own = equation);
     }
     model.outputs.iter_mut().for_each(|output| renumber(&mut output.variable, &numbers));
     if let Some(mechanism) = &mut model.mechanism {
@@ -100,7 +99,7 @@ fn read_by_one(model: &Model) -> Vec<bool> {
         seen.into_iter().for_each(|number| counts[index::at(number)] += 1);
     };
     model.algebraics.iter().for_each(|algebraic| read(&algebraic.expr));
-    model.states.iter().for_each(|state| read(&state.derivative));
+    model.states.iter().flat_map(State::equations).for_each(read);
     for output in &model.outputs {
         if let Variable::Algebraic(number) = output.variable {
             counts[index::at(number)] += 2;
@@ -120,7 +119,7 @@ fn drop_unread(model: &mut Model) {
             }
         });
     };
-    model.states.iter().for_each(|state| mark(&state.derivative, &mut needed));
+    model.states.iter().flat_map(State::equations).for_each(|expr| mark(expr, &mut needed));
     for output in &model.outputs {
         mark(&Expr::Variable(output.variable), &mut needed);
     }
@@ -147,7 +146,8 @@ fn drop_unread(model: &mut Model) {
         needed[place - 1]
     });
     model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr.each_variable_mut(&mut { renumber }));
-    model.states.iter_mut().for_each(|state| state.derivative.each_variable_mut(&mut { renumber }));
+    let equations = model.states.iter_mut().flat_map(State::equations_mut);
+    equations.for_each(|expr| expr.each_variable_mut(&mut { renumber }));
     model.outputs.iter_mut().for_each(|output| renumber(&mut output.variable));
     if let Some(mechanism) = &mut model.mechanism {
         Arc::make_mut(mechanism).each_variable_mut(&mut { renumber });

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 use pe_ir::index;
-use pe_ir::model::{Algebraic, Expr, Function, Model, Select, Variable};
+use pe_ir::model::{Algebraic, Expr, Function, Model, Select, State, Variable};
 use pe_ir::source::Span;
 
 use crate::kinks::{affine, half_turns, root};
@@ -24,7 +24,7 @@ const LONGEST_NAME: usize = 60;
 /// Lifts all functions of a model. Its algebraic equations get other numbers; all else stays as it is.
 pub fn lift(model: Model) -> Model {
     let all = model.algebraics.iter().map(|algebraic| &algebraic.expr);
-    if all.chain(model.states.iter().map(|state| &state.derivative)).all(Expr::is_polynomial) {
+    if all.chain(model.states.iter().flat_map(State::equations)).all(Expr::is_polynomial) {
         return model;
     }
     let named = model.states.iter().map(|state| &state.name).chain(model.inputs.iter().map(|input| &input.name));
@@ -47,16 +47,19 @@ pub fn lift(model: Model) -> Model {
         lifter.numbers.push(number);
         lifter.algebraics.push(Algebraic { expr: part.expr, ..algebraic.clone() });
     }
-    let mut derivatives = Vec::with_capacity(model.states.len());
+    let mut equations = Vec::with_capacity(model.states.len());
     for state in &model.states {
         lifter.span = state.span;
-        let part = lifter.part(&state.derivative);
-        derivatives.push(lifter.lifted(part));
+        let equation = |expr: &Expr| {
+            let part = lifter.part(expr);
+            lifter.lifted(part)
+        };
+        equations.push(state.equations().map(equation).collect::<Vec<_>>());
     }
     let Lifter { numbers, algebraics, .. } = lifter;
     let mut model = Model { algebraics, ..model };
-    for (state, derivative) in model.states.iter_mut().zip(derivatives) {
-        state.derivative = derivative;
+    for (state, equations) in model.states.iter_mut().zip(equations) {
+        state.equations_mut().zip(equations).for_each(|(own, equation)| *own = equation);
     }
     let renumber = |variable: &mut Variable| {
         if let Variable::Algebraic(number) = variable {

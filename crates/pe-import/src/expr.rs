@@ -18,6 +18,11 @@ pub enum Relation {
 }
 
 impl Relation {
+    /// Whether it says which of two numbers is larger.
+    pub fn is_order(self) -> bool {
+        !matches!(self, Relation::Equal | Relation::NotEqual)
+    }
+
     /// The operator in a spec.
     pub fn sign(self) -> &'static str {
         match self {

@@ -106,7 +106,7 @@ fn finished(
     if !refused(&findings) {
         finish::finish(&mut model, &mut more);
     } else {
-        finish::events(&model, &mut more);
+        finish::events(&mut model, &mut more);
     }
     findings.extend(more);
     let findings = sorted(findings);

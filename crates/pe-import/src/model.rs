@@ -119,6 +119,23 @@ pub struct Event {
     pub span: Span,
 }
 
+impl Event {
+    /// Whether it comes when something else than the time crosses a value.
+    pub fn crosses(&self, model: &Model) -> bool {
+        let mut found = false;
+        self.trigger.each(&mut |part| {
+            found |= matches!(part, Expr::Name(read) if !matches!(model.quantities[*read].kind, Kind::Constant(_)));
+        });
+        found
+    }
+
+    /// Whether a spec can have its time within the step found.
+    pub fn refines(&self) -> bool {
+        let single = matches!(&self.trigger, Expr::Compare(relation, _) if relation.is_order());
+        single && self.delay.as_ref().is_none_or(|delay| delay.literal() == Some(0.0))
+    }
+}
+
 impl Quantity {
     /// A quantity without a value so far.
     pub fn new(id: impl Into<String>, group: usize, span: Span) -> Quantity {

@@ -86,6 +86,7 @@ impl<'a> Writer<'a> {
         for (group, heading) in model.groups.iter().enumerate() {
             self.group(&mut text, group, heading);
         }
+        self.events(&mut text);
         text += "\n";
         let mut seen = std::collections::HashSet::new();
         let outputs: Vec<&str> = model
@@ -111,6 +112,10 @@ impl<'a> Writer<'a> {
             .iter()
             .flat_map(|quantity| quantity.kind.expressions())
             .for_each(|expr| expr.each(&mut look));
+        for event in &self.model.events {
+            event.trigger.each(&mut look);
+            event.assignments.iter().for_each(|(_, value)| value.each(&mut look));
+        }
         self.model.functions.iter().for_each(|function| function.body.each(&mut look));
         let names = self.names;
         let called: Vec<usize> = (0..called.len()).filter(|function| called[*function]).collect();
@@ -124,6 +129,42 @@ impl<'a> Writer<'a> {
             *text += &folded(&line);
             text.push('\n');
             self.arguments = &[];
+        }
+    }
+
+    /// Events, as they stand in the file.
+    fn events(&self, text: &mut String) {
+        if !self.model.events.is_empty() {
+            *text += "\n// Events\n";
+        }
+        for event in &self.model.events {
+            let mut head = format!("when {}", self.text(&event.trigger));
+            if let Some(delay) = event.delay.as_ref().filter(|delay| delay.literal() != Some(0.0)) {
+                let unit = self.model.time_word().map_or_else(String::new, |unit| format!(" {unit}"));
+                head += &format!(" after {}{unit}", self.text(delay));
+            }
+            let delayed = event.delay.is_some();
+            let early = event.early_values && (delayed || self.model.events.len() > 1);
+            let words = [
+                (event.refines(), "refine"),
+                (early, "frozen"),
+                (!event.persistent, "cancelled"),
+                (!event.held_before, "initially"),
+            ];
+            words.iter().filter(|(says, _)| *says).for_each(|(_, word)| head += &format!(", {word}"));
+            if let Some(priority) = &event.priority {
+                head += &format!(", priority {}", self.text(priority));
+            }
+            let note = if event.id.is_empty() { String::new() } else { format!("  // {}", comment(&event.id)) };
+            let _ = writeln!(text, "{} {{{note}", folded(&head));
+            for (target, value) in &event.assignments {
+                let name = match &self.model.quantities[*target].element {
+                    Some((array, at)) => plain(&element(&self.names.arrays[*array], at, marked)),
+                    None => self.names.quantities[*target].clone(),
+                };
+                let _ = writeln!(text, "    {}", folded(&plain(&format!("{name} = {}", self.text(value)))));
+            }
+            *text += "}\n";
         }
     }
 

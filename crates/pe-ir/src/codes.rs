@@ -70,6 +70,10 @@ codes! {
     VARIABLE_CONDITION = "E0405", "condition on a variable";
     NOT_CONSTANT = "E0407", "constant expected";
     NOT_INTEGER = "E0408", "integer expected";
+    EVENT_TARGET = "E0409", "what an event cannot change";
+    EVENT_MODEL = "E0410", "event in a model that cannot have it";
+    EVENT_DELAY = "E0412", "delay that is no whole number of steps";
+    EVENT_REFINE = "E0413", "event whose time within the step cannot be found";
     UNSUITABLE_MECHANISM = "E0416", "equation that makes no mechanism";
     INCONSISTENT_START = "E0417", "inconsistent initial values";
     NO_MASS = "E0418", "mass matrix not positive";
@@ -123,6 +127,7 @@ codes! {
     TOO_SMALL = "E0917", "number too small for double precision";
     INDETERMINATE = "E0918", "0/0 of two variables";
     ANGLE_TOO_FAST = "E0919", "angle too fast for the step";
+    EVENT_LOST = "E0920", "event that finds no place to wait in";
     PENALTY_SMALL = "E0924", "penalty too small for the step";
     PENALTY_LARGE = "E0925", "penalty too large for the word";
     COMES_APART = "E0926", "mechanism comes apart";

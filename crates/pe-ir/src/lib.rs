@@ -27,6 +27,7 @@ mod solution;
 mod solver;
 pub mod source;
 mod stability;
+mod state;
 pub mod text;
 pub mod turns;
 pub mod verify;

@@ -34,6 +34,10 @@ pub struct State {
     pub unit: Option<String>,
     /// Right-hand side of `state' = ...`; of `next state = ...` if it has a rate.
     pub derivative: Expr,
+    /// What is added to it at the end of each step, of everything as the method leaves it there; none if nothing is.
+    pub jump: Option<Expr>,
+    /// A time in seconds that is added as well, counted in steps of the run, by a state that counts steps; none otherwise.
+    pub wait: Option<Expr>,
     /// The rate in [`Model::rates`] at which the state takes its next value, held in between; none if it changes all
     /// the time.
     pub rate: Option<u32>,
@@ -176,25 +180,6 @@ pub fn step_count_problem(step: f64, span: f64) -> Option<String> {
         Some(format!("a span of {span} s is shorter than a step of {step} s"))
     } else {
         None
-    }
-}
-
-impl State {
-    /// A quantity of its own that starts at zero, without a range or unit, which no spec declares.
-    pub fn new(name: impl Into<String>, derivative: Expr) -> State {
-        State {
-            name: name.into(),
-            quantity: 0,
-            initial: 0.0,
-            range: None,
-            tunable: false,
-            angle: false,
-            unit: None,
-            derivative,
-            rate: None,
-            motion: None,
-            span: Span::default(),
-        }
     }
 }
 
@@ -345,9 +330,25 @@ impl Model {
         self.states.partition_point(|state| state.rate.is_none())
     }
 
+    /// Whether any state jumps at ends of steps.
+    pub fn has_jumps(&self) -> bool {
+        self.states.iter().any(|state| state.jump.is_some())
+    }
+
+    /// The same without jumps.
+    #[must_use]
+    pub fn without_jumps(&self) -> Model {
+        let mut model = self.clone();
+        model.states.iter_mut().for_each(|state| (state.jump, state.wait) = (None, None));
+        model
+    }
+
     /// Whether right-hand sides of states that change all the time have bends or jumps, where they are defined as they are
-    /// or in algebraic equations.
+    /// or in algebraic equations; or jump at ends of steps.
     pub fn has_bends(&self) -> bool {
+        if self.has_jumps() {
+            return true;
+        }
         let derivatives = self.states.iter().take(self.continuous_states()).map(|state| &state.derivative);
         let mut waiting: Vec<&Expr> = derivatives.collect();
         let mut seen = vec![false; self.algebraics.len()];
@@ -500,7 +501,9 @@ impl Model {
             });
         }
         model.rates.clear();
-        model.states.iter_mut().for_each(|state| state.derivative = state.derivative.renamed(&renamed));
+        for state in &mut model.states {
+            state.equations_mut().for_each(|expr| *expr = expr.renamed(&renamed));
+        }
         model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr = algebraic.expr.renamed(&renamed));
         model.outputs.iter_mut().for_each(|output| output.variable = renamed(output.variable));
         model.share_systems();

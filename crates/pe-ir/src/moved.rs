@@ -38,7 +38,7 @@ impl Model {
             false => Expr::Variable(variable),
         };
         let algebraics = self.algebraics.iter_mut().map(|algebraic| &mut algebraic.expr);
-        for expr in algebraics.chain(self.states.iter_mut().map(|state| &mut state.derivative)) {
+        for expr in algebraics.chain(self.states.iter_mut().flat_map(State::equations_mut)) {
             let mut reads = false;
             expr.each_variable(&mut |variable| reads |= variable == Variable::State(clock));
             if is_own(expr) {
@@ -165,6 +165,8 @@ impl Model {
                 false => source_of(state.motion).is_some(),
             };
             state.derivative = if rests { Expr::Constant(0.0) } else { state.derivative.renamed(&read) };
+            state.jump = state.jump.as_ref().map(|jump| jump.renamed(&read));
+            state.wait = state.wait.as_ref().map(|wait| wait.renamed(&read));
             state.motion = state.motion.filter(|_| !rests);
         }
         model.algebraics.iter_mut().for_each(|algebraic| algebraic.expr = algebraic.expr.renamed(&read));
@@ -196,10 +198,10 @@ impl Model {
     }
 
     /// Scales of states for relative errors, but for states that stand for signals: these move exactly, and whatever is
-    /// wrong with them is seen in what reads them; and but for angles, whose scale is half a turn.
+    /// wrong with them is seen in what reads them, as with those that count steps; and but for angles, whose scale is half a turn.
     pub fn own_scales(&self, mut scales: Vec<f64>) -> Vec<f64> {
         for (scale, state) in scales.iter_mut().zip(&self.states) {
-            if state.motion.is_some() {
+            if state.motion.is_some() || state.wait.is_some() {
                 *scale = f64::INFINITY;
             }
             if state.angle {
@@ -219,19 +221,7 @@ mod tests {
     fn another_step_keeps_what_equations_make_of_the_clock() {
         let clock = || Expr::Variable(Variable::State(StateId::new(0)));
         let mut model = Model::new("m", Solver::Rk4, 0.5, 4.0);
-        let state = State {
-            name: "time.steps".to_owned(),
-            unit: None,
-            initial: 0.0,
-            range: None,
-            derivative: Expr::Constant(1.0),
-            rate: None,
-            motion: Some(Motion::Clock),
-            tunable: false,
-            angle: false,
-            quantity: 0,
-            span: Default::default(),
-        };
+        let state = State { motion: Some(Motion::Clock), ..State::new("time.steps", Expr::Constant(1.0)) };
         model.states = vec![state.clone(), State { motion: None, derivative: clock(), ..state }].into();
         let equation = |expr: Expr| Algebraic {
             name: "a".to_owned(),

@@ -49,4 +49,11 @@ impl<'a> Place<'a> {
         let states = self.model.states.iter();
         states.map(|state| state.derivative.evaluate(&|variable| self.number(variable))).collect()
     }
+
+    /// What is added to each state by its jump.
+    pub fn jumps(&self) -> Vec<f64> {
+        let value = |jump: &Expr| jump.evaluate(&|variable| self.number(variable));
+        let step = self.model.step;
+        self.model.states.iter().map(|state| state.jump_of(step).as_ref().map_or(0.0, value)).collect()
+    }
 }

@@ -6,7 +6,7 @@ use pe_hls::functions::Untabled;
 use pe_ir::codes;
 use pe_ir::graph::{Factor, Pivot, Role, StepGraph, Term, ValueId};
 use pe_ir::index::{self, StateId};
-use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::model::{Expr, Model, State, Variable};
 use pe_ir::place::Place;
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
@@ -93,10 +93,19 @@ fn kept(model: &Model, graph: &StepGraph) -> Vec<ValueId> {
     known.map(|(value, _)| ValueId::at(value)).chain(of_angles).collect()
 }
 
-/// The arguments with the stated ranges of variables that functions are applied to as they are; none if there are no such.
+/// Part of their magnitude by which arguments go beyond those of the run where events may come earlier or later.
+const BESIDE_EVENTS: f64 = 0.25;
+
+/// The arguments with the stated ranges of variables that functions are applied to as they are, and with what they may be
+/// beside events; none if there are no such.
 fn with_stated(model: &Model, graph: &StepGraph, arguments: &[(f64, f64)]) -> Option<Vec<(f64, f64)>> {
     let mut all = arguments.to_vec();
     for chain in graph.chains.iter().filter(|chain| chain.function.is_some()) {
+        let (low, high) = all[chain.write.value.index()];
+        if model.has_jumps() && low < high {
+            let beside = |end: f64| BESIDE_EVENTS * end.abs();
+            all[chain.write.value.index()] = (low - beside(low), high + beside(high));
+        }
         let [Term { operand, partner: None, factor: Factor::Coefficient(factor) }] = graph.chain_terms(chain) else {
             continue;
         };
@@ -176,7 +185,7 @@ fn pivot_of(graph: &StepGraph, value: ValueId) -> Option<&str> {
 fn vanishing(model: &Model, name: &str, (before, after): (&[f64], &[f64]), inputs: &[f64]) -> Option<String> {
     let number = model.algebraics.iter().position(|algebraic| algebraic.name == name)?;
     let singular = Expr::Variable(Variable::Algebraic(index::number(number)));
-    let all = model.states.iter().map(|state| &state.derivative).chain(model.algebraics.iter().map(|own| &own.expr));
+    let all = model.states.iter().flat_map(State::equations).chain(model.algebraics.iter().map(|own| &own.expr));
     let mut factors = Vec::new();
     all.for_each(|expr| beside(expr, &singular, &mut factors));
     let (one, other) = (Place::new(model, before, inputs), Place::new(model, after, inputs));

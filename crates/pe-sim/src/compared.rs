@@ -51,6 +51,15 @@ impl Rows {
         self.numbers.is_empty()
     }
 
+    /// The rows but some, whose places ascend.
+    #[must_use]
+    pub fn without(&self, places: &[usize]) -> Rows {
+        let mut rows = Rows::new(self.width);
+        let kept = (0..self.len()).filter(|place| places.binary_search(place).is_err());
+        kept.for_each(|place| rows.numbers.extend_from_slice(self.row(place)));
+        rows
+    }
+
     /// A row.
     pub fn row(&self, index: usize) -> &[f64] {
         &self.numbers[index * self.width..(index + 1) * self.width]

@@ -1,7 +1,9 @@
 //! Statements of a component with the names that they have in the whole spec.
 
 use crate::arrays::algebra::visit;
-use crate::syntax::ast::{Binder, Declared, Expr, ExprKind, Measure, Name, Range, Reference, StatementKind};
+use crate::syntax::ast::{
+    Binder, Declared, Equation, Expr, ExprKind, Measure, Name, Range, Reference, StatementKind, When,
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Where statements are taken to.
@@ -28,8 +30,8 @@ impl Scope {
             | StatementKind::Input { declared, .. }
             | StatementKind::State { declared, .. }
             | StatementKind::Matrix { declared, .. } => self.declared(declared),
-            StatementKind::Equation(equation) => {
-                equation.ranges.splice(0..0, self.indices.iter().cloned());
+            StatementKind::Equation(Equation { ranges, .. }) | StatementKind::When(When { ranges, .. }) => {
+                ranges.splice(0..0, self.indices.iter().cloned());
             }
             _ => {}
         }
@@ -98,6 +100,7 @@ fn bound(kind: &StatementKind) -> BTreeSet<String> {
         | StatementKind::State { declared, .. }
         | StatementKind::Matrix { declared, .. } => take(&declared.dimensions),
         StatementKind::Equation(equation) => take(&equation.ranges),
+        StatementKind::When(when) => take(&when.ranges),
         StatementKind::Output(items) => items.iter().for_each(|item| take(&item.ranges)),
         _ => {}
     }
@@ -114,6 +117,9 @@ fn values(kind: &StatementKind) -> Vec<&Expr> {
         StatementKind::Input { signal, .. } => vec![signal],
         StatementKind::State { initial, .. } => vec![initial],
         StatementKind::Equation(equation) => std::iter::once(&equation.value).chain(&equation.condition).collect(),
+        StatementKind::When(when) => {
+            std::iter::once(&when.trigger).chain(when.assignments.iter().map(|assignment| &assignment.value)).collect()
+        }
         _ => Vec::new(),
     }
 }
@@ -158,12 +164,16 @@ pub(super) fn references(kind: &mut StatementKind, action: &mut dyn FnMut(&mut R
             ranges(&mut declared.dimensions, action);
             arguments.iter_mut().for_each(|(_, value)| in_expr(value, action));
         }
-        StatementKind::Equation(equation) => {
-            in_reference(&mut equation.target, action);
-            in_expr(&mut equation.value, action);
-            in_range(equation.within.as_mut(), action);
-            ranges(&mut equation.ranges, action);
-            equation.condition.iter_mut().for_each(|condition| in_expr(condition, action));
+        StatementKind::Equation(equation) => in_equation(equation, action),
+        StatementKind::When(when) => {
+            in_expr(&mut when.trigger, action);
+            ranges(&mut when.ranges, action);
+            when.after.iter_mut().for_each(|after| in_measure(after, action));
+            when.manners
+                .iter_mut()
+                .filter_map(|(_, number)| number.as_mut())
+                .for_each(|number| in_expr(number, action));
+            when.assignments.iter_mut().for_each(|assignment| in_equation(assignment, action));
         }
         StatementKind::Output(items) => {
             for item in items {
@@ -188,6 +198,14 @@ pub(super) fn references(kind: &mut StatementKind, action: &mut dyn FnMut(&mut R
         | StatementKind::End
         | StatementKind::Include(_) => {}
     }
+}
+
+fn in_equation(equation: &mut Equation, action: &mut dyn FnMut(&mut Reference)) {
+    in_reference(&mut equation.target, action);
+    in_expr(&mut equation.value, action);
+    in_range(equation.within.as_mut(), action);
+    equation.ranges.iter_mut().for_each(|binder| in_range(binder.range.as_mut(), action));
+    equation.condition.iter_mut().for_each(|condition| in_expr(condition, action));
 }
 
 fn in_measure(measure: &mut Measure, action: &mut dyn FnMut(&mut Reference)) {

@@ -139,6 +139,8 @@ impl Signals {
             angle: false,
             unit: None,
             derivative,
+            jump: None,
+            wait: None,
             rate: None,
             motion: Some(motion),
             span,

@@ -7,7 +7,7 @@
 use crate::report::Report;
 use pe_ir::codes;
 use pe_ir::index::{StateId, at, number};
-use pe_ir::model::{Algebraic, Expr, Function, Model, Variable};
+use pe_ir::model::{Algebraic, Expr, Function, Model, State, Variable};
 use pe_ir::source::{Diagnostic, Span};
 use pe_ir::turns::{self, MOST_MULTIPLES, RADIANS, REACH};
 use std::collections::BTreeMap;
@@ -21,8 +21,9 @@ const PRINCIPAL: (f64, f64) = (-0.5 * RADIANS, 0.5 * RADIANS);
 
 /// Writes out the angles of a model; none if one is used as a number.
 pub(crate) fn write_out(mut model: Model, report: &mut Report) -> Option<Model> {
-    let mut all = model.algebraics.iter().map(|own| &own.expr).chain(model.states.iter().map(|own| &own.derivative));
-    if !model.has_angles() && !all.any(wraps) {
+    let wrapped = model.algebraics.iter().any(|own| wraps(&own.expr))
+        || model.states.iter().flat_map(State::equations).any(wraps);
+    if !model.has_angles() && !wrapped {
         return Some(model);
     }
     let outputs: Vec<Variable> = model.outputs.iter().map(|output| output.variable).collect();
@@ -38,14 +39,15 @@ pub(crate) fn write_out(mut model: Model, report: &mut Report) -> Option<Model> 
     for (index, algebraic) in std::mem::take(&mut model.algebraics).into_iter().enumerate() {
         writer.algebraic(algebraic, outputs.contains(&Variable::Algebraic(number(index))));
     }
-    let mut derivatives = Vec::with_capacity(model.states.len());
+    let mut equations = Vec::with_capacity(model.states.len());
     for state in &model.states {
         writer.span = state.span;
         let derivative = writer.plain(&state.derivative);
-        derivatives.push(if state.angle { Expr::scaled(1.0 / RADIANS, derivative) } else { derivative });
+        let derivative = if state.angle { Expr::scaled(1.0 / RADIANS, derivative) } else { derivative };
+        equations.push((derivative, state.jump.as_ref().map(|jump| writer.plain(jump))));
     }
-    for (state, derivative) in model.states.iter_mut().zip(derivatives) {
-        state.derivative = derivative;
+    for (state, equations) in model.states.iter_mut().zip(equations) {
+        (state.derivative, state.jump) = equations;
     }
     for output in &mut model.outputs {
         match output.variable {

@@ -3,10 +3,11 @@
 use crate::declare::initial::{Driven, Initial};
 use crate::declare::settings::Header;
 use crate::declare::times::Times;
+use crate::equations::events::{FlatEvent, changing};
 use crate::equations::write::{Flat, Row};
 use crate::evaluate::signals::{CLOCK, SIGNALS, Signals, TIME};
 use crate::language::words;
-use crate::model::{angles, consistent};
+use crate::model::{angles, consistent, events};
 use crate::names::table::{Kind, Names, Quantity};
 use crate::report::Report;
 use pe_ir::codes;
@@ -25,6 +26,7 @@ pub(crate) struct Parts {
     pub(crate) header: Header,
     pub(crate) times: Times,
     pub(crate) flat: Flat,
+    pub(crate) events: Vec<FlatEvent>,
     /// For each algebraic element the state that holds it between samples, if there is one.
     pub(crate) holders: Vec<Option<u32>>,
     /// Rates of the blocks.
@@ -105,11 +107,17 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
     states.sort_by_key(|state| state.rate.is_some());
 
     let algebraics = algebraics(names, &mut parts, &mut numbers, &signals);
-    let Parts { header, times, outputs, mut mechanism, .. } = parts;
+    let Parts { header, times, outputs, mut mechanism, events: mut all, .. } = parts;
     if let Some(mechanism) = &mut mechanism {
         mechanism.each_variable_mut(&mut |variable| *variable = numbers.renumbered(*variable));
         let renumbered = |state: StateId| StateId::new(numbers.states[state.index()]);
         mechanism.pairs.iter_mut().for_each(|pair| *pair = (renumbered(pair.0), renumbered(pair.1)));
+    }
+    all.retain(|event| event.assignments.iter().any(|(state, _)| numbers.states[at(*state)] != LEFT_OUT));
+    for event in &mut all {
+        event.assignments.retain(|(state, _)| numbers.states[at(*state)] != LEFT_OUT);
+        event.expressions_mut().for_each(|expr| numbers.renumber(expr));
+        event.assignments.iter_mut().for_each(|(state, _)| *state = numbers.states[at(*state)]);
     }
     let outputs =
         outputs.into_iter().map(|output| Output { variable: numbers.renumbered(output.variable), ..output }).collect();
@@ -135,6 +143,14 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
     model.add_step_ratio();
     model.set_step(step);
     consistent::settle(&mut model, names, report)?;
+    let solved = |algebraic: &Algebraic| matches!(algebraic.expr, Expr::Solution(_));
+    if let Some(event) = all.first().filter(|_| model.algebraics.iter().any(solved)) {
+        let message = "a model with linear systems has no events";
+        let help = "write the solution as equations";
+        report.push(Diagnostic::error(codes::EVENT_MODEL, event.span, message).with_help(help));
+        return None;
+    }
+    events::write_out(&mut model, &all);
     angles::write_out(model, report)
 }
 
@@ -187,6 +203,8 @@ fn declared_states(
             angle: quantity.angle,
             unit: unit(quantity),
             derivative: row.expr,
+            jump: None,
+            wait: None,
             rate: rate(state),
             motion: None,
             span: row.span,
@@ -233,6 +251,9 @@ fn draw_lines(parts: &mut Parts, signals: &mut Signals) {
     };
     let rows = parts.flat.states.iter_mut().chain(&mut parts.flat.algebraics).flatten();
     rows.for_each(|row| row.expr.each_variable_mut(&mut |variable| line(variable)));
+    for event in &mut parts.events {
+        event.expressions_mut().for_each(|expr| expr.each_variable_mut(&mut |variable| line(variable)));
+    }
     parts.outputs.iter_mut().for_each(|output| line(&mut output.variable));
 }
 
@@ -282,7 +303,18 @@ fn needed(parts: &Parts, signals: &Signals) -> Numbers {
             need(Variable::State(*velocity), &mut waiting);
         }
     }
+    let changing = changing(&parts.events, parts.flat.states.len());
     while let Some(variable) = waiting.pop() {
+        if let Variable::State(state) = variable
+            && let Some(events) = changing.get(state.index())
+        {
+            // All that the event reads, for what it changes beside this may set off others.
+            for event in events.iter().map(|event| &parts.events[*event]) {
+                event.expressions().for_each(|expr| expr.each_variable(&mut |read| need(read, &mut waiting)));
+                let targets = event.assignments.iter().map(|(target, _)| Variable::State(StateId::new(*target)));
+                targets.for_each(|target| need(target, &mut waiting));
+            }
+        }
         let is_signal = match variable {
             Variable::State(i) => i.number() >= SIGNALS,
             Variable::Algebraic(i) => i >= SIGNALS,

@@ -3,4 +3,5 @@
 pub(crate) mod angles;
 pub(crate) mod assemble;
 pub(crate) mod consistent;
+pub(crate) mod events;
 pub(crate) mod unused;

@@ -217,6 +217,8 @@ pub enum StatementKind {
     Time(Name),
     /// `every 1 ms {`.
     Every(Measure),
+    /// `when v >= 30 { v = -65 }`; the assignments follow as equations until the reader puts them in.
+    When(When),
     /// `}`.
     End,
     /// `component NAME(...) {`. The reader takes it, so no pass meets it.
@@ -306,6 +308,21 @@ pub enum LeftSide {
     Next,
     /// `P = ...`: an algebraic quantity.
     Algebraic,
+}
+
+/// An event.
+#[derive(Clone, Debug)]
+pub struct When {
+    /// 1 where the condition holds, and 0 elsewhere.
+    pub trigger: Expr,
+    /// Ranges given with `for`.
+    pub ranges: Vec<Binder>,
+    /// Time from the condition to the assignments.
+    pub after: Option<Measure>,
+    /// The words that say how it comes, each with its number if it has one.
+    pub manners: Vec<(Name, Option<Expr>)>,
+    /// What it assigns.
+    pub assignments: Vec<Equation>,
 }
 
 /// An equation.

@@ -99,6 +99,13 @@ fn lines(text: &str, statements: &[Vec<Token>]) -> Vec<Line> {
             found[from..=to].iter_mut().for_each(|line| line.kept = true);
         } else if !found[from].kept {
             add(&mut found[from], text, statement);
+            // What separates assignments of an event.
+            let behind = &text[ends[to]..];
+            let blanks = behind.len() - behind.trim_start_matches([' ', '\t']).len();
+            if behind[blanks..].starts_with(';') {
+                found[from].code.push(';');
+                ends[to] += blanks + 1;
+            }
         }
     }
     let mut inside = 0usize;

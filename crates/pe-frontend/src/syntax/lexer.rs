@@ -6,7 +6,7 @@ use pe_ir::index::at;
 use pe_ir::source::{Diagnostic, Span};
 
 /// Keywords that begin a statement.
-pub(crate) const SECTIONS: [&str; 19] = [
+pub(crate) const SECTIONS: [&str; 20] = [
     "model",
     "solver",
     "step",
@@ -26,6 +26,7 @@ pub(crate) const SECTIONS: [&str; 19] = [
     "angle",
     "component",
     "instance",
+    "when",
 ];
 
 /// Keywords inside statements.
@@ -80,7 +81,7 @@ pub(crate) struct Token {
 
 /// Splits the text from an offset on into words and reports what is no word.
 pub(crate) fn tokenize(text: &str, from: u32, report: &mut Report) -> Vec<Token> {
-    let mut lexer = Lexer { text, at: at(from), depth: 0, tokens: Vec::new(), report };
+    let mut lexer = Lexer { text, at: at(from), depth: 0, in_event: false, tokens: Vec::new(), report };
     while lexer.at < text.len() {
         lexer.word();
     }
@@ -90,8 +91,10 @@ pub(crate) fn tokenize(text: &str, from: u32, report: &mut Report) -> Vec<Token>
 struct Lexer<'a> {
     text: &'a str,
     at: usize,
-    /// Open brackets; a `;` parts rows only inside of them.
+    /// Open brackets; a `;` parts rows inside of them.
     depth: usize,
+    /// Whether an event is open, whose assignments a `;` parts.
+    in_event: bool,
     tokens: Vec<Token>,
     report: &'a mut Report,
 }
@@ -117,13 +120,16 @@ impl Lexer<'_> {
                 self.depth = self.depth.saturating_sub(1);
                 self.push(TokenKind::Close, 1);
             }
-            '{' | '}' => self.push(TokenKind::Brace, 1),
+            '{' | '}' => {
+                self.in_event = first == '{' && self.after_when();
+                self.push(TokenKind::Brace, 1);
+            }
             '\'' => self.push(TokenKind::Prime, 1),
             _ if ["==", "!=", "<=", ">=", ".."].contains(&two) => self.push(TokenKind::Sign, 2),
             '.' if self.within_path(rest) => self.push(TokenKind::Dot, 1),
             '=' => self.push(TokenKind::Equals, 1),
             '+' | '-' | '*' | '/' | '^' | '<' | '>' | ',' | ':' => self.push(TokenKind::Sign, 1),
-            ';' if self.depth > 0 => self.push(TokenKind::Sign, 1),
+            ';' if self.depth > 0 || self.in_event => self.push(TokenKind::Sign, 1),
             _ => self.unexpected(first),
         }
     }
@@ -158,6 +164,13 @@ impl Lexer<'_> {
         }
         let help = "a bracket after a blank holds a unit; indices follow the name directly, as in `V[b]`";
         self.bad(codes::BRACKETS, end, "`[` is not closed on its line".to_owned(), Some(help));
+    }
+
+    /// Whether the statement here is the condition of an event.
+    fn after_when(&self) -> bool {
+        let goes_on = |token: &&Token| !matches!(token.kind, TokenKind::Newline | TokenKind::Brace);
+        let first = self.tokens.iter().rev().take_while(goes_on).last();
+        first.is_some_and(|first| &self.text[first.span.range()] == "when")
     }
 
     /// Whether a bracket here can hold the unit of a name; elsewhere it is a table of numbers.

@@ -16,6 +16,8 @@ use pe_ir::{codes, element};
 use pest::Parser;
 use pest::iterators::Pair;
 
+mod braces;
+
 /// Parses one statement; an error is reported and gives `None`.
 pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report) -> Option<Statement> {
     let (first, last) = (tokens.first()?, tokens.last()?);
@@ -42,6 +44,7 @@ pub(crate) fn parse_statement(text: &str, tokens: &[Token], report: &mut Report)
         "function" => Rule::function_statement,
         "units" => Rule::units_statement,
         "every" => Rule::every_statement,
+        "when" => Rule::when_statement,
         "next" => Rule::next_statement,
         "matrix" => Rule::matrix_statement,
         "}" => Rule::end_statement,
@@ -161,6 +164,7 @@ impl Builder<'_> {
             Rule::equation => self.equation(&mut parts)?,
             Rule::next_statement => self.next_value(&mut parts)?,
             Rule::every_statement => StatementKind::Every(self.measure(parts.take(Rule::measure)?)?),
+            Rule::when_statement => StatementKind::When(self.when(&mut parts)?),
             Rule::end_statement => StatementKind::End,
             Rule::component_statement => self.component(&mut parts)?,
             Rule::instance_statement => self.instance(&mut parts)?,
@@ -181,34 +185,6 @@ impl Builder<'_> {
             None => None,
         };
         Some(StatementKind::Input { declared, signal, between, within })
-    }
-
-    fn component(&mut self, parts: &mut Parts) -> Option<StatementKind> {
-        let name = self.name(parts.take(Rule::name)?);
-        let mut parameters = Vec::new();
-        while let Some(parameter) = parts.take(Rule::parameter) {
-            let mut parts = Parts::of(parameter);
-            let name = self.name(parts.take(Rule::name)?);
-            let unit = parts.take(Rule::unit).and_then(|unit| self.unit(unit));
-            let value = match parts.take(Rule::expr) {
-                Some(value) => Some(self.expr(value)?),
-                None => None,
-            };
-            parameters.push(Parameter { name, unit, value });
-        }
-        Some(StatementKind::Component { name, parameters })
-    }
-
-    fn instance(&mut self, parts: &mut Parts) -> Option<StatementKind> {
-        let declared = self.declared(parts)?;
-        let component = self.name(parts.take(Rule::name)?);
-        let mut arguments = Vec::new();
-        while let Some(argument) = parts.take(Rule::argument) {
-            let mut parts = Parts::of(argument);
-            let name = self.name(parts.take(Rule::name)?);
-            arguments.push((name, self.expr(parts.take(Rule::expr)?)?));
-        }
-        Some(StatementKind::Instance { declared, component, arguments })
     }
 
     fn equation(&mut self, parts: &mut Parts) -> Option<StatementKind> {
@@ -485,6 +461,8 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::kw_function
             | Rule::kw_units
             | Rule::kw_every
+            | Rule::kw_when
+            | Rule::kw_after
             | Rule::kw_next
             | Rule::kw_component
             | Rule::kw_instance

@@ -4,7 +4,7 @@ use crate::report::Report;
 use crate::syntax::ast::Sort;
 use crate::syntax::ast::{
     Binder, Block, Broken, Component, Equation, Expr, ExprKind, LeftSide, Measure, Name, Parameter, Reference, Spec,
-    Statement, StatementKind,
+    Statement, StatementKind, When,
 };
 use crate::syntax::files::{LARGEST_FILE, Loader, folder, load, resolve};
 use crate::syntax::lexer::{SECTIONS, Token, TokenKind, tokenize};
@@ -31,6 +31,7 @@ pub(crate) fn read(sources: &mut Sources, loader: &dyn Loader, report: &mut Repo
         open: Vec::new(),
         block: None,
         component: None,
+        event: None,
         done: Vec::new(),
         data: Vec::new(),
     };
@@ -73,6 +74,8 @@ struct Reader<'a> {
     block: Option<OpenBlock>,
     /// The component whose statements are being read.
     component: Option<Component>,
+    /// The event whose assignments are being read.
+    event: Option<Statement>,
     /// Files that were included so far.
     done: Vec<Included>,
     /// Data files that were read so far, with their places and the numbers of their tables.
@@ -123,6 +126,7 @@ impl Reader<'_> {
                         // What follows is taken for its content.
                         "every" => self.open_block(None, span),
                         "component" => self.open_component(broken.names.first().cloned(), Vec::new(), span),
+                        "when" => self.event = Some(Statement::broken_event(span)),
                         _ => {}
                     }
                     self.fill_block();
@@ -132,6 +136,11 @@ impl Reader<'_> {
                     self.spec.broken.push(broken);
                 }
             }
+        }
+        if let Some(event) = self.event.take() {
+            let message = "the event is not closed at the end of the file";
+            let help = "close it with `}` behind what it assigns";
+            self.refuse(Diagnostic::error(codes::BAD_BLOCK, event.span, message).with_help(help));
         }
         if let Some(block) = self.block.take() {
             let message = "the block is not closed at the end of the file";
@@ -156,7 +165,19 @@ impl Reader<'_> {
     fn blocks(&mut self, statement: &Statement) -> bool {
         let wrong =
             |message: String, help: &str| Diagnostic::error(codes::BAD_BLOCK, statement.span, message).with_help(help);
+        if self.event.is_some() {
+            return self.of_event(statement);
+        }
         match (&statement.kind, self.block) {
+            (StatementKind::When(_), None) => self.event = Some(statement.clone()),
+            (StatementKind::When(_), Some(outer)) => {
+                let outer = self.block_list()[outer.number].span;
+                let help = "move it outside of the block: events belong to what changes all the time";
+                let error = wrong("an event in a block".to_owned(), help);
+                self.refuse(error.with_label(outer, "the block begins here"));
+                self.fill_block();
+                self.event = Some(Statement::broken_event(statement.span));
+            }
             (StatementKind::Every(period), None) => self.open_block(Some(period.clone()), statement.span),
             (StatementKind::Every(_), Some(outer)) => {
                 let outer = self.block_list()[outer.number].span;
@@ -243,6 +264,55 @@ impl Reader<'_> {
                 return false;
             }
         }
+        true
+    }
+
+    /// Takes a statement while an event is open: what it assigns, or its end.
+    fn of_event(&mut self, statement: &Statement) -> bool {
+        let Some(mut event) = self.event.take() else { return false };
+        let StatementKind::When(when) = &mut event.kind else { return false };
+        let wrong =
+            |message: &str, help: &str| Diagnostic::error(codes::BAD_BLOCK, statement.span, message).with_help(help);
+        match &statement.kind {
+            StatementKind::End => {
+                let is_empty = when.assignments.is_empty();
+                let is_broken = matches!(when.trigger.kind, ExprKind::Number(_));
+                if is_empty && !is_broken {
+                    let help = "say what it assigns between the braces, for example `{ v = -65 }`";
+                    self.refuse(
+                        Diagnostic::error(codes::BAD_BLOCK, event.span, "the event assigns nothing").with_help(help),
+                    );
+                }
+                if !is_empty && !is_broken {
+                    match &mut self.component {
+                        Some(component) => component.statements.push(event),
+                        None => self.spec.statements.push(event),
+                    }
+                }
+                return true;
+            }
+            StatementKind::Equation(equation) if equation.side == LeftSide::Algebraic => {
+                let extra =
+                    equation.unit.as_ref().map(|unit| unit.span).or(equation.within.as_ref().map(|range| range.span));
+                let extra = extra.or(equation.ranges.first().map(|binder| binder.name.span));
+                match extra.or(equation.condition.as_ref().map(|condition| condition.span)) {
+                    None => {}
+                    Some(_) => self.refuse(wrong(
+                        "an assignment of an event is a name and a value",
+                        "leave out unit, range and `where`; ranges of indices stand behind the condition: `when v[i] > 1 for i in 1..3 {`",
+                    )),
+                }
+                when.assignments.push(equation.clone());
+            }
+            _ => {
+                when.trigger.kind = ExprKind::Number(0.0);
+                self.refuse(wrong(
+                    "this statement is not allowed in an event",
+                    "an event holds assignments such as `v = -65`; close it with `}` before this statement",
+                ));
+            }
+        }
+        self.event = Some(event);
         true
     }
 
@@ -358,6 +428,15 @@ impl Reader<'_> {
         let broken = SECTIONS.map(|section| Broken { section: section.to_owned(), names: Vec::new() });
         self.spec.broken.extend(broken);
         self.spec.names_missing = true;
+    }
+}
+
+impl Statement {
+    /// What stands for an event that cannot be understood, while its assignments are passed over.
+    fn broken_event(span: Span) -> Statement {
+        let trigger = Expr { span, kind: ExprKind::Number(0.0) };
+        let when = When { trigger, ranges: Vec::new(), after: None, manners: Vec::new(), assignments: Vec::new() };
+        Statement { kind: StatementKind::When(when), block: None, span, files: Vec::new() }
     }
 }
 

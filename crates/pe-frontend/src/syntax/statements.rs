@@ -18,6 +18,8 @@ pub(crate) fn split(text: &str, tokens: &[Token]) -> Vec<Vec<Token>> {
     let mut statements = Vec::new();
     let mut current: Vec<Token> = Vec::new();
     let (mut depth, mut slips) = (0usize, 0usize);
+    // Whether the statements are those of an event, which a semicolon separates, too.
+    let mut in_event = false;
     for (at, token) in tokens.iter().enumerate() {
         match token.kind {
             TokenKind::Newline => {
@@ -33,12 +35,18 @@ pub(crate) fn split(text: &str, tokens: &[Token]) -> Vec<Vec<Token>> {
             }
             TokenKind::Open => depth += 1,
             TokenKind::Close => depth = depth.saturating_sub(1),
+            TokenKind::Sign if in_event && depth == 0 && text_of(text, *token) == ";" => {
+                if !current.is_empty() {
+                    statements.push(std::mem::take(&mut current));
+                }
+                continue;
+            }
             TokenKind::Brace => {
                 // `{` ends the statement that begins a block, `}` is a statement of its own. Braces elsewhere are a slip
                 // within their statement.
                 let begins = text_of(text, *token) == "{";
-                let block = |first: &Token| matches!(text_of(text, *first), "every" | "component");
-                if begins && !current.first().is_some_and(block) {
+                let first = current.first().map_or("", |first| text_of(text, *first));
+                if begins && !matches!(first, "every" | "component" | "when") {
                     slips += 1;
                 } else if !begins && slips > 0 {
                     slips -= 1;
@@ -48,6 +56,7 @@ pub(crate) fn split(text: &str, tokens: &[Token]) -> Vec<Vec<Token>> {
                     }
                     current.push(*token);
                     statements.push(std::mem::take(&mut current));
+                    in_event = begins && first == "when";
                     depth = 0;
                     continue;
                 }
@@ -152,7 +161,8 @@ fn first_word(text: &str, statement: &[Token]) -> Option<Diagnostic> {
     if SECTIONS.contains(&word) {
         let second = second?;
         let name = text_of(text, second);
-        let names_something = !matches!(word, "solver" | "step" | "span" | "output" | "include" | "units" | "every");
+        let names_something =
+            !matches!(word, "solver" | "step" | "span" | "output" | "include" | "units" | "every" | "when");
         return (names_something && is_keyword(name)).then(|| keyword_as_name(name, second.span, false));
     }
     if first.kind != TokenKind::Word {

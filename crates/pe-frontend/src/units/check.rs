@@ -210,6 +210,10 @@ impl<'a> Checker<'_, 'a> {
                     self.range(own, within.as_ref());
                 }
                 StatementKind::Equation(equation) => self.equation(equation),
+                StatementKind::When(when) => {
+                    self.unit(&when.trigger, TOLD);
+                    when.assignments.iter().for_each(|assignment| self.equation(assignment));
+                }
                 _ => {}
             }
         }

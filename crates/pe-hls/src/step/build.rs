@@ -6,7 +6,7 @@ use pe_ir::source::Diagnostic;
 
 use super::elimination::system;
 use super::forms::StepOptions;
-use super::{mechanism, method, planned, played, sampled, staged, turns};
+use super::{jumps, mechanism, method, planned, played, sampled, staged, turns};
 
 /// Builds the step graph of a model with its own solver and step, in the form with the fewest products.
 ///
@@ -36,6 +36,9 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
         let eliminated = system::eliminate(model, options.order, options.scheme)?;
         let graph = build_with(&eliminated.model, options)?;
         return Ok(eliminated.named(model, graph));
+    }
+    if model.has_jumps() {
+        return jumps::build(model, options, build_with);
     }
     if !model.rates.is_empty() {
         return sampled::build(model, options, build_with);

@@ -5,6 +5,7 @@ mod build;
 mod builder;
 mod elimination;
 mod forms;
+mod jumps;
 mod mechanism;
 mod method;
 mod motion;
@@ -18,6 +19,7 @@ mod sampled;
 mod score;
 mod sharing;
 mod staged;
+mod still;
 mod ticked;
 mod turns;
 

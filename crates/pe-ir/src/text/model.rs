@@ -171,6 +171,12 @@ impl Printer<'_> {
             }
             let left = if state.rate.is_some() { format!("next {label}") } else { format!("{label}'") };
             writeln!(f, "\n  {left} = {}", self.expr(&state.derivative))?;
+            if let Some(jump) = &state.jump {
+                writeln!(f, "  jump = {}", self.expr(jump))?;
+            }
+            if let Some(wait) = &state.wait {
+                writeln!(f, "  wait = {}", self.expr(wait))?;
+            }
         }
         if let Some(mechanism) = &model.mechanism {
             self.mechanism(f, mechanism)?;
@@ -401,6 +407,14 @@ impl Reader {
                     };
                     state.span = equation.span();
                     state.derivative = self.equation(&mut equation, &state)?;
+                    if let Some(mut jump) = lines.next_if("jump") {
+                        jump.sign("=")?;
+                        state.jump = Some(self.expr(&mut jump)?);
+                    }
+                    if let Some(mut wait) = lines.next_if("wait") {
+                        wait.sign("=")?;
+                        state.wait = Some(self.expr(&mut wait)?);
+                    }
                     model.states.push(state);
                 }
                 "mechanism" => model.mechanism = Some(Arc::new(self.mechanism(&mut line, &mut lines)?)),
@@ -510,7 +524,19 @@ impl Reader {
         let motion = if line.take_word("motion") { Some(self.motion(line)?) } else { None };
         let derivative = Expr::Constant(0.0);
         let span = line.span();
-        Ok(State { name: label, quantity, initial, range, tunable, angle, unit, derivative, rate, motion, span })
+        let state = State {
+            quantity,
+            initial,
+            range,
+            tunable,
+            angle,
+            unit,
+            rate,
+            motion,
+            span,
+            ..State::new(label, derivative)
+        };
+        Ok(state)
     }
 
     /// The line of a state's equation.

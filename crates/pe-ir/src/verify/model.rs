@@ -10,6 +10,7 @@
 //! 6. With phases the last input is the step ratio.
 //! 7. Tunable parameters stand still, and have a range.
 //! 8. Angles change all the time, by equations of the spec.
+//! 9. What jumps changes all the time, and is neither tunable nor an angle nor a signal.
 
 use std::collections::BTreeSet;
 
@@ -87,7 +88,7 @@ impl Checker<'_> {
             }
         }
         for state in &model.states {
-            self.expr(&state.derivative, &state.name, model.algebraics.len());
+            state.equations().for_each(|expr| self.expr(expr, &state.name, model.algebraics.len()));
         }
         if let Some(mechanism) = &model.mechanism {
             let mut known = is_mechanism(mechanism);
@@ -139,6 +140,9 @@ impl Checker<'_> {
             self.require(!state.angle || turns, || {
                 format!("`{name}` is an angle, and no state of the continuous part")
             });
+            let jumps = turns && !state.angle;
+            self.require(state.wait.is_none() || state.jump.is_some(), || format!("`{name}` waits and has no jump"));
+            self.require(state.jump.is_none() || jumps, || format!("`{name}` jumps, and is no state that may"));
             let has_rate = state.rate.is_none_or(|rate| (index::at(rate)) < model.rates.len());
             self.require(has_rate, || format!("`{name}` has a rate that does not exist"));
             if let Some(motion) = state.motion {

@@ -391,7 +391,7 @@ impl<'a> Others<'a> {
             magnitudes.include(halves);
             return Ok(());
         };
-        rest.include(block.end, halves, quarters);
+        plan.include(block, rest, halves, quarters);
         if let Some(bent) = bent {
             plan.compare(block, bent, run, quarters);
         }

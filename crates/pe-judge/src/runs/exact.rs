@@ -5,9 +5,9 @@ use std::sync::Arc;
 use pe_hls::formats::{self, Ranges};
 use pe_hls::rounding::{self, Aim, Moments, Sampling};
 use pe_ir::codes;
-use pe_ir::graph::{FixedPoint, Role, StageForm, StepGraph, ValueId};
+use pe_ir::graph::{Factor, FixedPoint, Role, StageForm, StepGraph, Term, ValueId};
 use pe_ir::index::{StateId, at};
-use pe_ir::model::{Model, Variable};
+use pe_ir::model::{Model, State, Variable};
 use pe_ir::source::Diagnostic;
 use pe_ir::word::WordFormat;
 use pe_sim::double::{Diverged, DoubleRun};
@@ -19,6 +19,7 @@ use crate::pivots::{self, SmallestPivot};
 use crate::progress::{Progress, silent};
 use crate::times::thread_seconds;
 
+use super::events;
 use super::inputs;
 use super::judged::Curves;
 use super::kept::{Keeping, Kept};
@@ -126,6 +127,10 @@ impl Exact {
         let smallest_pivot = pivots::smallest(model, graph, &largest)?;
         let seconds = thread_seconds() - begin;
         include_declared(model, graph, &mut ranges);
+        if let Some(finding) = events::lost(model, graph, &largest) {
+            return Err(vec![finding]);
+        }
+        include_possible(model, graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = model.own_scales(reference.scales(&quantities));
         Ok(Some(Exact {
@@ -249,6 +254,34 @@ pub fn non_finite(graph: &StepGraph, diverged: Diverged, time: f64) -> Diagnosti
     let message = format!("`{}` is no longer a finite number at t = {time:.6e} s", equation.name);
     Diagnostic::error(codes::DIVERGED, equation.span, message)
         .with_help("the model or the step is unstable: try a smaller `--step`, then check the equation")
+}
+
+/// Gives products of two variables that are never both nonzero in the run the range of what they could be: an event that
+/// has not come yet must not find the finest format there is.
+fn include_possible(model: &Model, graph: &StepGraph, ranges: &mut Ranges) {
+    let stays_zero = |value: ValueId| match graph.value(value).role {
+        Role::Next(state) => model.states.find(state).is_some_and(State::stays_zero),
+        _ => false,
+    };
+    for chain in graph.chains.iter().filter(|chain| !stays_zero(chain.write.value)) {
+        let largest = |value: ValueId| ranges.largest[value.index()];
+        let of_term = |term: &Term| match term.factor {
+            Factor::Coefficient(factor) => factor.abs() * largest(term.operand),
+            Factor::Value(factor) => largest(factor) * largest(term.operand),
+        };
+        let terms = graph.chain_terms(chain);
+        if chain.function.is_some() || !terms.iter().any(|term| matches!(term.factor, Factor::Value(_))) {
+            continue;
+        }
+        let sum: f64 = terms.iter().map(of_term).sum();
+        for write in chain.writes() {
+            let base = write.base.map_or(0.0, |base| ranges.largest[base.index()]);
+            let slot = &mut ranges.largest[write.value.index()];
+            if *slot == 0.0 {
+                *slot = base + libm::scalbn(sum, write.weight);
+            }
+        }
+    }
 }
 
 /// Widens measured ranges to what the spec states and inputs can reach.

@@ -68,7 +68,7 @@ pub(super) fn read_by_continuous_alone(model: &Model) -> Vec<bool> {
         alone[index::at(ratio)] = false;
     }
     let sampled = model.states.iter().filter(|state| state.rate.is_some()).map(|state| &state.derivative);
-    let mut waiting: Vec<&Expr> = sampled.collect();
+    let mut waiting: Vec<&Expr> = sampled.chain(model.states.iter().filter_map(|state| state.jump.as_ref())).collect();
     let mut seen = vec![false; model.algebraics.len()];
     while let Some(expr) = waiting.pop() {
         expr.each_variable(&mut |variable| match variable {

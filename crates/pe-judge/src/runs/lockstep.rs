@@ -14,6 +14,7 @@ use pe_sim::rounded::RoundedRuns;
 
 use crate::progress::Progress;
 
+use super::events;
 use super::inputs::{self, Sight};
 use super::looks;
 
@@ -38,6 +39,8 @@ pub(super) struct Plan {
     pub samples: Vec<u64>,
     /// Steps done at other places of interest, ascending.
     pub looks: Vec<u64>,
+    /// Steps done around events, ascending, where runs are not compared.
+    left_out: Vec<u64>,
     /// Steps of a block, at most.
     block: u64,
     pub progress: Arc<dyn Progress>,
@@ -49,16 +52,23 @@ impl Plan {
         let states = model.states.len().max(1) as u64;
         let affordable = (SAMPLE_BUDGET / states).max(200);
         let count = SAMPLES.min(affordable).min(steps);
-        let samples: Vec<u64> = (1..=count)
+        let left_out = events::left_out(model);
+        let is_left_out = |step: &u64| left_out.binary_search(step).is_ok();
+        let mut samples: Vec<u64> = (1..=count)
             .map(|sample| (u128::from(sample) * u128::from(steps)).div_ceil(u128::from(count)) as u64)
             .collect();
+        if !left_out.is_empty() {
+            let moved = |step: u64| (step..=steps).find(|step| !is_left_out(step)).unwrap_or(steps);
+            samples = samples.into_iter().map(moved).collect();
+            samples.dedup();
+        }
         let mut looks = looks::steps(model, steps / count);
-        looks.retain(|step| samples.binary_search(step).is_err());
+        looks.retain(|step| samples.binary_search(step).is_err() && !is_left_out(step));
         looks.truncate(affordable as usize);
         // Twice the step itself, fixed point, quantised, half the step, means of inputs.
         progress.set_length(steps * if inputs::varying_inputs(model) { 7 } else { 6 });
         let block = (BLOCK / states).clamp(1, steps.div_ceil(FEWEST_BLOCKS).max(SHORT_BLOCK));
-        Plan { model: model.clone(), steps, samples, looks, block, progress }
+        Plan { model: model.clone(), steps, samples, looks, left_out, block, progress }
     }
 
     /// Tells the progress after `done` steps; rarely, for a step may take no longer than the telling.
@@ -97,9 +107,21 @@ impl Plan {
 
     /// Goes on with a comparison by a block.
     pub fn compare(&self, block: &Range<u64>, compared: &mut Compared, run: &Rows, other: &Rows) {
-        compared.include(block.end, run, other);
+        self.include(block, compared, run, other);
         for row in self.sampled(block).chain(self.looked_at(block)) {
             compared.see(run.row(row), other.row(row));
+        }
+    }
+
+    /// The same, where nobody else looks at samples.
+    pub fn include(&self, block: &Range<u64>, compared: &mut Compared, run: &Rows, other: &Rows) {
+        let left_out: Vec<usize> = within(&self.left_out, block).collect();
+        if left_out.is_empty() {
+            return compared.include(block.end, run, other);
+        }
+        let (run, other) = (run.without(&left_out), other.without(&left_out));
+        if !run.is_empty() {
+            compared.include(block.end, &run, &other);
         }
     }
 }

@@ -98,7 +98,7 @@ impl Exact {
                 return Err(Ended::Beyond(Beyond { error, time: model.time(block.end, 0.0) }));
             }
             if outputs > 0 {
-                measured.outputs.include(block.end, double, &run.rows);
+                plan.include(&block, &mut measured.outputs, double, &run.rows);
             }
             for (compared, rows) in quantised.iter_mut().zip(rounded.block(plan, &block)?) {
                 plan.compare(&block, compared, double, rows);

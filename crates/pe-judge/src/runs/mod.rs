@@ -13,6 +13,7 @@
 //! ```
 
 mod comparison;
+mod events;
 mod exact;
 mod inputs;
 mod judged;

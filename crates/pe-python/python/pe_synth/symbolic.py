@@ -11,7 +11,7 @@ from .errors import UsageError
 
 _KEYWORDS = frozenset(
     "model solver step span const index param input state output include function units every next matrix angle "
-    "component instance if then else sum where for in and or not div mod pi time".split()
+    "component instance when if then else sum where for in and or not div mod pi time".split()
 )
 """Names that a spec cannot define, or has a meaning of its own for."""
 

@@ -8,6 +8,7 @@ use differential_equations::ode::ODE;
 use nalgebra::{DMatrix, DVector};
 use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Input, Model, Rate, Solution, Variable};
+use pe_ir::motion::Motion;
 
 use super::states::States;
 use crate::linear::Linearised;
@@ -40,6 +41,8 @@ pub(super) struct Equations<'a> {
     factors: Vec<u32>,
     /// Slot of each state's derivative, or next value.
     derivatives: Vec<u32>,
+    /// Slot of what each state that jumps jumps by.
+    jumps: Vec<(StateId, u32)>,
     slots: RefCell<Vec<f64>>,
 }
 
@@ -59,13 +62,15 @@ impl<'a> Equations<'a> {
             builder.store(slot, &algebraic.expr);
         }
         let derivatives = model.states.iter().map(|state| builder.fresh(&state.derivative)).collect();
+        let jumping = model.states.numbered().filter_map(|(state, own)| Some((state, own.jump_of(model.step)?)));
+        let jumps = jumping.map(|(state, jump)| (state, builder.fresh(&jump))).collect();
         let slots = RefCell::new(vec![0.0; index::at(builder.next)]);
         let Builder { sums, terms, factors, .. } = builder;
         let continuous = model.continuous_states();
         let inputs = &model.inputs;
         let follows = |state: &StateId| model.states[*state].motion.is_some_and(|motion| motion.source().is_some());
         let played = model.states.ids().filter(follows).collect();
-        Equations { model, inputs, states, continuous, played, sums, terms, factors, derivatives, slots }
+        Equations { model, inputs, states, continuous, played, sums, terms, factors, derivatives, jumps, slots }
     }
 
     /// The derivatives at `time` on the pieces that signals follow at `within`.
@@ -109,6 +114,32 @@ impl<'a> Equations<'a> {
             *derivative = slots[index::at(*slot)];
         }
         self.played.iter().for_each(|state| derivatives[state.index()] = 0.0);
+    }
+}
+
+impl Equations<'_> {
+    /// What the states are behind the jumps that are due at a time, if any is.
+    pub fn jumped(&self, states: &States, (within, time): (f64, f64)) -> Option<States> {
+        // A time that a rounded number has missed has come.
+        const SLACK: f64 = 1e-6;
+        let model = self.model;
+        let mut near = states.0.clone();
+        for (state, own) in model.states.numbered().filter(|(_, own)| own.motion == Some(Motion::Clock)) {
+            near[state.index()] += SLACK * model.step * own.derivative.as_constant().unwrap_or(0.0);
+        }
+        let mut derivatives = vec![0.0; near.len()];
+        self.evaluate(&near, (within, time), &mut derivatives);
+        let slots = self.slots.borrow();
+        let jumps = self.jumps.iter().map(|(state, slot)| (*state, slots[index::at(*slot)]));
+        let due: Vec<(StateId, f64)> = jumps.filter(|(_, jump)| *jump != 0.0).collect();
+        let mut behind = states.clone();
+        due.iter().for_each(|(state, jump)| behind.0[state.index()] += jump);
+        (!due.is_empty()).then_some(behind)
+    }
+
+    /// Whether jumps are those of any time, and not of steps alone.
+    pub fn jumps_anywhere(&self) -> bool {
+        self.model.states.iter().all(|state| state.wait.is_none())
     }
 }
 
@@ -222,6 +253,11 @@ impl Piece<'_> {
                 *number = next;
             }
         }
+    }
+
+    /// What the states are behind the jumps that are due at a time, if any is.
+    pub fn jumped(&self, time: f64, states: &States) -> Option<States> {
+        self.equations.jumped(states, (self.middle(), time))
     }
 
     fn middle(&self) -> f64 {

@@ -182,6 +182,9 @@ impl Driven for Bdf {
     fn shorten(&mut self, _: f64) {}
 }
 
+/// Events that are found within one step of the model, at most; those beyond come at its end.
+const MOST_IN_STEP: usize = 20;
+
 /// One way through the times.
 struct Integration<'a> {
     model: &'a Model,
@@ -203,10 +206,10 @@ impl Integration<'_> {
             self.scales.include(&states);
             let mut method: M = self.start(piece, piece.from, &states, model.step)?;
             for time in times {
-                self.advance(&mut method, piece, *time, progress)?;
+                self.cross(&mut method, piece, *time, progress)?;
                 samples.push(|state| piece.state(StateId::at(state), *time, method.y()));
             }
-            self.advance(&mut method, piece, piece.to, progress)?;
+            self.cross(&mut method, piece, piece.to, progress)?;
             Ok(method.y().clone())
         })?;
         samples.largest.clone_from(&self.scales.own);
@@ -225,6 +228,58 @@ impl Integration<'_> {
             .map_err(|_| ReferenceError { time, obstacle: Obstacle::StepUnderflow })?;
         method.set_status(Status::Solving);
         Ok(method)
+    }
+
+    /// Integrates to `target` within the piece, with the jumps on the way: whether one is due is looked at where steps of the
+    /// model end, and between two of these it is found by bisection.
+    fn cross<M: Driven>(
+        &mut self,
+        method: &mut M,
+        piece: &Piece,
+        target: f64,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(), ReferenceError> {
+        if !self.model.has_jumps() {
+            return self.advance(method, piece, target, progress);
+        }
+        let step = self.model.step;
+        let (mut found, mut within) = (0, 0.0);
+        while after(target, method.t()) {
+            let next = (libm::floor(method.t() / step + 1e-9) + 1.0) * step;
+            let (from, begin) = (method.t(), method.y().clone());
+            if next > within {
+                (found, within) = (0, next);
+            }
+            let mut end = if after(target, next) { next } else { target };
+            self.advance(method, piece, end, progress)?;
+            let is_step = (end / step - libm::round(end / step)).abs() < 1e-6;
+            let anywhere = piece.equations.jumps_anywhere();
+            if !is_step && !anywhere {
+                continue;
+            }
+            let Some(mut behind) = piece.jumped(end, method.y()) else { continue };
+            found += 1;
+            if anywhere && found < MOST_IN_STEP {
+                let mut before = from;
+                while end - before > TIME_RESOLUTION * end.max(step) {
+                    let middle = 0.5 * (before + end);
+                    if middle <= before || middle >= end {
+                        break;
+                    }
+                    let mut trial: M = self.start(piece, from, &begin, step)?;
+                    self.advance(&mut trial, piece, middle, progress)?;
+                    match piece.jumped(middle, trial.y()) {
+                        Some(states) => (end, behind) = (middle, states),
+                        None => before = middle,
+                    }
+                }
+            }
+            self.scales.include(&behind);
+            // At the end of the piece nothing is left of it; the next one begins with the states behind the jumps.
+            let rest = Piece { to: if after(piece.to, end) { piece.to } else { piece.to + step }, ..*piece };
+            *method = self.start(&rest, end, &behind, step)?;
+        }
+        Ok(())
     }
 
     /// Integrates to `target` within the piece.

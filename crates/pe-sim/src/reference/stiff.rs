@@ -41,7 +41,7 @@ pub(super) struct Stiff<'a> {
 impl<'a> Stiff<'a> {
     /// Whether a model is small enough.
     pub fn suits(model: &Model) -> bool {
-        model.states.len() <= MOST_STATES
+        model.states.len() <= MOST_STATES && !model.has_jumps()
     }
 
     pub fn new(model: &'a Model, equations: &'a Equations<'a>, tolerance: f64, scales: Scales) -> Self {

@@ -4,6 +4,8 @@ use pe_flow::failure::Failure;
 use pe_flow::pipeline;
 use pe_flow::settings::MappingOptions;
 use pe_flow::watch::Stopwatch;
+use pe_import::expr::Expr;
+use pe_import::model::{Kind, Model as Foreign};
 use pe_import::{Imported, Setting};
 use pe_ir::model::{Model, Solver};
 use pe_judge::DesignPoint;
@@ -17,6 +19,16 @@ const FEWEST_STEPS: f64 = 5000.0;
 
 /// Steps over the span from which on an implicit method is proposed.
 const MOST_STEPS: f64 = 200_000.0;
+
+/// Steps over the span, at least, where an event comes when a state crosses a value: it comes up to a step late.
+const EVENT_STEPS: f64 = 200_000.0;
+
+/// The same where the time of the event within the step is found.
+const REFINED_STEPS: f64 = 20_000.0;
+
+/// Parts of an interval that delays and times of events may ask for, at most: delays must be whole steps.
+const DELAY_PARTS: u64 = 1_000_000;
+const TIME_PARTS: u64 = 2_000;
 
 /// Largest step of `rk4` times the fastest rate: well within what is stable, and accurate.
 const RATE_STEPS: f64 = 0.25;
@@ -53,17 +65,24 @@ pub fn setting(imported: &Imported, asked: &Asked, name: &str) -> Result<Setting
     let run = imported.model.run;
     let span = asked.span.or(run.span).unwrap_or(USUAL_SPAN);
     let interval = asked.interval.or(run.interval).unwrap_or(span);
-    let usual = part_of(interval, span / FEWEST_STEPS);
+    let events = Events::of(&imported.model, interval);
+    let fewest = match (events.cross, events.refine) {
+        (true, _) => EVENT_STEPS,
+        (false, true) => REFINED_STEPS,
+        (false, false) => FEWEST_STEPS,
+    };
+    let part_of = |interval: f64, most: f64| part_of(interval, events.parts, most);
+    let usual = part_of(interval, span / fewest);
     let first = Setting { solver: "rk4".to_owned(), step: usual, span, reason: String::new() };
     let fastest = fastest(&load(imported, &first, name)?.model).map(|fastest| fastest * imported.model.seconds());
-    let wanted = fastest.map_or(usual, |fastest| part_of(interval, (RATE_STEPS / fastest).min(span / FEWEST_STEPS)));
+    let wanted = fastest.map_or(usual, |fastest| part_of(interval, (RATE_STEPS / fastest).min(span / fewest)));
     let implicit = |solver: Solver| solver.takes_lists();
     let chosen = |solver: Solver, step: f64| {
         let step = asked.step.unwrap_or(if implicit(solver) { usual } else { step });
         Setting { solver: solver.name().to_owned(), step, span, reason: String::new() }
     };
     let mut setting = chosen(asked.solver.unwrap_or(Solver::Rk4), wanted);
-    if asked.solver.is_none() && span / wanted > MOST_STEPS {
+    if asked.solver.is_none() && span / wanted > MOST_STEPS.max(2.0 * fewest) {
         setting = chosen(Solver::Rodas3, wanted);
         // Derivatives of quotients may have poles where the quotients have none.
         let loaded = load(imported, &setting, name)?;
@@ -99,8 +118,77 @@ fn fastest(model: &Model) -> Option<f64> {
     Some(largest).filter(|largest| *largest > 0.0)
 }
 
-/// The largest step of at most `most` that is an interval over 1, 2, 5, 10 and so on.
-fn part_of(interval: f64, most: f64) -> f64 {
+/// What events ask of a step.
+struct Events {
+    /// Whether one comes when something else than the time crosses a value, at the end of the step.
+    cross: bool,
+    /// Whether the time of one within a step is found.
+    refine: bool,
+    /// A number of parts of the interval between results, of which steps are a part, too.
+    parts: u64,
+}
+
+impl Events {
+    fn of(model: &Foreign, interval: f64) -> Events {
+        let mut events = Events { cross: false, refine: false, parts: 1 };
+        for event in &model.events {
+            events.cross |= event.crosses(model) && !event.refines();
+            events.refine |= event.crosses(model) && event.refines();
+            if let Some(delay) = event.delay.as_ref().and_then(|delay| known(model, delay)) {
+                events.fit(delay / interval, DELAY_PARTS);
+            }
+        }
+        for event in &model.events {
+            event.trigger.each(&mut |part| {
+                if let Expr::Compare(_, sides) = part
+                    && let (Expr::Time, time) | (time, Expr::Time) = &**sides
+                    && let Some(time) = known(model, time)
+                {
+                    events.fit(time / interval, TIME_PARTS);
+                }
+            });
+        }
+        events
+    }
+
+    /// Takes as many parts that a number of intervals is a whole number of them, if these are not too many.
+    fn fit(&mut self, intervals: f64, most: u64) {
+        let whole = |parts: u64| {
+            let count = intervals * parts as f64;
+            (count - libm::round(count)).abs() <= 1e-9 * count.abs().max(1.0)
+        };
+        let decimal = [1, 2, 3, 4, 5, 6, 7, 8, 9].map(|digit| (0..7).map(move |decade| digit * 10u64.pow(decade)));
+        let mut tried: Vec<u64> = decimal.into_iter().flatten().map(|factor| factor * self.parts).collect();
+        tried.sort_unstable();
+        if let Some(parts) = tried.into_iter().take_while(|parts| *parts <= most).find(|parts| whole(*parts)) {
+            self.parts = parts;
+        }
+    }
+}
+
+/// The value of an expression that is the same during the run, if it is simple.
+fn known(model: &Foreign, expr: &Expr) -> Option<f64> {
+    match expr {
+        Expr::Number(value, _) => Some(*value),
+        Expr::Name(read) => match &model.quantities[*read].kind {
+            Kind::Constant(value) => known(model, value),
+            _ => None,
+        },
+        Expr::Sum(members) => members.iter().try_fold(0.0, |sum, (negative, member)| {
+            let value = known(model, member)?;
+            Some(if *negative { sum - value } else { sum + value })
+        }),
+        Expr::Product(members) => members.iter().try_fold(1.0, |product, (inverse, member)| {
+            let value = known(model, member)?;
+            Some(if *inverse { product / value } else { product * value })
+        }),
+        _ => None,
+    }
+}
+
+/// The largest step of at most `most` that is an interval over 1, 2, 5, 10 and so on times `parts`.
+fn part_of(interval: f64, parts: u64, most: f64) -> f64 {
+    let interval = interval / parts as f64;
     let mut decade = 1.0;
     loop {
         for digit in [1.0, 2.0, 5.0] {

@@ -124,7 +124,9 @@ pub fn eliminate(model: &Model, order: Order, scheme: Scheme) -> Result<Eliminat
         return Err(errors);
     }
     let mut states = std::mem::take(&mut eliminator.model.states);
-    states.iter_mut().for_each(|state| state.derivative = eliminator.renamed(&state.derivative));
+    for state in &mut states {
+        state.equations_mut().for_each(|expr| *expr = eliminator.renamed(expr));
+    }
     let mut outputs = std::mem::take(&mut eliminator.model.outputs);
     outputs.iter_mut().for_each(|output| output.variable = eliminator.variable(output.variable));
     let Eliminator { model: eliminated, mut numbers, names, eliminations, .. } = eliminator;

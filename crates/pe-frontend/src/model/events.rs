@@ -1,0 +1,483 @@
+//! Events, written out as what is added to states at the end of a step.
+//!
+//! An event has states of its own: whether its condition held before, and for a delay the steps that are left. All events of
+//! one instant are written out one after the other in the order of their priorities. What an event changes, later ones read;
+//! conditions that read it are looked at again, and events that it sets off come in the next round of the same instant.
+
+use std::collections::BTreeMap;
+
+use crate::equations::events::{FlatEvent, margin};
+use pe_ir::index::{StateId, at, number};
+use pe_ir::model::{Algebraic, Expr, Function, Model, Select, State, Variable};
+use pe_ir::place::Place;
+
+/// Rounds in one instant, at most, where events set one another off in a circle.
+const MOST_ROUNDS: usize = 3;
+
+/// Delayed events of one kind that wait at the same time, at most.
+const WAITING: usize = 4;
+
+/// Adds events, whose variables are those of the model.
+pub(crate) fn write_out(model: &mut Model, events: &[FlatEvent]) {
+    if events.is_empty() {
+        return;
+    }
+    let mut order: Vec<usize> = (0..events.len()).collect();
+    order.sort_by(|one, other| events[*other].manner.priority.total_cmp(&events[*one].manner.priority));
+    let mut writer = Writer {
+        model,
+        events,
+        changed: BTreeMap::new(),
+        jumps: BTreeMap::new(),
+        twins: BTreeMap::new(),
+        late: BTreeMap::new(),
+        lent: Vec::new(),
+        serial: 0,
+    };
+    writer.instant(&order);
+    let jumps = std::mem::take(&mut writer.jumps);
+    let late: Vec<Variable> = writer.late.values().copied().collect();
+    for (state, terms) in jumps {
+        model.states[StateId::new(state)].jump = Some(Expr::sum(terms));
+    }
+    begin(model, events, &late);
+}
+
+/// Far beyond the word of a state that must stay zero.
+const LEAVES: f64 = 16.0;
+
+/// What becomes of the events in one instant.
+struct Writer<'a> {
+    model: &'a mut Model,
+    events: &'a [FlatEvent],
+    /// What stands for states that events have changed so far.
+    changed: BTreeMap<u32, Variable>,
+    /// What is added to states so far.
+    jumps: BTreeMap<u32, Vec<Expr>>,
+    /// What stands for algebraic variables that read changed states.
+    twins: BTreeMap<u32, Variable>,
+    /// How late events are that are refined.
+    late: BTreeMap<usize, Variable>,
+    /// States that are taken back to the time of an event while it comes, with the change.
+    lent: Vec<(u32, Variable)>,
+    serial: u32,
+}
+
+/// An event in the present instant.
+struct Present {
+    /// The state that tells whether the condition held before.
+    held: u32,
+    /// Whether the condition holds.
+    trigger: Variable,
+    /// Whether it did when it was looked at last.
+    before: Variable,
+    /// Whether it is due; none if it cannot be.
+    due: Option<Variable>,
+    /// New values, where they are those of the time of the condition.
+    frozen: Vec<Variable>,
+}
+
+fn of(variable: Variable) -> Expr {
+    Expr::Variable(variable)
+}
+
+fn minus(expr: Expr) -> Expr {
+    Expr::scaled(-1.0, expr)
+}
+
+fn not(variable: Variable) -> Expr {
+    Expr::sum(vec![Expr::Constant(1.0), minus(of(variable))])
+}
+
+/// 1 if a number of steps is above a place, else 0.
+fn above(variable: Variable, place: f64) -> Expr {
+    let condition = Expr::sum(vec![of(variable), Expr::Constant(-place)]);
+    Expr::Select(Box::new(Select { condition, yes: Expr::Constant(1.0), no: Expr::Constant(0.0) }))
+}
+
+impl Writer<'_> {
+    fn state(&mut self, event: usize, what: &str, range: Option<(f64, f64)>) -> u32 {
+        let quantity = self.model.states.iter().map(|state| state.quantity + 1).max().unwrap_or(0);
+        let name = self.model.free_name(format!("{}.{what}", self.events[event].name));
+        let span = self.events[event].span;
+        let state = State { quantity, span, range, ..State::new(name, Expr::Constant(0.0)) };
+        self.model.states.push(state).number()
+    }
+
+    /// A quantity of an event.
+    fn quantity(&mut self, event: usize, what: &str, expr: Expr) -> Variable {
+        if let Expr::Variable(variable) = expr {
+            return variable;
+        }
+        self.serial += 1;
+        let name = self.model.free_name(format!("{}.{what}{}", self.events[event].name, self.serial));
+        let span = self.events[event].span;
+        // A choice is that of a condition.
+        let range = matches!(expr, Expr::Select(_)).then_some((0.0, 1.0));
+        self.model.algebraics.push(Algebraic { name, unit: None, expr, range, kept: false, angle: false, span });
+        Variable::Algebraic(number(self.model.algebraics.len()) - 1)
+    }
+
+    /// What stands for a variable behind all changes so far.
+    fn present(&mut self, event: usize, variable: Variable) -> Variable {
+        match variable {
+            Variable::State(state) => self.changed.get(&state.number()).copied().unwrap_or(variable),
+            Variable::Input(_) => variable,
+            Variable::Algebraic(algebraic) => {
+                if let Some(twin) = self.twins.get(&algebraic) {
+                    return *twin;
+                }
+                if self.changed.is_empty() {
+                    return variable;
+                }
+                let expr = self.model.algebraics[at(algebraic)].expr.clone();
+                let moved = self.expr(event, &expr);
+                let twin = if moved == expr { variable } else { self.quantity(event, "at", moved) };
+                self.twins.insert(algebraic, twin);
+                twin
+            }
+        }
+    }
+
+    fn expr(&mut self, event: usize, expr: &Expr) -> Expr {
+        let mut stand = BTreeMap::new();
+        let mut read = Vec::new();
+        expr.each_variable(&mut |variable| read.push(variable));
+        read.sort_unstable();
+        read.dedup();
+        for variable in read {
+            let present = self.present(event, variable);
+            stand.insert(variable, present);
+        }
+        expr.renamed(&|variable| stand[&variable])
+    }
+
+    /// States that a variable depends on at one time.
+    fn states_read(&self, expr: &Expr) -> Vec<u32> {
+        let mut states = Vec::new();
+        let mut seen = vec![false; self.model.algebraics.len()];
+        let mut waiting = Vec::new();
+        expr.each_variable(&mut |variable| waiting.push(variable));
+        while let Some(variable) = waiting.pop() {
+            match variable {
+                Variable::State(state) => states.push(state.number()),
+                Variable::Input(_) => {}
+                Variable::Algebraic(number) => {
+                    if !std::mem::replace(&mut seen[at(number)], true) {
+                        self.model.algebraics[at(number)].expr.each_variable(&mut |read| waiting.push(read));
+                    }
+                }
+            }
+        }
+        states.sort_unstable();
+        states.dedup();
+        states
+    }
+
+    fn instant(&mut self, order: &[usize]) {
+        let reads: Vec<Vec<u32>> = self.events.iter().map(|event| self.states_read(&event.trigger)).collect();
+        let held: Vec<u32> = (0..self.events.len()).map(|event| self.state(event, "held", Some((0.0, 1.0)))).collect();
+        let mut all: Vec<Present> = Vec::new();
+        for (event, held) in held.into_iter().enumerate() {
+            let trigger = self.quantity(event, "condition", self.events[event].trigger.clone());
+            let before = Variable::State(StateId::new(held));
+            let newly = Expr::product(vec![of(trigger), not(before)]);
+            let due = self.quantity(event, "due", newly);
+            if self.events[event].manner.refine && margin(&self.events[event].trigger).is_some() {
+                let late = self.late(event, due);
+                self.late.insert(event, late);
+            }
+            let frozen = self.values(event);
+            all.push(Present { held, trigger, before: trigger, due: Some(due), frozen });
+        }
+        for (event, present) in all.iter_mut().enumerate() {
+            if self.events[event].delay.is_some() {
+                self.wait(event, present);
+            }
+        }
+        for round in 1..=MOST_ROUNDS {
+            for event in order {
+                let Some(due) = all[*event].due.take() else { continue };
+                self.come(*event, due, &all[*event].frozen);
+                self.look_again(*event, &reads, &mut all, round == MOST_ROUNDS);
+            }
+        }
+        for present in all {
+            let own = Variable::State(StateId::new(present.held));
+            self.jumps.entry(present.held).or_default().extend([of(present.before), minus(of(own))]);
+        }
+    }
+
+    /// The new values of an event as things stand, for those who keep them.
+    fn values(&mut self, event: usize) -> Vec<Variable> {
+        let all = self.events;
+        if !all[event].manner.frozen {
+            return Vec::new();
+        }
+        let kept = (self.changed.clone(), self.jumps.clone(), self.twins.clone());
+        if let Some(late) = self.late.get(&event).copied() {
+            self.go_back(event, late);
+        }
+        let mut values = Vec::new();
+        for (_, value) in &all[event].assignments {
+            let value = self.expr(event, value);
+            values.push(self.quantity(event, "value", value));
+        }
+        (self.changed, self.jumps, self.twins) = kept;
+        self.lent.clear();
+        values
+    }
+
+    /// The time in seconds since the margin of an event was zero, where it is due by itself; zero elsewhere. One step of
+    /// Newton's method from the end of the step.
+    fn late(&mut self, event: usize, newly: Variable) -> Variable {
+        let margin = margin(&self.events[event].trigger).expect("it is a single comparison");
+        let slope = self.rate(&margin);
+        if let Some(slope) = slope.as_constant() {
+            let late = Expr::scaled(1.0 / slope, Expr::product(vec![of(newly), margin]));
+            return self.quantity(event, "late", late);
+        }
+        // Where the event does not come this is 1, so that nothing is divided by zero.
+        let slope = Expr::sum(vec![Expr::product(vec![of(newly), slope]), not(newly)]);
+        let slope = self.quantity(event, "slope", slope);
+        let margin = self.quantity(event, "margin", margin);
+        let late = Expr::product(vec![of(newly), of(margin), Expr::Apply(Function::Reciprocal, Box::new(of(slope)))]);
+        self.quantity(event, "late", late)
+    }
+
+    /// The derivative of an expression with respect to time, as states are without events.
+    fn rate(&self, expr: &Expr) -> Expr {
+        let mut read = Vec::new();
+        expr.each_variable(&mut |variable| read.push(variable));
+        read.sort_unstable();
+        read.dedup();
+        let mut members = Vec::new();
+        for variable in read {
+            let inner = match variable {
+                Variable::State(state) => self.model.states[state].derivative.clone(),
+                Variable::Input(_) => continue,
+                Variable::Algebraic(algebraic) => self.rate(&self.model.algebraics[at(algebraic)].expr),
+            };
+            members.push(Expr::product(vec![expr.derivative(variable), inner]));
+        }
+        Expr::sum(members)
+    }
+
+    /// Takes states back to the time of an event: those that it changes, those that its new values read and those whose derivative
+    /// reads what it changes, or changes with it. Returns the ones that go on with another derivative.
+    fn go_back(&mut self, event: usize, late: Variable) -> Vec<u32> {
+        let assignments = &self.events[event].assignments;
+        let targets: Vec<u32> = assignments.iter().map(|(state, _)| *state).collect();
+        let mut back = targets.clone();
+        assignments.iter().for_each(|(_, value)| back.extend(self.states_read(value)));
+        let mut bent = targets.clone();
+        for state in self.model.states.ids() {
+            let reads = self.states_read(&self.model.states[state].derivative);
+            if reads.iter().any(|read| targets.contains(read)) {
+                bent.push(state.number());
+                back.extend(reads);
+            }
+        }
+        for all in [&mut back, &mut bent] {
+            all.sort_unstable();
+            all.dedup();
+        }
+        back.extend(&bent);
+        back.sort_unstable();
+        back.dedup();
+        let mut moved = Vec::new();
+        for state in back {
+            let derivative = self.model.states[StateId::new(state)].derivative.clone();
+            if derivative == Expr::Constant(0.0) {
+                continue;
+            }
+            let slope = self.expr(event, &derivative);
+            let own = self.present(event, Variable::State(StateId::new(state)));
+            let change = self.quantity(event, "back", minus(Expr::product(vec![of(late), slope])));
+            let at = self.quantity(event, "at", Expr::sum(vec![of(own), of(change)]));
+            moved.push((state, at, change));
+        }
+        for (state, at, change) in moved {
+            self.changed.insert(state, at);
+            // Elsewhere what is taken back is what is gone forward again, to first order.
+            if bent.contains(&state) {
+                self.jumps.entry(state).or_default().push(of(change));
+            } else {
+                self.lent.push((state, change));
+            }
+        }
+        self.twins.clear();
+        bent
+    }
+
+    /// Lets the rest of the step go by from the time of an event.
+    fn go_forward(&mut self, event: usize, late: Variable, bent: &[u32]) {
+        let mut moved = Vec::new();
+        for state in bent {
+            let derivative = self.model.states[StateId::new(*state)].derivative.clone();
+            if derivative == Expr::Constant(0.0) {
+                continue;
+            }
+            let slope = self.expr(event, &derivative);
+            let own = self.present(event, Variable::State(StateId::new(*state)));
+            let change = self.quantity(event, "rest", Expr::product(vec![of(late), slope]));
+            let after = self.quantity(event, "after", Expr::sum(vec![of(own), of(change)]));
+            moved.push((*state, after, change));
+        }
+        for (state, after, change) in moved {
+            self.changed.insert(state, after);
+            self.jumps.entry(state).or_default().push(of(change));
+        }
+        for (state, change) in std::mem::take(&mut self.lent) {
+            let own = self.present(event, Variable::State(StateId::new(state)));
+            let after = self.quantity(event, "after", Expr::sum(vec![of(own), minus(of(change))]));
+            self.changed.insert(state, after);
+        }
+        self.twins.clear();
+    }
+
+    /// Lets an event come if it is due.
+    fn come(&mut self, event: usize, due: Variable, frozen: &[Variable]) {
+        let all = self.events;
+        let late = self.late.get(&event).copied();
+        let bent = late.map(|late| self.go_back(event, late));
+        let mut added = Vec::new();
+        for (number, (state, value)) in all[event].assignments.iter().enumerate() {
+            let value = match frozen.get(number) {
+                Some(value) => of(*value),
+                None => self.expr(event, value),
+            };
+            let own = self.present(event, Variable::State(StateId::new(*state)));
+            let change = Expr::product(vec![of(due), Expr::sum(vec![value, minus(of(own))])]);
+            added.push((*state, own, change));
+        }
+        for (state, own, change) in added {
+            let change = self.quantity(event, "change", change);
+            let after = self.quantity(event, "after", Expr::sum(vec![of(own), of(change)]));
+            self.changed.insert(state, after);
+            self.jumps.entry(state).or_default().push(of(change));
+        }
+        self.twins.clear();
+        if let (Some(late), Some(bent)) = (late, bent) {
+            self.go_forward(event, late, &bent);
+        }
+    }
+
+    /// Looks at the conditions that read what an event has changed. In the last round no event comes any more: a
+    /// condition that becomes true then does so in the next step.
+    fn look_again(&mut self, event: usize, reads: &[Vec<u32>], all: &mut [Present], last: bool) {
+        let events = self.events;
+        let targets: Vec<u32> = events[event].assignments.iter().map(|(state, _)| *state).collect();
+        for (other, present) in all.iter_mut().enumerate() {
+            if !reads[other].iter().any(|read| targets.contains(read)) {
+                continue;
+            }
+            let trigger = self.expr(event, &events[other].trigger);
+            let trigger = self.quantity(other, "again", trigger);
+            present.trigger = trigger;
+            let manner = events[other].manner;
+            let waits = events[other].delay.is_some();
+            if manner.cancelled
+                && !waits
+                && let Some(due) = present.due
+            {
+                present.due = Some(self.quantity(other, "due", Expr::product(vec![of(due), of(trigger)])));
+            }
+            let falls = Expr::product(vec![of(trigger), of(present.before)]);
+            if other == event || last || waits {
+                present.before = self.quantity(other, "before", falls);
+                continue;
+            }
+            let newly = self.quantity(other, "newly", Expr::product(vec![of(trigger), not(present.before)]));
+            present.before = trigger;
+            if manner.frozen {
+                let values = self.values(other);
+                for (value, kept) in values.into_iter().zip(&mut present.frozen) {
+                    let other_value = Expr::product(vec![of(newly), Expr::sum(vec![of(value), minus(of(*kept))])]);
+                    *kept = self.quantity(other, "value", Expr::sum(vec![of(*kept), other_value]));
+                }
+            }
+            present.due = Some(match present.due {
+                None => newly,
+                // It is due before, or now; both would be once.
+                Some(due) => {
+                    let both = Expr::product(vec![of(due), of(newly)]);
+                    self.quantity(other, "due", Expr::sum(vec![of(due), of(newly), minus(both)]))
+                }
+            });
+        }
+    }
+
+    /// Lets an event wait for its delay, in the first free of several places.
+    fn wait(&mut self, event: usize, present: &mut Present) {
+        let manner = self.events[event].manner;
+        let delay = self.events[event].delay.clone().expect("it waits");
+        let range = delay.as_constant().map(|delay| (0.0, libm::round(delay / self.model.step)));
+        let delay = self.expr(event, &delay);
+        let mut newly = present.due.take().expect("nothing has come so far");
+        let mut due: Vec<Variable> = Vec::new();
+        let mut frozen: Vec<Vec<Expr>> = vec![Vec::new(); present.frozen.len()];
+        for place in 1..=WAITING {
+            let left = self.state(event, &format!("left{place}_"), range);
+            let own = Variable::State(StateId::new(left));
+            let waits = self.quantity(event, "waits", above(own, 0.5));
+            let more = self.quantity(event, "more", above(own, 1.5));
+            let over = Expr::sum(vec![of(waits), minus(of(more))]);
+            let mut over = self.quantity(event, "over", over);
+            let mut ends = of(waits);
+            if manner.cancelled {
+                // Off it is as soon as the condition does not hold.
+                over = self.quantity(event, "over", Expr::product(vec![of(over), of(present.trigger)]));
+                let off = Expr::product(vec![not(present.trigger), Expr::sum(vec![of(own), minus(of(waits))])]);
+                ends = Expr::sum(vec![ends, off]);
+            }
+            due.push(over);
+            // A place that is left in this step is free for what begins to wait in it.
+            let takes = self.quantity(event, "takes", Expr::product(vec![of(newly), not(more)]));
+            self.jumps.entry(left).or_default().push(minus(ends));
+            self.model.states[StateId::new(left)].wait = Some(Expr::product(vec![of(takes), delay.clone()]));
+            for (number, value) in present.frozen.clone().into_iter().enumerate() {
+                let kept = self.state(event, &format!("value{place}_{}_", number + 1), None);
+                let own = Variable::State(StateId::new(kept));
+                frozen[number].push(Expr::product(vec![of(over), of(own)]));
+                let change = Expr::product(vec![of(takes), Expr::sum(vec![of(value), minus(of(own))])]);
+                self.jumps.entry(kept).or_default().push(change);
+            }
+            newly = self.quantity(event, "newly", Expr::product(vec![of(newly), of(more)]));
+        }
+        // What finds no place leaves the word of a state that must stay zero, so that it is never lost unseen.
+        let lost = self.state(event, "lost", Some((0.0, 0.0)));
+        self.jumps.entry(lost).or_default().push(Expr::scaled(LEAVES, of(newly)));
+        present.due = Some(self.quantity(event, "due", Expr::sum(due.into_iter().map(of).collect())));
+        let frozen: Vec<Variable> =
+            frozen.into_iter().map(|terms| self.quantity(event, "value", Expr::sum(terms))).collect();
+        present.frozen = frozen;
+    }
+}
+
+/// Puts the states at what they are behind the events of time zero.
+fn begin(model: &mut Model, events: &[FlatEvent], late: &[Variable]) {
+    let inputs = model.sample_inputs(0.0);
+    let mut states: Vec<f64> = model.states.iter().map(|state| state.initial).collect();
+    let triggers: Vec<f64> = {
+        let place = Place::new(model, &states, &inputs);
+        events.iter().map(|event| event.trigger.evaluate(&|variable| place.number(variable))).collect()
+    };
+    // At time zero nothing is late.
+    let mut early = model.clone();
+    for late in late {
+        if let Variable::Algebraic(algebraic) = late {
+            early.algebraics[at(*algebraic)].expr = Expr::Constant(0.0);
+        }
+    }
+    let first = model.states.iter().position(|state| state.name == format!("{}.held", events[0].name));
+    for (number, _) in events.iter().enumerate().filter(|(_, event)| !event.manner.initially) {
+        if let Some(first) = first {
+            states[first + number] = triggers[number];
+        }
+    }
+    let jumps = Place::new(&early, &states, &inputs).jumps();
+    for ((state, number), jump) in model.states.iter_mut().zip(&states).zip(jumps) {
+        state.initial = number + jump;
+    }
+}

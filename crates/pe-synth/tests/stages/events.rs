@@ -1,0 +1,211 @@
+//! Events: against solutions written by hand, and bit for bit through all engines.
+
+use std::fs;
+use std::process::Command;
+
+use crate::support::bench::Folder;
+use pe_frontend::{NoFiles, Overrides};
+use pe_ir::graph::StepGraph;
+use pe_ir::model::Model;
+use pe_ir::source::Sources;
+use pe_sim::double::DoubleRun;
+
+fn compiled(text: &str) -> Model {
+    let mut sources = Sources::new("events.spec", text);
+    let compiled = pe_frontend::compile(&mut sources, &NoFiles, &Overrides::default());
+    let (model, _) = compiled.unwrap_or_else(|findings| panic!("{findings:#?}\n{text}"));
+    pe_hls::lift::lift(model)
+}
+
+fn graph_of(model: &Model) -> StepGraph {
+    let graph = pe_hls::step::build(model).unwrap_or_else(|findings| panic!("{findings:#?}"));
+    assert!(pe_ir::verify::step::check(&graph).is_empty());
+    let text = graph.to_string();
+    assert_eq!(text.parse::<StepGraph>().unwrap().to_string(), text);
+    let text = model.to_string();
+    assert_eq!(text.parse::<Model>().unwrap().to_string(), text);
+    graph
+}
+
+/// The states of a model after each step, in double precision; the first row is the beginning.
+fn rows(text: &str) -> (Model, Vec<Vec<f64>>) {
+    let model = compiled(text);
+    let graph = graph_of(&model);
+    let mut run = DoubleRun::new(&graph);
+    let mut rows = vec![model.states.iter().map(|state| state.initial).collect::<Vec<f64>>()];
+    for step in 0..model.steps() {
+        run.step(&model.sample_inputs(model.time(step, 0.0))).expect("it is finite");
+        rows.push(run.states()[..model.states.len()].to_vec());
+    }
+    (model, rows)
+}
+
+fn next(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 33) as f64 / f64::from(1u32 << 31)
+}
+
+fn spec(step: f64, body: &str) -> String {
+    format!("model events\nsolver rk4\nstep {step}\nspan 2 s\n{body}")
+}
+
+/// A ramp that falls back to zero whenever it reaches 1, and a counter: the exact times are known.
+#[test]
+fn events_come_at_the_end_of_the_step_in_which_their_condition_becomes_true() {
+    let mut seed = 3;
+    for _ in 0..20 {
+        let rate = 1.0 + 9.0 * next(&mut seed);
+        let body =
+            format!("state x = 0\nstate n = 0\nx' = {rate}\nn' = 0\nwhen x >= 1 {{ x = 0; n = n + 1 }}\noutput x, n\n");
+        let (model, rows) = rows(&spec(1e-3, &body));
+        let (mut x, mut n) = (0.0, 0.0);
+        for (step, row) in rows.iter().enumerate().skip(1) {
+            x += rate * model.step;
+            if x >= 1.0 {
+                (x, n) = (0.0, n + 1.0);
+            }
+            assert!((row[0] - x).abs() < 1e-9 && row[1] == n, "rate {rate}, step {step}: {row:?}, not {x} and {n}");
+        }
+        assert!(n >= 1.0, "something must happen");
+    }
+}
+
+/// Growth with resets: the solution is known, and so is the order in which the error falls.
+#[test]
+fn refined_events_have_errors_of_second_order() {
+    // x' = x + 1 from 0 reaches 1 at ln 2, and falls to 1/4; from there it takes ln(2/1.25).
+    let exact = |time: f64| {
+        let (first, period) = (std::f64::consts::LN_2, libm::log(2.0 / 1.25));
+        if time < first { libm::exp(time) - 1.0 } else { 1.25 * libm::exp((time - first) % period) - 1.0 }
+    };
+    let error = |step: f64, manner: &str| {
+        let body = format!("state x = 0\nx' = x + 1\nwhen x >= 1{manner} {{ x = 0.25 }}\noutput x\n");
+        let (model, rows) = rows(&spec(step, &body));
+        // Away from events, where the solution jumps.
+        let at = (1.95 / model.step).round() as usize;
+        (rows[at][0] - exact(at as f64 * model.step)).abs()
+    };
+    let worst = |step: f64, manner: &str| {
+        let steps = [1.0, 0.93, 0.81, 0.77, 0.69].map(|part| error(0.001 * step * part, manner));
+        steps.into_iter().fold(0.0, f64::max)
+    };
+    let (coarse, fine) = (worst(8.0, ", refine"), worst(2.0, ", refine"));
+    let (late, later) = (worst(2.0, ""), worst(8.0, ""));
+    println!("refined: {coarse:e} and {fine:e}; at steps: {later:e} and {late:e}");
+    assert!(coarse / fine > 8.0, "a quarter of the step must leave a sixteenth: {coarse:e}, {fine:e}");
+    assert!(later / late < 8.0 && late > 20.0 * fine, "{later:e}, {late:e}, {fine:e}");
+}
+
+#[test]
+fn delays_priorities_and_manners_are_those_of_a_simulation_by_hand() {
+    let mut seed = 11;
+    let mut seen = 0.0;
+    for case in 0..24 {
+        let rate = 1.0 + 4.0 * next(&mut seed);
+        let steps = 1 + (next(&mut seed) * 40.0) as usize;
+        let (frozen, cancelled) = (case % 2 == 1, case % 4 >= 2);
+        let manner = format!("{}{}", if frozen { ", frozen" } else { "" }, if cancelled { ", cancelled" } else { "" });
+        // A triangle wave's half: x rises, falls back at 1, and a delayed event copies it.
+        let body = format!(
+            "state x = 0\nstate y = -1\nx' = {rate}\ny' = 0\n\
+             when x >= 1 {{ x = 0 }}\nwhen x >= 0.5 after {} ms{manner} {{ y = x }}\noutput x, y\n",
+            steps
+        );
+        let (model, rows) = rows(&spec(1e-3, &body));
+        let (mut x, mut y, mut held) = (0.0f64, -1.0f64, false);
+        let mut waiting: Vec<(usize, f64)> = Vec::new();
+        for (step, row) in rows.iter().enumerate().skip(1) {
+            x += rate * model.step;
+            let condition = x >= 0.5;
+            if cancelled && !condition {
+                waiting.clear();
+            }
+            let due: Vec<(usize, f64)> = waiting.iter().filter(|(at, _)| *at == step).copied().collect();
+            waiting.retain(|(at, _)| *at != step);
+            if condition && !held {
+                waiting.push((step + steps, x));
+            }
+            // The event without a delay stands first; both have no priority.
+            let falls = x >= 1.0;
+            if falls {
+                x = 0.0;
+            }
+            let off = cancelled && falls;
+            if let Some((_, kept)) = due.first().filter(|_| !off) {
+                y = if frozen { *kept } else { x };
+                seen += 1.0;
+            }
+            held = x >= 0.5;
+            if cancelled && falls {
+                waiting.clear();
+            }
+            assert!(
+                (row[0] - x).abs() < 1e-9 && (row[1] - y).abs() < 1e-9,
+                "case {case} ({manner}), {steps} steps, step {step}: {row:?}, not {x} and {y}"
+            );
+        }
+    }
+    assert!(seen > 20.0, "events must come: {seen}");
+}
+
+#[test]
+fn events_of_one_instant_come_by_priority_and_set_one_another_off() {
+    let body = "state a = 0\nstate b = 0\nstate c = 0\na' = 0\nb' = 0\nc' = 0\n\
+                when time >= 1, priority 1 { a = 10*a + 1 }\n\
+                when time >= 1, priority 2 { a = 10*a + 2 }\n\
+                when a >= 2 { b = a }\nwhen b >= 2 { c = b + 1 }\noutput a, b, c\n";
+    let (model, rows) = rows(&spec(1e-3, body));
+    let at = |time: f64| &rows[(time / model.step).round() as usize];
+    assert_eq!(at(0.999)[..3], [0.0, 0.0, 0.0]);
+    // The higher priority first: 2, then 21; what they set off comes in the same instant.
+    assert_eq!(at(1.0)[..3], [21.0, 21.0, 22.0]);
+    assert_eq!(at(1.5)[..3], [21.0, 21.0, 22.0]);
+}
+
+#[test]
+fn a_fifth_event_that_waits_is_never_lost_unseen() {
+    let text = spec(
+        1e-3,
+        "state x = 0\nstate y = 0\nx' = 20\ny' = 0\nwhen x >= 1 { x = 0 }\n\
+         when x >= 0.5 after 0.5 s { y = y + 1 }\noutput x, y\n",
+    );
+    let folder = Folder::new("events_lost");
+    fs::write(folder.0.join("lost.spec"), text).unwrap();
+    let run = Command::new(env!("CARGO_BIN_EXE_pe-synth"))
+        .args(["compile", "-q", "lost.spec", "-o", "out"])
+        .current_dir(&folder.0)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert!(!run.status.success() && said.contains("E0920") && said.contains("t = "), "{said}");
+}
+
+#[test]
+fn all_engines_have_the_same_events() {
+    let bodies = [
+        // A spiking neuron.
+        "state v = -65\nstate u = -13\nv' = 1000*(0.04*v^2 + 5*v + 150 - u)\nu' = 20*(0.2*v - u)\n\
+         when v >= 30 { v = -65; u = u + 8 }\noutput v, u\n",
+        // A ball that bounces, at the time that is found, on two PEs, with a counter that waits.
+        "state x = 1\nstate v = 0\nstate n = 0\nx' = v\nv' = -9.81\nn' = 0\n\
+         when x <= 0, refine { v = -0.8*v; x = 0 }\nwhen x <= 0 after 7 ms, frozen { n = n + 1 }\noutput x, v, n\n",
+    ];
+    for (number, body) in bodies.iter().enumerate() {
+        let folder = Folder::new(&format!("events_{number}"));
+        let text = spec(if number == 0 { 1e-5 } else { 1e-3 }, body).replace("span 2 s", "span 0.6 s");
+        fs::write(folder.0.join("events.spec"), text).unwrap();
+        let run = |arguments: &str| {
+            let words = arguments.split(' ');
+            let output =
+                Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(words).current_dir(&folder.0).output().unwrap();
+            assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
+            String::from_utf8(output.stdout).unwrap()
+        };
+        run("compile events.spec --pes 2 --allow E0903 --quiet --no-pictures --message-format json -o out");
+        let told = run("verify out --steps 500 --message-format json");
+        let told: serde_json::Value = serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"));
+        let runs = told["runs"].as_array().unwrap();
+        let of_hardware = runs.iter().filter(|run| run["engine"] == "GHDL" && run["live"].as_f64() > Some(0.2)).count();
+        assert!(of_hardware >= 2, "{}", told["runs"]);
+    }
+}
