@@ -233,16 +233,3 @@ fn quantities_that_share_a_table_are_shown_in_their_own_units() {
         );
     }
 }
-
-#[test]
-fn a_design_with_shared_tables_is_the_same_in_ghdl() {
-    let folder = Folder::new("functions_shared_ghdl");
-    let (exit, errors, report) = compile(&folder, &named(3, false), &["--pes", "2"]);
-    assert_eq!(exit, Some(0), "{errors}");
-    assert!(report["functions"].as_array().expect("functions").iter().any(|of| of["shared_by"].as_u64() > Some(1)));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pe-synth"));
-    command.arg("verify").arg(folder.0.join("out")).args(["--engines", "reference,ghdl", "--steps", "1"]);
-    let output = command.output().expect("pe-synth starts");
-    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{text}");
-}
