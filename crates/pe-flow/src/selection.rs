@@ -148,7 +148,7 @@ mod tests {
             order
         };
         assert_eq!(first([100; 4], [10, 10, 8, 4]), [3, 0, 1, 2], "fewest blocks");
-        assert_eq!(first([100; 4], [10, 10, 8, 7]), [2, 0, 1, 3], "connections are worth something");
+        assert_eq!(first([100; 4], [10, 10, 6, 5]), [2, 0, 1, 3], "connections are worth something");
         assert_eq!(first([100, 100, 101, 101], [10, 10, 8, 4]), [0, 1, 2, 3], "slower");
         assert_eq!(first([100; 4], [10, 2, 10, 10]), [0, 1, 2, 3], "not gathered");
         let mut order = vec![0, 1];

@@ -203,7 +203,8 @@ fn the_comparison_finds_a_wrong_factor_slope_or_entry() {
         }
     };
     let argument = shared.value_name(shared.functions.lookups[5].argument);
-    let cases: [(&str, &dyn Fn(&mut StepGraph)); 3] = [
+    type Damage<'a> = &'a dyn Fn(&mut StepGraph);
+    let cases: [(&str, Damage); 3] = [
         ("factor", &|graph| multiply(graph, chain_of("s5.next"), 1)),
         ("slope", &|graph| multiply(graph, chain_of(&argument), 0)),
         ("entry", &|graph| {
