@@ -8,15 +8,11 @@ use crate::equations::pattern::{Pattern, Seen, bind};
 use crate::fault::{Fault, fault};
 use crate::language::measures::{TIMES, scaled, unit_scale};
 use crate::names::table::{Kind, Symbol};
-use crate::syntax::ast::{Equation, Measure, Name, StatementKind, When};
+use crate::syntax::ast::{Equation, MANNERS, Measure, Name, StatementKind, When};
 use pe_ir::codes;
 use pe_ir::index::at;
 use pe_ir::model::Expr;
 use pe_ir::source::{Diagnostic, Span};
-
-/// The words that say how an event comes, with whether a number follows.
-const MANNERS: [(&str, bool); 5] =
-    [("refine", false), ("frozen", false), ("cancelled", false), ("initially", false), ("priority", true)];
 
 /// Part of a step by which a delay may be off a whole number of steps for being a rounded number.
 const TIME_SLACK: f64 = 1e-6;

@@ -131,19 +131,11 @@ impl Signals {
         (played, states): (&[u32], &[u32]),
     ) -> State {
         let of = |name: String, initial: f64, derivative: Expr, motion: Motion, span: Span| State {
-            name,
             quantity,
             initial,
-            range: None,
-            tunable: false,
-            angle: false,
-            unit: None,
-            derivative,
-            jump: None,
-            wait: None,
-            rate: None,
             motion: Some(motion),
             span,
+            ..State::new(name, derivative)
         };
         let Some(entry) = place.checked_sub(1) else {
             // The model's step is put in when it is known.

@@ -4,7 +4,7 @@
 //! one instant are written out one after the other in the order of their priorities. What an event changes, later ones read;
 //! conditions that read it are looked at again, and events that it sets off come in the next round of the same instant.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use crate::equations::events::{FlatEvent, margin};
 use pe_ir::index::{StateId, at, number};
@@ -24,16 +24,7 @@ pub(crate) fn write_out(model: &mut Model, events: &[FlatEvent]) {
     }
     let mut order: Vec<usize> = (0..events.len()).collect();
     order.sort_by(|one, other| events[*other].manner.priority.total_cmp(&events[*one].manner.priority));
-    let mut writer = Writer {
-        model,
-        events,
-        changed: BTreeMap::new(),
-        jumps: BTreeMap::new(),
-        twins: BTreeMap::new(),
-        late: BTreeMap::new(),
-        lent: Vec::new(),
-        serial: 0,
-    };
+    let mut writer = Writer::new(model, events);
     writer.instant(&order);
     let jumps = std::mem::take(&mut writer.jumps);
     let late: Vec<Variable> = writer.late.values().copied().collect();
@@ -50,6 +41,12 @@ const LEAVES: f64 = 16.0;
 struct Writer<'a> {
     model: &'a mut Model,
     events: &'a [FlatEvent],
+    /// Names that are taken, and the number of the next quantity.
+    names: HashSet<String>,
+    quantity: u32,
+    /// States that each derivative reads, and states whose derivative reads each; empty if no event is refined.
+    read_by: Vec<Vec<u32>>,
+    readers: Vec<Vec<u32>>,
     /// What stands for states that events have changed so far.
     changed: BTreeMap<u32, Variable>,
     /// What is added to states so far.
@@ -95,10 +92,48 @@ fn above(variable: Variable, place: f64) -> Expr {
     Expr::Select(Box::new(Select { condition, yes: Expr::Constant(1.0), no: Expr::Constant(0.0) }))
 }
 
-impl Writer<'_> {
+impl<'a> Writer<'a> {
+    fn new(model: &'a mut Model, events: &'a [FlatEvent]) -> Writer<'a> {
+        let named = model.states.iter().map(|state| &state.name).chain(model.inputs.iter().map(|input| &input.name));
+        let names = named.chain(model.algebraics.iter().map(|own| &own.name)).cloned().collect();
+        let quantity = model.states.iter().map(|state| state.quantity + 1).max().unwrap_or(0);
+        let mut writer = Writer {
+            model,
+            events,
+            names,
+            quantity,
+            read_by: Vec::new(),
+            readers: Vec::new(),
+            changed: BTreeMap::new(),
+            jumps: BTreeMap::new(),
+            twins: BTreeMap::new(),
+            late: BTreeMap::new(),
+            lent: Vec::new(),
+            serial: 0,
+        };
+        if events.iter().any(|event| event.manner.refine) {
+            writer.read_by = writer.model.states.iter().map(|state| writer.states_read(&state.derivative)).collect();
+            writer.readers = vec![Vec::new(); writer.read_by.len()];
+            for (reader, reads) in (0..).zip(&writer.read_by) {
+                reads.iter().for_each(|read| writer.readers[at(*read)].push(reader));
+            }
+        }
+        writer
+    }
+
+    /// A name for something of an event.
+    fn free_name(&mut self, event: usize, what: &str) -> String {
+        let mut name = format!("{}.{what}", self.events[event].name);
+        while !self.names.insert(name.clone()) {
+            name.push('_');
+        }
+        name
+    }
+
     fn state(&mut self, event: usize, what: &str, range: Option<(f64, f64)>) -> u32 {
-        let quantity = self.model.states.iter().map(|state| state.quantity + 1).max().unwrap_or(0);
-        let name = self.model.free_name(format!("{}.{what}", self.events[event].name));
+        let quantity = self.quantity;
+        self.quantity += 1;
+        let name = self.free_name(event, what);
         let span = self.events[event].span;
         let state = State { quantity, span, range, ..State::new(name, Expr::Constant(0.0)) };
         self.model.states.push(state).number()
@@ -110,7 +145,7 @@ impl Writer<'_> {
             return variable;
         }
         self.serial += 1;
-        let name = self.model.free_name(format!("{}.{what}{}", self.events[event].name, self.serial));
+        let name = self.free_name(event, &format!("{what}{}", self.serial));
         let span = self.events[event].span;
         // A choice is that of a condition.
         let range = matches!(expr, Expr::Select(_)).then_some((0.0, 1.0));
@@ -155,7 +190,7 @@ impl Writer<'_> {
     /// States that a variable depends on at one time.
     fn states_read(&self, expr: &Expr) -> Vec<u32> {
         let mut states = Vec::new();
-        let mut seen = vec![false; self.model.algebraics.len()];
+        let mut seen = BTreeSet::new();
         let mut waiting = Vec::new();
         expr.each_variable(&mut |variable| waiting.push(variable));
         while let Some(variable) = waiting.pop() {
@@ -163,7 +198,7 @@ impl Writer<'_> {
                 Variable::State(state) => states.push(state.number()),
                 Variable::Input(_) => {}
                 Variable::Algebraic(number) => {
-                    if !std::mem::replace(&mut seen[at(number)], true) {
+                    if seen.insert(number) {
                         self.model.algebraics[at(number)].expr.each_variable(&mut |read| waiting.push(read));
                     }
                 }
@@ -175,7 +210,11 @@ impl Writer<'_> {
     }
 
     fn instant(&mut self, order: &[usize]) {
-        let reads: Vec<Vec<u32>> = self.events.iter().map(|event| self.states_read(&event.trigger)).collect();
+        let mut watchers: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (event, own) in self.events.iter().enumerate() {
+            let reads = self.states_read(&own.trigger);
+            reads.into_iter().for_each(|read| watchers.entry(read).or_default().push(event));
+        }
         let held: Vec<u32> = (0..self.events.len()).map(|event| self.state(event, "held", Some((0.0, 1.0)))).collect();
         let mut all: Vec<Present> = Vec::new();
         for (event, held) in held.into_iter().enumerate() {
@@ -199,7 +238,7 @@ impl Writer<'_> {
             for event in order {
                 let Some(due) = all[*event].due.take() else { continue };
                 self.come(*event, due, &all[*event].frozen);
-                self.look_again(*event, &reads, &mut all, round == MOST_ROUNDS);
+                self.look_again(*event, &watchers, &mut all, round == MOST_ROUNDS);
             }
         }
         for present in all {
@@ -214,8 +253,9 @@ impl Writer<'_> {
         if !all[event].manner.frozen {
             return Vec::new();
         }
-        let kept = (self.changed.clone(), self.jumps.clone(), self.twins.clone());
-        if let Some(late) = self.late.get(&event).copied() {
+        let late = self.late.get(&event).copied();
+        let kept = late.map(|_| (self.changed.clone(), self.jumps.clone(), self.twins.clone()));
+        if let Some(late) = late {
             self.go_back(event, late);
         }
         let mut values = Vec::new();
@@ -223,8 +263,10 @@ impl Writer<'_> {
             let value = self.expr(event, value);
             values.push(self.quantity(event, "value", value));
         }
-        (self.changed, self.jumps, self.twins) = kept;
-        self.lent.clear();
+        if let Some(kept) = kept {
+            (self.changed, self.jumps, self.twins) = kept;
+            self.lent.clear();
+        }
         values
     }
 
@@ -234,7 +276,9 @@ impl Writer<'_> {
         let margin = margin(&self.events[event].trigger).expect("it is a single comparison");
         let slope = self.rate(&margin);
         if let Some(slope) = slope.as_constant() {
-            let late = Expr::scaled(1.0 / slope, Expr::product(vec![of(newly), margin]));
+            // What changes by jumps alone is never late.
+            let scale = if slope == 0.0 { 0.0 } else { 1.0 / slope };
+            let late = Expr::scaled(scale, Expr::product(vec![of(newly), margin]));
             return self.quantity(event, "late", late);
         }
         // Where the event does not come this is 1, so that nothing is divided by zero.
@@ -271,12 +315,9 @@ impl Writer<'_> {
         let mut back = targets.clone();
         assignments.iter().for_each(|(_, value)| back.extend(self.states_read(value)));
         let mut bent = targets.clone();
-        for state in self.model.states.ids() {
-            let reads = self.states_read(&self.model.states[state].derivative);
-            if reads.iter().any(|read| targets.contains(read)) {
-                bent.push(state.number());
-                back.extend(reads);
-            }
+        for reader in targets.iter().flat_map(|target| &self.readers[at(*target)]) {
+            bent.push(*reader);
+            back.extend(&self.read_by[at(*reader)]);
         }
         for all in [&mut back, &mut bent] {
             all.sort_unstable();
@@ -365,13 +406,12 @@ impl Writer<'_> {
 
     /// Looks at the conditions that read what an event has changed. In the last round no event comes any more: a
     /// condition that becomes true then does so in the next step.
-    fn look_again(&mut self, event: usize, reads: &[Vec<u32>], all: &mut [Present], last: bool) {
+    fn look_again(&mut self, event: usize, watchers: &BTreeMap<u32, Vec<usize>>, all: &mut [Present], last: bool) {
         let events = self.events;
-        let targets: Vec<u32> = events[event].assignments.iter().map(|(state, _)| *state).collect();
-        for (other, present) in all.iter_mut().enumerate() {
-            if !reads[other].iter().any(|read| targets.contains(read)) {
-                continue;
-            }
+        let targets = events[event].assignments.iter().map(|(state, _)| state);
+        let watching: BTreeSet<usize> = targets.filter_map(|state| watchers.get(state)).flatten().copied().collect();
+        for other in watching {
+            let present = &mut all[other];
             let trigger = self.expr(event, &events[other].trigger);
             let trigger = self.quantity(other, "again", trigger);
             present.trigger = trigger;

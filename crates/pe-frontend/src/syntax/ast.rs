@@ -310,6 +310,10 @@ pub enum LeftSide {
     Algebraic,
 }
 
+/// The words that say how an event comes, with whether a number follows.
+pub(crate) const MANNERS: [(&str, bool); 5] =
+    [("refine", false), ("frozen", false), ("cancelled", false), ("initially", false), ("priority", true)];
+
 /// An event.
 #[derive(Clone, Debug)]
 pub struct When {

@@ -1,5 +1,6 @@
 //! Turns a parse error of pest into a diagnostic in the words of the language.
 
+use crate::syntax::ast::MANNERS;
 use crate::syntax::grammar::Rule;
 use crate::syntax::lexer::{SECTIONS, Token, TokenKind};
 use crate::syntax::statements::{keyword_as_name, text_of};
@@ -112,6 +113,7 @@ fn in_words(rule: Rule) -> &'static str {
         Rule::kw_symmetric | Rule::symmetric => "`symmetric`",
         Rule::kw_in | Rule::within => "`in`",
         Rule::kw_for | Rule::for_clause => "`for`",
+        Rule::kw_after | Rule::after => "`after`",
         Rule::kw_where | Rule::where_clause => "`where`",
         _ => "something else",
     }
@@ -213,6 +215,12 @@ fn habit(slip: &Slip) -> Option<String> {
         (TokenKind::Word, "if") if slip.wants("an operator") => "write `if c then a else b`",
         (TokenKind::Word, "end" | "endif" | "elif" | "elseif") if choice => {
             "write `if c then a else if d then b else e`, without a word at its end"
+        }
+        (TokenKind::Word, "after") if first == "when" => {
+            "a delay stands behind the condition: `when x > 1 after 3 ms, priority 2 {`"
+        }
+        (TokenKind::Word, word) if first == "when" && MANNERS.iter().any(|(manner, _)| *manner == word) => {
+            return Some(format!("a comma stands before it: `when x > 1, {word} {{`"));
         }
         (TokenKind::Word, word) if after_number && slip.wants("an operator") && word.starts_with('_') => {
             "digits stand in one group: `1000`"

@@ -304,12 +304,16 @@ impl Reader<'_> {
                 }
                 when.assignments.push(equation.clone());
             }
-            _ => {
+            other => {
                 when.trigger.kind = ExprKind::Number(0.0);
                 self.refuse(wrong(
                     "this statement is not allowed in an event",
                     "an event holds assignments such as `v = -65`; close it with `}` before this statement",
                 ));
+                // What is no equation tells that the brace is missing, and counts.
+                if !matches!(other, StatementKind::Equation(_)) {
+                    return self.blocks(statement);
+                }
             }
         }
         self.event = Some(event);

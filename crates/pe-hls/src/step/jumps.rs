@@ -7,12 +7,13 @@
 use std::collections::HashMap;
 
 use pe_ir::codes;
-use pe_ir::graph::{Chain, Factor, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::graph::{Role, StageForm, StepGraph, Value, ValueId};
 use pe_ir::index::{self, EquationId, List, StateId, at};
 use pe_ir::model::{Expr, Model, Output, Select, Solver, Variable};
 use pe_ir::motion::Motion;
 use pe_ir::source::Diagnostic;
 
+use super::append;
 use super::arrival::Arrivals;
 use super::builder::Builder;
 use super::forms::StepOptions;
@@ -95,10 +96,21 @@ fn per_step(model: &Model, variable: Variable) -> Option<f64> {
 }
 
 /// The model whose jumps compare times between two steps wherever they would compare them at one: there the rounding of the
-/// time would decide. What becomes true behind a time, as `time > 1` does, does so at that time.
+/// time would decide. What becomes true behind a time, as `time > 1` does, does so at that time. Choices that derivatives or
+/// outputs read stay as they are.
 fn on_steps(model: &Model) -> Model {
     let mut timed = model.clone();
-    for algebraic in &mut timed.algebraics {
+    let mut seen = vec![false; model.algebraics.len()];
+    let mut waiting: Vec<Variable> = model.outputs.iter().map(|output| output.variable).collect();
+    model.states.iter().for_each(|state| state.derivative.each_variable(&mut |read| waiting.push(read)));
+    while let Some(variable) = waiting.pop() {
+        if let Variable::Algebraic(number) = variable
+            && !std::mem::replace(&mut seen[at(number)], true)
+        {
+            model.algebraics[at(number)].expr.each_variable(&mut |read| waiting.push(read));
+        }
+    }
+    for (algebraic, _) in timed.algebraics.iter_mut().zip(seen).filter(|(_, seen)| !seen) {
         if let Some(expr) = between(model, &algebraic.expr) {
             algebraic.expr = expr;
         }
@@ -197,7 +209,6 @@ fn joined(model: &Model, rest: StepGraph, (jumps, outputs): (StepGraph, Vec<Valu
         .map(|equation| known.get(&equation.name).copied().unwrap_or_else(|| graph.equations.push(equation.clone())))
         .collect();
     let auxiliaries = index::number(graph.names.auxiliaries.len());
-    let terms = index::number(graph.terms.len());
     let inner =
         graph.values.iter().map(|value| if let Role::Inner(_, serial) = value.role { serial + 1 } else { 0 }).max();
     let inner = inner.unwrap_or(0);
@@ -222,32 +233,7 @@ fn joined(model: &Model, rest: StepGraph, (jumps, outputs): (StepGraph, Vec<Valu
         })
         .collect();
     let id = |value: ValueId| values[value.index()];
-    let write = |write: Write| Write { value: id(write.value), base: write.base.map(id), ..write };
-    for term in &jumps.terms {
-        let factor = match term.factor {
-            Factor::Value(value) => Factor::Value(id(value)),
-            coefficient => coefficient,
-        };
-        graph.terms.push(Term { operand: id(term.operand), partner: term.partner.map(id), factor });
-    }
-    let mut functions = Vec::with_capacity(jumps.functions.exact.len());
-    for function in jumps.functions.exact {
-        let same = graph.functions.exact.iter().position(|other| other.body == function.body);
-        functions.push(index::number(same.unwrap_or(graph.functions.exact.len())));
-        if same.is_none() {
-            graph.functions.exact.push(function);
-        }
-    }
-    for chain in &jumps.chains {
-        graph.chains.push(Chain {
-            equation: equations[chain.equation],
-            terms: chain.terms.start + terms..chain.terms.end + terms,
-            interim: chain.interim.map(write),
-            write: write(chain.write),
-            second: chain.second.map(write),
-            function: chain.function.map(|function| functions[at(function)]),
-        });
-    }
+    append::chains(&mut graph, &jumps, &values, &equations);
     graph.outputs = outputs
         .into_iter()
         .map(|value| match jumps.values[value.index()].role {

@@ -1,5 +1,6 @@
 //! Builds the step graph: one solver step of a model as chains of products.
 
+mod append;
 mod arrival;
 mod build;
 mod builder;

@@ -11,11 +11,12 @@ use petgraph::algo::tarjan_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 
 use pe_ir::codes;
-use pe_ir::graph::{Chain, Factor, Role, StageForm, StepGraph, Term, Value, ValueId, Write};
+use pe_ir::graph::{Role, StageForm, StepGraph, Value, ValueId};
 use pe_ir::index::{self, EquationId, List, StateId, at};
 use pe_ir::model::{Expr, Model, Rate, Variable};
 use pe_ir::source::Diagnostic;
 
+use super::append;
 use super::arrival::Arrivals;
 use super::builder::push;
 use super::forms::StepOptions;
@@ -188,8 +189,8 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
     let mut graph = first;
     let sampled = graph.states.len() - continuous;
     let inputs = rest.inputs.len() - sampled;
-    let (states, terms) = (index::number(graph.states.len()), index::number(graph.terms.len()));
-    let (auxiliaries, exact) = (index::number(graph.names.auxiliaries.len()), graph.functions.exact.len());
+    let states = index::number(graph.states.len());
+    let auxiliaries = index::number(graph.names.auxiliaries.len());
     // Names of equations are distinct, and none of the rest is lost: only an input that is an output has none here.
     let known: HashMap<String, EquationId> =
         graph.equations.numbered().map(|(number, equation)| (equation.name.clone(), number)).collect();
@@ -237,32 +238,7 @@ fn joined(first: StepGraph, rest: StepGraph, continuous: usize) -> StepGraph {
         })
         .collect();
     let id = |value: ValueId| values[value.index()];
-    let write = |write: Write| Write { value: id(write.value), base: write.base.map(id), ..write };
-    for term in &rest.terms {
-        let factor = match term.factor {
-            Factor::Value(value) => Factor::Value(id(value)),
-            coefficient => coefficient,
-        };
-        graph.terms.push(Term { operand: id(term.operand), partner: term.partner.map(id), factor });
-    }
-    let mut numbers = Vec::with_capacity(rest.functions.exact.len());
-    for function in rest.functions.exact {
-        let same = graph.functions.exact[..exact].iter().position(|other| other.body == function.body);
-        numbers.push(index::number(same.unwrap_or(graph.functions.exact.len())));
-        if same.is_none() {
-            graph.functions.exact.push(function);
-        }
-    }
-    for chain in &rest.chains {
-        graph.chains.push(Chain {
-            equation: equations[chain.equation],
-            terms: chain.terms.start + terms..chain.terms.end + terms,
-            interim: chain.interim.map(write),
-            write: write(chain.write),
-            second: chain.second.map(write),
-            function: chain.function.map(|function| numbers[at(function)]),
-        });
-    }
+    append::chains(&mut graph, &rest, &values, &equations);
     graph.outputs = rest.outputs.iter().copied().map(id).collect();
     (graph.form, graph.stages, graph.forms) = (rest.form, rest.stages, rest.forms);
     graph

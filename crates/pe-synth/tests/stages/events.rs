@@ -209,3 +209,31 @@ fn all_engines_have_the_same_events() {
         assert!(of_hardware >= 2, "{}", told["runs"]);
     }
 }
+
+#[test]
+fn what_changes_by_jumps_alone_is_never_late() {
+    let body = |manner: &str| {
+        format!(
+            "state x = 0\nstate n = 0\nstate m = 0\nx' = 7\nn' = 0\nm' = 0\nwhen x >= 1 {{ x = x - 1; n = n + 1 }}\n\
+             when n >= 3{manner} {{ n = 0; m = m + 1 }}\noutput x, n, m\n"
+        )
+    };
+    let (_, plain) = rows(&spec(1e-3, &body("")));
+    let (_, refined) = rows(&spec(1e-3, &body(", refine")));
+    assert!(plain.iter().zip(&refined).all(|(one, other)| one[..3] == other[..3]));
+    assert_eq!(plain.last().expect("steps")[2], 4.0);
+}
+
+#[test]
+fn choices_that_outputs_read_are_those_of_the_spec() {
+    let body = "state n = 0\nn' = 0\nearly = if time <= 1 then 1 else 0\nwhen early < 0.5 { n = 1 }\noutput n, early\n";
+    let model = compiled(&spec(1e-3, body));
+    let graph = graph_of(&model);
+    let mut run = DoubleRun::new(&graph);
+    for step in 1..=1002u64 {
+        run.step(&[]).expect("it is finite");
+        let time = model.time(step, 0.0);
+        assert_eq!(run.output(1), f64::from(u8::from(time <= 1.0)), "step {step}");
+        assert_eq!(run.output(0), f64::from(u8::from(time > 1.0)), "step {step}");
+    }
+}
