@@ -2,7 +2,7 @@
 
 use pe_ir::source::Span;
 
-use crate::expr::Expr;
+use crate::expr::{Callee, Expr};
 
 /// An imported model. Quantities, functions and groups are numbered as they stand in the lists.
 #[derive(Clone, Debug, Default)]
@@ -119,6 +119,9 @@ pub struct Event {
     pub span: Span,
 }
 
+/// Functions with bends or jumps, whose slope may be zero on either side of a value.
+const BENDS: [&str; 9] = ["abs", "sign", "min", "max", "floor", "ceil", "round", "mod", "quotient"];
+
 impl Event {
     /// Whether it comes when something else than the time crosses a value.
     pub fn crosses(&self, model: &Model) -> bool {
@@ -131,7 +134,15 @@ impl Event {
 
     /// Whether a spec can have its time within the step found.
     pub fn refines(&self) -> bool {
-        let single = matches!(&self.trigger, Expr::Compare(relation, _) if relation.is_order());
+        let mut bends = false;
+        self.trigger.each(&mut |part| {
+            bends |= match part {
+                Expr::Call(Callee::Language(name), _) => BENDS.contains(name),
+                Expr::Call(Callee::Own(_), _) | Expr::Choice(..) | Expr::Pulse(_) => true,
+                _ => false,
+            }
+        });
+        let single = !bends && matches!(&self.trigger, Expr::Compare(relation, _) if relation.is_order());
         single && self.delay.as_ref().is_none_or(|delay| delay.literal() == Some(0.0))
     }
 }
