@@ -11,7 +11,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 /// Models with a golden folder: those that compile in a moment.
-const MODELS: [&str; 18] = [
+const MODELS: [&str; 19] = [
     "atrial3",
     "harmonic_oscillator",
     "hodgkin_huxley",
@@ -27,6 +27,7 @@ const MODELS: [&str; 18] = [
     "pump_station",
     "rc_ladder",
     "van_der_pol",
+    "ventilator",
     "wave6",
     "wave_fdtd",
     "weibel5",
@@ -39,6 +40,7 @@ fn first_options(model: &str) -> [&'static str; 4] {
         "kepler" | "lotka_volterra" | "pendulum" | "van_der_pol" => "2s",
         "lutchen_breathing" => "100ms",
         "mapk_cascade" => "60s",
+        "ventilator" => "6s",
         "wave6" | "wave_fdtd" => "2ms",
         _ => "20ms",
     };
