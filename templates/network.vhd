@@ -132,14 +132,14 @@ architecture network of {{ model }} is
   signal link_{{ pe.index }}	: std_ulogic_vector(DATA_BITS - 1 downto 0);
   signal ports_{{ pe.index }}	: std_ulogic_vector({{ pe.port_width - 1 }} downto 0);
   signal control_{{ pe.index }}	: std_ulogic_vector({{ pe.control_bits - 1 }} downto 0);
-{%- if pe.repeated_bits > 0 %}
+{%- if pe.loop_bits > 0 %}
   signal repeated_{{ pe.index }}	: std_ulogic_vector({{ pe.loop_bits - 1 }} downto 0);
+{%- endif %}
 {%- if pe.variant_words > 0 %}
   signal variant_{{ pe.index }}	: std_ulogic_vector({{ pe.variant_width - 1 }} downto 0);
 {%- endif %}
-{%- if pe.streamed_bits > 0 %}
+{%- if pe.streamed_bits > 0 && (pe.repeated_bits > 0 || pe.variant_words > 0) %}
   signal streamed_{{ pe.index }}	: std_ulogic_vector({{ pe.streamed_bits - 1 }} downto 0);
-{%- endif %}
 {%- endif %}
 {%- if pe.shown %}
   signal word_{{ pe.index }}	: std_ulogic_vector(WORD_BITS - 1 downto 0);
@@ -297,7 +297,7 @@ begin
 {%- for pe in pes %}
 
   -- PE {{ pe.index }}: {{ pe.equations }}
-{% if pe.repeated_bits > 0 %}
+{% if pe.loop_bits > 0 %}
   u_loop_{{ pe.index }} : entity pe_lib.pe_rom
     generic map (
       CONTROL_BITS => {{ pe.loop_bits }},
@@ -354,6 +354,8 @@ begin
   control_{{ pe.index }} <= merged(PE{{ pe.index }}_STREAMED, repeated_{{ pe.index }}{% if pe.loop_bits > pe.repeated_bits %}({{ pe.repeated_bits - 1 }} downto 0){% endif %}, streamed_{{ pe.index }});
 {% else if pe.repeated_bits > 0 %}
   control_{{ pe.index }} <= repeated_{{ pe.index }};
+{% else if pe.variant_words > 0 %}
+  control_{{ pe.index }} <= streamed_{{ pe.index }};
 {% endif %}{% if !pe.wiring_comment.is_empty() %}
   -- Ports: {{ pe.wiring_comment }}
 {%- endif %}

@@ -1,10 +1,13 @@
 //! Control words are the same bit by bit, whatever memories they are put together from.
 
+use crate::support::bench::assert_lively_agreement;
 use crate::support::flow::{Flow, Placement, format};
+use crate::support::models::compile;
 use pe_ir::index::at;
 use pe_ir::memory::{LUT_ROM_WORDS, rom};
 use pe_ir::model::Solver;
 use pe_ir::program::{Fold, Layout, PeProgram, Program};
+use pe_verify::engines::Engine;
 
 /// What goes wrong between control words and the memories that they are put together from; nothing if all bits with an
 /// effect are there.
@@ -51,4 +54,14 @@ fn fields_that_take_few_values_are_stored_once_and_all_words_stay() {
         }
     }
     assert!(varied > 4, "{varied} PEs with variants, {flat} without");
+}
+
+#[test]
+fn a_program_of_which_every_field_is_stored_once_is_the_same_in_hardware() {
+    let compiled = compile("ventilator", &["--pes", "2", "--span", "4s"]);
+    let program = &compiled.design.program;
+    let bare = program.pes.iter().map(|pe| Fold::of(program, pe)).filter(|fold| fold.repeated_bits() == 0);
+    assert!(bare.filter(|fold| fold.variants().is_some()).count() > 0, "no PE keeps numbers of variants alone");
+    // Most of its words belong to events, and stand still between them.
+    assert_lively_agreement("ventilator", &[compiled.middle(12)], &[Engine::Ghdl], 0.05);
 }
