@@ -42,8 +42,7 @@ pub fn route(graph: &StepGraph, mapping: &Mapping, ports: u32) -> Option<Routed>
     let signals = signals(graph, mapping);
     let topology = Topology::of(&signals, mapping.pes, ports)?;
     let mut ways = Ways::new(&topology, graph, mapping);
-    let parents: Vec<List<PeId, Option<LinkSource>>> =
-        signals.iter().map(|signal| ways.of_signal(signal)).collect::<Option<_>>()?;
+    let parents = ways.of_all(&signals)?;
 
     let mut copies = Copies::of(graph);
     let mut routed = mapping.clone();
@@ -206,6 +205,12 @@ const HOP: u64 = 4;
 const BUSY: u64 = 2000;
 const MOST: u64 = 512;
 
+/// How often routes are found anew, at most.
+const ANEW: usize = 6;
+
+/// For each PE on the way of a signal the place that the signal comes from.
+type Parents = List<PeId, Option<LinkSource>>;
+
 /// Finds routes, one signal after the other.
 struct Ways<'a> {
     topology: &'a Topology,
@@ -223,10 +228,41 @@ impl<'a> Ways<'a> {
         Ways { topology, loads, total }
     }
 
+    /// Routes of all signals. The first ones are found in ignorance of the others, so each is found anew when all are
+    /// known, as long as that leaves fewer copies.
+    fn of_all(&mut self, signals: &[Signal]) -> Option<Vec<Parents>> {
+        let mut best: Vec<Parents> = signals.iter().map(|signal| self.of_signal(signal)).collect::<Option<_>>()?;
+        let mut fewest = self.total;
+        let mut all = best.clone();
+        for _ in 0..ANEW {
+            for (signal, parents) in signals.iter().zip(&mut all) {
+                self.forget(signal, parents);
+                *parents = self.of_signal(signal)?;
+            }
+            if self.total >= fewest {
+                break;
+            }
+            fewest = self.total;
+            best.clone_from(&all);
+        }
+        Some(best)
+    }
+
+    /// Takes back the copies of a signal.
+    fn forget(&mut self, signal: &Signal, parents: &Parents) {
+        let before = parents.iter().flatten().filter(|from| **from != signal.source);
+        let mut copying: Vec<PeId> = before.filter_map(|from| from.pe()).collect();
+        copying.sort_unstable();
+        copying.dedup();
+        let copies = signal.values.len() as u64;
+        copying.iter().for_each(|pe| self.loads[*pe] -= copies);
+        self.total -= copies * copying.len() as u64;
+    }
+
     /// For each PE that reads or copies a signal the place that it comes from; none if a reader cannot be reached.
-    fn of_signal(&mut self, signal: &Signal) -> Option<List<PeId, Option<LinkSource>>> {
+    fn of_signal(&mut self, signal: &Signal) -> Option<Parents> {
         let pes = self.loads.len();
-        let mut parents: List<PeId, Option<LinkSource>> = List::filled(None, pes);
+        let mut parents: Parents = List::filled(None, pes);
         let mut copies = List::filled(false, pes);
         let mut left: List<PeId, bool> = List::filled(false, pes);
         signal.readers.iter().for_each(|reader| left[*reader] = true);
@@ -259,7 +295,7 @@ impl<'a> Ways<'a> {
     fn nearest(
         &self,
         signal: &Signal,
-        parents: &List<PeId, Option<LinkSource>>,
+        parents: &Parents,
         copies: &List<PeId, bool>,
         left: &List<PeId, bool>,
     ) -> Option<(PeId, List<PeId, Option<LinkSource>>)> {
@@ -301,7 +337,7 @@ impl<'a> Ways<'a> {
 }
 
 /// Links from the source of a signal to a PE that it reaches.
-fn depth(pe: PeId, signal: &Signal, parents: &List<PeId, Option<LinkSource>>) -> u64 {
+fn depth(pe: PeId, signal: &Signal, parents: &Parents) -> u64 {
     let before = |pe: &PeId| parents[*pe].filter(|from| *from != signal.source).and_then(LinkSource::pe);
     std::iter::successors(Some(pe), before).count() as u64
 }
