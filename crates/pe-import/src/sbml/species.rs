@@ -100,6 +100,10 @@ impl<'a> Reader<'a, '_> {
             (None, None, None, _) => None,
         };
         let changes = !flows.is_empty() || self.changed.contains(&id);
+        if let Some(kind) = self.diluted(index, species, &start) {
+            self.model.quantities[index].kind = kind;
+            return;
+        }
         if self.rules.contains_key(&id) || species.is_amount || !compartment_varies {
             let mut kind = self.ruled(index, start);
             if !flows.is_empty() {
@@ -127,6 +131,27 @@ impl<'a> Reader<'a, '_> {
             (Some(initial), false) => Kind::Constant(initial),
         };
         self.model.quantities[index].kind = Kind::Algebraic(Expr::Name(held).over(around));
+    }
+
+    /// What a concentration with a rate is, if events change its compartment: they leave its amount as it is, which is
+    /// the state then.
+    fn diluted(&mut self, index: usize, species: &mut Species<'a>, start: &Option<Expr>) -> Option<Kind> {
+        let size = &self.model.quantities[species.compartment];
+        if species.is_amount || !self.changed.contains(&size.id) {
+            return None;
+        }
+        let growth = match &size.kind {
+            Kind::State { rate, .. } => rate.clone(),
+            _ => return None,
+        };
+        let (is_rate, rule) = *self.rules.get(&self.model.quantities[index].id)?;
+        let start = start.clone().filter(|_| is_rate)?;
+        let around = Expr::Name(species.compartment);
+        let inflow = self.math(rule).times(around.clone());
+        let held = self.amount_of(index, species);
+        let rate = Expr::sum(vec![(false, inflow), (false, Expr::Name(index).times(growth))]);
+        self.model.quantities[held].kind = Kind::State { initial: start.times(around.clone()), rate };
+        Some(Kind::Algebraic(Expr::Name(held).over(around)))
     }
 
     /// The quantity for the amount of a species whose name means its concentration; made where there is none.
@@ -157,7 +182,8 @@ impl<'a> Reader<'a, '_> {
         self.model.quantities[index].kind = Kind::Algebraic(value);
     }
 
-    /// The quantity to which an event gives a new value for a species, and that value.
+    /// The quantity to which an event gives a new value for a species, and that value. A concentration counts in the
+    /// compartment as it is before the event, even if the event changes both.
     pub(super) fn assigned(&mut self, index: usize, value: Expr) -> (usize, Expr) {
         match self.species.get(&index) {
             Some(Species { amount: Some(amount), compartment, .. }) => (*amount, value.times(Expr::Name(*compartment))),
