@@ -95,7 +95,7 @@ fi
 deny_version=0.20.2
 deny=$target/tools/bin/cargo-deny
 if [[ $("$deny" --version 2> /dev/null) != "cargo-deny $deny_version" ]]; then
-  cargo install --quiet --locked cargo-deny --version "$deny_version" --root "$target/tools"
+  cargo install --quiet --locked --debug cargo-deny --version "$deny_version" --root "$target/tools"
 fi
 
 begin 'rustfmt'
@@ -116,7 +116,8 @@ testbenches/run.sh
 crates/xtask/pages/timing.sh --check
 
 begin 'what pages say is printed'
-cargo build --locked --quiet
+# With the features that the tests had, so that nothing is built again.
+cargo build --workspace --locked --quiet
 PE_SYNTH=$target/debug/pe-synth crates/xtask/pages/printed.py --check
 
 begin 'packages'
