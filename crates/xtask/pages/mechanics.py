@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Compiles the mechanisms of models/ and writes the table of docs/mechanics.md.
 
-    cargo run -p xtask -- mechanics [--check]
+    cargo run -p xtask -- mechanics [--check] [ROW ...]
 
-Builds pe-synth, or takes $PE_SYNTH. `--check` changes nothing and fails where the table differs. Errors are those of the
-simulated fixed-point run: of the linkage against its exact solution, of all others against the same step in double
-precision. Takes some minutes.
+Builds pe-synth, or takes $PE_SYNTH. `--check` changes nothing and fails where the table differs. Words that a row's title
+contains choose rows; others stay as they are, and the page is written after each row, so that the table can be made in parts.
+Errors are those of the simulated fixed-point run: of the linkage against its exact solution, of all others against the same
+step in double precision. All rows take half an hour.
 """
 
 import csv
@@ -21,9 +22,15 @@ from common import ROOT, built
 
 PAGE = ROOT / "docs/mechanics.md"
 BEGIN, END = "<!-- table by: cargo run -p xtask -- mechanics -->\n", "<!-- end of table -->\n"
+HEADER = """| design | PEs | multiplier, storage | cycles per step | × real time at 125 MHz | largest error in fixed point |
+|---|---|---|---|---|---|
+"""
 CLOCK = 125e6
 GRAVITY = 9.81
 FOUR_BAR = "models/four_bar/four_bar.spec"
+IMPLICIT = "models/four_bar/implicit.spec"
+SUSPENSION = "models/suspension/suspension.spec"
+TWISTED = ("--storage", "40", "--elimination", "twisted", "--factors", "root")
 LINKAGE = ("--allow", "E0903", "--pes", "4", "--multiplier", "35x35")
 FORTY_BITS = ("--storage", "40", "--elimination", "search", "--factors", "root")
 LONG_LINKAGE = ("--set", "N=20", "--span", "20s", "--allow", "E0903", "--allow", "E0907", "--pes", "8", "--multiplier", "35x35",
@@ -75,9 +82,9 @@ def energy(q, w):
     return kinetic + potential
 
 
-def linkage(program, *options):
+def linkage(program, spec, *options):
     """The largest errors of the angles of the uprights, and of the energy, of four loops."""
-    header, states = rows(program, FOUR_BAR, *LINKAGE, *options)
+    header, states = rows(program, spec, *LINKAGE, *options)
     first, speeds, count = header.index("q[0]"), header.index("w[0]"), 9
     angles = [angle for angle, _ in exact(4, 4e-3, len(states) - 1)]
     start = energy(states[0][first:first + count], states[0][speeds:speeds + count])
@@ -113,48 +120,69 @@ def short(text):
     return re.sub(r"e-0(\d)", r"e-\1", text)
 
 
-def table(program):
-    general = (ROOT / "models/dense42/dense42.spec").read_text().replace("] symmetric", "]").replace("where i > j", "where i != j")
-    with tempfile.TemporaryDirectory() as folder:
-        other = str(Path(folder) / "general.spec")
-        Path(other).write_text(general)
-        dense = "models/dense42/dense42.spec"
-        relative = "x {1:.1e} of its largest entry"
-        designs = [
-            ("N-four-bar, N = 4, RK4 4 ms", FOUR_BAR, (*LINKAGE, *FORTY_BITS), linkage(program, *FORTY_BITS)),
-            ("the same, 32 bits stored", FOUR_BAR, LINKAGE, linkage(program)),
-            ("N-four-bar, N = 20, 20 s, RK4 4 ms", FOUR_BAR, LONG_LINKAGE, tip(program, *LONG_LINKAGE)),
-            *((f"dense 42 x 42, {kind}", spec, ("--pes", pes), against_double(program, spec, ("x",), relative))
-              for kind, spec in (("symmetric", dense), ("general", other)) for pes in ("8", "16")),
-            ("car, 29 states, RK4 4 ms", "models/car/car.spec", ("--pes", "4"),
-             against_double(program, "models/car/car.spec", ("x", "y"), "position {0:.1e} m")),
-            ("virtual sensor on the car, RK4 2 ms", "models/car/observer.spec", ("--pes", "4"),
-             against_double(program, "models/car/observer.spec", ("vy",), "side slip {0:.1e} m/s")),
-            ("spatial crank, RK4 1 ms", "models/spatial_crank/spatial_crank.spec", ("--pes", "3", "--multiplier", "35x35"),
-             against_double(program, "models/spatial_crank/spatial_crank.spec", ("rock",), "angles {0:.1e} rad", "--multiplier", "35x35")),
-            ("double pendulum, RK4 1 ms", "models/double_pendulum/double_pendulum.spec", ("--pes", "2"),
-             against_double(program, "models/double_pendulum/double_pendulum.spec", ("x", "y"), "positions {0:.1e} m")),
-        ]
-        lines = ["| design | PEs | multiplier, storage | cycles per step | × real time at 125 MHz | largest error in fixed point |",
-                 "|---|---|---|---|---|---|"]
-        for title, spec, options, error in designs:
-            found = report(program, spec, *options)
-            cycles, word = found["cycles_per_step"], found["word"]
-            bits = f"{word['mul_a_bits']}x{word['mul_b_bits']}, {word['storage_bits']}"
-            lines.append(f"| {title} | {found['pes']} | {bits} | {cycles} | {found['step_s'] * CLOCK / cycles:.0f} | {error} |")
-    return short("\n".join(lines)) + "\n"
+def designs(program, general):
+    """Title, spec, options of each row, and what finds its error; `general` is the dense system without symmetry."""
+    dense = "models/dense42/dense42.spec"
+    relative = "x {1:.1e} of its largest entry"
+    return [
+        ("N-four-bar, N = 4, RK4 4 ms", FOUR_BAR, (*LINKAGE, *FORTY_BITS), lambda: linkage(program, FOUR_BAR, *FORTY_BITS)),
+        ("the same, 32 bits stored", FOUR_BAR, LINKAGE, lambda: linkage(program, FOUR_BAR)),
+        ("the same linkage, implicit step of 4 ms", IMPLICIT, (*LINKAGE, *TWISTED), lambda: linkage(program, IMPLICIT, *TWISTED)),
+        ("N-four-bar, N = 20, 20 s, RK4 4 ms", FOUR_BAR, LONG_LINKAGE, lambda: tip(program, *LONG_LINKAGE)),
+        *((f"dense 42 x 42, {kind}", spec, ("--pes", pes), lambda spec=spec: against_double(program, spec, ("x",), relative))
+          for kind, spec in (("symmetric", dense), ("general", general)) for pes in ("8", "16")),
+        ("car, 29 states, RK4 4 ms", "models/car/car.spec", ("--pes", "4"),
+         lambda: against_double(program, "models/car/car.spec", ("x", "y"), "position {0:.1e} m")),
+        ("virtual sensor on the car, RK4 2 ms", "models/car/observer.spec", ("--pes", "4"),
+         lambda: against_double(program, "models/car/observer.spec", ("vy",), "side slip {0:.1e} m/s")),
+        ("spatial crank, RK4 1 ms", "models/spatial_crank/spatial_crank.spec", ("--pes", "3", "--multiplier", "35x35"),
+         lambda: against_double(program, "models/spatial_crank/spatial_crank.spec", ("rock",), "angles {0:.1e} rad", "--multiplier", "35x35")),
+        ("the same with all bodies as outputs", "models/spatial_crank/bodies.spec", ("--pes", "3", "--multiplier", "35x35"),
+         lambda: against_double(program, "models/spatial_crank/bodies.spec", ("x_rocker", "x_rod"), "places {0:.1e} m", "--multiplier", "35x35")),
+        ("suspension, implicit step of 1 ms", SUSPENSION, ("--pes", "4", "--multiplier", "35x35", "--storage", "40"),
+         lambda: against_double(program, SUSPENSION, ("hub",), "wheel {0:.1e} m", "--multiplier", "35x35", "--storage", "40")),
+        ("double pendulum, RK4 1 ms", "models/double_pendulum/double_pendulum.spec", ("--pes", "2"),
+         lambda: against_double(program, "models/double_pendulum/double_pendulum.spec", ("x", "y"), "positions {0:.1e} m")),
+    ]
+
+
+def row(program, title, spec, options, error):
+    """The row of a design."""
+    found = report(program, spec, *options)
+    cycles, word = found["cycles_per_step"], found["word"]
+    bits = f"{word['mul_a_bits']}x{word['mul_b_bits']}, {word['storage_bits']}"
+    return short(f"| {title} | {found['pes']} | {bits} | {cycles} | {found['step_s'] * CLOCK / cycles:.0f} | {error()} |\n")
+
+
+def renewed(page, rows):
+    """The page with these rows, by title and PEs; None where there is none yet."""
+    before, rest = page.split(BEGIN)
+    _, after = rest.split(END)
+    return before + BEGIN + HEADER + "".join(row for row in rows.values() if row) + END + after
 
 
 def main():
     program = built()
-    page = PAGE.read_text()
-    before, rest = page.split(BEGIN)
-    _, after = rest.split(END)
-    renewed = before + BEGIN + table(program) + END + after
-    if "--check" not in sys.argv[1:]:
-        PAGE.write_text(renewed)
-    elif renewed != page:
-        raise SystemExit("docs/mechanics.md differs from what is compiled: run it without --check")
+    arguments = [argument for argument in sys.argv[1:] if argument != "--check"]
+    given = PAGE.read_text()
+    table = given.split(BEGIN)[1].split(END)[0].splitlines(keepends=True)
+    known = {tuple(line[2:].split(" | ")[:2]): line for line in table}
+    general = (ROOT / "models/dense42/dense42.spec").read_text().replace("] symmetric", "]").replace("where i > j", "where i != j")
+    with tempfile.TemporaryDirectory() as folder:
+        other = Path(folder) / "general.spec"
+        other.write_text(general)
+        all_designs = designs(program, str(other))
+        keys = [(title, options[options.index("--pes") + 1]) for title, _, options, _ in all_designs]
+        rows = {key: known.get(key) for key in keys}
+        for key, (title, spec, options, error) in zip(keys, all_designs):
+            if arguments and not any(word in title for word in arguments):
+                continue
+            rows[key] = row(program, title, spec, options, error)
+            print(rows[key], end="", flush=True)
+            if "--check" not in sys.argv[1:]:
+                PAGE.write_text(renewed(PAGE.read_text(), rows))
+            elif rows[key] != known.get(key):
+                raise SystemExit("docs/mechanics.md differs from what is compiled: run it without --check")
 
 
 main()
