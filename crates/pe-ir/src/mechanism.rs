@@ -23,6 +23,8 @@ pub struct Mechanism {
     pub gaps: Vec<Expr>,
     /// What remains of the second derivatives of the closures by time if nothing accelerates.
     pub bends: Vec<Expr>,
+    /// Derivatives of the closures by time where no coordinate moves; none if closures read coordinates alone.
+    pub drifts: Vec<Expr>,
     /// Weight of the closures beside the mass matrix, `M + penalty*transpose(J)*J`.
     pub penalty: f64,
     /// Its equation in the spec.
@@ -32,13 +34,13 @@ pub struct Mechanism {
 impl Mechanism {
     fn parts_mut(&mut self) -> impl Iterator<Item = &mut Expr> {
         let entries = self.mass.iter_mut().chain(&mut self.jacobian).map(|entry| &mut entry.value);
-        entries.chain(&mut self.forces).chain(&mut self.gaps).chain(&mut self.bends)
+        entries.chain(&mut self.forces).chain(&mut self.gaps).chain(&mut self.bends).chain(&mut self.drifts)
     }
 
     /// What it is made of.
     pub fn parts(&self) -> impl Iterator<Item = &Expr> {
         let entries = self.mass.iter().chain(&self.jacobian).map(|entry| &entry.value);
-        entries.chain(&self.forces).chain(&self.gaps).chain(&self.bends)
+        entries.chain(&self.forces).chain(&self.gaps).chain(&self.bends).chain(&self.drifts)
     }
 
     /// Visits the variables that it is made of.

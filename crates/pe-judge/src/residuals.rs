@@ -172,7 +172,10 @@ impl<'m> Gauge<'m> {
     fn of(model: &Model, mechanism: &'m Mechanism, followed: &'m [(String, Variable)]) -> Gauge<'m> {
         let mut read: Vec<Variable> = followed.iter().map(|(_, variable)| *variable).collect();
         let levers = mechanism.jacobian.iter().map(|entry| &entry.value);
-        levers.chain(&mechanism.gaps).for_each(|part| part.each_variable(&mut |variable| read.push(variable)));
+        levers
+            .chain(&mechanism.gaps)
+            .chain(&mechanism.drifts)
+            .for_each(|part| part.each_variable(&mut |variable| read.push(variable)));
         let needed = model.needed(read);
         let mut model = model.clone();
         for (algebraic, _) in model.algebraics.iter_mut().zip(needed).filter(|(_, needed)| !needed) {
@@ -206,8 +209,9 @@ impl<'m> Gauge<'m> {
         let inputs = model.sample_inputs(time);
         let place = Place::new(model, states, &inputs);
         let number = |part: &Expr| part.evaluate(&|variable| place.number(variable));
-        let mut openings = vec![0.0; mechanism.gaps.len()];
-        let mut reaches = openings.clone();
+        let mut reaches = vec![0.0; mechanism.gaps.len()];
+        let mut openings: Vec<f64> = mechanism.drifts.iter().map(number).collect();
+        openings.resize(reaches.len(), 0.0);
         for lever in &mechanism.jacobian {
             let (coordinate, velocity) = mechanism.pairs[at(lever.column)];
             let (row, size) = (at(lever.row), number(&lever.value));

@@ -1,8 +1,8 @@
-//! Motion with constraints: `w' = constrained(M, f, J, gap, bend, penalty, rate)` is written as the equations that hold
+//! Motion with constraints: `w' = constrained(M, f, J, gap, bend, penalty, rate, drift)` is written as the equations that hold
 //! for every method, and what it is made of is kept for methods that treat constraints themselves.
 //!
 //! ```text
-//! T = M + penalty*transpose(J)*J          v = bend + 2*rate*(J*w) + rate^2*gap
+//! T = M + penalty*transpose(J)*J          v = bend + 2*rate*(J*w + drift) + rate^2*gap
 //! a = solve(T, f - p)                     p = penalty*(transpose(J)*v)
 //! w' = solve(T, M*a - p)
 //! ```
@@ -23,7 +23,7 @@ use pe_ir::source::{Diagnostic, Span};
 
 use super::write::Flat;
 
-/// Arguments: mass, forces, Jacobian, closures, bends, penalty, rate.
+/// Arguments: mass, forces, Jacobian, closures, bends, penalty, rate, and the drifts of closures that move by themselves.
 pub(crate) const ARGUMENTS: usize = 7;
 
 /// The names that the equation of a mechanism gives.
@@ -33,6 +33,8 @@ pub(crate) struct Constrained {
     target: String,
     /// Mass matrix, forces, Jacobian, closures and bends.
     parts: [Name; 5],
+    /// Drifts.
+    drift: Option<Name>,
     /// The parameter that the penalty has become.
     penalty: String,
     span: Span,
@@ -50,7 +52,8 @@ pub(crate) fn write_out(spec: &Spec, report: &mut Report) -> Option<(Spec, Optio
             continue;
         };
         let lost = || Broken { section: String::new(), names: vec![equation.target.name.text.clone()] };
-        match whole(equation, arguments, statement).and_then(|parts| mass_of(spec, &parts[0]).map(|mass| (parts, mass)))
+        match whole(equation, arguments, statement)
+            .and_then(|parts| mass_of(spec, &parts.0[0]).map(|mass| (parts, mass)))
         {
             Ok(_) if !std::ptr::eq(first, statement) => {
                 let message = "a model has one mechanism";
@@ -81,8 +84,11 @@ fn called(statement: &Statement) -> Option<(&Equation, &[Expr])> {
     }
 }
 
+/// The arrays that an equation names: those that every mechanism has, and drifts.
+type Arrays = ([Name; 5], Option<Name>);
+
 /// The arrays that an equation names.
-fn whole(equation: &Equation, arguments: &[Expr], statement: &Statement) -> Result<[Name; 5], Box<Diagnostic>> {
+fn whole(equation: &Equation, arguments: &[Expr], statement: &Statement) -> Result<Arrays, Box<Diagnostic>> {
     let fault = |span, message: String| {
         let help = "write `w' = constrained(M, f, J, gap, bend, penalty, rate)` with names of whole arrays";
         Box::new(Diagnostic::error(codes::UNSUITABLE_MECHANISM, span, message).with_help(help))
@@ -98,20 +104,21 @@ fn whole(equation: &Equation, arguments: &[Expr], statement: &Statement) -> Resu
             format!("`{CONSTRAINED}` gives the derivative of a whole array, outside of blocks"),
         ));
     }
-    if arguments.len() != ARGUMENTS {
+    if !(ARGUMENTS..=ARGUMENTS + 1).contains(&arguments.len()) {
         return Err(fault(
             equation.value.span,
-            format!("`{CONSTRAINED}` takes {ARGUMENTS} arguments, found {}", arguments.len()),
+            format!("`{CONSTRAINED}` takes {ARGUMENTS} or {} arguments, found {}", ARGUMENTS + 1, arguments.len()),
         ));
     }
     let mut names = Vec::new();
-    for argument in &arguments[..5] {
+    for argument in arguments[..5].iter().chain(&arguments[ARGUMENTS..]) {
         match &argument.kind {
             ExprKind::Reference(reference) if reference.subscripts.is_empty() => names.push(reference.name.clone()),
             _ => return Err(fault(argument.span, "this is no name of an array".to_owned())),
         }
     }
-    Ok(names.try_into().expect("five were looked at"))
+    let drift = (names.len() > 5).then(|| names.remove(5));
+    Ok((names.try_into().expect("five were looked at"), drift))
 }
 
 /// The declaration of the mass matrix.
@@ -133,7 +140,7 @@ fn equations(
     statement: &Statement,
     equation: &Equation,
     arguments: &[Expr],
-    parts: [Name; 5],
+    (parts, drift): Arrays,
     mass: &Declared,
 ) -> Constrained {
     let span = equation.value.span;
@@ -172,7 +179,12 @@ fn equations(
     let transposed = || call(TRANSPOSE, vec![of(j)]);
     let stiff = product(of(&penalty), vec![transposed(), of(j)]);
     define(&matrix, LeftSide::Algebraic, sum(vec![(Sign::Plus, of(m)), (Sign::Plus, stiff)]));
-    let moving = product(two(), vec![of(&rate), product(of(j), vec![of(&equation.target.name)])]);
+    let opening = product(of(j), vec![of(&equation.target.name)]);
+    let opening = match &drift {
+        Some(drift) => sum(vec![(Sign::Plus, opening), (Sign::Plus, of(drift))]),
+        None => opening,
+    };
+    let moving = product(two(), vec![of(&rate), opening]);
     let squared = product(of(&rate), vec![of(&rate), of(gap)]);
     let closes = sum(vec![(Sign::Plus, of(bend)), (Sign::Plus, moving), (Sign::Plus, squared)]);
     define(&closing, LeftSide::Algebraic, closes);
@@ -182,7 +194,7 @@ fn equations(
     define(&first, LeftSide::Algebraic, call(SOLVE, vec![of(&matrix), without(of(f))]));
     let again = call(SOLVE, vec![of(&matrix), without(product(of(m), vec![of(&first)]))]);
     define(&equation.target.name, LeftSide::Derivative, again);
-    Constrained { target, penalty: penalty.text, parts, span: statement.span }
+    Constrained { target, penalty: penalty.text, parts, drift, span: statement.span }
 }
 
 /// The mechanism in variables as they were written out; `numbers` are the elements that are numbers.
@@ -194,7 +206,7 @@ pub(crate) fn mechanism(
     report: &mut Report,
 ) -> Option<Mechanism> {
     let quantity = |name: &str| names.quantity(name).map(|number| &names.quantities[number]);
-    let Constrained { target, parts, penalty, span } = constrained;
+    let Constrained { target, parts, drift, penalty, span } = constrained;
     let velocities = quantity(target)?;
     let penalty = *quantity(penalty)?.values.first()?;
     let mut fault = |span, message: String, help: &str| {
@@ -246,11 +258,15 @@ pub(crate) fn mechanism(
     let made = (|| {
         let (mass, jacobian) = (entries(m)?, entries(j)?);
         let (forces, gaps, bends) = (vector(f, pairs.len())?, vector(gap, closures)?, vector(bend, closures)?);
-        Some(Mechanism { pairs, mass, forces, jacobian, gaps, bends, penalty, span: *span })
+        let drifts = match drift {
+            Some(drift) => vector(drift, closures)?,
+            None => Vec::new(),
+        };
+        Some(Mechanism { pairs, mass, forces, jacobian, gaps, bends, drifts, penalty, span: *span })
     })();
     if made.is_none() {
-        let message = "forces, closures and bends are not algebraic quantities with all elements".to_owned();
-        return fault(*span, message, "give each element of `f`, `gap` and `bend` an equation; `0` will do");
+        let message = "forces, closures, bends and drifts are not algebraic quantities with all elements".to_owned();
+        return fault(*span, message, "give each element of `f`, `gap`, `bend` and `drift` an equation; `0` will do");
     }
     made
 }

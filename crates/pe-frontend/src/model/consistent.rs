@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 
+use super::moving::{others, reads_coordinates_alone};
 use crate::names::table::{Kind, Names};
 use crate::report::Report;
 use pe_ir::codes;
@@ -83,8 +84,9 @@ struct Start<'m> {
     inputs: Vec<f64>,
     /// Sizes of coordinates, and of velocities: the largest magnitude in the array of each.
     sizes: (Vec<f64>, Vec<f64>),
-    /// Whether closures read coordinates and parameters alone, so that `J w` is how fast they open.
-    scleronomic: bool,
+    /// How fast states move that are no part of the mechanism, zero for all others; none if that is not known of what
+    /// closures read.
+    others: Option<Vec<f64>>,
 }
 
 /// Numbers of the mechanism at a place.
@@ -92,6 +94,7 @@ struct Numbers {
     mass: Vec<f64>,
     jacobian: Vec<f64>,
     gaps: Vec<f64>,
+    drifts: Vec<f64>,
 }
 
 impl<'m> Start<'m> {
@@ -111,7 +114,7 @@ impl<'m> Start<'m> {
             mechanism,
             inputs: model.sample_inputs(0.0),
             sizes: (coordinates, velocities),
-            scleronomic: reads_coordinates_alone(model, mechanism),
+            others: others(model, mechanism),
         }
     }
 
@@ -142,6 +145,10 @@ impl<'m> Start<'m> {
             mass: dense(&self.mechanism.mass, self.size()),
             jacobian: dense(&self.mechanism.jacobian, self.rows()),
             gaps: self.mechanism.gaps.iter().map(number).collect(),
+            drifts: match self.mechanism.drifts.is_empty() {
+                true => vec![0.0; self.rows()],
+                false => self.mechanism.drifts.iter().map(number).collect(),
+            },
         }
     }
 
@@ -168,12 +175,12 @@ impl<'m> Start<'m> {
             return Ok((given, None));
         }
         self.check_masses(&numbers)?;
-        if self.scleronomic {
-            self.check_jacobian(&given, &numbers)?;
+        self.check_jacobian(&given, &numbers)?;
+        self.check_drifts(&given, &numbers)?;
+        if self.others.is_some() {
             self.check_bends(&given)?;
         }
-        let closed = self.closed(&given)?;
-        let settled = if self.scleronomic { self.slowed(&closed)? } else { closed };
+        let settled = self.slowed(&self.closed(&given)?)?;
         let moved = self.told(&given, &settled);
         Ok((settled, moved))
     }
@@ -313,7 +320,8 @@ impl<'m> Start<'m> {
         let rates = |states: &[f64]| -> Vec<f64> {
             let own = velocities(states);
             let row = |levers: &[f64]| levers.iter().zip(&own).map(|(lever, own)| lever * own).sum();
-            numbers.jacobian.chunks_exact(size).map(row).collect()
+            let moved = numbers.jacobian.chunks_exact(size).map(row);
+            moved.zip(&numbers.drifts).map(|(moved, drift): (f64, &f64)| moved + drift).collect()
         };
         let Some((row, open)) = Start::open(&rates(given), &tolerances) else { return Ok(given.to_vec()) };
         let mut states = given.to_vec();
@@ -341,8 +349,10 @@ impl<'m> Start<'m> {
             100.0 * part
         );
         let all: Vec<StateId> = self.mechanism.pairs.iter().map(|pair| pair.1).collect();
-        let help =
-            format!("give all velocities so that `J*w` is zero; the nearest ones are {}", self.list(&all, &states));
+        let help = format!(
+            "give all velocities so that closures stay closed; the nearest ones are {}",
+            self.list(&all, &states)
+        );
         Err(self.refused(codes::INCONSISTENT_START, message, help))
     }
 
@@ -400,9 +410,19 @@ impl<'m> Start<'m> {
         self.sizes.0.iter().enumerate().map(|(place, size)| sign(place) * part(place) * size).collect()
     }
 
-    /// The derivative of what `of` gives for states moved along `along`; none where it has a bend or is not finite.
-    fn slopes(&self, states: &[f64], along: &[f64], of: &dyn Fn(&[f64]) -> Vec<f64>) -> Vec<Option<f64>> {
-        let side = |part: f64| of(&self.moved(states, false, part, along));
+    /// The derivative of what `of` gives for states moved along `along`, and those that are no part of the mechanism along
+    /// `others`; none where it has a bend or is not finite.
+    fn slopes(
+        &self,
+        states: &[f64],
+        (along, others): (&[f64], &[f64]),
+        of: &dyn Fn(&[f64]) -> Vec<f64>,
+    ) -> Vec<Option<f64>> {
+        let side = |part: f64| {
+            let mut moved = self.moved(states, false, part, along);
+            moved.iter_mut().zip(others).for_each(|(moved, by)| *moved += part * by);
+            of(&moved)
+        };
         let (ahead, behind, middle) = (side(DIFFERENCE), side(-DIFFERENCE), of(states));
         let both = ahead.into_iter().zip(behind).zip(middle);
         let slope = |((ahead, behind), middle): ((f64, f64), f64)| {
@@ -423,7 +443,9 @@ impl<'m> Start<'m> {
         let whole = levers.map(|(place, lever)| (lever * self.sizes.0[place % size]).abs()).fold(0.0, f64::max);
         for column in 0..size {
             let along = one(column);
-            for (row, slope) in self.slopes(given, &along, &|states| self.at(states).gaps).into_iter().enumerate() {
+            for (row, slope) in
+                self.slopes(given, (&along, &[]), &|states| self.at(states).gaps).into_iter().enumerate()
+            {
                 let own = &numbers.jacobian[row * size..(row + 1) * size];
                 let largest =
                     own.iter().zip(&self.sizes.0).map(|(lever, size)| (lever * size).abs()).fold(0.0, f64::max);
@@ -444,9 +466,39 @@ impl<'m> Start<'m> {
         Ok(())
     }
 
-    /// Each bend against differences of the Jacobian, with velocities of any kind.
+    /// Closures that move by themselves have drifts, which are compared with differences where that can be done.
+    fn check_drifts(&self, given: &[f64], numbers: &Numbers) -> Result<(), Box<Diagnostic>> {
+        if self.mechanism.drifts.is_empty() {
+            if reads_coordinates_alone(self.model, self.mechanism) {
+                return Ok(());
+            }
+            let message = "closures read more than coordinates, and nothing says how fast they move by themselves";
+            let help = "give the derivatives of `gap` by time where no coordinate moves as an eighth argument, \
+                        `constrained(M, f, J, gap, bend, penalty, rate, drift)`; `bend` has the derivatives of `drift`, too";
+            return Err(self.refused(codes::UNSUITABLE_MECHANISM, message.to_owned(), help));
+        }
+        let Some(others) = &self.others else { return Ok(()) };
+        let still = vec![0.0; self.size()];
+        let slopes = self.slopes(given, (&still, others), &|states| self.at(states).gaps);
+        for (row, (slope, drift)) in slopes.into_iter().zip(&numbers.drifts).enumerate() {
+            let Some(slope) = slope.filter(|slope| (slope - drift).abs() > DIFFERS * slope.abs() + NOISE) else {
+                continue;
+            };
+            let message = format!(
+                "where it starts and no coordinate moves, closure {} changes by {slope:.6} per second, and its drift is \
+                 {drift:.6}",
+                self.closure(row)
+            );
+            let help = "write the derivative of each closure by time into `drift`, with coordinates as they are";
+            return Err(self.refused(codes::NO_DERIVATIVE, message, help));
+        }
+        Ok(())
+    }
+
+    /// Each bend against differences of the Jacobian and the drifts, with velocities of any kind.
     fn check_bends(&self, given: &[f64]) -> Result<(), Box<Diagnostic>> {
         let (size, along) = (self.size(), self.directions());
+        let others = self.others.as_deref().unwrap_or_default();
         let mut states = given.to_vec();
         for (pair, velocity) in self.mechanism.pairs.iter().zip(&along) {
             states[pair.1.index()] = *velocity;
@@ -454,14 +506,15 @@ impl<'m> Start<'m> {
         let rates = |states: &[f64]| -> Vec<f64> {
             let numbers = self.at(states);
             let row = |own: &[f64]| own.iter().zip(&along).map(|(lever, velocity)| lever * velocity).sum();
-            numbers.jacobian.chunks_exact(size).map(row).collect()
+            let moved = numbers.jacobian.chunks_exact(size).map(row);
+            moved.zip(&numbers.drifts).map(|(moved, drift): (f64, &f64)| moved + drift).collect()
         };
         let magnitudes = |states: &[f64]| -> Vec<f64> {
             let numbers = self.at(states);
             let row = |own: &[f64]| own.iter().zip(&along).map(|(lever, velocity)| (lever * velocity).abs()).sum();
             numbers.jacobian.chunks_exact(size).map(row).collect()
         };
-        let slopes = self.slopes(&states, &along, &rates);
+        let slopes = self.slopes(&states, (&along, others), &rates);
         for (row, ((slope, bend), magnitude)) in
             slopes.into_iter().zip(self.bends(&states)).zip(magnitudes(&states)).enumerate()
         {
@@ -483,25 +536,6 @@ impl<'m> Start<'m> {
 /// A value with so many digits that it is the same when it is read back.
 fn shown(value: f64) -> String {
     if value != 0.0 && !(1e-4..1e6).contains(&value.abs()) { format!("{value:e}") } else { format!("{value}") }
-}
-
-/// Whether closures read coordinates and tunable parameters alone.
-fn reads_coordinates_alone(model: &Model, mechanism: &Mechanism) -> bool {
-    let mut alone = true;
-    let mut look = |variable: Variable| match variable {
-        Variable::Algebraic(_) => {}
-        Variable::State(state) => {
-            alone &= model.states[state].tunable || mechanism.pairs.iter().any(|pair| pair.0 == state);
-        }
-        Variable::Input(_) => alone = false,
-    };
-    let mut read = Vec::new();
-    mechanism.gaps.iter().for_each(|gap| gap.each_variable(&mut |variable| read.push(variable)));
-    read.iter().for_each(|variable| look(*variable));
-    let needed = model.needed(read);
-    let all = model.algebraics.iter().zip(needed).filter(|(_, needed)| *needed);
-    all.for_each(|(algebraic, _)| algebraic.expr.each_variable(&mut look));
-    alone
 }
 
 /// The factor below the diagonal of a symmetric matrix, row by row; the row whose pivot is not above a part of what it was.

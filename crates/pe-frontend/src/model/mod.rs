@@ -4,4 +4,5 @@ pub(crate) mod angles;
 pub(crate) mod assemble;
 pub(crate) mod consistent;
 pub(crate) mod events;
+mod moving;
 pub(crate) mod unused;

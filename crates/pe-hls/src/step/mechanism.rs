@@ -55,6 +55,9 @@ fn check(model: &Model, mechanism: &Mechanism) -> Result<(), Vec<Diagnostic>> {
     if !model.phases.is_empty() {
         return Err(unsuitable(model, "the step of a mechanism takes no list of steps", "take a single step"));
     }
+    if !mechanism.drifts.is_empty() {
+        return refused("closures move by themselves".to_owned());
+    }
     match model.states.numbered().find(|(number, state)| state.angle || !(is_part(*number) || state.tunable)) {
         Some((_, state)) if state.angle => refused(format!("`{}` is an angle", state.name)),
         Some((_, state)) => refused(format!("`{}` is no part of the mechanism", state.name)),

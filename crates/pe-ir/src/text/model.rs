@@ -101,7 +101,8 @@ impl Printer<'_> {
                 writeln!(f, "  {word} {row} {column} = {}", self.expr(value))?;
             }
         }
-        for (word, values) in [("force", &mechanism.forces), ("gap", &mechanism.gaps), ("bend", &mechanism.bends)] {
+        let Mechanism { forces, gaps, bends, drifts, .. } = mechanism;
+        for (word, values) in [("force", forces), ("gap", gaps), ("bend", bends), ("drift", drifts)] {
             values.iter().try_for_each(|value| writeln!(f, "  {word} = {}", self.expr(value)))?;
         }
         Ok(())
@@ -478,15 +479,16 @@ impl Reader {
             }
             Ok(values)
         };
-        let (forces, gaps, bends) = (values("force")?, values("gap")?, values("bend")?);
+        let (forces, gaps, bends, drifts) = (values("force")?, values("gap")?, values("bend")?, values("drift")?);
         let fits = |entries: &[Entry], rows: usize| {
             entries.iter().all(|entry| at(entry.row) < rows && at(entry.column) < pairs.len())
         };
-        let sized = forces.len() == pairs.len() && bends.len() == gaps.len();
+        let moves = drifts.is_empty() || drifts.len() == gaps.len();
+        let sized = forces.len() == pairs.len() && bends.len() == gaps.len() && moves;
         if !(sized && fits(&mass, pairs.len()) && fits(&jacobian, gaps.len())) {
             return Err(line.error("the parts of the mechanism do not fit each other"));
         }
-        Ok(Mechanism { pairs, mass, forces, jacobian, gaps, bends, penalty, span: line.span() })
+        Ok(Mechanism { pairs, mass, forces, jacobian, gaps, bends, drifts, penalty, span: line.span() })
     }
 
     /// A right-hand side and the lines of its values.

@@ -191,13 +191,14 @@ fn is_finite(expr: &Expr) -> bool {
 
 /// Whether the parts of a mechanism fit each other, and are finite numbers and variables.
 fn is_mechanism(mechanism: &Mechanism) -> bool {
-    let Mechanism { pairs, mass, forces, jacobian, gaps, bends, penalty, .. } = mechanism;
+    let Mechanism { pairs, mass, forces, jacobian, gaps, bends, drifts, penalty, .. } = mechanism;
     let simple = |value: &Expr| matches!(value, Expr::Variable(_)) || value.as_constant().is_some_and(f64::is_finite);
     let within = |entries: &[Entry], rows: usize| {
         entries.iter().all(|entry| index::at(entry.row) < rows && index::at(entry.column) < pairs.len())
     };
     forces.len() == pairs.len()
         && bends.len() == gaps.len()
+        && (drifts.is_empty() || drifts.len() == gaps.len())
         && within(mass, pairs.len())
         && within(jacobian, gaps.len())
         && *penalty > 0.0
