@@ -131,6 +131,7 @@ codes! {
     PENALTY_SMALL = "E0924", "penalty too small for the step";
     PENALTY_LARGE = "E0925", "penalty too large for the word";
     COMES_APART = "E0926", "mechanism comes apart";
+    BRANCH_LEFT = "E0927", "mechanism leaves its branch";
 
     VHDL_SYNTAX = "E1001", "VHDL that cannot be read";
     NO_ENTITY = "E1002", "no such entity";
@@ -221,8 +222,8 @@ pub const GROUPS: &[(&str, &str)] = &[
 ];
 
 /// Errors that the user may turn into warnings, for their result is only doubtful.
-pub const PERMITTABLE: [&str; 6] =
-    [STEP_TOO_LARGE, WORD_TOO_SHORT, POLE_MOVED, INPUT_UNSEEN, INPUT_ALIASED, PULSE_MISSED];
+pub const PERMITTABLE: [&str; 7] =
+    [STEP_TOO_LARGE, WORD_TOO_SHORT, POLE_MOVED, INPUT_UNSEEN, INPUT_ALIASED, PULSE_MISSED, BRANCH_LEFT];
 
 /// The long explanation of a code: its section of `docs/diagnostics.md`, heading included. Case does not matter.
 pub fn explain(code: &str) -> Option<&'static str> {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pe_ir::source::Severity;
+use pe_ir::source::{Diagnostic, Severity};
 use serde_json::Value;
 
 use crate::check;
@@ -12,6 +12,7 @@ use crate::options::{MappingArgs, ModelArgs, PointArgs};
 use crate::progress;
 use crate::rerun::{self, WatchArgs};
 use pe_flow::failure::Failure;
+use pe_flow::penalty;
 use pe_flow::pipeline;
 use pe_flow::spec::LoadedModel;
 use pe_flow::variables::{self, Variable};
@@ -95,8 +96,13 @@ impl Check {
         let mut loaded = self.model.load(&point, watch.listener())?;
         let asked_span = loaded.model.span;
         let format = point.format(&loaded.model).map_err(Failure::Usage)?;
-        let graph =
-            pipeline::step(&loaded, &point, &mapping, watch).map_err(|failure| unbuilt(failure, &loaded.model))?;
+        let settings = self.model.settings(&self.mapping);
+        let of_penalty = |loaded: &LoadedModel, refusals: &[Diagnostic]| {
+            let other = |name: &str, penalty: f64| self.model.with_penalty(loaded, &point, name, penalty);
+            penalty::explained(loaded, &settings, &point, refusals, &other)
+        };
+        let graph = pipeline::step(&loaded, &point, &mapping, watch)
+            .map_err(|failure| unbuilt(failure, &loaded.model, &|refusals| of_penalty(&loaded, refusals)))?;
         if loaded.model.states.len() > LARGE {
             let steps = (PRODUCTS / graph.macs().max(1)).max(FEWEST_STEPS).min(loaded.model.steps());
             loaded.model.span = loaded.model.span.min(loaded.model.time(steps, 0.0));
@@ -104,10 +110,16 @@ impl Check {
         let model = &loaded.model;
         let goal = Some(self.max_error);
         let question = Question { model, graph: &graph, point: &point, criteria: &criteria, format, goal };
-        let (check, judged) = match runs::judge(model, &graph, format, &criteria, bar) {
+        let (mut check, judged) = match runs::judge(model, &graph, format, &criteria, bar) {
             Ok(judged) => (Judgement::of_judged(&question, &judged), Some(judged)),
-            Err(refusals) => (Judgement::of_refused(&question, refusals), None),
+            Err(refusals) => {
+                let refusals = of_penalty(&loaded, &refusals).map_or(refusals, |finding| vec![finding]);
+                (Judgement::of_refused(&question, refusals), None)
+            }
         };
+        if let Some(finding) = of_penalty(&loaded, &check.findings) {
+            check.findings.iter_mut().filter(|own| own.code == finding.code).for_each(|own| *own = finding.clone());
+        }
         let variables = judged.as_ref().map(|judged| variables::variables(model, &graph, judged));
         Ok(Checked { loaded, check, judged, variables, asked_span })
     }
@@ -142,9 +154,12 @@ impl Checked {
 }
 
 /// A failure to build the step of a model, with what it really comes from.
-fn unbuilt(failure: Failure, model: &Model) -> Failure {
+fn unbuilt(failure: Failure, model: &Model, of_penalty: &dyn Fn(&[Diagnostic]) -> Option<Diagnostic>) -> Failure {
     match failure {
-        Failure::Spec(refusals, sources) => Failure::Spec(Judgement::of_unbuilt(model, refusals), sources),
+        Failure::Spec(refusals, sources) => match of_penalty(&refusals) {
+            Some(finding) => Failure::Spec(vec![finding], sources),
+            None => Failure::Spec(Judgement::of_unbuilt(model, refusals), sources),
+        },
         failure => failure,
     }
 }

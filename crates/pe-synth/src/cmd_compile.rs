@@ -326,13 +326,34 @@ impl Compile {
         let mut loaded = loaded.clone();
         point.apply(&mut loaded.model).map_err(Failure::Usage)?;
         let design = pipeline::design(&loaded, settings, point, watch)
-            .map_err(|failure| explained(failure, &loaded, settings, point))?;
-        let check = checked(&loaded, settings, &design, point, watch)?;
+            .map_err(|failure| self.explained(failure, &loaded, settings, point))?;
+        let check = checked(&loaded, settings, &design, point, watch)
+            .map_err(|failure| self.explained(failure, &loaded, settings, point))?;
         let total = (self.reference || goals.is_some()).then(|| total_error(&loaded, &design, conserved, watch));
         if let (Some(goals), Some(total)) = (goals, &total) {
             confirm(goals.max_error.unwrap_or(USUAL_ERROR), total, &loaded.sources)?;
         }
         Ok(Built { loaded, design, check, total })
+    }
+
+    /// A refusal with what explains it and what helps; other failures as they are.
+    fn explained(&self, failure: Failure, loaded: &LoadedModel, settings: &Settings, point: &DesignPoint) -> Failure {
+        let Failure::Spec(refusals, sources) = failure else { return failure };
+        let other = |name: &str, penalty: f64| self.model.with_penalty(loaded, point, name, penalty);
+        if let Some(finding) = penalty::explained(loaded, settings, point, &refusals, &other) {
+            return Failure::Spec(vec![finding], sources);
+        }
+        let explained = refusals.iter().any(|refusal| EXPLAINED.contains(&refusal.code));
+        if !explained || loaded.model.states.len() > JUDGED_STATES {
+            return Failure::Spec(refusals, sources);
+        }
+        let graph = pipeline::build(loaded, point, &settings.mapping, &mut Stopwatch::silent());
+        let question = graph.as_ref().ok().and_then(|graph| step_question(loaded, settings, graph, point).ok());
+        let findings = match question {
+            Some(question) => Check::of_refused(&question, refusals).findings,
+            None => Check::of_unbuilt(&loaded.model, refusals),
+        };
+        Failure::Spec(findings, sources)
     }
 }
 
@@ -370,25 +391,6 @@ fn checked(
         check.own_findings().into_iter().partition(|finding| finding.severity == Severity::Error);
     watch.warn(&warnings, &loaded.sources);
     if refusals.is_empty() { Ok(Some(check)) } else { Err(Failure::Spec(refusals, loaded.sources.clone())) }
-}
-
-/// A refusal of the runs with what explains it and what helps; other failures as they are.
-fn explained(failure: Failure, loaded: &LoadedModel, settings: &Settings, point: &DesignPoint) -> Failure {
-    let Failure::Spec(refusals, sources) = failure else { return failure };
-    if let Some(finding) = penalty::explained(loaded, settings, point, &refusals) {
-        return Failure::Spec(vec![finding], sources);
-    }
-    let explained = refusals.iter().any(|refusal| EXPLAINED.contains(&refusal.code));
-    if !explained || loaded.model.states.len() > JUDGED_STATES {
-        return Failure::Spec(refusals, sources);
-    }
-    let graph = pipeline::build(loaded, point, &settings.mapping, &mut Stopwatch::silent());
-    let question = graph.as_ref().ok().and_then(|graph| step_question(loaded, settings, graph, point).ok());
-    let findings = match question {
-        Some(question) => Check::of_refused(&question, refusals).findings,
-        None => Check::of_unbuilt(&loaded.model, refusals),
-    };
-    Failure::Spec(findings, sources)
 }
 
 fn step_question<'a>(

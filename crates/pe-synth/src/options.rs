@@ -1,6 +1,7 @@
 //! Options that mean the same in every command.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::explore::cluster::{Cluster, Scheduler};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -333,6 +334,23 @@ impl ModelArgs {
         told.warn(&warnings, &loaded.sources);
         loaded.model.span = self.span.unwrap_or(loaded.model.span);
         Ok(loaded)
+    }
+
+    /// A model that was loaded, with another penalty of its mechanism, which is the parameter `name`.
+    pub fn with_penalty(
+        &self,
+        loaded: &LoadedModel,
+        point: &DesignPoint,
+        name: &str,
+        penalty: f64,
+    ) -> Option<LoadedModel> {
+        if loaded.model.solver == Solver::Trapezoidal {
+            let mut other = loaded.clone();
+            Arc::make_mut(other.model.mechanism.as_mut()?).penalty = penalty;
+            return Some(other);
+        }
+        let set = self.set.iter().cloned().chain([(name.to_owned(), penalty)]).collect();
+        ModelArgs { set, ..self.clone() }.load(point, Stopwatch::silent().listener()).ok()
     }
 
     /// By what its designs are judged.

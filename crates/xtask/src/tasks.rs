@@ -81,7 +81,7 @@ pub const TASKS: &[Task] = &[
         "ghdl, python3, yosys",
         "2 to 3 hours",
     ),
-    task("pages/mechanics.py", "cycles and errors of mechanisms", &["mechanics.md"], "python3", "5 minutes"),
+    task("pages/mechanics.py", "cycles and errors of mechanisms", &["mechanics.md"], "python3", "30 minutes"),
     task(
         "pages/networks.sh",
         "cells of whole networks beside estimates",

@@ -7,6 +7,7 @@ use pe_ir::source::Diagnostic;
 use pe_sim::linear::is_affine;
 
 use super::answer::Check;
+use super::branches;
 use super::causes;
 use super::course;
 use super::losses;
@@ -82,6 +83,8 @@ impl Check {
         }
         findings.extend(self.dead_band(model));
         findings.extend(Residuals::of(model, question.graph, &judged.fixed, &[]).and_then(|of| of.finding(model)));
+        let left = branches::finding(question, judged).map(|left| question.criteria.permit(vec![left]));
+        findings.extend(left.into_iter().flat_map(|left| left.unwrap_or_else(|refused| refused)));
         if findings.iter().all(|finding| finding.code != codes::CHAOTIC) {
             findings.extend(self.chaotic(model));
         }
@@ -225,6 +228,11 @@ impl Check {
             .and_then(|()| causes::end_of_solution(model, trusted, std::slice::from_ref(&refusal)))
         {
             return solution_ends(model, StateId::at(state), time);
+        }
+        if let Some(left) =
+            Some(()).filter(|()| refusal.code == codes::STEP_TOO_LARGE).and_then(|()| branches::refused(model))
+        {
+            return left;
         }
         let certain = is_affine(model)
             || observed::is_still(model, trusted)

@@ -5,6 +5,7 @@
 //! (`remedies`). See `docs/decisions/0027-check.md`.
 
 mod answer;
+mod branches;
 mod causes;
 mod course;
 mod findings;
@@ -52,7 +53,8 @@ pub const EXPLAINED: [&str; 10] = [
 ];
 
 /// Findings of the check alone; others come from the runs.
-const OWN: [&str; 14] = [
+const OWN: [&str; 15] = [
+    codes::BRANCH_LEFT,
     codes::COMES_APART,
     codes::CLOSURES_OPEN,
     codes::CHATTERING,
