@@ -185,3 +185,84 @@ def suspension(t, y):
     left = np.cross(w[3] * Z, axes[1]) * w[4] + np.cross(w[3] * Z + w[4] * axes[1], axes[2]) * w[5]
     knuckle = np.linalg.solve(np.array(axes).T, found[18:21] - left)
     return [*w, found[2], AXES[0] @ found[6:9], AXES[1] @ found[12:15], *knuckle]
+
+
+# --- four posts: particles for bodies, and all derivatives taken from where they are -------------------------------------
+
+CORNERS = [(1, 1.3), (-1, 1.3), (1, -1.3), (-1, -1.3)]
+ROADS = [(0.02, 1), (0.015, 1.5), (0.02, 1.2), (0.01, 2)]
+POST_LOAD = (1416 / 4 + 4 / 3 + 2 / 3 + 35) * 9.81
+TINY = 1e-30
+
+
+def about(axis, angle):
+    """Rotations about an axis of coordinates, also complex."""
+    cos, sin, one, none = np.cos(angle), np.sin(angle), np.ones_like(angle), np.zeros_like(angle)
+    rows = [[one, none, none, none, cos, -sin, none, sin, cos], [cos, none, sin, none, one, none, -sin, none, cos],
+            [cos, -sin, none, sin, cos, none, none, none, one]]
+    return np.stack(rows[axis], -1).reshape(np.shape(angle) + (3, 3))
+
+
+def by_angles(angles):
+    return about(2, angles[..., 0]) @ about(1, angles[..., 1]) @ about(0, angles[..., 2])
+
+
+def particles(mass, inertia, centre):
+    """Places and masses of seven particles with the mass, the centre and the inertia of a body."""
+    spread = (sum(inertia) / 2 - np.array(inertia)) / 2 / 0.5 ** 2
+    beside = [np.array(centre) + sign * 0.5 * axis for axis in np.eye(3) for sign in (1, -1)]
+    return [np.array(centre), *beside], [mass - 2 * sum(spread), *np.repeat(spread, 2)]
+
+
+CAR_PLACES, CAR_MASSES = particles(1416, (500, 2000, 2200), (0, 0, 0.55))
+PARTICLES = np.array(CAR_MASSES + (particles(35, (0.9, 1.5, 0.9), (0, 0, 0))[1] + [4 / 3, 2 / 3]) * 4)
+
+
+def posed(q):
+    """Where all particles and the wheels are, what the closures are, and how long the springs."""
+    turn = by_angles(q[..., 3:6])
+
+    def world(at):
+        return q[..., :3] + np.einsum("...ab,...b->...a", turn, at + 0 * q[..., :3])
+
+    places, wheels, closures, springs = [world(at) for at in CAR_PLACES], [], [], []
+    for number, (side, base) in enumerate(CORNERS):
+        own = q[..., 6 + 5 * number:11 + 5 * number]
+
+        def mirrored(*at):
+            return np.array(at) * (1, side, 1)
+
+        def arm(tilt, angle):
+            return np.stack([math.sin(tilt) * np.sin(angle), side * np.cos(angle), math.cos(tilt) * np.sin(angle)], -1)
+
+        corner, lower = np.array([base, 0, 0]), arm(0, own[..., 0])
+        joint = corner + mirrored(0, 0.35, 0.2) + 0.4 * lower
+        end = corner + mirrored(-0.02, 0.45, 0.5) + 0.28 * arm(0.08, own[..., 1])
+        knuckle = by_angles(own[..., 2:5])
+        hub = [joint + knuckle @ at for at in particles(35, (0.9, 1.5, 0.9), mirrored(0, 0.03, 0.1))[0]]
+        places += [world(at) for at in [*hub, joint, end]]
+        wheels.append(world(joint + knuckle @ mirrored(0, 0.05, 0.1)))
+        tie = joint + knuckle @ mirrored(-0.12, -0.03, 0.07) - corner - mirrored(-0.12, 0.37, 0.27)
+        closures += [joint + knuckle @ mirrored(-0.02, -0.02, 0.3) - end, (np.sqrt(np.sum(tie ** 2, -1)) - 0.35)[..., None]]
+        springs.append(np.sqrt(np.sum((mirrored(0, -0.2, -0.55) + 0.24 * lower) ** 2, -1)))
+    return [np.stack(places, -2), np.stack(wheels, -2), np.concatenate(closures, -1), np.stack(springs, -1)]
+
+
+@case("four_posts", [f"{name}[{number}]" for name in "qw" for number in range(1, 27)], [0] * 52, 0.5, limit=1e-5, finest=1e-8)
+def four_posts(t, y):
+    q, w = np.array(y[:26]), np.array(y[26:])
+    moved = posed(q + 1j * TINY * np.eye(26))
+    by_places, by_wheels, by_closures, by_springs = [part.imag / TINY for part in moved]
+    wheels, springs = moved[1][0].real, moved[3][0].real
+    ahead, behind, now = [[part.imag / TINY for part in posed(q + step * w + 1j * TINY * w)] for step in (1e-5, -1e-5, 0)]
+    bent = [(one - other) / 2e-5 for one, other in zip(ahead, behind)]
+    masses = np.einsum("ipc,jpc,p->ij", by_places, by_places, PARTICLES)
+    force = -np.einsum("ipc,pc,p->i", by_places, bent[0] + 9.81 * Z, PARTICLES)
+    for corner, (height, rate) in enumerate(ROADS):
+        grip = POST_LOAD + 200e3 * (height * math.sin(2 * math.pi * rate * t) - wheels[corner, 2] + 0.3)
+        shake = 0.2 * math.sin(2 * math.pi * 1.3 * t) if corner < 2 else 0
+        aside, across = now[1][corner, :2]
+        force += by_wheels[:, corner] @ [-3e3 * aside, -3e3 * (across - shake), grip]
+        force += by_springs[:, corner] * (60e3 * (0.648 - springs[corner]) - 4e3 * now[3][corner])
+    system = np.block([[masses, by_closures], [by_closures.T, np.zeros((16, 16))]])
+    return [*w, *np.linalg.solve(system, np.concatenate([force, -bent[2]]))[:26]]
