@@ -49,6 +49,8 @@ pub(crate) enum NodeKind {
     Matrix(usize, Vec<Node>),
     /// One value for each element of this quantity, whose subscripts come first in the frame.
     Data(usize, Vec<f64>),
+    /// An element of a quantity as it was so long ago: the delay in a unit of so many seconds.
+    Delayed(Box<Node>, Box<Node>, f64),
     /// A sampled signal.
     Samples(Arc<Samples>),
     /// An element of the solution of a linear system: quantities of matrix and right-hand side, and subscripts.
@@ -110,7 +112,7 @@ pub(crate) fn depth(node: &Node) -> usize {
         | NodeKind::Solved(.., members) => most(&mut members.iter()),
         NodeKind::Sum(terms) => most(&mut terms.iter().map(|(_, term)| term)),
         NodeKind::Product(first, rest) => depth(first).max(most(&mut rest.iter().map(|(_, operand)| operand))),
-        NodeKind::Power(base, exponent) => depth(base).max(depth(exponent)),
+        NodeKind::Power(base, exponent) | NodeKind::Delayed(base, exponent, _) => depth(base).max(depth(exponent)),
         NodeKind::Negate(operand) => depth(operand),
         NodeKind::If(condition, yes, no) => condition_depth(condition).max(depth(yes)).max(depth(no)),
         NodeKind::SumOver(sum) => {

@@ -9,6 +9,7 @@ use crate::syntax::ast::{
     Binder, Component, Declared, Equation, Expr, ExprKind, LeftSide, Measure, Name, Range, Reference, Sort, Spec,
     Statement, StatementKind,
 };
+use crate::syntax::delay;
 use pe_ir::index::number;
 use pe_ir::source::Span;
 use std::collections::BTreeMap;
@@ -515,6 +516,17 @@ impl<'a> Collector<'a> {
                 }
                 arguments.iter().for_each(|argument| self.expr(argument));
             }
+            ExprKind::Delayed { of, argument, .. } => match self.functions.get(of.name.text.as_str()).copied() {
+                Some(number) => {
+                    self.occurs(&of.name, number, Role::Read);
+                    self.expr(argument);
+                }
+                None => {
+                    self.read(&of.name);
+                    of.subscripts.iter().for_each(|subscript| self.expr(subscript));
+                    delay::terms(argument).into_iter().flatten().for_each(|(_, term)| self.expr(term));
+                }
+            },
             ExprKind::Matrix(rows) => rows.iter().flatten().for_each(|cell| self.expr(cell)),
             // Made of statements that were written out; no text has it.
             ExprKind::Solved { .. } => {}

@@ -78,6 +78,8 @@ codes! {
     INCONSISTENT_START = "E0417", "inconsistent initial values";
     NO_MASS = "E0418", "mass matrix not positive";
     NO_DERIVATIVE = "E0419", "no derivative of the closures";
+    BAD_DELAY = "E0421", "delay that is no positive constant";
+    DELAY_MODEL = "E0422", "delay in a model that cannot have it";
 
     OUT_OF_RANGE = "E0501", "subscript out of range";
     NO_SUCH_ELEMENT = "E0502", "element without equation";
@@ -132,6 +134,7 @@ codes! {
     PENALTY_LARGE = "E0925", "penalty too large for the word";
     COMES_APART = "E0926", "mechanism comes apart";
     BRANCH_LEFT = "E0927", "mechanism leaves its branch";
+    DELAY_STEPS = "E0930", "delay and step do not fit together";
 
     VHDL_SYNTAX = "E1001", "VHDL that cannot be read";
     NO_ENTITY = "E1002", "no such entity";

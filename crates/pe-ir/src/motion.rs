@@ -26,6 +26,11 @@ pub enum Motion {
     Before(Source),
     /// What a signal is at the end of a step, over the whole step.
     After(Source),
+    /// What its derivative, a variable, was so many seconds ago; before time zero what it was then. No derivative tells it.
+    Delayed(f64),
+    /// Within a step from what it is over what the second state holds in the middle, if it is told, to what the first holds
+    /// at the end. Made where a step is built.
+    Along(StateId, Option<StateId>),
 }
 
 /// Where a signal comes from.
@@ -49,6 +54,7 @@ impl Motion {
                 Some(source)
             }
             Motion::Clock | Motion::Sine(_) | Motion::Cosine(_) | Motion::SweptSine(_) | Motion::SweptCosine(_) => None,
+            Motion::Delayed(_) | Motion::Along(..) => None,
         }
     }
 

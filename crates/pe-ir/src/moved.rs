@@ -175,6 +175,14 @@ impl Model {
         model
     }
 
+    /// The states that stand for what a quantity was, each with its delay in seconds.
+    pub fn delays(&self) -> impl Iterator<Item = (StateId, f64)> + '_ {
+        self.states.numbered().filter_map(|(state, own)| match own.motion {
+            Some(Motion::Delayed(seconds)) => Some((state, seconds)),
+            _ => None,
+        })
+    }
+
     /// Whether any state stands for a played signal or for a line.
     pub fn has_played(&self) -> bool {
         self.states.iter().any(|state| state.motion.is_some_and(|motion| motion.source().is_some()))

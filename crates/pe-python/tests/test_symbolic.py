@@ -33,6 +33,23 @@ def test_a_spec_computes_what_sympy_does():
     assert np.abs(run.outputs - exact.y.T).max() < 1e-4
 
 
+def test_delays_are_those_of_the_language():
+    past = x.func(t - sympy.Rational(1, 2)) + y.func(t - k / 4)
+    spec = pe_synth.from_sympy(
+        [sympy.Eq(x.diff(t), -past), sympy.Eq(y.diff(t), x - y)],
+        {x: 1, y: 0},
+        parameters={k: 1},
+        step="10 ms",
+        span="1 s",
+    )
+    assert "x(t - 1/2)" in spec.text and "y(t - k/4)" in spec.text
+    run = pe_synth.compile(text=spec.text).run(steps=50)
+    # Up to then x was 1, and y 0 up to 0.25 s.
+    assert abs(run.outputs[24, 0] - 0.75) < 1e-6
+    with pytest.raises(pe_synth.UsageError, match="neither a state"):
+        pe_synth.from_sympy([sympy.Eq(x.diff(t), x.func(2 * t))], {x: 1})
+
+
 def test_names_are_made_safe():
     names = ["step", "pi", "\u03bb", "a b", "1x", "x;y", "", "a_20_b", "x'//", "output x\n"]
     states = [sympy.Function(name)(t) for name in names]

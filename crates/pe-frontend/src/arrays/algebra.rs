@@ -139,6 +139,10 @@ impl Algebra<'_, '_> {
             ExprKind::Call { function, arguments, units } => {
                 ExprKind::Call { function: function.clone(), arguments: self.list(arguments)?, units: units.clone() }
             }
+            ExprKind::Delayed { of, argument, unit } => {
+                let of = Reference { subscripts: self.list(&of.subscripts)?, ..of.clone() };
+                ExprKind::Delayed { of, argument: Box::new(self.scalar(argument)?), unit: unit.clone() }
+            }
             ExprKind::Matrix(rows) => {
                 ExprKind::Matrix(rows.iter().map(|row| self.list(row)).collect::<Option<Vec<_>>>()?)
             }
@@ -562,6 +566,10 @@ pub(crate) fn visit<'e>(expr: &'e Expr, action: &mut dyn FnMut(&'e Expr)) {
             visit(body, action);
         }
         ExprKind::Call { arguments, .. } => arguments.iter().for_each(|part| visit(part, action)),
+        ExprKind::Delayed { of, argument, .. } => {
+            of.subscripts.iter().for_each(|part| visit(part, action));
+            visit(argument, action);
+        }
         ExprKind::Matrix(rows) => rows.iter().flatten().for_each(|part| visit(part, action)),
         ExprKind::Logical(_, operands) => operands.iter().for_each(|part| visit(part, action)),
         ExprKind::Solved { subscripts, .. } => subscripts.iter().for_each(|part| visit(part, action)),

@@ -7,13 +7,14 @@ use crate::bind::{data, matrix, samples};
 use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, MOST_NESTED_CALLS, Node, NodeKind, SumOver, depth};
 use crate::language::functions::{self, FUNCTIONS};
 use crate::language::habits;
-use crate::language::measures::unit_scale;
+use crate::language::measures::{TIMES, unit_scale};
 use crate::language::waveforms::{Argument, SAMPLES, WAVEFORMS, check_count};
 use crate::language::words::{OF_ARRAYS, TIME};
 use crate::names::table::{Kind, Names, Symbol};
 use crate::nearest::suggestion;
 use crate::report::Report;
-use crate::syntax::ast::{Binder, Comparison, Expr, ExprKind, Name, Reference, Spec};
+use crate::syntax::ast::{Binder, Comparison, Expr, ExprKind, Name, Reference, Sign, Spec};
+use crate::syntax::delay;
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 use std::rc::Rc;
@@ -104,6 +105,7 @@ impl<'a> Resolver<'_, 'a> {
                 matrix::cells(self.names, self.owner, rows, cells, expr.span, self.report)?
             }
             ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), expr.span)?,
+            ExprKind::Delayed { of, argument, unit } => self.delayed(of, argument, unit.as_ref(), expr.span)?,
             ExprKind::Solved { matrix, right, subscripts } => {
                 let subscripts = all(subscripts.iter().map(|subscript| self.number(subscript)));
                 let matrix = self.names.quantity(&matrix.text)?;
@@ -346,6 +348,57 @@ impl<'a> Resolver<'_, 'a> {
                 None
             }
         }
+    }
+
+    /// What a quantity was some time ago, or a call of a function of the spec, which may look the same.
+    fn delayed(
+        &mut self,
+        of: &'a Reference,
+        argument: &'a Expr,
+        unit: Option<&'a Name>,
+        span: Span,
+    ) -> Option<NodeKind> {
+        if let Some(number) = self.names.function_numbers.get(of.name.text.as_str()).copied()
+            && of.subscripts.is_empty()
+        {
+            let argument = self.number(argument).map(|argument| vec![argument]);
+            return self.inline(number, argument, 1, span);
+        }
+        if self.names.quantity(&of.name.text).is_none() && self.argument(&of.name).is_none() {
+            if !self.names.is_poisoned(&of.name.text) {
+                self.report.push(self.names.unknown(&of.name, &self.scope));
+            }
+            return None;
+        }
+        let scale = unit_scale(unit, &TIMES, "delay", self.names.time.seconds).map_err(|error| self.report.push(error));
+        let element = self.reference(of).map(|kind| Node { kind, span: of.span });
+        let reads = std::mem::replace(&mut self.reads, Reads::Constants);
+        let after_time = delay::terms(argument)?;
+        let terms = all(after_time.iter().map(|(sign, term)| {
+            let sign = if *sign == Sign::Plus { Sign::Minus } else { Sign::Plus };
+            self.number(term).map(|term| (sign, term))
+        }));
+        self.reads = reads;
+        let delay = Node { kind: NodeKind::Sum(terms?), span: argument.span };
+        let (element, scale) = (element?, scale.ok()?);
+        let NodeKind::Element(number, _) = element.kind else {
+            let message = format!("`{}` is a number and has no past", of.name.text);
+            self.report.push(Diagnostic::error(codes::BAD_DELAY, of.span, message));
+            return None;
+        };
+        let quantity = &self.names.quantities[number];
+        let sampled = quantity.block.is_some();
+        if quantity.angle || sampled {
+            let what = if sampled { "a sampled quantity" } else { "an angle" };
+            let message = format!("`{}` is {what}, whose past is not kept", of.name.text);
+            let help = match sampled {
+                true => "keep it in states of the block: `next before = x`",
+                false => "read its sine and cosine, as quantities of their own",
+            };
+            self.report.push(Diagnostic::error(codes::DELAY_MODEL, of.span, message).with_help(help));
+            return None;
+        }
+        Some(NodeKind::Delayed(Box::new(element), Box::new(delay), scale))
     }
 
     /// The argument of the innermost function that a name stands for.

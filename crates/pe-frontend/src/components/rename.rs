@@ -246,6 +246,10 @@ fn in_expr(expr: &mut Expr, action: &mut dyn FnMut(&mut Reference)) {
             in_expr(body, action);
         }
         ExprKind::Call { arguments, .. } => arguments.iter_mut().for_each(|part| in_expr(part, action)),
+        ExprKind::Delayed { of, argument, .. } => {
+            in_reference(of, action);
+            in_expr(argument, action);
+        }
         ExprKind::Matrix(rows) => rows.iter_mut().flatten().for_each(|part| in_expr(part, action)),
         ExprKind::Logical(_, operands) => operands.iter_mut().for_each(|part| in_expr(part, action)),
         // Made by later passes.

@@ -2,6 +2,7 @@
 //! expression over the flat variables.
 
 use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, Node, NodeKind, SumOver};
+use crate::evaluate::delays;
 use crate::evaluate::elementary::{self, Truth, reciprocal, size};
 use crate::evaluate::fold::{ProductBuilder, SumBuilder, negate};
 use crate::evaluate::signals::{SIGNALS, Signals};
@@ -120,6 +121,15 @@ impl Evaluator {
                 }
                 let values = &values[..subscripts.len().min(2)];
                 self.systems.solution(names, *matrix, *right, values, node.span)
+            }
+            NodeKind::Delayed(element, delay, scale) => {
+                let expr = self.expr(names, element)?;
+                let seconds = match self.expr(names, delay)? {
+                    Expr::Constant(value) => scaled(value, *scale),
+                    _ => return Err(fault(delays::varies(delay.span))),
+                };
+                delays::check(seconds, delay.span).map_err(fault)?;
+                Ok(self.signals.delayed(expr, seconds, node.span))
             }
             NodeKind::Data(quantity, values) => {
                 let quantity = &names.quantities[*quantity];

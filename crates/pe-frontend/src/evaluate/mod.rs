@@ -1,5 +1,6 @@
 //! Evaluates bound expressions for given index values.
 
+mod delays;
 mod elementary;
 pub(crate) mod evaluator;
 mod fold;

@@ -9,6 +9,7 @@ use pe_ir::index::{StateId, at, number};
 use pe_ir::model::{Algebraic, Expr, Function, Interpolation, Samples, Signal, State, Variable, Waveform};
 use pe_ir::motion::{Motion, Source};
 use pe_ir::source::Span;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Number of the first variable that stands for a signal; no model has as many of its own.
@@ -34,6 +35,8 @@ enum SignalState {
     SweptCosine(StateId),
     /// A played signal or an input, in a role.
     Played(Motion),
+    /// What is told by the entry of this number in [`Signals::delays`].
+    Delayed(u32),
 }
 
 /// Signals of the model found so far.
@@ -47,13 +50,24 @@ pub(crate) struct Signals {
     time_read: Option<Span>,
     /// States after the clock, each with the place where it occurs first.
     entries: Vec<(SignalState, Span)>,
+    /// What is read so many seconds after it was, each once, with the place of its entry.
+    pub(crate) delays: Vec<(Variable, f64)>,
+    delayed: BTreeMap<(Variable, u64), Variable>,
     /// What the network plays, each once, with its name.
     pub(crate) played: Vec<(Signal, String)>,
 }
 
 impl Default for Signals {
     fn default() -> Self {
-        Signals { span: 1.0, unit: TimeUnit::default(), time_read: None, entries: Vec::new(), played: Vec::new() }
+        Signals {
+            span: 1.0,
+            unit: TimeUnit::default(),
+            time_read: None,
+            entries: Vec::new(),
+            delays: Vec::new(),
+            delayed: BTreeMap::new(),
+            played: Vec::new(),
+        }
     }
 }
 
@@ -117,8 +131,28 @@ impl Signals {
             }
             SignalState::Played(Motion::Line(Source::Input(input))) => vec![next(1), Variable::Input(input)],
             SignalState::Played(Motion::Line(Source::Signal(_))) => vec![next(1), next(2)],
+            SignalState::Delayed(delay) => vec![self.delays[at(delay)].0],
             SignalState::Played(_) => Vec::new(),
         }
+    }
+
+    /// What stands for a variable as it was so many seconds ago; a number is always the same.
+    pub(crate) fn delayed(&mut self, expr: Expr, seconds: f64, span: Span) -> Expr {
+        let Expr::Variable(of) = expr else { return expr };
+        let key = (of, seconds.to_bits());
+        if let Some(known) = self.delayed.get(&key) {
+            return Expr::Variable(*known);
+        }
+        self.delays.push((of, seconds));
+        let state = self.add(&[SignalState::Delayed(number(self.delays.len()) - 1)], span);
+        self.delayed.insert(key, state);
+        Expr::Variable(state)
+    }
+
+    /// Where the first delay stands, if there is any.
+    pub(crate) fn first_delay(&self) -> Option<Span> {
+        let is_delay = |(entry, _): &&(SignalState, Span)| matches!(entry, SignalState::Delayed(_));
+        self.entries.iter().find(is_delay).map(|(_, span)| *span)
     }
 
     /// The state at a place behind [`SIGNALS`], with the final numbers of itself, of inputs and of played signals.
@@ -169,6 +203,11 @@ impl Signals {
                 let speed = states[at(speed.number() - SIGNALS)];
                 let moved = Expr::product(vec![Expr::Constant(-1.0), of_state(speed), of_state(own - 1)]);
                 of(format!("cosine.{own}"), 1.0, moved, Motion::SweptCosine(StateId::new(speed)), span)
+            }
+            // Its name and the number of what it is of are put in when they are known.
+            SignalState::Delayed(delay) => {
+                let (variable, seconds) = self.delays[at(delay)];
+                of(String::new(), 0.0, Expr::Variable(variable), Motion::Delayed(seconds), span)
             }
             SignalState::Played(motion) => {
                 let final_of = |source: Source| match source {

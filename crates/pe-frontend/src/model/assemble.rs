@@ -7,13 +7,14 @@ use crate::equations::events::{FlatEvent, changing};
 use crate::equations::write::{Flat, Row};
 use crate::evaluate::signals::{CLOCK, SIGNALS, Signals, TIME};
 use crate::language::words;
-use crate::model::{angles, consistent, events};
+use crate::model::{angles, consistent, delays, events};
 use crate::names::table::{Kind, Names, Quantity};
 use crate::report::Report;
 use pe_ir::codes;
 use pe_ir::index::{StateId, at, number as number_of};
 use pe_ir::mechanism::Mechanism;
 use pe_ir::model::{Algebraic, Expr, Input, Interpolation, Model, Output, Rate, State, Variable};
+use pe_ir::motion::Motion;
 use pe_ir::source::Diagnostic;
 
 use std::sync::Arc;
@@ -95,14 +96,19 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
     let mut states =
         declared_states(names, &mut parts, &mut numbers, |state| blocks[state].map(|block| rate_of[block]));
     let quantities = number_of(names.quantities.len());
-    for (place, own) in numbers.signals[..signals.states()].iter().enumerate().filter(|(_, own)| **own != LEFT_OUT) {
-        states.push(signals.state(
+    let first_delay = signals.first_delay();
+    for place in (0..signals.states()).filter(|place| numbers.signals[*place] != LEFT_OUT).collect::<Vec<_>>() {
+        let mut state = signals.state(
             place,
-            *own,
+            numbers.signals[place],
             quantities + number_of(place),
             (&numbers.inputs, &input_names),
             (&places, &numbers.signals),
-        ));
+        );
+        if matches!(state.motion, Some(Motion::Delayed(_))) {
+            numbers.renumber(&mut state.derivative);
+        }
+        states.push(state);
     }
     states.sort_by_key(|state| state.rate.is_some());
 
@@ -150,7 +156,12 @@ pub(crate) fn assemble(mut parts: Parts, names: &Names, mut signals: Signals, re
         report.push(Diagnostic::error(codes::EVENT_MODEL, event.span, message).with_help(help));
         return None;
     }
+    if let Some(place) = first_delay {
+        delays::suits(&model, place, report)?;
+    }
+    delays::name(&mut model);
     events::write_out(&mut model, &all);
+    delays::begin(&mut model);
     angles::write_out(model, report)
 }
 
@@ -251,6 +262,7 @@ fn draw_lines(parts: &mut Parts, signals: &mut Signals) {
     };
     let rows = parts.flat.states.iter_mut().chain(&mut parts.flat.algebraics).flatten();
     rows.for_each(|row| row.expr.each_variable_mut(&mut |variable| line(variable)));
+    signals.delays.iter_mut().for_each(|(of, _)| line(of));
     for event in &mut parts.events {
         event.expressions_mut().for_each(|expr| expr.each_variable_mut(&mut |variable| line(variable)));
     }

@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use crate::equations::events::{FlatEvent, margin};
 use pe_ir::index::{StateId, at, number};
 use pe_ir::model::{Algebraic, Expr, Function, Model, Select, State, Variable};
+use pe_ir::motion::Motion;
 use pe_ir::place::Place;
 
 /// Rounds in one instant, at most, where events set one another off in a circle.
@@ -86,6 +87,14 @@ fn not(variable: Variable) -> Expr {
     Expr::sum(vec![Expr::Constant(1.0), minus(of(variable))])
 }
 
+/// The derivative of a state; what a quantity was some time ago stands still for as long as an event may be late.
+fn slope(state: &State) -> Expr {
+    match state.motion {
+        Some(Motion::Delayed(_)) => Expr::Constant(0.0),
+        _ => state.derivative.clone(),
+    }
+}
+
 /// 1 if a number of steps is above a place, else 0.
 fn above(variable: Variable, place: f64) -> Expr {
     let condition = Expr::sum(vec![of(variable), Expr::Constant(-place)]);
@@ -112,7 +121,9 @@ impl<'a> Writer<'a> {
             serial: 0,
         };
         if events.iter().any(|event| event.manner.refine) {
-            writer.read_by = writer.model.states.iter().map(|state| writer.states_read(&state.derivative)).collect();
+            let reads = |state: &State| writer.states_read(&slope(state));
+            let read_by = writer.model.states.iter().map(reads).collect();
+            writer.read_by = read_by;
             writer.readers = vec![Vec::new(); writer.read_by.len()];
             for (reader, reads) in (0..).zip(&writer.read_by) {
                 reads.iter().for_each(|read| writer.readers[at(*read)].push(reader));
@@ -298,7 +309,7 @@ impl<'a> Writer<'a> {
         let mut members = Vec::new();
         for variable in read {
             let inner = match variable {
-                Variable::State(state) => self.model.states[state].derivative.clone(),
+                Variable::State(state) => slope(&self.model.states[state]),
                 Variable::Input(_) => continue,
                 Variable::Algebraic(algebraic) => self.rate(&self.model.algebraics[at(algebraic)].expr),
             };
@@ -328,7 +339,7 @@ impl<'a> Writer<'a> {
         back.dedup();
         let mut moved = Vec::new();
         for state in back {
-            let derivative = self.model.states[StateId::new(state)].derivative.clone();
+            let derivative = slope(&self.model.states[StateId::new(state)]);
             if derivative == Expr::Constant(0.0) {
                 continue;
             }
@@ -355,7 +366,7 @@ impl<'a> Writer<'a> {
     fn go_forward(&mut self, event: usize, late: Variable, bent: &[u32]) {
         let mut moved = Vec::new();
         for state in bent {
-            let derivative = self.model.states[StateId::new(*state)].derivative.clone();
+            let derivative = slope(&self.model.states[StateId::new(*state)]);
             if derivative == Expr::Constant(0.0) {
                 continue;
             }

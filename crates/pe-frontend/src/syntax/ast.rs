@@ -423,6 +423,15 @@ pub enum ExprKind {
         /// Units behind arguments, by the numbers of these; signals alone may have them.
         units: Vec<(usize, Name)>,
     },
+    /// `x(t - 20 ms)`: what a quantity was some time ago. A function of the spec may have the name, too.
+    Delayed {
+        /// The quantity.
+        of: Reference,
+        /// `t - 20`: the time, and what is taken from it.
+        argument: Box<Expr>,
+        /// Unit behind it.
+        unit: Option<Name>,
+    },
     /// `data("airways.csv", "R")`.
     Data {
         /// Path of the data file.

@@ -1,6 +1,7 @@
 //! Text to syntax tree: files, words, statements, expressions. No name is looked up here.
 
 pub mod ast;
+pub(crate) mod delay;
 mod errors;
 pub(crate) mod files;
 pub(crate) mod format;

@@ -3,8 +3,10 @@
 //! The builders return `None` where a pair does not have the children that the grammar promises. That cannot happen;
 //! if it does after a change of the grammar, it becomes a syntax error and not a panic.
 
+use crate::language::words::is_built_in;
 use crate::report::Report;
 use crate::syntax::ast::*;
+use crate::syntax::delay;
 use crate::syntax::errors::describe;
 use crate::syntax::grammar::{OdeParser, Rule};
 use crate::syntax::lexer::{Token, TokenKind};
@@ -386,7 +388,13 @@ impl Builder<'_> {
                     units.extend(unit.map(|unit| (arguments.len(), unit)));
                     arguments.push(value);
                 }
-                ExprKind::Call { function, arguments, units }
+                call(function, arguments, units)
+            }
+            Rule::delayed => {
+                let mut parts = Parts::of(pair);
+                let of = self.reference(parts.take(Rule::reference)?)?;
+                let Measure { value, unit } = self.measure(parts.take(Rule::measure)?)?;
+                ExprKind::Delayed { of, argument: Box::new(value), unit }
             }
             _ => return None,
         };
@@ -418,6 +426,19 @@ impl Builder<'_> {
         self.explained = true;
         None
     }
+}
+
+/// A call, or what a quantity was some time ago: the same text but for an argument that begins with the time.
+fn call(function: Name, mut arguments: Vec<Expr>, mut units: Vec<(usize, Name)>) -> ExprKind {
+    let is_past = match arguments.as_slice() {
+        [argument] => delay::terms(argument).is_some() && !is_built_in(&function.text),
+        _ => false,
+    };
+    if is_past && let Some(argument) = arguments.pop() {
+        let of = Reference { span: function.span, name: function, subscripts: Vec::new() };
+        return ExprKind::Delayed { of, argument: Box::new(argument), unit: units.pop().map(|(_, unit)| unit) };
+    }
+    ExprKind::Call { function, arguments, units }
 }
 
 /// The children of a pair, taken by rule in order; keywords and signs between them are skipped.
@@ -511,6 +532,7 @@ mod tests {
             ExprKind::Matrix(rows) => {
                 format!("[{}]", rows.iter().map(|row| list(row, ",")).collect::<Vec<_>>().join(";"))
             }
+            ExprKind::Delayed { of, argument, .. } => format!("{}({})", of.name.text, show(argument)),
             ExprKind::Data { path, column } => format!("data({},{})", path.text, column.text),
             ExprKind::Samples { path, column, .. } => format!("samples({},{})", path.text, column.text),
             ExprKind::Compare(operator, left, right) => format!("({} {operator:?} {})", show(left), show(right)),

@@ -11,6 +11,7 @@ use crate::language::words::TIME;
 use crate::names::table::{Kind, Names, Symbol};
 use crate::report::Report;
 use crate::syntax::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Name, Range, Reference, Spec, StatementKind};
+use crate::syntax::delay;
 use crate::units::dimension::{Dimension, Units, shown_factor};
 use crate::units::parse::{parse, place};
 use pe_ir::codes;
@@ -307,6 +308,15 @@ impl<'a> Checker<'_, 'a> {
                 self.unit(body, scope).0
             }
             ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), span, scope),
+            ExprKind::Delayed { of, argument, .. } if self.names.function(&of.name.text).is_some() => {
+                self.call(&of.name, (std::slice::from_ref(&**argument), &[]), span, scope)
+            }
+            ExprKind::Delayed { of, argument, unit } => {
+                let delay = delay::terms(argument).unwrap_or_default();
+                let delay = (self.all_same(delay.iter().map(|(_, term)| term), scope), argument.span);
+                self.same((wanted(Argument::Time, self.time(), unit.is_some()), delay.1), delay, scope);
+                self.reference(of, scope)
+            }
             ExprKind::Matrix(rows) => self.all_same(rows.iter().flatten(), scope),
             ExprKind::Solved { matrix, right, .. } => match (self.own(right).0, self.own(matrix).0) {
                 (Known(right), Known(matrix)) => right.times(matrix, -1).map_or(Unknown, Known),
@@ -551,5 +561,6 @@ fn each_name<'a>(expr: &'a Expr, action: &mut impl FnMut(&'a Name)) {
         ExprKind::Matrix(rows) => rows.iter().flatten().for_each(|cell| each_name(cell, action)),
         ExprKind::Solved { matrix, right, .. } => [matrix, right].into_iter().for_each(action),
         ExprKind::Call { arguments, .. } => arguments.iter().for_each(|argument| each_name(argument, action)),
+        ExprKind::Delayed { of, .. } => action(&of.name),
     }
 }

@@ -6,7 +6,7 @@ use pe_ir::source::Diagnostic;
 
 use super::elimination::system;
 use super::forms::StepOptions;
-use super::{jumps, mechanism, method, planned, played, sampled, staged, turns};
+use super::{jumps, mechanism, method, past, planned, played, sampled, staged, turns};
 
 /// Builds the step graph of a model with its own solver and step, in the form with the fewest products.
 ///
@@ -21,7 +21,8 @@ pub fn build(model: &Model) -> Result<StepGraph, Vec<Diagnostic>> {
 ///
 /// # Errors
 /// `E0801` for an equation that expands to too many products, `E0805` for a form that the model does not have, `E0806`
-/// for a solver that does not suit it, `E0821` and `E0822` for linear systems that have no solution or no pivots.
+/// for a solver that does not suit it, `E0821` and `E0822` for linear systems that have no solution or no pivots, `E0930` for a
+/// delay that is no whole number of steps.
 pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec<Diagnostic>> {
     let mut played = None;
     if model.has_played() {
@@ -36,6 +37,15 @@ pub fn build_with(model: &Model, options: &StepOptions) -> Result<StepGraph, Vec
         let eliminated = system::eliminate(model, options.order, options.scheme)?;
         let graph = build_with(&eliminated.model, options)?;
         return Ok(eliminated.named(model, graph));
+    }
+    if model.has_jumps() {
+        jumps::check(model)?;
+    }
+    let past;
+    let mut model = model;
+    if model.delays().next().is_some() {
+        past = past::write_out(model)?;
+        model = &past;
     }
     if model.has_jumps() {
         return jumps::build(model, options, build_with);

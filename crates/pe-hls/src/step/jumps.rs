@@ -33,13 +33,12 @@ const TIME_SLACK: f64 = 1e-6;
 /// Builds the step graph of a model with jumps; `smooth` builds that of the model without them.
 ///
 /// # Errors
-/// Those of the rest, `E0801` for a jump that expands to too many products, `E0806` for a method that keeps slopes.
+/// Those of the rest, `E0801` for a jump that expands to too many products.
 pub fn build(
     model: &Model,
     options: &StepOptions,
     smooth: fn(&Model, &StepOptions) -> Result<StepGraph, Vec<Diagnostic>>,
 ) -> Result<StepGraph, Vec<Diagnostic>> {
-    check(model)?;
     let mut without = model.without_jumps();
     let first = StateId::new(0);
     let output = Output {
@@ -61,8 +60,11 @@ pub fn build(
     Ok(graph)
 }
 
-/// A method that keeps slopes of earlier steps would go on with those from before a jump.
-fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
+/// A method that keeps slopes of earlier steps would go on with those from before an event.
+///
+/// # Errors
+/// `E0806` for such a method.
+pub fn check(model: &Model) -> Result<(), Vec<Diagnostic>> {
     let jumping = model.states.iter().find(|state| state.jump.is_some());
     let keeps = matches!(model.solver, Solver::Ab2 | Solver::Ab3 | Solver::Ab4);
     match jumping.filter(|_| keeps) {

@@ -10,6 +10,7 @@ mod jumps;
 mod mechanism;
 mod method;
 mod motion;
+mod past;
 mod plan;
 mod planned;
 mod played;

@@ -82,6 +82,11 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
                 clock(builder, index, rate * model.step, end);
             }
             (Motion::Sine(rate), _) => rotation(builder, index, rate * model.step),
+            (Motion::Along(after, _), _) => {
+                let (after, end) = (builder.graph.states[after].0, builder.graph.states[index].1);
+                let terms = vec![Term::new(after, Factor::Coefficient(1.0))];
+                builder.chain(of_state(index), terms, Write { value: end, base: None, weight: 0 }, None);
+            }
             _ => {}
         }
         moved.insert((1f64.to_bits(), index), builder.graph.states[index].1);
@@ -96,6 +101,10 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
                 moved.insert((part.to_bits(), index), builder.graph.states[index].0);
                 continue;
             }
+            if let (Motion::Along(_, Some(middle)), 0.5) = (motion, *part) {
+                moved.insert((part.to_bits(), index), builder.graph.states[middle].0);
+                continue;
+            }
             builder.graph.names.auxiliaries.push(format!("{}.stage{number}", state.name));
             let role = Role::Auxiliary(index::number(builder.graph.names.auxiliaries.len()) - 1);
             let value = push(&mut builder.graph, role, of_state(index), false);
@@ -106,6 +115,7 @@ pub(super) fn chains(builder: &mut Builder, model: &Model, parts: &[f64]) -> Mov
                     turned(builder, index, StateId::new(index.number() - 1), -part * rate * model.step, value)
                 }
                 (Motion::Line(source), _) => line(builder, index, source, *part, value),
+                (Motion::Along(after, middle), _) => along(builder, index, (middle, after), *part, value),
                 _ => unreachable!("the derivative of a clock is a number"),
             }
             moved.insert((part.to_bits(), index), value);
@@ -130,6 +140,27 @@ fn line(builder: &mut Builder, index: StateId, source: Source, part: f64, value:
         Source::Signal(_) => builder.graph.states[index.behind(2)].0,
     };
     let terms = vec![Term::new(after, Factor::Coefficient(part)), Term::new(before, Factor::Coefficient(-part))];
+    builder.chain(of_state(index), terms, Write { value, base: Some(start), weight: 0 }, None);
+}
+
+/// `value := state + part (after - state)`, or on the parabola through the middle.
+fn along(
+    builder: &mut Builder,
+    index: StateId,
+    (middle, after): (Option<StateId>, StateId),
+    part: f64,
+    value: ValueId,
+) {
+    let start = builder.graph.states[index].0;
+    let word = |state: StateId, factor: f64| Term::new(builder.graph.states[state].0, Factor::Coefficient(factor));
+    let terms = match middle {
+        None => vec![word(after, part), word(index, -part)],
+        Some(middle) => vec![
+            word(middle, 4.0 * part * (1.0 - part)),
+            word(after, part * (2.0 * part - 1.0)),
+            word(index, (1.0 - part) * (1.0 - 2.0 * part) - 1.0),
+        ],
+    };
     builder.chain(of_state(index), terms, Write { value, base: Some(start), weight: 0 }, None);
 }
 

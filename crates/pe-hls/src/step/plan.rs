@@ -200,7 +200,7 @@ impl<'m> Plan<'m> {
     /// The end value of a state or memory. That of a state that stands for a signal is exact, whatever is given.
     pub fn end(&mut self, state: StateId, base: Option<Variable>, sum: Expr) -> Variable {
         match self.model.states.find(state).and_then(|state| state.motion) {
-            None => self.ending(state, base, sum),
+            None | Some(Motion::Along(..)) => self.ending(state, base, sum),
             Some(motion) => self.moved(state, motion),
         }
     }

@@ -54,10 +54,12 @@ fn arranged(
     };
     let algebraics: Vec<Nested> = expanded.algebraics.iter().zip(&model.algebraics).map(nested).collect();
     let used = shared_by_derivatives(expanded);
+    let moves_along = model.states.iter().any(|state| matches!(state.motion, Some(Motion::Along(..))));
     let plain = match model.solver {
         Solver::Euler => StageForm::Euler,
         Solver::Exact => StageForm::Full,
-        _ if is_affine(expanded) => StageForm::Horner,
+        // What moves along is known at the times of stages only.
+        _ if is_affine(expanded) && !moves_along => StageForm::Horner,
         _ => StageForm::Increments,
     };
     let slots = |nested: &Nested| index::number(nested.cost()) + u32::from(nested.constant != 0.0);

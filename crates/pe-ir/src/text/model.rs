@@ -16,7 +16,8 @@ use crate::verify;
 
 use super::{Line, Lines, Section, Stage, TextError, expr, labels::Labels, name, number, quoted, single, waveform};
 
-const MOTIONS: [&str; 9] = ["clock", "sine", "cosine", "swept_sine", "swept_cosine", "held", "line", "before", "after"];
+const MOTIONS: [&str; 10] =
+    ["clock", "sine", "cosine", "swept_sine", "swept_cosine", "held", "line", "before", "after", "delayed"];
 
 impl fmt::Display for Model {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -79,6 +80,8 @@ impl Printer<'_> {
             Motion::Line(source) => format!("line {}", self.source(source)),
             Motion::Before(source) => format!("before {}", self.source(source)),
             Motion::After(source) => format!("after {}", self.source(source)),
+            Motion::Delayed(seconds) => format!("delayed {}", number(seconds)),
+            Motion::Along(..) => unreachable!("only within a step"),
         }
     }
 
@@ -335,6 +338,7 @@ impl Reader {
             "held" => Motion::Held(self.source(line)?),
             "line" => Motion::Line(self.source(line)?),
             "before" => Motion::Before(self.source(line)?),
+            "delayed" => Motion::Delayed(positive(line)?),
             _ => Motion::After(self.source(line)?),
         })
     }

@@ -169,6 +169,11 @@ impl Checker<'_> {
             Motion::Held(of) | Motion::After(of) => source(of),
             Motion::Line(of) => source(of) && next == Some(Motion::Before(of)),
             Motion::Before(of) => source(of) && before == Some(Motion::Line(of)),
+            Motion::Delayed(seconds) => {
+                let is_variable = matches!(model.states[index].derivative, Expr::Variable(_));
+                seconds > 0.0 && is_variable && model.rates.is_empty() && model.phases.is_empty()
+            }
+            Motion::Along(..) => false,
         }
     }
 }

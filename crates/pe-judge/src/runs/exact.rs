@@ -19,6 +19,7 @@ use crate::pivots::{self, SmallestPivot};
 use crate::progress::{Progress, silent};
 use crate::times::thread_seconds;
 
+use super::copies;
 use super::events;
 use super::inputs;
 use super::judged::Curves;
@@ -131,6 +132,7 @@ impl Exact {
             return Err(vec![finding]);
         }
         include_possible(model, graph, &mut ranges);
+        copies::include(graph, &mut ranges);
         let quantities: Vec<u32> = model.states.iter().map(|state| state.quantity).collect();
         let scales = model.own_scales(reference.scales(&quantities));
         Ok(Some(Exact {

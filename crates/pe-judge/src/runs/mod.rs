@@ -13,6 +13,7 @@
 //! ```
 
 mod comparison;
+mod copies;
 mod events;
 mod exact;
 mod inputs;

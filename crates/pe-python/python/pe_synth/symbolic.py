@@ -56,8 +56,9 @@ def from_sympy(
     `equations` are `Eq(x(t).diff(t), ...)` for each state, and `Eq(y(t), ...)` for what is computed from these; they are
     solved for nothing. `initial` has the number of every state at time zero, by function; `parameters` the number of every
     other symbol; `tunable` the range of those that a host may change; `inputs` signals in the language of specs, by
-    function, such as `{u(t): "sine(1, 2 Hz) in -1 .. 1"}`. Outputs are the states, if they are not given. `time` is the
-    symbol of the time, `t` if it is not given. Names that a spec does not allow get others: `names` of the result has them.
+    function, such as `{u(t): "sine(1, 2 Hz) in -1 .. 1"}`. `x(t - tau)` is what `x` was some time ago. Outputs are the
+    states, if they are not given. `time` is the symbol of the time, `t` if it is not given. Names that a spec does not allow
+    get others: `names` of the result has them.
     """
     import sympy
 
@@ -185,6 +186,8 @@ class _Writer:
             return word.join(f"({self.write(one)[0]})" for one in part.args), _OTHER
         if isinstance(part, sympy.Not):
             return f"not ({self.write(part.args[0])[0]})", _OTHER
+        if isinstance(part, sympy.core.function.AppliedUndef) and len(part.args) == 1:
+            return self.delayed(part), _OPERAND
         arguments = ", ".join(self.write(one)[0] for one in part.args)
         if isinstance(part, (sympy.Max, sympy.Min)):
             return f"{'max' if isinstance(part, sympy.Max) else 'min'}({arguments})", _OPERAND
@@ -194,6 +197,14 @@ class _Writer:
         if part.is_Symbol or isinstance(part, sympy.core.function.AppliedUndef):
             raise UsageError(f"`{part}` in an equation is neither a state, nor an input, nor among `parameters`")
         raise UsageError(f"`{part}` has no counterpart in specs")
+
+    def delayed(self, part: Any) -> str:
+        """What a function of time was some time ago: `x(t - tau)`."""
+        for time in (symbol for symbol, name in self.names.items() if name == "time"):
+            past = time - part.args[0]
+            if part.func(time) in self.names and not past.has(time):
+                return f"{self.names[part.func(time)]}(t - {self.within(past, _PRODUCT)})"
+        raise UsageError(f"`{part}` in an equation is neither a state, nor an input, nor among `parameters`")
 
     @staticmethod
     def number(text: str) -> tuple[str, int]:

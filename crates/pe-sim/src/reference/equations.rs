@@ -10,6 +10,7 @@ use pe_ir::index::{self, StateId};
 use pe_ir::model::{Expr, Input, Model, Rate, Solution, Variable};
 use pe_ir::motion::Motion;
 
+use super::history::History;
 use super::states::States;
 use crate::linear::Linearised;
 
@@ -36,6 +37,9 @@ pub(super) struct Equations<'a> {
     continuous: usize,
     /// States that follow signals.
     played: Vec<StateId>,
+    /// States that are what a quantity was, in the order of the history.
+    delayed: Vec<StateId>,
+    pub history: RefCell<History>,
     sums: Vec<Sum>,
     terms: Vec<Term>,
     factors: Vec<u32>,
@@ -70,7 +74,24 @@ impl<'a> Equations<'a> {
         let inputs = &model.inputs;
         let follows = |state: &StateId| model.states[*state].motion.is_some_and(|motion| motion.source().is_some());
         let played = model.states.ids().filter(follows).collect();
-        Equations { model, inputs, states, continuous, played, sums, terms, factors, derivatives, jumps, slots }
+        let (delayed, delays): (Vec<StateId>, Vec<f64>) = model.delays().unzip();
+        let before = delayed.iter().map(|state| model.states[*state].initial).collect();
+        let history = RefCell::new(History::new(delays, before));
+        Equations {
+            model,
+            inputs,
+            states,
+            continuous,
+            played,
+            delayed,
+            history,
+            sums,
+            terms,
+            factors,
+            derivatives,
+            jumps,
+            slots,
+        }
     }
 
     /// The derivatives at `time` on the pieces that signals follow at `within`.
@@ -81,6 +102,11 @@ impl<'a> Equations<'a> {
         for state in &self.played {
             slots[state.index()] = self.model.signal_at(*state, within, time).unwrap_or_default();
         }
+        let history = self.history.borrow();
+        for (number, state) in self.delayed.iter().enumerate() {
+            slots[state.index()] = history.value(number, time);
+        }
+        drop(history);
         for (slot, declared) in slots[states.len()..].iter_mut().zip(self.inputs) {
             *slot = input(declared);
         }
@@ -118,6 +144,13 @@ impl<'a> Equations<'a> {
 }
 
 impl Equations<'_> {
+    /// What the quantities are at a time that are read later.
+    pub fn followed(&self, states: &States, (within, time): (f64, f64)) -> Vec<f64> {
+        let mut derivatives = vec![0.0; states.0.len()];
+        self.evaluate(&states.0, (within, time), &mut derivatives);
+        self.delayed.iter().map(|state| derivatives[state.index()]).collect()
+    }
+
     /// What the states are behind the jumps that are due at a time, if any is.
     pub fn jumped(&self, states: &States, (within, time): (f64, f64)) -> Option<States> {
         // A time that a rounded number has missed has come.
@@ -260,12 +293,20 @@ impl Piece<'_> {
         self.equations.jumped(states, (self.middle(), time))
     }
 
+    /// What the quantities are at a time that are read later.
+    pub fn followed(&self, time: f64, states: &States) -> Vec<f64> {
+        self.equations.followed(states, (self.middle(), time))
+    }
+
     fn middle(&self) -> f64 {
         0.5 * (self.from + self.to)
     }
 
     /// A state at a time of the piece: as it was integrated, or what the signal is that it follows.
     pub fn state(&self, state: StateId, time: f64, states: &States) -> f64 {
+        if let Some(number) = self.equations.delayed.iter().position(|delayed| *delayed == state) {
+            return self.equations.history.borrow().value(number, time);
+        }
         let followed = self.equations.model.signal_at(state, self.middle(), time);
         followed.unwrap_or(states.0[state.index()])
     }
@@ -282,6 +323,7 @@ impl ODE<f64, States> for Piece<'_> {
     fn diff(&self, time: f64, states: &States, derivatives: &mut States) {
         self.equations.evaluate(&states.0, (self.middle(), time), &mut derivatives.0);
         derivatives.0[self.equations.continuous..].fill(0.0);
+        self.equations.delayed.iter().for_each(|state| derivatives.0[state.index()] = 0.0);
     }
 
     fn jacobian(&self, time: f64, states: &States, jacobian: &mut Matrix<f64>) {

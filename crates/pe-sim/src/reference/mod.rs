@@ -10,11 +10,13 @@
 
 mod equations;
 mod features;
+mod history;
 mod solution;
 mod states;
 mod stiff;
 
 use differential_equations::error::Error;
+use differential_equations::interpolate::Interpolation;
 use differential_equations::methods::{
     Adaptive, BackwardDifferentiationFormula, DormandPrince, ExplicitRungeKutta, Ordinary,
 };
@@ -24,6 +26,7 @@ use pe_ir::index::StateId;
 use pe_ir::model::Model;
 
 use self::equations::{Equations, Piece};
+use self::history::History;
 pub use self::solution::{Method, Obstacle, ReferenceError, Solution};
 use self::solution::{Scales, TIME_RESOLUTION, after, beginning, piece_by_piece};
 use self::states::States;
@@ -120,6 +123,8 @@ fn integrate<M: Driven>(
     let equations = &Equations::new(model);
     let scales = Scales::growing(model, equations);
     let longest = if features::of_time(model) { LONGEST * model.step } else { f64::INFINITY };
+    // What a step reads must have been kept.
+    let longest = longest.min(equations.history.borrow().shortest());
     let mut rough = Integration { model, equations, tolerance: ROUGH_TOLERANCE, scales, steps, longest };
     rough.run::<M>(times, progress)?;
     let scales = rough.scales.into_known();
@@ -132,7 +137,7 @@ type Verner98 = ExplicitRungeKutta<Ordinary, Adaptive, f64, States, 9, 16, 21>;
 type Bdf = BackwardDifferentiationFormula<Ordinary, f64, States>;
 
 /// What [`Integration`] asks of a method beside its steps.
-trait Driven: OrdinaryNumericalMethod<f64, States> + Sized {
+trait Driven: OrdinaryNumericalMethod<f64, States> + Interpolation<f64, States> + Sized {
     /// The method with its first step.
     fn beginning(step: f64) -> Self;
     /// Sets a relative tolerance, and an absolute one of each state.
@@ -201,9 +206,11 @@ impl Integration<'_> {
     fn run<M: Driven>(&mut self, times: &[f64], progress: &mut dyn FnMut(f64)) -> Result<Trajectory, ReferenceError> {
         let (model, equations, steps) = (self.model, self.equations, self.steps);
         let mut samples = Trajectory::new(model.states.len());
+        equations.history.borrow_mut().reset();
         self.scales.include(&beginning(model));
         piece_by_piece(model, equations, (times, steps), |piece, times, states| {
             self.scales.include(&states);
+            equations.history.borrow_mut().bend(piece.from, 0);
             let mut method: M = self.start(piece, piece.from, &states, model.step)?;
             for time in times {
                 self.cross(&mut method, piece, *time, progress)?;
@@ -218,6 +225,7 @@ impl Integration<'_> {
 
     /// The method at the beginning of a piece, or anew within it.
     fn start<M: Driven>(&self, piece: &Piece, time: f64, states: &States, step: f64) -> Result<M, ReferenceError> {
+        piece.equations.history.borrow_mut().takes(time, time + step);
         if !piece.is_finite(time, states) {
             return Err(ReferenceError { time, obstacle: Obstacle::NotFinite });
         }
@@ -247,6 +255,7 @@ impl Integration<'_> {
         while after(target, method.t()) {
             let next = (libm::floor(method.t() / step + 1e-9) + 1.0) * step;
             let (from, begin) = (method.t(), method.y().clone());
+            let bends = piece.equations.history.borrow().bends();
             if next > within {
                 (found, within) = (0, next);
             }
@@ -261,11 +270,13 @@ impl Integration<'_> {
             found += 1;
             if anywhere && found < MOST_IN_STEP {
                 let mut before = from;
+                piece.equations.history.borrow_mut().keep(false);
                 while end - before > TIME_RESOLUTION * end.max(step) {
                     let middle = 0.5 * (before + end);
                     if middle <= before || middle >= end {
                         break;
                     }
+                    piece.equations.history.borrow_mut().set_bends(bends.clone());
                     let mut trial: M = self.start(piece, from, &begin, step)?;
                     self.advance(&mut trial, piece, middle, progress)?;
                     match piece.jumped(middle, trial.y()) {
@@ -273,6 +284,14 @@ impl Integration<'_> {
                         None => before = middle,
                     }
                 }
+            }
+            {
+                let mut history = piece.equations.history.borrow_mut();
+                history.keep(true);
+                history.cut(end);
+                history.set_bends(bends);
+                history.next(end);
+                history.bend(end, 0);
             }
             self.scales.include(&behind);
             // At the end of the piece nothing is left of it; the next one begins with the states behind the jumps.
@@ -296,7 +315,13 @@ impl Integration<'_> {
             if method.h() > self.longest {
                 method.shorten(self.longest);
             }
-            let (proposed, remaining) = (method.h(), target - time);
+            let (bend, bends) = piece.equations.history.borrow_mut().next(time);
+            if bends {
+                // The slope at the end of the last step is not that at the beginning of the next.
+                let (states, proposed) = (method.y().clone(), method.h());
+                *method = self.start(piece, time, &states, proposed)?;
+            }
+            let (proposed, remaining) = (method.h(), target.min(bend) - time);
             // Nearly there is there: the step after would be of the order of rounding.
             let last = 1.01 * proposed >= remaining;
             if last {
@@ -308,6 +333,7 @@ impl Integration<'_> {
                 return fail(Obstacle::TooManySteps);
             }
             self.steps -= 1;
+            piece.equations.history.borrow_mut().takes(time, time + method.h());
             match method.step(piece) {
                 Ok(_) => {}
                 Err(Error::Stiffness { .. }) => {
@@ -323,6 +349,15 @@ impl Integration<'_> {
             }
             if !method.y().0.iter().all(|state| state.is_finite()) {
                 return fail(Obstacle::NotFinite);
+            }
+            let keeps = piece.equations.history.borrow().keeps();
+            if keeps {
+                let mut values = Vec::new();
+                for at in History::times(time, method.t()) {
+                    let Ok(states) = method.interpolate(at) else { return fail(Obstacle::StepUnderflow) };
+                    values.extend(piece.followed(at, &states));
+                }
+                piece.equations.history.borrow_mut().add(time, method.t(), &values);
             }
             if last {
                 method.resume(proposed);

@@ -41,7 +41,7 @@ pub(super) struct Stiff<'a> {
 impl<'a> Stiff<'a> {
     /// Whether a model is small enough.
     pub fn suits(model: &Model) -> bool {
-        model.states.len() <= MOST_STATES && !model.has_jumps()
+        model.states.len() <= MOST_STATES && !model.has_jumps() && model.delays().next().is_none()
     }
 
     pub fn new(model: &'a Model, equations: &'a Equations<'a>, tolerance: f64, scales: Scales) -> Self {

@@ -6,7 +6,7 @@
 
 use pe_ir::coefficients::adams;
 use pe_ir::index::StateId;
-use pe_ir::model::{Expr, Model, Variable};
+use pe_ir::model::{Expr, Model, State, Variable};
 use pe_ir::place::Place;
 
 use crate::step::plan::{Plan, times};
@@ -21,9 +21,9 @@ pub fn plan(model: &Model) -> Plan<'_> {
     let history = slopes_before(model, weights.len() - 1);
     let mut plan = Plan::new(model);
     let (signals, states): (Vec<StateId>, Vec<StateId>) =
-        states.into_iter().partition(|state| model.states[*state].motion.is_some());
+        states.into_iter().partition(|state| is_known(&model.states[*state]));
     for state in signals {
-        plan.end(state, None, Expr::Constant(0.0));
+        plan.end(state, Some(Variable::State(state)), Expr::Constant(0.0));
     }
     // Increments h f of the steps before, the latest first.
     let memories: Vec<Vec<Variable>> = states
@@ -51,6 +51,11 @@ pub fn plan(model: &Model) -> Plan<'_> {
         plan.end(*state, Some(Variable::State(*state)), sum);
     }
     plan
+}
+
+/// Whether a state stands for a signal, or stands still.
+fn is_known(state: &State) -> bool {
+    state.motion.is_some() || state.derivative == Expr::Constant(0.0)
 }
 
 /// Derivatives of all states at the times `-h`, `-2h`, .., as many as asked for, with the inputs of time zero.

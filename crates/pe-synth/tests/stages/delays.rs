@@ -1,0 +1,329 @@
+//! Delays of quantities: orders of the methods, runs against simulations by hand, and bit for bit through all engines.
+
+use std::fs;
+use std::process::Command;
+
+use crate::support::bench::Folder;
+use pe_frontend::{NoFiles, Overrides};
+use pe_ir::graph::StepGraph;
+use pe_ir::model::{Model, Solver};
+use pe_ir::source::Sources;
+use pe_sim::double::DoubleRun;
+use pe_sim::reference;
+
+fn compiled(text: &str) -> Model {
+    let mut sources = Sources::new("delays.spec", text);
+    let compiled = pe_frontend::compile(&mut sources, &NoFiles, &Overrides::default());
+    let (model, _) = compiled.unwrap_or_else(|findings| panic!("{findings:#?}\n{text}"));
+    pe_hls::lift::lift(model)
+}
+
+fn graph_of(model: &Model) -> StepGraph {
+    let graph = pe_hls::step::build(model).unwrap_or_else(|findings| panic!("{findings:#?}"));
+    assert!(pe_ir::verify::step::check(&graph).is_empty());
+    let text = graph.to_string();
+    assert_eq!(text.parse::<StepGraph>().unwrap().to_string(), text);
+    let text = model.to_string();
+    assert_eq!(text.parse::<Model>().unwrap().to_string(), text);
+    graph
+}
+
+/// The states of a model after each step, in double precision; the first row is the beginning.
+fn rows(model: &Model) -> Vec<Vec<f64>> {
+    let graph = graph_of(model);
+    let mut run = DoubleRun::new(&graph);
+    let mut rows = vec![model.states.iter().map(|state| state.initial).collect::<Vec<f64>>()];
+    for step in 0..model.steps() {
+        run.step(&model.sample_inputs(model.time(step, 0.0))).expect("it is finite");
+        rows.push(run.states()[..model.states.len()].to_vec());
+    }
+    rows
+}
+
+fn next(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 33) as f64 / f64::from(1u32 << 31)
+}
+
+/// The solution of `x' = -x(t - 1)` that is 1 up to time zero: a polynomial between any two whole numbers.
+fn exact(time: f64) -> f64 {
+    let (mut sum, mut factorial) = (1.0, 1.0);
+    let mut k = 1.0;
+    while time - (k - 1.0) > 0.0 {
+        factorial *= k;
+        sum += libm::pow(-1.0, k) * libm::pow(time - (k - 1.0), k) / factorial;
+        k += 1.0;
+    }
+    sum
+}
+
+const SOLVERS: [(Solver, f64); 12] = [
+    (Solver::Euler, 1.0),
+    (Solver::Heun, 2.0),
+    (Solver::Heun3, 3.0),
+    (Solver::Rk4, 4.0),
+    (Solver::Ab2, 2.0),
+    (Solver::Ab4, 2.0),
+    (Solver::Rkc5, 2.0),
+    (Solver::ImplicitEuler, 1.0),
+    (Solver::Trapezoidal, 2.0),
+    (Solver::Ros2, 2.0),
+    (Solver::Rodas3, 2.0),
+    (Solver::Exact, 2.0),
+];
+
+fn error(model: &Model, solver: Solver, step: f64, solution: &dyn Fn(f64) -> f64) -> f64 {
+    let mut model = Model { solver, ..model.clone() };
+    model.set_step(step);
+    let rows = rows(&model);
+    let errors = rows.iter().enumerate().map(|(step, row)| (row[0] - solution(model.time(step as u64, 0.0))).abs());
+    errors.fold(0.0, f64::max)
+}
+
+/// Bends of the solution at whole numbers take no method its order, for no step reads beyond one.
+#[test]
+fn every_method_has_its_order_across_bends() {
+    let model = compiled("model m\nsolver rk4\nstep 0.1\nspan 4.5\nstate x = 1\nx' = -x(t - 1)\noutput x\n");
+    for (solver, order) in SOLVERS {
+        let (long, short) = (error(&model, solver, 0.05, &exact), error(&model, solver, 0.025, &exact));
+        let seen = libm::log2(long / short);
+        println!("{}: order {seen:.2}, error {short:.1e}", solver.name());
+        assert!(seen > order - 0.25 || short < 1e-12, "{}: {seen:.2}, {long:e}, {short:e}", solver.name());
+    }
+}
+
+/// Two delays, one of an algebraic quantity that reads another, in a model that is not linear.
+const MIXED: &str = "model m\nsolver rk4\nstep 0.1\nspan 6\nstate x = 0.5\nstate z = 0.2\ninput w = 0.3\n\
+    drive = sine(1, 0.2 Hz)\n\
+    p = x*z(t - 0.4) + 0.2*exp(-x) + 0.1*drive(t - 0.2)\nx' = z - x(t - 1)*p(t - 0.6) + w\n\
+    z' = -z - 0.5*x(time - 0.4)^2 + 0.3*p\noutput x, z\n";
+
+#[test]
+fn methods_have_their_order_with_delays_of_algebraic_quantities() {
+    let model = compiled(MIXED);
+    let times: Vec<f64> = (1..=60).map(|place| 0.1 * f64::from(place)).collect();
+    let solution = reference::solve(&model, &times, 1e-12, &mut |_| {}).unwrap();
+    let at = |time: f64| {
+        let place = (time / 0.1).round() as usize;
+        if (time - 0.1 * place as f64).abs() > 1e-9 || place == 0 {
+            return f64::NAN;
+        }
+        solution.samples[(place - 1) * model.states.len()]
+    };
+    for (solver, order) in SOLVERS.into_iter().filter(|(solver, _)| *solver != Solver::Exact) {
+        let (long, short) = (error(&model, solver, 0.05, &at), error(&model, solver, 0.025, &at));
+        let seen = libm::log2(long / short);
+        println!("{}: order {seen:.2}, error {short:.1e}", solver.name());
+        assert!(seen > order - 0.3, "{}: {seen:.2}, {long:e}, {short:e}", solver.name());
+    }
+}
+
+#[test]
+fn the_reference_solution_is_that_of_the_delayed_equation() {
+    let model = compiled("model m\nsolver rk4\nstep 0.1\nspan 8\nstate x = 1\nx' = -x(t - 1)\noutput x\n");
+    let times: Vec<f64> = (1..=80).map(|place| 0.1 * f64::from(place)).collect();
+    let solution = reference::solve(&model, &times, 1e-12, &mut |_| {}).unwrap();
+    for (row, time) in times.iter().enumerate() {
+        let found = solution.samples[row * model.states.len()];
+        assert!((found - exact(*time)).abs() < 1e-10, "{time}: {found} in place of {}", exact(*time));
+    }
+}
+
+/// A step by hand: rows of states, and what they were within each step, at its beginning, in its middle and at its end.
+struct ByHand {
+    order: usize,
+    step: f64,
+    count: usize,
+    /// For each state its weights: of states, each with the steps of the delay.
+    couplings: Vec<Vec<(usize, usize, f64)>>,
+    courses: Vec<Vec<[f64; 3]>>,
+    states: Vec<f64>,
+    start: Vec<f64>,
+}
+
+impl ByHand {
+    fn was(&self, state: usize, delay: usize, place: usize) -> f64 {
+        match self.courses.len().checked_sub(delay) {
+            Some(step) => self.courses[step][state][place],
+            None => self.start[state],
+        }
+    }
+
+    fn slopes(&self, states: &[f64], place: usize) -> Vec<f64> {
+        let of = |state: usize| {
+            let sum: f64 =
+                self.couplings[state].iter().map(|(read, delay, weight)| weight * self.was(*read, *delay, place)).sum();
+            sum - states[state] - 0.1 * states[state] * states[(state + 1) % self.count]
+        };
+        (0..self.count).map(of).collect()
+    }
+
+    fn advance(&mut self) {
+        let h = self.step;
+        let moved = |states: &[f64], slopes: &[f64], by: f64| -> Vec<f64> {
+            states.iter().zip(slopes).map(|(state, slope)| state + by * slope).collect()
+        };
+        let begin = self.states.clone();
+        let first = self.slopes(&begin, 0);
+        let end = match self.order {
+            1 => moved(&begin, &first, h),
+            2 => {
+                let second = self.slopes(&moved(&begin, &first, h), 2);
+                moved(&moved(&begin, &first, h / 2.0), &second, h / 2.0)
+            }
+            _ => {
+                let second = self.slopes(&moved(&begin, &first, h / 2.0), 1);
+                let third = self.slopes(&moved(&begin, &second, h / 2.0), 1);
+                let last = self.slopes(&moved(&begin, &third, h), 2);
+                let half = moved(&moved(&begin, &first, h / 6.0), &last, h / 6.0);
+                moved(&moved(&half, &second, h / 3.0), &third, h / 3.0)
+            }
+        };
+        let behind = self.slopes(&end, 2);
+        let middle = |state: usize| 0.5 * (begin[state] + end[state]) + h / 8.0 * (first[state] - behind[state]);
+        self.courses.push((0..self.count).map(|state| [begin[state], middle(state), end[state]]).collect());
+        self.states = end;
+    }
+}
+
+#[test]
+fn generated_models_run_as_by_hand() {
+    let mut seed = 11;
+    for round in 0..30usize {
+        let (order, solver) = [(1, "euler"), (2, "heun"), (4, "rk4")][round % 3];
+        let count = 1 + (4.0 * next(&mut seed)) as usize;
+        let step = 0.05;
+        let mut couplings: Vec<Vec<(usize, usize, f64)>> = Vec::new();
+        let mut text = format!("model m\nsolver {solver}\nstep {step}\nspan 2\nindex i in 1..{count}\n");
+        let start: Vec<f64> = (0..count).map(|_| 2.0 * next(&mut seed) - 1.0).collect();
+        // In an array, as instances of a component, or each for itself; read as it is or through an algebraic quantity.
+        let form = round % 4;
+        let name = |state: usize| match form {
+            0 => format!("x[{}]", state + 1),
+            1 => format!("cell[{}].x", state + 1),
+            _ => format!("x_{}", state + 1),
+        };
+        match form {
+            0 => {
+                let values: Vec<String> = start.iter().map(f64::to_string).collect();
+                text += &format!("state x[i] = [{}]\n", values.join(", "));
+            }
+            1 => {
+                text += "component Cell(first) {\n  input drive\n  state x = first\n  input other\n  x' = drive - x - 0.1*x*other\n}\n";
+                let values: Vec<String> = start.iter().map(f64::to_string).collect();
+                text += &format!("param begins[i] = [{}]\n", values.join(", "));
+                text += "instance cell[i] = Cell(first = begins[i], drive = drive[i], other = other[i])\n";
+            }
+            _ => (0..count).for_each(|state| text += &format!("state {} = {}\n", name(state), start[state])),
+        }
+        for state in 0..count {
+            let terms = 1 + (4.0 * next(&mut seed)) as usize;
+            let all: Vec<(usize, usize, f64)> = (0..terms)
+                .map(|_| {
+                    let (read, delay) =
+                        ((next(&mut seed) * count as f64) as usize, 1 + (next(&mut seed) * 12.0) as usize);
+                    (read, delay, (2.0 * next(&mut seed) - 1.0).round() * 0.5 + 0.25)
+                })
+                .collect();
+            let term = |(read, delay, weight): &(usize, usize, f64)| {
+                format!("{weight}*{}(t - {:.2})", name(*read), step * *delay as f64)
+            };
+            let sum = all.iter().map(term).collect::<Vec<_>>().join(" + ");
+            let other = name((state + 1) % count);
+            text += &match form {
+                1 => format!("drive[{0}] = {sum}\nother[{0}] = {other}\n", state + 1),
+                2 => format!("sum_{0} = {sum}\n{1}' = sum_{0} - {1} - 0.1*{1}*{other}\n", state + 1, name(state)),
+                _ => format!("{0}' = {sum} - {0} - 0.1*{0}*{other}\n", name(state)),
+            };
+            couplings.push(all);
+        }
+        let names: Vec<String> = (0..count).map(name).collect();
+        text += &format!("output {}\n", names.join(", "));
+        let model = compiled(&text);
+        let places: Vec<usize> =
+            names.iter().map(|name| model.states.iter().position(|state| state.name == *name).unwrap()).collect();
+        let mut hand =
+            ByHand { order, step, count, couplings, courses: Vec::new(), states: start.clone(), start: start.clone() };
+        for (number, row) in rows(&model).iter().enumerate() {
+            for (state, place) in places.iter().enumerate() {
+                let (is, should) = (row[*place], hand.states[state]);
+                assert!((is - should).abs() < 1e-11, "{text}\nstep {number}: {is} in place of {should}");
+            }
+            hand.advance();
+        }
+    }
+}
+
+/// A state that jumps by an event is read later with its jump between two steps, and nowhere within one.
+#[test]
+fn a_jump_comes_later_as_it_was() {
+    for solver in ["euler", "heun", "heun3", "rk4", "rkc5", "trapezoidal", "rodas3"] {
+        let text = format!(
+            "model m\nsolver {solver}\nstep 10 ms\nspan 1 s\nstate s = 0\nstate y = 0\ns' = 0\n\
+             q = 2*s\ny' = 50*q(t - 70 ms)\nwhen time >= 0.2 {{ s = 1 }}\nwhen time >= 0.5 {{ s = 0.5 }}\noutput y, s\n"
+        );
+        let model = compiled(&text);
+        let y = model.states.iter().position(|state| state.name == "y").unwrap();
+        for (step, row) in rows(&model).iter().enumerate() {
+            let time = step as f64 * 0.01;
+            let area = (time - 0.27).clamp(0.0, 0.3) + 0.5 * (time - 0.57).max(0.0);
+            assert!((row[y] - 100.0 * area).abs() < 1e-9, "{solver}, {time}: {} in place of {}", row[y], 100.0 * area);
+        }
+    }
+}
+
+/// An input is read later as the step then held it; what is delayed by a step and more is never ahead.
+#[test]
+fn inputs_are_read_later_as_they_were_held() {
+    for solver in ["euler", "rk4", "trapezoidal"] {
+        let text = format!(
+            "model m\nsolver {solver}\nstep 10 ms\nspan 1 s\ninput u = pulse(1, 0.2 s, 0.3 s)\nstate y = 0\n\
+             y' = 2*u(t - 10 ms) + u(t - 50 ms)\noutput y\n"
+        );
+        let model = compiled(&text);
+        let y = model.states.iter().position(|state| state.name == "y").unwrap();
+        for (step, row) in rows(&model).iter().enumerate() {
+            let time = step as f64 * 0.01;
+            let should = 2.0 * (time - 0.21).clamp(0.0, 0.3) + (time - 0.25).clamp(0.0, 0.3);
+            assert!((row[y] - should).abs() < 1e-9, "{solver}, {time}: {} in place of {should}", row[y]);
+        }
+    }
+}
+
+#[test]
+fn a_delay_that_is_no_whole_number_of_steps_is_refused() {
+    let model = compiled("model m\nsolver rk4\nstep 0.1\nspan 4\nstate x = 1\nx' = -x(t - 0.25)\noutput x\n");
+    let findings = pe_hls::step::build(&model).unwrap_err();
+    assert_eq!(findings[0].code, "E0930");
+    assert!(findings[0].help.as_ref().is_some_and(|help| help.contains("8.333")), "{findings:?}");
+    let model = compiled("model m\nsolver rk4\nstep 0.1\nspan 4\nstate x = 1\nx' = -x(t - 0.05)\noutput x\n");
+    assert_eq!(pe_hls::step::build(&model).unwrap_err()[0].code, "E0930");
+}
+
+#[test]
+fn all_engines_have_the_same_past() {
+    let bodies = [
+        "solver rk4\nstep 20 ms\nspan 6 s\nstate x = 0.9\nold = x(t - 0.4 s)\nx' = 2*x*(1 - old)\noutput x, old\n",
+        // Of an array and an input, with events.
+        "solver heun\nstep 10 ms\nspan 3 s\nindex i in 1..3\ninput u = sine(1, 1 Hz)\nstate x[i] = 0.1*i\nstate n = 0\n\
+         n' = 0\nx[i]' = u(t - 50 ms) - x[i] - 0.5*x[1 + i mod 3](t - 0.01*(2*i)) + n(t - 30 ms)\n\
+         when x[1] > 0.5 { n = 0.3; x[1] = 0 }\noutput x, n\n",
+    ];
+    for (number, body) in bodies.iter().enumerate() {
+        let folder = Folder::new(&format!("delays_{number}"));
+        fs::write(folder.0.join("delays.spec"), format!("model delays\n{body}")).unwrap();
+        let run = |arguments: &str| {
+            let words = arguments.split(' ');
+            let output =
+                Command::new(env!("CARGO_BIN_EXE_pe-synth")).args(words).current_dir(&folder.0).output().unwrap();
+            assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
+            String::from_utf8(output.stdout).unwrap()
+        };
+        run("compile delays.spec --pes 2 --allow E0903 --quiet --no-pictures --message-format json -o out");
+        let told = run("verify out --steps 300 --message-format json");
+        let told: serde_json::Value = serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"));
+        let runs = told["runs"].as_array().unwrap();
+        let of_hardware = runs.iter().filter(|run| run["engine"] == "GHDL" && run["live"].as_f64() > Some(0.2)).count();
+        assert!(of_hardware >= 2, "{}", told["runs"]);
+    }
+}
