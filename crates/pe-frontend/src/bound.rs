@@ -6,6 +6,7 @@ use crate::language::functions::Function;
 use crate::syntax::ast::{Comparison, Connective, Factor, Sign};
 use pe_ir::model::Samples;
 use pe_ir::source::Span;
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -28,6 +29,8 @@ pub(crate) enum NodeKind {
     Number(f64),
     /// Value of the index at this place of the frame.
     Index(usize),
+    /// A number for each row of a data file, of which the index at this place of the frame is one.
+    Cell(usize, Rc<[f64]>),
     /// Element of a quantity, by its number.
     Element(usize, Vec<Node>),
     Sum(Vec<(Sign, Node)>),
@@ -72,6 +75,17 @@ pub(crate) enum BoundRange {
     Index(usize),
     /// From the first to the second.
     Own(Node, Node),
+    /// The rows of a data file.
+    Rows(Rows),
+}
+
+/// The rows of a data file, which a condition may choose from.
+#[derive(Debug)]
+pub(crate) struct Rows {
+    /// The first cell of each.
+    pub(crate) places: Vec<Span>,
+    /// Where the condition says what a cell of them is: rows by the bits of that number, and the number.
+    pub(crate) chosen: Option<(BTreeMap<u64, Vec<u32>>, Node)>,
 }
 
 /// A bound condition.
@@ -102,6 +116,7 @@ pub(crate) fn depth(node: &Node) -> usize {
         NodeKind::Number(_)
         | NodeKind::Time
         | NodeKind::Index(_)
+        | NodeKind::Cell(..)
         | NodeKind::Argument(_)
         | NodeKind::Data(..)
         | NodeKind::Samples(_) => 0,
@@ -119,6 +134,7 @@ pub(crate) fn depth(node: &Node) -> usize {
             let range = match &sum.range {
                 BoundRange::Index(_) => 0,
                 BoundRange::Own(low, high) => depth(low).max(depth(high)),
+                BoundRange::Rows(rows) => rows.chosen.as_ref().map_or(0, |(_, number)| depth(number)),
             };
             range.max(sum.condition.as_ref().map_or(0, condition_depth)).max(depth(&sum.body))
         }

@@ -86,6 +86,7 @@ pub fn functions() -> impl Iterator<Item = Call> {
     let files = [
         (SAMPLES, "samples(\"file.csv\", \"column\", linear)", true),
         ("data", "data(\"file.csv\", \"column\")", false),
+        ("rows", "rows(\"file.csv\")", false),
     ];
     let files = files.map(|(name, signature, signal)| Call { name, signature: signature.to_owned(), signal });
     plain.chain(arrays).chain(signals).chain(files)

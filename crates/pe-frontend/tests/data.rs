@@ -127,3 +127,86 @@ fn stated_ranges_of_algebraic_quantities_reach_the_model() {
     assert!(errors("state x = 0\nx' = 1 in 0 .. 1\noutput x", "").starts_with("E0306 m.spec:7:11 "));
     assert!(errors("state x = 0\nx' = a\na = x in 1 .. 1\noutput x", "").starts_with("E0506"));
 }
+
+/// The right-hand side of the first state, with names.
+fn right_side(statements: &str, table: &str) -> String {
+    let model = build(statements, table).unwrap_or_else(|errors| panic!("{errors}"));
+    let text = model.to_string();
+    text.lines().find_map(|line| line.trim().strip_prefix("x[2]' = ")).expect("it is there").to_owned()
+}
+
+#[test]
+fn sums_over_rows_take_those_that_the_condition_chooses() {
+    let edges = "from, to, weight [1/s]\n1,2,0.5\n3,2,-1\n2,1,4\n# none\n3,3,7\n1,2,0.25\n";
+    let sum = |inside: &str| format!("state x[b] = 1\nx[b]' = sum(e in rows(\"t.csv\") {inside})\noutput x");
+    // By the index that is made of the condition, in any order and beside other parts, and without one.
+    let all = right_side(&sum("where e.to == b: e.weight*x[e.from]"), edges);
+    assert_eq!(all, right_side(&sum("where b == e.to: e.weight*x[e.from]"), edges));
+    assert_eq!(all, right_side(&sum("where e.to - b == 0: e.weight*x[e.from]"), edges));
+    assert_eq!(all, right_side(&sum("where e.weight != 4 and e.to == b: x[e.from]*e.weight"), edges));
+    let written = build(
+        "state x[b] = 1\nx[b]' = if b == 2 then 0.5*x[1] - x[3] + 0.25*x[1] else if b == 1 then 4*x[2] else 7*x[3]\noutput x",
+        "",
+    );
+    let rows = build(&sum("where e.to == b: e.weight*x[e.from]"), edges);
+    assert_eq!(written.unwrap().to_string(), rows.unwrap().to_string());
+    // In functions of numbers alone, in parameters, and one in the other.
+    let nested = "param k[b] = sum(e in rows(\"t.csv\") where e.to == b: e.weight)\nstate x[b] = 1\n\
+                  x[b]' = sum(c in 1..3, e in rows(\"t.csv\") where e.to == c and c == b: k[c]*x[e.from])\noutput x";
+    assert_eq!(right_side(nested, edges), right_side(&sum("where e.to == b: -0.25*x[e.from]"), edges));
+    // No row is zero; both zeros are one number.
+    assert_eq!(right_side(&sum("where e.to == 9*b: x[e.from]"), edges), "0");
+    assert_eq!(right_side(&sum("where e.z == 0*b: x[b]"), "z\n-0\n"), "x[2]");
+}
+
+#[test]
+fn delays_may_come_from_rows() {
+    let text = right_side(
+        "state x[b] = 1\nx[b]' = sum(e in rows(\"t.csv\") where e.to == b: x[e.from](t - e.delay))\noutput x",
+        "from,to,delay\n1,2,0.02\n3,1,0.04\n",
+    );
+    assert!(text.contains("x[1](t-0.02)"), "{text}");
+}
+
+#[test]
+fn rows_that_do_not_fit_a_sum_are_told() {
+    let sum =
+        |inside: &str| format!("state x[b] = 1\nx[b]' = -x[b]\ny = sum(e in rows(\"t.csv\") {inside})\noutput x, y");
+    let edges = "from,to,note\n1,2,a\n4,2,b\n2.5,1,c\n";
+    for (inside, wanted) in [
+        (": e.form", "E0201"),
+        (": e.note", "E0509 t.csv:2:5 this is not a finite number"),
+        ("where e.to == 2: x[e.from]", "E0501"),
+        ("where e.to == 1: x[e.from]", "E0408"),
+        ("where x[1] > 0: e.to", "E0405"),
+        (": e.to[1]", "E0207"),
+        (": e", "E0208"),
+        (": from", "E0201"),
+    ] {
+        let found = errors(&sum(inside), edges);
+        assert!(found.starts_with(wanted), "{inside}: {found}");
+    }
+    assert!(errors(&sum(": e.to").replace("t.csv", "u.csv"), edges).starts_with("E0111"));
+    assert!(errors(&sum(": e.to"), "from,to\n1\n").starts_with("E0508 t.csv:2:1 this row has 1 cells"));
+    let outside = "state x[b] = 1\nx[b]' = -x[b]\ny = sum(e in rows(\"t.csv\"): e.to) + e.to\noutput x, y";
+    assert!(errors(outside, edges).starts_with("E0201"));
+}
+
+/// 100,000 synapses between 1,000 neurons, with a delay each: rows are found by the condition, and not looked through for each.
+#[test]
+fn a_hundred_thousand_rows_take_seconds() {
+    let mut table = String::from("from,to,weight,delay\n");
+    for row in 0..100_000u32 {
+        let (from, to, delay) = (1 + row % 1000, 1 + (row / 1000 * 37 + row * 7) % 1000, 1 + row / 7 % 20);
+        table += &format!("{from},{to},0.{row},{delay}\n");
+    }
+    let text = "model m\nsolver euler\nstep 1 ms\nspan 1 s\ntime [ms]\nindex i in 1..1000\nstate s[i] = 0\n\
+                s[i]' = sum(e in rows(\"t.csv\") where e.to == i: e.weight*s[e.from](t - e.delay))\noutput s[1]\n";
+    let files = BTreeMap::from([("t.csv".to_owned(), table.into_bytes())]);
+    let begin = std::time::Instant::now();
+    let (model, _) = pe_frontend::compile(&mut Sources::new("m.spec", text), &files, &Overrides::default()).unwrap();
+    let seconds = begin.elapsed().as_secs_f64();
+    println!("{} states in {seconds:.1} s", model.states.len());
+    assert_eq!(model.states.len(), 8_000);
+    assert!(seconds < 60.0, "{seconds:.0} s");
+}

@@ -477,7 +477,11 @@ impl Algebra<'_, '_> {
         let (first, second) = (self.element(one, &left), self.element(other, &right));
         let body = Expr { kind: ExprKind::Product(Box::new(first), vec![(Factor::Multiply, second)]), span };
         let range = other.shape.first().map(|ends| range(*ends, span));
-        ExprKind::SumOver { binder: Box::new(Binder { name, range }), condition: None, body: Box::new(body) }
+        ExprKind::SumOver {
+            binder: Box::new(Binder { name, range, rows: None }),
+            condition: None,
+            body: Box::new(body),
+        }
     }
 }
 

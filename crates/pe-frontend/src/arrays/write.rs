@@ -368,7 +368,11 @@ impl<'a> Writer<'_, 'a> {
         self.hoisted = hoisted;
         equation.target.subscripts.extend(subscripts);
         let all = indices.into_iter().zip(&shape);
-        equation.ranges.extend(all.map(|(name, ends)| Binder { range: Some(range(*ends, name.span)), name }));
+        equation.ranges.extend(all.map(|(name, ends)| Binder {
+            range: Some(range(*ends, name.span)),
+            rows: None,
+            name,
+        }));
         Some(())
     }
 
@@ -430,7 +434,7 @@ fn definition(hoisted: Hoisted) -> StatementKind {
         unit: None,
         value,
         within: None,
-        ranges: all.map(|(name, ends)| Binder { range: Some(range(*ends, span)), name }).collect(),
+        ranges: all.map(|(name, ends)| Binder { range: Some(range(*ends, span)), rows: None, name }).collect(),
         condition: None,
     })
 }

@@ -3,4 +3,5 @@
 mod data;
 mod matrix;
 pub(crate) mod resolver;
+pub(crate) mod rows;
 mod samples;

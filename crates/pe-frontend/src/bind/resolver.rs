@@ -3,22 +3,25 @@
 //! Every function returns `None` after it has reported an error, and goes on with the other parts first so that all
 //! errors of an expression are found in one run.
 
+use crate::bind::rows::Within;
 use crate::bind::{data, matrix, samples};
 use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, MOST_NESTED_CALLS, Node, NodeKind, SumOver, depth};
 use crate::language::functions::{self, FUNCTIONS};
 use crate::language::habits;
-use crate::language::measures::{TIMES, unit_scale};
+use crate::language::measures::unit_scale;
 use crate::language::waveforms::{Argument, SAMPLES, WAVEFORMS, check_count};
 use crate::language::words::{OF_ARRAYS, TIME};
 use crate::names::table::{Kind, Names, Symbol};
 use crate::nearest::suggestion;
 use crate::report::Report;
-use crate::syntax::ast::{Binder, Comparison, Expr, ExprKind, Name, Reference, Sign, Spec};
-use crate::syntax::delay;
+use crate::syntax::ast::{Binder, Comparison, Expr, ExprKind, Name, Reference, Spec};
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 use std::rc::Rc;
 use std::sync::Arc;
+
+mod past;
+mod rows;
 
 /// What an expression may read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,12 +60,15 @@ pub(crate) struct Resolver<'r, 'a> {
     pub(crate) owner: Option<usize>,
     /// Functions whose bodies are being bound, the innermost last.
     calling: Vec<usize>,
+    /// Sums over rows that the expression stands in, the innermost last.
+    rows: Vec<Within<'a>>,
 }
 
 impl<'r, 'a> Resolver<'r, 'a> {
     /// A resolver without indices in scope.
     pub(crate) fn new(spec: &'a Spec, names: &'r mut Names<'a>, report: &'r mut Report, reads: Reads) -> Self {
-        Resolver { names, report, scope: Vec::new(), reads, spec, owner: None, calling: Vec::new() }
+        let (scope, calling, rows) = (Vec::new(), Vec::new(), Vec::new());
+        Resolver { names, report, scope, reads, spec, owner: None, calling, rows }
     }
 }
 
@@ -195,6 +201,9 @@ impl<'a> Resolver<'_, 'a> {
                     .with_help("sum over an index of another name"),
             );
         }
+        if let Some(path) = &binder.rows {
+            return self.sum_over_rows((&binder.name, path), condition, body);
+        }
         let range = self.range(binder);
         self.scope.push(&binder.name.text);
         let condition = condition.map(|condition| self.condition(condition));
@@ -304,6 +313,9 @@ impl<'a> Resolver<'_, 'a> {
 
     fn reference(&mut self, reference: &'a Reference) -> Option<NodeKind> {
         let name = &reference.name;
+        if let Some(cell) = self.cell(reference) {
+            return cell;
+        }
         let subscripts = all(reference.subscripts.iter().map(|subscript| self.number(subscript)));
         // The innermost index wins; equal names have been reported.
         let index = self.scope.iter().rposition(|index| *index == name.text);
@@ -348,57 +360,6 @@ impl<'a> Resolver<'_, 'a> {
                 None
             }
         }
-    }
-
-    /// What a quantity was some time ago, or a call of a function of the spec, which may look the same.
-    fn delayed(
-        &mut self,
-        of: &'a Reference,
-        argument: &'a Expr,
-        unit: Option<&'a Name>,
-        span: Span,
-    ) -> Option<NodeKind> {
-        if let Some(number) = self.names.function_numbers.get(of.name.text.as_str()).copied()
-            && of.subscripts.is_empty()
-        {
-            let argument = self.number(argument).map(|argument| vec![argument]);
-            return self.inline(number, argument, 1, span);
-        }
-        if self.names.quantity(&of.name.text).is_none() && self.argument(&of.name).is_none() {
-            if !self.names.is_poisoned(&of.name.text) {
-                self.report.push(self.names.unknown(&of.name, &self.scope));
-            }
-            return None;
-        }
-        let scale = unit_scale(unit, &TIMES, "delay", self.names.time.seconds).map_err(|error| self.report.push(error));
-        let element = self.reference(of).map(|kind| Node { kind, span: of.span });
-        let reads = std::mem::replace(&mut self.reads, Reads::Constants);
-        let after_time = delay::terms(argument)?;
-        let terms = all(after_time.iter().map(|(sign, term)| {
-            let sign = if *sign == Sign::Plus { Sign::Minus } else { Sign::Plus };
-            self.number(term).map(|term| (sign, term))
-        }));
-        self.reads = reads;
-        let delay = Node { kind: NodeKind::Sum(terms?), span: argument.span };
-        let (element, scale) = (element?, scale.ok()?);
-        let NodeKind::Element(number, _) = element.kind else {
-            let message = format!("`{}` is a number and has no past", of.name.text);
-            self.report.push(Diagnostic::error(codes::BAD_DELAY, of.span, message));
-            return None;
-        };
-        let quantity = &self.names.quantities[number];
-        let sampled = quantity.block.is_some();
-        if quantity.angle || sampled {
-            let what = if sampled { "a sampled quantity" } else { "an angle" };
-            let message = format!("`{}` is {what}, whose past is not kept", of.name.text);
-            let help = match sampled {
-                true => "keep it in states of the block: `next before = x`",
-                false => "read its sine and cosine, as quantities of their own",
-            };
-            self.report.push(Diagnostic::error(codes::DELAY_MODEL, of.span, message).with_help(help));
-            return None;
-        }
-        Some(NodeKind::Delayed(Box::new(element), Box::new(delay), scale))
     }
 
     /// The argument of the innermost function that a name stands for.
@@ -449,10 +410,11 @@ impl<'a> Resolver<'_, 'a> {
         }
         // A body knows its arguments and what is defined for the whole spec, but no index and no element.
         let (scope, owner) = (std::mem::take(&mut self.scope), self.owner.take());
+        let rows = std::mem::take(&mut self.rows);
         self.calling.push(number);
         let node = self.number(tree);
         self.calling.pop();
-        (self.scope, self.owner) = (scope, owner);
+        (self.scope, self.owner, self.rows) = (scope, owner, rows);
         let body = node.map(|node| Body { depth: depth(&node), node }).filter(|body| {
             let fits = body.depth <= DEEPEST_BODY;
             if !fits {

@@ -282,7 +282,7 @@ impl<'a> Writer<'a, '_> {
             // Blanks keep this name apart from those of the component.
             let text = format!("{} of {}", name.text, element::bare(&path));
             told.renamed.insert(name.text.clone(), text.clone());
-            indices.push(Binder { name: Name { text, span: name.span }, range: Some(range) });
+            indices.push(Binder { name: Name { text, span: name.span }, range: Some(range), rows: None });
         }
         let prefix = format!("{path}{}.", element::places(declared.dimensions.len()));
         let own = own(component).into_keys().map(str::to_owned).collect();

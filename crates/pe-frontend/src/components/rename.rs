@@ -73,7 +73,8 @@ impl Scope {
 
     fn reference(&self, reference: &mut Reference, bound: &BTreeSet<String>) {
         let name = &mut reference.name.text;
-        if bound.contains(name.as_str()) {
+        // Of the rows of a data file, `e.weight` is a cell.
+        if bound.contains(head(name)) {
             return;
         }
         if let Some(other) = self.renamed.get(name.as_str()) {

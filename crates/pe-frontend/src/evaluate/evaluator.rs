@@ -1,7 +1,8 @@
 //! Evaluates bound expressions for given index values: to a number where everything is constant, else to an
 //! expression over the flat variables.
 
-use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, Node, NodeKind, SumOver};
+use crate::bind::rows;
+use crate::bound::{Body, BoundRange, Condition, DEEPEST_BODY, Node, NodeKind, Rows, SumOver};
 use crate::evaluate::delays;
 use crate::evaluate::elementary::{self, Truth, reciprocal, size};
 use crate::evaluate::fold::{ProductBuilder, SumBuilder, negate};
@@ -73,6 +74,10 @@ impl Evaluator {
         match &node.kind {
             NodeKind::Number(value) => Ok(Expr::Constant(*value)),
             NodeKind::Index(place) => Ok(Expr::Constant(self.frame[*place] as f64)),
+            NodeKind::Cell(place, cells) => {
+                let row = usize::try_from(self.frame[*place]).ok();
+                row.and_then(|row| cells.get(row)).map(|cell| Expr::Constant(*cell)).ok_or(Fault::Silent)
+            }
             NodeKind::Element(quantity, subscripts) => self.element(names, *quantity, subscripts, node.span),
             NodeKind::Sum(terms) => {
                 let mut sum = SumBuilder::default();
@@ -208,6 +213,7 @@ impl Evaluator {
         match range {
             BoundRange::Index(number) => names.indices[*number].range.ok_or(Fault::Silent),
             BoundRange::Own(low, high) => Ok((self.integer(names, low)?, self.integer(names, high)?)),
+            BoundRange::Rows(rows) => Ok((0, rows.places.len() as i64 - 1)),
         }
     }
 
@@ -271,6 +277,9 @@ impl Evaluator {
     }
 
     fn sum_over(&mut self, names: &Names, sum_over: &SumOver, span: Span) -> Result<Expr, Fault> {
+        if let BoundRange::Rows(rows) = &sum_over.range {
+            return self.sum_over_rows(names, (sum_over, rows), span);
+        }
         let (low, high) = self.range(names, &sum_over.range)?;
         let empty = self.sums.entry(span).or_insert(Some((low, high)));
         *empty = empty.filter(|_| low > high);
@@ -283,6 +292,32 @@ impl Evaluator {
             if let Some(term) = term? {
                 sum.add(term, false);
             }
+        }
+        finish_sum(sum, span)
+    }
+
+    /// A sum over rows of a data file: those that have the number that the condition says, or all.
+    fn sum_over_rows(&mut self, names: &Names, (over, rows): (&SumOver, &Rows), span: Span) -> Result<Expr, Fault> {
+        let mut sum = SumBuilder::default();
+        let place = self.frame.len();
+        let mut add = |evaluator: &mut Evaluator, row: usize| {
+            evaluator.frame.push(row as i64);
+            let term = evaluator.term(names, over);
+            evaluator.frame.truncate(place);
+            match term {
+                Ok(Some(term)) => sum.add(term, false),
+                Ok(None) => {}
+                Err(Fault::Report(finding)) => return Err(fault(finding.with_label(rows.places[row], "of this row"))),
+                Err(other) => return Err(other),
+            }
+            Ok(())
+        };
+        match &rows.chosen {
+            Some((by_number, number)) => {
+                let wanted = rows::bits(self.number(names, number, Purpose::Condition)?);
+                by_number.get(&wanted).into_iter().flatten().try_for_each(|row| add(self, at(*row)))?;
+            }
+            None => (0..rows.places.len()).try_for_each(|row| add(self, row))?,
         }
         finish_sum(sum, span)
     }

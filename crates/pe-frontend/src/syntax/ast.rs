@@ -277,6 +277,8 @@ pub struct Binder {
     pub name: Name,
     /// Its range, `None` for the default range.
     pub range: Option<Range>,
+    /// The data file whose rows it stands for, in a sum.
+    pub rows: Option<Name>,
 }
 
 /// `low..high`, both ends included.
@@ -405,7 +407,7 @@ pub enum ExprKind {
         /// Value elsewhere.
         no: Box<Expr>,
     },
-    /// `sum(k in a..b where condition: body)`.
+    /// `sum(k in a..b where condition: body)`, or over the rows of a data file.
     SumOver {
         /// The index.
         binder: Box<Binder>,

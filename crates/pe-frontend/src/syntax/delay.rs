@@ -1,7 +1,7 @@
 //! The argument of a quantity that is read some time ago, `t - 20`.
 
-use crate::language::words::TIME;
-use crate::syntax::ast::{Expr, ExprKind, Sign};
+use crate::language::words::{TIME, is_built_in};
+use crate::syntax::ast::{Expr, ExprKind, Name, Reference, Sign};
 
 /// A short name for the time, which stands only here.
 const SHORT: &str = "t";
@@ -17,4 +17,17 @@ pub(crate) fn terms(argument: &Expr) -> Option<&[(Sign, Expr)]> {
         }
         _ => None,
     }
+}
+
+/// A call, or what a quantity was some time ago: the same text but for an argument that begins with the time.
+pub(crate) fn call(function: Name, mut arguments: Vec<Expr>, mut units: Vec<(usize, Name)>) -> ExprKind {
+    let is_past = match arguments.as_slice() {
+        [argument] => terms(argument).is_some() && !is_built_in(&function.text),
+        _ => false,
+    };
+    if is_past && let Some(argument) = arguments.pop() {
+        let of = Reference { span: function.span, name: function, subscripts: Vec::new() };
+        return ExprKind::Delayed { of, argument: Box::new(argument), unit: units.pop().map(|(_, unit)| unit) };
+    }
+    ExprKind::Call { function, arguments, units }
 }

@@ -3,7 +3,6 @@
 //! The builders return `None` where a pair does not have the children that the grammar promises. That cannot happen;
 //! if it does after a change of the grammar, it becomes a syntax error and not a panic.
 
-use crate::language::words::is_built_in;
 use crate::report::Report;
 use crate::syntax::ast::*;
 use crate::syntax::delay;
@@ -242,7 +241,11 @@ impl Builder<'_> {
             Some(range) => Some(self.range(range)?),
             None => None,
         };
-        Some(Binder { name, range })
+        let rows = match parts.take(Rule::rows) {
+            Some(rows) => Some(self.path(&mut Parts::of(rows))?),
+            None => None,
+        };
+        Some(Binder { name, range, rows })
     }
 
     fn range(&mut self, pair: Node) -> Option<Range> {
@@ -282,11 +285,16 @@ impl Builder<'_> {
         Some(Name { text: text.into_inner().next()?.as_str().to_owned(), span })
     }
 
-    /// A data file and a column of it; the file is noted.
-    fn file_column(&mut self, parts: &mut Parts) -> Option<(Name, Name)> {
+    /// A data file, which is noted.
+    fn path(&mut self, parts: &mut Parts) -> Option<Name> {
         let path = self.text(parts)?;
         self.files.push(path.clone());
-        Some((path, self.text(parts)?))
+        Some(path)
+    }
+
+    /// A data file and a column of it.
+    fn file_column(&mut self, parts: &mut Parts) -> Option<(Name, Name)> {
+        Some((self.path(parts)?, self.text(parts)?))
     }
 
     fn measure(&mut self, pair: Node) -> Option<Measure> {
@@ -388,7 +396,7 @@ impl Builder<'_> {
                     units.extend(unit.map(|unit| (arguments.len(), unit)));
                     arguments.push(value);
                 }
-                call(function, arguments, units)
+                delay::call(function, arguments, units)
             }
             Rule::delayed => {
                 let mut parts = Parts::of(pair);
@@ -404,7 +412,7 @@ impl Builder<'_> {
     /// A sum over several indices is one sum inside the other; the condition, which may read them all, is the innermost's.
     fn sum(&mut self, mut parts: Parts, span: Span) -> Option<Expr> {
         let mut binders = Vec::new();
-        while let Some(binder) = parts.take(Rule::binder) {
+        while let Some(binder) = parts.take(Rule::summed) {
             binders.push(self.binder(binder)?);
         }
         let mut condition = self.condition(&mut parts)?.map(Box::new);
@@ -426,19 +434,6 @@ impl Builder<'_> {
         self.explained = true;
         None
     }
-}
-
-/// A call, or what a quantity was some time ago: the same text but for an argument that begins with the time.
-fn call(function: Name, mut arguments: Vec<Expr>, mut units: Vec<(usize, Name)>) -> ExprKind {
-    let is_past = match arguments.as_slice() {
-        [argument] => delay::terms(argument).is_some() && !is_built_in(&function.text),
-        _ => false,
-    };
-    if is_past && let Some(argument) = arguments.pop() {
-        let of = Reference { span: function.span, name: function, subscripts: Vec::new() };
-        return ExprKind::Delayed { of, argument: Box::new(argument), unit: units.pop().map(|(_, unit)| unit) };
-    }
-    ExprKind::Call { function, arguments, units }
 }
 
 /// The children of a pair, taken by rule in order; keywords and signs between them are skipped.
@@ -491,6 +486,7 @@ fn carries_content(rule: Rule) -> bool {
             | Rule::block_end
             | Rule::data_word
             | Rule::samples_word
+            | Rule::rows_word
             | Rule::kw_if
             | Rule::kw_then
             | Rule::kw_else

@@ -3,6 +3,7 @@
 //! A number written out has whatever unit its place asks for in a sum, and none in a product. A quantity without a unit
 //! takes that of its definition.
 
+use crate::bind::rows;
 use crate::bound::MOST_NESTED_CALLS;
 use crate::language::functions;
 use crate::language::measures::TIMES;
@@ -65,6 +66,8 @@ struct Checker<'c, 'a> {
     named: Vec<(&'a str, Dimension)>,
     /// Calls of functions that may still be looked into.
     calls: usize,
+    /// Sums over rows of data files that an expression stands in: the name of a row, and the file.
+    rows: Vec<(&'a str, &'a Name)>,
 }
 
 /// Checks all units. An algebraic quantity takes the first unit that is written at one of its equations.
@@ -74,7 +77,8 @@ pub(crate) fn check<'a>(spec: &'a Spec, names: &mut Names<'a>, report: &mut Repo
     }
     let units = vec![None; names.quantities.len()];
     let strict = mode == Units::Strict;
-    let mut checker = Checker { spec, names, report, strict, units, named: Vec::new(), calls: MOST_CALLS };
+    let mut checker =
+        Checker { spec, names, report, strict, units, named: Vec::new(), calls: MOST_CALLS, rows: Vec::new() };
     checker.declared();
     // A spec without any unit is a system of numbers, its time is one, too.
     if checker.named.is_empty() && !spec.measured {
@@ -303,9 +307,12 @@ impl<'a> Checker<'_, 'a> {
                 self.unit(condition, scope);
                 self.all_same([&**yes, no], scope)
             }
-            ExprKind::SumOver { condition, body, .. } => {
+            ExprKind::SumOver { binder, condition, body } => {
+                self.rows.extend(binder.rows.as_ref().map(|path| (binder.name.text.as_str(), path)));
                 condition.iter().for_each(|condition| _ = self.unit(condition, scope));
-                self.unit(body, scope).0
+                let unit = self.unit(body, scope).0;
+                binder.rows.iter().for_each(|_| _ = self.rows.pop());
+                unit
             }
             ExprKind::Call { function, arguments, units } => self.call(function, (arguments, units), span, scope),
             ExprKind::Delayed { of, argument, .. } if self.names.function(&of.name.text).is_some() => {
@@ -325,7 +332,7 @@ impl<'a> Checker<'_, 'a> {
                 (Number, Number) => Number,
                 _ => Unknown,
             },
-            ExprKind::Data { path, column } | ExprKind::Samples { path, column, .. } => self.data(path, column).0,
+            ExprKind::Data { path, column } | ExprKind::Samples { path, column, .. } => self.data(path, &column.text).0,
             ExprKind::Compare(_, left, right) => {
                 self.all_same([&**left, right], scope);
                 Number
@@ -344,6 +351,10 @@ impl<'a> Checker<'_, 'a> {
 
     fn reference(&mut self, reference: &'a Reference, scope: Scope) -> Unit {
         let name = reference.name.text.as_str();
+        let cell = |(row, path): &(&str, &'a Name)| Some((*path, rows::column(name, row)?));
+        if let Some((path, column)) = self.rows.iter().rev().find_map(cell) {
+            return self.data(path, column).0;
+        }
         if let Some((_, unit)) = scope.parameters.iter().find(|(parameter, _)| *parameter == name) {
             return *unit;
         }
@@ -423,9 +434,9 @@ impl<'a> Checker<'_, 'a> {
     }
 
     /// The unit in the header of a column.
-    fn data(&mut self, path: &'a Name, column: &Name) -> Side {
+    fn data(&mut self, path: &'a Name, column: &str) -> Side {
         let Some(table) = self.spec.table(path) else { return (Unknown, path.span) };
-        let Some(number) = table.find(&column.text) else { return (Unknown, path.span) };
+        let Some(number) = table.find(column) else { return (Unknown, path.span) };
         let column = &table.columns[number];
         let Some(text) = column.unit.as_deref() else { return (Number, path.span) };
         (self.text(text, column.place), column.place)
