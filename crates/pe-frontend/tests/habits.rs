@@ -65,6 +65,8 @@ fn right_sides_of_other_languages() {
         ("atanh(x)", "0.5*log"),
         ("step(1, 0.5 s)", "pulse(1, 0.5 s, 1e9 s)"),
         ("delay(x, 2)", "there is no such function"),
+        ("edge(x > 1)", "`when x > 1 { x = 0 }`"),
+        ("file(\"u.csv\")", "`samples(\"u.csv\", \"column\", linear)`"),
         ("piecewise(1, x > 2, 3)", "if c then a else b"),
         ("x**2", "`x^2`"),
         ("x .^ 2", "element by element"),

@@ -55,7 +55,11 @@ const FUNCTIONS: &[(&[&str], &str)] = &[
     ),
     (&["integral", "integrate", "idt", "integ", "INTEG"], "an integral is a state: `state y = 0`, `y' = x`"),
     (
-        &["delay", "transport_delay", "delay1", "delay3", "pre", "edge", "reinit", "DELAY"],
+        &["edge", "reinit", "pre", "rising", "impulse"],
+        "an event gives states new values: `when x > 1 { x = 0 }`, on the right with the values before it",
+    ),
+    (
+        &["delay", "transport_delay", "delay1", "delay3", "DELAY"],
         "there is no such function; a value of the past is a state, in a block `every 1 ms { ... }` or as a chain of lags",
     ),
     (

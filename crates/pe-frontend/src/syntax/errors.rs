@@ -192,6 +192,9 @@ fn habit(slip: &Slip) -> Option<String> {
                 "equations are of first order: `state v = 0`, then `{name}' = v` and `v' = ...` for the second derivative"
             ));
         }
+        (TokenKind::Text, file) if slip.wants("an expression") => {
+            return Some(format!("a column of a data file is read by `samples({file}, \"column\", linear)`"));
+        }
         (TokenKind::Sign, "==") if slip.wants("`=`") => "an equation has one `=`",
         (TokenKind::Sign, ":" | "+" | "-" | "*" | "/" | "<") if slip.wants("`=`") => {
             "an equation is written with `=` alone"
