@@ -285,6 +285,8 @@ def check_widths(browser, *_):
         need(browser.run("return document.documentElement.scrollWidth") <= width, f"the page is wider than {width}")
         wide = browser.run("return Math.max(-1, ...[...document.querySelectorAll('.chart')].map((chart) => chart.clientWidth))")
         need(wide == -1 or 0.35 * width < wide <= width, f"charts are {wide} wide at {width}")
+        cut = "return [...document.querySelectorAll('td:not(.text)')].find((cell) => cell.scrollWidth > cell.clientWidth)?.textContent"
+        need(browser.run(cut) is None, f"a figure is cut at {width}: {browser.run(cut)}")
     browser.size(1600)
     pdf = browser.printed()
     pages = len(re.findall(rb"/Type\s*/Page\b", pdf))
@@ -366,6 +368,7 @@ FAULTS = [
     ("explore", check_points, "navigator.clipboard.writeText(text())", "navigator.clipboard.writeText('')"),
     ("explore", check_points, "if (distance <= least) [best, least] = [row, distance];", ""),
     ("explore", check_widths, "main, footer { max-width: 1560px;", "main, footer { min-width: 900px;"),
+    ("explore", check_widths, "=> pen.measureText(text).width;", "=> pen.measureText(text).width / 3;"),
     ("fields", check_design, "order: 'headroom_bits'", "order: 'limit'"),
     ("fields", check_outputs, "const frame = () => Math.round(chosen().share * (frames.length - 1));", "const frame = () => 0;"),
     ("fields", check_outputs, "view.getUint16(2 * at, true)", "view.getUint16(2 * at, false)"),

@@ -2,6 +2,7 @@
 
 const ROW = 26;
 const PRINTED_ROWS = 100;
+const WIDEST = 310;
 
 /** Columns as they are in the data, with `at(row)` for a cell and `shown(row)` for its text. */
 function columnsOf(stored) {
@@ -127,16 +128,17 @@ class Table {
     return bar;
   }
 
-  /** Heads, and widths by a sample of the cells: rows come and go, and columns shall not move. */
+  /** Heads, and widths by a sample of the cells in the letters of a front: rows come and go, and columns shall not move. */
   layOut() {
     const rows = this.columns[0].length;
     const every = Math.max(1, Math.floor(rows / 200));
     const row = element('tr');
+    const wide = boldWidth(this.frame);
     let sum = 0;
     for (const column of this.visible) {
-      let letters = Math.max(...column.name.split(' ').map((word) => word.length + 2), column.name.length / 2);
-      for (let at = 0; at < rows; at += every) letters = Math.max(letters, column.shown(at).length);
-      const width = column.bar ? 190 : Math.round(Math.min(letters, 42) * 7.4 + 20);
+      let text = Math.max(...column.name.split(' ').map((word) => wide(`${word} \u2195`)), wide(column.name) / 2);
+      for (let at = 0; at < rows; at += every) text = Math.max(text, wide(column.shown(at)));
+      const width = column.bar ? 190 : Math.ceil(Math.min(text, WIDEST) + 20);
       sum += width;
       const button = element('button', { type: 'button', title: `${column.key}: sort` }, column.name);
       button.addEventListener('click', () => {
@@ -225,6 +227,14 @@ class Table {
     this.printed.textContent = `The first ${PRINTED_ROWS} of ${this.rows.length} rows${file}.`;
     this.render(true);
   }
+}
+
+/** What gives the width of a text in the bold letters of an element, in pixels. */
+function boldWidth(of) {
+  const { fontSize, fontFamily } = getComputedStyle(of);
+  const pen = element('canvas').getContext('2d');
+  pen.font = `600 ${fontSize || '13px'} ${fontFamily || 'sans-serif'}`;
+  return (text) => pen.measureText(text).width;
 }
 
 /** Some number of a column, for an example. */
