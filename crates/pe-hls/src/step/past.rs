@@ -102,6 +102,10 @@ pub fn write_out(model: &Model) -> Result<Model, Vec<Diagnostic>> {
             Variable::State(state) => is_held(&model.states[state]),
             _ => true,
         }),
+        ahead: known(model, |variable| match variable {
+            Variable::State(state) => is_ahead(&model.states[state]),
+            _ => false,
+        }),
         steady: known(model, |variable| match variable {
             Variable::State(state) => model.states[state].jump.is_none(),
             _ => true,
@@ -112,7 +116,7 @@ pub fn write_out(model: &Model) -> Result<Model, Vec<Diagnostic>> {
         twins: BTreeMap::new(),
     };
     for (state, Delay { of, steps }) in &delays {
-        if writer.course == Course::Rests || writer.is_held(*of) {
+        if writer.course == Course::Rests || writer.is_held(*of) || writer.is_ahead(*of) {
             writer.standing.insert((*of, *steps), *state);
         }
     }
@@ -136,9 +140,14 @@ fn steps(model: &Model, state: StateId, seconds: f64) -> Result<usize, Vec<Diagn
     Err(vec![Diagnostic::error(codes::DELAY_STEPS, model.states[state].span, message).with_help(help)])
 }
 
-/// Whether a state is the same all over a step.
+/// Whether a state is the same all over a step, and at its end.
 fn is_held(state: &State) -> bool {
-    state.motion.is_some_and(Motion::rests) || (state.motion.is_none() && state.derivative == Expr::Constant(0.0))
+    state.motion.is_none() && state.derivative == Expr::Constant(0.0)
+}
+
+/// Whether a state is the same all over a step, at whose end it is already what it is in the next.
+fn is_ahead(state: &State) -> bool {
+    state.motion.is_some_and(Motion::rests)
 }
 
 /// For each algebraic variable whether something holds for all states and inputs that it reads.
@@ -174,8 +183,10 @@ struct Writer<'a> {
     /// Names that are taken, and the number of the next quantity.
     names: HashSet<String>,
     quantity: u32,
-    /// Algebraic variables that are the same all over a step, and those that do not jump between two.
+    /// Algebraic variables that are the same all over a step and at its end, those that are then what they are in the next, and
+    /// those that do not jump between two.
     held: Vec<bool>,
+    ahead: Vec<bool>,
     steady: Vec<bool>,
     delays: BTreeMap<StateId, Delay>,
     /// Delayed quantities that stand still over a step, by what they are of and the steps of their delays.
@@ -205,7 +216,7 @@ impl Writer<'_> {
         let own = &mut self.written.states[state];
         (own.derivative, own.motion) = (Expr::Constant(0.0), None);
         own.jump = Some(Expr::sum(vec![of(next), minus(word(state))]));
-        if self.course == Course::Rests || self.is_held(delay.of) {
+        if self.course == Course::Rests || self.is_held(delay.of) || self.is_ahead(delay.of) {
             return;
         }
         let after = self.row(delay.of, Side::Before, delay.steps);
@@ -296,6 +307,14 @@ impl Writer<'_> {
         }
     }
 
+    fn is_ahead(&self, variable: Variable) -> bool {
+        match variable {
+            Variable::Input(_) => false,
+            Variable::State(state) => is_ahead(&self.model.states[state]),
+            Variable::Algebraic(algebraic) => self.ahead[at(algebraic)],
+        }
+    }
+
     /// Whether a variable is at the beginning of a step what it was at the end of the one before.
     fn is_steady(&self, variable: Variable) -> bool {
         match variable {
@@ -348,14 +367,14 @@ impl Writer<'_> {
         let own = &self.model.states[state];
         let variable = Variable::State(state);
         if let Some(Delay { of, steps }) = self.delays.get(&state).copied() {
-            return match self.is_held(of) {
+            return match self.is_held(of) || self.is_ahead(of) {
                 true => variable,
                 false => Variable::State(self.row(of, Side::Middle, steps)),
             };
         }
         let behind = self.at_end(variable, Side::Behind);
         let start = self.word(format!("{}.start", own.name), own.span, (of(behind), own.initial));
-        if is_held(own) {
+        if is_held(own) || is_ahead(own) {
             return Variable::State(start);
         }
         let mut terms = vec![Expr::scaled(0.5, word(start)), Expr::scaled(0.5, of(variable))];

@@ -44,6 +44,9 @@ const ROUGH_TOLERANCE: f64 = 1e-6;
 const STEP_FLOOR: u64 = 100_000;
 const STEP_RATIO: u64 = 20;
 
+/// Part of the shortest delay that a step may span: between ends of steps the methods are of a lower order.
+const PART_OF_DELAY: f64 = 0.25;
+
 /// Steps of the model that a step of an explicit method may span where functions of time may be narrow. The widest gap
 /// between its stages is about a quarter of that.
 const LONGEST: f64 = 4.0;
@@ -123,8 +126,8 @@ fn integrate<M: Driven>(
     let equations = &Equations::new(model);
     let scales = Scales::growing(model, equations);
     let longest = if features::of_time(model) { LONGEST * model.step } else { f64::INFINITY };
-    // What a step reads must have been kept.
-    let longest = longest.min(equations.history.borrow().shortest());
+    // What a step reads must have been kept, as well as the method itself knows it.
+    let longest = longest.min(PART_OF_DELAY * equations.history.borrow().shortest());
     let mut rough = Integration { model, equations, tolerance: ROUGH_TOLERANCE, scales, steps, longest };
     rough.run::<M>(times, progress)?;
     let scales = rough.scales.into_known();

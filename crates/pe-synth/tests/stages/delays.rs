@@ -272,12 +272,15 @@ fn a_jump_comes_later_as_it_was() {
     }
 }
 
-/// An input is read later as the step then held it; what is delayed by a step and more is never ahead.
+/// An input is read later as the step then held it, and so is a signal of the model that jumps.
 #[test]
 fn inputs_are_read_later_as_they_were_held() {
-    for solver in ["euler", "rk4", "trapezoidal"] {
+    let signals =
+        ["input u = pulse(1, 0.2 s, 0.3 s)", "u = pulse(1, 0.2 s, 0.3 s)", "w = pulse(2, 0.2 s, 0.3 s)\nu = w/2"];
+    for (solver, signal) in ["euler", "rk4", "trapezoidal"].into_iter().flat_map(|s| signals.map(|signal| (s, signal)))
+    {
         let text = format!(
-            "model m\nsolver {solver}\nstep 10 ms\nspan 1 s\ninput u = pulse(1, 0.2 s, 0.3 s)\nstate y = 0\n\
+            "model m\nsolver {solver}\nstep 10 ms\nspan 1 s\n{signal}\nstate y = 0\n\
              y' = 2*u(t - 10 ms) + u(t - 50 ms)\noutput y\n"
         );
         let model = compiled(&text);
@@ -285,7 +288,7 @@ fn inputs_are_read_later_as_they_were_held() {
         for (step, row) in rows(&model).iter().enumerate() {
             let time = step as f64 * 0.01;
             let should = 2.0 * (time - 0.21).clamp(0.0, 0.3) + (time - 0.25).clamp(0.0, 0.3);
-            assert!((row[y] - should).abs() < 1e-9, "{solver}, {time}: {} in place of {should}", row[y]);
+            assert!((row[y] - should).abs() < 1e-9, "{solver}, {signal}, {time}: {} in place of {should}", row[y]);
         }
     }
 }
