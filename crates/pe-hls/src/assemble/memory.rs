@@ -169,10 +169,10 @@ impl Memories {
                 bases[pe] += 1;
             }
         }
+        // Of a one-stage solver these are states before their jumps.
         let both = |value: &u32| lives.bases[index::at(*value)] && lives.operands[index::at(*value)];
         for value in (0..graph.values.len() as u32).filter(both) {
             if slots[index::at(value)].is_none() && graph.values[index::at(value)].equation.is_some() {
-                debug_assert!(!swap, "only states are both operands and bases of a one-stage solver");
                 let pe = pe_of(index::at(value));
                 slots[index::at(value)] = Some(layouts[pe].resident(false));
                 self.homes[index::at(value)].base = Some(bases[pe]);

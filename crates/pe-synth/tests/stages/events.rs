@@ -189,10 +189,13 @@ fn all_engines_have_the_same_events() {
         // A ball that bounces, at the time that is found, on two PEs, with a counter that waits.
         "state x = 1\nstate v = 0\nstate n = 0\nx' = v\nv' = -9.81\nn' = 0\n\
          when x <= 0, refine { v = -0.8*v; x = 0 }\nwhen x <= 0 after 7 ms, frozen { n = n + 1 }\noutput x, v, n\n",
+        // A method of one stage, in which all states jump, and words before jumps are terms and bases at once.
+        "index i in 1..7\nstate v[i] = 0\nv[i]' = 20 + i - v[i]\nwhen v[i] >= 1 + 0.1*i { v[i] = 0.01*i }\noutput v\n",
     ];
     for (number, body) in bodies.iter().enumerate() {
         let folder = Folder::new(&format!("events_{number}"));
         let text = spec(if number == 0 { 1e-5 } else { 1e-3 }, body).replace("span 2 s", "span 0.6 s");
+        let text = if number == 2 { text.replace("solver rk4", "solver euler") } else { text };
         fs::write(folder.0.join("events.spec"), text).unwrap();
         let run = |arguments: &str| {
             let words = arguments.split(' ');
