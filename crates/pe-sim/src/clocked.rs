@@ -7,6 +7,7 @@ mod registers;
 
 use std::collections::BTreeMap;
 use std::ops::Deref;
+use std::sync::Arc;
 
 use pe_ir::index::{List, PeId, StateId, at, number};
 use pe_ir::program::{ControlWord, FieldName, Fold, Layout, LinkSource, PeProgram, Program};
@@ -27,12 +28,33 @@ pub struct Causes {
     pub input: bool,
 }
 
-/// The whole network; `P` is a reference to its program, or shares it.
-pub struct Clocked<P> {
-    program: P,
+/// What follows from the control words of a program alone: many runs with other images have it in common.
+pub struct Control {
     words: List<PeId, Vec<ControlWord>>,
     used: List<PeId, Vec<bool>>,
     captures: BTreeMap<(PeId, usize), Vec<usize>>,
+}
+
+impl Control {
+    /// That of a program. Control words pass through their bits.
+    pub fn of(program: &Program) -> Arc<Control> {
+        let decode = |pe: &PeProgram| -> Vec<ControlWord> {
+            let (fold, layout) = (Fold::of(program, pe), Layout::new(&pe.features, &program.format));
+            (0..program.period as usize).map(|k| layout.decode(fold.word(k))).collect()
+        };
+        let mut captures: BTreeMap<(PeId, usize), Vec<usize>> = BTreeMap::new();
+        for (index, output) in program.outputs.iter().enumerate().filter(|(_, output)| output.place.is_none()) {
+            captures.entry((output.pe, at(output.word))).or_default().push(index);
+        }
+        let words = program.pes.iter().map(decode).collect();
+        Arc::new(Control { words, used: used_results(program), captures })
+    }
+}
+
+/// The whole network; `P` is a reference to its program, or shares it.
+pub struct Clocked<P> {
+    program: P,
+    control: Arc<Control>,
     pes: List<PeId, Registers>,
     links: List<PeId, i64>,
     inputs: Vec<i64>,
@@ -54,12 +76,14 @@ pub struct Clocked<P> {
 }
 
 impl<P: Deref<Target = Program>> Clocked<P> {
-    /// A network after configuration, at the pause point. Control words pass through their bits.
+    /// A network after configuration, at the pause point.
     pub fn new(program: P) -> Clocked<P> {
-        let decode = |pe: &PeProgram| -> Vec<ControlWord> {
-            let (fold, layout) = (Fold::of(&program, pe), Layout::new(&pe.features, &program.format));
-            (0..program.period as usize).map(|k| layout.decode(fold.word(k))).collect()
-        };
+        Clocked::controlled(Control::of(&program), program)
+    }
+
+    /// The same, where what the control words say is known: `control` must be that of a program with the same ones, also
+    /// in its outputs and features.
+    pub fn controlled(control: Arc<Control>, program: P) -> Clocked<P> {
         let deep = program.format.pipeline == Pipeline::Deep;
         let pe = |pe: &PeProgram| Registers {
             own: pe.own_image.clone(),
@@ -85,15 +109,9 @@ impl<P: Deref<Target = Program>> Clocked<P> {
             causes: [None; 2],
             unsent: BTreeMap::new(),
         };
-        let mut captures: BTreeMap<(PeId, usize), Vec<usize>> = BTreeMap::new();
-        for (index, output) in program.outputs.iter().enumerate().filter(|(_, output)| output.place.is_none()) {
-            captures.entry((output.pe, at(output.word))).or_default().push(index);
-        }
         let pause = program.latency().pause();
         let mut network = Clocked {
-            words: program.pes.iter().map(decode).collect(),
-            used: used_results(&program),
-            captures,
+            control,
             pes: program.pes.iter().map(pe).collect(),
             links: List::filled(0, program.pes.len()),
             inputs: vec![0; program.inputs.len()],
@@ -276,8 +294,8 @@ impl<P: Deref<Target = Program>> Clocked<P> {
     ) -> bool {
         let (program, settle): (&Program, bool) = (&self.program, self.settle);
         let (format, features) = (&program.format, &program.pes[index].features);
-        let word = &self.words[index][self.word];
-        let used = self.used[index][self.word];
+        let control = &*self.control;
+        let (word, used) = (&control.words[index][self.word], control.used[index][self.word]);
         let clock = Clock { program, pe: index, word, used, odd: self.odd, ends_step, cycle: self.cycle };
         let pe = &mut self.pes[index];
         let cover = &mut self.coverage.pes[index];
@@ -322,7 +340,7 @@ impl<P: Deref<Target = Program>> Clocked<P> {
             fields |= pe.write_index(&clock, result, cover);
             cover.fields[self.word] |= fields;
         }
-        if let Some(outputs) = self.captures.get(&(index, self.word)) {
+        if let Some(outputs) = control.captures.get(&(index, self.word)) {
             outputs.iter().for_each(|output| self.captured[*output] = result);
         }
         // Bits of the control word decide, not what the outputs say of them.

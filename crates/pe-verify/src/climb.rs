@@ -8,14 +8,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 use pe_ir::index::PeId;
 use pe_ir::program::{ControlWord, PeProgram, Program};
-use pe_sim::clocked::Clocked;
+use pe_sim::clocked::{Clocked, Control};
 use pe_sim::coverage::{BASE, Coverage};
 
 use crate::pace::{Effort, Efforts};
-use crate::stimuli::{Candidate, observe, spread};
+use crate::stimuli::{Candidate, observe_controlled, spread};
 
 /// Control words of all PEs that a search may cost together in the simulator.
 const BUDGET: u64 = 8_000_000;
@@ -124,8 +125,8 @@ fn joined(program: &Program, seen: &Coverage) -> Vec<Place> {
 }
 
 /// The network after one step.
-fn look(candidate: &Candidate) -> Clocked<&Program> {
-    let mut network = Clocked::new(&candidate.program);
+fn look<'c>(control: &Arc<Control>, candidate: &'c Candidate) -> Clocked<&'c Program> {
+    let mut network = Clocked::controlled(Arc::clone(control), &candidate.program);
     network.step(candidate.stimulus.first().map_or(&[], Vec::as_slice), &mut |_| {});
     network
 }
@@ -133,6 +134,8 @@ fn look(candidate: &Candidate) -> Clocked<&Program> {
 /// A search: what it may still cost, in steps, and what it may change.
 struct Search<'a> {
     program: &'a Program,
+    /// That of all candidates, which differ in images alone.
+    control: Arc<Control>,
     steps: u64,
     left: u64,
     coordinates: Vec<Coordinate>,
@@ -143,12 +146,18 @@ impl<'a> Search<'a> {
     fn of(program: &'a Program, steps: u64) -> Option<Search<'a>> {
         let left = BUDGET / (program.pes.len() as u64 * u64::from(program.period)).max(1);
         let coordinates = Coordinate::all(program);
-        (left >= coordinates.len() as u64).then_some(Search { program, steps, left, coordinates })
+        (left >= coordinates.len() as u64).then(|| Search {
+            program,
+            control: Control::of(program),
+            steps,
+            left,
+            coordinates,
+        })
     }
 
     /// Whether a start shows what was not seen, by this measure, without a word that escapes.
     fn shows(&self, candidate: &Candidate, seen: &Coverage, measure: fn(&Coverage) -> u64) -> bool {
-        let observed = observe(&candidate.program, &candidate.stimulus, self.steps);
+        let observed = observe_controlled(&self.control, &candidate.program, &candidate.stimulus, self.steps);
         let mut sum = seen.clone();
         sum.add(&observed.coverage);
         !observed.escaped && measure(&sum) > measure(seen)
@@ -180,7 +189,7 @@ fn beyond(
     let mut search = Search::of(program, steps)?;
     let mut results = BTreeSet::new();
     let probes: Vec<Candidate> = (0..PROBES).map(|number| spread(program, steps, number)).collect();
-    let probed: Vec<Clocked<&Program>> = probes.iter().map(look).collect();
+    let probed: Vec<Clocked<&Program>> = probes.iter().map(|probe| look(&search.control, probe)).collect();
     for place in places {
         let (Place::Result(pe, _) | Place::Own(pe, _) | Place::Imported(pe, _)) = *place;
         if !results.insert((pe, probed.iter().map(|network| place.of(network)).collect::<Vec<_>>())) {
@@ -207,8 +216,9 @@ impl Search<'_> {
         upwards: bool,
         (least, most): (i128, i128),
     ) -> Option<Candidate> {
+        let control = &self.control;
         let height = |candidate: &Candidate| {
-            let network = look(candidate);
+            let network = look(control, candidate);
             let value = place.of(&network);
             // A flag that is set already hides all that comes after.
             let hidden = match place {
@@ -245,9 +255,9 @@ impl Search<'_> {
         }
         let mut influences: BTreeMap<Place, Vec<Coordinate>> =
             places.iter().map(|place| (*place, Vec::new())).collect();
-        let mut candidate = spread(self.program, self.steps, 0);
+        let (control, mut candidate) = (&self.control, spread(self.program, self.steps, 0));
         let values = |candidate: &Candidate| -> Vec<i128> {
-            let network = look(candidate);
+            let network = look(control, candidate);
             places.iter().map(|place| place.of(&network)).collect()
         };
         let usual = values(&candidate);
@@ -267,10 +277,10 @@ impl Search<'_> {
 
     /// Moves words until a place is in a range, and others stay in theirs; whether it gets there.
     fn approach(&mut self, candidate: &mut Candidate, aim: &Aim, held: &[&Aim], coordinates: &[Coordinate]) -> bool {
-        let centre = aim.centre();
+        let (control, centre) = (&self.control, aim.centre());
         // Distance to the centre with its sign, and whether it is in the range; none if another one would not be.
         let value = |candidate: &Candidate| {
-            let network = look(candidate);
+            let network = look(control, candidate);
             let stays = held.iter().all(|held| held.range.contains(&held.place.of(&network)));
             let value = aim.place.of(&network);
             stays.then_some((value - centre, aim.range.contains(&value)))
@@ -410,7 +420,7 @@ pub fn unread_entries(memory: &mut Memory, program: &Program, steps: u64, seen: 
         // Other arguments go where they may, to what is near and read by none of those before.
         let (mut held, mut read) = (vec![aim], aim.entries.clone());
         for (place, coordinates) in influences.iter().filter(|(place, _)| **place != aim.place) {
-            let value = place.of(&look(&candidate));
+            let value = place.of(&look(&search.control, &candidate));
             let mut others: Vec<&Aim> =
                 aims.iter().filter(|other| other.place == *place && !other.entries.is_subset(&read)).collect();
             others.sort_by_key(|other| (other.centre() - value).abs());

@@ -449,8 +449,9 @@ fn made(program: &Program, options: &Options, work: u64) -> Vec<Made> {
     };
     let times = if tables { TABLES } else { 1 };
     let random = choice("random words", times, times, steps, in_motion, Purpose::Motion);
-    // More PEs have more places to saturate.
-    let (times, likely) = ((LONG / work).clamp(1, SATURATIONS), 3 * program.pes.len() as u64 - 1);
+    // More PEs have more places to saturate, those of which it is proven have none.
+    let saturate = program.pes.iter().filter(|pe| !pe.features.proven).count() as u64;
+    let (times, likely) = ((LONG / work).clamp(1, SATURATIONS), (3 * saturate).saturating_sub(1));
     let limits = choice(LIMITS, times, likely, SATURATING, saturating, Purpose::Saturation);
     let sought = SOUGHT.map(|(name, times, seek)| {
         let likely = if name == ENTRIES && !tables { 0 } else { 1 };

@@ -4,9 +4,11 @@
 //!
 //! Several candidates are tried in the simulator, and the one that has most at work that was not before is taken.
 
+use std::sync::Arc;
+
 use pe_ir::index::PeId;
 use pe_ir::program::Program;
-use pe_sim::clocked::Clocked;
+use pe_sim::clocked::{Clocked, Control};
 use pe_sim::coverage::{Coverage, flags_of};
 use pe_sim::trace::TraceLine;
 use rand::{Rng, RngExt, SeedableRng};
@@ -31,7 +33,17 @@ pub struct Observed {
 
 /// Runs a program clock by clock; the last line of the stimulus stays.
 pub fn observe(program: &Program, stimulus: &[Vec<i64>], steps: u64) -> Observed {
-    let mut network = Clocked::new(program);
+    observe_controlled(&Control::of(program), program, stimulus, steps)
+}
+
+/// The same of one of many programs that differ in images alone.
+pub(crate) fn observe_controlled(
+    control: &Arc<Control>,
+    program: &Program,
+    stimulus: &[Vec<i64>],
+    steps: u64,
+) -> Observed {
+    let mut network = Clocked::controlled(Arc::clone(control), program);
     let mut run = Run::default();
     for (step, inputs) in (0..steps).zip(played(program, stimulus)) {
         network.step(&inputs, &mut |line: TraceLine| run.trace.push(line));
@@ -128,9 +140,9 @@ pub fn effort(program: &Program, purpose: Purpose, steps: u64) -> Efforts {
 
 /// The candidate with most at work beside `seen`, if any has more. Starts are aimed if no other sets a flag in a new way.
 pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) -> Option<Candidate> {
-    let cost = cost(program, steps);
+    let (cost, control) = (cost(program, steps), Control::of(program));
     let scored = |candidate: Candidate| {
-        let observed = observe(&candidate.program, &candidate.stimulus, steps);
+        let observed = observe_controlled(&control, &candidate.program, &candidate.stimulus, steps);
         // No run of the design gets there, so PEs that do not saturate need not stand it.
         let coverage = Some(observed.coverage).filter(|_| !observed.escaped)?;
         let mut sum = seen.clone();
@@ -153,8 +165,8 @@ pub fn choose(program: &Program, purpose: Purpose, steps: u64, seen: &Coverage) 
     if purpose == Purpose::Saturation && best.as_ref().is_none_or(|best| best.1 == flags) {
         let places = unseen(program, seen);
         let count = if places.is_empty() { 0 } else { aimed(cost) };
-        let mut aimed =
-            (0..count).filter_map(|number| scored(aimed_at(program, &places, steps, AIMED * flags + number, seen)));
+        let mut aimed = (0..count)
+            .filter_map(|number| scored(aimed_at(program, &control, &places, steps, AIMED * flags + number, seen)));
         best = aimed.find(|scored| scored.1 > flags).or(best);
     }
     best.map(|best| best.2)
@@ -218,7 +230,14 @@ fn unseen(program: &Program, seen: &Coverage) -> Vec<(PeId, usize)> {
 
 /// Like the others, but quiet, with a base at a limit where it is added at one of the places, or at a distance at which another
 /// place is the first one that saturates; operands are at their limits where no base is added.
-fn aimed_at(program: &Program, places: &[(PeId, usize)], steps: u64, number: u64, seen: &Coverage) -> Candidate {
+fn aimed_at(
+    program: &Program,
+    control: &Arc<Control>,
+    places: &[(PeId, usize)],
+    steps: u64,
+    number: u64,
+    seen: &Coverage,
+) -> Candidate {
     let mut random = ChaCha8Rng::seed_from_u64(number << 2 | 2);
     let format = program.format;
     let mut program = program.clone();
@@ -269,7 +288,7 @@ fn aimed_at(program: &Program, places: &[(PeId, usize)], steps: u64, number: u64
         let flags = seen.flags();
         let found = changes(format.max_word(), |distance| {
             set(&mut candidate, distance);
-            let observed = observe(&candidate.program, &candidate.stimulus, steps.min(BRIEF));
+            let observed = observe_controlled(control, &candidate.program, &candidate.stimulus, steps.min(BRIEF));
             let mut sum = seen.clone();
             sum.add(&observed.coverage);
             (observed.overflow_cycle, sum.flags() > flags && !observed.escaped)
