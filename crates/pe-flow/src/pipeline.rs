@@ -42,8 +42,9 @@ use crate::sized;
 use crate::spec::LoadedModel;
 use crate::stages::{self, CHECKED_ROUNDS};
 use crate::watch::Stopwatch;
+use pe_judge::progress::silent;
 use pe_judge::proof;
-use pe_judge::runs::{self, Aids, Beyond, Comparison, Exact, Judged, Kept, Unsettled};
+use pe_judge::runs::{self, Aids, Beyond, Comparison, Exact, Judged, Kept, Room, Unsettled};
 use pe_judge::slots;
 use pe_judge::tables;
 use pe_judge::{Coefficients, Criteria, DesignPoint, ProofMode};
@@ -164,11 +165,13 @@ pub struct Stepped {
 /// # Errors
 /// Those of the run.
 pub fn run(loaded: &LoadedModel, graph: StepGraph, watch: &mut Stopwatch) -> Result<Stepped, Failure> {
-    let stepped = run_while(loaded, graph, &mut |_, _| true, watch)?;
-    Ok(stepped.expect("nobody ends it"))
+    let progress = watch.progress("runs");
+    let exact = watch.part("runs", || Exact::run(&loaded.model, &graph, progress));
+    let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
+    Ok(Stepped { graph: Arc::new(graph), exact })
 }
 
-/// The same, for as long as `goes_on` says so, see [`Exact::run_while`].
+/// The same in silence, for as long as `goes_on` says so, kept where there is room, see [`Exact::run_while`].
 ///
 /// # Errors
 /// Those of the run.
@@ -176,10 +179,9 @@ pub fn run_while(
     loaded: &LoadedModel,
     graph: StepGraph,
     goes_on: &mut dyn FnMut(usize, &[f64]) -> bool,
-    watch: &mut Stopwatch,
+    room: &Arc<Room>,
 ) -> Result<Option<Stepped>, Failure> {
-    let progress = watch.progress("runs");
-    let exact = watch.part("runs", || Exact::run_while(&loaded.model, &graph, progress, goes_on));
+    let exact = Exact::run_while(&loaded.model, &graph, silent(), goes_on, room);
     let exact = exact.map_err(|findings| Failure::Spec(findings, loaded.sources.clone()))?;
     Ok(exact.map(|exact| Stepped { graph: Arc::new(graph), exact }))
 }

@@ -8,7 +8,7 @@ use pe_ir::index::{self, StateId, at};
 use crate::functions::FunctionRun;
 use crate::lanes::{self, DoubleSums, Gathered};
 use crate::slots::Slots;
-use crate::tape::{Part, Tape};
+use crate::tape::{Group, Part, Tape};
 use crate::tiles::{LANES, Lookups, Place, Shared, Tile, Tiles};
 
 /// A value stopped being a finite number.
@@ -181,7 +181,7 @@ impl<'a> DoubleRun<'a> {
         let DoubleRun { tape, values, largest, functions, .. } = self;
         for part in &tape.parts {
             match part {
-                Part::Chains(chains) => finite &= run_chains(tape, chains, values, largest, functions),
+                Part::Groups(groups) => finite &= run_groups(tape, groups, values, largest, functions),
                 Part::Tile(index) => {
                     let tile = &tape.tiles.tiles[at(*index)];
                     match tile.lookups {
@@ -196,30 +196,62 @@ impl<'a> DoubleRun<'a> {
     }
 }
 
-/// Chains of narrow tiles, one after another; false if a value is not finite.
-#[inline(always)]
-fn run_chains(
+/// Chains of narrow tiles, one after another; false if a value is not finite. In a function of its own, where sums stay in
+/// registers.
+#[inline(never)]
+fn run_groups(
     tape: &Tape<f64>,
-    chains: &Range<u32>,
+    groups: &Range<u32>,
     values: &mut [f64],
     largest: &mut [f64],
     functions: &mut FunctionRun,
 ) -> bool {
     let mut finite = true;
-    for chain in tape.chains(chains) {
+    for group in tape.groups(groups) {
+        finite &= match group.class {
+            0 => run_chains(tape, group, values, largest, |_, _| {}),
+            class => run_functions(tape, group, values, largest, (functions, class)),
+        };
+    }
+    finite
+}
+
+/// Chains whose sums a function is applied to.
+#[inline(never)]
+fn run_functions(
+    tape: &Tape<f64>,
+    group: &Group,
+    values: &mut [f64],
+    largest: &mut [f64],
+    (functions, class): (&mut FunctionRun, u32),
+) -> bool {
+    run_chains(tape, group, values, largest, |result, target| {
+        functions.apply(class, std::slice::from_mut(result), |_| target);
+    })
+}
+
+#[inline(always)]
+fn run_chains(
+    tape: &Tape<f64>,
+    group: &Group,
+    values: &mut [f64],
+    largest: &mut [f64],
+    mut apply: impl FnMut(&mut f64, u32),
+) -> bool {
+    let largest = &mut largest[..values.len()];
+    let mut finite = true;
+    for chain in tape.chains(group) {
         let mut sum = 0.0;
-        for (operand, coefficient) in tape.products(chain) {
+        for (operand, coefficient) in chain.products {
             sum += values[at(*operand)] * coefficient;
         }
-        for (operand, factor) in tape.factors(chain) {
+        for (operand, factor) in chain.factors {
             sum += values[at(*operand)] * values[at(*factor)];
         }
-        for write in tape.writes(chain) {
+        for write in chain.writes {
             let target = at(write.target);
             let mut result = values[at(write.base)] + power_of_two(write.shift) * sum;
-            if chain.class != 0 {
-                functions.apply(chain.class, std::slice::from_mut(&mut result), |_| write.target);
-            }
+            apply(&mut result, write.target);
             values[target] = result;
             let magnitude = result.abs();
             finite &= magnitude < f64::INFINITY;

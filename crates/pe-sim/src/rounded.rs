@@ -9,7 +9,7 @@ use pe_ir::index::at;
 use crate::double::{constants, power_of_two};
 use crate::functions::FunctionRun;
 use crate::slots::Slots;
-use crate::tape::{Part, Tape};
+use crate::tape::{Group, Part, Tape};
 use crate::tiles::{Lookups, Tiles};
 
 /// Runs in double precision with the coefficients that the hardware would have in `N` roundings. Each gives the numbers that
@@ -67,39 +67,75 @@ impl<'a, const N: usize> RoundedRuns<'a, N> {
     }
 }
 
-/// Runs all chains with the widest vectors that this processor has; false if a value is not finite.
-#[multiversion::multiversion(targets = "simd")]
+/// Runs all chains; false if a value is not finite.
 fn run_tape<const N: usize>(tape: &Tape<[f64; N]>, values: &mut [[f64; N]], functions: &mut FunctionRun) -> bool {
     let mut finite = true;
     for part in &tape.parts {
-        let chains = match part {
-            Part::Chains(chains) => chains,
+        match part {
+            Part::Groups(groups) => finite &= run_groups(tape, groups, values, functions),
             Part::Tile(index) => {
                 let tile = &tape.tiles.tiles[at(*index)];
                 let lookups = tile.lookups.expect("all sums are listed as chains");
                 (0..at(tile.lanes)).for_each(|lane| look_up(&tape.tiles, lane, lookups, values));
-                continue;
             }
+        }
+    }
+    finite
+}
+
+/// Chains of the list, with the widest vectors that this processor has; false if a value is not finite.
+#[multiversion::multiversion(targets = "simd")]
+fn run_groups<const N: usize>(
+    tape: &Tape<[f64; N]>,
+    groups: &Range<u32>,
+    values: &mut [[f64; N]],
+    functions: &mut FunctionRun,
+) -> bool {
+    let mut finite = true;
+    for group in tape.groups(groups) {
+        finite &= match group.class {
+            0 => run_chains(tape, group, values, |_, _| {}),
+            class => run_functions(tape, group, values, (functions, class)),
         };
-        for chain in tape.chains(chains) {
-            let mut sum = [0.0; N];
-            for (operand, coefficients) in tape.products(chain) {
-                let operands = values[at(*operand)];
-                (0..N).for_each(|run| sum[run] += operands[run] * coefficients[run]);
-            }
-            for (operand, factor) in tape.factors(chain) {
-                let (operands, factors) = (values[at(*operand)], values[at(*factor)]);
-                (0..N).for_each(|run| sum[run] += operands[run] * factors[run]);
-            }
-            for write in tape.writes(chain) {
-                let (mut results, weight) = (values[at(write.base)], power_of_two(write.shift));
-                (0..N).for_each(|run| results[run] += weight * sum[run]);
-                if chain.class != 0 {
-                    functions.apply(chain.class, &mut results, |_| write.target);
-                }
-                results.iter().for_each(|result| finite &= result.abs() < f64::INFINITY);
-                values[at(write.target)] = results;
-            }
+    }
+    finite
+}
+
+/// Chains whose sums a function is applied to.
+#[inline(never)]
+fn run_functions<const N: usize>(
+    tape: &Tape<[f64; N]>,
+    group: &Group,
+    values: &mut [[f64; N]],
+    (functions, class): (&mut FunctionRun, u32),
+) -> bool {
+    run_chains(tape, group, values, |results, target| functions.apply(class, results, |_| target))
+}
+
+#[inline(always)]
+fn run_chains<const N: usize>(
+    tape: &Tape<[f64; N]>,
+    group: &Group,
+    values: &mut [[f64; N]],
+    mut apply: impl FnMut(&mut [f64; N], u32),
+) -> bool {
+    let mut finite = true;
+    for chain in tape.chains(group) {
+        let mut sum = [0.0; N];
+        for (operand, coefficients) in chain.products {
+            let operands = values[at(*operand)];
+            (0..N).for_each(|run| sum[run] += operands[run] * coefficients[run]);
+        }
+        for (operand, factor) in chain.factors {
+            let (operands, factors) = (values[at(*operand)], values[at(*factor)]);
+            (0..N).for_each(|run| sum[run] += operands[run] * factors[run]);
+        }
+        for write in chain.writes {
+            let (mut results, weight) = (values[at(write.base)], power_of_two(write.shift));
+            (0..N).for_each(|run| results[run] += weight * sum[run]);
+            apply(&mut results, write.target);
+            results.iter().for_each(|result| finite &= result.abs() < f64::INFINITY);
+            values[at(write.target)] = results;
         }
     }
     finite

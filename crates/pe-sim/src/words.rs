@@ -6,7 +6,7 @@ use pe_ir::index::at;
 use pe_ir::word::{WordFormat, round_shift};
 
 use crate::lanes::{self, Gathered, NarrowSums, SPLIT, SplitSums, WideSums};
-use crate::tape::{self, Part, Tape};
+use crate::tape::{self, Chain, Group, Part, Tape};
 use crate::tiles::{LANES, Lookups, Place, Shared, Tile, Tiles, Writes};
 
 /// What a port of the multiplier sees: 32 bits where that suffices, for twice as many fit a vector.
@@ -98,6 +98,77 @@ impl Ends {
     }
 }
 
+/// Slots as chains of narrow tiles see them.
+struct Memory<'w, P> {
+    ends: Ends,
+    format: &'w WordFormat,
+    words: &'w mut [i64],
+    data: &'w mut [P],
+    factors: &'w mut [P],
+    has_factors: bool,
+    saturations: &'w mut [u64],
+}
+
+impl<P: Port> Memory<'_, P> {
+    /// A sum of at most 64 bits.
+    #[inline(always)]
+    fn narrow(&self, start: i64, chain: &Chain<'_, P>) -> i64 {
+        let mut total = start;
+        for (operand, coefficient) in chain.products {
+            let operand: i64 = self.data[at(*operand)].into();
+            total = total.wrapping_add(operand.wrapping_mul((*coefficient).into()));
+        }
+        for (operand, factor) in chain.factors {
+            let operand: i64 = self.data[at(*operand)].into();
+            total = total.wrapping_add(operand.wrapping_mul(self.factors[at(*factor)].into()));
+        }
+        total
+    }
+
+    /// A sum of any width.
+    #[inline(always)]
+    fn wide(&self, start: i128, chain: &Chain<'_, P>) -> i128 {
+        let mut total = start;
+        for (operand, coefficient) in chain.products {
+            total += product(self.data[at(*operand)], *coefficient);
+        }
+        for (operand, factor) in chain.factors {
+            total += product(self.data[at(*operand)], self.factors[at(*factor)]);
+        }
+        total
+    }
+
+    /// The writes of a chain; `rounded` gives its shifted sum. Whether a word saturated.
+    #[inline(always)]
+    fn write(&mut self, writes: &[tape::Write], rounded: impl Fn(i32) -> i64) -> bool {
+        let Ends { lowest, highest, data_drop, factor_drop } = self.ends;
+        let mut saturated = false;
+        for write in writes {
+            let target = at(write.target);
+            // What lies beyond 64 bits lies beyond every word.
+            let mut word = self.words[at(write.base)].saturating_add(rounded(write.shift));
+            if word < lowest || word > highest {
+                word = clamped(self.format, self.saturations, target, word);
+                saturated = true;
+            }
+            self.words[target] = word;
+            self.data[target] = P::of(word >> data_drop);
+            if self.has_factors {
+                self.factors[target] = P::of(word >> factor_drop);
+            }
+        }
+        saturated
+    }
+}
+
+/// The word that a slot gets of a sum, and note whether it saturated.
+#[cold]
+fn clamped(format: &WordFormat, saturations: &mut [u64], slot: usize, sum: i64) -> i64 {
+    let (word, saturated) = format.add(sum, 0);
+    saturations[slot] += u64::from(saturated);
+    word
+}
+
 /// Room for the sums of a tile of many lanes, and for what they are made of.
 struct Room<P> {
     gathered: Gathered<P>,
@@ -171,7 +242,7 @@ impl<P: Port> Words<P> {
         let mut room = self.room.take().expect("it is always put back");
         for part in &tape.parts {
             saturated |= match part {
-                Part::Chains(chains) => self.run_chains(tape, chains, starts, kept),
+                Part::Groups(groups) => self.run_groups(tape, groups, starts, kept),
                 Part::Tile(index) => {
                     let tile = &tape.tiles.tiles[at(*index)];
                     match tile.lookups {
@@ -222,64 +293,76 @@ impl<P: Port> Words<P> {
         }
     }
 
-    /// Chains of narrow tiles, one after another.
-    #[inline(always)]
-    fn run_chains(&mut self, tape: &Tape<P>, chains: &Range<u32>, starts: &[i128], kept: &mut [i128]) -> bool {
-        let (left, ends) = (self.left, Ends::of(&self.format));
+    /// Chains of narrow tiles, one after another. In a function of its own, where sums stay in registers.
+    #[inline(never)]
+    fn run_groups(&mut self, tape: &Tape<P>, groups: &Range<u32>, starts: &[i128], kept: &mut [i128]) -> bool {
         let mut saturated = false;
-        for chain in tape.chains(chains) {
-            let start = chain.start.map_or(0, |place| starts[at(place)]);
-            saturated |= match of_class(chain.class) {
-                (Width::Narrow, wrap) => {
-                    let mut total = start as i64;
-                    for (operand, coefficient) in tape.products(chain) {
-                        let operand: i64 = self.data[at(*operand)].into();
-                        total = total.wrapping_add(operand.wrapping_mul((*coefficient).into()));
-                    }
-                    for (operand, factor) in tape.factors(chain) {
-                        let operand: i64 = self.data[at(*operand)].into();
-                        total = total.wrapping_add(operand.wrapping_mul(self.factors[at(*factor)].into()));
-                    }
-                    let total = lanes::cut(total, wrap);
-                    chain.kept.into_iter().for_each(|place| kept[at(place)] = i128::from(total));
-                    self.write_chain(&ends, tape.writes(chain), |shift| round_shift(total << left, shift as u32))
-                }
-                (_, wrap) => {
-                    let mut total = start;
-                    for (operand, coefficient) in tape.products(chain) {
-                        total += product(self.data[at(*operand)], *coefficient);
-                    }
-                    for (operand, factor) in tape.factors(chain) {
-                        total += product(self.data[at(*operand)], self.factors[at(*factor)]);
-                    }
-                    let total = if wrap > 0 { lanes::wrapped(total, wrap) } else { total };
-                    chain.kept.into_iter().for_each(|place| kept[at(place)] = total);
-                    self.write_chain(&ends, tape.writes(chain), |shift| round_wide(total << left, shift))
-                }
+        for group in tape.groups(groups) {
+            saturated |= match (of_class(group.class), tape.sums(group)) {
+                ((Width::Narrow, 0), None) => self.run_narrow(tape, group),
+                ((width, wrap), sums) => self.run_chains(tape, group, (width, wrap), sums, starts, kept),
             };
         }
         saturated
     }
 
-    /// The writes of a chain; `rounded` gives its shifted sum.
+    /// Chains whose sums fit 64 bits and are not kept.
     #[inline(always)]
-    fn write_chain(&mut self, ends: &Ends, writes: &[tape::Write], rounded: impl Fn(i32) -> i64) -> bool {
-        let Ends { lowest, highest, data_drop, factor_drop } = *ends;
+    fn run_narrow(&mut self, tape: &Tape<P>, group: &Group) -> bool {
+        let left = self.left;
+        let mut memory = self.memory();
         let mut saturated = false;
-        for write in writes {
-            let target = at(write.target);
-            let mut word = sum(self.words[at(write.base)], rounded(write.shift));
-            if word < lowest || word > highest {
-                word = self.clamped(target, word);
-                saturated = true;
-            }
-            self.words[target] = word;
-            self.data[target] = P::of(word >> data_drop);
-            if self.has_factors {
-                self.factors[target] = P::of(word >> factor_drop);
-            }
+        for chain in tape.chains(group) {
+            let total = memory.narrow(0, &chain);
+            saturated |= memory.write(chain.writes, |shift| round_shift(total << left, shift as u32));
         }
         saturated
+    }
+
+    /// Chains of any width, which start from kept sums and are kept where there are `sums`.
+    #[inline(never)]
+    fn run_chains(
+        &mut self,
+        tape: &Tape<P>,
+        group: &Group,
+        (width, wrap): (Width, u32),
+        sums: Option<&[(Option<u32>, Option<u32>)]>,
+        starts: &[i128],
+        kept: &mut [i128],
+    ) -> bool {
+        let left = self.left;
+        let mut memory = self.memory();
+        let mut saturated = false;
+        for (index, chain) in tape.chains(group).enumerate() {
+            let (from, to) = sums.map_or((None, None), |sums| sums[index]);
+            let start = from.map_or(0, |place| starts[at(place)]);
+            let total;
+            saturated |= if width == Width::Narrow {
+                let narrow = lanes::cut(memory.narrow(start as i64, &chain), wrap);
+                total = i128::from(narrow);
+                memory.write(chain.writes, |shift| round_shift(narrow << left, shift as u32))
+            } else {
+                let wide = memory.wide(start, &chain);
+                total = if wrap > 0 { lanes::wrapped(wide, wrap) } else { wide };
+                memory.write(chain.writes, |shift| round_wide(total << left, shift))
+            };
+            to.into_iter().for_each(|place| kept[at(place)] = total);
+        }
+        saturated
+    }
+
+    #[inline(always)]
+    fn memory(&mut self) -> Memory<'_, P> {
+        let slots = self.words.len();
+        Memory {
+            ends: Ends::of(&self.format),
+            format: &self.format,
+            words: &mut self.words,
+            data: &mut self.data[..slots],
+            factors: &mut self.factors[..slots],
+            has_factors: self.has_factors,
+            saturations: &mut self.saturations,
+        }
     }
 
     /// Lookups in the place of sums. Segments are kept as words.
@@ -373,16 +456,8 @@ impl<P: Port> Words<P> {
     #[cold]
     fn saturate(&mut self, tiles: &Tiles<P>, writes: &Writes, results: &mut [i64]) {
         for (lane, result) in results.iter_mut().enumerate() {
-            *result = self.clamped(tiles.slot(writes.targets, lane), *result);
+            *result = clamped(&self.format, &mut self.saturations, tiles.slot(writes.targets, lane), *result);
         }
-    }
-
-    /// The word that a slot gets of a sum, and note whether it saturated.
-    #[cold]
-    fn clamped(&mut self, slot: usize, sum: i64) -> i64 {
-        let (word, saturated) = self.format.add(sum, 0);
-        self.saturations[slot] += u64::from(saturated);
-        word
     }
 }
 

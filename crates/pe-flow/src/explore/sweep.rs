@@ -43,7 +43,7 @@ use pe_judge::DesignPoint;
 use pe_judge::check::sampled;
 use pe_judge::conserved::Conserved;
 use pe_judge::progress::silent;
-use pe_judge::runs::{Comparison, Exact, Judged, Kept};
+use pe_judge::runs::{Comparison, Exact, Judged, Kept, Room};
 use pe_judge::times::thread_seconds;
 use pe_judge::total::{Reference, TotalError};
 use pe_target::area;
@@ -128,6 +128,9 @@ const COMPARE: u8 = 3;
 /// States of all families together that are run before anything else.
 const MOST_STATES: usize = 100_000;
 
+/// Numbers of all runs that are kept from the beginning: 256 MiB.
+const MOST_KEPT: u64 = 1 << 25;
+
 /// Part of the span that a run has behind it before the solution is asked for that it may be ended by: what blows up at
 /// once needs none.
 const BEGINNING: f64 = 1.0 / 64.0;
@@ -144,6 +147,8 @@ struct Crew<'a> {
     deserted: AtomicBool,
     /// What points have in common beyond their families.
     known: Known,
+    /// Where runs are kept until their families are done.
+    room: Arc<Room>,
 }
 
 /// Compiles all jobs in the pool and sends what got done, as long as somebody hears it.
@@ -151,8 +156,14 @@ pub fn run(sweep: &Sweep, jobs: Vec<Job>, pool: &rayon::ThreadPool, sender: &Sen
     let model = &sweep.loaded.model;
     let families = families(jobs, has_functions(model));
     let together = families.len().saturating_mul(model.states.len()) <= MOST_STATES;
-    let crew =
-        Crew { sweep, queue: Queue::default(), sender, deserted: AtomicBool::new(false), known: Known::default() };
+    let crew = Crew {
+        sweep,
+        queue: Queue::default(),
+        sender,
+        deserted: AtomicBool::new(false),
+        known: Known::default(),
+        room: Room::new(MOST_KEPT),
+    };
     for family in families {
         crew.queue.add(if together { 0 } else { COMPARE + 1 }, sweep.estimate.whole(&family), Task::Run(family));
     }
@@ -192,7 +203,8 @@ impl Crew<'_> {
         let clock = thread_seconds();
         // Time in which the reference was solved, and tables were made.
         let waited = Cell::new(0.0);
-        let stepped = guarded_reason(|| sweep.run(&loaded, &any, &family.reference, &waited, self.sender));
+        let stepped =
+            guarded_reason(|| sweep.run(&loaded, &any, &family.reference, &waited, (self.sender, &self.room)));
         let took = thread_seconds() - clock - waited.get();
         self.tell(Kind::Run, sweep.estimate.run(&any), stepped.is_ok().then_some(took));
         match stepped {
@@ -299,7 +311,7 @@ impl Sweep {
         point: &DesignPoint,
         reference: &Shared,
         waited: &Cell<f64>,
-        sender: &Sender<Event>,
+        (sender, room): (&Sender<Event>, &Arc<Room>),
     ) -> Result<Stepped, Reason> {
         let (model, watch) = (&loaded.model, &mut Stopwatch::silent());
         let solution = || self.reference(reference, model, point, waited, sender).as_ref().ok();
@@ -324,7 +336,7 @@ impl Sweep {
             }
             error <= limit
         };
-        let stepped = guarded(|| pipeline::run_while(loaded, graph, &mut goes_on, watch))?;
+        let stepped = guarded(|| pipeline::run_while(loaded, graph, &mut goes_on, room))?;
         let Some(stepped) = stepped else { return Err(ended.expect("it was ended by its error")) };
         let Some((limit, solution)) = self.within.zip(solution()) else { return Ok(stepped) };
         let error = solution.double_error(model, &stepped.exact, None);

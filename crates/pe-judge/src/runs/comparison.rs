@@ -182,7 +182,7 @@ impl Exact {
             }
             small
         });
-        (comparison, small.then_some(Kept { blocks }))
+        (comparison, small.then(|| Kept::of(blocks)))
     }
 
     /// The same, where somebody listens to the run of the step itself, block by block, for as long as that says so.

@@ -23,11 +23,11 @@ use super::copies;
 use super::events;
 use super::inputs;
 use super::judged::Curves;
-use super::kept::{Keeping, Kept};
+use super::kept::{Keeping, Kept, Room};
 use super::lockstep::Plan;
 
-/// Numbers of the runs of all families of a sweep that are kept from the beginning, each at most: 8 MiB.
-const MOST_KEPT_AT_ONCE: u64 = 1 << 20;
+/// Numbers of a run that is kept where nobody else keeps any, at most: 8 MiB.
+const MOST_KEPT_ALONE: u64 = 1 << 20;
 
 /// Outputs that are compared at every step, at most: the first ones.
 const COMPARED_OUTPUTS: usize = 8;
@@ -74,12 +74,12 @@ impl Exact {
     /// # Errors
     /// `E0901` non-finite, `E0905` a pivot of an implicit method close to zero, `E0914` a sine faster than the steps.
     pub fn run(model: &Model, graph: &StepGraph, progress: Arc<dyn Progress>) -> Result<Exact, Vec<Diagnostic>> {
-        let whole = Exact::run_while(model, graph, progress, &mut |_, _| true)?;
+        let whole = Exact::run_while(model, graph, progress, &mut |_, _| true, &Room::new(MOST_KEPT_ALONE))?;
         Ok(whole.expect("nobody ends it"))
     }
 
     /// The same, for as long as `goes_on` says so: it hears of every sample and look how many came before, and the
-    /// states. None if it ended the run.
+    /// states. None if it ended the run. The run is kept where there is room.
     ///
     /// # Errors
     /// Those of [`Exact::run`].
@@ -88,11 +88,15 @@ impl Exact {
         graph: &StepGraph,
         progress: Arc<dyn Progress>,
         goes_on: &mut dyn FnMut(usize, &[f64]) -> bool,
+        room: &Arc<Room>,
     ) -> Result<Option<Exact>, Vec<Diagnostic>> {
-        let Some(mut own) = Exact::run_alone(model, graph, Arc::clone(&progress), goes_on)? else { return Ok(None) };
+        let Some(mut own) = Exact::run_alone(model, graph, Arc::clone(&progress), goes_on, room)? else {
+            return Ok(None);
+        };
         for corner in corners::corners(model) {
             let other = corner.model(model);
-            let exact = Exact::run_alone(&other, &corner.graph(graph), Arc::clone(&progress), &mut |_, _| true)
+            let graph = corner.graph(graph);
+            let exact = Exact::run_alone(&other, &graph, Arc::clone(&progress), &mut |_, _| true, room)
                 .map_err(|findings| corner.named(findings))?
                 .expect("nobody ends it");
             for (own, other) in own.largest.iter_mut().zip(&exact.largest) {
@@ -112,13 +116,14 @@ impl Exact {
         graph: &StepGraph,
         progress: Arc<dyn Progress>,
         goes_on: &mut dyn FnMut(usize, &[f64]) -> bool,
+        room: &Arc<Room>,
     ) -> Result<Option<Exact>, Vec<Diagnostic>> {
         if let Some(finding) = inputs::too_fast(model) {
             return Err(vec![finding]);
         }
         let plan = Plan::of(model, progress);
         let begin = thread_seconds();
-        let Some(run) = reference_run(model, graph, &plan, goes_on)? else { return Ok(None) };
+        let Some(run) = reference_run(model, graph, &plan, goes_on, room)? else { return Ok(None) };
         let ReferenceRun { reference, looks, curves, mut ranges, moments, kept } = run;
         let (reference, looks) = (Arc::new(reference), Arc::new(looks));
         let output_scales =
@@ -197,6 +202,7 @@ fn reference_run(
     graph: &StepGraph,
     plan: &Plan,
     goes_on: &mut dyn FnMut(usize, &[f64]) -> bool,
+    room: &Arc<Room>,
 ) -> Result<Option<ReferenceRun>, Vec<Diagnostic>> {
     let mut sampling = Sampling::new(graph);
     let mut run = DoubleRun::new(graph);
@@ -205,7 +211,7 @@ fn reference_run(
     let mut curves = Curves::of(model);
     let (mut samples, mut looked_at) = (plan.samples.iter().peekable(), plan.looks.iter().peekable());
     let (states, outputs) = (model.states.len(), compared_outputs(graph));
-    let mut keeping = Keeping::new(plan, states + outputs, MOST_KEPT_AT_ONCE);
+    let mut keeping = Keeping::new(plan, states + outputs, room);
     keeping.stop_if(!model.inputs.is_empty() || !model.rates.is_empty());
     for done in 1..=plan.steps {
         let time = model.time(done - 1, 0.0);

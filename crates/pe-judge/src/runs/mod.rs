@@ -53,7 +53,7 @@ pub use self::comparison::{Comparison, method_error};
 pub use self::exact::{Exact, non_finite};
 pub use self::inputs::{outside, varying_inputs};
 pub use self::judged::{Checkpoint, Curves, Errors, Judged, Looks, ToDate, Unseen};
-pub use self::kept::Kept;
+pub use self::kept::{Kept, Room};
 pub use self::measure::port_words;
 pub use self::proven::Proposal;
 pub use self::saturated::Beyond;

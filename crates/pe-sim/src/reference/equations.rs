@@ -129,12 +129,8 @@ impl<'a> Equations<'a> {
                 slots[index::at(sum.slot)] = value;
                 continue;
             }
-            let mut total = 0.0;
-            for term in &self.terms[index::at(sum.terms.start)..sum.terms.end as usize] {
-                let factors = &self.factors[index::at(term.factors.start)..term.factors.end as usize];
-                total += factors.iter().fold(term.coefficient, |product, slot| product * slots[index::at(*slot)]);
-            }
-            slots[index::at(sum.slot)] = total;
+            slots[index::at(sum.slot)] =
+                self.sum(&self.terms[index::at(sum.terms.start)..index::at(sum.terms.end)], slots);
         }
         for (derivative, slot) in derivatives.iter_mut().zip(&self.derivatives) {
             *derivative = slots[index::at(*slot)];
@@ -149,6 +145,21 @@ impl Equations<'_> {
         let mut derivatives = vec![0.0; states.0.len()];
         self.evaluate(&states.0, (within, time), &mut derivatives);
         self.delayed.iter().map(|state| derivatives[state.index()]).collect()
+    }
+
+    /// A sum of products, in a function of its own, where it stays in a register.
+    #[inline(never)]
+    fn sum(&self, terms: &[Term], slots: &[f64]) -> f64 {
+        let at = |slot: &u32| slots[index::at(*slot)];
+        let product = |term: &Term| {
+            let factors = &self.factors[index::at(term.factors.start)..index::at(term.factors.end)];
+            match factors {
+                [one] => term.coefficient * at(one),
+                [one, other] => term.coefficient * at(one) * at(other),
+                all => all.iter().fold(term.coefficient, |product, slot| product * at(slot)),
+            }
+        };
+        terms.iter().fold(0.0, |total, term| total + product(term))
     }
 
     /// What the states are behind the jumps that are due at a time, if any is.
