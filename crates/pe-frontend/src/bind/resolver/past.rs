@@ -31,8 +31,13 @@ impl<'a> Resolver<'_, 'a> {
         }
         let scale = unit_scale(unit, &TIMES, "delay", self.names.time.seconds).map_err(|error| self.report.push(error));
         let element = self.reference(of).map(|kind| Node { kind, span: of.span });
+        let Some(after_time) = delay::terms(argument) else {
+            let message = format!("what `{}` was some time ago is read at `t - TIME`", of.name.text);
+            let help = "write the delay behind the time, as in `x(t - 20 ms)`; a product needs its sign: `x*(...)`";
+            self.report.push(Diagnostic::error(codes::BAD_DELAY, argument.span, message).with_help(help));
+            return None;
+        };
         let reads = std::mem::replace(&mut self.reads, Reads::Constants);
-        let after_time = delay::terms(argument)?;
         let terms = all(after_time.iter().map(|(sign, term)| {
             let sign = if *sign == Sign::Plus { Sign::Minus } else { Sign::Plus };
             self.number(term).map(|term| (sign, term))
