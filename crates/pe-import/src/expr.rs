@@ -39,6 +39,8 @@ impl Relation {
 /// Who computes a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Callee {
+    /// What the first member, a quantity, was some time ago, which is the second member.
+    Past,
     /// A function of the language.
     Language(&'static str),
     /// A function of the model, by its number.
@@ -288,8 +290,8 @@ impl Expr {
         }
     }
 
-    /// The same with other leaves: `leaf` gives what takes the place of a part without parts or of a pulse, `None` to keep
-    /// it.
+    /// The same with other leaves: `leaf` gives what takes the place of a part without parts, of a pulse or of what something
+    /// was, `None` to keep it.
     pub fn map(&self, leaf: &mut dyn FnMut(&Expr) -> Option<Expr>) -> Expr {
         let pairs = |members: &[(bool, Expr)], leaf: &mut dyn FnMut(&Expr) -> Option<Expr>| {
             members.iter().map(|(sign, member)| (*sign, member.map(leaf))).collect::<Vec<_>>()
@@ -299,7 +301,10 @@ impl Expr {
             Expr::Product(members) => Expr::product(pairs(members, leaf)),
             Expr::Power(pair) => Expr::Power(Box::new((pair.0.map(leaf), pair.1.map(leaf)))),
             Expr::Compare(relation, pair) => Expr::compare(*relation, pair.0.map(leaf), pair.1.map(leaf)),
-            Expr::Call(callee, members) => Expr::Call(*callee, members.iter().map(|member| member.map(leaf)).collect()),
+            Expr::Call(callee, members) => {
+                let past = if *callee == Callee::Past { leaf(self) } else { None };
+                past.unwrap_or_else(|| Expr::Call(*callee, members.iter().map(|member| member.map(leaf)).collect()))
+            }
             Expr::And(members) => Expr::And(members.iter().map(|member| member.map(leaf)).collect()),
             Expr::Or(members) => Expr::Or(members.iter().map(|member| member.map(leaf)).collect()),
             Expr::Not(inner) => inner.map(leaf).opposite(),

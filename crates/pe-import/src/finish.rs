@@ -6,12 +6,15 @@ use std::collections::HashMap;
 use pe_ir::codes;
 use pe_ir::source::{Diagnostic, Span};
 
-use crate::expr::{Expr, Relation};
+use crate::expr::{Callee, Expr, Relation};
 use crate::model::{Kind, Model, Quantity};
 use crate::pulses;
 
 /// Deepest expression that is written; the language takes 200 brackets.
 const DEEPEST: usize = 150;
+
+/// Equations within one another, at most, that stand for what a quantity was.
+const MOST_EQUATIONS: usize = 40;
 
 /// Prepares a model for writing; findings if it cannot be written.
 pub(crate) fn finish(model: &mut Model, findings: &mut Vec<Diagnostic>) {
@@ -19,6 +22,7 @@ pub(crate) fn finish(model: &mut Model, findings: &mut Vec<Diagnostic>) {
     extents(model, findings);
     if findings.is_empty() {
         promote(model);
+        pasts(model, findings);
         let still: Vec<bool> =
             model.quantities.iter().map(|quantity| matches!(quantity.kind, Kind::Constant(_))).collect();
         for expr in model.quantities.iter_mut().flat_map(|quantity| quantity.kind.expressions_mut()) {
@@ -60,6 +64,126 @@ pub(crate) fn events(model: &mut Model, findings: &mut Vec<Diagnostic>) {
                 refuse(&what, "let it change what the equation reads");
             }
         }
+    }
+}
+
+/// What never changes was always the same. What follows the time followed it before the beginning, too, so its equation
+/// stands for what it was; all else was as it is at the beginning. Delays are known.
+fn pasts(model: &mut Model, findings: &mut Vec<Diagnostic>) {
+    let still: Vec<bool> = model.quantities.iter().map(|quantity| matches!(quantity.kind, Kind::Constant(_))).collect();
+    let equations: Vec<Option<Expr>> = (model.quantities.iter())
+        .map(|quantity| match &quantity.kind {
+            Kind::Algebraic(expr) => Some(expr.clone()),
+            _ => None,
+        })
+        .collect();
+    let timed = |expr: &Expr| {
+        let mut reads_time = false;
+        expr.each(&mut |part| reads_time |= matches!(part, Expr::Time | Expr::Pulse(_)));
+        reads_time
+    };
+    let of_equations = |(index, expr): (usize, &Option<Expr>)| expr.as_ref().is_some_and(timed).then_some(index);
+    let of_starts = |(index, quantity): (usize, &Quantity)| match &quantity.kind {
+        Kind::State { initial, .. } | Kind::Constant(initial) => timed(initial).then_some(index),
+        _ => None,
+    };
+    let mut readers: Vec<Vec<usize>> = vec![Vec::new(); equations.len()];
+    for (index, expr) in equations.iter().enumerate().filter_map(|(index, expr)| Some((index, expr.as_ref()?))) {
+        reads_now(expr).into_iter().for_each(|read| readers[read].push(index));
+    }
+    let clocked = spread(equations.iter().enumerate().filter_map(of_equations).collect(), &readers);
+    let begun = spread(model.quantities.iter().enumerate().filter_map(of_starts).collect(), &readers);
+    let past = Past { still, clocked, begun, equations };
+    let mut simpler = |expr: &mut Expr, span: Span| {
+        let mut refused = None;
+        *expr = past.resolved(expr, &mut refused);
+        if let Some((message, help)) = refused {
+            findings.push(Diagnostic::error(codes::IMPORT_UNSUPPORTED, span, message).with_help(help));
+        }
+    };
+    for quantity in &mut model.quantities {
+        let span = quantity.equation;
+        quantity.kind.expressions_mut().into_iter().for_each(|expr| simpler(expr, span));
+    }
+    for event in &mut model.events {
+        let span = event.span;
+        let conditions = [Some(&mut event.trigger), event.delay.as_mut(), event.priority.as_mut()];
+        let values = event.assignments.iter_mut().map(|(_, value)| value);
+        conditions.into_iter().flatten().chain(values).for_each(|expr| simpler(expr, span));
+    }
+}
+
+/// What expressions of the past are made of.
+struct Past {
+    still: Vec<bool>,
+    /// What follows the time by equations.
+    clocked: Vec<bool>,
+    /// What depends on initial values that follow the time, which have a past of their own.
+    begun: Vec<bool>,
+    /// Equations of all quantities that have one.
+    equations: Vec<Option<Expr>>,
+}
+
+/// Why an expression of the past cannot be expressed, and what helps.
+type Refused = Option<(&'static str, &'static str)>;
+
+impl Past {
+    /// The same with all that was some time ago as a spec can say it.
+    fn resolved(&self, expr: &Expr, refused: &mut Refused) -> Expr {
+        expr.map(&mut |leaf| {
+            let Expr::Call(Callee::Past, members) = leaf else { return None };
+            let delay = &members[1];
+            if delay.literal() == Some(0.0) {
+                return Some(members[0].clone());
+            }
+            delay.each(&mut |part| {
+                if matches!(part, Expr::Name(read) if !self.still[*read]) || *part == Expr::Time {
+                    *refused = Some((
+                        "a delay that changes cannot be expressed",
+                        "give it a delay that is a number or a parameter",
+                    ));
+                }
+            });
+            Some(self.ago(&members[0], delay, MOST_EQUATIONS, refused))
+        })
+    }
+
+    /// What an expression was.
+    fn ago(&self, expr: &Expr, delay: &Expr, left: usize, refused: &mut Refused) -> Expr {
+        if left == 0 {
+            *refused = Some((
+                "the past of equations that read their own past and the time cannot be expressed",
+                "give it a rate",
+            ));
+            return expr.clone();
+        }
+        expr.map(&mut |leaf| {
+            Some(match leaf {
+                Expr::Name(of) if self.begun[*of] => {
+                    *refused = Some((
+                        "the past of what follows the time before the beginning alone cannot be expressed",
+                        "give it an initial value that is a number",
+                    ));
+                    leaf.clone()
+                }
+                Expr::Name(of) if self.still[*of] => leaf.clone(),
+                Expr::Name(of) => match self.equations[*of].as_ref().filter(|_| self.clocked[*of]) {
+                    Some(equation) => self.ago(equation, delay, left - 1, refused),
+                    None => Expr::Call(Callee::Past, vec![leaf.clone(), delay.clone()]),
+                },
+                Expr::Time => Expr::sum([(false, Expr::Time), (true, delay.clone())]),
+                Expr::Pulse(pulse) => {
+                    let [height, start, width, period] = &**pulse;
+                    let start = Expr::sum([(false, start.clone()), (false, delay.clone())]);
+                    Expr::Pulse(Box::new([height.clone(), start, width.clone(), period.clone()]))
+                }
+                Expr::Call(Callee::Past, members) => {
+                    let both = Expr::sum([(false, members[1].clone()), (false, delay.clone())]);
+                    self.ago(&members[0], &both, left - 1, refused)
+                }
+                _ => return None,
+            })
+        })
     }
 }
 
@@ -123,10 +247,16 @@ fn extents(model: &Model, findings: &mut Vec<Diagnostic>) {
     }
 }
 
+/// Names of quantities that an expression reads at the same time.
+fn reads_now(expr: &Expr) -> Vec<usize> {
+    let present = expr.map(&mut |part| matches!(part, Expr::Call(Callee::Past, _)).then_some(Expr::Pi));
+    reads(&present)
+}
+
 /// Finds quantities that need themselves: at one time, or at the beginning.
 fn loops(model: &Model, findings: &mut Vec<Diagnostic>) {
     let now = |kind: &Kind| match kind {
-        Kind::Constant(expr) | Kind::Algebraic(expr) => reads(expr),
+        Kind::Constant(expr) | Kind::Algebraic(expr) => reads_now(expr),
         _ => Vec::new(),
     };
     // 0 not seen, 1 on the path, 2 done.
@@ -235,7 +365,8 @@ fn initial_values(model: &mut Model) {
         };
         let mut changed = false;
         let started = expr.map(&mut |leaf| {
-            let start = match leaf {
+            // Before the beginning all is as it is then.
+            let start = match if let Expr::Call(Callee::Past, members) = leaf { &members[0] } else { leaf } {
                 Expr::Time => Expr::number(0.0),
                 Expr::Pulse(pulse) => {
                     let [height, start, width, _] = &**pulse;

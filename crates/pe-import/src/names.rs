@@ -112,6 +112,7 @@ impl Names {
     /// The name of who computes a call.
     pub fn callee(&self, callee: Callee) -> &str {
         match callee {
+            Callee::Past => "delay",
             Callee::Language(name) => name,
             Callee::Own(function) => &self.functions[function],
         }

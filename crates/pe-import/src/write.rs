@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::expr::Expr;
+use crate::expr::{Callee, Expr};
 use crate::model::{Kind, Model, Quantity};
 use crate::names::{Names, element};
 use crate::number::shown;
@@ -319,6 +319,10 @@ impl<'a> Writer<'a> {
             Expr::Power(pair) => {
                 let (base, exponent) = (self.within(&pair.0, Level::Atom), self.within(&pair.1, Level::Atom));
                 (format!("{base}^{exponent}"), Level::Power)
+            }
+            Expr::Call(Callee::Past, members) => {
+                let (of, delay) = (self.text(&members[0]), self.within(&members[1], Level::Product));
+                (format!("{of}(t - {delay})"), Level::Atom)
             }
             Expr::Call(callee, members) => {
                 (format!("{}({})", self.names.callee(*callee), self.list(members, Level::Choice, ", ")), Level::Atom)

@@ -127,10 +127,26 @@ impl Scope for Place<'_> {
                 });
                 Ok(Expr::Name(mark))
             }
-            (Some("delay"), _) => {
-                let finding =
-                    Diagnostic::error(codes::IMPORT_UNSUPPORTED, mathml::place(place), "a delay cannot be expressed");
-                Err(finding.with_help("a spec reads values of the present only"))
+            (Some("delay"), [of, delay]) => {
+                let (mut findings, mut parts) = (Vec::new(), 0);
+                let mut reader = mathml::Reader { scope: self, findings: &mut findings, parts: &mut parts };
+                let (of, delay) = (reader.number(*of), reader.number(*delay));
+                if let Some(finding) = findings.into_iter().next() {
+                    return Err(finding);
+                }
+                let mut of_rate = false;
+                of.each(&mut |part| of_rate |= matches!(part, Expr::Name(mark) if *mark >= MARKS));
+                if of_rate {
+                    return Err(bad(place, "a rate some time ago cannot be expressed"));
+                }
+                Ok(of.map(&mut |leaf| match leaf {
+                    Expr::Name(_) | Expr::Time => Some(Expr::Call(Callee::Past, vec![leaf.clone(), delay.clone()])),
+                    Expr::Call(Callee::Past, members) => {
+                        let both = Expr::sum([(false, members[1].clone()), (false, delay.clone())]);
+                        Some(Expr::Call(Callee::Past, vec![members[0].clone(), both]))
+                    }
+                    _ => None,
+                }))
             }
             _ => Err(bad(place, &format!("the symbol `{}` is not known", url.escape_debug()))),
         }

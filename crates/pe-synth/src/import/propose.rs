@@ -4,7 +4,7 @@ use pe_flow::failure::Failure;
 use pe_flow::pipeline;
 use pe_flow::settings::MappingOptions;
 use pe_flow::watch::Stopwatch;
-use pe_import::expr::Expr;
+use pe_import::expr::{Callee, Expr};
 use pe_import::model::{Kind, Model as Foreign};
 use pe_import::{Imported, Setting};
 use pe_ir::model::{Model, Solver};
@@ -25,6 +25,9 @@ const EVENT_STEPS: f64 = 200_000.0;
 
 /// The same where the time of the event within the step is found.
 const REFINED_STEPS: f64 = 20_000.0;
+
+/// The same where something is read that was some time ago: each step of that time takes a word and a move.
+const PAST_STEPS: f64 = 500.0;
 
 /// Parts of an interval that delays and times of events may ask for, at most: delays must be whole steps.
 const DELAY_PARTS: u64 = 1_000_000;
@@ -66,10 +69,12 @@ pub fn setting(imported: &Imported, asked: &Asked, name: &str) -> Result<Setting
     let span = asked.span.or(run.span).unwrap_or(USUAL_SPAN);
     let interval = asked.interval.or(run.interval).unwrap_or(span);
     let events = Events::of(&imported.model, interval);
-    let fewest = match (events.cross, events.refine) {
-        (true, _) => EVENT_STEPS,
-        (false, true) => REFINED_STEPS,
-        (false, false) => FEWEST_STEPS,
+    let fewest = match (events.cross, events.refine, events.past) {
+        (true, _, false) => EVENT_STEPS,
+        (true, _, true) => REFINED_STEPS,
+        (false, true, _) => REFINED_STEPS,
+        (false, false, true) => PAST_STEPS,
+        (false, false, false) => FEWEST_STEPS,
     };
     let part_of = |interval: f64, most: f64| part_of(interval, events.parts, most);
     let usual = part_of(interval, span / fewest);
@@ -118,25 +123,37 @@ fn fastest(model: &Model) -> Option<f64> {
     Some(largest).filter(|largest| *largest > 0.0)
 }
 
-/// What events ask of a step.
+/// What events and delays ask of a step.
 struct Events {
     /// Whether one comes when something else than the time crosses a value, at the end of the step.
     cross: bool,
     /// Whether the time of one within a step is found.
     refine: bool,
+    /// Whether something is read that was some time ago.
+    past: bool,
     /// A number of parts of the interval between results, of which steps are a part, too.
     parts: u64,
 }
 
 impl Events {
     fn of(model: &Foreign, interval: f64) -> Events {
-        let mut events = Events { cross: false, refine: false, parts: 1 };
+        let mut events = Events { cross: false, refine: false, past: false, parts: 1 };
         for event in &model.events {
             events.cross |= event.crosses(model) && !event.refines();
             events.refine |= event.crosses(model) && event.refines();
             if let Some(delay) = event.delay.as_ref().and_then(|delay| known(model, delay)) {
                 events.fit(delay / interval, DELAY_PARTS);
             }
+        }
+        for expr in model.quantities.iter().flat_map(|quantity| quantity.kind.expressions()) {
+            expr.each(&mut |part| {
+                if let Expr::Call(Callee::Past, members) = part
+                    && let Some(delay) = known(model, &members[1])
+                {
+                    events.past = true;
+                    events.fit(delay / interval, DELAY_PARTS);
+                }
+            });
         }
         for event in &model.events {
             event.trigger.each(&mut |part| {

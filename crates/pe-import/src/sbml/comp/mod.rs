@@ -479,6 +479,12 @@ fn convert(part: &mut Element, time: Option<String>, extent: Option<String>) {
             {
                 *element = by(element.clone(), &time);
             }
+            "apply"
+                if element.children.len() == 3
+                    && element.children[0].get("definitionURL").unwrap_or("").ends_with("/delay") =>
+            {
+                element.children[2] = by(element.children[2].clone(), &time);
+            }
             // The rate of a reaction is in the units around by now.
             "ci" if reactions.contains(&element.text) => {
                 let own = by(element.clone(), &time);
