@@ -12,6 +12,7 @@ pub mod flow;
 pub mod hubs;
 pub mod models;
 pub mod tables;
+pub mod written;
 
 use pe_ir::index::StateId;
 use pe_ir::model::{Algebraic, Expr, Input, Model, Output, Solver, State, Variable, Waveform};
