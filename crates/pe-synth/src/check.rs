@@ -67,6 +67,9 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
         }
         None => row("largest step", format!("no damped mode limits {}", model.solver.name())),
     }
+    if model.delays().next().is_some() {
+        row("delays", "left out of these eigenvalues; the trial and `one step` have them".to_owned());
+    }
     match check.found {
         Some(found) => {
             let end = found.unstable.map_or("no end found".to_owned(), |step| format!("{step:.3e} s is not"));

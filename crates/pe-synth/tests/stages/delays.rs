@@ -285,6 +285,7 @@ fn all_engines_have_the_same_past() {
             assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
             String::from_utf8(output.stdout).unwrap()
         };
+        assert!(run("check delays.spec --allow E0903").contains("left out of these eigenvalues"));
         run("compile delays.spec --pes 2 --allow E0903 --quiet --no-pictures --message-format json -o out");
         let told = run("verify out --steps 300 --message-format json");
         let told: serde_json::Value = serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"));
