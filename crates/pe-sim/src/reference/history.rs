@@ -5,8 +5,7 @@
 
 use std::collections::VecDeque;
 
-/// Places within a step at which quantities are kept, from -1 to 1: Chebyshev points, ends included.
-const NODES: usize = 10;
+use super::interior::{NODES, at};
 
 /// How often a bend is followed from one delay to the next.
 const GENERATIONS: u8 = 7;
@@ -39,11 +38,6 @@ pub(super) struct History {
     step: (f64, f64),
     /// Whether steps are kept.
     keeps: bool,
-}
-
-/// The nodes from -1 to 1.
-fn nodes() -> impl Iterator<Item = f64> {
-    (0..NODES).map(|node| -libm::cos(core::f64::consts::PI * node as f64 / (NODES - 1) as f64))
 }
 
 impl History {
@@ -92,23 +86,7 @@ impl History {
         let Some(piece) = self.pieces.get(place) else { return self.before[number] };
         let x = (2.0 * was - piece.from - piece.to) / (piece.to - piece.from);
         let values = &piece.values[number * NODES..(number + 1) * NODES];
-        let (mut above, mut below) = (0.0, 0.0);
-        for (place, (node, value)) in nodes().zip(values).enumerate() {
-            if x == node {
-                return *value;
-            }
-            let half = if place == 0 || place == NODES - 1 { 0.5 } else { 1.0 };
-            let weight = if place % 2 == 0 { half } else { -half } / (x - node);
-            above += weight * value;
-            below += weight;
-        }
-        above / below
-    }
-
-    /// The times at which a step must be known.
-    pub fn times(from: f64, to: f64) -> impl Iterator<Item = f64> {
-        // Rounding must not lead out of the step.
-        nodes().map(move |node| (0.5 * (from + to) + 0.5 * (to - from) * node).clamp(from, to))
+        at(values, x)
     }
 
     /// Keeps a step: `values` has those of all quantities at one time after the other.
@@ -169,13 +147,14 @@ impl History {
 
 #[cfg(test)]
 mod tests {
+    use super::super::interior::times;
     use super::*;
 
     #[test]
     fn a_step_is_kept_to_rounding_and_a_jump_belongs_to_the_step_that_reads_it() {
         let mut history = History::new(vec![1.0], vec![-5.0]);
         for (from, to, sign) in [(0.0, 0.7, 1.0), (0.7, 1.0, -1.0)] {
-            let values: Vec<f64> = History::times(from, to).map(|time| sign * libm::sin(time)).collect();
+            let values: Vec<f64> = times(from, to).map(|time| sign * libm::sin(time)).collect();
             history.add(from, to, &values);
         }
         history.takes(1.5, 1.7);

@@ -11,6 +11,7 @@
 mod equations;
 mod features;
 mod history;
+mod interior;
 mod solution;
 mod states;
 mod stiff;
@@ -26,7 +27,7 @@ use pe_ir::index::StateId;
 use pe_ir::model::Model;
 
 use self::equations::{Equations, Piece};
-use self::history::History;
+use self::interior::Interior;
 pub use self::solution::{Method, Obstacle, ReferenceError, Solution};
 use self::solution::{Scales, TIME_RESOLUTION, after, beginning, piece_by_piece};
 use self::states::States;
@@ -44,8 +45,9 @@ const ROUGH_TOLERANCE: f64 = 1e-6;
 const STEP_FLOOR: u64 = 100_000;
 const STEP_RATIO: u64 = 20;
 
-/// Part of the shortest delay that a step may span: between ends of steps the methods are of a lower order.
-const PART_OF_DELAY: f64 = 0.25;
+/// Safety of a step that is chosen by what it is between its ends, and how much it may change.
+const SAFETY: f64 = 0.9;
+const CHANGE: (f64, f64) = (0.2, 2.0);
 
 /// Steps of the model that a step of an explicit method may span where functions of time may be narrow. The widest gap
 /// between its stages is about a quarter of that.
@@ -126,12 +128,13 @@ fn integrate<M: Driven>(
     let equations = &Equations::new(model);
     let scales = Scales::growing(model, equations);
     let longest = if features::of_time(model) { LONGEST * model.step } else { f64::INFINITY };
-    // What a step reads must have been kept, as well as the method itself knows it.
-    let longest = longest.min(PART_OF_DELAY * equations.history.borrow().shortest());
-    let mut rough = Integration { model, equations, tolerance: ROUGH_TOLERANCE, scales, steps, longest };
+    // What a step reads must have been kept.
+    let longest = longest.min(equations.history.borrow().shortest());
+    let kept = f64::INFINITY;
+    let mut rough = Integration { model, equations, tolerance: ROUGH_TOLERANCE, scales, steps, longest, kept };
     rough.run::<M>(times, progress)?;
     let scales = rough.scales.into_known();
-    Integration { model, equations, tolerance, scales, steps, longest }.run::<M>(times, progress)
+    Integration { model, equations, tolerance, scales, steps, longest, kept }.run::<M>(times, progress)
 }
 
 /// The methods with their types.
@@ -203,6 +206,8 @@ struct Integration<'a> {
     steps: u64,
     /// The longest step in seconds.
     longest: f64,
+    /// The longest step that is known well enough between its ends, in seconds.
+    kept: f64,
 }
 
 impl Integration<'_> {
@@ -315,8 +320,9 @@ impl Integration<'_> {
         while after(target, method.t()) {
             let time = method.t();
             let fail = |obstacle| Err(ReferenceError { time, obstacle });
-            if method.h() > self.longest {
-                method.shorten(self.longest);
+            let longest = self.longest.min(self.kept);
+            if method.h() > longest {
+                method.shorten(longest);
             }
             let (bend, bends) = piece.equations.history.borrow_mut().next(time);
             if bends {
@@ -337,6 +343,7 @@ impl Integration<'_> {
             }
             self.steps -= 1;
             piece.equations.history.borrow_mut().takes(time, time + method.h());
+            let begin = piece.equations.history.borrow().keeps().then(|| method.y().clone());
             match method.step(piece) {
                 Ok(_) => {}
                 Err(Error::Stiffness { .. }) => {
@@ -353,14 +360,11 @@ impl Integration<'_> {
             if !method.y().0.iter().all(|state| state.is_finite()) {
                 return fail(Obstacle::NotFinite);
             }
-            let keeps = piece.equations.history.borrow().keeps();
-            if keeps {
-                let mut values = Vec::new();
-                for at in History::times(time, method.t()) {
-                    let Ok(states) = method.interpolate(at) else { return fail(Obstacle::StepUnderflow) };
-                    values.extend(piece.followed(at, &states));
-                }
-                piece.equations.history.borrow_mut().add(time, method.t(), &values);
+            if let Some(begin) = begin
+                && !self.keep(method, piece, time, &begin)
+            {
+                *method = self.start(piece, time, &begin, self.kept)?;
+                continue;
             }
             if last {
                 method.resume(proposed);
@@ -372,5 +376,24 @@ impl Integration<'_> {
             progress(method.t());
         }
         Ok(())
+    }
+
+    /// Keeps the step that a method has taken, for what reads it later; false if it was too long for that.
+    fn keep<M: Driven>(&mut self, method: &mut M, piece: &Piece, from: f64, begin: &States) -> bool {
+        let to = method.t();
+        let guesses: Result<Vec<States>, _> = interior::times(from, to).map(|time| method.interpolate(time)).collect();
+        let tolerances = self.scales.tolerances(self.tolerance);
+        let Interior { states, error } = match guesses {
+            Ok(guesses) => interior::found(piece, (from, to), begin, guesses, &tolerances),
+            Err(_) => Interior { states: Vec::new(), error: f64::INFINITY },
+        };
+        let change = SAFETY * libm::pow(error, -1.0 / (interior::NODES - 1) as f64);
+        self.kept = (to - from) * change.clamp(CHANGE.0, CHANGE.1);
+        if error <= 1.0 {
+            let followed = |(time, states)| piece.followed(time, states);
+            let values: Vec<f64> = interior::times(from, to).zip(&states).flat_map(followed).collect();
+            piece.equations.history.borrow_mut().add(from, to, &values);
+        }
+        error <= 1.0
     }
 }
