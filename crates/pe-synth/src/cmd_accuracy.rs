@@ -117,6 +117,7 @@ impl Accuracy {
             late: false,
             store: None,
             damaged: BTreeSet::new(),
+            lost: 0,
             share: self.options.shard,
             lock,
         };

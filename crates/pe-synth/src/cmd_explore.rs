@@ -128,6 +128,7 @@ impl Explore {
             late: false,
             store: None,
             damaged: BTreeSet::new(),
+            lost: 0,
             share: self.options.shard,
             lock,
         };

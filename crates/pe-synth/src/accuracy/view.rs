@@ -4,6 +4,7 @@ use pe_flow::explore::row;
 use serde_json::{Map, Value, json};
 
 use crate::explore::files::{cell, plain};
+use crate::explore::seal::sealed;
 use crate::explore::sheet::Sheet;
 use pe_flow::accuracy::goal::cheapest;
 use pe_flow::accuracy::lists::Word;
@@ -79,7 +80,7 @@ impl<'a> View<'a> {
             stored.insert("operations".into(), json!(self.operations(row)));
             stored.insert("seconds".into(), json!(seconds(sheet, row)));
             stored.insert("on_front".into(), json!(self.front.contains(&index)));
-            Value::Object(stored)
+            sealed(stored)
         });
         let place = |index: &usize| json!(sheet.places[*index]);
         let mut whole: Map<String, Value> = sheet.head.clone();

@@ -137,13 +137,13 @@ impl Left {
     }
 }
 
-/// What is said of a store: damaged files, and the end of a part.
+/// What is said of stored points: damaged ones, and the end of a part.
 /// Whether this was a part.
 pub fn tell_of_store(record: &Record, store: Option<&Path>, quiet: bool) -> bool {
-    if !record.damaged.is_empty() {
-        let count = record.damaged.len();
-        let noun = if count == 1 { "point" } else { "points" };
-        console::err(&format!("     store  {count} {noun} had a damaged file and were computed again\n"));
+    let count = record.damaged.len() + record.lost;
+    if count > 0 {
+        let (noun, were) = if count == 1 { ("point", "was") } else { ("points", "were") };
+        console::err(&format!("     store  {count} {noun} {were} damaged, and {were} computed again\n"));
     }
     let (Some((part, parts)), Some(store)) = (record.share, store) else { return false };
     if !quiet {

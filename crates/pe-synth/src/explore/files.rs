@@ -9,6 +9,7 @@ use pe_plot::style::{Look, counted};
 use serde_json::{Map, Value, json};
 
 use super::columns::{self, Column, Kind};
+use super::seal::sealed;
 use super::sheet::{Front, Sheet};
 use crate::output::Files;
 use pe_flow::accuracy::wanted::{Figure, Goals, USUAL_ERROR};
@@ -49,7 +50,7 @@ impl Sheet {
             stored.insert("point".into(), json!(place));
             let on = fronts.iter().filter(|front| front.rows.contains(&index)).map(|front| front.key);
             stored.insert("fronts".into(), json!(on.collect::<Vec<_>>()));
-            Value::Object(stored)
+            sealed(stored)
         });
         let mut whole = self.head.clone();
         whole.insert("points".into(), rows.collect());

@@ -8,6 +8,7 @@
 //! cluster    parts of a sweep as jobs
 //! store      points that several sweeps share
 //! record     the rows as they come, the folder they are kept in, taking up an earlier result
+//! seal       the checksum of a row in that result
 //! show       rows as a person reads them
 //! columns    tables for CSV files and pages
 //! files      rows -> points.json, points.csv, pictures, page
@@ -21,6 +22,7 @@ pub mod files;
 pub mod given;
 pub mod options;
 pub mod record;
+pub mod seal;
 pub mod sheet;
 pub mod show;
 pub mod store;

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Map, Value, json};
 
 use super::changes;
+use super::seal::is_whole;
 use super::sheet::Sheet;
 use super::store::{Known, Store};
 use crate::output::{Files, FolderLock, OutputFolder};
@@ -58,8 +59,10 @@ pub struct Record {
     pub late: bool,
     /// Points that other sweeps share.
     pub store: Option<Store>,
-    /// Number of points with a damaged file there, which are computed again.
+    /// Points with a damaged file there, which are computed again.
     pub damaged: BTreeSet<usize>,
+    /// Number of points that are damaged in an earlier result, and computed again.
+    pub lost: usize,
     /// The part of the points that is computed, of so many, for the store alone.
     pub share: Option<(u32, u32)>,
     /// No other sweep writes to the folder; none if this one does not, either.
@@ -100,7 +103,9 @@ impl Record {
         // What a point was too wrong for is another limit now.
         let other_limit = stored.get("max_error") != Some(&json!(self.max_error));
         let ended = |row: &Value| other_limit && row.get("exit_code") == Some(&json!(0));
-        self.kept = points.iter().filter(|row| !ended(row)).map(|row| (command(row), row.clone())).collect();
+        let (whole, lost): (Vec<&Value>, Vec<&Value>) = points.iter().partition(|row| is_whole(row));
+        self.lost = lost.len();
+        self.kept = whole.into_iter().filter(|row| !ended(row)).map(|row| (command(row), row.clone())).collect();
         for (_, command, outcome) in &mut self.rows {
             *outcome = self.kept.remove(command).as_ref().and_then(Row::outcome_from_json);
         }

@@ -225,6 +225,22 @@ fn a_damaged_or_other_record_is_told_in_words() {
     fs::write(folder.0.join("m.spec"), SMALL).unwrap();
     let record = folder.0.join("out/points.json");
     let whole = fs::read(&record).unwrap();
+    // A row that was changed is computed again, whatever in it was; so is one that is no row.
+    let text = std::str::from_utf8(&whole).unwrap();
+    let rows = text.find("\"points\":").unwrap();
+    let changes = ["cycles_per_step", "total", "command", "sha256", "status", "point"];
+    for key in changes {
+        let place = rows + text[rows..].find(&format!("\"{key}\": ")).unwrap() + key.len() + 4;
+        let changed = match &text[place..=place] {
+            "\"" => format!("{}x{}", &text[..=place], &text[place + 1..]),
+            _ => format!("{}1{}", &text[..place], &text[place..]),
+        };
+        fs::write(&record, changed).unwrap();
+        let said = sweep("50ms", 0);
+        assert!(said.contains("1 point was damaged, and was computed again"), "{key}: {said}");
+        assert!(fs::read(&record).unwrap() == whole, "{key}");
+    }
+    assert!(!sweep("50ms", 0).contains("damaged"));
     // What is left may show that it is ours, or not; then nothing is replaced.
     let ours = b"{\n  \"generator\": \"pe-synth ";
     for (part, code, remedy) in [

@@ -88,7 +88,7 @@ fn damaged_records_are_told_and_computed_again() {
     // That of another point.
     fs::copy(&files[4], &files[3]).unwrap();
     let told = succeeded(&mut pe_synth("explore", &model, &shared, &with_store));
-    assert!(told.contains("4 points had a damaged file"), "{told}");
+    assert!(told.contains("4 points were damaged"), "{told}");
     assert_same(&plain, &shared);
     let told = succeeded(&mut pe_synth("explore", &model, &shared, &with_store));
     assert!(told.contains("18 done before") && !told.contains("damaged"), "{told}");

@@ -61,7 +61,8 @@ fn points_that_are_too_wrong_are_those_that_would_be_and_all_others_stay_as_they
                     continue;
                 }
                 for row in [&mut whole, &mut part] {
-                    row.as_object_mut().expect("a row").remove("fronts");
+                    let row = row.as_object_mut().expect("a row");
+                    row.retain(|key, _| !["fronts", "sha256"].contains(&key.as_str()));
                 }
                 assert_eq!(whole, part);
             }
