@@ -9,17 +9,24 @@ use std::collections::BTreeMap;
 
 /// Compiles statements beside a file `t.csv`; findings one per line with code, place and message.
 fn build(statements: &str, table: &str) -> Result<Model, String> {
+    with_warnings(statements, table).map(|(model, _)| model)
+}
+
+/// The same with the warnings.
+fn with_warnings(statements: &str, table: &str) -> Result<(Model, String), String> {
     let text = format!("model m\nsolver rk4\nstep 1 ms\nspan 1 s\nindex b in 1..3\n{statements}");
     let mut sources = Sources::new("m.spec", &text);
     let files = BTreeMap::from([("t.csv".to_owned(), table.as_bytes().to_vec())]);
-    compile(&mut sources, &files, &Overrides::default()).map(|(model, _)| model).map_err(|errors| {
-        let line = |error: &pe_ir::source::Diagnostic| {
-            let at = error.span.map(|span| sources.position(span.start));
+    let result = compile(&mut sources, &files, &Overrides::default());
+    let lines = |findings: &[pe_ir::source::Diagnostic]| -> String {
+        let line = |finding: &pe_ir::source::Diagnostic| {
+            let at = finding.span.map(|span| sources.position(span.start));
             let at = at.map_or_else(String::new, |at| format!("{}:{}:{}", at.file, at.line, at.column));
-            format!("{} {at} {}\n", error.code, error.message)
+            format!("{} {at} {}\n", finding.code, finding.message)
         };
-        errors.iter().map(line).collect()
-    })
+        findings.iter().map(line).collect()
+    };
+    result.map(|(model, warnings)| (model, lines(&warnings))).map_err(|errors| lines(&errors))
 }
 
 const X: &str = "state x[b] = data(\"t.csv\", \"v\")*2\nx[b]' = -x[b]\noutput x";
@@ -157,6 +164,31 @@ fn sums_over_rows_take_those_that_the_condition_chooses() {
     // No row is zero; both zeros are one number.
     assert_eq!(right_side(&sum("where e.to == 9*b: x[e.from]"), edges), "0");
     assert_eq!(right_side(&sum("where e.z == 0*b: x[b]"), "z\n-0\n"), "x[2]");
+}
+
+#[test]
+fn a_sum_over_no_rows_is_told() {
+    let sum = |inside: &str| {
+        format!("state x[b] = 1\nx[b]' = -x[b] + sum(e in rows(\"t.csv\") {inside}: e.weight*x[e.from])\noutput x")
+    };
+    let warnings =
+        |inside: &str, table: &str| with_warnings(&sum(inside), table).unwrap_or_else(|errors| panic!("{errors}")).1;
+    let edges = "from,to,weight\n2,1,4\n1,2,0.5\n";
+    // Those of element 3 are none, those of others are.
+    assert_eq!(warnings("where e.to == b", edges), "");
+    let told = "W0006 m.spec:7:17 nothing is summed here: no row is chosen, so the sum is always 0\n";
+    assert_eq!(warnings("where e.to == b + 5", edges), told);
+    assert_eq!(warnings("where e.to == b", "from,to,weight\n"), told);
+    assert_eq!(warnings("", "from,to,weight\n"), told);
+}
+
+#[test]
+fn units_in_headers_are_checked_where_no_other_unit_is_written() {
+    let text = "state x[b] = 1\nx[b]' = sum(e in rows(\"t.csv\") where e.to == b: x[e.from](t - e.delay))\noutput x";
+    let (_, warnings) = with_warnings(text, "from,to,delay [ms]\n1,2,0.02\n3,1,0.04\n").unwrap();
+    assert!(warnings.contains("W0701") && warnings.contains("[s] and [ms] differ by a factor"), "{warnings}");
+    let (_, warnings) = with_warnings(text, "from,to,delay [s]\n1,2,0.02\n3,1,0.04\n").unwrap();
+    assert_eq!(warnings, "");
 }
 
 #[test]

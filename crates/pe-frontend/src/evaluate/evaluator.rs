@@ -42,8 +42,17 @@ pub(crate) struct Evaluator {
     pub(crate) left_sides_known: bool,
     /// Linear systems.
     systems: Systems,
-    /// The sums by their places, with the first range of those that have had no term.
-    pub(crate) sums: BTreeMap<Span, Option<(i64, i64)>>,
+    /// The sums by their places, with what was empty first in those that have had no term.
+    pub(crate) sums: BTreeMap<Span, Option<Empty>>,
+}
+
+/// What a sum without terms is over.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Empty {
+    /// A range of whole numbers.
+    Range(i64, i64),
+    /// Rows of a data file.
+    Rows,
 }
 
 impl Evaluator {
@@ -281,8 +290,7 @@ impl Evaluator {
             return self.sum_over_rows(names, (sum_over, rows), span);
         }
         let (low, high) = self.range(names, &sum_over.range)?;
-        let empty = self.sums.entry(span).or_insert(Some((low, high)));
-        *empty = empty.filter(|_| low > high);
+        self.sums_over(span, (low > high).then_some(Empty::Range(low, high)));
         let mut sum = SumBuilder::default();
         let place = self.frame.len();
         for value in low..=high {
@@ -294,6 +302,12 @@ impl Evaluator {
             }
         }
         finish_sum(sum, span)
+    }
+
+    /// Notes whether a sum is empty here.
+    fn sums_over(&mut self, span: Span, empty: Option<Empty>) {
+        let known = self.sums.entry(span).or_insert(empty);
+        *known = known.and(empty).and(*known);
     }
 
     /// A sum over rows of a data file: those that have the number that the condition says, or all.
@@ -312,13 +326,19 @@ impl Evaluator {
             }
             Ok(())
         };
-        match &rows.chosen {
+        let count = match &rows.chosen {
             Some((by_number, number)) => {
                 let wanted = rows::bits(self.number(names, number, Purpose::Condition)?);
-                by_number.get(&wanted).into_iter().flatten().try_for_each(|row| add(self, at(*row)))?;
+                let chosen = by_number.get(&wanted).map_or(&[][..], |chosen| chosen);
+                chosen.iter().try_for_each(|row| add(self, at(*row)))?;
+                chosen.len()
             }
-            None => (0..rows.places.len()).try_for_each(|row| add(self, row))?,
-        }
+            None => {
+                (0..rows.places.len()).try_for_each(|row| add(self, row))?;
+                rows.places.len()
+            }
+        };
+        self.sums_over(span, (count == 0).then_some(Empty::Rows));
         finish_sum(sum, span)
     }
 

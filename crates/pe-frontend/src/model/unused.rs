@@ -1,5 +1,6 @@
 //! The passes that warn about what nothing reads, and about sums of nothing.
 
+use crate::evaluate::evaluator::Empty;
 use crate::names::table::{Kind, Names};
 use crate::report::Report;
 use crate::syntax::ast::Name;
@@ -19,11 +20,14 @@ pub(crate) fn warn(names: &Names, report: &mut Report) {
     }
 }
 
-/// Warns about sums that had no term wherever they were evaluated: their places, with the ranges of those.
-pub(crate) fn empty_sums(sums: &BTreeMap<Span, Option<(i64, i64)>>, report: &mut Report) {
-    for (span, (low, high)) in sums.iter().filter_map(|(span, range)| range.map(|range| (*span, range))) {
-        let message = format!("nothing is summed here: `{low}..{high}` is empty, so the sum is always 0");
-        let help = "check the range, or leave the sum out";
+/// Warns about sums that had no term wherever they were evaluated: their places, with what those are over.
+pub(crate) fn empty_sums(sums: &BTreeMap<Span, Option<Empty>>, report: &mut Report) {
+    for (span, empty) in sums.iter().filter_map(|(span, empty)| Some((*span, (*empty)?))) {
+        let (what, help) = match empty {
+            Empty::Range(low, high) => (format!("`{low}..{high}` is empty"), "check the range, or leave the sum out"),
+            Empty::Rows => ("no row is chosen".to_owned(), "check the condition and the file, or leave the sum out"),
+        };
+        let message = format!("nothing is summed here: {what}, so the sum is always 0");
         report.push(Diagnostic::error(codes::EMPTY_RANGE, span, message).with_help(help).into_warning());
     }
 }

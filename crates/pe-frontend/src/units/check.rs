@@ -13,6 +13,7 @@ use crate::names::table::{Kind, Names, Symbol};
 use crate::report::Report;
 use crate::syntax::ast::{Equation, Expr, ExprKind, Factor, LeftSide, Name, Range, Reference, Spec, StatementKind};
 use crate::syntax::delay;
+use crate::syntax::tables::Table;
 use crate::units::dimension::{Dimension, Units, shown_factor};
 use crate::units::parse::{parse, place};
 use pe_ir::codes;
@@ -81,7 +82,8 @@ pub(crate) fn check<'a>(spec: &'a Spec, names: &mut Names<'a>, report: &mut Repo
         Checker { spec, names, report, strict, units, named: Vec::new(), calls: MOST_CALLS, rows: Vec::new() };
     checker.declared();
     // A spec without any unit is a system of numbers, its time is one, too.
-    if checker.named.is_empty() && !spec.measured {
+    let of_table = |table: &Table| table.columns.iter().any(|column| column.unit.is_some());
+    if checker.named.is_empty() && !spec.measured && !spec.tables.iter().any(|table| of_table(table)) {
         return;
     }
     checker.infer();
