@@ -117,6 +117,9 @@ fn statements_of_other_languages() {
         ("step = 1 ms", "takes no `=`"),
         ("index j = 1..3", "`i in 1..5`"),
         ("print x", "`output x`"),
+        ("output 2*x", "`output y`"),
+        ("output x + 1", "`output y`"),
+        ("output x(t - 1)", "`output y`"),
         ("z = 0,5", "a point"),
         ("param A[i, j in 1..2] = [1 2; 3 4; 5 6]", "parted by commas"),
     ] {

@@ -83,9 +83,9 @@ impl Side {
 /// `E0930` for a delay that is no whole number of steps, or too many.
 pub fn write_out(model: &Model) -> Result<Model, Vec<Diagnostic>> {
     let mut delays: BTreeMap<StateId, Delay> = BTreeMap::new();
-    for (state, seconds) in model.delays() {
+    for (state, steps) in steps(model)? {
         if let Expr::Variable(of) = model.states[state].derivative {
-            delays.insert(state, Delay { of, steps: steps(model, state, seconds)? });
+            delays.insert(state, Delay { of, steps });
         }
     }
     let states: Vec<f64> = model.states.iter().map(|state| state.initial).collect();
@@ -124,20 +124,45 @@ pub fn write_out(model: &Model) -> Result<Model, Vec<Diagnostic>> {
     Ok(writer.written)
 }
 
-/// The steps of a delay.
-fn steps(model: &Model, state: StateId, seconds: f64) -> Result<usize, Vec<Diagnostic>> {
-    let steps = seconds / model.step;
-    let whole = libm::round(steps);
-    if (1.0..=MOST_STEPS).contains(&whole) && (steps - whole).abs() <= TIME_SLACK * whole {
-        return Ok(whole as usize);
+/// The steps of all delays, or a finding for each that is no whole number of them.
+fn steps(model: &Model) -> Result<BTreeMap<StateId, usize>, Vec<Diagnostic>> {
+    let (mut all, mut findings, mut common) = (BTreeMap::new(), Vec::new(), None);
+    for (state, seconds) in model.delays() {
+        if let Some(whole) = whole(seconds, model.step) {
+            all.insert(state, whole as usize);
+            continue;
+        }
+        let steps = seconds / model.step;
+        let must = match libm::round(steps) > MOST_STEPS {
+            true => format!("{MOST_STEPS} are kept at most"),
+            false => "it must be a whole number".to_owned(),
+        };
+        let message = format!("a delay of {seconds} s is {steps:.6} steps of {} s; {must}", model.step);
+        let help = match *common.get_or_insert_with(|| common_step(model)) {
+            Some(step) => format!("take a step that divides all delays, for example `--step {step:e}`"),
+            None => format!("no step divides all delays into at most {MOST_STEPS}: change one of them"),
+        };
+        findings.push(Diagnostic::error(codes::DELAY_STEPS, model.states[state].span, message).with_help(help));
     }
-    let (must, nearest) = match whole > MOST_STEPS {
-        true => (format!("{MOST_STEPS} are kept at most"), MOST_STEPS),
-        false => ("it must be a whole number".to_owned(), libm::ceil(steps)),
-    };
-    let message = format!("a delay of {seconds} s is {steps:.6} steps of {} s; {must}", model.step);
-    let help = format!("take a step that divides all delays, for example `--step {:e}`", seconds / nearest);
-    Err(vec![Diagnostic::error(codes::DELAY_STEPS, model.states[state].span, message).with_help(help)])
+    if findings.is_empty() { Ok(all) } else { Err(findings) }
+}
+
+/// How many steps a delay has, if that is a whole number of which all can be kept.
+fn whole(seconds: f64, step: f64) -> Option<f64> {
+    let steps = seconds / step;
+    let whole = libm::round(steps);
+    ((1.0..=MOST_STEPS).contains(&whole) && (steps - whole).abs() <= TIME_SLACK * whole).then_some(whole)
+}
+
+/// The step nearest to that of the model which divides all delays; a shorter one if there is one.
+fn common_step(model: &Model) -> Option<f64> {
+    let delays: Vec<f64> = model.delays().map(|(_, seconds)| seconds).collect();
+    let shortest = delays.iter().copied().fold(f64::INFINITY, f64::min);
+    let divides = |count: &f64| delays.iter().all(|delay| whole(*delay, shortest / count).is_some());
+    let begin = libm::ceil(shortest / model.step).clamp(1.0, MOST_STEPS);
+    let shorter = (begin as u64..=MOST_STEPS as u64).map(|count| count as f64).find(divides);
+    let found = shorter.or_else(|| (1..begin as u64).rev().map(|count| count as f64).find(divides));
+    found.map(|count| shortest / count)
 }
 
 /// Whether a state is the same all over a step, and at its end.

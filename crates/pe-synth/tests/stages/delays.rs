@@ -289,6 +289,44 @@ fn a_delay_that_is_no_whole_number_of_steps_is_refused() {
     assert_eq!(pe_hls::step::build(&model).unwrap_err()[0].code, "E0930");
 }
 
+/// The step that is recommended is one, whatever the delays; each that does not fit is told.
+#[test]
+fn the_recommended_step_divides_all_delays() {
+    let mut followed = 0;
+    for (delays, step) in [
+        (vec![0.037, 0.05], 0.01),
+        (vec![0.03, 0.05], 0.02),
+        (vec![0.03, 0.05, 0.1], 0.1),
+        (vec![0.3, 0.7, 1.1], 0.013),
+        (vec![0.003, 9.0], 0.002),
+        (vec![2e-5, 2.0], 0.01),
+    ] {
+        let equation = |(place, delay): (usize, &f64)| {
+            format!("state x{place} = 1\nx{place}' = -x{place}(t - {delay})\noutput x{place}\n")
+        };
+        let equations: String = delays.iter().enumerate().map(equation).collect();
+        let mut model = compiled(&format!("model m\nsolver euler\nstep {step}\nspan 26\n{equations}"));
+        let findings = pe_hls::step::build(&model).unwrap_err();
+        assert!(findings.iter().all(|finding| finding.code == "E0930"), "{findings:?}");
+        assert_eq!(findings.len(), delays.iter().filter(|delay| !divides(step, **delay)).count(), "{delays:?}");
+        let help = findings[0].help.clone().unwrap();
+        match help.split_once("--step ") {
+            Some((_, step)) => {
+                model.set_step(step.trim_end_matches('`').parse().unwrap());
+                assert!(pe_hls::step::build(&model).is_ok(), "{delays:?}: {help}");
+                followed += 1;
+            }
+            None => assert!(help.contains("no step divides all delays"), "{delays:?}: {help}"),
+        }
+    }
+    assert_eq!(followed, 5);
+}
+
+fn divides(step: f64, delay: f64) -> bool {
+    let steps = delay / step;
+    steps > 0.5 && (steps - steps.round()).abs() < 1e-6 * steps
+}
+
 #[test]
 fn all_engines_have_the_same_past() {
     let bodies = [
