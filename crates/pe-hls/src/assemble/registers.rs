@@ -25,7 +25,8 @@ pub(super) fn pack(mut arcs: Vec<Arc>, period: u32) -> (Vec<(u32, u32)>, u32) {
     let mut first: Vec<u32> = Vec::new();
     let mut assigned = Vec::with_capacity(arcs.len());
     for arc in arcs {
-        debug_assert!(arc.last_read - arc.write < period, "a value outlives its own next write");
+        // One that is written behind the end of the step is taken to be written at it, and then goes all round.
+        debug_assert!(arc.last_read - arc.write <= period, "a value outlives its own next write: {arc:?}");
         let free = registers.peek().filter(|Reverse((last_read, register))| {
             *last_read < arc.write && arc.last_read < first[at(*register)] + period
         });
@@ -56,6 +57,13 @@ mod tests {
         let register = |key| assigned.iter().find(|(k, _)| *k == key).unwrap().1;
         assert_ne!(register(0), register(1), "a word read last where another is written is not free");
         assert_eq!(register(0), register(2));
+    }
+
+    #[test]
+    fn an_arc_that_goes_all_round_has_its_register_alone() {
+        let arc = |write, last_read, key| Arc { write, last_read, key };
+        let (_, count) = pack(vec![arc(0, 3, 0), arc(9, 19, 1), arc(9, 12, 2), arc(4, 8, 3)], 10);
+        assert_eq!(count, 3);
     }
 
     #[test]

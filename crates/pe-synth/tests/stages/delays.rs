@@ -355,3 +355,25 @@ fn all_engines_have_the_same_past() {
         assert!(of_hardware >= 2, "{}", told["runs"]);
     }
 }
+
+/// Words that move on for long arrive behind the end of the step where much else arrives.
+#[test]
+fn long_delays_go_onto_any_number_of_pes() {
+    let folder = Folder::new("delays_long");
+    for steps in [37, 100] {
+        let text =
+            format!("model long\nsolver rk4\nstep 1 ms\nspan 200 ms\nstate x = 1\nx' = -x(t - {steps} ms)\noutput x\n");
+        fs::write(folder.0.join("long.spec"), text).unwrap();
+        for pes in ["1", "2", "3", "5"] {
+            for word in ["25x18 --coefficients two-slot", "32x32"] {
+                let options = format!("compile long.spec --quiet --no-pictures -o out --pes {pes} --multiplier {word}");
+                let output = Command::new(env!("CARGO_BIN_EXE_pe-synth"))
+                    .args(options.split(' '))
+                    .current_dir(&folder.0)
+                    .output()
+                    .unwrap();
+                assert!(output.status.success(), "{steps} {options}: {}", String::from_utf8_lossy(&output.stderr));
+            }
+        }
+    }
+}
