@@ -129,6 +129,24 @@ pub(crate) fn edges(body: &Expr) -> Vec<f64> {
     found
 }
 
+/// Where what powers and functions are of is zero, as far as that is affine: places that a power may be one of the distance
+/// from.
+pub(crate) fn origins(body: &Expr) -> Vec<f64> {
+    fn collect(expr: &Expr, found: &mut Vec<f64>) {
+        match expr {
+            Expr::Constant(_) | Expr::Variable(_) | Expr::Solution(_) | Expr::Select(_) => {}
+            Expr::Sum(members) | Expr::Product(members) => members.iter().for_each(|member| collect(member, found)),
+            Expr::Power(base, _) | Expr::Apply(_, base) => {
+                found.extend(root(base));
+                collect(base, found);
+            }
+        }
+    }
+    let mut found = Vec::new();
+    collect(body, &mut found);
+    found
+}
+
 /// The roots of the affine arguments of some functions, and of conditions if these count.
 fn collect_roots(expr: &Expr, counts: &impl Fn(Function) -> bool, conditions: bool, found: &mut Vec<f64>) {
     match expr {

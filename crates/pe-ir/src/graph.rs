@@ -386,12 +386,24 @@ impl StepGraph {
     /// Values of algebraic variables that are those of a shape, with the function of it that the variables are: what reads
     /// them scales them.
     pub fn scaled(&self) -> BTreeMap<ValueId, &Scaled> {
-        let shape = |write: &Write| {
-            let Role::Column(lookup, _) = self.value(write.base?).role else { return None };
-            let is_variable = matches!(self.value(write.value).role, Role::Algebraic(..));
-            self.functions.shared(self.functions.lookups[at(lookup)]).filter(|_| is_variable)
+        let producers = self.producers();
+        let column = |value: ValueId| {
+            let base = self.chains[producers[value.index()]?].write.base?;
+            self.lookup(base).map(|(_, lookup)| lookup)
         };
-        self.chains.iter().filter_map(|chain| Some((chain.write.value, shape(&chain.write)?))).collect()
+        let shape = |chain: &Chain| {
+            let is_variable = matches!(self.value(chain.write.value).role, Role::Algebraic(..));
+            let lookup = match (self.lookup(chain.write.base.unwrap_or(chain.write.value)), self.chain_terms(chain)) {
+                (Some((_, lookup)), _) => lookup,
+                // The value of one octave, brought back by what another table gives.
+                (None, [Term { operand, factor: Factor::Value(factor), .. }]) => {
+                    column(*factor).and(column(*operand))?
+                }
+                _ => return None,
+            };
+            self.functions.shared(lookup).filter(|_| is_variable)
+        };
+        self.chains.iter().filter_map(|chain| Some((chain.write.value, shape(chain)?))).collect()
     }
 
     /// Whether states are kept in pairs of words that change roles from step to step: in a single stage every equation

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use pe_hls::rounding::Aim;
 use pe_hls::two_slots;
 use pe_ir::functions::{Scaled, Table};
-use pe_ir::graph::{FormCost, Role, StepGraph, ValueId};
+use pe_ir::graph::{Chain, Factor, FormCost, Role, StepGraph, Term, ValueId};
 use pe_ir::mapping::MappingCost as Cost;
 use pe_ir::model::{Model, Rate};
 use pe_ir::program::{CoefficientOperand, ControlWord, LinkSource, PeProgram, Program};
@@ -437,6 +437,22 @@ fn scaled(function: &Scaled) -> ScaledFunction {
     }
 }
 
+/// By value of a table that holds one octave what it is brought back to, by a factor or a term that another table gives.
+fn results(graph: &StepGraph) -> HashMap<ValueId, ValueId> {
+    let is_column = |value: ValueId| matches!(graph.value(value).role, Role::Column(..));
+    let producers = graph.producers();
+    let looked_up = |value: ValueId| producers[value.index()].and_then(|chain| graph.chains[chain].write.base);
+    let brought_back = |chain: &Chain| {
+        let [Term { operand, factor, .. }] = graph.chain_terms(chain) else { return None };
+        let by = match factor {
+            Factor::Value(factor) => looked_up(*factor),
+            Factor::Coefficient(number) => chain.write.base.filter(|_| *number != 0.0),
+        };
+        by.filter(|by| is_column(*by)).map(|_| (*operand, chain.write.value))
+    };
+    graph.chains.iter().filter_map(brought_back).collect()
+}
+
 /// For each table its domain, its size, and its largest error, in units of the lowest bit that a data port sees of the result.
 fn functions(graph: &StepGraph, judged: &Judged) -> Vec<FunctionTable> {
     let (tables, fixed) = (&graph.functions.tables, &judged.fixed);
@@ -447,6 +463,8 @@ fn functions(graph: &StepGraph, judged: &Judged) -> Vec<FunctionTable> {
     let of_argument: HashMap<ValueId, usize> =
         graph.functions.lookups.iter().map(|lookup| (lookup.argument, lookup.table as usize)).collect();
     let mut products = vec![0u64; tables.len()];
+    let results = results(graph);
+    let unit = |value: ValueId| libm::exp2(f64::from(fixed.exponents[value.index()] + fixed.format.data_drop() as i32));
     for chain in &graph.chains {
         let write = &chain.write;
         if let Some(table) = of_argument.get(&write.value) {
@@ -456,9 +474,8 @@ fn functions(graph: &StepGraph, judged: &Judged) -> Vec<FunctionTable> {
         let table = graph.functions.lookups[lookup as usize].table as usize;
         products[table] += u64::from(chain.len());
         if usize::from(column) + 1 == tables[table].columns.len() {
-            let exponent = fixed.exponents[write.value.index()] + fixed.format.data_drop() as i32;
             uses[table] += 1;
-            units[table] = units[table].min(libm::exp2(f64::from(exponent)));
+            units[table] = units[table].min(unit(*results.get(&write.value).unwrap_or(&write.value)));
             let name = graph.equation_of(write.value).map_or("", |equation| &equation.name);
             let known = equations[table].iter().any(|known| known == name);
             if equations[table].len() < NAMED_EQUATIONS && !known {

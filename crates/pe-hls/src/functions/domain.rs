@@ -7,7 +7,8 @@ use pe_ir::word::WordFormat;
 
 use super::fill::filled;
 use super::places::{self, Singular};
-use crate::kinks::{edges, even_grid, kinks};
+use super::scaling::Scaling;
+use crate::kinks::{edges, even_grid, kinks, origins};
 
 /// Factor by which a table covers more than the run needed.
 const MARGIN: f64 = 1.2;
@@ -53,6 +54,8 @@ pub(super) struct Domain<'a> {
     /// Whether it is a part of another one, whose argument is counted from an end of it: zero is no place of its own
     /// then.
     pub is_part: bool,
+    /// How one octave tells all of it, if it does.
+    pub scaling: Option<Scaling>,
 }
 
 /// `z = slope*x + offset`.
@@ -106,6 +109,8 @@ impl<'a> Domain<'a> {
             before = (x, value);
         }
         let kinks = kinks(&function.body, middle - room, middle + room);
+        let is_pole = |place: &f64| !function.evaluate(*place).is_finite();
+        let poles: Vec<f64> = origins(&function.body).into_iter().filter(is_pole).collect();
         let reach = |from: f64, to: f64| {
             // What has a sign keeps it: it may be a divisor, or under a root.
             let to = if from != 0.0 && to / from < 1.0 / MARGIN { from / MARGIN } else { to };
@@ -114,9 +119,14 @@ impl<'a> Domain<'a> {
                 let x = probe(from, to, step);
                 let value = function.evaluate(x);
                 let slope = ((value - before) / (x - reached)).abs();
-                let jumps = kinks.iter().any(|kink| (x.min(reached)..=x.max(reached)).contains(kink));
+                let between = |places: &[f64]| places.iter().any(|at| (x.min(reached)..=x.max(reached)).contains(at));
+                let jumps = between(&kinks);
                 let grows = largest > 0.0 && value.abs() > GROWTH * largest;
-                if !value.is_finite() || (!jumps && (grows || (steepest > 0.0 && slope > GROWTH * steepest))) {
+                // The values on the other side of a pole may look alike.
+                if !value.is_finite()
+                    || between(&poles)
+                    || (!jumps && (grows || (steepest > 0.0 && slope > GROWTH * steepest)))
+                {
                     break;
                 }
                 (reached, before) = (x, value);
@@ -135,7 +145,14 @@ impl<'a> Domain<'a> {
         let tolerance = libm::scalbn(scale, -(format.data_bits as i32));
         let binary = format.coefficient_bits < format.data_bits;
         let blur = libm::scalbn(high - low, -(format.data_bits as i32));
-        Ok(Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled: false, is_part: false })
+        let beside = |place: &f64| *place <= low || *place >= high;
+        let places: Vec<f64> = origins(&function.body).into_iter().chain([0.0]).filter(beside).collect();
+        let scaling = match kinks.is_empty() {
+            true => Scaling::of(&function, (low, high), &places, tolerance, format),
+            false => None,
+        };
+        let (is_scaled, is_part) = (false, false);
+        Ok(Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled, is_part, scaling })
     }
 
     /// The domain of a function that stands for a part of this one, or for what leads to it: what is tolerated is the
@@ -145,14 +162,21 @@ impl<'a> Domain<'a> {
         let largest = values.filter(|value| value.is_finite()).fold(0.0f64, |largest, value| largest.max(value.abs()));
         let features = places::features(&function, low, high);
         let (blur, binary, function) = (self.blur, self.binary, Cow::Owned(function));
-        let is_scaled = self.is_scaled;
-        Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled, is_part: true }
+        let (is_scaled, is_part, scaling) = (self.is_scaled, true, None);
+        Domain { function, low, high, largest, tolerance, blur, features, binary, is_scaled, is_part, scaling }
     }
 
     /// The same function from one argument to another.
     pub fn between(&self, low: f64, high: f64) -> Domain<'_> {
         let (features, function) = (self.features_between(low, high).to_vec(), Cow::Borrowed(&*self.function));
-        Domain { function, low, high, features, is_part: true, ..*self }
+        Domain { function, low, high, features, is_part: true, scaling: None, ..*self }
+    }
+
+    /// The octave of a function that tells all of it.
+    pub fn reference(&self, scaling: Scaling) -> Domain<'_> {
+        let (low, high) = scaling.arguments();
+        let function = Cow::Borrowed(&*self.function);
+        Domain { function, low, high, features: Vec::new(), blur: 0.0, scaling: None, ..*self }
     }
 
     /// The arguments around narrow peaks that lie between two, whichever is larger.

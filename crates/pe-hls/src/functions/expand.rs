@@ -5,7 +5,7 @@ use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
 use pe_ir::index::{self, ChainId, EquationId, List};
 
-use super::domain::{Domain, LARGEST_BASE};
+use super::domain::{Domain, LARGEST_BASE, Map};
 use super::fit::{Fit, Layout};
 use super::share::Shared;
 use super::uses::BIT;
@@ -22,15 +22,25 @@ pub(super) struct Planned<'a> {
 }
 
 impl Planned<'_> {
-    fn entry(&self, shared: &Shared) -> Table {
-        Table {
-            name: self.domain.function.name.clone(),
-            octaves: self.fit.shape.layout == Layout::Octaves,
-            columns: self.fit.columns.clone(),
+    /// Its table, and those by which octaves are told apart.
+    fn entries(&self, segments: Segments, shared: &Shared) -> Vec<Table> {
+        let name = &self.domain.function.name;
+        let table = |name: String, octaves: bool, columns: Vec<Vec<f64>>, error: f64| Table {
+            name,
+            octaves,
+            columns,
             domain: (self.domain.low, self.domain.high),
-            error: self.fit.error,
+            error,
             stands_for: self.stands_for.iter().map(|function| shared.function(*function).clone()).collect(),
+        };
+        let octaves = self.fit.shape.layout == Layout::Octaves;
+        let mut all = vec![table(name.clone(), octaves, self.fit.columns.clone(), self.fit.error)];
+        if let Some(scaling) = self.fit.shape.scaling {
+            all.push(table(format!("{name}: scales"), true, vec![scaling.scales(segments)], 0.0));
+            let powers = scaling.powers(segments);
+            all.extend(powers.map(|powers| table(format!("{name}: powers"), true, vec![powers], 0.0)));
         }
+        all
     }
 }
 
@@ -75,7 +85,7 @@ impl<'a> Computed<'a> {
 
     /// Words of its tables.
     pub fn words(&self, segments: Segments) -> usize {
-        self.tables().map(|planned| planned.fit.columns.len() << segments.index_bits).sum()
+        self.tables().map(|planned| planned.fit.shape.columns() << segments.index_bits).sum()
     }
 
     /// Tables stand for other functions, which are so far from it.
@@ -117,8 +127,9 @@ pub(super) fn expand(
                 .map(|part| {
                     let all = part.clamps.iter().chain([&part.table]);
                     all.map(|planned| {
-                        tables.push(planned.entry(shared));
-                        index::number(tables.len()) - 1
+                        let first = index::number(tables.len());
+                        tables.extend(planned.entries(segments, shared));
+                        first
                     })
                     .collect()
                 })
@@ -166,6 +177,11 @@ struct Argument {
     terms: Vec<Term>,
     constant: f64,
     weight: i32,
+}
+
+/// The term of a chain that is its base alone.
+fn nothing(operand: ValueId) -> Term {
+    Term::new(operand, Factor::Coefficient(0.0))
 }
 
 struct Expansion {
@@ -218,10 +234,56 @@ impl Expansion {
         (table, function): (u32, Option<u32>),
         result: ValueId,
     ) {
-        let z = self.argument(equation, argument, fit);
-        let lookup = index::number(self.graph.functions.lookups.len());
-        self.graph.functions.lookups.push(Lookup { argument: z, table, function });
-        let nothing = |operand| Term::new(operand, Factor::Coefficient(0.0));
+        let Some(scaling) = fit.shape.scaling else {
+            let z = self.argument(equation, argument, fit.shape.map);
+            self.polynomial(equation, z, fit, (table, function), result);
+            return;
+        };
+        // The octave of the argument gives what brings it to that of the table, and the value back.
+        let z = self.argument(equation, argument, scaling.distance);
+        let mut factor = self.inner(equation, true);
+        let scales = self.looked_up(z, table + 1, function);
+        self.write(equation, nothing(z), factor, (scales, 0));
+        let local = self.inner(equation, false);
+        let (whole, rest) = scaling.centre();
+        let one = self.value(Role::Constant(1.0), equation, false);
+        let terms = vec![Term::new(one, Factor::Coefficient(whole)), Term::new(z, Factor::Value(factor))];
+        let base = Some(self.value(Role::Constant(rest), equation, false));
+        self.chain(equation, terms, Write { value: local, base, weight: 0 }, None);
+        let value = self.inner(equation, false);
+        self.polynomial(equation, local, fit, (table, function), value);
+        if scaling.is_logarithm() {
+            let powers = self.looked_up(z, table + 2, function);
+            self.write(equation, Term::new(value, Factor::Coefficient(1.0)), result, (powers, 0));
+            return;
+        }
+        if !scaling.is_reciprocal() {
+            factor = self.inner(equation, true);
+            let powers = self.looked_up(z, table + 2, function);
+            self.write(equation, nothing(z), factor, (powers, 0));
+        }
+        let beside = scaling.beside();
+        let base = (beside != 0.0).then(|| self.value(Role::Constant(beside), equation, false));
+        let terms = vec![Term::new(value, Factor::Value(factor))];
+        self.chain(equation, terms, Write { value: result, base, weight: scaling.weight() }, None);
+    }
+
+    /// Another lookup at an argument.
+    fn looked_up(&mut self, argument: ValueId, table: u32, function: Option<u32>) -> u32 {
+        self.graph.functions.lookups.push(Lookup { argument, table, function });
+        index::number(self.graph.functions.lookups.len()) - 1
+    }
+
+    /// The chains of a table at its mapped argument.
+    fn polynomial(
+        &mut self,
+        equation: EquationId,
+        z: ValueId,
+        fit: &Fit,
+        (table, function): (u32, Option<u32>),
+        result: ValueId,
+    ) {
+        let lookup = self.looked_up(z, table, function);
         let last = fit.columns.len() as u8 - 1;
         if fit.shape.degree == 0 {
             self.write(equation, nothing(z), result, (lookup, last));
@@ -255,16 +317,14 @@ impl Expansion {
     }
 
     /// The chain of the argument, mapped to -1 .. 1.
-    fn argument(&mut self, equation: EquationId, argument: &Argument, fit: &Fit) -> ValueId {
+    fn argument(&mut self, equation: EquationId, argument: &Argument, map: Map) -> ValueId {
         let z = self.inner(equation, false);
         let terms = argument.terms.iter().map(|term| match term.factor {
-            Factor::Coefficient(coefficient) => {
-                Term { factor: Factor::Coefficient(coefficient * fit.shape.map.slope), ..*term }
-            }
+            Factor::Coefficient(coefficient) => Term { factor: Factor::Coefficient(coefficient * map.slope), ..*term },
             Factor::Value(_) => unreachable!("the argument of a function is affine"),
         });
         let mut terms: Vec<Term> = terms.collect();
-        let mut constant = argument.constant * fit.shape.map.slope + fit.shape.map.offset;
+        let mut constant = argument.constant * map.slope + map.offset;
         if constant.abs() >= LARGEST_BASE {
             // The base has the argument's format, -1 .. 1. A whole number is a product, exact whatever the port.
             let one = self.value(Role::Constant(1.0), equation, false);

@@ -4,7 +4,9 @@ use std::sync::LazyLock;
 
 use pe_ir::functions::Segments;
 
+use super::WORDS;
 use super::domain::{Domain, Map};
+use super::scaling::Scaling;
 
 /// Highest degree: eight products with the map, the local coordinate and the first factor.
 const HIGHEST_DEGREE: usize = 6;
@@ -29,6 +31,8 @@ pub(super) struct Shape {
     pub degree: usize,
     /// How many times what is tolerated the largest difference to the function is, at least 1.
     pub excess: f64,
+    /// The octaves that arguments are brought to one of, if they are: the rest is that of this octave then.
+    pub scaling: Option<Scaling>,
 }
 
 impl Shape {
@@ -48,7 +52,16 @@ impl Shape {
         let octaves = maps.and_then(|(whole, tight)| {
             Shape::in_layout((domain, segments, most), Layout::Octaves, [whole, tight], uniform)
         });
-        octaves.or(uniform)
+        let whole = octaves.or(uniform);
+        let Some(scaling) = domain.scaling.filter(|scaling| scaling.fits(segments)) else { return whole };
+        let reference = domain.reference(scaling);
+        let one = Shape::with_map((&reference, segments, most), Layout::Uniform, scaling.local(), None);
+        let one = one.map(|shape| Shape { scaling: Some(scaling), ..shape });
+        let order = |shape: &Shape| {
+            let words = (shape.columns() << segments.index_bits) as f64;
+            (shape.excess, shape.products() as f64 * (1.0 + words / WORDS))
+        };
+        whole.into_iter().chain(one).reduce(|best, shape| if order(&shape) < order(&best) { shape } else { best })
     }
 
     /// The table with the first map, unless the second makes a cheaper or a more accurate one; none if it is no better than
@@ -80,7 +93,7 @@ impl Shape {
         // Most degrees that are too low are so where the one below was.
         let mut hard = 0;
         for degree in 0..=HIGHEST_DEGREE {
-            let shape = Shape { layout, map, degree, excess: 1.0 };
+            let shape = Shape { layout, map, degree, excess: 1.0, scaling: None };
             if !better(&shape) {
                 break;
             }
@@ -107,7 +120,7 @@ impl Shape {
             }
             let excess = (largest / domain.tolerance).max(1.0);
             if excess <= most && best.is_none_or(|best| excess < best.excess) {
-                best = Some(Shape { layout, map, degree, excess });
+                best = Some(Shape { layout, map, degree, excess, scaling: None });
             }
         }
         best.filter(better)
@@ -122,7 +135,7 @@ impl Shape {
                 let errors = (0..segments.count()).map(piece);
                 let error =
                     errors.fold(0.0, |most: f64, error| if error.is_nan() { f64::INFINITY } else { most.max(error) });
-                Shape { layout, map, degree, excess: (error / domain.tolerance).max(1.0) }
+                Shape { layout, map, degree, excess: (error / domain.tolerance).max(1.0), scaling: None }
             })
         };
         let uniform = [true, false].into_iter().flat_map(|whole| of(Layout::Uniform, domain.uniform(whole)));
@@ -130,18 +143,49 @@ impl Shape {
         let octaves = octaves.filter(|_| segments.octave_bits > 0).flat_map(|map| of(Layout::Octaves, map));
         let order = |shape: &Shape| (shape.excess, shape.products());
         let all = uniform.chain(octaves);
-        all.reduce(|best, shape| if order(&shape) < order(&best) { shape } else { best }).expect("some degree is tried")
+        let best = |all: &mut dyn Iterator<Item = Shape>| {
+            all.reduce(|best, shape| if order(&shape) < order(&best) { shape } else { best })
+        };
+        let whole = best(&mut { all });
+        let scaling = domain.scaling.filter(|scaling| scaling.fits(segments));
+        let one = scaling.and_then(|scaling| {
+            let reference = domain.reference(scaling);
+            let of = |degree: usize| {
+                let piece = |index: usize| {
+                    let place = place(segments, Layout::Uniform, index);
+                    Piece::of(&reference, scaling.local(), place, degree).error().0
+                };
+                let errors = (0..segments.count()).map(piece);
+                let error =
+                    errors.fold(0.0, |most: f64, error| if error.is_nan() { f64::INFINITY } else { most.max(error) });
+                let excess = (error / domain.tolerance).max(1.0);
+                Shape { layout: Layout::Uniform, map: scaling.local(), degree, excess, scaling: Some(scaling) }
+            };
+            best(&mut (0..=HIGHEST_DEGREE).map(of))
+        });
+        let price = |shape: &Shape| {
+            let words = (shape.columns() << segments.index_bits) as f64;
+            (shape.excess, shape.products() as f64 * (1.0 + words / WORDS))
+        };
+        whole
+            .into_iter()
+            .chain(one)
+            .reduce(|best, shape| if price(&shape) < price(&best) { shape } else { best })
+            .expect("some degree is tried")
     }
 
     /// Products of a lookup: the argument, the local coordinate, and the polynomial with its first factor.
     pub fn products(&self) -> usize {
         let scale = usize::from(self.layout == Layout::Octaves);
-        if self.degree == 0 { Self::FEWEST_PRODUCTS as usize } else { 3 + scale + self.degree }
+        let table = if self.degree == 0 { Self::FEWEST_PRODUCTS as usize } else { 3 + scale + self.degree };
+        // The scale, what it is multiplied with, the centre, the result, and what it is multiplied by.
+        table + self.scaling.map_or(0, |scaling| 4 + usize::from(!scaling.is_reciprocal() && !scaling.is_logarithm()))
     }
 
-    /// Columns of the table.
+    /// Columns of the tables.
     pub fn columns(&self) -> usize {
-        self.head() + self.degree + 1
+        let scales = self.scaling.map_or(0, |scaling| 1 + usize::from(!scaling.is_reciprocal()));
+        self.head() + self.degree + 1 + scales
     }
 
     /// Columns in front of the coefficients: what is added to the argument for the local coordinate, and its scale.
@@ -169,9 +213,11 @@ impl Fit {
     /// The table of the shape that suits a function.
     pub fn of(domain: &Domain, segments: Segments) -> Fit {
         let shape = Shape::of(domain, segments);
-        let Shape { layout, map, degree, .. } = shape;
+        let Shape { layout, map, degree, scaling, .. } = shape;
         let head = shape.head();
-        let mut columns = vec![Vec::with_capacity(segments.count()); shape.columns()];
+        let reference = scaling.map(|scaling| domain.reference(scaling));
+        let domain = reference.as_ref().unwrap_or(domain);
+        let mut columns = vec![Vec::with_capacity(segments.count()); head + degree + 1];
         let (mut error, mut worst, mut blurred_excess) = (0.0, domain.low, 1.0f64);
         for index in 0..segments.count() {
             let (centre, half) = place(segments, layout, index);
@@ -182,9 +228,12 @@ impl Fit {
             }
             blurred_excess = blurred_excess.max(piece.blurred_excess());
             let head = [-centre / half, 1.0 / half].into_iter().take(head);
-            let entries = head.chain(piece.polynomial().iter().rev().copied());
+            let coefficients = piece.polynomial().iter().enumerate().rev();
+            let of_table = |(power, number): (usize, &f64)| scaling.map_or(*number, |of| of.entry(power, *number));
+            let entries = head.chain(coefficients.map(of_table));
             columns.iter_mut().zip(entries).for_each(|(column, entry)| column.push(entry));
         }
+        error += scaling.map_or(0.0, |scaling| scaling.apart);
         Fit { shape, columns, error, blurred_excess, worst }
     }
 }

@@ -8,7 +8,7 @@ use pe_ir::word::WordFormat;
 
 use super::domain::Domain;
 use super::expand::{Computed, Planned};
-use super::tests::interpolated;
+use super::tests::at_argument;
 use super::{COARSEST, Price, computed, parts};
 
 fn x() -> Expr {
@@ -140,12 +140,7 @@ fn cases() -> Vec<Case> {
 
 /// What the chains of a function compute, in exact arithmetic.
 fn looked_up(computed: &Computed, segments: Segments, x: f64) -> f64 {
-    let table = |planned: &Planned, x: f64| {
-        let fit = &planned.fit;
-        let z = fit.shape.map.slope * x + fit.shape.map.offset;
-        assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z} by {}", planned.domain.function.name);
-        interpolated(fit, segments, z)
-    };
+    let table = |planned: &Planned, x: f64| at_argument(&planned.fit, segments, x);
     let parts = computed.parts.iter();
     parts.map(|part| table(&part.table, part.clamps.iter().fold(x, |x, clamp| table(clamp, x)))).sum()
 }

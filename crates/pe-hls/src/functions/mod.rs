@@ -13,6 +13,7 @@ mod fill;
 mod fit;
 mod parts;
 mod places;
+mod scaling;
 mod shape;
 mod share;
 mod uses;
@@ -360,7 +361,7 @@ impl Cost {
                 return if affordable < most { Cost::Useless } else { Cost::Misses };
             };
             open -= uses * Shape::FEWEST_PRODUCTS;
-            octaves |= shape.layout == Layout::Octaves;
+            octaves |= shape.layout == Layout::Octaves || shape.scaling.is_some();
             products += uses * shape.products() as u64;
             words += shape.columns() << index_bits;
             missed += libm::log2(shape.excess);
@@ -403,6 +404,8 @@ fn too_steep(
 mod families;
 #[cfg(test)]
 mod matrix;
+#[cfg(test)]
+mod scalings;
 #[cfg(test)]
 mod shapes;
 #[cfg(test)]

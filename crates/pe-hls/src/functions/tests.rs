@@ -33,14 +33,32 @@ fn planned(function: &ScalarFunction, range: (f64, f64), format: WordFormat) -> 
 }
 
 fn looked_up(planned: &Planned, segments: Segments, x: f64) -> f64 {
-    let fit = &planned.fit;
-    let z = fit.shape.map.slope * x + fit.shape.map.offset;
-    assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z}");
-    interpolated(fit, segments, z)
+    at_argument(&planned.fit, segments, x)
 }
 
-/// What the PE computes from a table, in exact arithmetic; written from the decision record, not from the expansion.
-pub(super) fn interpolated(fit: &Fit, segments: Segments, z: f64) -> f64 {
+/// What the PE computes at an argument, in exact arithmetic; written from the decision records, not from the expansion.
+pub(super) fn at_argument(fit: &Fit, segments: Segments, x: f64) -> f64 {
+    let Some(scaling) = &fit.shape.scaling else {
+        let z = fit.shape.map.slope * x + fit.shape.map.offset;
+        assert!((-1.0..=1.0).contains(&z), "{x} is mapped to {z}");
+        return interpolated(fit, segments, z);
+    };
+    let distance = scaling.distance.slope * x + scaling.distance.offset;
+    assert!((0.0..1.0).contains(&distance), "{x} is at a distance of {distance}");
+    let segment = segments.index_of(distance, true);
+    let scale = scaling.scales(segments)[segment];
+    let local = scale * distance - 2.8125;
+    assert!(local.abs() <= 0.94, "{x} is at {local} of its octave");
+    let value = interpolated(fit, segments, local);
+    let power = scaling.powers(segments).map_or(scale, |powers| powers[segment]);
+    if scaling.is_logarithm() {
+        return value + power;
+    }
+    scaling.beside() + libm::scalbn(value * power, scaling.weight())
+}
+
+/// What it computes from a table.
+fn interpolated(fit: &Fit, segments: Segments, z: f64) -> f64 {
     let octaves = fit.shape.layout == Layout::Octaves;
     let entry = |column: usize| fit.columns[column][segments.index_of(z, octaves)];
     if fit.columns.len() == 1 {
@@ -124,7 +142,7 @@ fn a_reduced_range_takes_eight_products_at_most() {
     for (function, range) in reduced {
         let scalar = scalar(apply(function, x()));
         let (segments, planned) = planned(&scalar, range, format);
-        let (products, words) = (planned.fit.shape.products(), planned.fit.columns.len() << segments.index_bits);
+        let (products, words) = (planned.fit.shape.products(), planned.fit.shape.columns() << segments.index_bits);
         assert!(products <= 8 && words <= 1024, "{function:?}: {products} products, {words} words");
         assert!(planned.fit.error <= 0.5 * libm::exp2(-30.0), "{function:?}: {:e}", planned.fit.error);
     }
@@ -172,13 +190,18 @@ fn a_choice_is_exact_at_its_jump_and_undefined_branches_do_no_harm() {
     }
 }
 
+/// Whether a table counts octaves.
+fn by_octaves(shape: &Shape) -> bool {
+    shape.layout == Layout::Octaves || shape.scaling.is_some()
+}
+
 /// The division that costs least, found by asking every table of every division.
 fn divided(functions: &[(&Domain, u64)], format: WordFormat) -> Segments {
     let mut best: Option<(f64, Segments)> = None;
     for segments in divisions(format) {
         let shapes: Vec<(Shape, u64)> =
             functions.iter().map(|(domain, uses)| (Shape::tried(domain, segments), *uses)).collect();
-        if segments.octave_bits > 0 && !shapes.iter().any(|(shape, _)| shape.layout == Layout::Octaves) {
+        if segments.octave_bits > 0 && !shapes.iter().any(|(shape, _)| by_octaves(shape)) {
             continue;
         }
         let products: u64 = shapes.iter().map(|(shape, uses)| uses * shape.products() as u64).sum();
@@ -249,7 +272,7 @@ fn what_is_steep_beside_its_arguments_is_divided_by_octaves_from_there() {
     ] {
         let scalar = scalar(body);
         let (segments, planned) = planned(&scalar, (-0.045, 4.0), WordFormat::new(32, 32, 32));
-        assert!(planned.fit.shape.layout == Layout::Octaves && planned.fit.shape.excess <= 1.0, "{}", scalar.name);
+        assert!(by_octaves(&planned.fit.shape) && planned.fit.shape.excess <= 1.0, "{}", scalar.name);
         for x in grid((-0.045, 4.0)) {
             assert!((looked_up(&planned, segments, x) - library(x)).abs() < 1e-7, "{} at {x}", scalar.name);
         }
@@ -262,6 +285,22 @@ fn a_pole_between_the_arguments_is_found() {
     for range in [(-1.0, 2.0), (-1e-3, 1.0)] {
         let reciprocal = scalar(apply(Function::Reciprocal, x()));
         assert!(Domain::of(&reciprocal, range, format).is_err_and(|place| place.abs() < 1e-9), "{range:?}");
+    }
+}
+
+#[test]
+fn the_margin_of_a_table_does_not_reach_across_a_pole() {
+    let moved = Expr::sum(vec![x(), Expr::Constant(3.0)]);
+    let format = WordFormat::new(32, 32, 32);
+    for body in [moved.clone(), Expr::power(moved, 2)] {
+        let reciprocal = scalar(apply(Function::Reciprocal, body));
+        // A margin of a fifth of the range would, and values beyond the pole are like those before it.
+        for far in [2.0, 20.0, 37.0, 90.0, 900.0] {
+            for near in [0.3, 0.03, 0.01, 0.003] {
+                let domain = Domain::of(&reciprocal, (near - 3.0, far), format).expect("a bounded function");
+                assert!(domain.low > -3.0, "{}: {near} to {far}: from {}", reciprocal.name, domain.low);
+            }
+        }
     }
 }
 

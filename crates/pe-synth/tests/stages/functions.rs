@@ -105,6 +105,42 @@ fn functions_on_reduced_ranges_are_right_to_two_units_in_2_to_the_30() {
 }
 
 #[test]
+fn powers_and_logarithms_over_many_octaves_are_computed_from_one() {
+    let folder = Folder::new("functions_octaves");
+    // The argument falls from 8,000 to 1; a step of its own for each function, which so chooses its division.
+    for (name, library) in [
+        ("1/x", (|x| 1.0 / x) as fn(f64) -> f64),
+        ("3 + 1/(x + 0.5)", |x| 3.0 + 1.0 / (x + 0.5)),
+        ("x^-0.3", |x| libm::pow(x, -0.3)),
+        ("0.01*sqrt(x)", |x| 0.01 * libm::sqrt(x)),
+        ("log(x)", libm::log),
+        ("1/(0.25 - -x)^2", |x| 1.0 / ((0.25 + x) * (0.25 + x))),
+    ] {
+        let head = "model s\nsolver rk4\nstep 5 ms\nspan 9 s\n";
+        let text = format!("{head}state x = 8000\nx' = -x\nf = {name}\noutput f, x\n");
+        let rows = outputs(&folder, &text);
+        let largest = rows.iter().map(|row| library(row[1]).abs()).fold(0.0, f64::max);
+        for row in &rows {
+            let (is, x) = (row[0], row[1]);
+            // Half of what a data port tells arguments apart by, twice: as a state, and as a distance from a place.
+            let bit = libm::scalbn(8192.0, -31);
+            let blurred = (library(x + bit) - library(x - bit)).abs();
+            let error = (is - library(x)).abs();
+            assert!(error < blurred + largest * libm::exp2(-29.0), "{name} at {x}: {error:e} of {largest}");
+        }
+    }
+    let statements = "state x = 8000\nx' = -30*x\nf = 1/x\ng = sqrt(x)\noutput f, g\n";
+    let (exit, errors, report) = compile(&folder, statements, &["--pes", "1"]);
+    assert_eq!(exit, Some(0), "{errors}");
+    let functions = report["functions"].as_array().expect("functions");
+    let words: u64 = functions.iter().map(|function| function["words"].as_u64().expect("words")).sum();
+    assert!(words <= 1024 && functions.iter().any(|of| of["name"] == "1/x: scales"), "{functions:#?}");
+    for function in functions {
+        assert!(function["bound_lsb"].as_f64().expect("a bound") <= 0.5, "{function}");
+    }
+}
+
+#[test]
 fn functions_outside_their_domain_are_named_with_argument_and_time() {
     let folder = Folder::new("functions_domain");
     for (statements, part) in [
