@@ -1,5 +1,7 @@
 //! Chains of lookups in place of chains that apply functions.
 
+use std::collections::BTreeMap;
+
 use crate::kinks::rounds;
 use pe_ir::functions::{Functions, Lookup, Segments, Table};
 use pe_ir::graph::{Chain, Factor, Role, StepGraph, Term, Value, ValueId, Write};
@@ -7,6 +9,8 @@ use pe_ir::index::{self, ChainId, EquationId, List};
 
 use super::domain::{Domain, LARGEST_BASE, Map};
 use super::fit::{Fit, Layout};
+use super::quotients::Quotients;
+use super::scaling::{ONE_OCTAVE, Scaling};
 use super::share::Shared;
 use super::uses::BIT;
 
@@ -23,7 +27,7 @@ pub(super) struct Planned<'a> {
 
 impl Planned<'_> {
     /// Its table, and those by which octaves are told apart.
-    fn entries(&self, segments: Segments, shared: &Shared) -> Vec<Table> {
+    fn entries(&self, segments: Segments, shared: &Shared, is_divided: bool) -> Vec<Table> {
         let name = &self.domain.function.name;
         let table = |name: String, octaves: bool, columns: Vec<Vec<f64>>, error: f64| Table {
             name,
@@ -34,8 +38,14 @@ impl Planned<'_> {
             stands_for: self.stands_for.iter().map(|function| shared.function(*function).clone()).collect(),
         };
         let octaves = self.fit.shape.layout == Layout::Octaves;
-        let mut all = vec![table(name.clone(), octaves, self.fit.columns.clone(), self.fit.error)];
+        let whole = table(name.clone(), octaves, self.fit.columns.clone(), self.fit.error);
+        let mut all = vec![whole];
         if let Some(scaling) = self.fit.shape.scaling {
+            if is_divided {
+                // The function itself is nowhere computed.
+                all[0].name += ONE_OCTAVE;
+                all[0].error = scaling.entry(1, self.fit.error);
+            }
             all.push(table(format!("{name}: scales"), true, vec![scaling.scales(segments)], 0.0));
             let powers = scaling.powers(segments);
             all.extend(powers.map(|powers| table(format!("{name}: powers"), true, vec![powers], 0.0)));
@@ -63,6 +73,12 @@ impl<'a> Computed<'a> {
     /// A function by one table.
     pub fn whole(table: Planned<'a>) -> Computed<'a> {
         Computed { largest: table.domain.largest, parts: vec![PlannedPart { clamps: Vec::new(), table, origin: 0.0 }] }
+    }
+
+    /// Whether it is by one octave of what falls as its argument grows: what divides.
+    pub fn is_divisor(&self) -> bool {
+        let [part] = &*self.parts else { return false };
+        part.clamps.is_empty() && part.table.fit.shape.scaling.is_some_and(|scaling| scaling.is_divisor())
     }
 
     /// Number of parts.
@@ -115,20 +131,22 @@ pub(super) fn expand(
     graph: &StepGraph,
     segments: Segments,
     (computed, computed_of): (&[Computed], &List<ChainId, Option<usize>>),
-    shared: &Shared,
+    (shared, kept): (&Shared, &[ValueId]),
 ) -> StepGraph {
+    let quotients = Quotients::of(graph, (computed, computed_of), kept);
     let mut tables = Vec::new();
     // Of each part the numbers of its tables.
     let table_of: Vec<Vec<Vec<u32>>> = computed
         .iter()
-        .map(|computed| {
+        .enumerate()
+        .map(|(of, computed)| {
             let parts = computed.parts.iter();
             parts
                 .map(|part| {
                     let all = part.clamps.iter().chain([&part.table]);
                     all.map(|planned| {
                         let first = index::number(tables.len());
-                        tables.extend(planned.entries(segments, shared));
+                        tables.extend(planned.entries(segments, shared, quotients.has(of)));
                         first
                     })
                     .collect()
@@ -146,13 +164,16 @@ pub(super) fn expand(
             ..graph.clone()
         },
         serials,
+        divided: BTreeMap::new(),
     };
     for (chain, of) in graph.chains.iter().zip(computed_of) {
         match *of {
+            None if quotients.copied(chain.write.value).is_some() => {}
             None => {
-                let terms = graph.chain_terms(chain).to_vec();
+                let terms = graph.chain_terms(chain).iter().map(|term| expansion.divided(*term, &quotients)).collect();
                 expansion.chain(chain.equation, terms, chain.write, chain.second);
             }
+            Some(of) if quotients.has(of) => expansion.divisor(graph, chain, &computed[of], table_of[of][0][0], shared),
             Some(of) => expansion.function(graph, chain, (&computed[of], &table_of[of]), shared.of(chain.write.value)),
         }
     }
@@ -179,6 +200,24 @@ struct Argument {
     weight: i32,
 }
 
+impl Argument {
+    fn of(graph: &StepGraph, chain: &Chain) -> Argument {
+        let constant = chain.write.base.map_or(0.0, |base| match graph.value(base).role {
+            Role::Constant(number) => number,
+            _ => unreachable!("the argument of a function has a constant base"),
+        });
+        Argument { terms: graph.chain_terms(chain).to_vec(), constant, weight: chain.write.weight }
+    }
+}
+
+/// The value of a function in one octave, what brings it to that of the argument, and the distance that tells which that
+/// is.
+struct Octave {
+    value: ValueId,
+    factor: ValueId,
+    z: ValueId,
+}
+
 /// The term of a chain that is its base alone.
 fn nothing(operand: ValueId) -> Term {
     Term::new(operand, Factor::Coefficient(0.0))
@@ -188,6 +227,17 @@ struct Expansion {
     graph: StepGraph,
     /// Last serial number of the inner values of each equation.
     serials: List<EquationId, u32>,
+    /// By value of a function of which only quotients are computed what these are made of.
+    divided: BTreeMap<ValueId, Divisor>,
+}
+
+/// What a quotient by the argument of a function is made of, in the equation that looks it up.
+#[derive(Clone, Copy)]
+struct Divisor {
+    equation: EquationId,
+    /// The factor of the octave, and the value in the octave.
+    factors: [ValueId; 2],
+    weight: i32,
 }
 
 impl Expansion {
@@ -199,11 +249,7 @@ impl Expansion {
         (computed, tables): (&Computed, &[Vec<u32>]),
         of: Option<u32>,
     ) {
-        let constant = chain.write.base.map_or(0.0, |base| match graph.value(base).role {
-            Role::Constant(number) => number,
-            _ => unreachable!("the argument of a function has a constant base"),
-        });
-        let argument = Argument { terms: graph.chain_terms(chain).to_vec(), constant, weight: chain.write.weight };
+        let argument = Argument::of(graph, chain);
         let alone = computed.parts.len() == 1;
         let mut sum = Vec::new();
         for (part, tables) in computed.parts.iter().zip(tables) {
@@ -239,6 +285,54 @@ impl Expansion {
             self.polynomial(equation, z, fit, (table, function), result);
             return;
         };
+        let Octave { value, factor, z } = self.octave(equation, argument, fit, (table, function), scaling, false);
+        if scaling.is_logarithm() {
+            let powers = self.looked_up(z, table + 2, function);
+            self.write(equation, Term::new(value, Factor::Coefficient(1.0)), result, (powers, 0));
+            return;
+        }
+        let beside = scaling.beside();
+        let base = (beside != 0.0).then(|| self.value(Role::Constant(beside), equation, false));
+        let terms = vec![Term::new(value, Factor::Value(factor))];
+        self.chain(equation, terms, Write { value: result, base, weight: scaling.weight() }, None);
+    }
+
+    /// A function of which only quotients are computed, as far as these have it in common.
+    fn divisor(&mut self, graph: &StepGraph, chain: &Chain, computed: &Computed, table: u32, shared: &Shared) {
+        let planned = &computed.parts[0].table;
+        let scaling = planned.fit.shape.scaling.expect("a divisor is by one octave");
+        let of = shared.of(chain.write.value);
+        let function = of.and_then(|of| planned.stands_for.iter().position(|known| *known == of)).map(index::number);
+        let (equation, argument) = (chain.equation, Argument::of(graph, chain));
+        let Octave { value, factor, .. } =
+            self.octave(equation, &argument, &planned.fit, (table, function), scaling, true);
+        let divisor = Divisor { equation, factors: [factor, value], weight: scaling.weight() };
+        self.divided.insert(chain.write.value, divisor);
+    }
+
+    /// A term, or, if it is a product with a function of which only quotients are computed, the quotient.
+    fn divided(&mut self, term: Term, quotients: &Quotients) -> Term {
+        let Factor::Value(factor) = term.factor else { return term };
+        let Some((of, times)) = quotients.copied(factor) else { return term };
+        let Divisor { equation, factors: [power, value], weight } = self.divided[&of];
+        let shifted = self.inner(equation, false);
+        let product = |operand: ValueId, factor: ValueId| vec![Term::new(operand, Factor::Value(factor))];
+        self.chain(equation, product(term.operand, power), Write { value: shifted, base: None, weight: 0 }, None);
+        let quotient = self.inner(equation, false);
+        self.chain(equation, product(shifted, value), Write { value: quotient, base: None, weight }, None);
+        Term::new(quotient, Factor::Coefficient(times))
+    }
+
+    /// The value of a function in the octave that its table has, for the coefficient port if that `is_factor`.
+    fn octave(
+        &mut self,
+        equation: EquationId,
+        argument: &Argument,
+        fit: &Fit,
+        (table, function): (u32, Option<u32>),
+        scaling: Scaling,
+        is_factor: bool,
+    ) -> Octave {
         // The octave of the argument gives what brings it to that of the table, and the value back.
         let z = self.argument(equation, argument, scaling.distance);
         let mut factor = self.inner(equation, true);
@@ -250,22 +344,14 @@ impl Expansion {
         let terms = vec![Term::new(one, Factor::Coefficient(whole)), Term::new(z, Factor::Value(factor))];
         let base = Some(self.value(Role::Constant(rest), equation, false));
         self.chain(equation, terms, Write { value: local, base, weight: 0 }, None);
-        let value = self.inner(equation, false);
+        let value = self.inner(equation, is_factor);
         self.polynomial(equation, local, fit, (table, function), value);
-        if scaling.is_logarithm() {
-            let powers = self.looked_up(z, table + 2, function);
-            self.write(equation, Term::new(value, Factor::Coefficient(1.0)), result, (powers, 0));
-            return;
-        }
-        if !scaling.is_reciprocal() {
+        if !scaling.is_reciprocal() && !scaling.is_logarithm() {
             factor = self.inner(equation, true);
             let powers = self.looked_up(z, table + 2, function);
             self.write(equation, nothing(z), factor, (powers, 0));
         }
-        let beside = scaling.beside();
-        let base = (beside != 0.0).then(|| self.value(Role::Constant(beside), equation, false));
-        let terms = vec![Term::new(value, Factor::Value(factor))];
-        self.chain(equation, terms, Write { value: result, base, weight: scaling.weight() }, None);
+        Octave { value, factor, z }
     }
 
     /// Another lookup at an argument.

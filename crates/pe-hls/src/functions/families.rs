@@ -79,7 +79,7 @@ fn narrow(functions: &[String], next: &mut dyn FnMut() -> f64) -> Step {
 }
 
 /// The states at the end of a step with tables, in exact arithmetic; written from the decision record.
-fn ends(graph: &StepGraph, starts: &[f64]) -> Vec<f64> {
+pub(super) fn ends(graph: &StepGraph, starts: &[f64]) -> Vec<f64> {
     let mut numbers = vec![0.0; graph.values.len()];
     for ((start, _), number) in graph.states.iter().zip(starts) {
         numbers[start.index()] = *number;
@@ -147,7 +147,7 @@ fn shared_tables_compute_what_own_ones_do_within_what_is_stated() {
         let functions: Vec<String> = (0..MEMBERS).map(|_| make("", &mut next)).collect();
         let step = narrow(&functions, &mut next);
         let shared = tabulate(&step.graph, &step.arguments, FORMAT, &[]).unwrap_or_else(|_| panic!("{kind}"));
-        let own = Tabulated::of(&step.graph, &step.arguments, &Shared::default(), Price::of(FORMAT));
+        let own = Tabulated::of(&step.graph, &step.arguments, (&Shared::default(), &[]), Price::of(FORMAT));
         let own = own.unwrap_or_else(|_| panic!("{kind}")).graph;
         let counts = [&shared, &own].map(|graph| graph.functions.tables.len());
         assert!(counts[0] <= 3 && counts[1] == MEMBERS, "{kind}: {counts:?} tables");

@@ -13,6 +13,7 @@ mod fill;
 mod fit;
 mod parts;
 mod places;
+mod quotients;
 mod scaling;
 mod shape;
 mod share;
@@ -92,7 +93,7 @@ pub fn tabulate(
     format: WordFormat,
     kept: &[ValueId],
 ) -> Result<StepGraph, Vec<Untabled>> {
-    let own = Tabulated::of(graph, arguments, &Shared::default(), Price::of(format))?;
+    let own = Tabulated::of(graph, arguments, (&Shared::default(), kept), Price::of(format))?;
     let families = share::families(graph, arguments, format);
     if families.is_empty() {
         return Ok(own.graph);
@@ -103,7 +104,7 @@ pub fn tabulate(
             families.iter().zip(shared).filter(|(_, taken)| **taken).map(|(family, _)| family).collect();
         let Rewritten { graph, arguments, shared } = share::rewritten(graph, arguments, &taken, kept);
         // What has no table as a shape has one as it is.
-        let tabulated = Tabulated::of(&graph, &arguments, &shared, price).ok();
+        let tabulated = Tabulated::of(&graph, &arguments, (&shared, kept), price).ok();
         // Less than a block of memory is not worth a product, and no memory is worth many.
         let most = own.graph.terms.len();
         let products = |shared: &Tabulated| shared.graph.terms.len();
@@ -159,7 +160,7 @@ impl Tabulated {
     fn of(
         graph: &StepGraph,
         arguments: &[(f64, f64)],
-        shared: &Shared,
+        (shared, kept): (&Shared, &[ValueId]),
         price: Price,
     ) -> Result<Tabulated, Vec<Untabled>> {
         let (uses, use_of) = uses::uses(graph, arguments);
@@ -223,7 +224,7 @@ impl Tabulated {
         // What brings values back is in the step beside its lookups.
         let price = products * (1.0 + words as f64 / WORDS) + graph.terms.len() as f64;
         let cluster_of: List<ChainId, Option<usize>> = use_of.iter().map(|of| of.map(|of| cluster_of[of])).collect();
-        Ok(Tabulated { graph: expand(graph, segments, (&computed, &cluster_of), shared), words, price })
+        Ok(Tabulated { graph: expand(graph, segments, (&computed, &cluster_of), (shared, kept)), words, price })
     }
 }
 

@@ -14,6 +14,9 @@ const CENTRE: f64 = -0.75 * SPREAD;
 /// Bits of a coefficient that a scale has beside one for each octave: sign, those of [`SPREAD`], and room of its format.
 const BITS: u32 = 6;
 
+/// What the name of a table has behind that of a function of which only quotients are computed.
+pub(super) const ONE_OCTAVE: &str = ": one octave";
+
 /// How many times as far from the place as the nearest argument the farthest one is at least.
 const FAR: f64 = 4.0;
 
@@ -70,12 +73,17 @@ impl Scaling {
         format: WordFormat,
     ) -> Option<Scaling> {
         let most = format.coefficient_bits.checked_sub(BITS)?;
-        let of = |place: &f64| Scaling::from_place(function, (low, high), *place, tolerance);
+        let of = |place: &f64| Scaling::from_place(function, (low, high), *place, (tolerance, format));
         let scaling = Scaling { most, ..places.iter().find_map(of)? };
         (scaling.octaves <= most).then_some(scaling)
     }
 
-    fn from_place(function: &ScalarFunction, (low, high): (f64, f64), place: f64, tolerance: f64) -> Option<Scaling> {
+    fn from_place(
+        function: &ScalarFunction,
+        (low, high): (f64, f64),
+        place: f64,
+        (tolerance, format): (f64, WordFormat),
+    ) -> Option<Scaling> {
         let sign = if place < low { 1.0 } else { -1.0 };
         let (near, far) = if place < low { (low - place, high - place) } else { (place - high, place - low) };
         if !(near > 0.0 && far >= FAR * near && far.is_finite()) {
@@ -102,7 +110,11 @@ impl Scaling {
             let least = EQUAL * values.iter().fold(0.0f64, |most, value| most.max(value.abs()));
             (Change::Factor(ratio), if beside.abs() < least { 0.0 } else { beside })
         };
-        let slope = sign / libm::exp2(libm::ceil(libm::log2(far * (1.0 + SLACK))));
+        // A power of two keeps the bits of the argument. Where a place is added to them, what is left of its last bit would be
+        // the same for all arguments; any other number makes rounding random.
+        let reach = far * (1.0 + SLACK);
+        let is_exact = place == 0.0 || format.coefficient_bits < format.data_bits;
+        let slope = sign / if is_exact { libm::exp2(libm::ceil(libm::log2(reach))) } else { reach };
         let distance = Map { slope, offset: -place * slope };
         let octaves = libm::floor(-libm::log2(near * slope.abs() * (1.0 - SLACK))) as u32;
         let reference = if ratio < 1.0 { octaves } else { 0 };
@@ -176,6 +188,11 @@ impl Scaling {
     /// Whether the scales are also what values are multiplied by: those of reciprocals.
     pub fn is_reciprocal(&self) -> bool {
         self.change == Change::Factor(0.5)
+    }
+
+    /// Whether it is a power that falls with the distance, and nothing beside it.
+    pub fn is_divisor(&self) -> bool {
+        self.beside == 0.0 && matches!(self.change, Change::Factor(ratio) if ratio < 1.0)
     }
 
     /// Whether values get a term.

@@ -2,10 +2,11 @@
 
 use pe_ir::functions::ScalarFunction;
 use pe_ir::graph::StepGraph;
+use pe_ir::index::ChainId;
 use pe_ir::word::WordFormat;
 
 use super::domain::Domain;
-use super::families::{FORMAT, Step, noise, step, worst};
+use super::families::{FORMAT, Step, ends, noise, step, worst};
 use super::{Price, Shared, Tabulated};
 
 /// Steps of functions with random numbers.
@@ -41,7 +42,7 @@ fn members(seed: u64) -> Step {
 }
 
 fn tabled(step: &Step) -> StepGraph {
-    let own = Tabulated::of(&step.graph, &step.arguments, &Shared::default(), Price::of(FORMAT));
+    let own = Tabulated::of(&step.graph, &step.arguments, (&Shared::default(), &[]), Price::of(FORMAT));
     own.unwrap_or_else(|_| panic!("functions without tables")).graph
 }
 
@@ -123,4 +124,72 @@ fn the_comparison_finds_wrong_scales_powers_and_entries() {
         let found = worst(&step, &damaged, CROWDED, &mut noise(31));
         assert!(found > 2.0, "{}: {found}", table.name);
     }
+}
+
+/// A step of `b`, which falls, and of `q`, which reads `a` over a power of it.
+fn quotient(power: &str, reading: &str) -> Step {
+    let text = format!(
+        "pe-synth step 1\nstep 0.01 form euler stages 1\n\
+         state a initial 1 start a end a.next\nstate b initial 1 start b end b.next\nstate q initial 0 start q end q.next\n\
+         algebraic f\noutput q value q.next\nequation a\nequation b\nequation q\nequation f\n\
+         value a state a in a\nvalue a.next next a in a\nvalue b state b in b\nvalue b.next next b in b\n\
+         value q state q in q\nvalue q.next next q in q\nvalue f.stage1 algebraic f 1 in f\n\
+         value q.factor1 inner q 1 in q factor\n\
+         function \"{power}\" state 1 = {power}\nchain f.stage1 = function 0 of (1*b)\n\
+         chain a.next = a + (-0.01*a)\nchain b.next = b + (-0.01*b)\n\
+         chain q.factor1 = 2^-1*(3*f.stage1)\nchain q.next = q + ({reading})\n"
+    );
+    let graph: StepGraph = text.parse().unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let mut arguments = vec![(f64::INFINITY, f64::NEG_INFINITY); graph.values.len()];
+    arguments[graph.chains[ChainId::new(0)].write.value.index()] = (0.02, 900.0);
+    Step { graph, arguments, ranges: vec![(0.02, 900.0)] }
+}
+
+#[test]
+fn quotients_are_shifted_before_they_are_multiplied() {
+    for power in ["1/x", "1/x^2", "x^(-0.3)"] {
+        // Products alone; with another reader; with what only sums read.
+        for (reading, is_quotient) in [
+            ("q.factor1*a", true),
+            ("q.factor1*a - 0.5*q + q.factor1*b", true),
+            ("q.factor1*a + 0.1*f.stage1", false),
+            ("q.factor1*a + q.factor1*b + q.factor1*q", false),
+        ] {
+            let step = quotient(power, reading);
+            let graph = tabled(&step);
+            let is = graph.functions.tables.iter().any(|table| table.name.ends_with(": one octave"));
+            assert_eq!(is, is_quotient, "{power}, {reading}");
+            let written = graph.chains.iter().any(|chain| graph.value_name(chain.write.value) == "f.stage1");
+            assert_eq!(written, !is_quotient, "{power}, {reading}");
+            let function = &step.graph.functions.exact[0];
+            for b in [0.02, 0.3, 1.0, 17.0, 256.0, 900.0] {
+                let starts = [0.7 * b, b, 0.1];
+                let f = function.evaluate(b);
+                let rate = 1.5 * f * starts[0]
+                    + match reading {
+                        "q.factor1*a - 0.5*q + q.factor1*b" => -0.5 * starts[2] + 1.5 * f * b,
+                        "q.factor1*a + 0.1*f.stage1" => 0.1 * f,
+                        "q.factor1*a + q.factor1*b + q.factor1*q" => 1.5 * f * (b + starts[2]),
+                        _ => 0.0,
+                    };
+                // The table is as good for small values of the function as for large ones.
+                let room = if is_quotient { 1e-8 * rate.abs() } else { 1e-8 * function.evaluate(0.02) };
+                let end = ends(&graph, &starts)[2];
+                assert!(
+                    (end - starts[2] - rate).abs() <= room,
+                    "{power}, {reading}, {b}: {end} of {}",
+                    starts[2] + rate
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_kept_is_computed_itself() {
+    let step = quotient("1/x", "q.factor1*a");
+    let kept = step.graph.chains[ChainId::new(0)].write.value;
+    let graph = Tabulated::of(&step.graph, &step.arguments, (&Shared::default(), &[kept]), Price::of(FORMAT));
+    let graph = graph.unwrap_or_else(|_| panic!("a function without a table")).graph;
+    assert!(graph.chains.iter().any(|chain| chain.write.value == kept));
 }

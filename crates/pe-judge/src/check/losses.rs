@@ -82,7 +82,7 @@ pub(super) fn findings(question: &Question) -> Vec<Diagnostic> {
 /// Formats of argument and result.
 #[derive(Clone, Copy)]
 struct Formats {
-    /// What the format of the result holds.
+    /// What the format of the result holds; zero if it is stored nowhere.
     scale: f64,
     /// What the last bit of the argument is a part of.
     reach: f64,
@@ -119,9 +119,12 @@ impl<'a> Use<'a> {
             Factor::Value(_) => 0.0,
         });
         let stored = libm::scalbn(stored.sum(), chain.write.weight);
+        // Of what only quotients are computed nothing is stored that has few bits.
+        let role = exact.value(chain.write.value).role;
+        let is_stored = graph.chains.iter().any(|chain| graph.value(chain.write.value).role == role);
         let formats = |(low, high): (f64, f64)| {
             let most = function.evaluate(low).abs().max(function.evaluate(high).abs());
-            Formats { scale: scale(most), reach: stored.max(high - low) }
+            Formats { scale: if is_stored { scale(most) } else { 0.0 }, reach: stored.max(high - low) }
         };
         // Its table is the narrowest one that covers its arguments.
         let covered = graph.functions.tables.iter().filter_map(|table| table.covers(&function.name));
