@@ -15,6 +15,7 @@ mod plan;
 mod planned;
 mod played;
 mod polynomial;
+mod price;
 mod prune;
 mod rows;
 mod sampled;

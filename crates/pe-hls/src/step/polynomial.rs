@@ -123,6 +123,26 @@ impl Polynomial {
         Ok(product)
     }
 
+    /// The polynomial with another one in the place of a variable.
+    ///
+    /// # Errors
+    /// [`TooManyTerms`] when that has more than [`Self::LIMIT`] monomials.
+    pub fn substituted(&self, variable: Variable, own: &Polynomial) -> Result<Polynomial, TooManyTerms> {
+        let has = |monomial: &Monomial| monomial.binary_search(&variable).is_ok();
+        let rest = self.terms.iter().filter(|(monomial, _)| !has(monomial));
+        let mut sum = Polynomial { terms: rest.map(|(monomial, number)| (monomial.clone(), *number)).collect() };
+        for (monomial, coefficient) in self.terms.iter().filter(|(monomial, _)| has(monomial)) {
+            let (gone, left): (Monomial, Monomial) = monomial.iter().partition(|other| **other == variable);
+            let mut product = Polynomial { terms: BTreeMap::from([(left, *coefficient)]) };
+            for _ in gone {
+                product = product.times(own)?;
+            }
+            product.terms.into_iter().for_each(|(monomial, coefficient)| sum.add(monomial, coefficient));
+            sum.check()?;
+        }
+        Ok(sum)
+    }
+
     fn check(&self) -> Result<(), TooManyTerms> {
         if self.len() > Self::LIMIT { Err(TooManyTerms) } else { Ok(()) }
     }

@@ -7,8 +7,8 @@ use pe_ir::index::{at, number};
 use pe_ir::model::{Expr, Model, Variable};
 use pe_ir::source::Diagnostic;
 
-use super::arrival::Arrivals;
-use super::polynomial::{Nested, Polynomial, TooManyTerms};
+use super::polynomial::{Polynomial, TooManyTerms};
+use super::price;
 
 /// Expanded equations of a model after the decision.
 pub struct Expanded {
@@ -57,6 +57,7 @@ pub fn expand_keeping(model: &Model, longest: u32, keep: &dyn Fn(usize) -> bool)
     let mut algebraics: Vec<Polynomial> = Vec::with_capacity(model.algebraics.len());
     let mut shared = vec![false; model.algebraics.len()];
     let mut sums = Sums { longest: at(longest), inlined: BTreeMap::new() };
+    let mut prices = Prices { model, readers: &readers, known: HashMap::new() };
     let mut errors = Vec::new();
     for (index, algebraic) in model.algebraics.iter().enumerate() {
         let polynomial = match polynomial_of(&algebraic.expr, &inlined(&algebraics, &shared)) {
@@ -69,7 +70,7 @@ pub fn expand_keeping(model: &Model, longest: u32, keep: &dyn Fn(usize) -> bool)
         algebraics.push(polynomial);
         shared[index] = true;
         if !keep(index) && !sums.lengthen(&algebraics[index], readers.of_algebraic(index)) {
-            shared[index] = sharing_pays(model, &readers, index, &algebraics, &mut shared);
+            shared[index] = prices.sharing_pays(index, &algebraics, &shared);
         }
         if !shared[index] {
             sums.add(&algebraics[index], readers.of_algebraic(index));
@@ -94,49 +95,72 @@ fn inlined<'a>(algebraics: &'a [Polynomial], shared: &'a [bool]) -> impl Fn(Vari
     }
 }
 
-fn sharing_pays(
-    model: &Model,
-    readers: &Readers,
-    index: usize,
-    algebraics: &[Polynomial],
-    shared: &mut [bool],
-) -> bool {
-    let own = &algebraics[index];
-    let readers = readers.of_algebraic(index);
-    let read_by_function = || {
-        readers.iter().any(|reader| match *reader {
-            Variable::Algebraic(a) => !model.algebraics[at(a)].expr.is_polynomial(),
-            _ => false,
-        })
-    };
-    // The argument of a function is computed by a single chain.
-    if !model.algebraics[index].expr.is_polynomial() || (own.degree() > 1 && read_by_function()) {
-        return true;
-    }
-    if readers.len() < 2 && own.variables().count() <= own.len() {
-        return false;
-    }
-    if own.len() > 2 && own.len() * readers.len() > PRICING_LIMIT {
-        return true;
-    }
-    let arrivals = Arrivals::default();
-    let mut price = |share: bool| -> Option<usize> {
-        shared[index] = share;
-        let mut cost = if share { Nested::of(own, &arrivals).cost() } else { 0 };
-        for reader in readers {
-            let expr = match *reader {
-                Variable::State(s) => &model.states[s].derivative,
-                Variable::Algebraic(a) => &model.algebraics[at(a)].expr,
-                Variable::Input(_) => continue,
-            };
-            cost += Nested::of(&polynomial_of(expr, &inlined(algebraics, shared)).ok()?, &arrivals).cost();
+/// What readers are with all that was decided so far, and their products.
+struct Prices<'m> {
+    model: &'m Model,
+    readers: &'m Readers,
+    known: HashMap<Variable, (Polynomial, usize)>,
+}
+
+impl Prices<'_> {
+    /// Whether an equation costs fewer products if it is shared than in all its readers. What is not shared becomes a part
+    /// of these.
+    fn sharing_pays(&mut self, index: usize, algebraics: &[Polynomial], shared: &[bool]) -> bool {
+        let (own, readers) = (&algebraics[index], self.readers.of_algebraic(index));
+        let read_by_function = || {
+            readers.iter().any(|reader| match *reader {
+                Variable::Algebraic(a) => !self.model.algebraics[at(a)].expr.is_polynomial(),
+                _ => false,
+            })
+        };
+        // The argument of a function is computed by a single chain.
+        if !self.model.algebraics[index].expr.is_polynomial() || (own.degree() > 1 && read_by_function()) {
+            return true;
         }
-        Some(cost)
-    };
-    match (price(false), price(true)) {
-        (Some(inline), Some(share)) => share < inline,
-        (None, _) => true,
-        (Some(_), None) => false,
+        if readers.len() < 2 && own.variables().count() <= own.len() {
+            readers.iter().for_each(|reader| drop(self.known.remove(reader)));
+            return false;
+        }
+        if own.len() > 2 && own.len() * readers.len() > PRICING_LIMIT {
+            return true;
+        }
+        self.with_own(index, algebraics, shared).map(|inlined| self.known.extend(inlined)).is_none()
+    }
+
+    /// Readers with an equation inlined, if that costs no more products.
+    fn with_own(
+        &mut self,
+        index: usize,
+        algebraics: &[Polynomial],
+        shared: &[bool],
+    ) -> Option<Vec<(Variable, (Polynomial, usize))>> {
+        let (own, readers) = (&algebraics[index], self.readers.of_algebraic(index));
+        let mut share = price::products(own);
+        for reader in readers {
+            if !self.known.contains_key(reader) {
+                let expr = match *reader {
+                    Variable::State(s) => &self.model.states[s].derivative,
+                    Variable::Algebraic(a) => &self.model.algebraics[at(a)].expr,
+                    Variable::Input(_) => unreachable!("inputs read nothing"),
+                };
+                let polynomial = polynomial_of(expr, &inlined(algebraics, shared)).ok()?;
+                let cost = price::products(&polynomial);
+                self.known.insert(*reader, (polynomial, cost));
+            }
+            share += self.known[reader].1;
+        }
+        let mut with = Vec::with_capacity(readers.len());
+        let mut inline = 0;
+        for reader in readers {
+            let polynomial = self.known[reader].0.substituted(Variable::Algebraic(number(index)), own).ok()?;
+            let cost = price::products(&polynomial);
+            inline += cost;
+            if inline > share {
+                return None;
+            }
+            with.push((*reader, (polynomial, cost)));
+        }
+        Some(with)
     }
 }
 
