@@ -17,9 +17,33 @@ const SMALLEST: f64 = 1.0 / (1u64 << 20) as f64;
 
 const HELP: &str = "try half of the `--step`; where the model grows, its rate times the step must stay below 1";
 
-pub(crate) const SYSTEM_HELP: &str = "the system is nearly singular there, or needs another order: see `--elimination`; of a symmetric matrix that is \
+const SYSTEM_HELP: &str = "the system is nearly singular there, or needs another order: see `--elimination`; of a symmetric matrix that is \
                                       not positive definite the order decides, and a matrix declared without `symmetric` may \
                                       exchange rows";
+
+/// What helps where the pivot of a linear system comes to zero.
+pub(crate) fn help_of_system(model: &Model, pivot: &str) -> String {
+    match velocity_of(model, pivot) {
+        Some(velocity) => format!(
+            "neither a mass nor a closure holds `{velocity}` there: give it a mass, or a closure whose lever does not vanish"
+        ),
+        None => SYSTEM_HELP.to_owned(),
+    }
+}
+
+/// The velocity of a mechanism in whose row a pivot is: `w.matrix[3]`, and `ahead[2]` of the implicit step.
+fn velocity_of<'m>(model: &'m Model, pivot: &str) -> Option<&'m str> {
+    let mechanism = model.mechanism.as_deref()?;
+    let (matrix, row) = pivot.strip_suffix(']')?.rsplit_once('[')?;
+    let mut velocities = mechanism.pairs.iter().map(|(_, velocity)| model.states[*velocity].name.as_str());
+    match matrix {
+        "ahead" | "nearer" => velocities.nth(row.parse().ok()?),
+        _ => {
+            let name = format!("{}[{row}]", matrix.strip_suffix(".matrix")?);
+            velocities.find(|velocity| *velocity == name)
+        }
+    }
+}
 
 /// The eliminations of linear systems with the least and the largest value of each pivot over the span. In: by value, the
 /// arguments of the function that computes it.
@@ -53,7 +77,8 @@ pub(crate) fn ranged(
             let message = format!(
                 "the pivot of `{name}` falls from {large:.1e} to {small:.1e}, at t = {time:.6e} s: the matrix is nearly singular"
             );
-            return Err(vec![Diagnostic::error(codes::ZERO_PIVOT, span, message).with_help(SYSTEM_HELP)]);
+            let help = help_of_system(model, name);
+            return Err(vec![Diagnostic::error(codes::ZERO_PIVOT, span, message).with_help(help)]);
         }
     }
     Ok(eliminations)

@@ -139,7 +139,7 @@ fn with_time(model: &Model, graph: &StepGraph, untabled: Untabled) -> Diagnostic
     if let Some(pivot) = pivots::of_system(graph, values[0]).filter(|_| finding.code == codes::OUTSIDE_DOMAIN) {
         finding.code = codes::ZERO_PIVOT;
         finding.message = format!("the pivot of `{pivot}` passes zero");
-        finding.help = Some(pivots::SYSTEM_HELP.to_owned());
+        finding.help = Some(pivots::help_of_system(model, pivot));
     }
     let mut run = DoubleRun::new(graph);
     for step in 0..model.steps() {

@@ -106,6 +106,10 @@ fn rows(model: &Model, check: &Check) -> Vec<(&'static str, String)> {
             }
         }
     }
+    if let Some(swing) = &check.swing {
+        let (own, firm) = (factor(swing.largest), factor(swing.firm));
+        row("differences", format!("grow {own} along the run, {firm} with a firm step"));
+    }
     if let Some(chaos) = check.chaos {
         row(
             "chaos",

@@ -92,7 +92,13 @@ impl Stability {
                 check.pivot.is_none(),
                 "the method has no pivot that varies, or the runs were refused",
             ),
-            amplification_reason: reason(check.growth.is_none(), "only for refused steps and large nonlinear models"),
+            amplification_reason: reason(
+                check.growth.is_none(),
+                match check.swing {
+                    Some(_) => "of the step of a mechanism differences are followed along the run",
+                    None => "only for refused steps and large nonlinear models",
+                },
+            ),
             chaos_reason: reason(
                 check.chaos.is_none(),
                 "only `check` looks for chaos, and reports it only where it finds it",

@@ -7,6 +7,7 @@ use crate::pivots::SmallestPivot;
 use super::observed::{Chaos, DeadBand, StepGrowth};
 use super::prediction::Prediction;
 use super::rest::Rest;
+use super::swinging::Swing;
 use super::trials::{Accuracy, Found};
 
 /// What was found about a model and its step.
@@ -25,6 +26,8 @@ pub struct Check {
     pub stiffness_ratio: Option<f64>,
     /// Growth of one step, with exact and rounded coefficients.
     pub growth: Option<StepGrowth>,
+    /// Growth of differences along the run of the implicit step of a mechanism, in the place of that.
+    pub swing: Option<Swing>,
     /// The smallest pivot of an implicit method.
     pub pivot: Option<SmallestPivot>,
     /// States that lose increments.

@@ -57,6 +57,9 @@ const SHRINKS: f64 = 0.5;
 const AWAY: f64 = 10.0;
 const MOVED: f64 = 0.1;
 
+/// Part of its largest magnitude by which half a step may differ in a state, of a change that is proposed.
+const ALIKE: f64 = 0.1;
+
 /// Times at which a step is looked at that has no runs yet.
 const LOOKS: u64 = 400;
 
@@ -378,32 +381,55 @@ fn left(model: &Model, branch: &Branch, departure: &Departure, help: String, how
     Diagnostic::error(codes::BRANCH_LEFT, branch.mechanism.span, message).with_help(help)
 }
 
-/// The first change with which the step keeps the branch, tried in double precision.
+/// The first change with which the step keeps the branch and half of it moves alike, tried in double precision; else the first
+/// with which it keeps the branch.
 fn cure(model: &Model, branch: &Branch) -> String {
-    let keeps = |model: &Model| {
-        let run = sampled(model, branch.times);
-        run.is_some_and(|run| branch.departure(&run).is_none())
-    };
-    let mechanism = branch.mechanism;
-    if model.solver == Solver::Trapezoidal {
-        let velocity = &model.states[mechanism.pairs[0].1].name;
-        let velocity = velocity.split('[').next().unwrap_or(velocity);
-        for factor in [10.0, 100.0, 1000.0] {
-            let penalty = factor * mechanism.penalty;
-            let mechanism = Some(Arc::new(Mechanism { penalty, ..mechanism.clone() }));
-            if keeps(&Model { mechanism, ..model.clone() }) {
-                return format!("`--set {velocity}.penalty={penalty}` keeps it (tried)");
-            }
+    let velocity = &model.states[branch.mechanism.pairs[0].1].name;
+    let velocity = velocity.split('[').next().unwrap_or(velocity);
+    let factors: &[f64] = if model.solver == Solver::Trapezoidal { &[1.0, 10.0, 100.0, 1000.0] } else { &[1.0] };
+    let mut kept = None;
+    for (parts, factor) in
+        [1.0, 2.0, 4.0].into_iter().flat_map(|parts| factors.iter().map(move |factor| (parts, *factor)))
+    {
+        let penalty = factor * branch.mechanism.penalty;
+        let mechanism = Some(Arc::new(Mechanism { penalty, ..branch.mechanism.clone() }));
+        let with_step = |step: f64| {
+            let mut other = Model { mechanism: mechanism.clone(), ..model.clone() };
+            other.set_step(step);
+            sampled(&other, branch.times)
+        };
+        let step = model.step / parts;
+        let Some(run) = Some(()).filter(|()| (parts, factor) != (1.0, 1.0)).and_then(|()| with_step(step)) else {
+            continue;
+        };
+        if branch.departure(&run).is_some() {
+            continue;
+        }
+        let set = (factor > 1.0).then(|| format!("--set {velocity}.penalty={penalty}"));
+        let options: Vec<String> = set.into_iter().chain((parts > 1.0).then(|| format!("--step {step:e}"))).collect();
+        let options = options.join(" ");
+        if with_step(step / 2.0).is_some_and(|half| differ(&run, &half) <= ALIKE) {
+            return format!("`{options}` keeps it (tried)");
+        }
+        kept.get_or_insert(options);
+    }
+    match kept {
+        Some(options) => format!("`{options}` keeps it (tried), but half of that step still differs from it"),
+        None => {
+            "no larger penalty and no smaller step that was tried keeps it: look at what it is to do there".to_owned()
         }
     }
-    let finer = [2.0, 4.0].into_iter().find_map(|parts| {
-        let mut finer = model.clone();
-        finer.set_step(model.step / parts);
-        keeps(&finer).then(|| format!("`--step {:e}` keeps it (tried)", finer.step))
-    });
-    finer.unwrap_or_else(|| {
-        "no larger penalty and no smaller step that was tried keeps it: look at what it is to do there".to_owned()
-    })
+}
+
+/// The largest difference of two runs, in parts of the largest magnitude of each state.
+fn differ(one: &Trajectory, other: &Trajectory) -> f64 {
+    let mut largest = vec![(0.0f64, 0.0f64); one.states.max(1)];
+    let count = largest.len();
+    for (place, (one, other)) in one.samples.iter().zip(&other.samples).enumerate() {
+        let (size, apart) = &mut largest[place % count];
+        (*size, *apart) = (size.max(one.abs()), apart.max((one - other).abs()));
+    }
+    largest.into_iter().map(|(size, apart)| if size > 0.0 { apart / size } else { 0.0 }).fold(0.0, f64::max)
 }
 
 /// States of the model's own step in double precision, at times; none if they are not finite or too many.

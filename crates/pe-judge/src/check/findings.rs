@@ -16,6 +16,7 @@ use super::prediction::{Basis, eigenvalue};
 use super::question::{Question, SAFE, rounded};
 use super::remedies::{self, Remedy};
 use super::sampled;
+use super::swinging;
 use super::trials::Trials;
 use super::trusted::Trusted;
 use crate::residuals::Residuals;
@@ -82,6 +83,12 @@ impl Check {
             findings.extend(losses::findings(question));
         }
         findings.extend(self.dead_band(model));
+        let (scales, worst) = (observed::scales(trusted), judged.errors.method.max(judged.errors.word_length));
+        if let Some(swing) = swinging::finding(model, question.graph, self.swing.as_ref(), &scales, worst) {
+            // What the step makes of differences is no chaos.
+            findings.retain(|finding| finding.code != codes::CHAOTIC);
+            findings.extend(question.criteria.permit(vec![swing]).unwrap_or_else(|refused| refused));
+        }
         findings.extend(Residuals::of(model, question.graph, &judged.fixed, &[]).and_then(|of| of.finding(model)));
         let left = branches::finding(question, judged).map(|left| question.criteria.permit(vec![left]));
         findings.extend(left.into_iter().flat_map(|left| left.unwrap_or_else(|refused| refused)));

@@ -17,6 +17,7 @@ mod remedies;
 mod rest;
 pub mod sampled;
 pub mod stiffness;
+mod swinging;
 mod trials;
 mod trusted;
 
@@ -36,6 +37,7 @@ pub use self::observed::{Chaos, DeadBand, StepGrowth};
 pub use self::prediction::{Prediction, eigenvalue};
 pub use self::question::{ACCURACY, JUDGED_STATES, Question, SAFE, TRIED_STATES};
 pub use self::rest::{Rest, Ringing};
+pub use self::swinging::Swing;
 pub use self::trials::{Accuracy, Found};
 
 /// Refusals that the check can explain.
@@ -84,6 +86,7 @@ impl Check {
         check.stable = check.stable();
         check.stiffness_ratio = check.ratio(model, question.goal);
         check.growth = observed::step_growth(model, question.graph, &judged.fixed, &trusted);
+        check.swing = swinging::swing(model, question.graph, &judged.fixed, &observed::scales(&trusted));
         check.pivot = judged.smallest_pivot.clone();
         check.dead_bands = observed::dead_bands(model, question.graph, &judged.fixed, &trusted);
         check.rest = rest::rest(model, question.graph, judged);
@@ -174,6 +177,7 @@ impl Check {
             stable: None,
             stiffness_ratio: None,
             growth: None,
+            swing: None,
             pivot: None,
             dead_bands: Vec::new(),
             rest: None,

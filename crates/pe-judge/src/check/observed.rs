@@ -3,7 +3,7 @@
 
 use pe_ir::graph::{FixedPoint, StepGraph};
 use pe_ir::index::{self, StateId};
-use pe_ir::model::{Model, State, Variable};
+use pe_ir::model::{Model, Solver, State, Variable};
 use pe_ir::place::Place;
 use pe_sim::double::DoubleRun;
 use pe_sim::linear::{Linearised, is_affine};
@@ -149,7 +149,8 @@ impl StepGrowth {
 /// Eigenvalues of one step around the middle of the trajectory; none if they cannot be had.
 pub fn step_growth(model: &Model, graph: &StepGraph, fixed: &FixedPoint, trusted: &Trusted) -> Option<StepGrowth> {
     let affine = is_affine(model);
-    if !affine && model.states.len() > COLUMNS {
+    // Of a mechanism differences are followed along the whole run.
+    if !affine && (model.states.len() > COLUMNS || model.mechanism.is_some() && model.solver == Solver::Trapezoidal) {
         return None;
     }
     let point = trusted.count() / 2;
@@ -247,7 +248,7 @@ fn magnitudes(model: &Model, run: DoubleRun, affine: bool, around: &Around) -> O
 }
 
 /// Largest magnitude of each state, or of the whole model where it is zero.
-fn scales(trusted: &Trusted) -> Vec<f64> {
+pub(super) fn scales(trusted: &Trusted) -> Vec<f64> {
     let quantities: Vec<u32> = (0..trusted.states.states as u32).collect();
     let own = trusted.states.scales(&quantities);
     let largest = own.iter().copied().fold(0.0, f64::max);
