@@ -30,6 +30,8 @@ GRAVITY = 9.81
 FOUR_BAR = "models/four_bar/four_bar.spec"
 IMPLICIT = "models/four_bar/implicit.spec"
 SUSPENSION = "models/suspension/suspension.spec"
+FOUR_POSTS = "models/suspension/four_posts.spec"
+CAR_ON_POSTS = ("--pes", "7", "--multiplier", "35x35", "--storage", "40", "--proof", "off", "--elimination", "depth", "--factors", "ahead")
 TWISTED = ("--storage", "40", "--elimination", "twisted", "--factors", "root")
 LINKAGE = ("--allow", "E0903", "--pes", "4", "--multiplier", "35x35")
 FORTY_BITS = ("--storage", "40", "--elimination", "search", "--factors", "root")
@@ -141,6 +143,8 @@ def designs(program, general):
          lambda: against_double(program, "models/spatial_crank/bodies.spec", ("x_rocker", "x_rod"), "places {0:.1e} m", "--multiplier", "35x35")),
         ("suspension, implicit step of 1 ms", SUSPENSION, ("--pes", "4", "--multiplier", "35x35", "--storage", "40"),
          lambda: against_double(program, SUSPENSION, ("hub",), "wheel {0:.1e} m", "--multiplier", "35x35", "--storage", "40")),
+        ("car on four suspensions, implicit step of 1 ms", FOUR_POSTS, CAR_ON_POSTS,
+         lambda: against_double(program, FOUR_POSTS, ("q",), "coordinates {0:.1e} m or rad", *CAR_ON_POSTS)),
         ("double pendulum, RK4 1 ms", "models/double_pendulum/double_pendulum.spec", ("--pes", "2"),
          lambda: against_double(program, "models/double_pendulum/double_pendulum.spec", ("x", "y"), "positions {0:.1e} m")),
     ]

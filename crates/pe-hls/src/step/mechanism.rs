@@ -7,10 +7,13 @@
 //! ```text
 //! q1 = q + h w + 2 a      w1 = w + 4 a/h            T1 d1 = h^2/4 f1 - M1 a  - transpose(J1)(m + b gap1)
 //! q2 = q1 + d1            w2 = w1 + 2 d1/h          T2 d2 = h^2/4 f2 - M2 a2 - transpose(J2)(m + 2 b gap2)
-//! w' = w3 - T2 \ b transpose(J2) J2 w3              w3 = w2 + 2 d2/h
+//! w' = w3 - T2 \ b transpose(J2)(J2 w3 + drift2)   w3 = w2 + 2 d2/h
 //! a' = a3 - T2 \ b transpose(J2)(J2 a3 + h^2/4 bend(q2, w'))        a3 = a2 + d2, a2 = a + d1
 //! q' = q2 + d2            m' = m + 2 b gap2
 //! ```
+//!
+//! All is evaluated at the end of the step, signals of the model and interpolated inputs as well, so that closures may move by
+//! themselves; inputs that are held are what they are at its beginning.
 //!
 //! The projections share the elimination of the second iteration. The tangent leaves out how forces depend on positions
 //! and velocities: that slows the convergence and does not change what it converges to. The step is written as Euler's
@@ -22,6 +25,7 @@ use std::sync::Arc;
 use pe_ir::index::{StateId, at, number};
 use pe_ir::mechanism::Mechanism;
 use pe_ir::model::{Algebraic, Entry, Expr, Matrix, Model, Right, Solution, Solver, State, Variable};
+use pe_ir::motion::{Motion, Source};
 use pe_ir::source::Diagnostic;
 
 use super::method::unsuitable;
@@ -55,14 +59,64 @@ fn check(model: &Model, mechanism: &Mechanism) -> Result<(), Vec<Diagnostic>> {
     if !model.phases.is_empty() {
         return Err(unsuitable(model, "the step of a mechanism takes no list of steps", "take a single step"));
     }
-    if !mechanism.drifts.is_empty() {
-        return refused("closures move by themselves".to_owned());
+    for (number, state) in model.states.numbered() {
+        if state.angle {
+            return refused(format!("`{}` is an angle", state.name));
+        }
+        let still = state.derivative.as_constant() == Some(0.0);
+        if !(is_part(number) || still || state.motion.is_some()) {
+            return refused(format!("`{}` is no part of the mechanism", state.name));
+        }
+        if state.motion.is_some() && at_end(model, number).is_none() {
+            return refused(format!("what `{}` is at the end of a step is known there only", state.name));
+        }
     }
-    match model.states.numbered().find(|(number, state)| state.angle || !(is_part(*number) || state.tunable)) {
-        Some((_, state)) if state.angle => refused(format!("`{}` is an angle", state.name)),
-        Some((_, state)) => refused(format!("`{}` is no part of the mechanism", state.name)),
-        None => Ok(()),
+    if let Some(name) = sampled(model, mechanism) {
+        let reason = format!("closures read `{name}`, which the network knows at samples only");
+        return Err(unsuitable(model, &reason, "take `rk4`, or write what moves closures as a function of `time`"));
     }
+    Ok(())
+}
+
+/// What a state that stands for a signal is at the end of the step; none if no equation of its start says so.
+fn at_end(model: &Model, state: StateId) -> Option<Expr> {
+    let of = |state: StateId| Expr::Variable(Variable::State(state));
+    let turned = |rate: f64, other: StateId| {
+        let (half, whole) = (libm::sin(rate * model.step / 2.0), libm::sin(rate * model.step));
+        sum(vec![of(state), times(-2.0 * half * half, &of(state)), times(whole, &of(other))])
+    };
+    match model.states[state].motion? {
+        Motion::Clock => {
+            let rate = model.states[state].derivative.as_constant()?;
+            Some(sum(vec![of(state), Expr::Constant(rate * model.step)]))
+        }
+        Motion::Sine(rate) => Some(turned(rate, state.behind(1))),
+        Motion::Cosine(rate) => Some(turned(-rate, StateId::new(state.number() - 1))),
+        Motion::Line(Source::Input(input)) => Some(Expr::Variable(Variable::Input(input))),
+        Motion::Line(Source::Signal(_)) => Some(of(state.behind(2))),
+        Motion::Held(_) | Motion::Before(_) | Motion::After(_) => Some(of(state)),
+        Motion::SweptSine(_) | Motion::SweptCosine(_) | Motion::Delayed(_) | Motion::Along(..) => None,
+    }
+}
+
+/// An input or a signal that is played, which closures read.
+fn sampled<'m>(model: &'m Model, mechanism: &Mechanism) -> Option<&'m str> {
+    let levers = mechanism.jacobian.iter().map(|entry| &entry.value);
+    let parts = levers.chain(&mechanism.gaps).chain(&mechanism.bends).chain(&mechanism.drifts);
+    let mut read = Vec::new();
+    parts.for_each(|part| part.each_variable(&mut |variable| read.push(variable)));
+    let needed = model.needed(read.iter().copied());
+    for (algebraic, _) in model.algebraics.iter().zip(needed).filter(|(_, needed)| *needed) {
+        algebraic.expr.each_variable(&mut |variable| read.push(variable));
+    }
+    read.into_iter().find_map(|variable| match variable {
+        Variable::Input(input) => Some(model.inputs[at(input)].name.as_str()),
+        Variable::State(state) => {
+            let state = &model.states[state];
+            state.motion.is_some_and(|motion| motion.source().is_some()).then_some(state.name.as_str())
+        }
+        Variable::Algebraic(_) => None,
+    })
 }
 
 /// Equations that no output reads become zeros, which nothing reads: the numbers of all others stay what they are.
@@ -254,6 +308,7 @@ impl Writer<'_> {
         let m: Vec<Expr> = (size..count).map(memory).collect();
         let of = |state: StateId| Expr::Variable(Variable::State(state));
         let (q, w): (Vec<Expr>, Vec<Expr>) = self.mechanism.pairs.iter().map(|pair| (of(pair.0), of(pair.1))).unzip();
+        let signals = self.signals();
         let added = |one: &[Expr], factor: f64, other: &[Expr]| -> Vec<Expr> {
             one.iter().zip(other).map(|(one, other)| sum(vec![one.clone(), times(factor, other)])).collect()
         };
@@ -261,7 +316,7 @@ impl Writer<'_> {
         let forward = added(&added(&q, h, &w), 2.0, &a);
         let q1 = self.each(false, "ahead", forward);
         let w1 = self.each(true, "ahead", added(&w, 4.0 / h, &a));
-        let mut point = self.point(&q1, &w1, "ahead");
+        let mut point = self.point(&signals, &q1, &w1, "ahead");
         let parts = self.parts(&mut point);
         let matrix = self.matrix(&parts, "ahead");
         let lagging = self.closing("ahead", added(&m, penalty, &parts.gaps));
@@ -270,7 +325,7 @@ impl Writer<'_> {
         let q2 = self.each(false, "nearer", added(&q1, 1.0, &d1));
         let w2 = self.each(true, "nearer", added(&w1, 2.0 / h, &d1));
         let a2 = self.each(true, "acceleration.nearer", added(&a, 1.0, &d1));
-        let mut point = self.point(&q2, &w2, "nearer");
+        let mut point = self.point(&signals, &q2, &w2, "nearer");
         let parts = self.parts(&mut point);
         let matrix = self.matrix(&parts, "nearer");
         let lagging = self.closing("nearer", added(&m, 2.0 * penalty, &parts.gaps));
@@ -279,11 +334,16 @@ impl Writer<'_> {
         let w3 = self.each(true, "free", added(&w2, 2.0 / h, &d2));
         let a3 = self.each(true, "acceleration.free", added(&a2, 1.0, &d2));
         let rows = 0..self.mechanism.gaps.len();
-        let open = rows.clone().map(|row| sum(row_times(&parts.jacobian, row, &w3))).collect();
+        let drifts = self.mechanism.drifts.iter().map(|drift| self.at(&mut point, drift)).collect::<Vec<_>>();
+        let open = rows.clone().map(|row| {
+            let terms = row_times(&parts.jacobian, row, &w3);
+            sum(terms.into_iter().chain(drifts.get(row).cloned()).collect())
+        });
+        let open = open.collect();
         let open = self.closing("opening", open);
         let lost = self.projection(&matrix, &parts.jacobian, &open, "projected");
         let ends = self.each(true, "end", added(&w3, -1.0, &lost));
-        let mut point = self.point(&q2, &ends, "end");
+        let mut point = self.point(&signals, &q2, &ends, "end");
         let bends: Vec<Expr> = self.mechanism.bends.iter().map(|bend| self.at(&mut point, bend)).collect();
         let bent = rows.map(|row| {
             let mut terms = row_times(&parts.jacobian, row, &a3);
@@ -318,9 +378,24 @@ impl Writer<'_> {
         self.written
     }
 
-    fn point(&self, coordinates: &[Expr], velocities: &[Expr], name: &'static str) -> Point {
+    /// States that stand for signals, at the end of the step.
+    fn signals(&mut self) -> BTreeMap<StateId, Expr> {
+        let given = self.given;
+        let moving =
+            given.states.numbered().filter_map(|(number, state)| Some((number, state, at_end(given, number)?)));
+        moving.map(|(number, state, end)| (number, self.define(format!("{}.ahead", state.name), end, false))).collect()
+    }
+
+    fn point(
+        &self,
+        signals: &BTreeMap<StateId, Expr>,
+        coordinates: &[Expr],
+        velocities: &[Expr],
+        name: &'static str,
+    ) -> Point {
         let pairs = self.mechanism.pairs.iter().zip(coordinates.iter().zip(velocities));
-        let states = pairs.flat_map(|(pair, (q, w))| [(pair.0, q.clone()), (pair.1, w.clone())]).collect();
+        let mut states = signals.clone();
+        states.extend(pairs.flat_map(|(pair, (q, w))| [(pair.0, q.clone()), (pair.1, w.clone())]));
         Point { states, known: BTreeMap::new(), name }
     }
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::support::bench::assert_agreement;
 use crate::support::is_long_suite;
-use crate::support::models::compile;
+use crate::support::models::{compile, compile_file, spec};
 use pe_verify::engines::Engine;
 
 /// Steps of every comparison: the second one starts with what the first one left in all registers.
@@ -42,6 +42,17 @@ fn other_models_on_hundreds_of_pes_agree() {
     let long = is_long_suite();
     let engines: &[Engine] = if long { &[Engine::Reference, Engine::Ghdl] } else { &[Engine::Reference] };
     MODELS.into_iter().for_each(|model| agree(model, engines));
+}
+
+#[test]
+fn a_car_on_four_suspensions_agrees() {
+    let options = "--pes 7 --multiplier 35x35 --storage 40 --proof off --elimination depth --factors ahead --span 20ms";
+    let words: Vec<&str> = options.split(' ').collect();
+    let compiled = compile_file(&spec("suspension").with_file_name("four_posts.spec"), &words);
+    assert!(compiled.design.program.period > 5000, "only {} words", compiled.design.program.period);
+    let engines = [Engine::Reference, Engine::Ghdl];
+    let sum = assert_agreement("four_posts", &[compiled.middle(1)], &engines[..if is_long_suite() { 2 } else { 1 }]);
+    println!("four_posts: {} memory writes equal, engines {:.1} s", sum.writes, sum.seconds);
 }
 
 #[test]
