@@ -30,18 +30,21 @@ pub fn explained(
 ) -> Option<Diagnostic> {
     let mechanism = loaded.model.mechanism.as_ref().filter(|_| loaded.stages.is_none())?;
     let refusal = refusals.iter().find(|finding| finding.severity == Severity::Error)?;
-    let small = match refusal.code {
+    let implicit = loaded.model.solver == Solver::Trapezoidal;
+    // Whether a larger one may help, what is likelier first.
+    let smalls: &[bool] = match refusal.code {
         // Where accelerations close loops, the step lags behind nothing.
-        codes::DIVERGED | codes::STEP_TOO_LARGE | codes::OUTSIDE_DOMAIN => {
-            (loaded.model.solver == Solver::Trapezoidal).then_some(true)?
-        }
-        codes::COMES_APART => true,
-        codes::SATURATED | codes::WORD_TOO_SHORT | codes::NO_FORMAT | codes::ACCUMULATOR => false,
+        codes::DIVERGED | codes::STEP_TOO_LARGE | codes::OUTSIDE_DOMAIN => implicit.then_some(&[true])?,
+        codes::COMES_APART => &[true],
+        // What rounding excites may swing itself up to the ends of all ranges.
+        codes::SATURATED if implicit => &[false, true],
+        codes::SATURATED | codes::WORD_TOO_SHORT | codes::NO_FORMAT | codes::ACCUMULATOR => &[false],
         _ => return None,
     };
     let velocity = &loaded.model.states[mechanism.pairs[0].1].name;
     let name = format!("{}.penalty", velocity.split('[').next().unwrap_or(velocity));
-    FACTORS.into_iter().find_map(|factor| {
+    let all = smalls.iter().flat_map(|small| FACTORS.map(|factor| (*small, factor)));
+    all.into_iter().find_map(|(small, factor)| {
         let penalty = if small { factor * mechanism.penalty } else { mechanism.penalty / factor };
         let other = other(&name, penalty)?;
         let prepared = pipeline::prepare(&other, settings, point, &mut Stopwatch::silent()).ok()?;
